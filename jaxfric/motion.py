@@ -1,0 +1,99 @@
+"""Commanded motion: what the load point is asked to do.
+
+A motion gives displacement [m] and velocity [m/s] at any time [s], and lists the
+times at which its velocity jumps, so that a solver can step to them exactly.
+"""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from .errors import InputError
+
+
+class AbstractMotion(eqx.Module):
+    """Interface of a commanded motion. It starts at displacement 0 at its first time."""
+
+    @abc.abstractmethod
+    def displacement(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        """Displacement since the start [m]."""
+
+    @abc.abstractmethod
+    def velocity(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        """Velocity [m/s]; at a jump, the value after it."""
+
+    @abc.abstractmethod
+    def breakpoints(self) -> Float[Array, " n"]:
+        """Times [s] at which the velocity jumps."""
+
+    @abc.abstractmethod
+    def first_velocity(self) -> Float[Array, ""]:
+        """Velocity [m/s] at the start: the rig starts at its steady state."""
+
+    @abc.abstractmethod
+    def largest_speed(self) -> Float[Array, ""]:
+        """Largest speed [m/s] commanded at any time."""
+
+
+class PiecewiseVelocity(AbstractMotion):
+    """Velocity steps, holds (0) and reversals (negative): constant velocity between times.
+
+    `times` [s] are ascending, `velocities` [m/s] hold from their time to the next
+    one; the last holds for ever. Entries with `times = inf` are padding and are never
+    reached (see `padded`), so that motions of different length share one compilation.
+    """
+
+    times: Float[Array, " n"] = eqx.field(converter=jnp.asarray)
+    velocities: Float[Array, " n"] = eqx.field(converter=jnp.asarray)
+
+    def __check_init__(self):
+        if self.times.ndim != 1 or self.times.shape != self.velocities.shape:
+            raise InputError(
+                f"velocity steps: {self.times.shape} times and {self.velocities.shape} "
+                "velocities; give one velocity for each time"
+            )
+
+    @classmethod
+    def through(cls, times: ArrayLike, displacements: ArrayLike) -> "PiecewiseVelocity":
+        """The motion that passes through measured load-point positions, linear between them.
+
+        Every sample becomes a breakpoint at which the solver stops: use it for a few
+        hundred clean points (a ramp, a profile), not for a noisy record, whose
+        differences are noise. `records.find_steps` is for that.
+        """
+        t, x = np.asarray(times, float), np.asarray(displacements, float)
+        if t.ndim != 1 or t.shape != x.shape or len(t) < 2 or np.any(np.diff(t) <= 0):
+            raise InputError("motion: times must ascend and match the displacements, two at least")
+        v = np.diff(x) / np.diff(t)
+        return cls(t, np.append(v, v[-1]))
+
+    def padded(self, length: int) -> "PiecewiseVelocity":
+        """The same motion, its arrays extended to `length` by entries never reached."""
+        n = length - self.times.shape[0]
+        if n < 0:
+            raise InputError(f"motion: {self.times.shape[0]} velocities do not fit into {length}")
+        return PiecewiseVelocity(
+            jnp.concatenate([self.times, jnp.full(n, jnp.inf, self.times.dtype)]),
+            jnp.concatenate([self.velocities, jnp.full(n, self.velocities[-1])]),
+        )
+
+    def displacement(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        ends = jnp.append(self.times[1:], jnp.inf)
+        held = jnp.where(t > self.times, jnp.minimum(t, ends) - self.times, 0.0)
+        return jnp.sum(self.velocities * held)
+
+    def velocity(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        index = jnp.sum(t >= self.times) - 1
+        return self.velocities[jnp.maximum(index, 0)]
+
+    def breakpoints(self) -> Float[Array, " n"]:
+        return self.times[1:]
+
+    def first_velocity(self) -> Float[Array, ""]:
+        return self.velocities[0]
+
+    def largest_speed(self) -> Float[Array, ""]:
+        return jnp.max(jnp.abs(self.velocities))

@@ -1,0 +1,11 @@
+"""A rig and its four rooms."""
+
+from .drive import AbstractDrive as AbstractDrive
+from .drive import FirstOrderDrive as FirstOrderDrive
+from .drive import IdealDrive as IdealDrive
+from .machine import AbstractMachine as AbstractMachine
+from .machine import Inertial as Inertial
+from .machine import QuasiStatic as QuasiStatic
+from .rig import Rig as Rig
+from .sensor import AbstractSensor as AbstractSensor
+from .sensor import IdealSensor as IdealSensor

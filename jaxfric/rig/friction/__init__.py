@@ -1,0 +1,13 @@
+"""Friction laws: one room of the rig."""
+
+from .law import AbstractInvertibleLaw as AbstractInvertibleLaw
+from .law import AbstractLaw as AbstractLaw
+from .law import Conditions as Conditions
+from .rate_state import AbstractDirectEffect as AbstractDirectEffect
+from .rate_state import AbstractEvolution as AbstractEvolution
+from .rate_state import AgeingEvolution as AgeingEvolution
+from .rate_state import LogarithmicEffect as LogarithmicEffect
+from .rate_state import RateState as RateState
+from .rate_state import RegularisedEffect as RegularisedEffect
+from .rate_state import SlipEvolution as SlipEvolution
+from .rate_state import critical_stiffness as critical_stiffness

@@ -1,0 +1,66 @@
+"""What every friction law provides, and the conditions it may depend on.
+
+Time face: `force(V, state, at)` and `rate(V, state, at)`. The frequency face
+(an instantaneous term and a memory kernel at a steady velocity) follows from these
+two by automatic differentiation, so no law writes it.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+
+class Conditions(NamedTuple):
+    """Where and when the contact is: slip since the start [m] and time since the start [s]."""
+
+    slip: Float[Array, ""]
+    time: Float[Array, ""]
+
+
+class AbstractLaw(eqx.Module):
+    """A friction law with a vector of state variables.
+
+    Forces are in newtons or, as a coefficient, dimensionless: the equations are the
+    same and the whole rig must use one of the two. Velocity V in m/s, time in s.
+    """
+
+    @abc.abstractmethod
+    def force(
+        self, V: Float[Array, ""], state: Float[Array, " n"], at: Conditions
+    ) -> Float[Array, ""]:
+        """Friction force at slip velocity `V` in `state`."""
+
+    @abc.abstractmethod
+    def rate(
+        self, V: Float[Array, ""], state: Float[Array, " n"], at: Conditions
+    ) -> Float[Array, " n"]:
+        """Time derivative of the state [force/s]."""
+
+    @abc.abstractmethod
+    def steady_state(self, V: Float[Array, ""]) -> Float[Array, " n"]:
+        """The state at which `rate` vanishes when sliding steadily at `V` != 0."""
+
+    @abc.abstractmethod
+    def force_scale(self) -> Float[Array, ""]:
+        """A positive force typical of the law's changes: the unit of its error control."""
+
+
+class AbstractInvertibleLaw(AbstractLaw):
+    """A law whose force rises with velocity at fixed state, so that it can be inverted.
+
+    The instantaneous rise (the direct effect) is what makes a massless slider's
+    velocity a function of the force on it, and what keeps a slider with mass well-conditioned.
+    """
+
+    @abc.abstractmethod
+    def velocity(
+        self,
+        force: Float[Array, ""],
+        state: Float[Array, " n"],
+        at: Conditions,
+        *,
+        damping: Float[Array, ""] | None = None,
+    ) -> Float[Array, ""]:
+        """The velocity at which friction plus `damping` times velocity equals `force`."""

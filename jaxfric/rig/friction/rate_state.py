@@ -1,0 +1,220 @@
+"""Rate-and-state friction: a direct effect, any number of states, a choice of evolution.
+
+    f = f0 + A ln(V/V0) + sum_i theta_i                                            (3)
+
+Each state theta_i has an amplitude B_i and a slip length L_i and relaxes to
+-B_i ln(V/V0), so that the steady force is f0 + (A - sum B_i) ln(V/V0)   (5).
+
+Sources: equations (3)-(5) of the 1994 note on PD control and stick-slip, after Ruina
+(1983, doi:10.1029/JB088iB12p10359); ageing after Dieterich (1979, doi:10.1029/JB084iB05p02161);
+the regularised direct effect after Rice, Lapusta & Ranjith (2001, doi:10.1016/S0022-5096(01)00042-4).
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...quantity import quantity
+from .law import AbstractInvertibleLaw, Conditions
+
+_NEWTON_STEPS = 4
+# Largest logarithm of a velocity ratio: a solver's trial step must stay a finite number.
+_LOG_MAX = 40.0
+
+
+class AbstractEvolution(eqx.Module):
+    """How the states relax; in force units, with `r = |V|/V0`."""
+
+    @abc.abstractmethod
+    def rate(
+        self,
+        r: Float[Array, ""],
+        theta: Float[Array, " n"],
+        B: Float[Array, " n"],
+        L: Float[Array, " n"],
+        V0: Float[Array, ""],
+    ) -> Float[Array, " n"]:
+        """dtheta/dt [force/s]."""
+
+
+class SlipEvolution(AbstractEvolution):
+    """Ruina's slip law (4): dtheta/dt = -(V/L) (theta + B ln(V/V0)); frozen at rest."""
+
+    def rate(self, r, theta, B, L, V0):
+        moving = r > 0
+        log_r = jnp.log(jnp.where(moving, r, 1.0))
+        return jnp.where(moving, -(V0 * r / L) * (theta + B * log_r), 0.0)
+
+
+class AgeingEvolution(AbstractEvolution):
+    """Dieterich's ageing law: dtheta/dt = (B V0/L) (exp(-theta/B) - V/V0); heals at rest.
+
+    With theta = B ln(V0 Theta/L) this is dTheta/dt = 1 - V Theta/L. The limit B -> 0 is a
+    state that stays at 0; at B = 0 exactly it is taken, so that no 0/0 appears.
+    """
+
+    def rate(self, r, theta, B, L, V0):
+        absent = B == 0
+        psi = theta / jnp.where(absent, 1.0, B)
+        return jnp.where(absent, 0.0, (B * V0 / L) * (jnp.exp(jnp.minimum(-psi, _LOG_MAX)) - r))
+
+
+class AbstractDirectEffect(eqx.Module):
+    """The instantaneous response to velocity, and its inverse.
+
+    `rest` is f0 plus everything that does not depend on velocity (states, slip, time).
+    """
+
+    @abc.abstractmethod
+    def force(
+        self,
+        V: Float[Array, ""],
+        rest: Float[Array, ""],
+        A: Float[Array, ""],
+        V0: Float[Array, ""],
+    ) -> Float[Array, ""]:
+        """Friction force."""
+
+    @abc.abstractmethod
+    def velocity(
+        self,
+        force: Float[Array, ""],
+        rest: Float[Array, ""],
+        A: Float[Array, ""],
+        V0: Float[Array, ""],
+        damping: Float[Array, ""] | None,
+    ) -> Float[Array, ""]:
+        """Velocity at which `force(V, ...) + damping V` equals the given force."""
+
+
+class LogarithmicEffect(AbstractDirectEffect):
+    """A ln(V/V0), equation (3): for V > 0 only, singular at rest."""
+
+    def force(self, V, rest, A, V0):
+        return rest + A * jnp.log(V / V0)
+
+    def velocity(self, force, rest, A, V0, damping):
+        u = (force - rest) / A
+        if damping is not None:
+            u = _damped_log(u, damping * V0 / A)
+        return V0 * jnp.exp(jnp.minimum(u, _LOG_MAX))
+
+
+class RegularisedEffect(AbstractDirectEffect):
+    """A asinh(V/(2 V0) exp(rest/A)): finite at rest and odd in V, for sticking and reversal.
+
+    For V > 0 it differs from `rest + A ln(V/V0)` by A ln((1 + sqrt(1 + e^-2z))/2) with
+    z = asinh(...), about A exp(-2 rest/A - 2 ln(V/V0)): less than 1e-15 for rest/A > 20 at
+    V = V0. `rest` is meant to be positive (it is the friction level near V0).
+    """
+
+    def force(self, V, rest, A, V0):
+        # asinh(x e^p / 2) with x = |V|/V0, written so that e^p may exceed the number range
+        x = jnp.abs(V) / V0
+        p = rest / A
+        small = jnp.log(jnp.where(x > 0, x, 1.0)) + p < 20.0
+        direct = jnp.arcsinh(0.5 * x * jnp.exp(jnp.where(small, p, 0.0)))
+        asymptotic = p + jnp.log(jnp.where(small, 1.0, x))
+        magnitude = A * jnp.where(small | (x == 0), direct, asymptotic)
+        return jnp.sign(V) * magnitude
+
+    def velocity(self, force, rest, A, V0, damping):
+        g = force / A
+        if damping is not None:
+            c = damping * V0 / A
+            u = _damped_log(jnp.abs(g) - rest / A, c) + rest / A
+            for _ in range(_NEWTON_STEPS):
+                v = _twice_sinh(u, rest / A)
+                slope = 1 + c * _twice_cosh(u, rest / A)
+                u = u - (u + c * v - jnp.abs(g)) / slope
+            g = jnp.sign(g) * u
+        return V0 * _twice_sinh(g, rest / A)
+
+
+class RateState(AbstractInvertibleLaw):
+    """Rate-and-state friction with `n` states, all of one evolution law.
+
+    Parameters
+    ----------
+    f0 : friction at the reference velocity when sliding steadily.
+    A : direct effect.
+    B : evolution effects, shape (n,); a negative one strengthens with slip.
+    L : slip lengths [m], shape (n,).
+    V0 : reference velocity [m/s].
+    evolution : `SlipEvolution()` or `AgeingEvolution()`.
+    direct : `LogarithmicEffect()` or `RegularisedEffect()`.
+    slip_trend : linear hardening with slip [force/m]: adds slip_trend * x.
+    """
+
+    f0: Float[Array, ""] = quantity("f0", "F", "steady friction at V0")
+    A: Float[Array, ""] = quantity("A", "F", "direct effect", lower=0.0)
+    B: Float[Array, " n"] = quantity("B", "F", "evolution effect")
+    L: Float[Array, " n"] = quantity("L", "m", "characteristic slip length", lower=0.0)
+    V0: Float[Array, ""] = quantity("V0", "m/s", "reference velocity", lower=0.0)
+    evolution: AbstractEvolution = SlipEvolution()
+    direct: AbstractDirectEffect = LogarithmicEffect()
+    slip_trend: Float[Array, ""] = quantity(
+        "slip_trend", "F/m", "linear change of friction with slip", default=0.0
+    )
+
+    def _rest(self, state: Float[Array, " n"], at: Conditions) -> Float[Array, ""]:
+        return self.f0 + jnp.sum(state) + self.slip_trend * at.slip
+
+    def force(self, V, state, at):
+        return self.direct.force(V, self._rest(state, at), self.A, self.V0)
+
+    def velocity(self, force, state, at, *, damping=None):
+        return self.direct.velocity(force, self._rest(state, at), self.A, self.V0, damping)
+
+    def rate(self, V, state, at):
+        del at
+        return self.evolution.rate(jnp.abs(V) / self.V0, state, self.B, self.L, self.V0)
+
+    def steady_state(self, V):
+        return -self.B * jnp.log(jnp.abs(V) / self.V0)
+
+    def force_scale(self):
+        return self.A
+
+
+def critical_stiffness(law: RateState) -> Float[Array, ""]:
+    """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
+
+    One state: (B - A)/L. Several: the largest k(w) = sum_i B_i w s_i/(1 + s_i^2) over the
+    wave numbers w at which sum_i B_i/(1 + s_i^2) = A, s_i = w L_i, bracketed on a
+    logarithmic grid (relative error below 1 %). It does not depend on velocity. Zero or
+    negative: every positive stiffness is stable.
+    """
+    if law.B.shape[0] == 1:
+        return (law.B[0] - law.A) / law.L[0]
+    w = jnp.logspace(-3.0, 3.0, 2001)[:, None] / jnp.max(law.L)
+    s = w * law.L
+    excess = jnp.sum(law.B / (1 + s**2), axis=1) - law.A
+    stiffness = jnp.sum(law.B * w * s / (1 + s**2), axis=1)
+    crossing = (excess[:-1] > 0) != (excess[1:] > 0)
+    between = 0.5 * (stiffness[:-1] + stiffness[1:])
+    return jnp.max(jnp.where(crossing, between, 0.0))
+
+
+def _damped_log(z: Float[Array, ""], c: Float[Array, ""]) -> Float[Array, ""]:
+    """u such that u + c e^u = z, for c > 0: z - W(c e^z) with Lambert's W, by Newton steps."""
+    log_cz = jnp.log(c) + z
+    large = jnp.maximum(log_cz, 1.0)
+    w = jnp.where(log_cz > 1.0, large - jnp.log(large), jnp.exp(jnp.minimum(log_cz, 1.0)))
+    u = z - jax.lax.stop_gradient(w)
+    for _ in range(_NEWTON_STEPS):
+        e = c * jnp.exp(u)
+        u = u - (u + e - z) / (1 + e)
+    return u
+
+
+def _twice_sinh(g: Float[Array, ""], p: Float[Array, ""]) -> Float[Array, ""]:
+    """2 e^-p sinh(g) without overflow of its factors."""
+    return jnp.exp(jnp.minimum(g - p, _LOG_MAX)) - jnp.exp(jnp.minimum(-g - p, _LOG_MAX))
+
+
+def _twice_cosh(g: Float[Array, ""], p: Float[Array, ""]) -> Float[Array, ""]:
+    return jnp.exp(jnp.minimum(g - p, _LOG_MAX)) + jnp.exp(jnp.minimum(-g - p, _LOG_MAX))

@@ -1,0 +1,49 @@
+"""Machine: what stands between the load point and the sliding contact.
+
+A spring and a dashpot in parallel (or the PD gains of a controller, which act alike)
+pull a mass. Stiffness is per unit of friction: N/m where friction is a force, 1/m
+where it is a coefficient (stiffness over normal force).
+"""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..quantity import quantity
+
+
+class AbstractMachine(eqx.Module):
+    """Interface: a stiffness, and a damping that may be None (no dashpot)."""
+
+    stiffness: eqx.AbstractVar[Float[Array, ""]]
+    damping: eqx.AbstractVar[Float[Array, ""] | None]
+
+
+class QuasiStatic(AbstractMachine):
+    """The limit of vanishing mass: friction balances spring and dashpot at every instant.
+
+    f(V, state) = K (x_m - x) + k_v (V_m - V). The law must be invertible in V.
+    """
+
+    stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
+    damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0)
+
+    def __init__(self, stiffness, damping=None):
+        self.stiffness = stiffness
+        self.damping = damping
+
+
+class Inertial(AbstractMachine):
+    """m dV/dt = K (x_m - x) + k_v (V_m - V) - f(V, state).
+
+    The mass, like the stiffness, is per unit of friction: kg, or kg/N = s^2/m where
+    friction is a coefficient.
+    """
+
+    mass: Float[Array, ""] = quantity("m", "F s^2/m", "mass", lower=0.0)
+    stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
+    damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0)
+
+    def __init__(self, mass, stiffness, damping=None):
+        self.mass = mass
+        self.stiffness = stiffness
+        self.damping = damping

@@ -1,0 +1,20 @@
+"""The rig: commanded motion -> drive -> machine and friction -> sensor -> predicted record."""
+
+import equinox as eqx
+
+from .drive import AbstractDrive, IdealDrive
+from .friction.law import AbstractLaw
+from .machine import AbstractMachine
+from .sensor import AbstractSensor, IdealSensor
+
+
+class Rig(eqx.Module):
+    """Four rooms that a record flows through in one direction.
+
+    All forces are in one unit: newtons, or friction coefficient (see `quantity`).
+    """
+
+    machine: AbstractMachine
+    friction: AbstractLaw
+    drive: AbstractDrive = IdealDrive()
+    sensor: AbstractSensor = IdealSensor()

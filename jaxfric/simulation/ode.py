@@ -1,0 +1,116 @@
+"""The slider's equations of motion, in the variables in which they are well-conditioned.
+
+Unknowns, with F = `law.force_scale()` (for rate-and-state friction, A):
+
+    q   = (K (x_c - x) - reference)/F     elongation of the spring relative to the command
+    psi = state/F                         states of the law
+    phi = (friction - reference)/F        friction force, only where there is mass
+
+The elongation, not the slip, is integrated: slip grows without limit and would lose the
+digits that matter. Where there is mass the friction force takes the place of the velocity,
+V = law.velocity(force, state): near sticking the velocity falls by many decades while
+the force changes little. The reference is the spring force at the start. The command
+x_c enters through its velocity, the drive's lag through its displacement, so a step of a
+slow drive needs no derivative of the lag.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..motion import AbstractMotion
+from ..rig import Inertial, QuasiStatic, Rig
+from ..rig.friction import AbstractInvertibleLaw, Conditions
+
+
+class Slider(NamedTuple):
+    """Physical variables of the slider at one time."""
+
+    force: Float[Array, ""]
+    velocity: Float[Array, ""]
+    slip: Float[Array, ""]
+    state: Float[Array, " n"]
+
+
+class SliderEquation(eqx.Module):
+    """A few operations on the scaled unknowns; a solver needs to know no more of a rig."""
+
+    rig: Rig
+    motion: AbstractMotion
+    law: AbstractInvertibleLaw
+    steady_state: Float[Array, " n"]
+    reference: Float[Array, ""]
+
+    def __init__(self, rig: Rig, motion: AbstractMotion):
+        if not isinstance(rig.machine, QuasiStatic | Inertial):
+            raise TypeError(f"no equation of motion for a {type(rig.machine).__name__}")
+        if not isinstance(rig.friction, AbstractInvertibleLaw):
+            raise TypeError(
+                f"{type(rig.friction).__name__} has no direct effect, so its velocity "
+                "cannot be found from the force; use a law that is an AbstractInvertibleLaw"
+            )
+        V = motion.first_velocity()
+        start = Conditions(jnp.zeros_like(V), jnp.zeros_like(V))
+        self.rig, self.motion, self.law = rig, motion, rig.friction
+        self.steady_state = rig.friction.steady_state(V)
+        self.reference = rig.friction.force(V, self.steady_state, start)
+
+    def initial(self) -> dict[str, Array]:
+        """Scaled unknowns of steady sliding at the motion's first velocity."""
+        rest = jnp.zeros_like(self.reference)
+        y = {"q": rest, "psi": self.steady_state / self.law.force_scale()}
+        if isinstance(self.rig.machine, Inertial):
+            y["phi"] = rest
+        return y
+
+    def derivative(self, t: Float[Array, ""], y: dict[str, Array], args=None) -> dict[str, Array]:
+        """Time derivative of the scaled unknowns [1/s]."""
+        del args
+        law, scale = self.law, self.law.force_scale()
+        now = self.physical(t, y)
+        at = Conditions(now.slip, t)
+        state_rate = law.rate(now.velocity, now.state, at)
+        spring_rate = self.rig.machine.stiffness * (self.motion.velocity(t) - now.velocity)
+        dy = {"q": spring_rate / scale, "psi": state_rate / scale}
+        if isinstance(self.rig.machine, Inertial):
+            acceleration = (self._pull(t, y, now.velocity) - now.force) / self.rig.machine.mass
+            _, force_rate = jax.jvp(
+                law.force,
+                (now.velocity, now.state, at),
+                (acceleration, state_rate, Conditions(now.velocity, jnp.ones_like(t))),
+            )
+            dy["phi"] = force_rate / scale
+        return dy
+
+    def physical(self, t: Float[Array, ""], y: dict[str, Array]) -> Slider:
+        """Force, velocity, slip and state that belong to the scaled unknowns at time `t`."""
+        law, machine = self.law, self.rig.machine
+        scale = law.force_scale()
+        slip = self.motion.displacement(t) - scale * y["q"] / machine.stiffness
+        state = scale * y["psi"]
+        at = Conditions(slip, t)
+        if isinstance(machine, Inertial):
+            force = self.reference + scale * y["phi"]
+            return Slider(force, law.velocity(force, state, at), slip, state)
+        pull = self._pull(t, y, jnp.zeros_like(t))
+        velocity = law.velocity(pull, state, at, damping=machine.damping)
+        force = pull if machine.damping is None else pull - machine.damping * velocity
+        return Slider(force, velocity, slip, state)
+
+    def log_speed(self, t: Float[Array, ""], y: dict[str, Array]) -> Float[Array, ""]:
+        """ln(|V| / largest commanded speed); large where the slider runs away."""
+        speed = jnp.abs(self.physical(t, y).velocity)
+        return jnp.log(speed / self.motion.largest_speed() + 1e-300)
+
+    def _pull(self, t, y, velocity) -> Float[Array, ""]:
+        """Force of spring and dashpot on a slider that moves at `velocity`."""
+        machine, drive = self.rig.machine, self.rig.drive
+        spring = self.reference + self.law.force_scale() * y["q"]
+        pull = spring - machine.stiffness * drive.lag(self.motion, t)
+        if machine.damping is None:
+            return pull
+        load_velocity = self.motion.velocity(t) - drive.lag_rate(self.motion, t)
+        return pull + machine.damping * (load_velocity - velocity)

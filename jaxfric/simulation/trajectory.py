@@ -1,0 +1,43 @@
+"""What a simulation returns, and how it can end."""
+
+import diffrax
+import equinox as eqx
+from jaxtyping import Array, Float, Int
+
+
+class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
+    """How a simulation ended; `successful` or the reason why not."""
+
+    successful = ""
+    ran_away = (
+        "The slider ran away: its velocity passed the runaway limit. A slider without mass "
+        "does this where a real one slips fast (stiffness near or below critical). Raise the "
+        "stiffness, take smaller velocity steps, or give the slider a mass."
+    )
+
+
+class Trajectory(eqx.Module):
+    """Motion and friction of the slider at the sample times.
+
+    `force`, `load` and `state` are in the unit of friction (N, or 1 for a coefficient). All
+    values are finite whatever the `result`: after a failure at time `end` the last ones hold.
+    """
+
+    time: Float[Array, " n"]
+    """Sample times [s]."""
+    force: Float[Array, " n"]
+    """Friction force on the slider."""
+    recorded: Float[Array, " n"]
+    """The force as the sensor records it."""
+    velocity: Float[Array, " n"]
+    """Velocity of the slider [m/s]."""
+    slip: Float[Array, " n"]
+    """Displacement of the slider since the start [m]."""
+    state: Float[Array, "n states"]
+    """State variables of the friction law."""
+    result: RESULTS
+    """`RESULTS.successful`, or why the simulation ended early."""
+    end: Float[Array, ""]
+    """The time it reached [s]."""
+    num_steps: Int[Array, ""]
+    """Solver steps taken, rejected ones included."""
