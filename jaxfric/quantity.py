@@ -15,7 +15,7 @@ import math
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from .errors import InputError
 
@@ -34,7 +34,7 @@ class Quantity:
         """The SI unit when friction is given in `force_unit` ("1" or "N")."""
         return self.unit.replace("F", force_unit)
 
-    def to_free(self, value: Float[Array, " *s"], *, scale: float = 1.0) -> Float[Array, " *s"]:
+    def to_free(self, value: Float[Array, " *s"], *, scale: ArrayLike = 1.0) -> Float[Array, " *s"]:
         """Map a value inside the bounds to an unbounded variable.
 
         Both bounds infinite: value/scale. One bound: log of the distance to it.
@@ -48,7 +48,9 @@ class Quantity:
             return jnp.log(self.upper - value)
         return jnp.log(value - self.lower) - jnp.log(self.upper - value)
 
-    def from_free(self, free: Float[Array, " *s"], *, scale: float = 1.0) -> Float[Array, " *s"]:
+    def from_free(
+        self, free: Float[Array, " *s"], *, scale: ArrayLike = 1.0
+    ) -> Float[Array, " *s"]:
         """Inverse of `to_free`."""
         if math.isinf(self.lower) and math.isinf(self.upper):
             return free * scale

@@ -66,7 +66,7 @@ class SliderEquation(eqx.Module):
             y["phi"] = rest
         return y
 
-    def derivative(self, t: Float[Array, ""], y: dict[str, Array], args=None) -> dict[str, Array]:
+    def derivative(self, t, y: dict[str, Array], args=None) -> dict[str, Array]:
         """Time derivative of the scaled unknowns [1/s]."""
         del args
         law, scale = self.law, self.law.force_scale()

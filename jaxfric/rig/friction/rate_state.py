@@ -7,7 +7,8 @@ Each state theta_i has an amplitude B_i and a slip length L_i and relaxes to
 
 Sources: equations (3)-(5) of the 1994 note on PD control and stick-slip, after Ruina
 (1983, doi:10.1029/JB088iB12p10359); ageing after Dieterich (1979, doi:10.1029/JB084iB05p02161);
-the regularised direct effect after Rice, Lapusta & Ranjith (2001, doi:10.1016/S0022-5096(01)00042-4).
+the regularised direct effect after Rice, Lapusta & Ranjith (2001,
+doi:10.1016/S0022-5096(01)00042-4).
 """
 
 import abc

@@ -1,0 +1,80 @@
+"""Differentiable sliders that stick-slip: simulate, fit, control.
+
+The names below are loaded when they are first used, so that importing the package is quick
+and changes nothing. Fitting needs 64-bit numbers: `jax.config.update("jax_enable_x64", True)`.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .errors import InputError as InputError
+    from .fitting import Estimate as Estimate
+    from .fitting import Fit as Fit
+    from .fitting import fit as fit
+    from .motion import PiecewiseVelocity as PiecewiseVelocity
+    from .records import Record as Record
+    from .records import VelocitySteps as VelocitySteps
+    from .records import find_steps as find_steps
+    from .records import from_arrays as from_arrays
+    from .records import read as read
+    from .records import read_table as read_table
+    from .rig import FirstOrderDrive as FirstOrderDrive
+    from .rig import IdealDrive as IdealDrive
+    from .rig import IdealSensor as IdealSensor
+    from .rig import Inertial as Inertial
+    from .rig import QuasiStatic as QuasiStatic
+    from .rig import Rig as Rig
+    from .rig.friction import AgeingEvolution as AgeingEvolution
+    from .rig.friction import LogarithmicEffect as LogarithmicEffect
+    from .rig.friction import RateState as RateState
+    from .rig.friction import RegularisedEffect as RegularisedEffect
+    from .rig.friction import SlipEvolution as SlipEvolution
+    from .rig.friction import critical_stiffness as critical_stiffness
+    from .simulation import RESULTS as RESULTS
+    from .simulation import Trajectory as Trajectory
+    from .simulation import simulate as simulate
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "InputError": "errors",
+    "Estimate": "fitting",
+    "Fit": "fitting",
+    "fit": "fitting",
+    "PiecewiseVelocity": "motion",
+    "Record": "records",
+    "VelocitySteps": "records",
+    "find_steps": "records",
+    "from_arrays": "records",
+    "read": "records",
+    "read_table": "records",
+    "FirstOrderDrive": "rig",
+    "IdealDrive": "rig",
+    "IdealSensor": "rig",
+    "Inertial": "rig",
+    "QuasiStatic": "rig",
+    "Rig": "rig",
+    "AgeingEvolution": "rig.friction",
+    "LogarithmicEffect": "rig.friction",
+    "RateState": "rig.friction",
+    "RegularisedEffect": "rig.friction",
+    "SlipEvolution": "rig.friction",
+    "critical_stiffness": "rig.friction",
+    "RESULTS": "simulation",
+    "Trajectory": "simulation",
+    "simulate": "simulation",
+}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str):
+    if name not in _HOMES:
+        raise AttributeError(f"module 'jaxfric' has no attribute '{name}'")
+    value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return [*__all__, "__version__"]

@@ -1,0 +1,144 @@
+"""From a solution in unbounded variables to a `Fit` in SI, with errors and warnings."""
+
+import dataclasses
+
+import numpy as np
+import optimistix as optx
+
+from ..records import Record, VelocitySteps
+from .noise import Noise
+from .problem import FAILED_MISFIT, Problem, natural, quantity_of, residual_and_jacobian
+from .result import Estimate, Fit, NoiseEstimate, unit_of
+from .solve import Solution
+from .uncertainty import (
+    QUANTILE,
+    covariance,
+    determined,
+    profile_interval,
+)
+
+_NEAR_EDGE = 2.0
+_FAR = 3.0
+
+
+def assemble(
+    record: Record,
+    steps: VelocitySteps,
+    sign: float,
+    problem: Problem,
+    solution: Solution,
+    noise: Noise,
+    *,
+    profile: bool,
+) -> Fit:
+    """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit."""
+    rows = len(record)
+    failed = solution.cost >= FAILED_MISFIT**2
+    plain, _ = residual_and_jacobian(dataclasses.replace(problem, noise=None), solution.z)
+    misfit = np.asarray(plain)[:rows] * float(problem.noise_scale)
+    predicted = record.friction + sign * misfit
+    spread = covariance(problem, solution, noise)
+    estimates, matrix = _estimates(record, problem, solution, spread, failed, profile)
+    names = problem.model.names()
+    deviations = np.sqrt(np.diag(matrix))
+    unit = record.friction_unit
+    for name, value in (("K", problem.stiffness), ("V0", problem.V0)):
+        if name not in estimates:
+            v = float(value)
+            estimates[name] = Estimate(v, 0.0, v, v, unit_of(name, unit), free=False)
+    scale = float(problem.noise_scale)
+    result = optx.RESULTS[solution.result] or "converged"
+    fit = Fit(
+        record=record,
+        steps=_refined(steps, problem, solution, spread),
+        model=problem.model,
+        parameters=estimates,
+        free=names,
+        covariance=matrix,
+        correlation=matrix / np.outer(deviations, deviations),
+        predicted=predicted,
+        sum_of_squares=float(np.sum(misfit**2)),
+        rms=float(np.sqrt(np.mean(misfit**2))),
+        noise=NoiseEstimate(
+            float(noise.sigma) * scale, float(noise.share), float(noise.correlation_time)
+        ),
+        converged=bool(solution.result == optx.RESULTS.successful) and not failed,
+        result="every trial ran away" if failed else result,
+        iterations=solution.num_steps,
+        weighting="ordinary" if problem.noise is None else "whitened",
+        warnings=(),
+    )
+    shifts = np.asarray(solution.z)[len(names) :]
+    pairs = zip(np.asarray(problem.shifted), shifts, strict=True)
+    return _warn(fit, [(int(k), float(s)) for k, s in pairs if abs(s) > _FAR])
+
+
+def _refined(
+    steps: VelocitySteps, problem: Problem, solution: Solution, spread: np.ndarray
+) -> VelocitySteps:
+    """The steps with those times that were parameters as fitted."""
+    p = len(problem.model.names())
+    index = np.asarray(problem.shifted)
+    if len(index) == 0 or steps.time_errors is None:
+        return steps
+    times, errors = steps.times.copy(), steps.time_errors.copy()
+    times[index] = np.asarray(problem.step_times(solution.z))[index]
+    errors[index] = np.asarray(problem.shift_scale) * np.sqrt(np.diag(spread)[p:])
+    return VelocitySteps(times, steps.velocities, errors, steps.velocity_errors)
+
+
+def _estimates(record, problem: Problem, solution: Solution, spread, failed: bool, profile: bool):
+    """Estimates by name, and the covariance of the free parameters in SI."""
+    z = np.asarray(solution.z)
+    std = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    span = float(np.ptp(record.friction))
+    known = [False] * len(std) if failed else determined(problem, std, span)
+    value, slope = (np.asarray(x) for x in natural(problem, solution.z))
+    p, estimates = len(value), {}
+    for i, name in enumerate(problem.model.names()):
+        ends = z[i] - QUANTILE * std[i], z[i] + QUANTILE * std[i]
+        profiled = profile and known[i]
+        if profiled:
+            ends = profile_interval(problem, solution, i, float(std[i]))
+        low, high = (natural(problem, solution.z.at[i].set(end))[0][i] for end in ends)
+        estimates[name] = Estimate(
+            value=float(value[i]),
+            std=float(abs(slope[i]) * std[i]),
+            lower=float(low),
+            upper=float(high),
+            unit=unit_of(name, record.friction_unit),
+            determined=known[i],
+            profiled=profiled,
+        )
+    return estimates, spread[:p, :p] * np.outer(slope, slope)
+
+
+def _warn(fit: Fit, moved: list[tuple[int, float]]) -> Fit:
+    """The fit with what its user should know; `moved` are steps far from where they were found."""
+    said = []
+    if not fit.converged:
+        said.append(f"the fit did not converge: {fit.result}")
+    for name, estimate in fit.parameters.items():
+        if not estimate.determined:
+            said.append(
+                f"{name} is not determined by this record: {quantity_of(name).text} can vary "
+                "by more than the record constrains"
+            )
+    for k, sigmas in moved:
+        said.append(
+            f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "
+            f"{'before' if sigmas < 0 else 'after'} the time that the load point shows: "
+            "the stiffness may be wrong, or the step not sharp"
+        )
+    K, critical = fit.parameters["K"].value, fit.critical_stiffness()
+    if critical > 0 and critical > K:
+        said.append(
+            f"stick-slip regime: the stiffness is below the critical one of this fit "
+            f"(K/K_cr = {K / critical:.2f}); steady sliding is unstable and A, B, L are suspect"
+        )
+    elif critical > 0 and _NEAR_EDGE * critical > K:
+        said.append(
+            f"near the stability edge (K/K_cr = {K / critical:.2f}): finite velocity steps may "
+            "leave the basin of steady sliding"
+        )
+    return dataclasses.replace(fit, warnings=tuple(said))

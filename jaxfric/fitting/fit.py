@@ -1,0 +1,278 @@
+"""`fit(record, stiffness=...)`: rate-and-state parameters of a velocity-step record."""
+
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import InputError
+from ..records import Record, VelocitySteps, record_steps
+from ..simulation import simulate
+from ..units import parse_quantity
+from .assemble import assemble
+from .noise import Noise, estimate_noise
+from .problem import (
+    FAILED_MISFIT,
+    LAWS,
+    Model,
+    Problem,
+    make_problem,
+    quantity_of,
+    residual_and_jacobian,
+    to_free,
+)
+from .result import Fit, unit_of
+from .solve import Solution, solve
+from .start import average, more_state_starts, noise_from_differences, one_state_starts
+from .uncertainty import data_part, fair_hold
+
+WEIGHTINGS = ("ordinary", "whitened")
+_MAX_STATES = 3
+_FELT = 0.25
+
+
+def fit(
+    record: Record,
+    *,
+    stiffness: float | str | None = None,
+    law: str = "slip",
+    states: int = 1,
+    fit_stiffness: bool = False,
+    slip_trend: bool = False,
+    steps: VelocitySteps | str | None = None,
+    reference_velocity: float | str | None = None,
+    start: Mapping[str, float] | None = None,
+    weighting: str = "ordinary",
+    profile: bool = False,
+) -> Fit:
+    """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
+
+    The model is a massless slider on a spring (`rig.QuasiStatic`), in steady sliding at the
+    first velocity: f = f0 + A ln(V/V0) + sum_i theta_i (+ s x), K (x_m - x) = f - f_start, with
+    the slip law (4) or the ageing law. Starting values come from the data (`fitting.start`).
+
+    Parameters
+    ----------
+    record : as read by `jaxfric.read`.
+    stiffness : of spring and specimen, in friction per metre (1/m for a coefficient, N/m for
+        a force), or text with a unit: "1.6e-3/um". Needed unless `fit_stiffness`.
+    law : "slip" or "ageing".
+    states : number of state variables, 1 to 3.
+    fit_stiffness : K is a parameter; a given `stiffness` is then a start.
+    slip_trend : friction changes linearly with slip; fitted with the rest, not before.
+    steps : velocity steps of the load point, or text "0 s: 2 um/s, 60 s: 20 um/s" (time from the
+        first row), then taken as exact; found in the record where not given. Found step times
+        whose errors are felt above the noise are refined with the rest.
+    reference_velocity : V0 [m/s], where friction is f0; default the first speed.
+    start : starting values (SI) by name, for any of the parameters.
+    weighting : "ordinary" least squares minimises the plain sum of squares, as published
+        fits do; "whitened" weights by the estimated noise, which is more precise where noise is
+        correlated. The errors are honest in both.
+    profile : intervals from the profile likelihood instead of the covariance.
+
+    Returns
+    -------
+    Fit. Look at its `converged`, `result` and `warnings`; they are values, not exceptions.
+
+    Raises
+    ------
+    InputError : float64 is off, an argument is out of range, or the record has no step.
+
+    Not tried: records with mass (inertia) fitted, more than 3 states.
+    """
+    _require_float64()
+    model = _model(law, states, fit_stiffness, slip_trend, weighting)
+    K = _stiffness(stiffness, record, fit_stiffness)
+    steps = _steps(record, steps)
+    V0 = _reference(reference_velocity, steps)
+    forward, sign = _forward(record, steps)
+    model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
+    problem, solution = _solve_in_stages(record, sign, forward, model, K, V0, start)
+    noise = _noise(problem, solution)
+    if len(problem.hold) and weighting == "ordinary":
+        problem = problem.holding(fair_hold(problem, solution, noise))
+        solution = solve(problem, solution.z[None], refine=1)
+        noise = _noise(problem, solution)
+    if weighting == "whitened" and solution.cost < FAILED_MISFIT**2:
+        solution = solve(problem.whitened(noise), solution.z[None], refine=1)
+        noise = _noise(problem, _evaluate(problem, solution))
+        problem = problem.whitened(noise)
+        solution = solve(problem, solution.z[None], refine=1)
+    return assemble(record, steps, sign, problem, solution, noise, profile=profile)
+
+
+def _require_float64() -> None:
+    if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
+        raise InputError(
+            "fit needs 64-bit numbers: add jax.config.update('jax_enable_x64', True) after "
+            "'import jax', before any array is made"
+        )
+
+
+def _model(law, states, fit_stiffness, slip_trend, weighting) -> Model:
+    if law not in LAWS:
+        raise InputError(f"law '{law}' is not known; choose one of {', '.join(LAWS)}")
+    if not 1 <= states <= _MAX_STATES:
+        raise InputError(f"states is {states}; choose 1 to {_MAX_STATES}")
+    if weighting not in WEIGHTINGS:
+        raise InputError(f"weighting '{weighting}' is not known; choose {' or '.join(WEIGHTINGS)}")
+    return Model(law, int(states), bool(fit_stiffness), bool(slip_trend))
+
+
+def _steps(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps:
+    if isinstance(steps, str):
+        steps = VelocitySteps.parse(steps)
+    found = steps is None
+    steps = record_steps(record) if steps is None else steps
+    span = record.relative_time[-1]
+    if steps.times[-1] >= span:
+        raise InputError(
+            f"steps: the last begins at {steps.times[-1]:g} s, but the record ends at {span:g} s"
+        )
+    if len(steps) < 2:
+        how = "none was found in the load-point motion" if found else "none was given"
+        raise InputError(
+            f"{record.provenance.path}: no velocity step: {how}; A, B and L need at least one "
+            "change of velocity. Give the steps, as in --steps '0 s: 2 um/s, 60 s: 20 um/s'"
+        )
+    if steps.velocities[0] == 0:
+        raise InputError(
+            f"{record.provenance.path}: the record starts at rest; the fit starts from steady "
+            "sliding. Cut the record before its first steady velocity"
+        )
+    if np.ptp(record.friction) == 0:
+        raise InputError(f"{record.provenance.path}: friction is constant: nothing to fit")
+    return steps
+
+
+def _forward(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, float]:
+    """Steps that begin forwards, and the sign of friction that goes with them.
+
+    A record that begins backwards is mirrored; its friction too if that is negative there
+    (a force that follows the motion, not a coefficient that is always positive).
+    """
+    if steps.velocities[0] > 0:
+        return steps, 1.0
+    mirrored = VelocitySteps(steps.times, -steps.velocities, steps.time_errors)
+    begin = record.friction[record.relative_time < steps.times[1]]
+    return mirrored, -1.0 if np.mean(begin) < 0 else 1.0
+
+
+def _stiffness(stiffness, record: Record, fit_stiffness: bool) -> float | None:
+    unit = unit_of("K", record.friction_unit)
+    if stiffness is None:
+        if not fit_stiffness:
+            raise InputError(
+                f"stiffness is needed, in {unit} (as in --stiffness 1.6e-3/um), or fit it "
+                "(--fit-stiffness)"
+            )
+        return None
+    value = (
+        parse_quantity(stiffness, unit, "stiffness") if isinstance(stiffness, str) else stiffness
+    )
+    if not np.isfinite(value) or value <= 0:
+        raise InputError(f"stiffness is {value:g} {unit}; it must be positive")
+    return float(value)
+
+
+def _reference(reference, steps: VelocitySteps) -> float:
+    if reference is None:
+        return float(abs(steps.velocities[0]))
+    if isinstance(reference, str):
+        reference = parse_quantity(reference, "m/s", "reference velocity")
+    return quantity_of("V0").check(float(reference), "reference velocity")
+
+
+def prepare(
+    record: Record,
+    steps: VelocitySteps,
+    model: Model,
+    *,
+    stiffness: float,
+    V0: float | None = None,
+    sign: float = 1.0,
+    force_scale: float | None = None,
+) -> Problem:
+    """The least-squares problem of a record that moves forwards at first.
+
+    A step time is a parameter where its error, through the spring, is felt above the noise.
+    """
+    friction = sign * record.friction
+    noise_scale = noise_from_differences(friction)
+    shifted = None
+    if steps.time_errors is not None:
+        slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
+        shifted = np.flatnonzero(stiffness * slack > _FELT * noise_scale)
+    return make_problem(
+        record.relative_time,
+        friction,
+        steps,
+        V0=abs(steps.velocities[0]) if V0 is None else V0,
+        stiffness=stiffness,
+        noise_scale=noise_scale,
+        force_scale=float(np.ptp(friction)) if force_scale is None else force_scale,
+        model=model,
+        shifted=shifted,
+    )
+
+
+def _solve_in_stages(
+    record: Record, sign: float, steps: VelocitySteps, model: Model, K: float | None, V0, start
+) -> tuple[Problem, Solution]:
+    """One state first; the velocity that it finds then serves to start more states."""
+    time, friction = record.relative_time, sign * record.friction
+    one = model._replace(states=1)
+    starts = one_state_starts(time, friction, steps, V0=V0, stiffness=K, model=one)
+    problem = prepare(
+        record,
+        steps,
+        one,
+        stiffness=float(starts[0, one.names().index("K")]) if K is None else K,
+        V0=V0,
+        sign=sign,
+        force_scale=float(starts[0, 1]),
+    )
+    if model.states == 1:
+        return problem, _solve(problem, starts, start)
+    first = _solve(problem, starts, None)
+    data = average(time, friction, steps)
+    full = data.count > 0
+    seen = simulate(problem.rig(first.z), problem.motion, jnp.asarray(data.time[full]))
+    starts = more_state_starts(
+        data.time[full],
+        data.friction[full],
+        np.asarray(seen.velocity),
+        np.asarray(seen.slip),
+        np.sqrt(data.count[full]),
+        V0=V0,
+        stiffness=float(problem.rig(first.z).machine.stiffness),
+        model=model,
+    )
+    problem = problem.with_model(model)
+    return problem, _solve(problem, starts, start)
+
+
+def _solve(problem: Problem, starts: np.ndarray, given: Mapping[str, float] | None) -> Solution:
+    names = problem.model.names()
+    if given:
+        unknown = sorted(set(given) - set(names))
+        if unknown:
+            raise InputError(
+                f"start: {', '.join(unknown)} is no free parameter of this fit; "
+                f"they are {', '.join(names)}"
+            )
+        first = starts[0].copy()
+        for name, value in given.items():
+            first[names.index(name)] = quantity_of(name).check(float(value), "start")
+        starts = first[None]
+    return solve(problem, to_free(problem, jnp.asarray(starts)))
+
+
+def _evaluate(problem: Problem, solution: Solution) -> Solution:
+    residual, jacobian = residual_and_jacobian(problem, solution.z)
+    return solution._replace(residual=residual, jacobian=jacobian)
+
+
+def _noise(problem: Problem, solution: Solution) -> Noise:
+    return estimate_noise(problem.time, problem.weight, *data_part(problem, solution))

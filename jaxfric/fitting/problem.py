@@ -1,0 +1,277 @@
+"""The least-squares problem of a velocity-step record: parameters <-> rig <-> residual.
+
+Parameters are kept in one vector of unbounded variables: positive quantities by their
+logarithm, signed ones in units of a force typical of the record. Records are padded to a few
+sizes, with zero weight, so that another record does not compile again.
+
+Step times found in a noisy displacement are uncertain, and a stiff spring turns a step a
+hundredth of a second early into a misfit. Where that matters they are parameters too, in units
+of their standard error, each held by one more residual.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..motion import PiecewiseVelocity
+from ..quantity import Quantity, quantities
+from ..records import VelocitySteps
+from ..rig import QuasiStatic, Rig
+from ..rig.friction import (
+    AgeingEvolution,
+    LogarithmicEffect,
+    RateState,
+    RegularisedEffect,
+    SlipEvolution,
+)
+from ..simulation import RESULTS, simulate
+from .noise import Noise, whiten
+
+LAWS = {"slip": SlipEvolution(), "ageing": AgeingEvolution()}
+
+# Misfit, in units of the noise scale, of a trial whose simulation failed: finite, and worse
+# than any fit worth having, so that the solver rejects the trial and shortens its step.
+FAILED_MISFIT = 1e4
+_SHIFT = 0.5
+_LAW_QUANTITIES = quantities(RateState)
+_MACHINE_QUANTITIES = quantities(QuasiStatic)
+
+
+def quantity_of(name: str) -> Quantity:
+    """The `Quantity` behind a parameter name such as "A", "L2", "K" or "slip_trend"."""
+    if name == "K":
+        return _MACHINE_QUANTITIES["stiffness"]
+    return _LAW_QUANTITIES[name if name in _LAW_QUANTITIES else name.rstrip("0123456789")]
+
+
+class Model(NamedTuple):
+    """What is fitted: law, number of states, and which optional parameters are free."""
+
+    law: str = "slip"
+    states: int = 1
+    fit_stiffness: bool = False
+    slip_trend: bool = False
+    regularised: bool = False
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters, in the order of the parameter vector."""
+        names = ["f0", "A"]
+        for i in range(self.states):
+            suffix = "" if i == 0 else str(i + 1)
+            names += [f"B{suffix}", f"L{suffix}"]
+        names += ["K"] * self.fit_stiffness + ["slip_trend"] * self.slip_trend
+        return tuple(names)
+
+
+class Problem(eqx.Module):
+    """A padded record, its motion and a `Model`. All arrays SI; time starts at 0."""
+
+    time: Float[Array, " n"]
+    friction: Float[Array, " n"]
+    weight: Float[Array, " n"]
+    motion: PiecewiseVelocity
+    shifted: Int[Array, " k"]
+    shift_scale: Float[Array, " k"]
+    hold: Float[Array, " k"]
+    V0: Float[Array, ""]
+    stiffness: Float[Array, ""]
+    noise_scale: Float[Array, ""]
+    force_scale: Float[Array, ""]
+    slip_scale: Float[Array, ""]
+    damping: Float[Array, ""] | None
+    noise: Noise | None
+    model: Model = eqx.field(static=True)
+    rtol: float = eqx.field(static=True)
+    max_steps: int = eqx.field(static=True)
+
+    def to_free(self, values: Float[Array, " p"]) -> Float[Array, " q"]:
+        """Unbounded variables of natural (SI) parameter values; step times as found."""
+        pairs = zip(self.model.names(), values, strict=True)
+        z = [quantity_of(n).to_free(v, scale=self._scale(n)) for n, v in pairs]
+        return jnp.concatenate([jnp.stack(z), jnp.zeros_like(self.shift_scale)])
+
+    def from_free(self, z: Float[Array, " q"]) -> Float[Array, " p"]:
+        """Natural (SI) parameter values of unbounded variables (without step times)."""
+        names = self.model.names()
+        pairs = zip(names, z[: len(names)], strict=True)
+        return jnp.stack([quantity_of(n).from_free(v, scale=self._scale(n)) for n, v in pairs])
+
+    def step_times(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
+        """Times of the velocity steps [s] at the parameters `z`."""
+        shift = self.shift_scale * z[len(self.model.names()) :]
+        return self.motion.times.at[self.shifted].add(shift)
+
+    def _scale(self, name: str) -> Float[Array, ""]:
+        return self.force_scale / self.slip_scale if name == "slip_trend" else self.force_scale
+
+    def rig(self, z: Float[Array, " q"]) -> Rig:
+        """The rig with the parameters `z`."""
+        rig = build_rig(self.model, self.from_free(z), self.V0, self.stiffness)
+        if self.damping is None:
+            return rig
+        return eqx.tree_at(
+            lambda r: r.machine, rig, QuasiStatic(rig.machine.stiffness, self.damping)
+        )
+
+    def damped(self, strength: float) -> "Problem":
+        """The same problem with a dashpot that ends a runaway.
+
+        At the largest commanded speed it carries `strength` force scales: little to a slider
+        in steady motion, decisive at 1/strength times that speed.
+        """
+        dashpot = jnp.asarray(strength) * self.force_scale / self.motion.largest_speed()
+        return eqx.tree_at(lambda p: p.damping, self, dashpot, is_leaf=lambda x: x is None)
+
+    def with_model(self, model: Model) -> "Problem":
+        """The same record with another model."""
+        return dataclasses.replace(self, model=model)
+
+    def whitened(self, noise: Noise) -> "Problem":
+        """The same problem with residuals in units of `noise` and uncorrelated under it."""
+        return dataclasses.replace(self, noise=noise, hold=jnp.ones_like(self.hold))
+
+    def holding(self, hold: np.ndarray) -> "Problem":
+        """The same problem with other weights on the shifts of the step times."""
+        return dataclasses.replace(self, hold=jnp.asarray(hold))
+
+    def predict(self, z: Float[Array, " q"]) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
+        """Predicted friction at the sample times, and whether the simulation succeeded."""
+        motion = eqx.tree_at(lambda m: m.times, self.motion, self.step_times(z))
+        out = simulate(
+            self.rig(z),
+            motion,
+            self.time,
+            rtol=self.rtol,
+            max_steps=self.max_steps,
+            runaway=1e4 if self.damping is None else 1e9,
+        )
+        return out.recorded, out.result == RESULTS.successful
+
+    def residual(self, z: Float[Array, " q"]) -> Float[Array, " r"]:
+        """(predicted - recorded)/noise_scale, then the shifts of the step times times `hold`.
+
+        0 on padding, `FAILED_MISFIT` for a failed trial.
+        """
+        predicted, ok = self.predict(z)
+        residual = (predicted - self.friction) / self.noise_scale
+        if self.noise is not None:
+            residual = whiten(self.time, self.weight, residual[:, None], self.noise)[:, 0]
+        residual = jnp.where(ok & jnp.isfinite(residual), residual, FAILED_MISFIT) * self.weight
+        return jnp.concatenate([residual, self.hold * z[len(self.model.names()) :]])
+
+
+@eqx.filter_jit
+def residual_and_jacobian(
+    problem: Problem, z: Float[Array, " q"]
+) -> tuple[Float[Array, " r"], Float[Array, "r q"]]:
+    """Residual and its Jacobian.
+
+    Forward mode, one solve that carries all tangents; step times by differences over half a
+    standard error, since a solver that stops at a jump has no derivative there.
+    """
+    p, q = len(problem.model.names()), z.shape[0]
+
+    def push(tangent):
+        return jax.jvp(problem.residual, (z,), (tangent,))
+
+    residual, jacobian = jax.vmap(push, out_axes=(None, -1))(jnp.eye(p, q, dtype=z.dtype))
+    if q == p:
+        return residual, jacobian
+
+    def difference(i):
+        return (problem.residual(z.at[i].add(_SHIFT)) - residual) / _SHIFT
+
+    shifts = jax.lax.map(difference, jnp.arange(p, q))
+    return residual, jnp.concatenate([jacobian, shifts.T], axis=1)
+
+
+@eqx.filter_jit
+def to_free(problem: Problem, values: Float[Array, "s p"]) -> Float[Array, "s q"]:
+    """Unbounded variables of several rows of natural values."""
+    return jax.vmap(problem.to_free)(values)
+
+
+@eqx.filter_jit
+def natural(
+    problem: Problem, z: Float[Array, " q"]
+) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    """Natural (SI) values of unbounded variables and the derivative of each by its own."""
+    p = len(problem.model.names())
+    return problem.from_free(z), jnp.diagonal(jax.jacfwd(problem.from_free)(z)[:, :p])
+
+
+def build_rig(
+    model: Model, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
+) -> Rig:
+    """The rig of a model with natural (SI) parameter values in the order of `model.names()`."""
+    p = dict(zip(model.names(), values, strict=True))
+    suffixes = ["" if i == 0 else str(i + 1) for i in range(model.states)]
+    law = RateState(
+        f0=p["f0"],
+        A=p["A"],
+        B=jnp.stack([p[f"B{s}"] for s in suffixes]),
+        L=jnp.stack([p[f"L{s}"] for s in suffixes]),
+        V0=V0,
+        evolution=LAWS[model.law],
+        direct=RegularisedEffect() if model.regularised else LogarithmicEffect(),
+        slip_trend=p.get("slip_trend", jnp.zeros_like(V0)),
+    )
+    return Rig(QuasiStatic(p.get("K", stiffness)), law)
+
+
+def bucket(n: int, smallest: int) -> int:
+    """The padded length for `n`: `smallest` times 2^k or 1.5 * 2^k."""
+    size = smallest
+    while size < n:
+        size = size * 3 // 2 if size & (size - 1) == 0 else size // 3 * 4
+    return size
+
+
+def make_problem(
+    time: np.ndarray,
+    friction: np.ndarray,
+    steps: VelocitySteps,
+    *,
+    V0: float,
+    stiffness: float,
+    noise_scale: float,
+    force_scale: float,
+    model: Model,
+    shifted: np.ndarray | None = None,
+    rtol: float = 1e-5,
+    max_steps: int = 4096,
+) -> Problem:
+    """Pad a record (time from 0 [s], friction) to its bucket and attach the scales.
+
+    `shifted` holds the indices of the steps whose times are parameters; `steps` must then
+    have `time_errors`.
+    """
+    n = len(time)
+    shifted = np.zeros(0, int) if shifted is None else np.asarray(shifted, int)
+    errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
+    pad = (0, bucket(n, 256) - n)
+    motion = PiecewiseVelocity(steps.times, steps.velocities)
+    return Problem(
+        time=jnp.asarray(np.pad(time, pad, mode="edge")),
+        friction=jnp.asarray(np.pad(friction, pad, mode="edge")),
+        weight=jnp.asarray(np.pad(np.ones(n), pad)),
+        motion=motion.padded(bucket(len(steps), 4)),
+        shifted=jnp.asarray(shifted),
+        shift_scale=jnp.asarray(errors[shifted], float),
+        hold=jnp.ones(len(shifted)),
+        V0=jnp.array(V0, float),
+        stiffness=jnp.array(stiffness, float),
+        noise_scale=jnp.array(noise_scale, float),
+        force_scale=jnp.array(force_scale, float),
+        slip_scale=jnp.array(np.sum(np.abs(np.diff(steps.displacement(time)))), float),
+        damping=None,
+        noise=None,
+        model=model,
+        rtol=rtol,
+        max_steps=max_steps,
+    )

@@ -1,0 +1,163 @@
+"""What a fit returns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ..motion import PiecewiseVelocity
+from ..records import Record, VelocitySteps
+from ..rig import Rig
+from ..rig.friction import RateState, critical_stiffness
+from .problem import Model, build_rig, quantity_of
+
+SCHEMA = "jaxfric.fit/1"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter in SI: value, standard deviation, 95 % interval.
+
+    `free` is False for a parameter that was given, whose std is 0. `determined` is False where
+    the record does not fix a free one: value, std and interval then mean nothing.
+    `profiled` tells an interval from the profile likelihood from one from the covariance.
+    """
+
+    value: float
+    std: float
+    lower: float
+    upper: float
+    unit: str
+    free: bool = True
+    determined: bool = True
+    profiled: bool = False
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """Noise of the residual: standard deviation (unit of friction), the share of its square that is
+    exponentially correlated, and the correlation time [s]."""
+
+    sigma: float
+    correlated_share: float
+    correlation_time: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted record. Parameters in SI; friction quantities in the record's unit (1 or N)."""
+
+    record: Record
+    steps: VelocitySteps
+    model: Model
+    parameters: Mapping[str, Estimate]
+    free: tuple[str, ...]
+    """Names of the free parameters, in the order of `covariance` and `correlation`."""
+    covariance: np.ndarray
+    """Covariance of the free parameters (SI)."""
+    correlation: np.ndarray
+    predicted: np.ndarray
+    """Fitted friction at the rows of the record."""
+    sum_of_squares: float
+    rms: float
+    noise: NoiseEstimate
+    converged: bool
+    result: str
+    iterations: int
+    weighting: str
+    warnings: tuple[str, ...]
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Record minus fit."""
+        return self.record.friction - self.predicted
+
+    def values(self) -> dict[str, float]:
+        """Parameter values by name (SI)."""
+        return {name: estimate.value for name, estimate in self.parameters.items()}
+
+    def rig(self) -> Rig:
+        """The fitted rig."""
+        values = self.values()
+        vector = jnp.asarray([values[name] for name in self.model.names()])
+        return build_rig(self.model, vector, jnp.asarray(values["V0"]), jnp.asarray(values["K"]))
+
+    def motion(self) -> PiecewiseVelocity:
+        """The commanded motion that was fitted with; time from the record's first row."""
+        return PiecewiseVelocity(self.steps.times, self.steps.velocities)
+
+    def critical_stiffness(self) -> float:
+        """Critical stiffness of the fitted law without mass and damping [friction/m]."""
+        law = self.rig().friction
+        assert isinstance(law, RateState)
+        return float(_critical(law))
+
+    def to_json(self) -> dict:
+        """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
+        origin = self.record.provenance
+        kcr = self.critical_stiffness()
+        return {
+            "schema": SCHEMA,
+            "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
+            "law": self.model.law,
+            "states": self.model.states,
+            "friction_unit": self.record.friction_unit,
+            "parameters": {name: _plain(e) for name, e in self.parameters.items()},
+            "free": list(self.free),
+            "covariance": _numbers(self.covariance),
+            "correlation": _numbers(self.correlation),
+            "steps": {
+                "times": self.steps.times.tolist(),
+                "velocities": self.steps.velocities.tolist(),
+            },
+            "critical_stiffness": _number(kcr),
+            "sum_of_squares": _number(self.sum_of_squares),
+            "rms": _number(self.rms),
+            "noise": {
+                "sigma": _number(self.noise.sigma),
+                "correlated_share": _number(self.noise.correlated_share),
+                "correlation_time": _number(self.noise.correlation_time),
+            },
+            "weighting": self.weighting,
+            "converged": self.converged,
+            "iterations": self.iterations,
+            "result": self.result,
+            "warnings": list(self.warnings),
+        }
+
+
+_critical = eqx.filter_jit(critical_stiffness)
+
+
+def unit_of(name: str, friction_unit: str) -> str:
+    """SI unit of a parameter where friction is in `friction_unit`."""
+    return tidy_unit(quantity_of(name).unit_for(friction_unit))
+
+
+def tidy_unit(unit: str) -> str:
+    """A unit as people write it: "1/m" stays, "1 s/m" becomes "s/m"."""
+    return unit.removeprefix("1 ") if unit.startswith("1 ") else unit
+
+
+def _plain(estimate: Estimate) -> dict:
+    known = estimate.determined
+    return {
+        "value": _number(estimate.value),
+        "std": _number(estimate.std) if known else None,
+        "lower": _number(estimate.lower) if known else None,
+        "upper": _number(estimate.upper) if known else None,
+        "unit": estimate.unit,
+        "free": estimate.free,
+        "determined": known,
+        "interval": "profile" if estimate.profiled else "covariance",
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _numbers(matrix: np.ndarray) -> list:
+    return [[_number(value) for value in row] for row in np.asarray(matrix)]

@@ -1,0 +1,120 @@
+"""Levenberg-Marquardt from the best of several starts.
+
+Three compiled functions do the work: the misfits of all starts, one descent, and the
+residual with its Jacobian. The starts are mapped one after another rather than batched: a
+batched `while_loop` copies the solver's whole memory at every step, which costs more than the
+batch saves on a few cores.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from .problem import FAILED_MISFIT, Problem, residual_and_jacobian
+
+# A descent from which the misfit per sample is below this is not compared with others: it
+# fits to the noise (measured from second differences of the record).
+_NOISE_REACHED = 1.1
+_DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)
+
+
+class Solution(NamedTuple):
+    """Best parameters found, and what the solver said about them."""
+
+    z: Float[Array, " p"]
+    residual: Float[Array, " n"]
+    jacobian: Float[Array, "n p"]
+    result: optx.RESULTS
+    num_steps: int
+    cost: float
+    costs: np.ndarray
+    """Misfits reached by the descents, best first."""
+
+
+def one_pass(problem: Problem, z: Float[Array, " p"]):
+    """The residual as a function whose linearisation costs no second solve.
+
+    Linearising a `while_loop` would run it once for the value and again for the tangents.
+    This derivative rule runs it once with all tangents; what is left is a matrix product.
+    It is traced once, here, for vectors like `z`: tracing a solver takes a second.
+    """
+    both = eqx.filter_closure_convert(lambda y: residual_and_jacobian(problem, y), z)
+
+    @jax.custom_jvp
+    def residual(y):
+        return both(y)[0]
+
+    @residual.defjvp
+    def _(primals, tangents):
+        value, jacobian = both(*primals)
+        return value, jacobian @ tangents[0]
+
+    return residual
+
+
+@eqx.filter_jit
+def start_misfits(problem: Problem, starts: Float[Array, "s p"]) -> Float[Array, " s"]:
+    """Sum of squared residuals at every start."""
+    return jax.lax.map(lambda z: jnp.sum(problem.residual(z) ** 2), starts)
+
+
+@eqx.filter_jit
+def descend(problem: Problem, z: Float[Array, " p"], free: Float[Array, " p"], tolerance: float):
+    """One Levenberg-Marquardt descent in the parameters whose `free` is 1; the others stay.
+
+    Returns the parameters, the solver's result and the number of trials.
+    """
+    residual = one_pass(problem, z)
+    fixed = z * (1 - free)
+    solver = optx.LevenbergMarquardt(rtol=1e-8, atol=tolerance)
+    out = optx.least_squares(
+        lambda y, _: residual(fixed + free * y), solver, z, max_steps=80, throw=False
+    )
+    return fixed + free * out.value, out.result, out.stats["num_steps"]
+
+
+def solve(
+    problem: Problem,
+    starts: Float[Array, "s p"],
+    *,
+    refine: int = 3,
+    tolerance: float = 1e-3,
+) -> Solution:
+    """Minimise the sum of squared residuals from up to `refine` of the `starts`.
+
+    A descent ends when neither a parameter (unbounded form) nor a residual (in noise units)
+    changes by more than `tolerance`.
+    """
+    misfits = np.asarray(start_misfits(problem, starts))
+    order = np.argsort(misfits)
+    if misfits[order[0]] >= FAILED_MISFIT**2 and problem.damping is None:
+        # every start runs away: the record lies near that edge. Approach it with a dashpot.
+        order = np.argsort(np.asarray(start_misfits(problem.damped(_DASHPOTS[0]), starts)))
+    samples = float(jnp.sum(problem.weight > 0))
+    found: list[Solution] = []
+    for i in order[:refine]:
+        feasible = bool(misfits[i] < FAILED_MISFIT**2)
+        z, result, steps = _descend_safely(problem, starts[i], feasible, tolerance)
+        residual, jacobian = residual_and_jacobian(problem, z)
+        cost = float(jnp.sum(residual**2))
+        found.append(Solution(z, residual, jacobian, result, int(steps), cost, np.empty(0)))
+        if cost < _NOISE_REACHED * samples:
+            break
+    best = min(found, key=lambda s: s.cost)
+    return best._replace(costs=np.sort([s.cost for s in found]))
+
+
+def _descend_safely(problem, z, feasible: bool, tolerance: float):
+    """Descend; from a start that runs away, first with ever weaker dashpots that forbid it."""
+    free = jnp.ones_like(z)
+    for strength in _DASHPOTS:
+        if feasible:
+            break
+        z, _, _ = descend(problem.damped(strength), z, free, tolerance)
+        feasible = bool(start_misfits(problem, z[None])[0] < FAILED_MISFIT**2)
+    return descend(problem, z, free, tolerance)

@@ -1,0 +1,323 @@
+"""Starting values from the data: no guess is asked of the user.
+
+One state. The record is averaged over intervals that are short after a step and grow
+with the time since. On these intervals a slider is simulated by implicit Euler steps, coarse
+but finite for any parameters, for a whole grid of (A, B, L) at once (and K, where it is
+free). The range of A comes from the size of the jumps, that of B from the steady levels, that of L
+from the slip resolved after a step and the slip travelled. f0 (and a slip trend) follow
+by linear least squares. The best few distinct members are the starts.
+
+More states. Once a one-state fit gives the slider's velocity without the record's noise, both
+evolution laws are driven by known velocity: theta = B h, h independent of B,
+
+    slip     dh/dx = -(h + ln(V/V0))/L
+    ageing   h = ln(V0 Theta/L),   dTheta/dt = 1 - V Theta/L
+
+so f = f0 + A ln(V/V0) + sum_i B_i h_i (+ s x) is linear in all but the L_i, which are scanned.
+(Taking the velocity from the record itself instead biases the regression: the noise of the
+record is then in the regressors, and a fast state of negative B wins.)
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..records import VelocitySteps
+from .problem import Model, bucket
+
+_INTERVALS = 160
+_GRID_A = np.geomspace(0.6, 8.0, 9)  # times the largest jump per unit of ln V
+_GRID_B = np.array([-1.0, -0.4, 0.0, 0.4, 1.0])  # same unit, around what the levels say
+_GRID_L = 16
+_GRID_K = 8
+_GRID_PAIRS = 16
+_NEWTON_STEPS = 6
+
+
+class Averaged(NamedTuple):
+    """Means over intervals: end of the interval [s], mean time [s], friction, rows in it."""
+
+    end: np.ndarray
+    time: np.ndarray
+    friction: np.ndarray
+    count: np.ndarray
+
+
+class Candidates(NamedTuple):
+    """One-state parameters, one row per candidate, best first, and their misfits."""
+
+    values: np.ndarray
+    misfit: np.ndarray
+
+
+def average(t: np.ndarray, f: np.ndarray, steps: VelocitySteps) -> Averaged:
+    """Average a record over intervals that begin at every step and grow geometrically."""
+    edges = [np.zeros(1)]
+    times = steps.times[steps.times < t[-1]]
+    per_segment = max(16, _INTERVALS // len(times))
+    for start, end in zip(times, np.append(times[1:], t[-1]), strict=True):
+        rows = np.count_nonzero((t >= start) & (t < end))
+        first = (end - start) * min(2.0 / max(rows, 1), 0.25)
+        growth = 1.0 + 4.0 / per_segment
+        n = int(np.ceil(np.log1p((growth - 1) * (end - start) / first) / np.log(growth)))
+        widths = first * growth ** np.arange(max(n, 1))
+        edges.append(start + (end - start) * np.cumsum(widths) / widths.sum())
+    edge = np.unique(np.concatenate(edges))
+    edge[-1] = np.nextafter(max(edge[-1], t[-1]), np.inf)
+    which = np.clip(np.searchsorted(edge, t, side="right") - 1, 0, len(edge) - 2)
+    count = np.bincount(which, minlength=len(edge) - 1)
+    safe = np.maximum(count, 1)
+    mean_t = np.bincount(which, t, minlength=len(edge) - 1) / safe
+    mean_f = np.bincount(which, f, minlength=len(edge) - 1) / safe
+    return Averaged(edge[1:], np.where(count > 0, mean_t, edge[1:]), mean_f, count.astype(float))
+
+
+def noise_from_differences(f: np.ndarray) -> float:
+    """White-noise level from second differences: robust, and blind to slow signal."""
+    second = f[2:] - 2 * f[1:-1] + f[:-2]
+    level = 1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0)
+    return float(max(level, 1e-5 * np.ptp(f), 1e-12 * np.max(np.abs(f)), 1e-300))
+
+
+def one_state_starts(
+    t: np.ndarray,
+    f: np.ndarray,
+    steps: VelocitySteps,
+    *,
+    V0: float,
+    stiffness: float | None,
+    model: Model,
+    number: int = 6,
+) -> np.ndarray:
+    """The best `number` one-state starts, rows in the order of `model.names()` for one state.
+
+    `stiffness` None scans it over the decades above the steepest loading seen.
+    """
+    t, f, steps = _before_reversal(t, f, steps)
+    data = average(t, f, steps)
+    grid = _grid(data, steps, stiffness)
+    pad = bucket(len(data.time), 64) - len(data.time)
+    dt = np.pad(np.diff(data.end, prepend=0.0), (0, pad))
+    load = steps.displacement(data.end)
+    velocity = np.diff(load, prepend=0.0) / np.diff(data.end, prepend=0.0)
+    linear, misfit = _grid_misfit(
+        jnp.asarray(grid),
+        jnp.asarray(dt),
+        jnp.asarray(np.pad(load, (0, pad), mode="edge")),
+        jnp.asarray(np.pad(velocity, (0, pad), mode="edge")),
+        jnp.asarray(np.pad(data.friction, (0, pad))),
+        jnp.asarray(np.pad(data.count, (0, pad))),
+        jnp.asarray(V0),
+        jnp.asarray(steps.velocities[0]),
+        model.law,
+        model.slip_trend,
+    )
+    linear, misfit = np.asarray(linear), np.asarray(misfit)
+    kept: list[int] = []
+    shape = np.log(np.abs(grid[:, [0, 2, 3]]))
+    for i in np.argsort(np.where(np.isfinite(misfit), misfit, np.inf)):
+        if all(np.max(np.abs(shape[i] - shape[j])) > 0.5 for j in kept):
+            kept.append(int(i))
+        if len(kept) == number:
+            break
+    A, B, L, K = grid[kept].T
+    columns = [linear[kept, 0], A, B, L]
+    columns += [K] * model.fit_stiffness + [linear[kept, 1]] * model.slip_trend
+    return np.stack(columns, axis=1)
+
+
+def _before_reversal(t, f, steps: VelocitySteps):
+    """The part of a record before the load point first turns back; all of it if it never does."""
+    back = np.flatnonzero(steps.velocities < 0)
+    if len(back) == 0:
+        return t, f, steps
+    first = back[0]
+    keep = t < steps.times[first]
+    return t[keep], f[keep], VelocitySteps(steps.times[:first], steps.velocities[:first])
+
+
+def _grid(data: Averaged, steps: VelocitySteps, stiffness) -> np.ndarray:
+    """Rows (A, B, L, K) to try."""
+    times, velocities = steps.times, steps.velocities
+    full = data.count > 0
+    time, friction = data.time[full], data.friction[full]
+    segment = np.searchsorted(times, time, side="right") - 1
+    levels, logs, jump, resolved = [], [], 0.0, np.inf
+    for k in range(len(times)):
+        here = np.flatnonzero(segment == k)
+        if len(here) == 0 or velocities[k] == 0:
+            continue
+        levels.append(np.mean(friction[here[-max(len(here) // 8, 1) :]]))
+        logs.append(np.log(abs(velocities[k])))
+        if len(levels) > 1 and logs[-1] != logs[-2]:
+            swing = np.max(np.abs(friction[here] - levels[-2]))
+            jump = max(jump, swing / abs(logs[-1] - logs[-2]))
+            resolved = min(resolved, abs(velocities[k]) * (data.end[full][here[0]] - times[k]))
+    slope = np.polyfit(logs, levels, 1)[0] if np.ptp(logs) > 0 else 0.0
+    jump = max(jump, 1e-4 * np.ptp(friction), 1e-12)
+    travel = float(np.sum(np.abs(velocities) * np.diff(np.append(times, data.end[-1]))))
+    Ls = np.geomspace(max(0.3 * min(resolved, travel), 1e-5 * travel), travel, _GRID_L)
+    if stiffness is None:
+        steepest = _steepest_loading(data, steps, travel)
+        Ks = np.geomspace(0.8 * steepest, 20.0 * steepest, _GRID_K)
+    else:
+        Ks = np.array([stiffness])
+    A, offset, L, K = (
+        g.ravel() for g in np.meshgrid(jump * _GRID_A, jump * _GRID_B, Ls, Ks, indexing="ij")
+    )
+    B = A - slope + offset
+    return np.stack([A, np.where(B == 0, 1e-3 * A, B), L, K], axis=1)
+
+
+def _steepest_loading(data: Averaged, steps: VelocitySteps, travel: float) -> float:
+    """A stiffness that the loading after the steps shows to be exceeded or nearly so."""
+    full = data.count > 0
+    times, velocities = steps.times, steps.velocities
+    load = steps.displacement(data.time[full])
+    friction = data.friction[full]
+    steepest = 2.0 * np.ptp(friction) / max(travel, 1e-300)
+    for k in range(1, len(times)):
+        after = np.flatnonzero(data.time[full] >= times[k])[:4]
+        if len(after) == 4:
+            stretch = np.abs(
+                load[after]
+                - load[after[0]]
+                - velocities[k - 1] * (data.time[full][after] - data.time[full][after[0]])
+            )
+            rise = np.abs(friction[after] - friction[after[0]])
+            steepest = max(steepest, float(np.max(rise[1:] / np.maximum(stretch[1:], 1e-300))))
+    return steepest
+
+
+@eqx.filter_jit
+def _grid_misfit(grid, dt, load, velocity, friction, count, V0, first_velocity, law, trend):
+    """Misfit of every member after linear least squares for f0 (and the trend).
+
+    The slider is stepped by implicit Euler in ln V with the state's exact update at constant V.
+    Trapezoidal means of successive values stand for the interval means of the record.
+    """
+    A, B, L, K = grid.T
+    u0 = jnp.log(jnp.abs(first_velocity) / V0)
+    members = jnp.ones_like(A)
+
+    def advance(carry, interval):
+        x, u, theta, force = carry
+        h, x_m, v = interval
+        speed = jnp.maximum(jnp.abs(v), 1e-6 * jnp.abs(first_velocity))
+        near = jnp.clip(u, jnp.log(speed / V0) - 2.0, jnp.log(speed / V0) + 2.0)
+        trial = jnp.where(v > 0, near, u)
+        for _ in range(_NEWTON_STEPS):
+            gap, slope, _ = _imbalance(trial, x, theta, h, x_m, A, B, L, K, V0, law)
+            trial = trial - jnp.clip(gap / slope, -1.0, 1.0)
+        trial = jnp.clip(trial, -40.0, 40.0)
+        _, _, state = _imbalance(trial, x, theta, h, x_m, A, B, L, K, V0, law)
+        V = V0 * jnp.exp(trial)
+        new = (x + V * h, trial, state, A * trial + state)
+        new = jax.tree.map(lambda n, o: jnp.where(h > 0, n, o), new, carry)
+        return new, (0.5 * (new[3] + force), 0.5 * (new[0] + x))
+
+    # at the start the spring holds the steady force: x is counted from there
+    theta0 = -B * u0
+    force0 = A * u0 + theta0
+    start = (-force0 / K, u0 * members, theta0, force0)
+    _, (forces, slips) = jax.lax.scan(advance, start, (dt, load, velocity))
+    return jax.vmap(_linear_part, in_axes=(1, 1, None, None, None))(
+        forces, slips, friction, count, trend
+    )
+
+
+def _imbalance(u, x, theta, h, x_m, A, B, L, K, V0, law):
+    """Friction minus spring force after a step to log velocity u, its slope, and the state."""
+    V = V0 * jnp.exp(u)
+    w = V * h / L
+    decay = jnp.exp(-w)
+    if law == "slip":
+        state = -B * u + (theta + B * u) * decay
+        slope = -B * (1 - decay) - (theta + B * u) * w * decay
+    else:
+        age = jnp.exp(jnp.clip(theta / B, -40.0, 40.0))  # V0 Theta/L
+        steady = jnp.exp(-u)
+        new = steady + (age - steady) * decay
+        state = B * jnp.log(new)
+        slope = B * (-steady * (1 - decay) - (age - steady) * w * decay) / new
+    gap = A * u + state - K * (x_m - x - V * h)
+    return gap, jnp.maximum(A + slope + K * V * h, 0.1 * A), state
+
+
+def _linear_part(
+    force: Float[Array, " n"], slip: Float[Array, " n"], friction, count, trend: bool
+) -> tuple[Float[Array, " 2"], Float[Array, ""]]:
+    """f0 and trend by weighted least squares, and the misfit that is left."""
+    target = friction - force
+    total = jnp.sum(count)
+    f0 = jnp.sum(count * target) / total
+    s = jnp.zeros_like(f0)
+    if trend:
+        centred = slip - jnp.sum(count * slip) / total
+        s = jnp.sum(count * centred * target) / jnp.sum(count * centred**2)
+        f0 = f0 - s * jnp.sum(count * slip) / total
+    left = target - f0 - s * slip
+    return jnp.stack([f0, s]), jnp.sum(count * left**2)
+
+
+def more_state_starts(
+    time: np.ndarray,
+    friction: np.ndarray,
+    velocity: np.ndarray,
+    slip: np.ndarray,
+    weight: np.ndarray,
+    *,
+    V0: float,
+    stiffness: float,
+    model: Model,
+    number: int = 5,
+) -> np.ndarray:
+    """Starts for two or more states from the velocity and slip of a one-state fit."""
+    u = np.log(velocity / V0)
+    dt = np.diff(time)
+    V = np.sqrt(velocity[1:] * velocity[:-1])
+    travel = float(np.sum(V * dt))
+    Ls = np.geomspace(1e-3 * travel, travel, _GRID_PAIRS)
+    h = _memory(np.log(V / V0), V, dt, Ls, u[0], V0=V0, law=model.law)
+    found = []
+    for chosen in _combinations(len(Ls), model.states):
+        columns = [np.ones_like(u), u, *(h[:, i] for i in chosen)]
+        columns += [slip] * model.slip_trend
+        design = np.stack(columns, axis=1) * weight[:, None]
+        solution, *_ = np.linalg.lstsq(design, friction * weight, rcond=1e-10)
+        if solution[1] <= 0:
+            continue
+        misfit = float(np.sum((design @ solution - friction * weight) ** 2))
+        values = [solution[0], solution[1]]
+        for j, i in enumerate(chosen):
+            values += [solution[2 + j], Ls[i]]
+        values += [stiffness] * model.fit_stiffness + [solution[-1]] * model.slip_trend
+        found.append((misfit, [float(v) for v in values]))
+    found.sort(key=lambda item: item[0])
+    return np.array([values for _, values in found[:number]])
+
+
+def _memory(u, V, dt, Ls, start_u, *, V0, law) -> np.ndarray:
+    """h at every time for every L, with V constant over an interval; steady at the start."""
+    decay = np.exp(-(V * dt)[:, None] / Ls)
+    h = np.empty((len(u) + 1, len(Ls)))
+    h[0] = -start_u
+    for k, (uk, Vk) in enumerate(zip(u, V, strict=True)):
+        if law == "slip":
+            h[k + 1] = -uk + (h[k] + uk) * decay[k]
+        else:
+            steady = V0 / Vk
+            h[k + 1] = np.log(steady + (np.exp(h[k]) - steady) * decay[k])
+    return h
+
+
+def _combinations(n: int, states: int) -> list[tuple[int, ...]]:
+    """Ascending choices of slip lengths, at least two grid steps apart."""
+    if states == 1:
+        return [(i,) for i in range(n)]
+    smaller = _combinations(n, states - 1)
+    return [(*c, i) for c in smaller for i in range(c[-1] + 2, n)]

@@ -1,0 +1,112 @@
+"""Honest errors: covariance under coloured noise, intervals, and what is not determined.
+
+Ordinary least squares minimises r^T r, so under noise of covariance Sigma its parameters have the
+covariance G J^T Sigma J G, G = (J^T J)^-1 (the sandwich form; White 1980,
+doi:10.2307/1912934). If the residual was whitened first, J is the whitened Jacobian W J and
+the covariance is (J^T W^T W J)^-1. The residual of a step time has unit variance in both.
+
+Intervals are taken in the unbounded variables, so those of positive quantities are
+multiplicative. A profile interval is where the misfit, minimised over all other parameters,
+has risen by q^2 C_ii/G_ii: q^2 in units of the noise, scaled so that curvature and covariance agree
+(Chandler & Bate 2007, doi:10.1093/biomet/asm015).
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .noise import Noise, sandwich
+from .problem import Problem, quantity_of, residual_and_jacobian
+from .solve import Solution, descend
+
+QUANTILE = 1.959963984540054
+"""Half width of a 95 % interval in standard deviations of a normal distribution."""
+
+_HALF_DECADE = 0.5 * np.log(10.0)
+_PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
+
+
+def normal_inverse(jacobian: Float[Array, "n p"]) -> np.ndarray:
+    """(J^T J)^-1, by scaled eigenvectors; directions that J does not see become very large."""
+    gram = np.asarray(jacobian.T @ jacobian)
+    scale = 1 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram * scale[:, None] * scale)
+    values = np.maximum(values, 1e-14 * values[-1])
+    return (vectors / values) @ vectors.T * scale[:, None] * scale
+
+
+def data_part(problem: Problem, solution: Solution):
+    """Residual and Jacobian of the record alone, without the residuals of the step times."""
+    n = problem.time.shape[0]
+    return solution.residual[:n], solution.jacobian[:n]
+
+
+def covariance(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
+    """Covariance of the unbounded parameters."""
+    inverse = normal_inverse(solution.jacobian)
+    if problem.noise is not None:
+        return inverse
+    _, jacobian = data_part(problem, solution)
+    middle = np.array(sandwich(problem.time, jacobian, noise))
+    p = len(problem.model.names())
+    middle[range(p, len(middle)), range(p, len(middle))] += np.asarray(problem.hold) ** 4
+    return inverse @ middle @ inverse
+
+
+def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
+    """Weights on the shifts of step times that balance them with a record of coloured noise.
+
+    Plain least squares counts every row as independent and so takes the record for more
+    precise than it is, by the ratio of the true to the nominal variance of a shift.
+    """
+    _, jacobian = data_part(problem, solution)
+    inverse = normal_inverse(jacobian)
+    true = inverse @ np.asarray(sandwich(problem.time, jacobian, noise)) @ inverse
+    p = len(problem.model.names())
+    return np.sqrt(np.maximum(np.diag(true)[p:] / np.diag(inverse)[p:], 1.0))
+
+
+def determined(problem: Problem, std: np.ndarray, span: float) -> list[bool]:
+    """Whether the record fixes each parameter, given the errors of the unbounded ones.
+
+    A positive parameter is determined if its 95 % interval is shorter than a decade, a signed
+    one if half the interval is less than the `span` of friction that the record covers.
+    """
+    signed = span / float(problem.force_scale)
+    limits = [
+        _HALF_DECADE if np.isfinite(quantity_of(name).lower) else signed
+        for name in problem.model.names()
+    ]
+    return [bool(QUANTILE * s < limit) for s, limit in zip(std, limits, strict=False)]
+
+
+def profile_interval(
+    problem: Problem,
+    solution: Solution,
+    index: int,
+    std: float,
+    *,
+    tolerance: float = 1e-3,
+) -> tuple[float, float]:
+    """Profile-likelihood 95 % interval of one unbounded parameter; infinite where it stays open."""
+    inverse = normal_inverse(solution.jacobian)
+    unit = std**2 / inverse[index, index]
+    free = jnp.ones_like(solution.z).at[index].set(0.0)
+    ends = []
+    for side in (-1.0, 1.0):
+        distances, roots, z = [0.0], [0.0], solution.z
+        for point in _PROFILE_POINTS:
+            z = z.at[index].set(solution.z[index] + side * point * std)
+            z, _, _ = descend(problem, z, free, tolerance)
+            residual, _ = residual_and_jacobian(problem, z)
+            rise = max(float(jnp.sum(residual**2)) - solution.cost, 0.0)
+            distances.append(point)
+            roots.append(np.sqrt(rise / unit))
+            if roots[-1] > QUANTILE:
+                break
+        if roots[-1] > QUANTILE:
+            reach = np.interp(QUANTILE, roots[-2:], distances[-2:])
+            ends.append(float(solution.z[index]) + side * std * reach)
+        else:
+            ends.append(side * np.inf)
+    return ends[0], ends[1]

@@ -1,0 +1,122 @@
+"""The figure of a fit: record and model, residual, autocorrelation of the residual."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ..fitting import Fit
+from ..report.fit_table import rows
+
+_DATA, _FIT, _STEP, _BAND = "#1f4e79", "#c8501e", "0.55", "0.85"
+_LAGS = 28
+
+
+def draw_fit(fit: Fit, *paths: str | Path) -> None:
+    """Write the figure of a fit to each of `paths` (PNG, SVG or PDF by its ending)."""
+    figure = Figure(figsize=(9.5, 8.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(3, 1, height_ratios=[2.2, 1.1, 1.1])
+    along, label, marks = _abscissa(fit)
+    _record(axes[0], fit, along)
+    _residual(axes[1], fit, along)
+    axes[1].sharex(axes[0])
+    axes[0].tick_params(labelbottom=False)
+    axes[1].set_xlabel(label)
+    _autocorrelation(axes[2], fit)
+    for axis in axes:
+        axis.spines[["top", "right"]].set_visible(False)
+    for axis in axes[:2]:
+        axis.margins(x=0.01)
+        for mark in marks:
+            axis.axvline(mark, color=_STEP, lw=0.8, ls="--", zorder=0)
+    name = Path(fit.record.provenance.path).name
+    states = "" if fit.model.states == 1 else f", {fit.model.states} states"
+    figure.suptitle(f"{name}: {fit.model.law} law{states}", x=0.01, ha="left", fontsize=11)
+    figure.align_ylabels(list(axes))
+    for path in paths:
+        figure.savefig(str(path), dpi=130)
+
+
+def _abscissa(fit: Fit) -> tuple[np.ndarray, str, np.ndarray]:
+    """Load-point displacement where it always advances, else time; its label; the steps on it."""
+    steps, time = fit.steps, fit.record.relative_time
+    if np.all(steps.velocities > 0) or np.all(steps.velocities < 0):
+        along, marks = 1e6 * steps.displacement(time), 1e6 * steps.displacement(steps.times[1:])
+        return along, "load-point displacement since the first row [µm]", marks
+    return time, "time since the first row [s]", steps.times[1:]
+
+
+def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
+    axis.plot(along, fit.record.friction, color=_DATA, lw=0.9, alpha=0.75, label="record")
+    axis.plot(along, fit.predicted, color=_FIT, lw=1.6, label="fit")
+    force = fit.record.friction_unit == "N"
+    axis.set_ylabel("friction force [N]" if force else "friction coefficient")
+    axis.legend(loc="upper left", frameon=False, fontsize=9)
+    lines = [
+        f"{row.name} = {row.value}"
+        + (f" ± {row.std}" if row.std not in ("", "given") else "")
+        + (f" {row.unit}" if row.unit and row.value != "undetermined" else "")
+        for row in rows(fit)
+    ]
+    axis.text(
+        0.99,
+        0.97,
+        "\n".join(lines),
+        transform=axis.transAxes,
+        ha="right",
+        va="top",
+        fontsize=8.5,
+        bbox=dict(facecolor="white", edgecolor="0.8", alpha=0.85, boxstyle="round,pad=0.4"),
+    )
+
+
+def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
+    sigma = fit.noise.sigma
+    axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=_BAND, lw=0, zorder=0, label="±1.96 σ of noise")
+    axis.plot(along, fit.residual, color=_DATA, lw=0.7)
+    axis.axhline(0, color="0.3", lw=0.6)
+    axis.set_ylabel("record − fit")
+    axis.legend(loc="upper right", frameon=False, fontsize=8)
+
+
+def _autocorrelation(axis: Axes, fit: Fit) -> None:
+    lag, value, count = autocorrelation(fit.record.relative_time, fit.residual)
+    band = 1.96 / np.sqrt(count)
+    axis.fill_between(lag, -band, band, color=_BAND, lw=0, label="95 % band of white noise")
+    axis.plot(lag, value, "o-", color=_DATA, ms=3, lw=0.8, label="residual")
+    model = fit.noise.correlated_share * np.exp(-lag / fit.noise.correlation_time)
+    axis.plot(lag, model, color=_FIT, lw=1.2, ls="--", label="noise model")
+    axis.axhline(0, color="0.3", lw=0.6)
+    axis.set_xscale("log")
+    axis.set_ylim(min(-0.3, 1.1 * float(value.min())), 1.02)
+    axis.set_xlabel("lag [s]")
+    axis.set_ylabel("autocorrelation")
+    axis.legend(loc="upper right", frameon=False, fontsize=8)
+
+
+def autocorrelation(
+    time: np.ndarray, residual: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Autocorrelation of an unevenly sampled residual in logarithmic bins of lag.
+
+    Returns mean lag [s], correlation and number of pairs of every bin that has pairs. Rows are
+    paired at logarithmically spaced distances up to a quarter of the record.
+    """
+    centred = residual - residual.mean()
+    shifts = np.unique(np.geomspace(1, max(len(time) // 4, 1), 60).astype(int))
+    lags = np.concatenate([time[s:] - time[:-s] for s in shifts])
+    products = np.concatenate([centred[s:] * centred[:-s] for s in shifts])
+    edges = np.geomspace(lags.min(), lags.max() * (1 + 1e-9), _LAGS + 1)
+    which = np.clip(np.searchsorted(edges, lags, side="right") - 1, 0, _LAGS - 1)
+    count = np.bincount(which, minlength=_LAGS)
+    full = count > 0
+    lag = np.bincount(which, lags, minlength=_LAGS)[full] / count[full]
+    first = np.bincount(which, np.concatenate([centred[:-s] ** 2 for s in shifts]), _LAGS)[full]
+    second = np.bincount(which, np.concatenate([centred[s:] ** 2 for s in shifts]), _LAGS)[full]
+    value = np.bincount(which, products, minlength=_LAGS)[full]
+    value = value / np.maximum(np.sqrt(first * second), 1e-300)
+    # pairs that share rows are not independent: no more of them than there are rows
+    return lag, value, np.minimum(count[full], len(time))

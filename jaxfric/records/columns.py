@@ -1,0 +1,125 @@
+"""Which column of a table plays which role, and in which unit."""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..errors import InputError
+from ..units import factor, has_dimension
+from .header import ROLES, key, role_of, split_name_unit
+from .table import Table
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """Column `index` of the table; one of its units is `size` in `si_unit`."""
+
+    index: int
+    unit: str
+    si_unit: str
+    size: float
+
+
+def assign(table: Table, columns: Mapping[str, str]) -> tuple[dict[str, Assigned], list[str]]:
+    """The column of every role that the table has, and notes on what was assumed.
+
+    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`; all
+    other roles are found by their names.
+
+    Raises `InputError` for a role or column that does not exist, a required role without
+    a column, and a unit that is missing, unknown or of another dimension.
+    """
+    found = {role: _named(table, role, value) for role, value in columns.items()}
+    taken = {index for index, _ in found.values()}
+    for role in ROLES:
+        if role not in found and (index := _by_name(table, role, taken)) is not None:
+            found[role] = (index, table.units[index])
+    _require(table, found)
+    assigned = {role: _with_unit(table, role, *found[role]) for role in ROLES if role in found}
+    notes = [
+        f"column '{table.names[use.index]}' is {role}"
+        for role, use in assigned.items()
+        if key(table.names[use.index]) != key(role)
+    ]
+    used = {use.index for use in assigned.values()}
+    ignored = [name for i, name in enumerate(table.names) if i not in used]
+    if ignored:
+        notes.append(f"ignored columns: {', '.join(ignored)}")
+    return assigned, notes
+
+
+def _named(table: Table, role: str, value: str) -> tuple[int, str | None]:
+    """Column and unit that the user names for a role."""
+    if role not in ROLES:
+        raise InputError(f"'{role}' is no role of a column{_nearest(role, list(ROLES))}")
+    name, unit = split_name_unit(value)
+    for wanted, override in ((value, None), (name, unit)):
+        for same in (str.strip, key):
+            hits = [i for i, have in enumerate(table.names) if same(have) == same(wanted)]
+            if len(hits) == 1:
+                return hits[0], override if override is not None else table.units[hits[0]]
+    raise InputError(
+        f"{table.path} has no column '{name}' for {role}{_nearest(name, list(table.names))}"
+    )
+
+
+def _by_name(table: Table, role: str, taken: set[int]) -> int | None:
+    """The column whose name fits the role best; an equal fit of two is an error."""
+    fits: list[tuple[int, int]] = []
+    for index, name in enumerate(table.names):
+        known = role_of(name)
+        if index not in taken and known is not None and known[0] == role:
+            fits.append((known[1], index))
+    fits.sort()
+    if len(fits) > 1 and fits[0][0] == fits[1][0]:
+        names = " and ".join(f"'{table.names[i]}' (column {i + 1})" for _, i in fits[:2])
+        raise InputError(f"{table.path}: {names} could both be {role}; rename one of them")
+    return fits[0][1] if fits else None
+
+
+def _require(table: Table, found: Mapping[str, object]) -> None:
+    """Time, friction and a load point must be there."""
+    moves = ("load_point_displacement", "load_point_velocity")
+    missing = [role for role in ("time", "friction") if role not in found]
+    if not any(role in found for role in moves):
+        missing.insert(0, moves[0])
+    if not missing:
+        return
+    machine = any((unit or "").lower() in ("bit", "bits") for unit in table.units)
+    hint = (
+        " (bits are machine units: give what one bit is)"
+        if machine
+        else _nearest(missing[0], list(table.names), listed=False)
+    )
+    unit = {"friction": "1", "time": "s"}.get(missing[0], "0.01 um" if machine else "um")
+    raise InputError(
+        f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
+        f"{hint}; map one, as in {missing[0]}='NAME [{unit}]'"
+    )
+
+
+def _with_unit(table: Table, role: str, index: int, unit: str | None) -> Assigned:
+    """The size of the unit of a column in SI."""
+    what = f"{table.path}, column '{table.names[index]}' ({role})"
+    si_unit = ROLES[role]
+    if unit is None and si_unit != "1":
+        shown = {"s": "s", "m": "um", "m/s": "um/s", "Pa": "MPa"}[si_unit]
+        raise InputError(
+            f"{what} has no unit; write '{table.names[index]} [{shown}]' in the header"
+        )
+    if role == "friction" and has_dimension(unit or "", "N"):
+        si_unit = "N"
+    elif role == "friction" and has_dimension(unit or "", "Pa"):
+        raise InputError(
+            f"{what} is a stress [{unit}]; friction is a coefficient (divide it by the"
+            " normal stress) or a force [N]"
+        )
+    return Assigned(index, unit or "1", si_unit, factor(unit or "", si_unit, what))
+
+
+def _nearest(name: str, known: list[str], listed: bool = True) -> str:
+    """Did you mean ...? And what there is."""
+    by_key = {key(one): one for one in known}
+    close = difflib.get_close_matches(key(name), by_key, n=1, cutoff=0.55)
+    hint = f"; did you mean '{by_key[close[0]]}'?" if close else ""
+    return hint + (f"; there are: {', '.join(known)}" if listed else "")

@@ -1,0 +1,66 @@
+"""Names of columns: their unit, and the role that a name gives a column in a record."""
+
+import re
+
+ROLES = {
+    "time": "s",
+    "load_point_displacement": "m",
+    "load_point_velocity": "m/s",
+    "friction": "1",
+    "slip": "m",
+    "normal_stress": "Pa",
+}
+"""The roles and the SI unit of each. Friction may also be a force, in N."""
+
+_SYNONYMS = {
+    "time": "time t elapsedtime testtime timestamp exptime runtime seconds",
+    "load_point_displacement": "loadpointdisplacement loadpointdisp loadpointdispl lpdisplacement"
+    " lpdisp lpd loadpointposition motorposition motordisplacement ramdisplacement ramdisp"
+    " pistondisplacement sheardisplacement sheardisp displacement displ disp",
+    "load_point_velocity": "loadpointvelocity loadpointvel lpvelocity lpvel vlp loadingvelocity"
+    " loadingrate drivevelocity motorvelocity commandedvelocity velocity vel v",
+    "friction": "friction frictioncoefficient coefficientoffriction frictioncoeff"
+    " coefffriction cof mu μ frictionforce shearforce tangentialforce",
+    "slip": "slip slipdisplacement faultslip shearslip sliderdisplacement sliderposition",
+    "normal_stress": "normalstress effectivenormalstress effnormalstress effectivestress"
+    " normstress sigman sign σn",
+}
+_RANKS = {
+    name: (role, rank)
+    for role, names in _SYNONYMS.items()
+    for rank, name in enumerate(names.split())
+}
+_SUFFIXES = {"s": "s", "sec": "s", "ms": "ms", "us": "us", "min": "min", "n": "N", "kn": "kN"}
+_SUFFIXES |= {"um": "um", "micron": "um", "microns": "um", "mm": "mm", "nm": "nm", "m": "m"}
+_SUFFIXES |= {"pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa", "1": "1"}
+_SUFFIXES |= {
+    f"{m}{per}s": f"{m}/s" for m in ("m", "mm", "um", "nm") for per in ("_", "_per_", "p")
+}
+
+
+def split_name_unit(cell: str) -> tuple[str, str | None]:
+    """Name and unit of a header cell: `time [s]`, `Time(s)`, `time_s`; None without a unit.
+
+    A suffix counts as a unit only after a name that has a role, so that `x_m` stays a name.
+    """
+    cell = cell.strip().strip("\"'").strip()
+    match = re.fullmatch(r"(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]", cell)
+    if match and match.group(1).strip():
+        return match.group(1).strip(), match.group(2)
+    for parts in (3, 2, 1):
+        pieces = re.split(r"[_\s,]+", cell)
+        suffix = "_".join(pieces[-parts:]).replace("µ", "u").replace("μ", "u")
+        name = cell[: len(cell) - len(suffix)].rstrip("_ ,")
+        if len(pieces) > parts and suffix.lower() in _SUFFIXES and role_of(name):
+            return name, _SUFFIXES[suffix.lower()]
+    return cell, None
+
+
+def key(name: str) -> str:
+    """A name without case, blanks and signs, to compare by."""
+    return re.sub(r"[\W_]+", "", name.lower()).replace("µ", "μ")
+
+
+def role_of(name: str) -> tuple[str, int] | None:
+    """Role of a column's name and its rank (0: the role's own name); None: no role."""
+    return _RANKS.get(key(name))

@@ -1,0 +1,73 @@
+"""Least-squares lines through groups of rows, at a cost that does not grow with the rows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Least-squares lines through consecutive groups of rows (arrays of one shape)."""
+
+    count: np.ndarray
+    slope: np.ndarray
+    offset: np.ndarray
+    """Value at time 0."""
+    mean_time: np.ndarray
+    spread: np.ndarray
+    """Sum of squared deviations of time from its mean [s2]."""
+    sum_squares: np.ndarray
+    """Sum of squared residuals."""
+
+    def meet(self) -> np.ndarray:
+        """Times at which neighbouring lines meet; not finite for parallel ones."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return -np.diff(self.offset) / np.diff(self.slope)
+
+
+class Sums:
+    """Prefix sums of t, y, tt, ty, yy: a line through any rows i..j-1 at once.
+
+    The trend of the whole is taken off first, for precision: slopes are relative to
+    `trend`. `floor` is a length far below what a recorder resolves, in place of zero.
+    """
+
+    def __init__(self, t: np.ndarray, y: np.ndarray):
+        start = np.polyfit(t - t[0], y, 1)
+        self.t = t
+        self.trend = float(start[0])
+        self.rest = y - np.polyval(start, t - t[0])
+        self.floor = 1e-7 * max(float(np.ptp(y)), 1e-30)
+        x, r = t - t[0], self.rest
+        self._start = float(t[0])
+        terms = np.stack([x, r, x * x, x * r, r * r]).astype(np.longdouble)
+        self._sums = np.zeros((5, len(t) + 1), np.longdouble)
+        np.cumsum(terms, axis=1, out=self._sums[:, 1:])
+
+    def lines(self, first: np.ndarray, end: np.ndarray) -> Lines:
+        """The lines through the rows first..end-1."""
+        n = np.maximum(end - first, 1).astype(np.float64)
+        st, sy, stt, sty, syy = self._sums[:, end] - self._sums[:, first]
+        ctt = (stt - st * st / n).astype(np.float64)
+        cty = (sty - st * sy / n).astype(np.float64)
+        cyy = (syy - sy * sy / n).astype(np.float64)
+        slope = cty / np.where(ctt > 0, ctt, 1.0)
+        mean_time = (st / n).astype(np.float64) + self._start
+        offset = (sy / n).astype(np.float64) - slope * mean_time
+        return Lines(n, slope, offset, mean_time, ctt, np.maximum(cyy - slope * cty, 0.0))
+
+    def residual(self, rows: np.ndarray) -> list[np.ndarray]:
+        """Residuals of the lines through the groups rows[k]..rows[k+1]-1, one array each."""
+        fit, size = self.lines(rows[:-1], rows[1:]), np.diff(rows)
+        values = np.repeat(fit.offset, size) + np.repeat(fit.slope, size) * self.t
+        return np.split(self.rest - values, rows[1:-1])
+
+    def misfit(
+        self, first: np.ndarray, end: np.ndarray, slope: np.ndarray, offset: np.ndarray
+    ) -> np.ndarray:
+        """Sums of squares of the rows first..end-1 about given lines; 0 for no rows."""
+        own = self.lines(first, end)
+        tilt = own.slope - slope
+        shift = own.offset - offset + tilt * own.mean_time
+        squares = own.sum_squares + own.count * shift**2 + tilt**2 * own.spread
+        return np.where(end > first, squares, 0.0)

@@ -1,0 +1,228 @@
+"""A measured record of a slider: time, motion of the load point, friction. All in SI."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from .header import ROLES
+
+MIN_ROWS = 20
+"""A record needs this many rows."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a record comes from and what was left out of it.
+
+    `dropped` counts the rows left out, by reason.
+    """
+
+    path: str = ""
+    sha256: str = ""
+    rows_read: int = 0
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a record is sampled: rows, duration [s], and intervals between rows [s]."""
+
+    rows: int
+    duration: float
+    shortest: float
+    median: float
+    longest: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.rows} rows over {self.duration:.4g} s, every {self.median:.3g} s"
+            f" ({self.shortest:.3g} to {self.longest:.3g} s)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Columns of equal length, read-only, in SI; time increases from row to row.
+
+    - `time` [s], as in the file; `relative_time` starts at 0.
+    - `load_point_displacement` [m], `load_point_velocity` [m/s]: at least one of them.
+    - `friction`: a coefficient (`friction_unit` "1") or a force ("N").
+    - `slip` [m] and `normal_stress` [Pa] where the file has them.
+    - `units`: the unit of each role in the file.
+    """
+
+    time: np.ndarray
+    friction: np.ndarray
+    load_point_displacement: np.ndarray | None = None
+    load_point_velocity: np.ndarray | None = None
+    slip: np.ndarray | None = None
+    normal_stress: np.ndarray | None = None
+    friction_unit: str = "1"
+    units: Mapping[str, str] = field(default_factory=dict)
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def relative_time(self) -> np.ndarray:
+        """Time since the first row [s]."""
+        return self.time - self.time[0]
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """The columns that there are, by role."""
+        found = {role: getattr(self, role) for role in ROLES}
+        return {role: values for role, values in found.items() if values is not None}
+
+    def sampling(self) -> Sampling:
+        """Rows, duration and intervals."""
+        steps = np.diff(self.time)
+        return Sampling(
+            rows=len(self),
+            duration=float(self.time[-1] - self.time[0]),
+            shortest=float(steps.min()),
+            median=float(np.median(steps)),
+            longest=float(steps.max()),
+        )
+
+    def window(self, start: float, stop: float) -> "Record":
+        """The rows of relative time start..stop [s], as a record of its own.
+
+        Raises `InputError` where fewer than 20 rows are left.
+        """
+        inside = (self.relative_time >= start) & (self.relative_time <= stop)
+        count = int(inside.sum())
+        if count < MIN_ROWS:
+            raise InputError(
+                f"the window {start:g} to {stop:g} s holds {count} rows of a record of"
+                f" {self.time[-1] - self.time[0]:g} s; {MIN_ROWS} are needed"
+            )
+        cut = {role: _frozen(values[inside]) for role, values in self.columns.items()}
+        note = f"rows from {start:g} to {stop:g} s"
+        origin = replace(self.provenance, notes=(*self.provenance.notes, note))
+        return replace(self, **cut, provenance=origin)
+
+
+def from_arrays(
+    time: ArrayLike,
+    friction: ArrayLike,
+    *,
+    load_point_displacement: ArrayLike | None = None,
+    load_point_velocity: ArrayLike | None = None,
+    slip: ArrayLike | None = None,
+    normal_stress: ArrayLike | None = None,
+    friction_unit: str = "1",
+) -> Record:
+    """A record from arrays in SI, held to the rules of a file.
+
+    Raises `InputError` for columns of unequal length, values that are not finite, a time
+    that goes back, fewer than 20 rows, and where the load point is missing.
+    """
+    given = {
+        "time": time,
+        "load_point_displacement": load_point_displacement,
+        "load_point_velocity": load_point_velocity,
+        "friction": friction,
+        "slip": slip,
+        "normal_stress": normal_stress,
+    }
+    if friction_unit not in ("1", "N"):
+        raise InputError(f"friction_unit is '1' or 'N', not '{friction_unit}'")
+    columns: dict[str, np.ndarray] = {}
+    for role, values in given.items():
+        if values is not None:
+            columns[role] = _vector(values, role)
+    units = {role: ROLES[role] for role in columns} | {"friction": friction_unit}
+    lines = np.arange(1, len(columns["time"]) + 1)
+    bad = np.zeros(len(lines), bool)
+    return build(columns, friction_unit, units, Provenance("arrays"), lines, bad, False)
+
+
+def build(
+    columns: Mapping[str, np.ndarray],
+    friction_unit: str,
+    units: Mapping[str, str],
+    origin: Provenance,
+    lines: np.ndarray,
+    malformed: np.ndarray,
+    drop_bad: bool,
+) -> Record:
+    """Check the rows, drop equal time stamps (and bad rows if so told), and freeze.
+
+    `lines` is the place of every row in the file, `malformed` marks rows with a wrong
+    number of cells.
+    """
+    if "load_point_displacement" not in columns and "load_point_velocity" not in columns:
+        raise InputError("a record needs load_point_displacement or load_point_velocity")
+    if len({len(values) for values in columns.values()}) > 1:
+        sizes = ", ".join(f"{role} {len(values)}" for role, values in columns.items())
+        raise InputError(f"{origin.path}: columns of unequal length: {sizes}")
+    keep, dropped = _good_rows(columns, origin.path, lines, malformed, drop_bad)
+    kept = {role: _frozen(values[keep]) for role, values in columns.items()}
+    count = int(keep.sum())
+    if count < MIN_ROWS:
+        raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
+    origin = replace(origin, rows_read=len(lines), dropped=dropped)
+    return Record(**kept, friction_unit=friction_unit, units=dict(units), provenance=origin)
+
+
+def _good_rows(
+    columns: Mapping[str, np.ndarray],
+    path: str,
+    lines: np.ndarray,
+    malformed: np.ndarray,
+    drop_bad: bool,
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Rows to keep, and the count of the others by reason."""
+    finite = np.stack([np.isfinite(values) for values in columns.values()])
+    bad = ~finite.all(axis=0) & ~malformed
+    if malformed.any() and not drop_bad:
+        raise InputError(
+            f"{path}: {malformed.sum()} rows with a wrong number of cells, the first in row"
+            f" {lines[malformed][0]}; mend them, or leave them out (--drop-bad)"
+        )
+    if bad.any() and not drop_bad:
+        first = int(np.flatnonzero(bad)[0])
+        role = list(columns)[int(np.flatnonzero(~finite[:, first])[0])]
+        raise InputError(
+            f"{path}: {bad.sum()} rows with a cell that is no finite number, the first in row"
+            f" {lines[first]} ({role}); mend them, or leave them out (--drop-bad)"
+        )
+    keep = ~bad & ~malformed
+    time = np.where(keep, columns["time"], -np.inf)
+    before = np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
+    back, equal = keep & (time < before), keep & (time == before)
+    if back.any() and not drop_bad:
+        first = int(np.flatnonzero(back)[0])
+        raise InputError(
+            f"{path}: time goes back in row {lines[first]}, from {before[first]:.10g} to"
+            f" {time[first]:.10g} s; sort the rows or cut the file there"
+        )
+    counts = {
+        "wrong number of cells": int(malformed.sum()),
+        "no finite number": int(bad.sum()),
+        "equal time stamp": int(equal.sum()),
+        "time goes back": int(back.sum()),
+    }
+    return keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
+
+
+def _vector(values: ArrayLike, role: str) -> np.ndarray:
+    try:
+        vector = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{role}: not an array of numbers") from None
+    if vector.ndim != 1:
+        raise InputError(f"{role}: one dimension is needed, not {vector.ndim}")
+    return vector
+
+
+def _frozen(values: np.ndarray) -> np.ndarray:
+    values = np.ascontiguousarray(values, dtype=np.float64)
+    values.setflags(write=False)
+    return values

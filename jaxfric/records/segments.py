@@ -1,0 +1,211 @@
+"""Broken lines through noisy samples: how many lines, and from which row to which.
+
+The displacement of a load point that moves in velocity steps is a continuous broken
+line. It is found without ever differencing the samples:
+
+1. Candidate rows are spread evenly over rows, over time and over travel, so that neither
+   a slow sampling rate nor a short fast segment loses its share of them.
+2. Dynamic programming places separate lines between candidates at the least sum of
+   squares plus a penalty per line. The penalty is small: this stage finds too many.
+3. A joint is where two neighbouring lines meet, and rows belong to the line on their
+   side of it; repeated, this is least squares for a continuous broken line whenever each
+   joint falls between its own two groups of rows (Hudson 1966, J. Am. Stat. Assoc. 61,
+   1097-1129).
+4. The weakest joints go, one batch after the other, until each that is left passes the
+   tests of `_scores`. What a removed joint explained (ripple, drift, a glitch) goes into the
+   scatter that the other joints are measured against, so that noise cannot hold itself up.
+
+Everything is computed from prefix sums: the cost of a step does not grow with the rows.
+"""
+
+import numpy as np
+
+from .lines import Lines, Sums
+
+_NODES = 150
+"""Candidate rows per spacing rule: 150 over rows, 150 over time, 150 over travel."""
+
+MIN_ROWS = 5
+"""A line needs this many rows."""
+
+_ROWS_FOR_GLITCHES = 25
+"""Lines of this many rows are stiff enough not to follow a glitch."""
+
+_HEIGHT = 25.0
+"""A joint must lift the line this many times the scatter of its two sides. Noise reaches
+about 5; the half waves of a clean ripple, fitted by lines of their own, about 20."""
+
+_BRIEF, _BRIEF_HEIGHT = 0.02, 60.0
+"""A line that lasts less than this fraction of its neighbours is more often a transient of
+the servo or a jump of the recorder than a commanded step: its joints need this height."""
+
+
+def find_lines(t: np.ndarray, y: np.ndarray, least_change: float) -> tuple[Sums, np.ndarray]:
+    """As many lines as the data support.
+
+    **Arguments:** `t` [s], increasing; `y` [m]; `least_change`: a joint whose change of
+    slope is below this fraction of the larger of the two slopes is not a joint.
+
+    **Returns:** the sums of the rows used (all but lone glitches), and the first row of
+    every line followed by the number of rows.
+    """
+    for _ in range(4):
+        sums = Sums(t, y)
+        if len(t) < 2 * MIN_ROWS:
+            return sums, np.array([0, len(t)])
+        nodes = _nodes(t, y)
+        keep = ~_glitches(sums, _partition(sums, nodes, min(_ROWS_FOR_GLITCHES, len(t) // 2)))
+        if keep.all():
+            break
+        t, y = t[keep], y[keep]
+    return sums, _weed(sums, _partition(sums, nodes, MIN_ROWS), least_change)
+
+
+def _weed(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:
+    """Take out the weakest joints until each that is left passes its tests."""
+    rounds = 0
+    while len(rows) > 2 and rounds < 5:
+        rows = _collapse(sums, settle(sums, rows, 3))
+        scores = _scores(sums, rows, least_change)
+        padded = np.concatenate([[np.inf], scores, [np.inf]])
+        weakest = (scores < 1) & (scores <= padded[:-2]) & (scores < padded[2:])
+        rounds += not weakest.any()
+        rows = np.concatenate([[0], rows[1:-1][~weakest], rows[-1:]])
+    return settle(sums, rows, 20)
+
+
+def _nodes(t: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Candidate first rows, even in rows, in time and in travel; 0 and the end included."""
+    n = len(t)
+    even = np.linspace(0, n, min(_NODES, n // 2) + 1).astype(int)
+    in_time = np.searchsorted(t, np.linspace(t[0], t[-1], _NODES))
+    coarse = np.unique(np.concatenate([even, in_time, [0, n]]))
+    starts = coarse[:-1]
+    mean = np.add.reduceat(y, starts) / np.diff(coarse)
+    middle = (starts + coarse[1:] - 1) / 2
+    travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(mean)))])
+    travel += np.arange(len(travel)) * (1e-9 * travel[-1] + 1e-300)
+    by_travel = np.interp(np.linspace(0, travel[-1], _NODES), travel, middle).astype(int)
+    return np.unique(np.concatenate([coarse, by_travel]))
+
+
+def _partition(sums: Sums, nodes: np.ndarray, least_rows: int) -> np.ndarray:
+    """Separate lines between nodes: least sum of squares plus penalty, by dynamic programming."""
+    count = len(nodes)
+    lines = sums.lines(nodes[:, None], nodes[None, :])
+    rows = nodes[None, :] - nodes[:, None]
+    cost = np.where(rows >= least_rows, lines.sum_squares, np.inf)
+    penalty = (15 + 3 * np.log(nodes[-1])) * _local_variance(cost, rows, sums.floor)
+    best = np.full(count, np.inf)
+    best[0] = 0.0
+    before = np.zeros(count, int)
+    for j in range(1, count):
+        total = best[:j] + cost[:j, j] + penalty[:j]
+        before[j] = np.argmin(total)
+        best[j] = total[before[j]]
+    chain = [count - 1]
+    while chain[-1] > 0:
+        chain.append(int(before[chain[-1]]))
+    return nodes[np.array(chain[::-1])]
+
+
+def _local_variance(cost: np.ndarray, rows: np.ndarray, floor: float) -> np.ndarray:
+    """Variance about a line at every node, from windows short enough to miss most joints."""
+    count = len(cost)
+    width = min(8, count - 1)
+    start = np.arange(count - width)
+    size = rows[start, start + width]
+    window = cost[start, start + width] / np.maximum(size - 2, 1)
+    usable = np.flatnonzero(np.isfinite(window))
+    if len(usable) == 0:
+        return np.full(count, floor**2)
+    window = np.interp(start, usable, window[usable])
+    reach = 3 * width
+    padded = np.pad(window, (reach, reach + width), mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)[:count]
+    return np.maximum(np.quantile(around, 0.3, axis=1), floor**2)
+
+
+def settle(sums: Sums, rows: np.ndarray, rounds: int) -> np.ndarray:
+    """Move every joint to where its two lines meet, until none moves (Hudson)."""
+    for _ in range(rounds):
+        joints = sums.lines(rows[:-1], rows[1:]).meet()
+        moved = rows.copy()
+        inside = np.searchsorted(sums.t, joints)
+        low, high = rows[:-2] + MIN_ROWS, rows[2:] - MIN_ROWS
+        valid = np.isfinite(joints) & (inside >= low) & (inside <= high)
+        moved[1:-1] = np.where(valid, inside, rows[1:-1])
+        if (np.diff(moved) < MIN_ROWS).any() or np.array_equal(moved, rows):
+            break
+        rows = moved
+    return rows
+
+
+def _collapse(sums: Sums, rows: np.ndarray) -> np.ndarray:
+    """Take out a line that only cuts a corner: its rows follow its neighbours more closely."""
+    if len(rows) < 4:
+        return rows
+    lines = sums.lines(rows[:-1], rows[1:])
+    first, end = rows[1:-2], rows[2:-1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        corner = -(lines.offset[2:] - lines.offset[:-2]) / (lines.slope[2:] - lines.slope[:-2])
+    at = np.clip(np.searchsorted(sums.t, np.nan_to_num(corner)), first, end)
+    along = sums.misfit(first, at, lines.slope[:-2], lines.offset[:-2])
+    along += sums.misfit(at, end, lines.slope[2:], lines.offset[2:])
+    cuts = along <= 1.02 * lines.sum_squares[1:-1]
+    cuts[1:] &= ~cuts[:-1]
+    chosen = np.flatnonzero(cuts)
+    moved = rows.astype(int)
+    moved[chosen + 1] = at[chosen]
+    return np.delete(moved, chosen + 2)
+
+
+def _scores(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:
+    """How far every joint passes its weaker test; below 1 it fails.
+
+    The height of a joint is how far it lifts the line above the chord of its two sides,
+    |v2 - v1| T1 T2 / (T1 + T2). Test 1: the height is `_HEIGHT` (at a brief line
+    `_BRIEF_HEIGHT`) times the scatter of the more scattered side. Test 2:
+    the slope changes by `least_change` of the larger one.
+    """
+    lines = sums.lines(rows[:-1], rows[1:])
+    scatter = _scatter(lines, sums.floor)
+    edges = np.append(sums.t[rows[:-1]], sums.t[-1])
+    length = np.diff(edges)
+    change = np.abs(np.diff(lines.slope))
+    height = change * length[:-1] * length[1:] / (length[:-1] + length[1:])
+    around = np.maximum(scatter[:-1], scatter[1:])
+    beside = np.concatenate([[np.inf], length, [np.inf]])
+    brief = length < _BRIEF * np.minimum(beside[:-2], beside[2:])
+    needed = np.where(brief[:-1] | brief[1:], _BRIEF_HEIGHT, _HEIGHT)
+    speed = np.abs(lines.slope + sums.trend)
+    larger = np.maximum(np.maximum(speed[:-1], speed[1:]), 1e-300)
+    return np.minimum(height / (needed * around), change / (least_change * larger))
+
+
+def _scatter(lines: Lines, floor: float) -> np.ndarray:
+    """Standard deviation about every line; short lines borrow from the common one."""
+    free = np.maximum(lines.count - 2, 1)
+    common = np.median(lines.sum_squares / free)
+    borrowed = 10.0
+    return np.sqrt((lines.sum_squares + borrowed * common) / (free + borrowed)) + floor
+
+
+def _glitches(sums: Sums, rows: np.ndarray) -> np.ndarray:
+    """Rows that stand alone, far from their line: at most 3 together, over 8 sigma off."""
+    parts = sums.residual(rows)
+    scale = [_glitch_size(part) for part in parts]
+    off = np.abs(np.concatenate(parts)) > np.repeat(scale, np.diff(rows)) + 10 * sums.floor
+    edges = np.diff(np.concatenate([[0], off.astype(int), [0]]))
+    alone = np.zeros(len(off), bool)
+    for i, j in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        clear = not off[max(i - 5, 0) : i].any() and not off[j : j + 5].any()
+        alone[i:j] = j - i <= 3 and clear
+    return alone
+
+
+def _glitch_size(rest: np.ndarray) -> float:
+    """Residual above which a row is a glitch: 8 sigma, and 4 steps of a coarse recorder."""
+    jumps = np.abs(np.diff(rest))
+    typical = float(np.median(jumps[jumps > 0])) if (jumps > 0).any() else 0.0
+    return max(8 * 1.4826 * float(np.median(np.abs(rest))), 4 * typical)

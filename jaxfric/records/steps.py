@@ -1,0 +1,153 @@
+"""Velocity steps of the load point: written down, or found in a record."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..units import format_si, parse_quantity
+from .joints import BrokenLine, fit_broken_line
+from .record import Record
+
+_LEAST_CHANGE = 0.07
+"""A step changes the velocity by at least this fraction of the larger of the two."""
+
+
+@dataclass(frozen=True, eq=False)
+class VelocitySteps:
+    """A load point that moves at `velocities[i]` [m/s] from `times[i]` [s] on.
+
+    Times count from the first row of the record; `times[0]` is 0. A velocity may be 0 (a
+    hold) or negative. `time_errors` and `velocity_errors` are standard errors where the steps
+    were found in data, else None; `time_errors[0]` is 0.
+    """
+
+    times: np.ndarray
+    velocities: np.ndarray
+    time_errors: np.ndarray | None = None
+    velocity_errors: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("times", "velocities", "time_errors", "velocity_errors"):
+            value = getattr(self, name)
+            if value is not None:
+                array = np.array(value, dtype=np.float64)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
+        _check(self.times, self.velocities)
+
+    def __len__(self) -> int:
+        """Number of velocities: one more than there are steps."""
+        return len(self.times)
+
+    @classmethod
+    def parse(cls, text: str) -> "VelocitySteps":
+        """Steps from text such as "0 s: 2.289 um/s, 73.2 s: 22.86 um/s".
+
+        Raises `InputError` for text that is not of this form, units that are missing or
+        wrong, a first time that is not 0, and times that do not increase.
+        """
+        times, velocities = [], []
+        for part in filter(None, (piece.strip() for piece in text.replace(";", ",").split(","))):
+            time, colon, velocity = part.partition(":")
+            if not colon:
+                raise InputError(
+                    f"steps: '{part}' is not 'time: velocity'; write steps as in"
+                    " '0 s: 2 um/s, 60 s: 20 um/s'"
+                )
+            times.append(parse_quantity(time, "s", f"time of step {len(times) + 1}"))
+            velocities.append(parse_quantity(velocity, "m/s", f"velocity of step {len(times)}"))
+        if not times:
+            raise InputError("steps: nothing given; write them as in '0 s: 2 um/s, 60 s: 20 um/s'")
+        return cls(np.array(times), np.array(velocities))
+
+    def text(self, unit: str = "um/s", digits: int = 6) -> str:
+        """The steps as text that `parse` reads back."""
+        return ", ".join(
+            f"{format_si(time, 's', 's', digits)}: {format_si(velocity, 'm/s', unit, digits)}"
+            for time, velocity in zip(self.times, self.velocities, strict=True)
+        )
+
+    def velocity(self, time: ArrayLike) -> np.ndarray:
+        """Velocity [m/s] at times [s]; at a step, the one after it."""
+        index = np.searchsorted(self.times, np.asarray(time), side="right") - 1
+        return self.velocities[np.maximum(index, 0)]
+
+    def displacement(self, time: ArrayLike) -> np.ndarray:
+        """Displacement since time 0 [m] at times [s]."""
+        at = np.asarray(time, dtype=np.float64)
+        index = np.maximum(np.searchsorted(self.times, at, side="right") - 1, 0)
+        travelled = np.concatenate([[0.0], np.cumsum(np.diff(self.times) * self.velocities[:-1])])
+        return travelled[index] + (at - self.times[index]) * self.velocities[index]
+
+
+def find_steps(time: ArrayLike, displacement: ArrayLike) -> VelocitySteps:
+    """The velocity steps of a load point, from its measured displacement.
+
+    A continuous broken line is fitted to the displacement; the velocity is never
+    differenced from it. A step is named where it lifts the line by 25 times the scatter about it,
+    |v2 - v1| T1 T2 / (T1 + T2) for velocities held for T1 and T2, and where it changes the
+    velocity by 7 % of the larger one. Ripple, drift and lone glitches are not named. Sampling may
+    be uneven, noise correlated. A velocity that moves the load point by less than twice
+    the scatter over its whole length is a hold, and exactly 0.
+
+    **Arguments:** `time` [s], increasing; `displacement` [m], at least 20 rows.
+
+    **Returns:** steps with standard errors; a single velocity where there is no step.
+
+    Raises `InputError` for arrays that do not fit together or are not finite. Not tried: a
+    velocity that changes slowly (ramps come out as a few steps), steps closer than 5 rows.
+    """
+    t, y = np.asarray(time, np.float64), np.asarray(displacement, np.float64)
+    if t.ndim != 1 or t.shape != y.shape or len(t) < 20:
+        raise InputError("find_steps needs two arrays of equal length, of at least 20 rows")
+    if not (np.isfinite(t).all() and np.isfinite(y).all() and (np.diff(t) > 0).all()):
+        raise InputError("find_steps needs finite values and a time that increases")
+    line = fit_broken_line(t - t[0], y, _LEAST_CHANGE)
+    return VelocitySteps(
+        times=np.concatenate([[0.0], line.joints]),
+        velocities=_without_creep(line),
+        time_errors=np.concatenate([[0.0], line.joint_errors]),
+        velocity_errors=line.slope_errors,
+    )
+
+
+def find_steps_in_velocity(time: ArrayLike, velocity: ArrayLike) -> VelocitySteps:
+    """The velocity steps of a load point, from its measured velocity [m/s].
+
+    The velocity is integrated (trapezoids: a step between two rows is put half way between
+    them) and handed to `find_steps`.
+    """
+    t, v = np.asarray(time, np.float64), np.asarray(velocity, np.float64)
+    if t.ndim != 1 or t.shape != v.shape:
+        raise InputError("find_steps_in_velocity needs two arrays of equal length")
+    travelled = np.concatenate([[0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)])
+    return find_steps(t, travelled)
+
+
+def record_steps(record: Record) -> VelocitySteps:
+    """The velocity steps of a record, from its displacement or else its velocity."""
+    if record.load_point_displacement is not None:
+        return find_steps(record.relative_time, record.load_point_displacement)
+    assert record.load_point_velocity is not None
+    return find_steps_in_velocity(record.relative_time, record.load_point_velocity)
+
+
+def _without_creep(line: BrokenLine) -> np.ndarray:
+    """Velocities; exactly 0 where the load point stays within the scatter."""
+    still = np.abs(line.slopes) * line.lengths < 2 * line.scatter
+    still &= np.abs(line.slopes) < 0.01 * np.abs(line.slopes).max()
+    return np.where(still, 0.0, line.slopes)
+
+
+def _check(times: np.ndarray, velocities: np.ndarray) -> None:
+    if times.ndim != 1 or times.shape != velocities.shape or len(times) == 0:
+        raise InputError("steps need as many velocities as times, and at least one")
+    if not (np.isfinite(times).all() and np.isfinite(velocities).all()):
+        raise InputError("steps: times and velocities must be finite")
+    if times[0] != 0:
+        raise InputError(f"steps: the first time is {times[0]:g} s; it must be 0 s")
+    if (np.diff(times) <= 0).any():
+        late = int(np.flatnonzero(np.diff(times) <= 0)[0]) + 1
+        raise InputError(f"steps: time {late + 1} ({times[late]:g} s) is not after the one before")

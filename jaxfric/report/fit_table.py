@@ -1,0 +1,89 @@
+"""The parameters of a fit in the units of its record."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..fitting import Fit
+from ..fitting.problem import quantity_of
+from ..units import factor
+
+
+class Row(NamedTuple):
+    """One parameter in display units; text only, ready for a table."""
+
+    name: str
+    meaning: str
+    value: str
+    std: str
+    interval: str
+    unit: str
+
+
+def display_unit(name: str, fit: Fit) -> str:
+    """The unit in which a parameter is shown: the record's own for lengths and velocities."""
+    friction = fit.record.friction_unit
+    length = fit.record.units.get("load_point_displacement", "um")
+    unit = quantity_of(name).unit
+    shown = {"F": friction, "m": length, "F/m": f"{friction}/{length}", "m/s": f"{length}/s"}
+    return shown.get(unit, quantity_of(name).unit_for(friction))
+
+
+def rows(fit: Fit) -> list[Row]:
+    """The parameters, free ones first in the order of the fit, then the given ones."""
+    out = []
+    for name, estimate in fit.parameters.items():
+        unit = display_unit(name, fit)
+        size = factor(unit, estimate.unit, name) if unit != estimate.unit else 1.0
+        value, std = estimate.value / size, estimate.std / size
+        meaning = quantity_of(name).text
+        if not estimate.free:
+            row = Row(name, meaning, f"{value:.6g}", "given", "", unit)
+        elif not estimate.determined:
+            row = Row(name, meaning, "undetermined", "", "", unit)
+        else:
+            low, high = estimate.lower / size, estimate.upper / size
+            digits = decimals(std)
+            interval = f"{low:.{digits}f} to {high:.{digits}f}"
+            row = Row(name, meaning, f"{value:.{digits}f}", f"{std:.{digits}f}", interval, unit)
+        out.append(row._replace(unit="" if unit == "1" else unit.replace("um", "µm")))
+    return out
+
+
+def decimals(std: float) -> int:
+    """Decimal places that show two digits of a standard deviation."""
+    if not np.isfinite(std) or std <= 0:
+        return 6
+    return int(np.clip(1 - np.floor(np.log10(std)), 0, 12))
+
+
+def correlations(fit: Fit, least: float = 0.7) -> list[str]:
+    """Pairs of parameters whose errors are correlated by at least `least`."""
+    names, out = fit.free, []
+    for i in range(len(names)):
+        for j in range(i):
+            r = fit.correlation[i, j]
+            both = fit.parameters[names[i]].determined and fit.parameters[names[j]].determined
+            if both and abs(r) >= least:
+                out.append((abs(r), f"{names[j]}-{names[i]} {r:+.2f}"))
+    return [text for _, text in sorted(out, reverse=True)]
+
+
+def summary(fit: Fit) -> list[str]:
+    """What else there is to say of a fit, line by line."""
+    noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
+    critical, K = fit.critical_stiffness(), fit.parameters["K"].value
+    lines = [
+        f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}, "
+        f"{len(fit.record)} rows, {fit.result} in {fit.iterations} iterations",
+        f"noise {noise.sigma:.3g}{unit}: {100 * noise.correlated_share:.0f} % of its variance "
+        f"correlated over {noise.correlation_time:.3g} s",
+    ]
+    if critical > 0:
+        lines.append(f"stiffness is {K / critical:.2f} times critical (massless, undamped)")
+    else:
+        lines.append("velocity strengthening (A > B): steady sliding is stable at any stiffness")
+    pairs = correlations(fit)
+    if pairs:
+        lines.append("correlated errors: " + ", ".join(pairs))
+    return lines

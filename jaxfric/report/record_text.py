@@ -1,0 +1,34 @@
+"""What is understood of a record, in lines of text."""
+
+import numpy as np
+
+from ..records import Record, VelocitySteps
+from ..units import format_si
+
+
+def describe(record: Record, steps: VelocitySteps) -> list[str]:
+    """Columns with unit and range, rows dropped, sampling, and the velocity steps."""
+    origin = record.provenance
+    dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
+    lines = [
+        f"{origin.path}  sha256 {origin.sha256[:16]}",
+        f"rows: {len(record)} used of {origin.rows_read} (dropped: {dropped})",
+        f"sampling: {record.sampling()}",
+    ]
+    shown = {"time": "s", "load_point_displacement": "um", "load_point_velocity": "um/s"}
+    shown |= {"slip": "um", "normal_stress": "MPa", "friction": record.friction_unit}
+    si = {"time": "s", "load_point_displacement": "m", "load_point_velocity": "m/s"}
+    si |= {"slip": "m", "normal_stress": "Pa", "friction": record.friction_unit}
+    for role, values in record.columns.items():
+        low, high = (
+            format_si(float(v), si[role], shown[role], 7) for v in (np.min(values), np.max(values))
+        )
+        lines.append(f"  {role} [{record.units.get(role, si[role])}]: {low} to {high}")
+    lines += [f"note: {note}" for note in origin.notes]
+    lines.append(f"velocity steps: {len(steps) - 1}" + ("" if len(steps) > 1 else " (none found)"))
+    for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
+        error = ""
+        if steps.time_errors is not None and k:
+            error = f" ± {steps.time_errors[k]:.2g} s"
+        lines.append(f"  from {time:.6g} s{error}: {format_si(velocity, 'm/s', 'um/s', 5)}")
+    return lines

@@ -1,0 +1,159 @@
+"""Units, at the edge only: text with a unit becomes a number in SI.
+
+Inside the package everything is SI. Units are parsed by pint, which is loaded at the first
+use. Field spellings are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1, 1, -.
+"""
+
+import difflib
+import functools
+import math
+import re
+from typing import Any
+
+from .errors import InputError
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NO_UNIT = {"", "1", "-", "--", "none", "dimensionless", "unitless", "n/a", "coefficient"}
+_MACHINE = {"bit", "bits", "count", "counts", "cts", "ticks", "lsb", "adu", "raw"}
+_EXAMPLES = {"s": "10 s", "m": "20 um", "m/s": "2 um/s", "1/m": "1.6e-3/um", "N": "5 N"}
+_EXAMPLES |= {"Pa": "25 MPa", "N/m": "1e6 N/m", "N*s/m": "10 N*s/m", "kg": "2 kg", "Hz": "100 Hz"}
+_KNOWN = ["s", "ms", "us", "min", "hour", "m", "mm", "um", "nm", "cm", "micron", "N", "mN", "kN"]
+_KNOWN += ["MN", "Pa", "kPa", "MPa", "GPa", "kg", "g", "Hz", "kHz", "bar", "psi", "um/s", "mm/s"]
+
+
+def parse_quantity(text: str, si_unit: str, what: str) -> float:
+    """The value of `text`, such as "2.289 um/s" or "1.6e-3/um", in `si_unit`.
+
+    **Arguments:** `what` names the quantity in errors. A number without a unit is taken only
+    where `si_unit` is "1".
+
+    Raises `InputError` where there is no number, no unit, an unknown or a wrong one.
+    """
+    text = text.strip()
+    number, unit = _split(text, what)
+    if number is None:
+        raise InputError(f"{what}: '{text}' has no number; write it as in '{_example(si_unit)}'")
+    if not unit and si_unit != "1":
+        raise InputError(
+            f"{what}: '{text}' has no unit; expected a unit of {si_unit},"
+            f" as in '{_example(si_unit)}'"
+        )
+    value = float(scale(number, _unit_factor(unit, si_unit, what)))
+    if not math.isfinite(value):
+        raise InputError(f"{what}: '{text}' is too large to be a number")
+    return value
+
+
+def factor(unit_text: str, si_unit: str, what: str) -> float:
+    """What one `unit_text` is in `si_unit`. The unit may carry a factor: "0.0764 um".
+
+    Raises `InputError` for an unknown unit and for one of another dimension.
+    """
+    number, unit = _split(unit_text, what)
+    value = (1.0 if number is None else number) * _unit_factor(unit, si_unit, what)
+    if value == 0 or not math.isfinite(value):
+        raise InputError(f"{what}: the unit '{unit_text}' has a factor of {value:g}")
+    return value
+
+
+def scale(values: Any, size: float) -> Any:
+    """values * size; by the whole reciprocal where there is one: 10 um is 1e-5 m exactly."""
+    whole = round(1 / size) if 0 < abs(size) < 1 else 0
+    exact = whole != 0 and math.isclose(whole * size, 1, rel_tol=1e-15)
+    return values / whole if exact else values * size
+
+
+def is_unit(text: str) -> bool:
+    """Whether `text` is a unit: a known one, a machine unit, or a sign for none."""
+    number, unit = _split(text)
+    if unit.lower() in _NO_UNIT | _MACHINE:
+        return True
+    try:
+        return number is not None or _parse(unit) is not None
+    except InputError:
+        return False
+
+
+def has_dimension(unit_text: str, si_unit: str) -> bool:
+    """Whether `factor(unit_text, si_unit, ...)` would succeed."""
+    try:
+        factor(unit_text, si_unit, "")
+    except InputError:
+        return False
+    return True
+
+
+def format_si(value: float, si_unit: str, shown_unit: str, digits: int = 4) -> str:
+    """`value` [si_unit] as text in `shown_unit`: format_si(2e-6, "m/s", "um/s") is "2 um/s"."""
+    shown = value / factor(shown_unit, si_unit, "shown unit")
+    text = f"{shown:.{digits}g}"
+    return text if shown_unit in _NO_UNIT else f"{text} {shown_unit}"
+
+
+def _split(text: str, what: str = "unit") -> tuple[float | None, str]:
+    """A leading number, if there is one, and the unit after it in pint's spelling."""
+    text = text.strip()
+    match = _NUMBER.match(text)
+    if match is None:
+        return None, _spelling(text)
+    rest = text[match.end() :].strip()
+    if rest[:1] in (",", "."):
+        raise InputError(f"{what}: '{text}': write numbers with a decimal point and no separators")
+    return float(match.group()), _spelling("1" + rest if rest.startswith("/") else rest)
+
+
+def _spelling(unit: str) -> str:
+    """Field spellings in pint's: micro signs, `s-1`, a dot or a middle dot for times."""
+    unit = unit.strip().replace("µ", "u").replace("μ", "u").replace("·", "*").replace("−", "-")
+    if unit.lower() in _NO_UNIT:
+        return ""
+    unit = re.sub(r"\bmicrons\b", "micron", unit)
+    return re.sub(r"(?<=[A-Za-z])(-?\d)\b", r"^\1", unit)
+
+
+@functools.lru_cache(maxsize=256)
+def _unit_factor(unit: str, si_unit: str, what: str) -> float:
+    """What one `unit` is in `si_unit`."""
+    if unit.lower() in _MACHINE:
+        raise InputError(
+            f"{what}: '{unit}' is a machine unit; give what one of it is,"
+            f" as in '[0.01 {_EXAMPLES.get(si_unit, '1 N').split()[-1]}]'"
+        )
+    quantity = _parse(unit, what)
+    try:
+        return float(quantity.to(_registry().Unit("" if si_unit == "1" else si_unit)).magnitude)
+    except Exception as error:
+        if "dimension" not in type(error).__name__.lower():
+            raise
+        found = f"'{unit}' is not" if unit else "without a unit it is not"
+        wanted = "dimensionless" if si_unit == "1" else f"a unit of {si_unit}"
+        raise InputError(
+            f"{what}: {found} {wanted}; write it as in '{_example(si_unit)}'"
+        ) from None
+
+
+def _parse(unit: str, what: str = "unit") -> Any:
+    """One `unit` as a pint quantity, or an `InputError` that names the nearest known unit."""
+    registry = _registry()
+    try:
+        return 1.0 * registry.parse_expression(unit) if unit else registry.Quantity(1.0, "")
+    except Exception:  # pint raises a dozen kinds for text that is not a unit
+        near = {known.lower(): known for known in _KNOWN}
+        close = difflib.get_close_matches(unit.lower(), near, n=1, cutoff=0.6)
+        hint = f"; did you mean '{near[close[0]]}'?" if close else ""
+        raise InputError(f"{what}: '{unit}' is not a known unit{hint}") from None
+
+
+@functools.lru_cache(maxsize=1)
+def _registry() -> Any:
+    """The one registry. Its definitions are cached on disk where that is possible."""
+    import pint
+
+    try:
+        return pint.UnitRegistry(cache_folder=":auto:")
+    except Exception:  # no home, a read-only or full disk, a damaged cache: do without
+        return pint.UnitRegistry()
+
+
+def _example(si_unit: str) -> str:
+    return _EXAMPLES.get(si_unit, "0.6" if si_unit == "1" else f"1 {si_unit}")

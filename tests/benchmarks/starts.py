@@ -1,0 +1,73 @@
+"""Does the fit find the global optimum without a start from the user?
+
+    python tests/benchmarks/starts.py [--records 200]
+
+Random synthetic records of `tests/generator.py` (A, B, L over a decade each, K/K_cr from 1.5 to
+30, up, down and mixed steps, both laws). The optimum to compare with is the best of 20 starts:
+the truth, and 19 points scattered around it by a factor of up to three in A, B and L.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from generator import random_record
+
+import jaxfric
+from jaxfric.fitting.fit import prepare
+from jaxfric.fitting.solve import solve
+
+FIRST_SEED = 5_000
+STARTS = 20
+
+
+def one(seed: int) -> tuple[bool, float, float, str]:
+    """Whether the fit's cost is within 0.1 % of the best, both costs, and the fit's result."""
+    record = random_record(seed)
+    truth = record.truth
+    steps = jaxfric.VelocitySteps(np.array(truth.starts), np.array(truth.velocities))
+    measured = jaxfric.from_arrays(
+        record.time, record.friction, load_point_displacement=record.load_point_displacement
+    )
+    fit = jaxfric.fit(measured, stiffness=record.stiffness, law=truth.law, steps=steps)
+    problem = prepare(measured, steps, fit.model, stiffness=record.stiffness)
+    scatter = np.random.default_rng(seed).uniform(-np.log(3), np.log(3), (STARTS, 3))
+    scatter[0] = 0.0
+    starts = np.tile([truth.f0, truth.A, truth.B, truth.L], (STARTS, 1))
+    starts[:, 1:] *= np.exp(scatter)
+    free = jax.vmap(problem.to_free)(jnp.asarray(starts))
+    scale = float(problem.noise_scale) ** 2
+    best = min(solve(problem, z[None], refine=1).cost for z in free) * scale
+    return fit.sum_of_squares <= 1.001 * best, fit.sum_of_squares, best, fit.result
+
+
+def main() -> None:
+    jax.config.update("jax_enable_x64", True)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--records", type=int, default=200)
+    options = parser.parse_args()
+    begun, good, raised = time.perf_counter(), 0, 0
+    for seed in range(FIRST_SEED, FIRST_SEED + options.records):
+        try:
+            reached, cost, best, result = one(seed)
+        except Exception as error:
+            raised += 1
+            print(f"seed {seed} raised {error!r}")
+            continue
+        good += reached
+        if not reached:
+            print(f"seed {seed}: sum of squares {cost:.6g}, best {best:.6g} ({result})")
+    print(
+        f"global optimum reached in {good} of {options.records} records, {raised} raised; "
+        f"{time.perf_counter() - begun:.0f} s"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,355 @@
+"""Reading records: headers as laboratories write them, and every way that a file is wrong."""
+
+import hashlib
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from public_data import public_record
+
+from jaxfric.errors import InputError
+from jaxfric.records import from_arrays, read, read_table
+from jaxfric.records.header import role_of, split_name_unit
+from jaxfric.records.public import public_path
+
+HEADER = "time [s],load_point_displacement [um],friction [1],normal_stress [MPa]"
+
+
+def rows(count: int = 30, delimiter: str = ",") -> list[str]:
+    return [
+        delimiter.join([f"{i / 10:.1f}", f"{2 * i}", f"{0.6 + i / 1000:.3f}", "25"])
+        for i in range(count)
+    ]
+
+
+def written(folder: Path, text: str | bytes) -> Path:
+    path = folder / "run.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def table_text(header: str = HEADER, body: list[str] | None = None) -> str:
+    return "\n".join([header, *(rows() if body is None else body)]) + "\n"
+
+
+def refusal(path: Path, **options: object) -> str:
+    with pytest.raises(InputError) as caught:
+        read(path, **options)  # type: ignore[arg-type]
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message
+
+
+def test_a_file_becomes_si(tmp_path: Path) -> None:
+    path = written(tmp_path, table_text())
+    record = read(path)
+    assert len(record) == 30
+    assert record.load_point_displacement is not None
+    assert record.normal_stress is not None
+    assert record.load_point_displacement[3] == 6e-6
+    assert record.normal_stress[0] == 25e6
+    assert record.friction_unit == "1"
+    assert record.units["load_point_displacement"] == "um"
+    assert record.provenance.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert record.provenance.rows_read == 30
+    assert record.provenance.dropped == {}
+    with pytest.raises(ValueError, match="read-only"):
+        record.friction[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("header", "delimiter"),
+    [
+        ("Time(s)\tDispl(microns)\tFriction\tEffectiveNormalstress(MPa)", "\t"),
+        ("Time(s)\tDispl(microns)\tFriction\tEffective_Normal_stress(MPa)", "\t"),
+        ("# time_s,loadpoint_disp_um,friction,normal_stress_MPa; step row index 230", ","),
+        ("time [s];load_point_displacement [µm];friction [-];normal_stress [MPa]", ";"),
+        ("t_sec,LP Disp (um),mu,Normal Stress (MPa)", ","),
+        ("time [s]  load_point_displacement [um]  friction [1]  normal_stress [MPa]", "  "),
+        (
+            "# Time (s)   Load point disp (um) mu sigma_n(MPa)".replace(
+                "Load point disp", "lp_disp"
+            ),
+            " ",
+        ),
+        ("a remark of the laboratory\ntime,displacement,friction,normal stress\ns,um,-,MPa", ","),
+        ('"time [s]","displacement [um]","friction","normal stress [MPa]"', ","),
+    ],
+)
+def test_headers_as_written(tmp_path: Path, header: str, delimiter: str) -> None:
+    record = read(written(tmp_path, table_text(header, rows(delimiter=delimiter))))
+    assert record.load_point_displacement is not None
+    assert record.normal_stress is not None
+    assert record.load_point_displacement[-1] == pytest.approx(58e-6, rel=1e-14)
+    assert record.friction[-1] == 0.629
+    assert record.normal_stress[-1] == 25e6
+
+
+@pytest.mark.parametrize(
+    "mangle",
+    [
+        lambda text: b"\xef\xbb\xbf" + text.encode(),
+        lambda text: text.replace("\n", "\r\n").encode(),
+        lambda text: text.replace("\n", "\r").encode(),
+        lambda text: text.replace("\n", ",\n").encode(),
+        lambda text: text.replace("\n", ",\n").replace(",\n", "\n", 1).encode(),
+        lambda text: text.replace("\n", "\n\n").encode(),
+        lambda text: ("# made by hand\n\n" + text).encode(),
+        lambda text: text.replace("um", "µm").encode("latin-1"),
+        lambda text: text.replace("um", "µm").encode("utf-16"),
+        lambda text: text.rstrip("\n").encode(),
+        lambda text: (text + "\x1a").encode(),
+    ],
+)
+def test_tolerated(tmp_path: Path, mangle) -> None:
+    assert len(read(written(tmp_path, mangle(table_text())))) == 30
+
+
+def test_columns_in_any_order_with_others(tmp_path: Path) -> None:
+    body = [f"9,{i},{0.5},{i / 10},7" for i in range(25)]
+    record = read(
+        written(tmp_path, table_text("layer,slip [um],friction,time [ms],T [K]", body)),
+        columns={"load_point_displacement": "layer [mm]"},
+    )
+    assert record.slip is not None
+    assert record.slip[2] == 2e-6
+    assert record.time[3] == pytest.approx(3e-4)
+    assert any("ignored columns: T" in note for note in record.provenance.notes)
+
+
+def test_velocity_and_force(tmp_path: Path) -> None:
+    header = "time [s],load_point_velocity [um/s],friction_force [kN],x"
+    record = read(written(tmp_path, table_text(header)))
+    assert record.load_point_displacement is None
+    assert record.load_point_velocity is not None
+    assert record.load_point_velocity[1] == 2e-6
+    assert (record.friction_unit, record.friction[0]) == ("N", 600.0)
+
+
+def test_columns_named_by_the_user(tmp_path: Path) -> None:
+    path = written(tmp_path, table_text("clock [s],Vert_Disp [bits],ratio,extra [MPa]"))
+    record = read(
+        path,
+        columns={
+            "time": "clock",
+            "load_point_displacement": "vert disp [0.0764 um]",
+            "friction": "ratio",
+        },
+    )
+    assert record.load_point_displacement is not None
+    assert record.load_point_displacement[1] == pytest.approx(2 * 0.0764e-6)
+    assert "did you mean 'ratio'" in refusal(path, columns={"friction": "ratoi", "time": "clock"})
+    with pytest.raises(InputError, match=r"'frition' is no role.*did you mean 'friction'"):
+        read(path, columns={"frition": "ratio"})
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        (
+            "time [s],load [um],friction [1],normal_stress [MPa]",
+            ["load_point_displacement", "load [um]"],
+        ),
+        ("time [s],displacement [um],tau,normal_stress [MPa]", ["friction", "map one"]),
+        (
+            "time,displacement [um],friction,normal_stress [MPa]",
+            ["'time'", "has no unit", "time [s]"],
+        ),
+        ("time [s],displacement,friction,normal_stress [MPa]", ["'displacement'", "has no unit"]),
+        ("time [s],displacement [umm],friction,x", ["'displacement'", "not a known unit", "'um'"]),
+        ("time [s],displacement [MPa],friction,x", ["'displacement'", "not a unit of m"]),
+        ("time [s],displacement [um],friction [MPa],x", ["is a stress", "normal stress"]),
+        ("time [s],displacement [um],friction [m],x", ["not dimensionless"]),
+        (
+            "time [s],time [s],displacement [um],friction",
+            ["'time' (column 1)", "'time' (column 2)"],
+        ),
+        ("time [s],displacement [um],friction", ["3 columns", "4 cells"]),
+    ],
+)
+def test_headers_refused(tmp_path: Path, header: str, words: list[str]) -> None:
+    message = refusal(written(tmp_path, table_text(header)))
+    assert all(word in message for word in words), message
+
+
+def test_files_refused(tmp_path: Path) -> None:
+    assert "no such file" in refusal(tmp_path / "none.csv")
+    assert "directory" in refusal(tmp_path)
+    assert "empty" in refusal(written(tmp_path, " \n\n"))
+    assert "no header" in refusal(written(tmp_path, "\n".join(rows())))
+    assert "not a table" in refusal(written(tmp_path, "To whom it may concern\n" * 40))
+    assert "binary" in refusal(written(tmp_path, bytes(range(256)) * 40))
+    assert "Excel" in refusal(written(tmp_path, b"PK\x03\x04" + bytes(100)))
+    assert "19 usable rows" in refusal(written(tmp_path, table_text(body=rows(19))))
+    assert "decimal point" in refusal(
+        written(
+            tmp_path,
+            table_text(
+                HEADER.replace(",", ";"),
+                [row.replace(",", ";").replace(".", ",") for row in rows()],
+            ),
+        )
+    )
+
+
+def test_bad_cells(tmp_path: Path) -> None:
+    body = rows(40)
+    body[4] = "0.4,8,nan,25"
+    body[6] = "0.6,12,---,25"
+    body[7] = "0.7,,0.6,25"
+    path = written(tmp_path, table_text(body=body))
+    message = refusal(path)
+    assert "3 rows" in message and "row 6 (friction)" in message and "--drop-bad" in message
+    record = read(path, drop_bad=True)
+    assert len(record) == 37
+    assert record.provenance.dropped == {"no finite number": 3}
+
+
+def test_bad_cells_of_other_columns_do_not_matter(tmp_path: Path) -> None:
+    body = [f"{row},-" for row in rows()]
+    assert len(read(written(tmp_path, table_text(HEADER + ",remark", body)))) == 30
+
+
+def test_rows_of_another_length(tmp_path: Path) -> None:
+    body = rows(40)
+    body[9] += ",1"
+    body[-1] = "3.9,7"
+    path = written(tmp_path, table_text(body=body))
+    message = refusal(path)
+    assert "2 rows with a wrong number of cells" in message and "row 11" in message
+    assert read(path, drop_bad=True).provenance.dropped == {"wrong number of cells": 2}
+
+
+def test_time_that_stands_or_goes_back(tmp_path: Path) -> None:
+    body = rows(40)
+    body[5] = body[4]
+    record = read(written(tmp_path, table_text(body=body)))
+    assert (len(record), record.provenance.dropped) == (39, {"equal time stamp": 1})
+    body[20] = "0.9,40,0.6,25"
+    path = written(tmp_path, table_text(body=body))
+    message = refusal(path)
+    assert "time goes back in row 22" in message and "from 1.9 to 0.9 s" in message
+    assert read(path, drop_bad=True).provenance.dropped["time goes back"] == 1
+
+
+def test_constant_friction_is_a_record(tmp_path: Path) -> None:
+    body = [f"{i},{i},0.6,25" for i in range(30)]
+    assert np.ptp(read(written(tmp_path, table_text(body=body))).friction) == 0
+
+
+def test_arrays() -> None:
+    t = np.linspace(5, 8, 31)
+    record = from_arrays(t, np.full(31, 0.6), load_point_velocity=np.full(31, 1e-6))
+    assert record.relative_time[0] == 0
+    assert record.sampling().rows == 31
+    assert record.sampling().median == pytest.approx(0.1)
+    cut = record.window(0.5, 2.55)
+    assert (len(cut), cut.time[0]) == (21, pytest.approx(5.5))
+    with pytest.raises(InputError, match="20 are needed"):
+        record.window(0.5, 0.7)
+    with pytest.raises(InputError, match="load_point"):
+        from_arrays(t, t)
+    with pytest.raises(InputError, match="unequal length"):
+        from_arrays(t, t[1:], load_point_velocity=t)
+    with pytest.raises(InputError, match="goes back in row 2"):
+        from_arrays(t[::-1], t, load_point_velocity=t)
+    with pytest.raises(InputError, match="finite"):
+        from_arrays(t, t * np.nan, load_point_velocity=t)
+    with pytest.raises(InputError, match="friction_unit"):
+        from_arrays(t, t, load_point_velocity=t, friction_unit="MPa")
+
+
+@pytest.mark.parametrize(
+    ("cell", "pair"),
+    [
+        ("time [s]", ("time", "s")),
+        ("Displ(microns)", ("Displ", "microns")),
+        ("loadpoint_disp_um", ("loadpoint_disp", "um")),
+        ("velocity_um_s", ("velocity", "um/s")),
+        ("velocity_um_per_s", ("velocity", "um/s")),
+        ("x_m", ("x_m", None)),
+        ("layer_um", ("layer_um", None)),
+        ("friction []", ("friction", "")),
+    ],
+)
+def test_name_and_unit(cell: str, pair: tuple[str, str | None]) -> None:
+    assert split_name_unit(cell) == pair
+
+
+def test_roles_of_names() -> None:
+    assert role_of("Load-Point Displacement") == ("load_point_displacement", 0)
+    assert role_of("EffectiveNormalstress") is not None
+    assert role_of("layer_thickness") is None
+    # The plain word gives way to the full name.
+    full, plain = role_of("load_point_displacement"), role_of("displacement")
+    assert full is not None and plain is not None and full[1] < plain[1]
+
+
+def test_reading_is_quick(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).uniform(size=(100_000, 4))
+    values[:, 0] = np.arange(100_000)
+    body = [f"{a:.3f},{b:.6f},{c:.6f},{d:.4f}" for a, b, c, d in values]
+    path = written(tmp_path, table_text(body=body))
+    read(path)
+    start = time.perf_counter()
+    assert len(read(path)) == 100_000
+    assert time.perf_counter() - start < 1.5  # 0.15 s on an idle core
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "first", "unit"),
+    [
+        ("p655_step1.csv", 782, 9215.3348e-6, "um"),
+        ("p655_step1_allrows.csv", 2242, 9101.5445e-6, "um"),
+        ("p655_steps12.csv", 2277, 9215.3348e-6, "um"),
+        ("velstep1_TR2_exp013_sepiolite.txt", 23790, 1554.674e-6, "microns"),
+        ("velstep3_TR2_exp013_sepiolite.txt", 16466, 5753.577e-6, "microns"),
+        ("velstep4_BRAVA_expb819_basalt.txt", 5849, 8503.602e-6, "microns"),
+    ],
+)
+def test_public_records(name: str, count: int, first: float, unit: str) -> None:
+    record = read(public_record(name))
+    assert len(record) == count
+    assert record.load_point_displacement is not None
+    assert record.normal_stress is not None
+    assert record.load_point_displacement[0] == pytest.approx(first, rel=1e-15)
+    assert record.units["load_point_displacement"] == unit
+    assert 19e6 < record.normal_stress.min() < record.normal_stress.max() < 101e6
+
+
+def test_a_table_asks_for_no_roles(tmp_path: Path) -> None:
+    table = read_table(written(tmp_path, "a [V],b\n" + "1,x\n2,3\n" * 15))
+    assert table.names == ("a", "b")
+    assert table.units == ("V", None)
+    assert np.isnan(table.columns[1]).sum() == 15
+    assert table.lines[0] == 2
+
+
+def test_registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = b"hello"
+    (tmp_path / "a.csv").write_bytes(data)
+    registry = tmp_path / "public.toml"
+    good, bad = hashlib.sha256(data).hexdigest(), "0" * 64
+    registry.write_text(
+        f'["a"]\npath = "a.csv"\nsha256 = "{good}"\n["b"]\npath = "a.csv"\nsha256 = "{bad}"\n'
+        f'["c"]\npath = "c.csv"\nsha256 = "{bad}"\n'
+    )
+    monkeypatch.setenv("JAXFRIC_DATA", str(tmp_path))
+    assert public_path("a", registry=registry) == tmp_path / "a.csv"
+    for name, words in (
+        ("b", "SHA-256 differs"),
+        ("c", "no public address"),
+        ("d", "there are: a, b"),
+    ):
+        with pytest.raises(InputError, match=words):
+            public_path(name, registry=registry)
+    with pytest.raises(InputError, match="no registry"):
+        public_path("a", registry=tmp_path / "none.toml")
+
+
+def test_the_registry_of_the_checkout() -> None:
+    assert public_record("velstep4_BRAVA_expb819_basalt.txt").is_file()
+    with pytest.raises(InputError, match="'nonsense' is not in"):
+        public_path("nonsense")

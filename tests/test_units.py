@@ -1,0 +1,118 @@
+"""Units at the edge: what is understood, what is refused, and in which words."""
+
+import subprocess
+import sys
+
+import pytest
+
+from jaxfric.errors import InputError
+from jaxfric.units import factor, format_si, has_dimension, is_unit, parse_quantity
+
+
+@pytest.mark.parametrize(
+    ("text", "si_unit", "value"),
+    [
+        ("1.6e-3/um", "1/m", 1600.0),
+        ("1.6e-3 um^-1", "1/m", 1600.0),
+        ("1.6e-3 um-1", "1/m", 1600.0),
+        ("2.289 um/s", "m/s", 2.289e-6),
+        ("2.289um/s", "m/s", 2.289e-6),
+        ("10 µm/s", "m/s", 1e-5),  # micro sign
+        ("10 μm/s", "m/s", 1e-5),  # Greek mu
+        ("5 microns/s", "m/s", 5e-6),
+        ("5 micron/sec", "m/s", 5e-6),
+        ("5 um s-1", "m/s", 5e-6),
+        ("-3 mm/min", "m/s", -5e-5),
+        ("99.9 MPa", "Pa", 99.9e6),
+        ("12 kN", "N", 12e3),
+        ("73.2 sec", "s", 73.2),
+        ("0.6", "1", 0.6),
+        ("0.6 -", "1", 0.6),
+        ("5 %", "1", 0.05),
+        ("10 N*s/m", "N*s/m", 10.0),
+    ],
+)
+def test_quantities(text: str, si_unit: str, value: float) -> None:
+    assert parse_quantity(text, si_unit, "x") == pytest.approx(value, rel=1e-14)
+
+
+def test_decimal_text_gives_the_nearest_number() -> None:
+    assert parse_quantity("10 um/s", "m/s", "x") == 1e-5
+    assert parse_quantity("2.289 um/s", "m/s", "x") == 2.289e-6
+
+
+@pytest.mark.parametrize(
+    ("text", "si_unit", "words"),
+    [
+        ("3", "m/s", ["V0", "has no unit", "m/s", "um/s"]),
+        ("3 MPa", "m", ["V0", "not a unit of m"]),
+        ("3 N", "1", ["V0", "not dimensionless"]),
+        ("3 mpa", "Pa", ["not a known unit", "did you mean 'MPa'"]),
+        ("3 umm", "m", ["did you mean 'um'"]),
+        ("um", "m", ["has no number"]),
+        ("", "m", ["has no number"]),
+        ("nan m", "m", ["has no number"]),
+        ("2,5 um", "m", ["V0", "decimal point"]),
+        ("1e999 m", "m", ["too large"]),
+        ("3 bits", "m", ["machine unit"]),
+        ("3 um(", "m", ["not a known unit"]),
+        ("3 degC", "m", ["not a known unit"]),
+        ("3 __import__('os')", "m", ["not a known unit"]),
+    ],
+)
+def test_refused(text: str, si_unit: str, words: list[str]) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_quantity(text, si_unit, "V0")
+    message = str(caught.value)
+    assert "\n" not in message
+    assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize(
+    ("unit", "si_unit", "value"),
+    [
+        ("um", "m", 1e-6),
+        ("microns", "m", 1e-6),
+        ("0.0764 um", "m", 7.64e-8),
+        ("", "1", 1.0),
+        ("-", "1", 1.0),
+        ("1", "1", 1.0),
+        ("MPa", "Pa", 1e6),
+        ("2 kN", "N", 2e3),
+    ],
+)
+def test_factors(unit: str, si_unit: str, value: float) -> None:
+    assert factor(unit, si_unit, "column") == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize(("unit", "si_unit"), [("", "m"), ("bits", "1"), ("0 um", "m"), ("s", "m")])
+def test_refused_factors(unit: str, si_unit: str) -> None:
+    with pytest.raises(InputError, match="column"):
+        factor(unit, si_unit, "column")
+    assert not has_dimension(unit, si_unit)
+
+
+def test_what_is_a_unit() -> None:
+    assert all(is_unit(text) for text in ("MPa", "um/s", "-", "1", "bits", "s"))
+    assert not any(is_unit(text) for text in ("Friction", "Displ", "normal_stress"))
+
+
+def test_shown_and_read_back() -> None:
+    assert format_si(22.86e-6, "m/s", "um/s") == "22.86 um/s"
+    assert format_si(0.25, "1", "1") == "0.25"
+    assert parse_quantity(format_si(1600.0, "1/m", "1/um"), "1/m", "k") == pytest.approx(1600)
+
+
+def test_an_unwritable_cache_is_no_obstacle() -> None:
+    code = "from jaxfric.units import factor; print(factor('um', 'm', 'x'))"
+    env = {"HOME": "/nonexistent", "XDG_CACHE_HOME": "/dev/null/none", "PATH": "/usr/bin"}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert done.stdout.strip() == "1e-06", done.stderr
+
+
+def test_records_and_units_need_no_jax() -> None:
+    code = (
+        "import sys, jaxfric.records, jaxfric.units; print(*({'jax', 'pint'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout.split()) == (0, []), done.stderr
