@@ -4,8 +4,13 @@ Only what a verb needs is imported when it runs, so that `jaxfric --help` is qui
 ends in one line on stderr and exit code 2.
 """
 
+import contextlib
+import io
+import logging
 import os
 import sys
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -18,8 +23,10 @@ app = cyclopts.App(
     name="jaxfric",
     help="Sliders that stick-slip: fit rate-and-state friction to velocity-step records.",
     version="0.1.0",
+    suppress_keyboard_interrupt=False,
 )
 
+_File = Annotated[Path, Parameter(help="The record: a CSV or other table of columns.")]
 _Columns = Annotated[
     list[str] | None,
     Parameter(
@@ -41,7 +48,8 @@ _Out = Annotated[Path | None, Parameter(help="Output folder.")]
 
 @app.command
 def record(
-    file: Path,
+    file: _File,
+    /,
     *,
     column: _Columns = None,
     drop_bad: _DropBad = False,
@@ -58,23 +66,29 @@ def record(
     from .report.record_text import describe
 
     measured = _read(file, column, drop_bad)
-    found = VelocitySteps.parse(steps) if steps else record_steps(measured)
-    with output_folder(out or Path(f"{file.stem}-record")) as folder:
+    found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
+    destination = out or Path(f"{file.stem}-record")
+    with output_folder(destination) as folder:
         draw_record(measured, found, folder / "record.png")
     for line in describe(measured, found):
         print(line)
-    print(f"figure: {(out or Path(f'{file.stem}-record')) / 'record.png'}")
+    print(f"figure: {destination / 'record.png'}")
 
 
 @app.command
 def fit(
-    file: Path,
+    file: _File,
+    /,
     *,
     stiffness: Annotated[
-        str | None, Parameter(help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m for a force.")
+        str | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m for a force.",
+        ),
     ] = None,
     law: Annotated[Literal["slip", "ageing"], Parameter(help="Evolution law.")] = "slip",
-    states: Annotated[int, Parameter(help="Number of state variables.")] = 1,
+    states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
     fit_stiffness: Annotated[
         bool, Parameter(negative=(), help="Fit the stiffness too (then it need not be given).")
     ] = False,
@@ -85,7 +99,8 @@ def fit(
     column: _Columns = None,
     drop_bad: _DropBad = False,
     reference_velocity: Annotated[
-        str | None, Parameter(help="Velocity, with unit, at which friction is f0.")
+        str | None,
+        Parameter(allow_leading_hyphen=True, help="Velocity, with unit, at which friction is f0."),
     ] = None,
     start: Annotated[
         str | None,
@@ -116,25 +131,29 @@ def fit(
     from .plot.fit import draw_fit
     from .report.output import output_folder
 
+    starts = None if start is None else parse_start(start, measured.friction_unit)
+    destination = out or Path(f"{file.stem}-fit")
+    with output_folder(destination):
+        pass  # a folder that cannot be written is better known before the fit
     result = run(
         measured,
         stiffness=stiffness,
         law=law,
-        states=states,
+        states=int(states),
         fit_stiffness=fit_stiffness,
         slip_trend=slip_trend,
         steps=steps,
         reference_velocity=reference_velocity,
-        start=parse_start(start, measured.friction_unit) if start else None,
+        start=starts,
         weighting=weighting,
         profile=profile,
     )
-    destination = out or Path(f"{file.stem}-fit")
+    content = text.dumps(result.to_json(), indent=1, allow_nan=False)
     with output_folder(destination) as folder:
-        (folder / "fit.json").write_text(text.dumps(result.to_json(), indent=1) + "\n")
+        (folder / "fit.json").write_text(content + "\n")
         draw_fit(result, folder / "fit.png", folder / "fit.svg")
     if json:
-        print(text.dumps(result.to_json(), indent=1))
+        print(content)
     else:
         _print_fit(result, destination)
     for warning in result.warnings:
@@ -174,7 +193,7 @@ def _print_fit(result, destination: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from .report.fit_table import rows, summary
+    from .fitting.table import rows, summary
 
     table = Table(title=f"{result.model.law} law", title_justify="left", box=None, pad_edge=False)
     for heading in ("", "", "value", "std", "95 % interval", "unit"):
@@ -190,6 +209,12 @@ def _print_fit(result, destination: Path) -> None:
 
 def main() -> None:
     """Run the command; every failure becomes one line and an exit code."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the caller
+            setattr(sys, name, io.StringIO())
+        else:
+            stream.reconfigure(errors="backslashreplace")
     try:
         code = _run(sys.argv[1:])
     except KeyboardInterrupt:
@@ -202,9 +227,12 @@ def main() -> None:
 
 def _run(arguments: list[str]) -> int:
     try:
-        app(arguments, exit_on_error=False, print_error=False)
+        with _quiet():
+            app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
     except cyclopts.CycloptsError as error:
-        return _complain(f"{error} (jaxfric --help lists what there is)", 2)
+        verb = " ".join(("jaxfric", *(error.command_chain or ())))
+        return _complain(f"{error} ({verb} --help lists what there is)", 2)
     except InputError as error:
         return _complain(str(error), 2)
     except (KeyboardInterrupt, BrokenPipeError):
@@ -212,13 +240,34 @@ def _run(arguments: list[str]) -> int:
     except MemoryError:
         return _complain("out of memory; use a shorter record", 1)
     except Exception as error:
-        if os.environ.get("JAXFRIC_DEBUG"):
+        if _debugging():
             raise
+        if isinstance(error, OSError) and error.strerror:
+            return _complain(f"{error.filename or 'standard output'}: {error.strerror}", 1)
         kind = type(error).__name__
         return _complain(
             f"internal error ({kind}: {error}); please report it. JAXFRIC_DEBUG=1 shows where", 1
         )
     return 0
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without remarks of libraries on fonts, caches and rounding, unless debugging."""
+    if _debugging():
+        yield
+        return
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+def _debugging() -> bool:
+    return bool(os.environ.get("JAXFRIC_DEBUG"))
 
 
 def _complain(message: str, code: int) -> int:

@@ -14,6 +14,13 @@ from jaxtyping import Array, ArrayLike, Float
 from .errors import InputError
 
 
+def _floats(x):
+    x = jnp.asarray(x)
+    return jnp.asarray(
+        x, x.dtype if jnp.issubdtype(x.dtype, jnp.inexact) else jnp.result_type(float)
+    )
+
+
 class AbstractMotion(eqx.Module):
     """Interface of a commanded motion. It starts at displacement 0 at its first time."""
 
@@ -46,8 +53,8 @@ class PiecewiseVelocity(AbstractMotion):
     reached (see `padded`), so that motions of different length share one compilation.
     """
 
-    times: Float[Array, " n"] = eqx.field(converter=jnp.asarray)
-    velocities: Float[Array, " n"] = eqx.field(converter=jnp.asarray)
+    times: Float[Array, " n"] = eqx.field(converter=_floats)
+    velocities: Float[Array, " n"] = eqx.field(converter=_floats)
 
     def __check_init__(self):
         if self.times.ndim != 1 or self.times.shape != self.velocities.shape:

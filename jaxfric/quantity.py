@@ -87,7 +87,11 @@ def quantity(
 
 
 def _as_array(value):
-    return None if value is None else jnp.asarray(value)
+    if value is None:
+        return None
+    value = jnp.asarray(value)
+    inexact = jnp.issubdtype(value.dtype, jnp.inexact)
+    return jnp.asarray(value, value.dtype if inexact else jnp.result_type(float))
 
 
 def quantities(module: eqx.Module | type) -> dict[str, Quantity]:

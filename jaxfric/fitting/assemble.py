@@ -93,22 +93,22 @@ def _estimates(record, problem: Problem, solution: Solution, spread, failed: boo
     std = np.sqrt(np.maximum(np.diag(spread), 0.0))
     span = float(np.ptp(record.friction))
     known = [False] * len(std) if failed else determined(problem, std, span)
-    value, slope = (np.asarray(x) for x in natural(problem, solution.z))
-    p, estimates = len(value), {}
+    p, estimates = len(problem.model.names()), {}
+    ends = np.stack([z - QUANTILE * std, z + QUANTILE * std])
+    for i in range(p):
+        if profile and known[i]:
+            ends[:, i] = profile_interval(problem, solution, i, float(std[i]))
+    values, slopes = (np.asarray(x) for x in natural(problem, np.vstack([z[None], ends])))
+    value, slope = values[0], slopes[0]
     for i, name in enumerate(problem.model.names()):
-        ends = z[i] - QUANTILE * std[i], z[i] + QUANTILE * std[i]
-        profiled = profile and known[i]
-        if profiled:
-            ends = profile_interval(problem, solution, i, float(std[i]))
-        low, high = (natural(problem, solution.z.at[i].set(end))[0][i] for end in ends)
         estimates[name] = Estimate(
             value=float(value[i]),
             std=float(abs(slope[i]) * std[i]),
-            lower=float(low),
-            upper=float(high),
+            lower=float(values[1, i]),
+            upper=float(values[2, i]),
             unit=unit_of(name, record.friction_unit),
             determined=known[i],
-            profiled=profiled,
+            profiled=profile and known[i],
         )
     return estimates, spread[:p, :p] * np.outer(slope, slope)
 

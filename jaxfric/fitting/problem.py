@@ -198,11 +198,13 @@ def to_free(problem: Problem, values: Float[Array, "s p"]) -> Float[Array, "s q"
 
 @eqx.filter_jit
 def natural(
-    problem: Problem, z: Float[Array, " q"]
-) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Natural (SI) values of unbounded variables and the derivative of each by its own."""
+    problem: Problem, zs: Float[Array, "s q"]
+) -> tuple[Float[Array, "s p"], Float[Array, "s p"]]:
+    """Natural (SI) values of several rows of unbounded variables, and the derivative of each
+    value by its own variable."""
     p = len(problem.model.names())
-    return problem.from_free(z), jnp.diagonal(jax.jacfwd(problem.from_free)(z)[:, :p])
+    slopes = jax.vmap(jax.jacfwd(problem.from_free))(zs)[:, :, :p]
+    return jax.vmap(problem.from_free)(zs), jnp.diagonal(slopes, axis1=1, axis2=2)
 
 
 def build_rig(

@@ -1,9 +1,8 @@
 """Levenberg-Marquardt from the best of several starts.
 
-Three compiled functions do the work: the misfits of all starts, one descent, and the
-residual with its Jacobian. The starts are mapped one after another rather than batched: a
-batched `while_loop` copies the solver's whole memory at every step, which costs more than the
-batch saves on a few cores.
+Two compiled functions do the work: the residual with its Jacobian, and one descent. Starts
+are tried one after another rather than batched: a batched `while_loop` copies the solver's whole
+memory at every step, which costs more than the batch saves on a few cores.
 """
 
 from typing import NamedTuple
@@ -57,10 +56,13 @@ def one_pass(problem: Problem, z: Float[Array, " p"]):
     return residual
 
 
-@eqx.filter_jit
-def start_misfits(problem: Problem, starts: Float[Array, "s p"]) -> Float[Array, " s"]:
-    """Sum of squared residuals at every start."""
-    return jax.lax.map(lambda z: jnp.sum(problem.residual(z) ** 2), starts)
+def misfits(problem: Problem, starts: Float[Array, "s q"]) -> np.ndarray:
+    """Sum of squared residuals at every start.
+
+    By the function that the descent needs anyway: compiling another costs more than its Jacobians.
+    """
+    residuals = [residual_and_jacobian(problem, z)[0] for z in starts]
+    return np.array([float(r @ r) for r in map(np.asarray, residuals)])
 
 
 @eqx.filter_jit
@@ -90,15 +92,15 @@ def solve(
     A descent ends when neither a parameter (unbounded form) nor a residual (in noise units)
     changes by more than `tolerance`.
     """
-    misfits = np.asarray(start_misfits(problem, starts))
-    order = np.argsort(misfits)
-    if misfits[order[0]] >= FAILED_MISFIT**2 and problem.damping is None:
+    found_misfits = misfits(problem, starts)
+    order = np.argsort(found_misfits)
+    if found_misfits[order[0]] >= FAILED_MISFIT**2 and problem.damping is None:
         # every start runs away: the record lies near that edge. Approach it with a dashpot.
-        order = np.argsort(np.asarray(start_misfits(problem.damped(_DASHPOTS[0]), starts)))
+        order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
     samples = float(jnp.sum(problem.weight > 0))
     found: list[Solution] = []
     for i in order[:refine]:
-        feasible = bool(misfits[i] < FAILED_MISFIT**2)
+        feasible = bool(found_misfits[i] < FAILED_MISFIT**2)
         z, result, steps = _descend_safely(problem, starts[i], feasible, tolerance)
         residual, jacobian = residual_and_jacobian(problem, z)
         cost = float(jnp.sum(residual**2))
@@ -116,5 +118,5 @@ def _descend_safely(problem, z, feasible: bool, tolerance: float):
         if feasible:
             break
         z, _, _ = descend(problem.damped(strength), z, free, tolerance)
-        feasible = bool(start_misfits(problem, z[None])[0] < FAILED_MISFIT**2)
+        feasible = bool(misfits(problem, z[None])[0] < FAILED_MISFIT**2)
     return descend(problem, z, free, tolerance)

@@ -91,7 +91,7 @@ def one_state_starts(
     V0: float,
     stiffness: float | None,
     model: Model,
-    number: int = 6,
+    number: int = 5,
 ) -> np.ndarray:
     """The best `number` one-state starts, rows in the order of `model.names()` for one state.
 
@@ -100,7 +100,7 @@ def one_state_starts(
     t, f, steps = _before_reversal(t, f, steps)
     data = average(t, f, steps)
     grid = _grid(data, steps, stiffness)
-    pad = bucket(len(data.time), 64) - len(data.time)
+    pad = bucket(len(data.time), 256) - len(data.time)
     dt = np.pad(np.diff(data.end, prepend=0.0), (0, pad))
     load = steps.displacement(data.end)
     velocity = np.diff(load, prepend=0.0) / np.diff(data.end, prepend=0.0)

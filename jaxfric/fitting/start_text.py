@@ -8,7 +8,7 @@ from .result import unit_of
 
 def parse_start(text: str, friction_unit: str) -> dict[str, float]:
     """Starting values (SI) by name. Raises `InputError` for text that is not of this form."""
-    found = {}
+    found: dict[str, float] = {}
     for part in filter(None, (piece.strip() for piece in text.split(","))):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals:
@@ -17,5 +17,9 @@ def parse_start(text: str, friction_unit: str) -> dict[str, float]:
             quantity_of(name)
         except KeyError:
             raise InputError(f"start: '{name}' is no parameter; they are f0, A, B, L, K") from None
+        if name in found:
+            raise InputError(f"start: {name} is given twice")
         found[name] = parse_quantity(value, unit_of(name, friction_unit), f"start of {name}")
+    if not found:
+        raise InputError("start: nothing given; write it as in 'A=0.01, L=20 um'")
     return found

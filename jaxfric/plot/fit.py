@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..fitting import Fit
-from ..report.fit_table import rows
+from ..fitting.table import rows
 
 _DATA, _FIT, _STEP, _BAND = "#1f4e79", "#c8501e", "0.55", "0.85"
 _LAGS = 28
@@ -36,6 +36,8 @@ def draw_fit(fit: Fit, *paths: str | Path) -> None:
     states = "" if fit.model.states == 1 else f", {fit.model.states} states"
     figure.suptitle(f"{name}: {fit.model.law} law{states}", x=0.01, ha="left", fontsize=11)
     figure.align_ylabels(list(axes))
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once, not once per file
     for path in paths:
         figure.savefig(str(path), dpi=130)
 

@@ -1,0 +1,1 @@
+"""Texts and files of results, from result objects only."""

@@ -1,7 +1,7 @@
 """Writing results so that nothing is ever half-written.
 
-Files are written into a hidden folder beside their destination and renamed into it when all
-of them are complete; a failure on the way leaves the destination as it was.
+Files are written into a hidden folder in their destination and renamed when all of them are
+complete; a failure before that leaves the destination as it was.
 """
 
 import contextlib
@@ -18,41 +18,49 @@ from ..errors import InputError
 def output_folder(destination: str | Path) -> Iterator[Path]:
     """A temporary folder whose files are moved into `destination` if the block succeeds.
 
-    Files of the same name are replaced, others stay. Raises `InputError` where the destination
-    is a file or cannot be written.
+    Files of the same name are replaced, others stay. A destination that had to be made and
+    stays empty is taken away again. Raises `InputError` where the destination is a file or
+    cannot be written.
     """
     target = Path(destination)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"output folder {target} is a file; give another with --out")
     made = _make(target)
     work: Path | None = None
     try:
         work = Path(tempfile.mkdtemp(prefix=".jaxfric-", dir=target))
         yield work
-        for file in sorted(work.iterdir()):
-            os.replace(file, target / file.name)
-        made = []
+        _move(work, target)
     except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise InputError(
-            f"cannot write to output folder {target}: {reason}; give another with --out"
-        ) from None
+        raise _refusal(target, error) from None
     finally:
         if work is not None:
             shutil.rmtree(work, ignore_errors=True)
         for folder in made:
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                folder.rmdir()  # unless it holds files
 
 
 def _make(target: Path) -> list[Path]:
     """Create the folder and its parents; those that were made, innermost first."""
-    missing = [p for p in (target, *target.parents) if not p.exists()]
     try:
+        missing = [p for p in (target, *target.parents) if not p.exists()]
         target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise InputError(
-            f"cannot make output folder {target}: {reason}; give another with --out"
-        ) from None
+    except FileExistsError:
+        raise InputError(f"output folder {target} is a file; give another with --out") from None
+    except (OSError, ValueError) as error:
+        raise _refusal(target, error) from None
     return missing
+
+
+def _move(work: Path, target: Path) -> None:
+    """Rename all files of `work` into `target`, or none where a folder has the name of one."""
+    files = sorted(work.iterdir())
+    for file in files:
+        if (target / file.name).is_dir():
+            raise InputError(f"{target / file.name} is a folder, where a file is to be written")
+    for file in files:
+        os.replace(file, target / file.name)
+
+
+def _refusal(target: Path, error: Exception) -> InputError:
+    reason = getattr(error, "strerror", None) or str(error)
+    return InputError(f"cannot write to output folder {target}: {reason}; give another with --out")

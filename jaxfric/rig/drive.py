@@ -52,7 +52,7 @@ class FirstOrderDrive(AbstractDrive):
 
     def lag_rate(self, motion, t):
         jump, since = self._steps(motion, t)
-        decay = jnp.where(since > 0, jnp.exp(-since / self._safe_tau()), 0.0)
+        decay = jnp.exp(-since / self._safe_tau())
         return jnp.sum(jump * decay)
 
     def _safe_tau(self):
@@ -64,6 +64,6 @@ class FirstOrderDrive(AbstractDrive):
                 "FirstOrderDrive needs a PiecewiseVelocity motion: its lag is a closed form "
                 f"for velocity steps, and {type(motion).__name__} has none"
             )
-        begun = t > motion.times[1:]
+        begun = t >= motion.times[1:]
         since = jnp.where(begun, t - jnp.where(begun, motion.times[1:], 0.0), 0.0)
         return jnp.where(begun, jnp.diff(motion.velocities), 0.0), since

@@ -10,6 +10,7 @@ import math
 import diffrax
 import jax
 import jax.numpy as jnp
+import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..errors import InputError
@@ -65,12 +66,14 @@ def simulate(
     """
     if not (0 < rtol <= 0.1) or math.isnan(rtol):
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
-    if jnp.ndim(ts) != 1:
-        raise InputError(f"simulate: ts has {jnp.ndim(ts)} dimensions; give one row of times")
+    if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
+        raise InputError(
+            f"simulate: ts has shape {jnp.shape(ts)}; give one row of times, not empty"
+        )
     equation = SliderEquation(rig, motion)
     limit = math.log(runaway)
     if solver is None:
-        solver = diffrax.Kvaerno5() if isinstance(rig.machine, Inertial) else diffrax.Tsit5()
+        solver = _implicit() if isinstance(rig.machine, Inertial) else diffrax.Tsit5()
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(equation.derivative),
         solver,
@@ -89,6 +92,12 @@ def simulate(
         throw=False,
     )
     return _sample(rig, equation, solution, ts)
+
+
+def _implicit() -> diffrax.AbstractSolver:
+    """Kvaerno5 with full Newton steps: with the default (one Jacobian per step) the linear
+    solver of a forward derivative met values that are not finite."""
+    return diffrax.Kvaerno5(root_finder=diffrax.with_stepsize_controller_tols(optx.Newton)())
 
 
 def _sample(rig: Rig, equation: SliderEquation, solution, ts) -> Trajectory:

@@ -107,31 +107,32 @@ class LogarithmicEffect(AbstractDirectEffect):
 class RegularisedEffect(AbstractDirectEffect):
     """A asinh(V/(2 V0) exp(rest/A)): finite at rest and odd in V, for sticking and reversal.
 
-    For V > 0 it differs from `rest + A ln(V/V0)` by A ln((1 + sqrt(1 + e^-2z))/2) with
-    z = asinh(...), about A exp(-2 rest/A - 2 ln(V/V0)): less than 1e-15 for rest/A > 20 at
-    V = V0. `rest` is meant to be positive (it is the friction level near V0).
+    For V > 0 it exceeds `rest + A ln(V/V0)` by -A ln(1 - e^-2z) with z = asinh(...), about
+    A exp(-2 rest/A - 2 ln(V/V0)): less than 1e-15 A for rest/A > 20 at V = V0. `rest` is meant
+    to be positive (it is the friction level near V0).
     """
 
     def force(self, V, rest, A, V0):
         # asinh(x e^p / 2) with x = |V|/V0, written so that e^p may exceed the number range
-        x = jnp.abs(V) / V0
+        x = V / V0
         p = rest / A
-        small = jnp.log(jnp.where(x > 0, x, 1.0)) + p < 20.0
-        direct = jnp.arcsinh(0.5 * x * jnp.exp(jnp.where(small, p, 0.0)))
-        asymptotic = p + jnp.log(jnp.where(small, 1.0, x))
-        magnitude = A * jnp.where(small | (x == 0), direct, asymptotic)
-        return jnp.sign(V) * magnitude
+        small = jnp.log(jnp.where(x == 0, 1.0, jnp.abs(x))) + p < 20.0
+        small = small | (x == 0)
+        direct = jnp.arcsinh(0.5 * jnp.where(small, x, 0.0) * jnp.exp(jnp.where(small, p, 0.0)))
+        asymptotic = jnp.sign(x) * (p + jnp.log(jnp.where(small, 1.0, jnp.abs(x))))
+        return A * jnp.where(small, direct, asymptotic)
 
     def velocity(self, force, rest, A, V0, damping):
         g = force / A
         if damping is not None:
             c = damping * V0 / A
             u = _damped_log(jnp.abs(g) - rest / A, c) + rest / A
+            u = jax.lax.stop_gradient(jnp.sign(g) * u)
             for _ in range(_NEWTON_STEPS):
                 v = _twice_sinh(u, rest / A)
                 slope = 1 + c * _twice_cosh(u, rest / A)
-                u = u - (u + c * v - jnp.abs(g)) / slope
-            g = jnp.sign(g) * u
+                u = u - (u + c * v - g) / slope
+            g = u
         return V0 * _twice_sinh(g, rest / A)
 
 
@@ -202,10 +203,8 @@ def critical_stiffness(law: RateState) -> Float[Array, ""]:
 
 def _damped_log(z: Float[Array, ""], c: Float[Array, ""]) -> Float[Array, ""]:
     """u such that u + c e^u = z, for c > 0: z - W(c e^z) with Lambert's W, by Newton steps."""
-    log_cz = jnp.log(c) + z
-    large = jnp.maximum(log_cz, 1.0)
-    w = jnp.where(log_cz > 1.0, large - jnp.log(large), jnp.exp(jnp.minimum(log_cz, 1.0)))
-    u = z - jax.lax.stop_gradient(w)
+    size = jax.nn.softplus(jnp.log(c) + z)
+    u = z - jax.lax.stop_gradient(size * (1 - jnp.log1p(size) / (2 + size)))
     for _ in range(_NEWTON_STEPS):
         e = c * jnp.exp(u)
         u = u - (u + e - z) / (1 + e)

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting import Fit
-from ..fitting.problem import quantity_of
 from ..units import factor
+from .problem import quantity_of
+from .result import Fit
 
 
 class Row(NamedTuple):

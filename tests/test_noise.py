@@ -1,0 +1,233 @@
+"""Noise of a residual: the Kalman filter against dense linear algebra, and known truths."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import cholesky, null_space
+from scipy.stats import multivariate_normal
+
+from jaxfric.fitting.noise import Noise, _restricted, estimate_noise, sandwich, whiten
+
+N, P = 60, 3
+
+
+def uneven(rng, n=N):
+    return np.cumsum(rng.uniform(0.05, 1.0, n))
+
+
+def covariance(time, sigma, share, tau):
+    lags = np.abs(time[:, None] - time)
+    return sigma**2 * ((1 - share) * np.eye(len(time)) + share * np.exp(-lags / tau))
+
+
+def as_noise(sigma, share, tau):
+    return Noise(*(jnp.asarray(x) for x in (sigma, share, tau, 0.0)))
+
+
+def design(rng, time):
+    """Three columns of very different size."""
+    return np.stack([np.ones_like(time), 1e-4 * np.sin(time), 1e5 * time], 1)
+
+
+def padded(rng, time, columns, extra=17):
+    """The same rows with rows of weight 0 among and after them; what they hold is wrong."""
+    n = len(time) + extra
+    weight = np.ones(n)
+    weight[rng.choice(np.arange(1, n - 5), extra - 5, replace=False)] = 0
+    weight[-5:] = 0
+    held = np.maximum(np.cumsum(weight > 0) - 1, 0)
+    values = columns[held] + 1e3 * (weight == 0)[:, None]
+    between = time[held] + np.where(weight == 0, 1e-3, 0.0)
+    return np.where(np.arange(n) < n - 5, between, time[-1]), weight, values
+
+
+PARAMETERS = [(0.3, 0.7, 2.0), (5e-4, 0.05, 0.1), (2.0, 0.999, 30.0), (1.0, 1e-4, 1.0)]
+
+
+@pytest.mark.parametrize("parameters", PARAMETERS)
+def test_whitened_gram_is_the_inverse_covariance(parameters):
+    rng = np.random.default_rng(0)
+    time = uneven(rng)
+    white = np.asarray(whiten(time, np.ones(N), np.eye(N), as_noise(*parameters)))
+    inverse = np.linalg.inv(covariance(time, *parameters))
+    np.testing.assert_allclose(white.T @ white, inverse, atol=1e-9 * np.abs(inverse).max())
+    assert np.allclose(white, np.tril(white))  # each row uses the rows before it
+
+
+@pytest.mark.parametrize("parameters", PARAMETERS)
+def test_rows_of_weight_zero_are_passed_over_in_whitening(parameters):
+    rng = np.random.default_rng(1)
+    time = uneven(rng)
+    columns = design(rng, time) / [1, 1e-4, 1e5]
+    noise = as_noise(*parameters)
+    plain = whiten(time, np.ones(N), columns, noise)
+    t, weight, values = padded(rng, time, columns)
+    with_rows = np.asarray(whiten(t, weight, values, noise))
+    assert np.all(with_rows[weight == 0] == 0)
+    np.testing.assert_allclose(with_rows[weight > 0], plain, atol=1e-6 * np.abs(plain).max())
+
+
+def restricted_by_definition(time, residual, jacobian, share, tau):
+    """Normal log-likelihood of what is left after projecting the columns out, sigma profiled."""
+    keep = contrasts(jacobian.tobytes(), jacobian.shape)
+    left, shape = keep.T @ residual, keep.T @ covariance(time, 1.0, share, tau) @ keep
+    variance = left @ np.linalg.solve(shape, left) / len(left)
+    log_det = np.linalg.slogdet(2 * np.pi * variance * shape)[1]
+    return -0.5 * (log_det + len(left)), np.sqrt(variance)
+
+
+@functools.cache
+def contrasts(data, shape):
+    """An orthonormal basis of everything that the columns cannot describe."""
+    columns = np.frombuffer(data).reshape(shape)
+    return null_space((columns / np.linalg.norm(columns, axis=0)).T)
+
+
+def test_the_definition_is_the_normal_density():
+    rng = np.random.default_rng(9)
+    time = uneven(rng, 12)
+    jacobian, residual = design(rng, time), rng.normal(size=12)
+    value, sigma = restricted_by_definition(time, residual, jacobian, 0.7, 2.0)
+    keep = contrasts(jacobian.tobytes(), jacobian.shape)
+    density = multivariate_normal(cov=keep.T @ covariance(time, sigma, 0.7, 2.0) @ keep)
+    assert value == pytest.approx(density.logpdf(keep.T @ residual), rel=1e-10)
+
+
+def test_restricted_likelihood_is_that_of_the_contrasts():
+    """Up to a constant that depends on the columns alone."""
+    rng = np.random.default_rng(2)
+    time = uneven(rng)
+    jacobian = design(rng, time)
+    residual = rng.normal(size=N) + 3.0 * jacobian[:, 2] / 1e5
+    share, tau = (np.array(x) for x in zip(*[p[1:] for p in PARAMETERS], strict=True))
+    columns = np.column_stack([residual, jacobian])
+    found, sigma = _restricted(time, np.ones(N), columns, jnp.asarray(share), jnp.asarray(tau))
+    truth = [
+        restricted_by_definition(time, residual, jacobian, *p) for p in zip(share, tau, strict=True)
+    ]
+    values, sigmas = np.array(truth).T
+    np.testing.assert_allclose(np.diff(found), np.diff(values), atol=1e-6)
+    np.testing.assert_allclose(sigma, sigmas, rtol=1e-8)
+
+
+def simulated_noise(rng, time, sigma, share, tau):
+    """By the definition of the process, one step at a time; no Cholesky of the filter's model."""
+    keep = np.exp(-np.diff(time) / tau)
+    s = [rng.normal()]
+    for k in keep:
+        s.append(k * s[-1] + np.sqrt(1 - k * k) * rng.normal())
+    white = rng.normal(size=len(time))
+    return sigma * (np.sqrt(share) * np.array(s) + np.sqrt(1 - share) * white)
+
+
+def test_the_estimate_is_the_largest_likelihood():
+    """No point of a fine grid around it is better by more than the grid of the search allows."""
+    rng = np.random.default_rng(3)
+    time = uneven(rng, 150)
+    jacobian = design(rng, time)
+    residual = simulated_noise(rng, time, 1e-3, 0.6, 4.0)
+    best = estimate_noise(time, np.ones(150), residual, jacobian)
+    here, sigma = restricted_by_definition(
+        time, residual, jacobian, float(best.share), float(best.correlation_time)
+    )
+    assert float(best.sigma) == pytest.approx(sigma, rel=1e-6)
+    for logit in np.linspace(-5, 5, 7):
+        for tau in np.geomspace(0.3, 0.5 * np.ptp(time), 7):
+            share = 1 / (1 + np.exp(-logit))
+            other, _ = restricted_by_definition(time, residual, jacobian, share, tau)
+            assert other < here + 0.05
+
+
+def test_known_noise_is_recovered():
+    """20 records of 1000 uneven samples: means within three standard errors of the truth."""
+    truth = np.log([1e-3, 0.6 / 0.4, 3.0])
+    records = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        time = uneven(rng, 1000)
+        residual = simulated_noise(rng, time, 1e-3, 0.6, 3.0)
+        found = estimate_noise(time, np.ones(1000), residual, design(rng, time))
+        odds = found.share / (1 - found.share)
+        records.append(np.log([found.sigma, odds, found.correlation_time]))
+    mean, spread = np.mean(records, 0), np.std(records, 0, ddof=1)
+    assert np.all(spread < [0.1, 0.4, 0.4])
+    assert np.all(np.abs(mean - truth) < 3 * spread / np.sqrt(20) + 0.03)
+
+
+def test_white_noise_is_found_white():
+    rng = np.random.default_rng(4)
+    time = uneven(rng, 1000)
+    residual = 2e-3 * rng.normal(size=1000)
+    found = estimate_noise(time, np.ones(1000), residual, design(rng, time))
+    correlated = found.share * np.exp(-0.5 / found.correlation_time)
+    assert correlated < 0.1 and float(found.sigma) == pytest.approx(2e-3, rel=0.1)
+
+
+def test_rows_of_weight_zero_change_no_estimate():
+    rng = np.random.default_rng(5)
+    time = uneven(rng, 150)
+    columns = np.column_stack([simulated_noise(rng, time, 1e-3, 0.6, 4.0), design(rng, time)])
+    plain = estimate_noise(time, np.ones(150), columns[:, 0], columns[:, 1:])
+    t, weight, values = padded(rng, time, columns, 30)
+    found = estimate_noise(t, weight, values[:, 0], values[:, 1:])
+    # The grid of correlation times follows the median interval, which the rows between change.
+    _assert_as_likely(found, plain, columns, time)
+    at_end = np.append(time, np.full(8, time[-1]))
+    rows = np.concatenate([columns, np.full((8, 4), 7.0)])
+    found = estimate_noise(at_end, np.append(np.ones(150), np.zeros(8)), rows[:, 0], rows[:, 1:])
+    np.testing.assert_allclose(found.sigma, plain.sigma, rtol=1e-6)
+    np.testing.assert_allclose(found.share, plain.share, rtol=1e-6)
+    np.testing.assert_allclose(found.correlation_time, plain.correlation_time, rtol=1e-6)
+
+
+def _assert_as_likely(found, plain, columns, time):
+    values = [
+        restricted_by_definition(
+            time, columns[:, 0], columns[:, 1:], float(n.share), float(n.correlation_time)
+        )[0]
+        for n in (found, plain)
+    ]
+    assert abs(values[0] - values[1]) < 0.05
+    np.testing.assert_allclose(found.sigma, plain.sigma, rtol=0.05)
+
+
+@pytest.mark.parametrize("parameters", PARAMETERS)
+def test_sandwich(parameters):
+    rng = np.random.default_rng(6)
+    time = uneven(rng)
+    jacobian = rng.normal(size=(N, P))
+    truth = jacobian.T @ covariance(time, *parameters) @ jacobian
+    found = sandwich(time, jacobian, as_noise(*parameters))
+    np.testing.assert_allclose(found, truth, rtol=1e-10, atol=1e-12 * np.abs(truth).max())
+
+
+def test_sandwich_ignores_rows_without_weight():
+    """Rows of weight 0 have a Jacobian of 0: they change nothing, wherever they stand."""
+    rng = np.random.default_rng(7)
+    time = uneven(rng)
+    jacobian = rng.normal(size=(N, P))
+    t, weight, _ = padded(rng, time, jacobian)
+    rows = np.zeros((len(t), P))
+    rows[weight > 0] = jacobian
+    noise = as_noise(0.3, 0.7, 2.0)
+    plain = np.asarray(sandwich(time, jacobian, noise))
+    np.testing.assert_allclose(sandwich(t, rows, noise), plain, rtol=1e-10)
+
+
+def test_a_wrong_correlation_time_is_seen():
+    """The comparisons above fail if tau is wrong by one part in ten thousand."""
+    rng = np.random.default_rng(8)
+    time = uneven(rng)
+    factor = cholesky(covariance(time, 0.3, 0.7, 2.0), lower=True)
+    right, wrong = (
+        np.asarray(whiten(time, np.ones(N), factor, as_noise(0.3, 0.7, tau)))
+        for tau in (2.0, 2.0002)
+    )
+    np.testing.assert_allclose(right, np.eye(N), atol=1e-9)
+    assert np.abs(wrong - np.eye(N)).max() > 1e-6
+    jacobian = rng.normal(size=(N, P))
+    a, b = (sandwich(time, jacobian, as_noise(0.3, 0.7, tau)) for tau in (2.0, 2.0002))
+    assert jax.tree.all(jnp.abs(a - b).max() > 1e-8 * jnp.abs(a).max())

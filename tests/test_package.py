@@ -1,0 +1,132 @@
+"""The package from outside: quiet, quick, a known list of names, every one documented."""
+
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import jaxfric
+
+NAMES = [
+    "AgeingEvolution",
+    "Estimate",
+    "FirstOrderDrive",
+    "Fit",
+    "IdealDrive",
+    "IdealSensor",
+    "Inertial",
+    "InputError",
+    "LogarithmicEffect",
+    "PiecewiseVelocity",
+    "QuasiStatic",
+    "RESULTS",
+    "RateState",
+    "Record",
+    "RegularisedEffect",
+    "Rig",
+    "SlipEvolution",
+    "Trajectory",
+    "VelocitySteps",
+    "critical_stiffness",
+    "find_steps",
+    "fit",
+    "from_arrays",
+    "read",
+    "read_table",
+    "simulate",
+]
+
+
+def python(code):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout, done.stderr
+
+
+def test_import_is_silent_and_loads_no_jax():
+    code = "import sys, jaxfric; print('jax' in sys.modules, 'scipy' in sys.modules)"
+    assert python(code) == ("False False\n", "")
+
+
+def test_use_is_silent_and_leaves_jax_as_it_was():
+    """Every name is loaded; neither the precision nor any other setting of JAX changes."""
+    code = (
+        "import jax; before = dict(jax.config.values)\n"
+        "import jaxfric; [getattr(jaxfric, name) for name in jaxfric.__all__]\n"
+        "print(before == dict(jax.config.values), jax.config.jax_enable_x64)"
+    )
+    assert python(code) == ("True False\n", "")
+
+
+def test_public_names_are_the_list():
+    """A new name is a promise: add it here on purpose."""
+    assert sorted(jaxfric.__all__) == NAMES
+    assert set(NAMES) <= set(dir(jaxfric))
+    assert jaxfric.__version__
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_name_resolves_to_what_its_name_says(name):
+    value = getattr(jaxfric, name)
+    assert value.__name__ == name
+    assert getattr(jaxfric, name) is value
+
+
+def test_static_imports_are_the_lazy_ones():
+    """What type checkers see is what the lazy table loads."""
+    lines = inspect.getsource(jaxfric).splitlines()
+    static = {}
+    for line in lines:
+        if line.startswith("    from ."):
+            home, name = line.split(" import ")
+            name, alias = name.split(" as ")
+            assert name == alias
+            static[name] = home.removeprefix("    from .")
+    assert static == jaxfric._HOMES
+
+
+def test_unknown_name():
+    with pytest.raises(AttributeError, match=r"jaxfric.*no attribute 'ageing'"):
+        _ = jaxfric.ageing
+
+
+def modules():
+    names = [m.name for m in pkgutil.walk_packages(jaxfric.__path__, "jaxfric.")]
+    return [importlib.import_module(name) for name in names if not name.endswith("__main__")]
+
+
+def undocumented(module):
+    """Public functions and classes defined in a module, and public methods, without docstring."""
+    missing = [] if module.__doc__ else [module.__name__]
+    for name, value in vars(module).items():
+        if name.startswith("_") or getattr(value, "__module__", None) != module.__name__:
+            continue
+        if not (inspect.isclass(value) or inspect.isroutine(value)):
+            continue
+        own = vars(value).get("__doc__") if inspect.isclass(value) else value.__doc__
+        generated = (own or "").startswith(f"{name}(")  # what dataclasses write by themselves
+        if not own or generated:
+            missing.append(f"{module.__name__}.{name}")
+    return missing
+
+
+def test_everything_public_has_a_docstring():
+    assert [item for module in modules() for item in undocumented(module)] == []
+
+
+def test_a_missing_docstring_is_seen():
+    module = type(sys)("made_up", "A module.")
+    exec(
+        "import dataclasses\n"
+        "def told():\n    'Says so.'\n"
+        "def silent(): pass\n"
+        "def _private(): pass\n"
+        "@dataclasses.dataclass\nclass Bare:\n    x: int\n",
+        vars(module),
+    )
+    assert undocumented(module) == ["made_up.silent", "made_up.Bare"]
