@@ -2,12 +2,13 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
 from ..records import Record, VelocitySteps
 from .noise import Noise
-from .problem import FAILED_MISFIT, Problem, natural, quantity_of, residual_and_jacobian
+from .problem import FAILED_MISFIT, Problem, natural, residual_and_jacobian
 from .result import Estimate, Fit, NoiseEstimate, unit_of
 from .solve import Solution
 from .uncertainty import (
@@ -40,14 +41,19 @@ def assemble(
     spread = covariance(problem, solution, noise)
     estimates, matrix = _estimates(record, problem, solution, spread, failed, profile)
     names = problem.model.names()
-    deviations = np.sqrt(np.diag(matrix))
+    deviations = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    product = np.outer(deviations, deviations)
     unit = record.friction_unit
     for name, value in (("K", problem.stiffness), ("V0", problem.V0)):
         if name not in estimates:
             v = float(value)
             estimates[name] = Estimate(v, 0.0, v, v, unit_of(name, unit), free=False)
     scale = float(problem.noise_scale)
-    result = optx.RESULTS[solution.result] or "converged"
+    result = "converged"
+    if solution.result == optx.RESULTS.nonlinear_max_steps_reached:
+        result = f"still moving after {solution.num_steps} iterations"
+    elif solution.result != optx.RESULTS.successful:
+        result = optx.RESULTS[solution.result]
     fit = Fit(
         record=record,
         steps=_refined(steps, problem, solution, spread),
@@ -55,7 +61,7 @@ def assemble(
         parameters=estimates,
         free=names,
         covariance=matrix,
-        correlation=matrix / np.outer(deviations, deviations),
+        correlation=np.divide(matrix, product, out=np.full_like(matrix, np.nan), where=product > 0),
         predicted=predicted,
         sum_of_squares=float(np.sum(misfit**2)),
         rms=float(np.sqrt(np.mean(misfit**2))),
@@ -90,7 +96,8 @@ def _refined(
 def _estimates(record, problem: Problem, solution: Solution, spread, failed: bool, profile: bool):
     """Estimates by name, and the covariance of the free parameters in SI."""
     z = np.asarray(solution.z)
-    std = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    variance = np.diag(spread)
+    std = np.sqrt(np.where(variance > 0, variance, np.nan))
     span = float(np.ptp(record.friction))
     known = [False] * len(std) if failed else determined(problem, std, span)
     p, estimates = len(problem.model.names()), {}
@@ -98,7 +105,9 @@ def _estimates(record, problem: Problem, solution: Solution, spread, failed: boo
     for i in range(p):
         if profile and known[i]:
             ends[:, i] = profile_interval(problem, solution, i, float(std[i]))
-    values, slopes = (np.asarray(x) for x in natural(problem, np.vstack([z[None], ends])))
+    values, slopes = (
+        np.asarray(x) for x in natural(problem, jnp.asarray(np.vstack([z[None], ends])))
+    )
     value, slope = values[0], slopes[0]
     for i, name in enumerate(problem.model.names()):
         estimates[name] = Estimate(
@@ -110,20 +119,22 @@ def _estimates(record, problem: Problem, solution: Solution, spread, failed: boo
             determined=known[i],
             profiled=profile and known[i],
         )
-    return estimates, spread[:p, :p] * np.outer(slope, slope)
+    with np.errstate(over="ignore", invalid="ignore"):  # a failed fit has no covariance
+        return estimates, spread[:p, :p] * np.outer(slope, slope)
 
 
 def _warn(fit: Fit, moved: list[tuple[int, float]]) -> Fit:
     """The fit with what its user should know; `moved` are steps far from where they were found."""
     said = []
     if not fit.converged:
-        said.append(f"the fit did not converge: {fit.result}")
-    for name, estimate in fit.parameters.items():
-        if not estimate.determined:
-            said.append(
-                f"{name} is not determined by this record: {quantity_of(name).text} can vary "
-                "by more than the record constrains"
-            )
+        said.append(f"the fit did not converge ({fit.result}): do not use its parameters")
+        return dataclasses.replace(fit, warnings=tuple(said))
+    open_ = [name for name, estimate in fit.parameters.items() if not estimate.determined]
+    if open_:
+        verb = "is" if len(open_) == 1 else "are"
+        said.append(
+            f"{', '.join(open_)} {verb} not determined by this record: other values fit it as well"
+        )
     for k, sigmas in moved:
         said.append(
             f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "

@@ -24,7 +24,7 @@ from .problem import (
 )
 from .result import Fit, unit_of
 from .solve import Solution, solve
-from .start import average, more_state_starts, noise_from_differences, one_state_starts
+from .start import average, more_state_starts, noise_from_differences, one_state_starts, split_state
 from .uncertainty import data_part, fair_hold
 
 WEIGHTINGS = ("ordinary", "whitened")
@@ -130,7 +130,7 @@ def _steps(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps:
         raise InputError(
             f"steps: the last begins at {steps.times[-1]:g} s, but the record ends at {span:g} s"
         )
-    if len(steps) < 2:
+    if len(steps) < 2 or np.ptp(steps.velocities) == 0:
         how = "none was found in the load-point motion" if found else "none was given"
         raise InputError(
             f"{record.provenance.path}: no velocity step: {how}; A, B and L need at least one "
@@ -249,6 +249,8 @@ def _solve_in_stages(
         stiffness=float(problem.rig(first.z).machine.stiffness),
         model=model,
     )
+    if len(starts) == 0:
+        starts = split_state(np.asarray(problem.from_free(first.z)), model.states)
     problem = problem.with_model(model)
     return problem, _solve(problem, starts, start)
 

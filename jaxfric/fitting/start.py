@@ -276,7 +276,12 @@ def more_state_starts(
     model: Model,
     number: int = 5,
 ) -> np.ndarray:
-    """Starts for two or more states from the velocity and slip of a one-state fit."""
+    """Starts for two or more states from the velocity and slip of a one-state fit.
+
+    None (no rows) where the velocity is not positive throughout, or no regression has A > 0.
+    """
+    if not (np.isfinite(slip).all() and np.isfinite(velocity).all() and (velocity > 0).all()):
+        return np.empty((0, len(model.names())))
     u = np.log(velocity / V0)
     dt = np.diff(time)
     V = np.sqrt(velocity[1:] * velocity[:-1])
@@ -298,7 +303,14 @@ def more_state_starts(
         values += [stiffness] * model.fit_stiffness + [solution[-1]] * model.slip_trend
         found.append((misfit, [float(v) for v in values]))
     found.sort(key=lambda item: item[0])
-    return np.array([values for _, values in found[:number]])
+    return np.array([values for _, values in found[:number]]).reshape(-1, len(model.names()))
+
+
+def split_state(one: np.ndarray, states: int) -> np.ndarray:
+    """A start for more states from the values of a one-state fit: B shared, L in steps of 4."""
+    f0, A, B, L, *rest = one
+    pairs = [(B / states, L * 4.0**i) for i in range(states)]
+    return np.array([[f0, A, *(value for pair in pairs for value in pair), *rest]])
 
 
 def _memory(u, V, dt, Ls, start_u, *, V0, law) -> np.ndarray:

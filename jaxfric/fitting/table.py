@@ -6,7 +6,7 @@ import numpy as np
 
 from ..units import factor
 from .problem import quantity_of
-from .result import Fit
+from .result import Fit, NoiseEstimate
 
 
 class Row(NamedTuple):
@@ -38,7 +38,7 @@ def rows(fit: Fit) -> list[Row]:
         value, std = estimate.value / size, estimate.std / size
         meaning = quantity_of(name).text
         if not estimate.free:
-            row = Row(name, meaning, f"{value:.6g}", "given", "", unit)
+            row = Row(name, meaning, f"{value:.6g}", "fixed", "", unit)
         elif not estimate.determined:
             row = Row(name, meaning, "undetermined", "", "", unit)
         else:
@@ -74,10 +74,10 @@ def summary(fit: Fit) -> list[str]:
     noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
     critical, K = fit.critical_stiffness(), fit.parameters["K"].value
     lines = [
-        f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}, "
-        f"{len(fit.record)} rows, {fit.result} in {fit.iterations} iterations",
-        f"noise {noise.sigma:.3g}{unit}: {100 * noise.correlated_share:.0f} % of its variance "
-        f"correlated over {noise.correlation_time:.3g} s",
+        f"{len(fit.record)} rows, {fit.result}"
+        + (f" in {fit.iterations} iterations" if fit.converged else ""),
+        f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
+        f"noise {noise.sigma:.3g}{unit}, {_colour(noise)}",
     ]
     if critical > 0:
         lines.append(f"stiffness is {K / critical:.2f} times critical (massless, undamped)")
@@ -87,3 +87,12 @@ def summary(fit: Fit) -> list[str]:
     if pairs:
         lines.append("correlated errors: " + ", ".join(pairs))
     return lines
+
+
+def _colour(noise: NoiseEstimate) -> str:
+    if noise.correlated_share < 0.05:
+        return "white"
+    return (
+        f"{100 * noise.correlated_share:.0f} % of its variance correlated over "
+        f"{noise.correlation_time:.3g} s"
+    )

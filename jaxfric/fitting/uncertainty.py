@@ -22,6 +22,9 @@ from .solve import Solution, descend
 QUANTILE = 1.959963984540054
 """Half width of a 95 % interval in standard deviations of a normal distribution."""
 
+_UNSEEN = 1e-60
+"""A parameter whose Jacobian column has a squared length below this is not seen at all."""
+
 _HALF_DECADE = 0.5 * np.log(10.0)
 _PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
 
@@ -29,9 +32,12 @@ _PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
 def normal_inverse(jacobian: Float[Array, "n p"]) -> np.ndarray:
     """(J^T J)^-1, by scaled eigenvectors; directions that J does not see become very large."""
     gram = np.asarray(jacobian.T @ jacobian)
-    scale = 1 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    if not np.isfinite(gram).all():  # a failed trial sees nothing
+        gram = np.zeros_like(gram)
+    diagonal = np.diag(gram)
+    scale = 1 / np.sqrt(np.where(diagonal > _UNSEEN, diagonal, 1.0))
     values, vectors = np.linalg.eigh(gram * scale[:, None] * scale)
-    values = np.maximum(values, 1e-14 * values[-1])
+    values = np.maximum(values, 1e-14 * max(values[-1], 1.0))
     return (vectors / values) @ vectors.T * scale[:, None] * scale
 
 

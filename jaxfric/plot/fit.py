@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from ..fitting import Fit
 from ..fitting.table import rows
+from .label import printable
 
 _DATA, _FIT, _STEP, _BAND = "#1f4e79", "#c8501e", "0.55", "0.85"
 _LAGS = 28
@@ -32,9 +33,10 @@ def draw_fit(fit: Fit, *paths: str | Path) -> None:
         axis.margins(x=0.01)
         for mark in marks:
             axis.axvline(mark, color=_STEP, lw=0.8, ls="--", zorder=0)
-    name = Path(fit.record.provenance.path).name
+    name = printable(fit.record.provenance.path)
     states = "" if fit.model.states == 1 else f", {fit.model.states} states"
-    figure.suptitle(f"{name}: {fit.model.law} law{states}", x=0.01, ha="left", fontsize=11)
+    title = f"{name}: {fit.model.law} law{states}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(list(axes))
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once, not once per file
@@ -59,7 +61,7 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     axis.legend(loc="upper left", frameon=False, fontsize=9)
     lines = [
         f"{row.name} = {row.value}"
-        + (f" ± {row.std}" if row.std not in ("", "given") else "")
+        + (f" ± {row.std}" if row.std not in ("", "fixed") else "")
         + (f" {row.unit}" if row.unit and row.value != "undetermined" else "")
         for row in rows(fit)
     ]

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from ..records.record import Record
 from ..records.steps import VelocitySteps
+from .label import printable
 
 _DATA, _LINE, _STEP = "#1f4e79", "#c8501e", "0.55"
 _MOST_LABELS = 8
@@ -37,7 +38,7 @@ def draw_record(record: Record, steps: VelocitySteps | None, path: str | Path) -
     if steps is not None:
         _name_steps(axes[0], steps, record.relative_time[-1])
     axes[-1].set_xlabel(f"time since the first row [s]   (first row at {record.time[0]:.10g} s)")
-    figure.suptitle(_title(record, steps), x=0.01, ha="left", fontsize=11)
+    figure.suptitle(_title(record, steps), x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(list(axes))
     figure.savefig(str(path), dpi=150)
 
@@ -131,7 +132,7 @@ def _name_steps(axis: Axes, steps: VelocitySteps, end: float) -> None:
 
 
 def _title(record: Record, steps: VelocitySteps | None) -> str:
-    name = Path(record.provenance.path).name or "record"
+    name = printable(record.provenance.path) or "record"
     text = f"{name}: {record.sampling()}"
     if steps is None:
         return text

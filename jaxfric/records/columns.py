@@ -91,10 +91,11 @@ def _require(table: Table, found: Mapping[str, object]) -> None:
         if machine
         else _nearest(missing[0], list(table.names), listed=False)
     )
+    hint = hint if hint.endswith("?") else hint + ";"
     unit = {"friction": "1", "time": "s"}.get(missing[0], "0.01 um" if machine else "um")
     raise InputError(
         f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
-        f"{hint}; map one, as in {missing[0]}='NAME [{unit}]'"
+        f"{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'"
     )
 
 

@@ -41,6 +41,8 @@ def _first_numbers(lines: list[str], path: str) -> tuple[int, str | None]:
     for index, line in enumerate(lines):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
+        if re.match(r"\s*[-+]?\d+,\d+\s*[;\t]", line):
+            raise InputError(f"{path}, line {index + 1}: write numbers with a decimal point")
         for delimiter in _DELIMITERS:
             if delimiter is not None and delimiter not in line:
                 continue
@@ -49,8 +51,6 @@ def _first_numbers(lines: list[str], path: str) -> tuple[int, str | None]:
             enough = len(cells) / 2 if numeric[:1] == [True] else len(cells) / 2 + 0.5
             if len(cells) > 1 and sum(numeric) >= enough:
                 return index, delimiter
-        if re.match(r"\s*[-+]?\d+,\d+\s*[;\t]", line):
-            raise InputError(f"{path}, line {index + 1}: write numbers with a decimal point")
         if index > 200:
             break
     raise InputError(f"{path} has no rows of two or more numbers; it is not a table of columns")

@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from .header import ROLES
 
+_LARGEST, _SMALLEST = 1e30, 1e-30
+"""No measured quantity is larger, in SI; what is smaller is 0."""
+
 MIN_ROWS = 20
 """A record needs this many rows."""
 
@@ -162,6 +165,9 @@ def build(
     if len({len(values) for values in columns.values()}) > 1:
         sizes = ", ".join(f"{role} {len(values)}" for role, values in columns.items())
         raise InputError(f"{origin.path}: columns of unequal length: {sizes}")
+    columns = {
+        role: np.where(np.abs(values) < _SMALLEST, 0.0, values) for role, values in columns.items()
+    }
     keep, dropped = _good_rows(columns, origin.path, lines, malformed, drop_bad)
     kept = {role: _frozen(values[keep]) for role, values in columns.items()}
     count = int(keep.sum())
@@ -179,7 +185,7 @@ def _good_rows(
     drop_bad: bool,
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Rows to keep, and the count of the others by reason."""
-    finite = np.stack([np.isfinite(values) for values in columns.values()])
+    finite = np.stack([np.abs(values) < _LARGEST for values in columns.values()])
     bad = ~finite.all(axis=0) & ~malformed
     if malformed.any() and not drop_bad:
         raise InputError(

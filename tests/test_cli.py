@@ -1,0 +1,277 @@
+"""The command: what it prints and writes, and how it ends."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command import (
+    STEPS,
+    STIFFNESS,
+    Outcome,
+    assert_refused,
+    record_cells,
+    record_text,
+    run,
+    written,
+)
+
+from jaxfric import cli
+
+FILES = ["fit.json", "fit.png", "fit.svg"]
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(Path("run.csv"), record_text())
+
+
+def names(folder: str) -> list[str]:
+    return sorted(path.name for path in Path(folder).iterdir())
+
+
+def strict_json(text: str) -> dict:
+    """JSON without NaN and infinities, which other readers refuse."""
+
+    def refuse(word: str):
+        raise AssertionError(f"{word} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def process(*arguments: str, stdout=subprocess.PIPE, **environment: str) -> Outcome:
+    """The command in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", "from jaxfric.cli import main; main()", *arguments],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        env=os.environ | environment,
+        timeout=100,
+    )
+    return Outcome(done.returncode, (done.stdout or b"").decode(), done.stderr.decode())
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, dict]:
+    """The outcome of a plain fit, and its fit.json."""
+    folder = tmp_path_factory.mktemp("fitted")
+    path = written(folder / "run.csv", record_text())
+    outcome = run("fit", path, *STIFFNESS, "--out", folder / "out")
+    return outcome, strict_json((folder / "out" / "fit.json").read_text())
+
+
+def test_help() -> None:
+    for arguments in ([], ["--help"], ["fit", "--help"], ["record", "--help"], ["--version"]):
+        outcome = run(*arguments)
+        assert outcome.code == 0 and outcome.err == "" and outcome.out
+    text = run("fit", "--help").out
+    for option in ("--stiffness", "--law", "--steps", "--drop-bad", "--column", "--out", "--json"):
+        assert option in text
+    assert all(len(line) <= 80 for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "absent"),
+    [
+        ([], ["jax", "pint", "matplotlib", "numpy"]),
+        (["--help"], ["jax", "pint", "matplotlib", "numpy"]),
+        (["fit", "--help"], ["jax", "pint", "matplotlib"]),
+        (["record", "run.csv"], ["jax"]),
+    ],
+)
+def test_only_what_is_needed_is_imported(arguments: list[str], absent: list[str]) -> None:
+    code = (
+        "import sys; from jaxfric import cli\n"
+        f"if {arguments}: cli._run({arguments})\n"
+        f"print('loaded:', [m for m in {absent} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.splitlines()[-1] == "loaded: []", done.stdout + done.stderr
+
+
+def test_record() -> None:
+    code, out, err = run("record", "run.csv")
+    assert code == 0 and err == ""
+    for words in ("91 used of 91", "91 rows over 45 s", "load_point_displacement [um]"):
+        assert words in out
+    assert "velocity steps: 1" in out and "10 um/s" in out
+    assert names("run-record") == ["record.png"]
+    assert str(Path("run-record/record.png")) in out
+    assert run("record", "run.csv", "--out", "here").code == 0
+    assert names("here") == ["record.png"]
+
+
+def test_record_of_columns_named_by_the_user() -> None:
+    cells = record_cells()
+    cells[0] = ["t", "ram", "tau over sigma"]
+    written(Path("odd.csv"), "\n".join(",".join(row) for row in cells))
+    columns = ["time=t [s]", "load_point_displacement=ram [mm]", "friction=tau over sigma"]
+    options = [word for column in columns for word in ("--column", column)]
+    code, out, _ = run("record", "odd.csv", *options)
+    assert code == 0
+    assert "load_point_displacement [mm]" in out and "10000 um/s" in out
+
+
+def test_the_table(fitted: tuple[Outcome, dict]) -> None:
+    (code, out, err), content = fitted
+    assert code == 0 and err == ""
+    first_words = [line.split()[0] for line in out.splitlines() if line.strip()]
+    assert [word for word in first_words if word in content["parameters"]] == list(
+        content["parameters"]
+    )
+    row = next(line for line in out.splitlines() if line.startswith("L "))
+    assert f"{1e6 * content['parameters']['L']['value']:.2f}" in row and row.rstrip().endswith("µm")
+    assert "given" in next(line for line in out.splitlines() if line.startswith("K "))
+    table = out.split("rms")[0]
+    assert all(len(line.rstrip()) <= 80 for line in table.splitlines())
+
+
+def test_fit_json(fitted: tuple[Outcome, dict]) -> None:
+    _, content = fitted
+    assert content["schema"] == "jaxfric.fit/1"
+    assert content["record"]["rows"] == 91
+    assert len(content["record"]["sha256"]) == 64
+    assert content["record"]["path"].endswith("run.csv")
+    assert content["law"] == "slip" and content["result"] == "converged"
+    assert content["warnings"] == []
+    units = {"f0": "1", "A": "1", "B": "1", "L": "m", "K": "1/m", "V0": "m/s"}
+    assert {name: p["unit"] for name, p in content["parameters"].items()} == units
+    for name, p in content["parameters"].items():
+        assert {"value", "std", "lower", "upper", "unit"} <= set(p)
+        assert p["lower"] <= p["value"] <= p["upper"]
+        assert (p["std"] == 0) == (name in ("K", "V0"))
+    assert content["parameters"]["K"]["value"] == pytest.approx(5e3)
+    assert content["rms"] == pytest.approx((content["sum_of_squares"] / 91) ** 0.5)
+    assert content["noise"]["sigma"] == pytest.approx(2e-4, rel=0.3)
+    assert content["noise"]["correlation_time"] > 0
+
+
+def test_json_is_alone_on_stdout_and_a_rerun_replaces() -> None:
+    Path("run-fit").mkdir()
+    written(Path("run-fit/fit.png"), "old")
+    written(Path("run-fit/notes.txt"), "mine")
+    code, out, err = run("fit", "run.csv", *STIFFNESS, "--json")
+    assert code == 0 and err == ""
+    assert strict_json(out) == strict_json(Path("run-fit/fit.json").read_text())
+    assert names("run-fit") == [*FILES, "notes.txt"]
+    assert Path("run-fit/fit.png").read_bytes().startswith(b"\x89PNG")
+    assert Path("run-fit/fit.svg").read_text().lstrip().startswith("<?xml")
+    assert Path("run-fit/notes.txt").read_text() == "mine"
+
+
+def test_default_folder_is_beside_the_user_not_the_record() -> None:
+    Path("data").mkdir()
+    Path("run.csv").rename("data/run.csv")
+    assert run("fit", "data/run.csv", *STIFFNESS).code == 0
+    assert names(".") == ["data", "run-fit"] and names("data") == ["run.csv"]
+
+
+def test_two_states() -> None:
+    code, out, _ = run("fit", "run.csv", *STIFFNESS, *STEPS, "--states", "2", "--json")
+    assert code == 0
+    content = strict_json(out)
+    assert content["states"] == 2
+    assert list(content["parameters"]) == ["f0", "A", "B", "L", "B2", "L2", "K", "V0"]
+    for p in content["parameters"].values():
+        assert p["determined"] or p["std"] is p["lower"] is p["upper"] is None
+
+
+def test_below_the_critical_stiffness_is_said() -> None:
+    code, out, err = run("fit", "run.csv", *STEPS, "--stiffness", "1e-9/um", "--json")
+    assert code == 0
+    said = [line for line in err.splitlines() if "stick-slip regime" in line]
+    assert len(said) == 1 and said[0].startswith("jaxfric: warning: ")
+    assert "below the critical" in said[0]
+    assert any("stick-slip regime" in warning for warning in strict_json(out)["warnings"])
+
+
+@pytest.mark.parametrize("out", ["run.csv", "run.csv/below", "n" * 300])
+def test_an_output_folder_that_cannot_be(out: str) -> None:
+    assert_refused(run("fit", "run.csv", *STIFFNESS, "--out", out), "output folder", "--out")
+    assert_refused(run("record", "run.csv", "--out", out), "output folder", "--out")
+    assert names(".") == ["run.csv"]
+
+
+def test_a_folder_that_cannot_be_written_is_known_before_the_fit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fit(*arguments, **options):
+        raise AssertionError("fitted first")
+
+    monkeypatch.setattr("jaxfric.fitting.fit", fit)
+    assert_refused(run("fit", "run.csv", *STIFFNESS, "--out", "run.csv"), "is a file")
+
+
+def broken_figure(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    def draw(*arguments):
+        Path(arguments[1]).write_text("half")
+        raise error
+
+    monkeypatch.setattr("jaxfric.plot.fit.draw_fit", draw)
+
+
+def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken_figure(monkeypatch, KeyboardInterrupt())
+    monkeypatch.setattr(sys, "argv", ["jaxfric", "fit", "run.csv", *STIFFNESS])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 130
+    assert names(".") == ["run.csv"]
+
+
+def test_a_full_disk_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken_figure(monkeypatch, OSError(28, "No space left on device"))
+    assert_refused(run("fit", "run.csv", *STIFFNESS), "No space left", "run-fit")
+    assert names(".") == ["run.csv"]
+
+
+def test_a_fault_of_the_program_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken_figure(monkeypatch, RuntimeError("first\nsecond"))
+    code, out, err = run("fit", "run.csv", *STIFFNESS)
+    assert code == 1 and out == "" and err.count("\n") == 1
+    assert err.startswith("jaxfric: error: internal error (RuntimeError: first second)")
+    assert names(".") == ["run.csv"]
+    monkeypatch.setenv("JAXFRIC_DEBUG", "1")
+    with pytest.raises(RuntimeError):
+        run("fit", "run.csv", *STIFFNESS)
+
+
+def test_as_a_process() -> None:
+    code, out, err = process("fit", "run.csv", *STIFFNESS)
+    assert code == 0 and err == "" and "characteristic slip length" in out
+    assert names("run-fit") == FILES
+    assert_refused(process("fit", "missing.csv", *STIFFNESS), "no such file")
+
+
+def test_a_reader_that_goes_away() -> None:
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    with os.fdopen(write_end, "wb") as pipe:
+        code, _, err = process("record", "run.csv", stdout=pipe)
+    assert code == 141 and err == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_a_stdout_that_is_full() -> None:
+    with open("/dev/full", "wb") as full:
+        code, _, err = process("record", "run.csv", stdout=full)
+    assert code == 1 and err.count("\n") == 1
+    assert err.startswith("jaxfric: error: standard output: ")
+
+
+def test_a_terminal_without_unicode() -> None:
+    code, out, err = process("record", "run.csv", PYTHONIOENCODING="ascii")
+    assert code == 0 and err == "" and "velocity steps: 1" in out
+
+
+@pytest.mark.parametrize("name", ["$\\foo$.csv", "测试.csv", "[red]x.csv", b"\xff.csv", "a b.csv"])
+def test_odd_names_of_files(name: str | bytes) -> None:
+    path = Path(os.fsdecode(name))
+    path.write_text(record_text())
+    for arguments in (["record", path], ["fit", path, *STIFFNESS]):
+        code, _, err = run(*arguments)
+        assert code == 0 and err == "", err
+    assert names(f"{path.stem}-fit") == FILES

@@ -1,0 +1,266 @@
+"""Fits: published numbers, known truths, honest errors, and failure as a value."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from generator import random_record
+from public_data import public_record
+
+import jaxfric
+from jaxfric import InputError, VelocitySteps
+from jaxfric.fitting.fit import prepare
+from jaxfric.fitting.problem import Model, residual_and_jacobian, to_free
+from jaxfric.fitting.uncertainty import QUANTILE
+
+DATA = __import__("pathlib").Path(__file__).resolve().parents[1] / "data"
+# a, b, Dc [m] and their standard deviations as published for p655, step 1, slip law, k = 1.6e-3/um
+PUBLISHED = {"A": (0.006005, 53e-6), "B": (0.004230, 51e-6), "L": (17.745e-6, 0.334e-6)}
+
+
+def synthetic(seed: int, **options) -> tuple[jaxfric.Record, VelocitySteps, object]:
+    made = random_record(seed, **options)
+    record = jaxfric.from_arrays(
+        made.time, made.friction, load_point_displacement=made.load_point_displacement
+    )
+    return record, VelocitySteps(np.array(made.truth.starts), np.array(made.truth.velocities)), made
+
+
+@pytest.mark.parametrize(
+    ("options", "most"),
+    [
+        (dict(stiffness="1.6e-3/um"), 1.290e-4),
+        (dict(stiffness="1e-3/um"), 3.23e-4),
+        (dict(stiffness="1e-3/um", law="ageing"), 3.54e-4),
+        (dict(stiffness="1.6e-3/um", states=2), 782 * 3.0e-4**2),
+        (dict(fit_stiffness=True, slip_trend=True), 782 * 3.4e-4**2),
+    ],
+)
+def test_p655_misfits(options, most):
+    fit = jaxfric.fit(jaxfric.read(public_record("p655_step1.csv")), **options)
+    assert fit.converged
+    assert fit.sum_of_squares <= most
+
+
+def test_p655_published_parameters_with_the_step_where_that_fit_had_it():
+    record = jaxfric.read(public_record("p655_step1.csv"))
+    steps = "0 s: 2.289 um/s, 23.37 s: 22.86 um/s"
+    fit = jaxfric.fit(record, stiffness="1.6e-3/um", steps=steps)
+    assert fit.sum_of_squares <= 1.290e-4
+    for name, (value, sigma) in PUBLISHED.items():
+        assert abs(fit.parameters[name].value - value) <= 2 * sigma, name
+
+
+def test_p655_step_time_agrees_with_all_rows_of_the_run():
+    """The refined step lies where 2242 rows show it, not where the 782 thinned ones do."""
+    few = jaxfric.read(public_record("p655_step1.csv"))
+    every = jaxfric.read(public_record("p655_step1_allrows.csv"))
+    shown = jaxfric.find_steps(every.relative_time, every.load_point_displacement)
+    fit = jaxfric.fit(few, stiffness="1.6e-3/um")
+    offset = few.time[0] - every.time[0]
+    error = np.hypot(shown.time_errors[1], fit.steps.time_errors[1])
+    assert abs(fit.steps.times[1] + offset - shown.times[1]) < 2 * error
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    # rms of independent fits at their parameters (data/README.md of the records) plus 2 %
+    [
+        ("velstep1_TR2_exp013_sepiolite.txt", 1.02 * 1.5606e-3),
+        ("velstep3_TR2_exp013_sepiolite.txt", 1.02 * 1.0670e-3),
+        ("velstep4_BRAVA_expb819_basalt.txt", 1.02 * 8.6543e-4),
+    ],
+)
+def test_gouge_and_basalt(name, most):
+    fit = jaxfric.fit(jaxfric.read(public_record(name)), fit_stiffness=True, slip_trend=True)
+    assert fit.converged
+    assert fit.rms <= most
+    assert all(np.isfinite(e.value) for e in fit.parameters.values())
+
+
+@pytest.mark.parametrize(
+    ("file", "options", "truth"),
+    [
+        ("velocity_step.csv", dict(stiffness="5e-3/um"), dict(A=0.010, B=0.014, L=20e-6)),
+        ("velocity_steps.csv", dict(stiffness="4e-3/um"), dict(A=0.008, B=0.012, L=15e-6)),
+        (
+            "ageing_steps.csv",
+            dict(stiffness="6e-3/um", law="ageing"),
+            dict(A=0.007, B=0.011, L=8e-6),
+        ),
+        ("force_step.csv", dict(stiffness="4e5 N/m"), dict(A=0.40, B=0.60, L=5e-6)),
+        (
+            "hidden_state.csv",
+            dict(stiffness="9.4e-4/um", states=2),
+            dict(A=0.009, B=0.010, L=8e-6, B2=0.004, L2=60e-6),
+        ),
+    ],
+)
+def test_synthetic_truths(file, options, truth):
+    fit = jaxfric.fit(jaxfric.read(DATA / file), **options)
+    assert fit.converged
+    for name, value in truth.items():
+        estimate = fit.parameters[name]
+        assert estimate.determined, name
+        assert abs(estimate.value - value) < 3.5 * estimate.std, name
+        assert estimate.std < 0.2 * value, name
+
+
+def test_starts_reach_the_optimum_at_the_stability_edge():
+    """Every start of this record runs away; the dashpots lead to the truth's own basin."""
+    record, steps, made = synthetic(5047)
+    fit = jaxfric.fit(record, stiffness=made.stiffness, law=made.truth.law, steps=steps)
+    truth = np.sum((made.clean_friction - made.friction) ** 2)
+    assert fit.converged
+    assert fit.sum_of_squares < truth
+    assert any("edge" in text for text in fit.warnings)
+
+
+def test_a_given_start_far_off_survives():
+    """From (2A, 1.3B, 2L) a naive fit dies of a runaway in the middle of a step."""
+    record = jaxfric.read(DATA / "velocity_step.csv")
+    start = dict(A=0.020, B=0.0182, L=40e-6)
+    far = jaxfric.fit(record, stiffness="5e-3/um", start=start)
+    near = jaxfric.fit(record, stiffness="5e-3/um")
+    assert far.sum_of_squares == pytest.approx(near.sum_of_squares, rel=1e-4)
+
+
+def test_intervals_cover_and_scores_have_unit_spread():
+    """A slice of tests/benchmarks/coverage.py: 24 records of correlated noise."""
+    scores, inside = [], []
+    for seed in range(40_000, 40_024):
+        record, steps, made = synthetic(
+            seed,
+            law="slip",
+            pattern="up",
+            stiffness_ratio=(3.0, 30.0),
+            samples=(700, 1000),
+            white=2e-4,
+            correlated=2e-4,
+            correlation=0.01,
+        )
+        fit = jaxfric.fit(record, stiffness=made.stiffness, steps=steps)
+        for name in "ABL":
+            estimate, true = fit.parameters[name], getattr(made.truth, name)
+            scores.append((estimate.value - true) / estimate.std)
+            inside.append(estimate.lower <= true <= estimate.upper)
+    assert 0.6 < np.std(scores) < 1.5
+    assert np.mean(inside) > 0.85
+
+
+def test_whitened_weighting_is_at_least_as_precise():
+    record, steps, made = synthetic(
+        77, law="slip", pattern="up", samples=(900, 1000), white=1e-4, correlated=4e-4
+    )
+    plain, white = (
+        jaxfric.fit(record, stiffness=made.stiffness, steps=steps, weighting=w)
+        for w in ("ordinary", "whitened")
+    )
+    assert plain.sum_of_squares <= white.sum_of_squares * (1 + 1e-6)
+    for name in "AL":
+        assert white.parameters[name].std <= 1.05 * plain.parameters[name].std
+
+
+def test_profile_agrees_with_covariance_where_the_fit_is_nearly_linear():
+    record = jaxfric.read(DATA / "velocity_step.csv")
+    options = dict(stiffness="5e-3/um", steps="0 s: 1 um/s, 20 s: 10 um/s")
+    options["steps"] = jaxfric.find_steps(
+        record.relative_time, record.load_point_displacement
+    ).text(digits=9)
+    plain = jaxfric.fit(record, **options)
+    profile = jaxfric.fit(record, **options, profile=True)
+    for name in "ABL":
+        p, q = plain.parameters[name], profile.parameters[name]
+        assert q.profiled
+        assert q.lower == pytest.approx(p.lower, abs=0.15 * p.std)
+        assert q.upper == pytest.approx(p.upper, abs=0.15 * p.std)
+
+
+def test_a_record_cut_before_the_evolution_leaves_L_undetermined():
+    record = jaxfric.read(DATA / "velocity_step.csv")
+    steps = jaxfric.find_steps(record.relative_time, record.load_point_displacement)
+    cut = record.window(0.0, steps.times[1] + 0.35)
+    exact = VelocitySteps(steps.times, steps.velocities)
+    fit = jaxfric.fit(cut, stiffness="5e-3/um", steps=exact)
+    assert not fit.parameters["L"].determined
+    assert any("not determined" in text for text in fit.warnings)
+    assert fit.to_json()["parameters"]["L"]["std"] is None
+
+
+def test_a_mirrored_record_gives_the_same_parameters():
+    record = jaxfric.read(DATA / "force_step.csv")
+    mirrored = jaxfric.from_arrays(
+        record.time,
+        -record.friction,
+        load_point_displacement=-record.load_point_displacement,
+        friction_unit="N",
+    )
+    a, b = (jaxfric.fit(r, stiffness="4e5 N/m") for r in (record, mirrored))
+    for name in "ABL":
+        assert b.parameters[name].value == pytest.approx(a.parameters[name].value, rel=1e-3)
+    np.testing.assert_allclose(b.predicted, -a.predicted, rtol=1e-6)
+
+
+def test_soft_stiffness_is_told_from_the_critical_one():
+    record = jaxfric.read(DATA / "velocity_step.csv")
+    fit = jaxfric.fit(record, stiffness="1.5e-4/um")
+    K, critical = fit.parameters["K"].value, fit.critical_stiffness()
+    assert (2 * critical > K) == any("K/K_cr" in text for text in fit.warnings)
+    json.dumps(fit.to_json(), allow_nan=False)
+
+
+def test_jacobian_against_finite_differences():
+    record, steps, made = synthetic(12, law="slip", pattern="up", samples=(300, 400))
+    problem = prepare(record, steps, Model(slip_trend=True, fit_stiffness=True), stiffness=1e3)
+    t = made.truth
+    values = jnp.array([[t.f0, t.A, t.B, t.L, made.stiffness, 1.0]])
+    z = to_free(problem, values)[0]
+    problem = jax.tree.map(lambda x: x, problem)
+    _, jacobian = residual_and_jacobian(problem, z)
+    for i in range(len(z)):
+        h = 1e-4
+        up, down = (residual_and_jacobian(problem, z.at[i].add(s * h))[0] for s in (1, -1))
+        slope = (up - down) / (2 * h)
+        assert jnp.max(jnp.abs(slope - jacobian[:, i])) <= 3e-4 * jnp.max(jnp.abs(slope)), i
+
+
+def test_quantile_is_that_of_the_normal_distribution():
+    from scipy.stats import norm
+
+    assert pytest.approx(norm.ppf(0.975), rel=1e-12) == QUANTILE
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (dict(), "stiffness is needed"),
+        (dict(stiffness=-1.0), "positive"),
+        (dict(stiffness="0/um"), "positive"),
+        (dict(stiffness="5 um"), "stiffness"),
+        (dict(stiffness=1e3, law="aging"), "slip, ageing"),
+        (dict(stiffness=1e3, states=4), "1 to 3"),
+        (dict(stiffness=1e3, weighting="robust"), "ordinary or whitened"),
+        (dict(stiffness=1e3, steps="0 s: 1 um/s"), "no velocity step"),
+        (dict(stiffness=1e3, steps="0 s: 0 um/s, 5 s: 1 um/s"), "at rest"),
+        (dict(stiffness=1e3, steps="0 s: 1 um/s, 1e6 s: 10 um/s"), "record ends"),
+        (dict(stiffness=1e3, start=dict(K=1.0)), "no free parameter"),
+        (dict(stiffness=1e3, start=dict(A=-1.0)), "must lie between"),
+        (dict(stiffness=1e3, reference_velocity="-1 um/s"), "must lie between"),
+    ],
+)
+def test_bad_arguments(options, word):
+    record = jaxfric.read(DATA / "velocity_step.csv")
+    with pytest.raises(InputError, match=word):
+        jaxfric.fit(record, **options)
+
+
+def test_64_bit_numbers_are_asked_for():
+    record = jaxfric.read(DATA / "velocity_step.csv")
+    jax.config.update("jax_enable_x64", False)
+    try:
+        with pytest.raises(InputError, match="jax_enable_x64"):
+            jaxfric.fit(record, stiffness=5e3)
+    finally:
+        jax.config.update("jax_enable_x64", True)
