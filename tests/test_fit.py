@@ -1,6 +1,8 @@
 """Fits: published numbers, known truths, honest errors, and failure as a value."""
 
+import dataclasses
 import json
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +17,7 @@ from jaxfric.fitting.fit import prepare
 from jaxfric.fitting.problem import Model, residual_and_jacobian, to_free
 from jaxfric.fitting.uncertainty import QUANTILE
 
-DATA = __import__("pathlib").Path(__file__).resolve().parents[1] / "data"
+DATA = Path(__file__).resolve().parents[1] / "data"
 # a, b, Dc [m] and their standard deviations as published for p655, step 1, slip law, k = 1.6e-3/um
 PUBLISHED = {"A": (0.006005, 53e-6), "B": (0.004230, 51e-6), "L": (17.745e-6, 0.334e-6)}
 
@@ -217,13 +219,13 @@ def test_jacobian_against_finite_differences():
     t = made.truth
     values = jnp.array([[t.f0, t.A, t.B, t.L, made.stiffness, 1.0]])
     z = to_free(problem, values)[0]
-    problem = jax.tree.map(lambda x: x, problem)
+    problem = dataclasses.replace(problem, rtol=1e-9)  # differences see the solver's error
     _, jacobian = residual_and_jacobian(problem, z)
     for i in range(len(z)):
-        h = 1e-4
+        h = 1e-3
         up, down = (residual_and_jacobian(problem, z.at[i].add(s * h))[0] for s in (1, -1))
         slope = (up - down) / (2 * h)
-        assert jnp.max(jnp.abs(slope - jacobian[:, i])) <= 3e-4 * jnp.max(jnp.abs(slope)), i
+        assert jnp.max(jnp.abs(slope - jacobian[:, i])) <= 1e-5 * jnp.max(jnp.abs(slope)), i
 
 
 def test_quantile_is_that_of_the_normal_distribution():
