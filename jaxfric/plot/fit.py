@@ -58,7 +58,7 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     axis.plot(along, fit.predicted, color=_FIT, lw=1.6, label="fit")
     force = fit.record.friction_unit == "N"
     axis.set_ylabel("friction force [N]" if force else "friction coefficient")
-    axis.legend(loc="upper left", frameon=False, fontsize=9)
+    axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=2, frameon=False, fontsize=9)
     lines = [
         f"{row.name} = {row.value}"
         + (f" ± {row.std}" if row.std not in ("", "fixed") else "")
