@@ -124,7 +124,7 @@ def test_the_table(fitted: tuple[Outcome, dict]) -> None:
     )
     row = next(line for line in out.splitlines() if line.startswith("L "))
     assert f"{1e6 * content['parameters']['L']['value']:.2f}" in row and row.rstrip().endswith("µm")
-    assert "given" in next(line for line in out.splitlines() if line.startswith("K "))
+    assert "fixed" in next(line for line in out.splitlines() if line.startswith("K "))
     table = out.split("rms")[0]
     assert all(len(line.rstrip()) <= 80 for line in table.splitlines())
 
