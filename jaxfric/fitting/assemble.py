@@ -128,13 +128,14 @@ def _warn(fit: Fit, moved: list[tuple[int, float]]) -> Fit:
     said = []
     if not fit.converged:
         said.append(f"the fit did not converge ({fit.result}): do not use its parameters")
-        return dataclasses.replace(fit, warnings=tuple(said))
     open_ = [name for name, estimate in fit.parameters.items() if not estimate.determined]
     if open_:
         verb = "is" if len(open_) == 1 else "are"
         said.append(
             f"{', '.join(open_)} {verb} not determined by this record: other values fit it as well"
         )
+    if not fit.converged:
+        return dataclasses.replace(fit, warnings=tuple(said))
     for k, sigmas in moved:
         said.append(
             f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "
