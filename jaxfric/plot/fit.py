@@ -17,9 +17,10 @@ _LAGS = 28
 
 def draw_fit(fit: Fit, *paths: str | Path) -> None:
     """Write the figure of a fit to each of `paths` (PNG, SVG or PDF by its ending)."""
-    figure = Figure(figsize=(9.5, 8.0), layout="constrained")
+    figure = Figure(figsize=(9.5, 8.0))
     FigureCanvasAgg(figure)
     axes = figure.subplots(3, 1, height_ratios=[2.2, 1.1, 1.1])
+    figure.subplots_adjust(left=0.1, right=0.985, top=0.94, bottom=0.07, hspace=0.28)
     along, label, marks = _abscissa(fit)
     _record(axes[0], fit, along)
     _residual(axes[1], fit, along)
@@ -38,8 +39,6 @@ def draw_fit(fit: Fit, *paths: str | Path) -> None:
     title = f"{name}: {fit.model.law} law{states}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(list(axes))
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once, not once per file
     for path in paths:
         figure.savefig(str(path), dpi=130)
 
