@@ -31,8 +31,6 @@ class Solution(NamedTuple):
     result: optx.RESULTS
     num_steps: int
     cost: float
-    costs: np.ndarray
-    """Misfits reached by the descents, best first."""
 
 
 def one_pass(problem: Problem, z: Float[Array, " p"]):
@@ -104,11 +102,10 @@ def solve(
         z, result, steps = _descend_safely(problem, starts[i], feasible, tolerance)
         residual, jacobian = residual_and_jacobian(problem, z)
         cost = float(jnp.sum(residual**2))
-        found.append(Solution(z, residual, jacobian, result, int(steps), cost, np.empty(0)))
+        found.append(Solution(z, residual, jacobian, result, int(steps), cost))
         if cost < _NOISE_REACHED * samples:
             break
-    best = min(found, key=lambda s: s.cost)
-    return best._replace(costs=np.sort([s.cost for s in found]))
+    return min(found, key=lambda s: s.cost)
 
 
 def _descend_safely(problem, z, feasible: bool, tolerance: float):

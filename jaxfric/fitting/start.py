@@ -47,13 +47,6 @@ class Averaged(NamedTuple):
     count: np.ndarray
 
 
-class Candidates(NamedTuple):
-    """One-state parameters, one row per candidate, best first, and their misfits."""
-
-    values: np.ndarray
-    misfit: np.ndarray
-
-
 def average(t: np.ndarray, f: np.ndarray, steps: VelocitySteps) -> Averaged:
     """Average a record over intervals that begin at every step and grow geometrically."""
     edges = [np.zeros(1)]
