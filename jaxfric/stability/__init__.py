@@ -1,0 +1,1 @@
+"""Linear stability of steady sliding: plant and kernel, theorem, delays, margins."""

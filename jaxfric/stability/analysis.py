@@ -1,0 +1,272 @@
+"""The numbers behind the tables and pictures of linear stability: curves, maps, loci.
+
+Everything is for one law, over arrays of velocities or gains; pure, jittable and vmapped. Forces
+are in newtons (or divided by the normal force, as everywhere), mass None is the quasi-static limit.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+
+from ..errors import InputError
+from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..rig.friction.law import Conditions
+from .delay import stable_intervals
+from .delay_roots import rightmost_roots
+from .kernel import AbstractKernel, DelayKernel, kernel_total
+from .linear import LinearFriction, LinearSlider, linear_friction
+from .margins import is_stable, margins, poles
+from .theorem import Theorem, theorem
+
+Law = AbstractLaw | AbstractDelayLaw
+
+_FREQUENCIES = 257
+# How far beyond the frequencies that a kernel names the largest Re G(i w) is searched.
+_BEYOND = 30.0
+# Poles of a delay slider that a root locus shows.
+_DELAY_POLES = 9
+
+
+class SteadyPoint(eqx.Module):
+    """Steady sliding at a velocity and friction linearised about it. Arrays of one shape."""
+
+    velocity: Float[Array, " *n"]
+    """[m/s]"""
+    force: Float[Array, " *n"]
+    """Steady friction f_ss [force]."""
+    friction: LinearFriction
+    memory: Float[Array, " *n"]
+    """G(0) = int g dt [force s/m]."""
+    needed_damping: Float[Array, " *n"]
+    """Least k_v >= 0 with which every k_p > 0 is stable [force s/m]."""
+
+    @property
+    def slope(self) -> Float[Array, " *n"]:
+        """f_v: instantaneous rise of friction with velocity (9) [force s/m]."""
+        return self.friction.slope
+
+    @property
+    def steady_slope(self) -> Float[Array, " *n"]:
+        """df_ss/dV = f_v - int g dt (10) [force s/m]."""
+        return self.friction.slope - self.memory
+
+
+def friction_about(law: Law, velocity: Float[Array, ""]) -> LinearFriction:
+    """Friction linearised about steady sliding at `velocity` [m/s], delay laws included (26)-(28)."""
+    if isinstance(law, AbstractLaw):
+        return linear_friction(law, velocity)
+    V = jnp.asarray(velocity, jnp.result_type(float, velocity))
+    slope = jax.jacfwd(law.force)(V, V)
+    kernel = DelayKernel(law.negative_slope(V), law.delay)
+    return LinearFriction(slope, kernel, jnp.zeros_like(V))
+
+
+def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
+    """Steady friction, f_v, int g and the damping that needs no stiffness, at one velocity."""
+    V = jnp.asarray(velocity, jnp.result_type(float, velocity))
+    if isinstance(law, AbstractLaw):
+        at = Conditions(jnp.zeros_like(V), jnp.zeros_like(V))
+        force = law.force(V, law.steady_state(V), at)
+    else:
+        force = law.steady_force(V)
+    friction = friction_about(law, V)
+    most = _largest_memory(friction.kernel)
+    needed = jnp.maximum(most - friction.slope, 0.0)
+    return SteadyPoint(V, force, friction, kernel_total(friction.kernel), needed)
+
+
+@eqx.filter_jit
+def steady_points(law: Law, velocities: Float[ArrayLike, " n"]) -> SteadyPoint:
+    """`steady_point` at every velocity [m/s].
+
+    Raises
+    ------
+    InputError : nothing; values that do not exist are not finite, see `refuse_without_steady_state`.
+    """
+    return jax.vmap(lambda V: steady_point(law, V))(jnp.asarray(velocities, float))
+
+
+def refuse_without_steady_state(points: SteadyPoint) -> None:
+    """Raise `InputError` for the first velocity at which force or linearisation is not finite."""
+    finite = jnp.isfinite(points.force)
+    for leaf in jax.tree.leaves(points.friction):
+        finite &= jnp.all(jnp.isfinite(leaf).reshape(finite.shape[0], -1), axis=1)
+    if not bool(finite.all()):
+        bad = float(points.velocity[jnp.argmin(finite)])
+        raise InputError(
+            f"velocity: the friction law has no steady state at {bad:g} m/s (its force or its"
+            " slope is not finite there); leave that velocity out"
+        )
+
+
+def _largest_memory(kernel: AbstractKernel) -> Float[Array, ""]:
+    """max over w >= 0 of Re G(i w): with f_v + k_v above it (19) has no solution.
+
+    On a grid of frequencies; of kernels that decay monotonically it is G(0), exactly.
+    """
+    if isinstance(kernel, DelayKernel):
+        return jnp.abs(kernel.strength)
+    low, high = kernel.frequencies()
+    ends = jnp.log(low / _BEYOND), jnp.log(high * _BEYOND)
+    grid = jnp.exp(jnp.linspace(*ends, _FREQUENCIES))
+    values = jax.vmap(lambda w: kernel.transform(1j * w).real)(grid)
+    return jnp.maximum(jnp.maximum(jnp.max(values), kernel_total(kernel)), 0.0)
+
+
+@eqx.filter_jit
+def theorem_over_velocity(
+    points: SteadyPoint, damping: Float[ArrayLike, ""], mass: Float[ArrayLike, ""] | None
+) -> Theorem:
+    """(18)-(20) at every velocity with one k_v [force s/m] and one mass."""
+    inertia = jnp.asarray(0.0 if mass is None else mass)
+    return jax.vmap(lambda f: theorem(f.kernel, f.slope + damping, inertia))(points.friction)
+
+
+@eqx.filter_jit
+def theorem_over_damping(
+    friction: LinearFriction, damping: Float[Array, " v"], mass: Float[ArrayLike, ""] | None
+) -> Theorem:
+    """(18)-(20) at one velocity with every k_v [force s/m]."""
+    inertia = jnp.asarray(0.0 if mass is None else mass)
+    return jax.vmap(lambda d: theorem(friction.kernel, friction.slope + d, inertia))(damping)
+
+
+@eqx.filter_jit
+def stability_map(
+    friction: LinearFriction,
+    mass: Float[ArrayLike, ""] | None,
+    stiffness: Float[Array, " p"],
+    damping: Float[Array, " v"],
+) -> Bool[Array, "v p"]:
+    """Whether steady sliding is stable: rows are the values of k_v, columns those of k_p."""
+
+    def one(k_v, k_p):
+        return is_stable(_slider(friction, mass, k_p, k_v))
+
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(damping, stiffness)
+
+
+@eqx.filter_jit
+def root_locus(
+    friction: LinearFriction,
+    mass: Float[ArrayLike, ""] | None,
+    stiffness: Float[Array, " p"],
+    damping: Float[ArrayLike, ""],
+) -> Complex[Array, "p n"]:
+    """Poles of the slider [1/s] at every k_p [force/m]; of a delay the rightmost ones."""
+
+    def one(k_p):
+        slider = _slider(friction, mass, k_p, damping)
+        kernel = friction.kernel
+        if not isinstance(kernel, DelayKernel):
+            return poles(slider)
+        gains = (k_p + friction.trend, damping + friction.slope)
+        strength, delay = kernel.strength, kernel.delay
+        return rightmost_roots(slider.inertia(), *gains, strength, delay, number=_DELAY_POLES)
+
+    return jax.vmap(one)(stiffness)
+
+
+@eqx.filter_jit
+def intervals_over_velocity(
+    points: SteadyPoint,
+    damping: Float[ArrayLike, ""],
+    mass: Float[ArrayLike, ""],
+    *,
+    number: int = 1,
+) -> tuple[Float[Array, "n number"], Float[Array, "n number"]]:
+    """The first stable intervals of k_p [force/m] of a delay law at every velocity."""
+
+    def one(friction):
+        kernel = friction.kernel
+        k_v = damping + friction.slope
+        return stable_intervals(mass, k_v, kernel.strength, kernel.delay, number=number)
+
+    return jax.vmap(one)(points.friction)
+
+
+def at_index(points: SteadyPoint, index: int) -> SteadyPoint:
+    """One of several points."""
+    return jax.tree.map(lambda leaf: leaf[index], points)
+
+
+def _slider(friction, mass, k_p, k_v) -> LinearSlider:
+    inertia = None if mass is None else jnp.asarray(mass)
+    return LinearSlider(inertia, jnp.asarray(k_p), jnp.asarray(k_v), friction)
+
+
+class Study(eqx.Module):
+    """Linear stability of one law over velocities, and in full at the hardest of them."""
+
+    law: Law
+    points: SteadyPoint
+    theorems: Theorem
+    mass: float | None = eqx.field(static=True)
+    """[kg]; None in the quasi-static limit."""
+    k_p: float | None = eqx.field(static=True)
+    """[N/m]; None where none was asked for."""
+    k_v: float = eqx.field(static=True)
+    """[N s/m]"""
+    worst: int = eqx.field(static=True)
+    """The velocity that asks for the largest k_p, or else for the largest k_v."""
+    poles: Complex[Array, " n"] | None
+    """At `worst` with the gains (k_p, k_v); None without a k_p, and so are the next two."""
+    margins: dict[str, Float[Array, ""]] | None
+    stable: Bool[Array, ""] | None
+
+    @property
+    def here(self) -> SteadyPoint:
+        """The hardest velocity."""
+        return at_index(self.points, self.worst)
+
+    @property
+    def theorem(self) -> Theorem:
+        """(18)-(20) at the hardest velocity."""
+        return jax.tree.map(lambda leaf: leaf[self.worst], self.theorems)
+
+    @property
+    def delayed(self) -> bool:
+        """Whether the law is a delay law, which has no critical stiffness."""
+        return isinstance(self.law, AbstractDelayLaw)
+
+
+def study(
+    law: Law,
+    velocities: ArrayLike,
+    *,
+    mass: float | None = None,
+    k_p: float | None = None,
+    k_v: float = 0.0,
+) -> Study:
+    """Everything that the linear theory says of a law at `velocities` [m/s]. SI units.
+
+    Raises
+    ------
+    InputError : no steady state at a velocity, a delay law without mass, gains or mass that
+        are not positive (k_v may be 0).
+    """
+    for name, value, unit in (("mass", mass, "kg"), ("k_p", k_p, "N/m")):
+        if value is not None and not value > 0:
+            raise InputError(f"{name} is {value:g} {unit}; it must be positive")
+    if not k_v >= 0:
+        raise InputError(f"k_v is {k_v:g} N s/m; it must not be negative")
+    if isinstance(law, AbstractDelayLaw) and mass is None:
+        raise InputError("a delay law has no stability theory without mass; give one: --mass '2 kg'")
+    points = steady_points(law, jnp.atleast_1d(jnp.asarray(velocities, float)))
+    refuse_without_steady_state(points)
+    theorems = theorem_over_velocity(points, k_v, mass)
+    worst = _hardest(points, theorems, isinstance(law, AbstractDelayLaw))
+    if k_p is None:
+        return Study(law, points, theorems, mass, k_p, k_v, worst, None, None, None)
+    slider = _slider(at_index(points, worst).friction, mass, k_p, k_v)
+    numbers = eqx.filter_jit(lambda s: (poles(s), margins(s), is_stable(s)))(slider)
+    return Study(law, points, theorems, mass, k_p, k_v, worst, *numbers)
+
+
+def _hardest(points: SteadyPoint, theorems: Theorem, delayed: bool) -> int:
+    k_cr = theorems.critical_stiffness
+    by_stiffness = not delayed and bool(jnp.any((k_cr > 0) & jnp.isfinite(k_cr)))
+    if by_stiffness and bool(jnp.all(jnp.isfinite(k_cr))):
+        return int(jnp.argmax(k_cr))
+    return int(jnp.argmax(points.needed_damping))

@@ -1,0 +1,184 @@
+"""Stability of a slider with the delay law: crossings, stable intervals, unstable roots, charts.
+
+The delay law of Hess and Soom (6) answers the velocity of `alpha` seconds ago, so its linear
+face is f_v = 0 and G(s) = k_f exp(-alpha s), equations (26)-(29), where -k_f is the slope of the
+steady friction-velocity curve. The characteristic equation of the slider is
+
+    m s^2 + k_v s + k_p - k_f s exp(-alpha s) = 0.
+
+On s = i w it gives (19) and (20) as k_v = k_f cos(alpha w) and k_p = m w^2 + k_f w sin(alpha w),
+which is (31). With beta = arccos(k_v / k_f) and r = sqrt(k_f^2 - k_v^2), ALL solutions are
+
+    w_n+ = (beta + 2 n pi)/alpha, n = 0, 1, 2, ...   k_n+ = m w^2 + r w   two roots become stable
+    w_n- = (2 n pi - beta)/alpha, n = 1, 2, 3, ...   k_n- = m w^2 - r w   two roots become unstable
+
+as k_p grows through them. The paper's list (30) is short of this one: it starts at n = 1, so it
+leaves out w_0+, the first threshold of all, and it has no -beta branch. What it prints are only
+stabilising crossings, which cannot give the alternation of stability and instability that its
+text describes. There is no critical stiffness: one stable interval means infinitely many.
+
+Everything here is in closed form. A direct effect or any other instantaneous viscosity f_v of
+the law adds to k_v: pass the sum. Units are SI (forces in newtons, or divided by the normal
+force): mass kg, k_p N/m, k_v and k_f N s/m, alpha s. Required: mass > 0, alpha >= 0.
+Either sign of k_f (k_f < 0: the steady curve rises) and any k_v are covered; for k_f < 0 beta is
+2 pi - arccos(k_v / k_f) and all of the above holds. |k_v| >= |k_f|: there is no crossing.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+from ..errors import InputError
+
+
+class Crossings(eqx.Module):
+    """Where roots lie on the imaginary axis: frequencies [rad/s] and stiffnesses k_p [N/m].
+
+    Branch `plus` holds n = 0 .. number-1, branch `minus` n = 1 .. number. All are inf where the
+    equation has no crossing (|k_v| >= |k_f|, or alpha = 0). A negative `minus_stiffness` is a
+    crossing that lies below every physical stiffness; it still counts in `unstable_roots`.
+    """
+
+    plus_frequency: Float[Array, " number"]
+    plus_stiffness: Float[Array, " number"]
+    minus_frequency: Float[Array, " number"]
+    minus_stiffness: Float[Array, " number"]
+
+
+def _branch(k_v, k_f):
+    """Whether there are crossings, r = sqrt(k_f^2 - k_v^2) and beta in (0, 2 pi).
+
+    beta is the angle with k_f exp(i beta) = k_v + i r.
+    """
+    exists = jnp.abs(k_v) < jnp.abs(k_f)
+    r = jnp.sqrt(jnp.where(exists, (k_f - k_v) * (k_f + k_v), 1.0))
+    sign = jnp.where(k_f < 0, -1.0, 1.0)
+    angle = jnp.arctan2(sign * r, sign * k_v)
+    return exists, r, jnp.where(angle < 0, angle + 2 * jnp.pi, angle)
+
+
+def crossings(
+    mass: Float[ArrayLike, ""],
+    k_v: Float[ArrayLike, ""],
+    k_f: Float[ArrayLike, ""],
+    alpha: Float[ArrayLike, ""],
+    *,
+    number: int,
+) -> Crossings:
+    """The first `number` solutions of (19) and (20) on each branch, completing (30) and (31).
+
+    Scalars in (vmap for more), arrays of shape (number,) out; differentiable.
+    Raises `InputError` if `number` is less than 1.
+    """
+    if number < 1:
+        raise InputError(f"delay crossings: number is {number}; ask for at least 1")
+    exists, r, beta = _branch(jnp.asarray(k_v), jnp.asarray(k_f))
+    turn = 2 * jnp.pi * jnp.arange(number)
+    exists = exists & (jnp.asarray(alpha) > 0)
+    delay = jnp.where(exists, alpha, 1.0)
+    plus, minus = (turn + beta) / delay, (turn + 2 * jnp.pi - beta) / delay
+    values = (plus, plus * (mass * plus + r), minus, minus * (mass * minus - r))
+    return Crossings(*(jnp.where(exists, value, jnp.inf) for value in values))
+
+
+def stable_intervals(
+    mass: Float[ArrayLike, ""],
+    k_v: Float[ArrayLike, ""],
+    k_f: Float[ArrayLike, ""],
+    alpha: Float[ArrayLike, ""],
+    *,
+    number: int,
+) -> tuple[Float[Array, " number"], Float[Array, " number"]]:
+    """The first `number` open intervals of k_p > 0 [N/m] in which steady sliding is stable.
+
+    For k_f > |k_v| they are (k_n+, k_{n+1}-), n = 0, 1, ...; see `stable_stiffness_exists`.
+    For k_f < -|k_v| they are (0, k_1-), then (k_n+, k_{n+2}-). With k_v >= |k_f| the one interval
+    is (0, inf); with k_v <= -|k_f| there is none. An interval that does not exist is
+    (inf, inf): with k_f < 0 that can be the first one alone, else it is all of them or all after
+    the first. Returns (lower, upper), each of shape (number,), from scalars; differentiable.
+    At k_v = |k_f| exactly, isolated values of k_p are marginal.
+    """
+    found = crossings(mass, k_v, k_f, alpha, number=number)
+    k_v, k_f = jnp.asarray(k_v), jnp.asarray(k_f)
+    start = jnp.zeros_like(found.plus_stiffness[:1])
+    lower = jnp.where(
+        k_v < k_f, found.plus_stiffness, jnp.concatenate([start, found.plus_stiffness[:-1]])
+    )
+    undamped = (k_v <= 0) & (jnp.abs(k_v) >= jnp.abs(k_f))
+    stable = (lower < found.minus_stiffness) & ~undamped
+    return jnp.where(stable, lower, jnp.inf), jnp.where(stable, found.minus_stiffness, jnp.inf)
+
+
+def stable_stiffness_exists(
+    mass: Float[ArrayLike, "*#s"],
+    k_v: Float[ArrayLike, "*#s"],
+    k_f: Float[ArrayLike, "*#s"],
+    alpha: Float[ArrayLike, "*#s"],
+) -> Bool[Array, "*s"]:
+    """Whether any k_p > 0 is stable.
+
+    For |k_v| < |k_f| the condition is m (2 pi - 2 beta)/alpha > sqrt(k_f^2 - k_v^2), with
+    4 pi - 2 beta for k_f < 0. It does not depend on n, so there are infinitely many stable
+    intervals or none (k_v >= |k_f|: all of k_p > 0; k_v <= -|k_f|: none). Elementwise.
+    """
+    exists, r, beta = _branch(jnp.asarray(k_v), jnp.asarray(k_f))
+    gap = 2 * jnp.where(jnp.asarray(k_f) > 0, jnp.pi - beta, 2 * jnp.pi - beta)
+    rising = (jnp.asarray(alpha) == 0) & (jnp.asarray(k_f) < 0)
+    wide = jnp.where(jnp.asarray(alpha) > 0, mass * gap > r * alpha, rising)
+    return jnp.where(exists, wide, jnp.asarray(k_v) > 0)
+
+
+def unstable_roots(
+    mass: Float[ArrayLike, "*#s"],
+    k_p: Float[ArrayLike, "*#s"],
+    k_v: Float[ArrayLike, "*#s"],
+    k_f: Float[ArrayLike, "*#s"],
+    alpha: Float[ArrayLike, "*#s"],
+) -> Int[Array, "*s"]:
+    """Number of roots with positive real part.
+
+    For k_p > 0 it is NU = NU_0 - 2 #{n: k_n+ < k_p} + 2 #{n: k_n- < k_p} with NU_0 = 2 if
+    k_v < k_f, else 0. The n are counted in closed form, from the frequencies at
+    which each branch reaches k_p, so there is no limit on k_p. Elementwise, all signs of
+    k_p (a root at exactly zero, as at k_p = 0, is not counted).
+    """
+    mass, k_p, k_v, k_f, alpha = (jnp.asarray(x) for x in (mass, k_p, k_v, k_f, alpha))
+    exists, r, beta = _branch(k_v, k_f)
+    square = r * r + 4 * mass * k_p
+    exists = exists & (square >= 0)
+    root = jnp.sqrt(jnp.where(exists, square, 1.0))
+
+    def below(w, offset):
+        """Number of n >= 0 with (offset + 2 n pi)/alpha < w."""
+        return jnp.maximum(jnp.ceil((alpha * w - offset) / (2 * jnp.pi)), 0.0)
+
+    top, bottom = (r + root) / (2 * mass), (r - root) / (2 * mass)
+    second = 2 * jnp.pi - beta
+    crossed = below(top, second) - below(bottom, second) - below(-bottom, beta)
+    falling = jnp.where((k_v < k_f) | ((k_v == k_f) & (k_v < 0)), 1, 0)
+    start = jnp.where(k_p > 0, 2 * falling, jnp.where(k_p < 0, 1, falling))
+    return start + 2 * jnp.where(exists, crossed, 0.0).astype(int)
+
+
+def stiffness_damping_chart(
+    mass: Float[ArrayLike, ""],
+    k_p: Float[Array, " p"],
+    k_v: Float[Array, " v"],
+    k_f: Float[ArrayLike, ""],
+    alpha: Float[ArrayLike, ""],
+) -> Bool[Array, "v p"]:
+    """Where steady sliding is stable: rows are the values of k_v, columns those of k_p."""
+    k_p, k_v = jnp.asarray(k_p), jnp.asarray(k_v)
+    return (unstable_roots(mass, k_p, k_v[:, None], k_f, alpha) == 0) & (k_p > 0)
+
+
+def stiffness_delay_chart(
+    mass: Float[ArrayLike, ""],
+    k_p: Float[Array, " p"],
+    k_v: Float[ArrayLike, ""],
+    k_f: Float[ArrayLike, ""],
+    alpha: Float[Array, " a"],
+) -> Bool[Array, "a p"]:
+    """Where steady sliding is stable: rows are the delays alpha, columns the values of k_p."""
+    k_p, alpha = jnp.asarray(k_p), jnp.asarray(alpha)
+    return (unstable_roots(mass, k_p, k_v, k_f, alpha[:, None]) == 0) & (k_p > 0)

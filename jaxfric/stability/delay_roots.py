@@ -1,0 +1,244 @@
+"""The roots of the delay slider that lie farthest to the right, complete and differentiable.
+
+    F(s) = m s^2 + k_v s + k_p - k_f s exp(-alpha s) = 0          (11), (12) with (27), (29)
+
+Counting. With P(s) = m s^2 + k_v s + k_p and L = k_f s exp(-alpha s)/P, the number of roots to
+the right of the line Re s = sigma is the number of zeros of P there plus the clockwise turns of
+L about 1 along the line. |L| = 1 is a quadratic equation for y^2 (s = sigma + i y), so |L| > 1 on
+one interval of y at most, and the turns are the multiples of 2 pi that the phase of L, known in
+closed form, passes on it. This counts at any sigma, for any alpha, in constant time.
+
+Finding. The k-th root from the right has the largest sigma with a count of k or more: bisection
+gives its real part, the ends of the interval its imaginary part, Newton steps the last digits.
+No root can be missed and there is nothing to choose, whatever alpha w is.
+
+Two other ways were considered. Spectral collocation of the infinitesimal generator needs an
+eigenvalue problem that grows with alpha w (the tests compare with it). Seeds on every branch of the
+logarithm with Newton's method are as fast as this, but cannot tell that a root is missing.
+
+Units: mass kg, k_p N/m, k_v and k_f N s/m, alpha s, roots 1/s. mass > 0, alpha >= 0; other signs
+are free. Scalars in; vmap for more. Needs 64-bit numbers for the digits that it states.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Complex, Float, Int
+
+from ..errors import InputError
+
+NEWTON_STEPS = 4
+
+
+class _Slider(NamedTuple):
+    """The coefficients of F, or those of F/m in a scaled time, where mass is 1."""
+
+    mass: Float[Array, ""]
+    k_p: Float[Array, ""]
+    k_v: Float[Array, ""]
+    k_f: Float[Array, ""]
+    alpha: Float[Array, ""]
+
+
+def _slider(*values):
+    dtype = jnp.result_type(float, *values)
+    return _Slider._make(jnp.asarray(value, dtype) for value in values)
+
+
+def _residual(slider, s):
+    """F and dF/ds."""
+    memory = slider.k_f * jnp.exp(-slider.alpha * s)
+    value = (slider.mass * s + slider.k_v - memory) * s + slider.k_p
+    return value, 2 * slider.mass * s + slider.k_v - memory * (1 - slider.alpha * s)
+
+
+def _scaled(slider, unit):
+    """F/m in time measured in `unit` [s]."""
+    mass = slider.mass
+    k_p, k_v, k_f = slider.k_p * unit**2 / mass, slider.k_v * unit / mass, slider.k_f * unit / mass
+    return _Slider(jnp.ones_like(mass), k_p, k_v, k_f, slider.alpha / unit)
+
+
+def _time_unit(slider):
+    """A time in which the coefficients other than alpha are at most 1."""
+    mass = slider.mass
+    rate = jnp.sqrt(jnp.abs(slider.k_p) / mass)
+    rate = rate + (jnp.abs(slider.k_v) + jnp.abs(slider.k_f)) / mass
+    return 1 / jnp.maximum(rate, jnp.finfo(rate.dtype).tiny ** 0.25)
+
+
+def _largest(dtype):
+    """Numbers up to this one can be raised to the fourth power."""
+    return jnp.finfo(dtype).max ** 0.2
+
+
+def _equal_magnitude(slider, sigma):
+    """P, P', y1^2 <= y2^2 with |L(sigma + i y)| = 1 (mass 1), and whether |L| > 1 between.
+
+    If it is not (|L| < 1 on the whole line), one of the two is where |L| comes closest to 1.
+    """
+    P = (sigma + slider.k_v) * sigma + slider.k_p
+    slope = 2 * sigma + slider.k_v
+    g = jnp.exp(jnp.minimum(-slider.alpha * sigma, jnp.log(_largest(sigma.dtype))))
+    g = g * jnp.abs(slider.k_f)
+    half = (g - jnp.abs(slope)) * (g + jnp.abs(slope)) / 2
+    square = 2 * P * half + half**2 + (g * sigma) ** 2
+    middle, root = P + half, jnp.sqrt(jnp.maximum(square, 0.0))
+    far = middle + jnp.where(middle < 0, -root, root)
+    product = (P - g * sigma) * (P + g * sigma)
+    near = product / jnp.where(far == 0, 1.0, far)
+    lower, upper = jnp.minimum(near, far), jnp.maximum(near, far)
+    return P, slope, lower, upper, (square >= 0) & (upper > 0)
+
+
+def _count(slider, sigma):
+    """Number of roots with real part above sigma (mass 1), as a float."""
+    P, slope, lower, upper, exceeds = _equal_magnitude(slider, sigma)
+    negative = jnp.where(slider.k_f < 0, 1.0, 0.0)
+
+    def phase(square):
+        """Continuous phase of L at y > 0, in units of pi."""
+        y = jnp.sqrt(jnp.maximum(square, 0.0))
+        angle = jnp.arctan2(y, sigma) - jnp.arctan2(y * slope, P - square) - slider.alpha * y
+        return angle / jnp.pi + negative
+
+    start = jnp.where(sigma < 0, 1.0, 0.0) + negative
+    start = start - jnp.where(P < 0, jnp.where(slope < 0, -1.0, 1.0), 0.0)
+    end = phase(upper)
+    passed = 2 * jnp.floor(end / 2)
+    # Without a y1 the interval reaches down to -y2, where the phase mirrors that of y2.
+    turns = passed - jnp.where(lower > 0, 2 * jnp.floor(phase(lower) / 2), start - 1)
+    poles = jnp.where(P < 0, 1.0, jnp.where(slope < 0, jnp.where(P > 0, 2.0, 1.0), 0.0))
+    return poles - jnp.where(exceeds, turns, 0.0)
+
+
+def roots_right_of(
+    mass: Float[ArrayLike, "*#s"],
+    k_p: Float[ArrayLike, "*#s"],
+    k_v: Float[ArrayLike, "*#s"],
+    k_f: Float[ArrayLike, "*#s"],
+    alpha: Float[ArrayLike, "*#s"],
+    sigma: Float[ArrayLike, "*#s"],
+) -> Int[Array, "*s"]:
+    """Number of roots with real part above sigma [1/s], with multiplicity; closed form.
+
+    Elementwise. At sigma = 0 it is `unstable_roots`, by another way.
+    """
+    slider = _slider(mass, k_p, k_v, k_f, alpha)
+    unit = _time_unit(slider)
+    return _count(_scaled(slider, unit), jnp.asarray(sigma) * unit).astype(int)
+
+
+def _bisect(slider, rank):
+    """The real part of the root of each rank, the count just right of it, whether it exists."""
+    largest = _largest(slider.k_p.dtype)
+    right = jnp.maximum(jnp.abs(slider.k_f) - slider.k_v, 0.0) + jnp.zeros_like(rank)
+    near = jnp.full_like(rank, -2.0)
+    beyond = jnp.log(largest) / jnp.maximum(slider.alpha, 1 / largest)
+    many = _count(slider, near)
+    is_near = many >= rank
+    left = jnp.where(is_near, near, -2.0 - jnp.minimum(beyond, largest))
+    right = jnp.where(is_near, right, near)
+    exists = _count(slider, left) >= rank
+
+    def halve(_, bounds):
+        left, right, count = bounds
+        middle = left + (right - left) / 2
+        here = _count(slider, middle)
+        inside = here >= rank
+        return (
+            jnp.where(inside, middle, left),
+            jnp.where(inside, right, middle),
+            jnp.where(inside, count, here),
+        )
+
+    start = left, right, jnp.where(is_near, 0.0, many)
+    steps = jnp.finfo(rank.dtype).nmant + 8
+    _, right, count = jax.lax.fori_loop(0, steps, halve, start)
+    return right, count, exists
+
+
+def _newton(slider, s):
+    for _ in range(NEWTON_STEPS):
+        value, slope = _residual(slider, s)
+        s = s - jnp.where(slope == 0, 0.0, value / jnp.where(slope == 0, 1.0, slope))
+    return s
+
+
+def _take(rows, index):
+    return jnp.take_along_axis(rows, index[None], axis=0)[0]
+
+
+def _search(slider, number):
+    """The `number` rightmost roots, conjugates listed one after the other."""
+    unit = _time_unit(slider)
+    scaled = _scaled(slider, unit)
+    rank = 1 + jnp.arange(number, dtype=slider.k_p.dtype)
+    real, count, exists = _bisect(scaled, rank)
+    _, _, lower, upper, _ = _equal_magnitude(scaled, real)
+    y = jnp.sqrt(jnp.maximum(jnp.stack([jnp.zeros_like(lower), lower, upper]), 0.0))
+    guess = jax.lax.complex(jnp.broadcast_to(real, y.shape), y)
+    root = _newton(scaled, guess)
+    # The candidate that was a root already. One that never became a root is none: a step from
+    # a flat place is left out, so it too may not have moved.
+    size = jnp.abs(root) * (jnp.abs(root) + jnp.abs(scaled.k_v)) + jnp.abs(scaled.k_p)
+    found = jnp.abs(_residual(scaled, root)[0]) <= 1e-3 * size
+    best = jnp.argmin(jnp.where(found, jnp.abs(root - guess), jnp.inf), axis=0)
+    root = jnp.where(jnp.any(found, axis=0), _take(root, best), guess[2])
+    root = jnp.where(rank - count > 1.5, jnp.conj(root), root)
+    return jnp.where(exists, root / unit, -jnp.inf)
+
+
+@jax.custom_jvp
+def _implicit(slider, root):
+    """`root`, with the derivative of the implicit function that F(s) = 0 defines."""
+    return root
+
+
+@_implicit.defjvp
+def _implicit_jvp(primals, tangents):
+    slider, root = primals
+    root = _implicit(slider, root)
+    found = jnp.isfinite(root.real)
+    s = jnp.where(found, root, 0.0)
+    _, change = jax.jvp(lambda slider: _residual(slider, s)[0], (slider,), (tangents[0],))
+    slope = _residual(slider, s)[1]
+    safe = found & (slope != 0)
+    return root, jnp.where(safe, -change / jnp.where(safe, slope, 1.0), 0.0)
+
+
+def rightmost_roots(
+    mass: Float[ArrayLike, ""],
+    k_p: Float[ArrayLike, ""],
+    k_v: Float[ArrayLike, ""],
+    k_f: Float[ArrayLike, ""],
+    alpha: Float[ArrayLike, ""],
+    *,
+    number: int = 1,
+) -> Complex[Array, " number"]:
+    """The `number` roots [1/s] with the largest real parts, in that order.
+
+    Of a complex pair the root with positive imaginary part comes first. They are the rightmost
+    ones for any alpha w, at full precision (half the digits where two roots nearly coincide).
+    Where alpha (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6 the roots are so dense that
+    rounding may replace one by a neighbour or by a point between two. Derivatives of any order with
+    respect to all five arguments, by the implicit function theorem; they are unbounded where two
+    roots meet. A root that does not exist (alpha = 0 has two) is -inf. Scalars in.
+    Raises `InputError` if `number` is less than 1.
+    """
+    if number < 1:
+        raise InputError(f"rightmost roots: number is {number}; ask for at least 1")
+    slider = _slider(mass, k_p, k_v, k_f, alpha)
+    return _implicit(slider, _search(jax.lax.stop_gradient(slider), number))
+
+
+def decay_rate(
+    mass: Float[ArrayLike, ""],
+    k_p: Float[ArrayLike, ""],
+    k_v: Float[ArrayLike, ""],
+    k_f: Float[ArrayLike, ""],
+    alpha: Float[ArrayLike, ""],
+) -> Float[Array, ""]:
+    """The decay margin [1/s]: minus the real part of the rightmost root; positive if stable."""
+    return -rightmost_roots(mass, k_p, k_v, k_f, alpha)[0].real

@@ -1,0 +1,131 @@
+"""Searches along the imaginary axis, for loops that are not rational.
+
+Values are taken on a logarithmic grid of frequencies around those of the kernel and of the plant; what
+happens between two neighbouring points of it (they are a few parts in a thousand apart) is missed.
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Complex, Float, Int
+
+from .kernel import DelayKernel
+from .linear import LinearSlider
+
+_POINTS = 2048
+# Crossings that are kept, lowest frequency first, and minima that are refined.
+_NUMBER = 64
+_MINIMA = 4
+_NEWTON_STEPS = 4
+_BEYOND = 1e2
+
+
+def axis(slider: LinearSlider) -> Float[Array, " points"]:
+    """Frequencies from below to above all that the kernel and the plant name [rad/s].
+
+    The response of a delay turns at one pace along w: for it as many again, evenly
+    spaced up to where the loop has fallen to about a tenth.
+    """
+    kernel = slider.friction.kernel
+    low, high = kernel.frequencies()
+    m, k, d = slider.inertia(), slider.stiffness, slider.damping + slider.friction.slope
+    heavy = m > 0
+    mass = jnp.where(heavy, m, 1.0)
+    own = [jnp.where(heavy, jnp.sqrt(jnp.abs(k) / mass), low)]
+    own.append(jnp.where(heavy, jnp.abs(d) / mass, low))
+    own.append(jnp.abs(k) / jnp.where(d == 0, 1.0, jnp.abs(d)))
+    named = jnp.stack([low, high, *[jnp.clip(x, 1e-3 * low, 1e3 * high) for x in own]])
+    ends = jnp.log(jnp.min(named) / _BEYOND), jnp.log(jnp.max(named) * _BEYOND)
+    grid = jnp.exp(jnp.linspace(*ends, _POINTS))
+    if isinstance(kernel, DelayKernel):
+        size = jnp.abs(kernel.strength) + 10 * jnp.abs(slider.damping) + jnp.abs(d)
+        top = (size + jnp.sqrt(size**2 + 40 * mass * jnp.abs(k))) / (2 * mass)
+        grid = jnp.sort(jnp.concatenate([grid, jnp.linspace(0.0, top, _POINTS + 1)[1:]]))
+    return jax.lax.stop_gradient(grid)
+
+
+def crossings(
+    slider: LinearSlider,
+    function: Callable[[Float[Array, ""]], Float[Array, ""]],
+    *,
+    wrapped: bool = False,
+) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
+    """Frequencies at which `function` of frequency is zero, and which of the rows hold one.
+
+    `wrapped` tells that the function is an angle: then also where it is +-pi.
+    """
+    grid = axis(slider)
+    value = jax.vmap(function)(grid)
+    target = jnp.zeros_like(value)
+    change = (value[:-1] > 0) != (value[1:] > 0)
+    if wrapped:
+        target = jnp.where(jnp.abs(value) > 0.5 * jnp.pi, jnp.sign(value) * jnp.pi, 0.0)
+    (place,) = jnp.nonzero(change, size=_NUMBER, fill_value=grid.shape[0])
+    some = place < grid.shape[0]
+    left = jnp.minimum(place, grid.shape[0] - 2)
+    low, high = jnp.log(grid[left]), jnp.log(grid[left + 1])
+    a, b = (value - target)[left], (value - target)[left + 1]
+    share = jnp.where(some, a / jnp.where(a == b, 1.0, a - b), 0.5)
+    start = low + jnp.clip(share, 0.0, 1.0) * (high - low)
+
+    def refine(x, low, high):
+        def offset(x):
+            value = function(jnp.exp(x))
+            return jnp.sin(value) if wrapped else value
+
+        for _ in range(_NEWTON_STEPS):
+            x = jax.lax.stop_gradient(jnp.clip(x, low, high))
+            e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
+            slope = jax.lax.stop_gradient(slope)
+            x = x - e / jnp.where(slope == 0, 1.0, slope)
+        return jnp.exp(x)
+
+    w = jax.vmap(refine)(start, low, high)
+    return jnp.where(some, w, 1.0), some
+
+
+def smallest(
+    slider: LinearSlider, function: Callable[[Float[Array, ""]], Complex[Array, ""]]
+) -> Float[Array, ""]:
+    """Least magnitude of a complex function of frequency, refined at the lowest minima of the grid."""
+    grid = axis(slider)
+
+    def square(x):
+        value = function(jnp.exp(x))
+        return value.real**2 + value.imag**2
+
+    points = jnp.log(grid)
+    value = jax.vmap(square)(points)
+    inner = value[1:-1]
+    lowest = jnp.where((inner <= value[:-2]) & (inner <= value[2:]), inner, jnp.inf)
+    _, best = jax.lax.top_k(-lowest, _MINIMA)
+
+    def refine(x, low, high):
+        for _ in range(_NEWTON_STEPS):
+            slope, bend = jax.jvp(jax.grad(square), (x,), (jnp.ones_like(x),))
+            newton = slope / jnp.where(bend > 0, bend, jnp.inf)
+            x = jax.lax.stop_gradient(jnp.clip(x - newton, low, high))
+        return square(x)
+
+    refined = jax.vmap(refine)(points[best + 1], points[best], points[best + 2])
+    least = jnp.minimum(jnp.min(refined), jnp.min(value))
+    return jnp.where(least > 0, jnp.sqrt(jnp.where(least > 0, least, 1.0)), 0.0)
+
+
+def encirclements(slider: LinearSlider) -> Int[Array, ""]:
+    """Number of unstable poles, from how far the characteristic function turns (Mikhailov).
+
+    Along w = 0 to infinity it turns by pi/2 for every order less pi for every unstable pole. The
+    ends of the grid are closed by its limits: real at w = 0, that of m s^2 or d s at infinity.
+    """
+    grid = axis(slider)
+    value = jax.vmap(lambda w: slider.characteristic(1j * w))(grid)
+    damping = slider.damping + slider.friction.slope
+    if slider.mass is None:
+        order, end = 1, 1j * jnp.where(damping < 0, -1.0, 1.0)
+    else:
+        order, end = 2, -1.0 + 0j
+    turned = jnp.sum(jnp.angle(value[1:] / value[:-1])) + jnp.angle(end / value[-1])
+    turned = turned + jnp.angle(value[0] / jnp.where(value[0].real < 0, -1.0, 1.0))
+    return jnp.round(0.5 * order - turned / jnp.pi).astype(int)

@@ -1,0 +1,154 @@
+"""A rig at a steady velocity, linearised: plant P(s) and friction F(s).
+
+    P(s) = s/(m s^2 + k_v s + k_p)                                                (11)
+    F(s) = f_v - G(s)                                                             (12)
+    1 + P F = 0:  m s^2 + (k_v + f_v) s + k_p - s G(s) = 0
+
+For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV, all six by automatic
+differentiation of the law's own `force` and `rate`. So g(t) = -f_z exp(r_z t) r_V, for whatever states.
+A slope f_x of friction with slip acts like a spring and is added to k_p.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Complex, Float
+
+from ..errors import InputError
+from ..rig import Inertial, QuasiStatic, Rig
+from ..rig.friction.law import AbstractLaw, Conditions
+from . import polynomial as poly
+from .kernel import AbstractKernel, AbstractRationalKernel, StateSpaceKernel
+
+
+class LinearFriction(eqx.Module):
+    """Friction about a steady velocity: df = f_v dV - g * dV + f_x dx."""
+
+    slope: Float[Array, ""]
+    """f_v, instantaneous rise of friction with velocity [force s/m]   (9)."""
+    kernel: AbstractKernel
+    """Memory g(t) [force/m]."""
+    trend: Float[Array, ""]
+    """f_x, slope of friction with slip [force/m]."""
+
+    def transfer(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
+        """F(s) = f_v - G(s)   (12) [force s/m]; without the trend."""
+        return self.slope - self.kernel.transform(s)
+
+
+class LinearSlider(eqx.Module):
+    """A slider with PD gains (or spring and dashpot) under linearised friction."""
+
+    mass: Float[Array, ""] | None
+    """m [force s^2/m]; None for the quasi-static limit, in which the order is one less."""
+    stiffness: Float[Array, ""]
+    """k_p [force/m]."""
+    damping: Float[Array, ""]
+    """k_v [force s/m]."""
+    friction: LinearFriction
+
+    def plant(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
+        """P(s)   (11) [m/(s force)]."""
+        return s / (self.inertia() * s**2 + self.damping * s + self.stiffness)
+
+    def characteristic(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
+        """m s^2 + (k_v + f_v) s + k_p + f_x - s G(s) [force/m]: zero at the poles of the slider."""
+        friction = self.friction
+        stiffness = self.stiffness + friction.trend
+        rest = self.inertia() * s**2 + self.damping * s + stiffness
+        return rest + s * friction.transfer(s)
+
+    def loop(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
+        """The loop opened at the actuator: (k_v s + k_p)/(m s^2 + s F(s) + f_x)."""
+        friction = self.friction
+        load = self.inertia() * s**2 + s * friction.transfer(s) + friction.trend
+        return (self.damping * s + self.stiffness) / load
+
+    def inertia(self) -> Float[Array, ""]:
+        """The mass, or zero in the quasi-static limit."""
+        return jnp.zeros_like(self.stiffness) if self.mass is None else self.mass
+
+    def polynomials(self) -> tuple[Array, Array, Array]:
+        """(characteristic, controller, load) times D(s), ascending: loop = controller/load.
+
+        For rational kernels only; the degree is the number of states plus 2, or 1 without mass.
+        """
+        kernel = self.friction.kernel
+        if not isinstance(kernel, AbstractRationalKernel):
+            raise TypeError(f"a {type(kernel).__name__} has no polynomials; it is not rational")
+        N, D = kernel.fraction()
+        f_v = jnp.asarray(self.friction.slope)
+        load = [jnp.asarray(self.friction.trend), f_v]
+        if self.mass is not None:
+            load.append(jnp.asarray(self.mass))
+        controller = jnp.stack(jnp.broadcast_arrays(self.stiffness, self.damping))
+        load = poly.total(poly.product(jnp.stack(jnp.broadcast_arrays(*load)), D), -poly.shifted(N))
+        controller = poly.product(controller, D)
+        return poly.total(load, controller), controller, load
+
+
+def linear_friction(law: AbstractLaw, velocity: Float[Array, ""]) -> LinearFriction:
+    """Linearise a law with states about steady sliding at `velocity` [m/s].
+
+    Slip and ageing evolution give one kernel, (B/L) exp(-V0 t/L), and f_v = A/V0   (21)-(23).
+    """
+    V = jnp.asarray(velocity, jnp.result_type(float, velocity))
+    at = Conditions(jnp.zeros_like(V), jnp.zeros_like(V))
+    state = law.steady_state(V)
+    f_V, f_z, f_at = jax.jacfwd(law.force, (0, 1, 2))(V, state, at)
+    r_V, r_z = jax.jacfwd(law.rate, (0, 1))(V, state, at)
+    return LinearFriction(f_V, StateSpaceKernel(r_z, r_V, -f_z), f_at.slip)
+
+
+def linearise(rig: Rig, velocity: ArrayLike) -> LinearSlider:
+    """The rig at a steady `velocity` [m/s], linearised. Jittable and vmappable.
+
+    The drive is outside the loop: it shapes the command, not the stability.
+
+    Raises
+    ------
+    InputError : `velocity` is not a positive number (where its value is known).
+    """
+    machine = rig.machine
+    if not isinstance(machine, QuasiStatic | Inertial):
+        raise TypeError(f"no linearisation of a {type(machine).__name__}")
+    V = jnp.asarray(velocity, jnp.result_type(float, velocity))
+    if not isinstance(V, jax.core.Tracer) and not bool(jnp.all(jnp.isfinite(V) & (V > 0))):
+        raise InputError(f"linearise: velocity is {V} m/s; steady sliding needs a positive one")
+    mass = machine.mass if isinstance(machine, Inertial) else None
+    damping = jnp.zeros_like(machine.stiffness) if machine.damping is None else machine.damping
+    return LinearSlider(mass, machine.stiffness, damping, linear_friction(rig.friction, V))
+
+
+def kernel_function(kernel: StateSpaceKernel) -> Callable[[Float[Array, ""]], Float[Array, ""]]:
+    """g(t) of a state-space kernel as a function of time [s], by the matrix exponential."""
+    return lambda t: kernel.c @ jax.scipy.linalg.expm(kernel.a * t) @ kernel.b
+
+
+def to_scipy(slider: LinearSlider):
+    """The loop opened at the actuator as `scipy.signal.TransferFunction` (needs SciPy)."""
+    from scipy.signal import TransferFunction
+
+    return TransferFunction(*_loop_coefficients(slider))
+
+
+def to_control(slider: LinearSlider):
+    """The loop opened at the actuator as `control.TransferFunction`.
+
+    Needs python-control: `pip install "jaxfric[control]"`. `control.feedback` closes it.
+    """
+    try:
+        import control
+    except ImportError:
+        raise InputError(
+            'to_control needs python-control; install it with: pip install "jaxfric[control]"'
+        ) from None
+    return control.TransferFunction(*_loop_coefficients(slider))
+
+
+def _loop_coefficients(slider: LinearSlider) -> tuple[list[float], list[float]]:
+    """Numerator and denominator, highest power first."""
+    _, controller, load = slider.polynomials()
+    return [float(c) for c in controller[::-1]], [float(c) for c in load[::-1]]

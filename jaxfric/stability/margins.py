@@ -1,0 +1,276 @@
+"""Stability margins of a linearised slider, vmappable and differentiable.
+
+    stiffness  (k_p + f_x)/k_cr, how far above the critical stiffness; inf where damping suffices
+    decay      -max Re s over the poles s of the closed loop [1/s]
+    damping    min over the poles of -Re s/|s|, the damping ratio; of a delay, whose poles are
+               without number and come ever closer to 0, of the rightmost pole
+    modulus    min over w of |1 + L(i w)| = 1/Ms, the distance of L from -1
+    gain       smallest factor by which L, multiplied or divided, reaches -1
+    phase      smallest angle by which L, turned either way, reaches -1 [rad]
+    delay      smallest delay in the loop that reaches -1 [s]
+
+L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x): what the PD controller
+sees, from w = 0 to infinity, both included. Where L never comes to -1 in that way the margin is inf.
+
+Of an unstable slider every margin is on the other side of its limit: decay and damping are
+negative, stiffness is below 1 (as a rule: above the least w_n of several it is not), modulus and phase
+are minus the distance, gain is 1 over the factor (0 where no factor reaches -1), delay is minus the
+smallest advance. All pass the limit continuously, at 0 or 1, with one exception: a slider that delay
+brings nearer to stability. Its delay margin falls from a larger value to 0 at the limit.
+
+Without mass and with k_v > |f_v| the loop answers the highest frequencies with |L| > 1, and no
+delay at all is survived: the delay margin is 0. A real actuator's mass removes this.
+
+For rational kernels everything is exact, from roots of polynomials; other kernels (a delay, a table)
+are searched on a grid of frequencies and refined. Poles of a delay come from `stability.delay_roots`
+and need a mass; those of a table are not available.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+
+from ..errors import InputError
+from . import polynomial as poly
+from .delay import unstable_roots
+from .delay_roots import rightmost_roots
+from .frequency import crossings, encirclements, smallest
+from .kernel import AbstractRationalKernel, DelayKernel
+from .linear import LinearSlider
+from .theorem import apply_theorem
+
+UNITS = {
+    "stiffness": "1",
+    "decay": "1/s",
+    "damping": "1",
+    "modulus": "1",
+    "gain": "1",
+    "phase": "rad",
+    "delay": "s",
+}
+# A stable slider that just meets the limit has these values.
+LIMITS = {name: 1.0 if name in ("stiffness", "gain") else 0.0 for name in UNITS}
+
+
+class Crossing(NamedTuple):
+    """Frequencies at which the loop meets a curve; `some` is False on rows without a crossing."""
+
+    frequency: Float[Array, " n"]
+    real: Float[Array, " n"]
+    imaginary: Float[Array, " n"]
+    some: Bool[Array, " n"]
+
+
+def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
+    """One margin by its name; see the module for the seven.
+
+    Raises
+    ------
+    InputError : no such margin, or one that is not available for the kernel.
+    """
+    if name not in UNITS:
+        raise InputError(f"margin '{name}' does not exist; there are: {', '.join(UNITS)}")
+    return _FUNCTIONS[name](slider)
+
+
+def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
+    """All margins that are available for the slider's kernel, by name."""
+    rational = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
+    names = [name for name in UNITS if rational or name not in ("decay", "damping")]
+    return {name: _FUNCTIONS[name](slider) for name in names}
+
+
+def poles(slider: LinearSlider) -> Complex[Array, " n"]:
+    """Poles of the closed loop [1/s]; of a delay the rightmost one.
+
+    Raises
+    ------
+    InputError : the kernel is a table, or a delay without mass.
+    """
+    kernel = slider.friction.kernel
+    if isinstance(kernel, AbstractRationalKernel):
+        return poly.roots(slider.polynomials()[0])
+    if isinstance(kernel, DelayKernel):
+        return rightmost_roots(*_delay_slider(slider, kernel))
+    raise InputError(
+        f"the poles of a {type(kernel).__name__} are not available; its margins of"
+        " stiffness, modulus, gain, phase and delay are"
+    )
+
+
+def is_stable(slider: LinearSlider) -> Bool[Array, ""]:
+    """Whether steady sliding is asymptotically stable."""
+    kernel = slider.friction.kernel
+    if isinstance(kernel, AbstractRationalKernel):
+        return poly.is_hurwitz(slider.polynomials()[0])
+    if isinstance(kernel, DelayKernel):
+        return unstable_roots(*_delay_slider(slider, kernel)) == 0
+    return encirclements(slider) == 0
+
+
+def _stiffness(slider: LinearSlider) -> Float[Array, ""]:
+    k_cr = apply_theorem(slider).critical_stiffness
+    k = slider.stiffness + slider.friction.trend
+    some = (k_cr > 0) & jnp.isfinite(k_cr)
+    ratio = k / jnp.where(some, k_cr, 1.0)
+    by_damping = jnp.where(k > 0, jnp.inf, 0.0)
+    return jnp.where(some, ratio, jnp.where(k_cr == 0, by_damping, 0.0))
+
+
+def _decay(slider: LinearSlider) -> Float[Array, ""]:
+    return -jnp.max(poles(slider).real)
+
+
+def _damping(slider: LinearSlider) -> Float[Array, ""]:
+    s = poles(slider)
+    square = s.real**2 + s.imag**2
+    size = jnp.sqrt(jnp.where(square == 0, 1.0, square))
+    return jnp.min(jnp.where(square == 0, 0.0, -s.real / size))
+
+
+def _modulus(slider: LinearSlider) -> Float[Array, ""]:
+    """|1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W: least where
+    Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
+    """
+    if not isinstance(slider.friction.kernel, AbstractRationalKernel):
+        distances = [smallest(slider, lambda w: 1 + slider.loop(1j * w))]
+    else:
+        whole, controller, load = slider.polynomials()
+        real, _ = poly.cross(controller, load)
+        Q = poly.total(poly.cross(controller, controller)[0], 2 * real)
+        M, _ = poly.cross(load, load)
+        Q = Q[: M.shape[0] if slider.mass is None else M.shape[0] - 1]
+        slope = poly.total(
+            poly.product(poly.derivative(Q), M), -poly.product(Q, poly.derivative(M))
+        )
+        if slider.mass is None:
+            slope = slope[:-1]  # the leading terms cancel
+        y = jnp.abs(jax.lax.stop_gradient(poly.roots(slope)))
+        y = jnp.where(y < 1e40, y, 0.0)
+        square = _square(whole, y) / _nonzero(_square(load, y))
+        distances = [_root(jnp.min(jnp.where(y > 0, square, jnp.inf)))]
+    distances += [jnp.where(some, jnp.abs(1 + L), jnp.inf) for L, some in _ends(slider)]
+    return _signed(slider, functools.reduce(jnp.minimum, distances))
+
+
+def _gain(slider: LinearSlider) -> Float[Array, ""]:
+    at = _real_crossings(slider)
+    ends = _ends(slider)
+    real = jnp.concatenate([at.real, jnp.stack([L for L, _ in ends])])
+    some = jnp.concatenate([at.some, jnp.stack([some for _, some in ends])])
+    negative = some & (real < 0)
+    size = jnp.where(negative, -real, 1.0)
+    factor = jnp.min(jnp.where(negative, jnp.maximum(size, 1 / size), jnp.inf))
+    return jnp.where(is_stable(slider), factor, 1 / factor)
+
+
+def _phase(slider: LinearSlider) -> Float[Array, ""]:
+    at = _unit_crossings(slider)
+    lag = _lag(at)
+    return _signed(slider, jnp.min(jnp.where(at.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)))
+
+
+def _delay(slider: LinearSlider) -> Float[Array, ""]:
+    at = _unit_crossings(slider)
+    lag = _lag(at)
+    stable = jnp.min(jnp.where(at.some, lag / at.frequency, jnp.inf))
+    unstable = jnp.min(jnp.where(at.some, (2 * jnp.pi - lag) / at.frequency, jnp.inf))
+    delay = jnp.where(is_stable(slider), stable, -unstable)
+    if slider.mass is None:
+        delay = jnp.where(jnp.abs(slider.damping) > jnp.abs(slider.friction.slope), 0.0, delay)
+    return delay
+
+
+_FUNCTIONS: dict[str, Callable[[LinearSlider], Float[Array, ""]]] = {
+    "stiffness": _stiffness,
+    "decay": _decay,
+    "damping": _damping,
+    "modulus": _modulus,
+    "gain": _gain,
+    "phase": _phase,
+    "delay": _delay,
+}
+
+
+def _real_crossings(slider: LinearSlider) -> Crossing:
+    """Where L(i w) is real, w > 0."""
+    if not isinstance(slider.friction.kernel, AbstractRationalKernel):
+        w, some = crossings(slider, lambda w: jnp.angle(slider.loop(1j * w)), wrapped=True)
+        L = jax.vmap(lambda w: slider.loop(1j * w))(w)
+        return Crossing(w, L.real, L.imag, some)
+    _, controller, load = slider.polynomials()
+    real, imaginary = poly.cross(controller, load)
+    size, _ = poly.cross(load, load)
+    y, some = poly.positive_roots(imaginary)
+    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
+
+
+def _unit_crossings(slider: LinearSlider) -> Crossing:
+    """Where |L(i w)| = 1, w > 0."""
+    if not isinstance(slider.friction.kernel, AbstractRationalKernel):
+        w, some = crossings(slider, lambda w: jnp.log(jnp.abs(slider.loop(1j * w))))
+        L = jax.vmap(lambda w: slider.loop(1j * w))(w)
+        return Crossing(w, L.real, L.imag, some)
+    _, controller, load = slider.polynomials()
+    real, imaginary = poly.cross(controller, load)
+    size, _ = poly.cross(load, load)
+    above, _ = poly.cross(controller, controller)
+    y, some = poly.positive_roots(poly.total(above, -size))
+    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
+
+
+def _ends(slider: LinearSlider) -> list[tuple[Array, Array]]:
+    """L, real there, at w = 0 and at infinity, and whether it is finite."""
+    friction = slider.friction
+    ends = [_ratio(slider.stiffness, friction.trend)]
+    if slider.mass is None:
+        return [*ends, _ratio(slider.damping, friction.slope)]
+    return [*ends, (jnp.zeros_like(ends[0][0]), jnp.ones((), bool))]
+
+
+def _ratio(above: ArrayLike, below: ArrayLike) -> tuple[Array, Array]:
+    above, below = jnp.broadcast_arrays(jnp.asarray(above), jnp.asarray(below))
+    some = below != 0
+    return above / jnp.where(some, below, 1.0), some
+
+
+def _delay_slider(slider: LinearSlider, kernel: DelayKernel) -> tuple[ArrayLike, ...]:
+    """m, k_p, k_v, k_f, alpha as `stability.delay` takes them."""
+    if slider.mass is None:
+        raise InputError("stability of a delay law needs a mass; give the machine one (Inertial)")
+    friction = slider.friction
+    stiffness = slider.stiffness + friction.trend
+    return slider.mass, stiffness, slider.damping + friction.slope, kernel.strength, kernel.delay
+
+
+def _square(c: Array, y: Array) -> Array:
+    """|c(i w)|^2 at y = w^2, without cancellation between squares."""
+    even, odd = poly.on_axis(c)
+    return poly.value(even, y) ** 2 + y * poly.value(odd, y) ** 2
+
+
+def _root(x: Array) -> Array:
+    """Square root with a finite derivative at 0."""
+    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+
+
+def _at(y, real, imaginary, size) -> tuple[Array, Array]:
+    below = _nonzero(poly.value(size, y))
+    return poly.value(real, y) / below, jnp.sqrt(y) * poly.value(imaginary, y) / below
+
+
+def _lag(at: Crossing) -> Float[Array, " n"]:
+    """Angle by which L must be turned clockwise to reach -1, in [0, 2 pi)."""
+    return jnp.mod(jnp.arctan2(at.imaginary, at.real) + jnp.pi, 2 * jnp.pi)
+
+
+def _nonzero(x: Array) -> Array:
+    return jnp.where(x == 0, 1e-300, x)
+
+
+def _signed(slider: LinearSlider, distance: Float[Array, ""]) -> Float[Array, ""]:
+    return jnp.where(is_stable(slider), distance, -distance)

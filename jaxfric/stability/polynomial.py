@@ -1,0 +1,251 @@
+"""Roots of real polynomials in batches, and the few operations on polynomials that margins need.
+
+Coefficients ascend: c[k] multiplies s^k. All functions take one polynomial; batch with vmap.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
+
+_MAX_ITERATIONS = 60
+# The iteration is of third order: from a change of this size one more step is exact to rounding.
+_NEARLY = 1e-7
+# A root of a polynomial in w^2 counts as real below this ratio of its imaginary part.
+_REAL = 1e-6
+# Decades that roots may spread on either side of the middle one; the power n must be a number.
+_SPREAD = 250.0
+
+
+@jax.custom_jvp
+def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
+    """All roots of sum_k c[k] s^k; a root at infinity (c[n] = 0) is huge, not nan.
+
+    Up to the second degree in closed form, above by the simultaneous iteration of Aberth and
+    Ehrlich from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694): no
+    matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(250/n) on both
+    sides of the middle one. Derivatives by ds = -sum dc[k] s^k / p'(s); 0 at infinity.
+    """
+    n = c.shape[0] - 1
+    if n == 0:
+        return jnp.zeros((0,), jnp.result_type(c, jnp.complex64))
+    if n == 1:
+        return _complex(-c[:1] / _away_from_zero(c[1:]))
+    if n == 2:
+        return _quadratic(c)
+    return _aberth(c)
+
+
+@roots.defjvp
+def _roots_jvp(primals, tangents):
+    (c,), (dc,) = primals, tangents
+    s = roots(c)
+    slope = value(derivative(c), s)
+    usable = jnp.isfinite(slope) & (slope != 0)
+    safe = jnp.where(usable, s, 0.0)
+    return s, jnp.where(usable, -value(dc, safe) / jnp.where(usable, slope, 1.0), 0.0)
+
+
+def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
+    """Real parts of all roots, and which of them are real and positive (the others read 1)."""
+    s = roots(c)
+    real = (jnp.abs(s.imag) <= _REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
+    real = real & (s.real < 1e100)
+    return jnp.where(real, s.real, 1.0), real
+
+
+def is_hurwitz(c: Float[Array, " n+1"]) -> Bool[Array, ""]:
+    """Whether all roots have negative real parts: Routh's first column keeps its sign.
+
+    A leading zero counts as the limit of a small positive number.
+    """
+    c = jnp.where(c[-1] < 0, -c, c)
+    if c.shape[0] == 1:
+        return jnp.ones((), bool)
+    top = jnp.max(jnp.abs(c))
+    c = c / jnp.where(top == 0, 1.0, top)
+    c = jnp.concatenate([c[:-1], jnp.maximum(c[-1:], 1e-290)])
+    rows = list(c[::-1])
+    first, second = rows[0::2], rows[1::2]
+    stable = jnp.all(c > 0)
+    for _ in range(len(rows) - 2):
+        second = second + [jnp.zeros_like(c[0])] * (len(first) - len(second))
+        ratio = first[0] / jnp.where(second[0] > 0, second[0], 1.0)
+        first, second = second, [a - ratio * b for a, b in zip(first[1:], second[1:], strict=True)]
+        first = first[: len(second) + 1]
+        stable = stable & (second[0] > 0)
+    return stable
+
+
+def value(c: Array, s: Array) -> Array:
+    """The polynomial at `s`, by Horner's rule."""
+    total = jnp.zeros_like(s * c[0]) if c.shape[0] else jnp.zeros_like(s)
+    for k in range(c.shape[0] - 1, -1, -1):
+        total = total * s + c[k]
+    return total
+
+
+def derivative(c: Float[Array, " n"]) -> Float[Array, " n-1"]:
+    """Coefficients of the derivative; a constant gives one zero."""
+    if c.shape[0] == 1:
+        return jnp.zeros_like(c)
+    return c[1:] * jnp.arange(1, c.shape[0])
+
+
+def product(a: Float[Array, " n"], b: Float[Array, " m"]) -> Float[Array, " n+m-1"]:
+    """Coefficients of the product."""
+    if a.shape[0] > b.shape[0]:
+        a, b = b, a
+    size = a.shape[0] + b.shape[0] - 1
+    return sum(
+        (jnp.pad(a[k] * b, (k, size - b.shape[0] - k)) for k in range(a.shape[0])),
+        start=jnp.zeros((size,), jnp.result_type(a, b)),
+    )
+
+
+def total(*polynomials: Float[Array, " _"]) -> Float[Array, " n"]:
+    """Coefficients of the sum."""
+    size = max(p.shape[0] for p in polynomials)
+    return sum((jnp.pad(p, (0, size - p.shape[0])) for p in polynomials), start=jnp.zeros((size,)))
+
+
+def shifted(c: Float[Array, " n"], by: int = 1) -> Float[Array, " n+by"]:
+    """Coefficients of s^by times the polynomial."""
+    return jnp.pad(c, (by, 0))
+
+
+def on_axis(c: Float[Array, " n"]) -> tuple[Float[Array, " p"], Float[Array, " q"]]:
+    """Polynomials E, O in y = w^2 with p(i w) = E(y) + i w O(y)."""
+
+    def part(c):
+        return c * jnp.asarray((-1.0) ** np.arange(c.shape[0]))
+
+    odd = c[1::2] if c.shape[0] > 1 else jnp.zeros((1,), c.dtype)
+    return part(c[::2]), part(odd)
+
+
+def cross(a: Float[Array, " n"], b: Float[Array, " m"]) -> tuple[Array, Array]:
+    """Polynomials R, I in y = w^2 with a(i w) conj(b(i w)) = R(y) + i w I(y)."""
+    (ea, oa), (eb, ob) = on_axis(a), on_axis(b)
+    real = total(product(ea, eb), shifted(product(oa, ob)))
+    return real, total(product(oa, eb), -product(ea, ob))
+
+
+def _complex(x: Array) -> Array:
+    return x + jnp.zeros_like(x) * 1j
+
+
+def _away_from_zero(x: Array) -> Array:
+    return jnp.where(x == 0, jnp.finfo(x.dtype).tiny * 1e16, x)
+
+
+def _quadratic(c: Float[Array, " 3"]) -> Complex[Array, " 2"]:
+    """Both roots without cancellation: q = -(b + sgn(b) sqrt(b^2 - 4ac))/2, then q/a and c/q."""
+    c = c / jnp.max(jnp.abs(c))
+    discriminant = _complex(c[1] ** 2 - 4 * c[0] * c[2])
+    sign = jnp.where(c[1] < 0, -1.0, 1.0)
+    q = -0.5 * (c[1] + sign * jnp.sqrt(discriminant))
+    pair = q / _away_from_zero(c[2]), c[0] / jnp.where(q == 0, 1.0, q)
+    return jnp.stack(pair)
+
+
+def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
+    """The iteration, root by root in real arithmetic: a batch then is long plain loops."""
+    c, unit, x, y = _start(c)
+    n = len(x)
+
+    def step(state):
+        x, y, change, _, k = state
+        u, v = zip(*(_correction(c, x, y, i) for i in range(n)), strict=True)
+        sizes = [(u[i] ** 2 + v[i] ** 2) / (x[i] ** 2 + y[i] ** 2 + 1e-300) for i in range(n)]
+        x = tuple(x[i] - u[i] for i in range(n))
+        y = tuple(y[i] - v[i] for i in range(n))
+        return x, y, functools.reduce(jnp.maximum, sizes), change, k + 1
+
+    def unfinished(state):
+        return (state[3] > _NEARLY**2) & (state[4] < _MAX_ITERATIONS)
+
+    infinite = jnp.full_like(unit, jnp.inf)
+    x, y, *_ = jax.lax.while_loop(unfinished, step, (x, y, infinite, infinite, 0))
+    return jax.lax.complex(unit * jnp.stack(x), unit * jnp.stack(y))
+
+
+def _correction(c, x, y, i: int) -> tuple[Array, Array]:
+    """Aberth's step for root i: p/(p' - p sum_j 1/(s_i - s_j))."""
+    value, slope = (c[-1], jnp.zeros_like(c[-1])), (jnp.zeros_like(c[-1]),) * 2
+    at = x[i], y[i]
+    for coefficient in c[-2::-1]:
+        slope = _times(slope, at)
+        slope = slope[0] + value[0], slope[1] + value[1]
+        value = _times(value, at)
+        value = value[0] + coefficient, value[1]
+    real, imaginary = jnp.zeros_like(x[i]), jnp.zeros_like(x[i])
+    for j in range(len(x)):
+        if j != i:
+            dx, dy = x[i] - x[j], y[i] - y[j]
+            size = dx * dx + dy * dy
+            weight = jnp.where(size == 0, 0.0, 1 / jnp.where(size == 0, 1.0, size))
+            real, imaginary = real + dx * weight, imaginary - dy * weight
+    pushed = _times(value, (real, imaginary))
+    return _divide(*value, slope[0] - pushed[0], slope[1] - pushed[1])
+
+
+def _times(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
+    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
+
+
+def _divide(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
+    """(a + ib)/(c + id); 0 where the divisor is 0."""
+    size = c * c + d * d
+    weight = jnp.where(size == 0, 0.0, 1 / jnp.where(size == 0, 1.0, size))
+    return (a * c + b * d) * weight, (b * c - a * d) * weight
+
+
+def _start(c: Float[Array, " n+1"]):
+    """Coefficients in a unit of s, the unit, and starting points, real and imaginary parts.
+
+    The unit is the middle radius, so that powers stay within the range of numbers.
+    """
+    n = c.shape[0] - 1
+    slopes = _newton_polygon(c)
+    middle = slopes[n // 2]
+    most = _SPREAD / n * np.log(10.0)
+    radii = [jnp.exp(jnp.clip(middle - slope, -most, most)) for slope in slopes]
+    angle = 2 * np.pi * np.arange(n) / n + 0.7
+    x = tuple(radii[k] * np.cos(angle[k]) for k in range(n))
+    y = tuple(radii[k] * np.sin(angle[k]) for k in range(n))
+    height = _heights(c)
+    level = [height[k] - k * middle for k in range(n + 1)]
+    # no root farther out than `most`: a root at infinity is one there
+    level[n] = functools.reduce(jnp.maximum, [level[k] - (n - k) * most for k in range(n + 1)])
+    top = functools.reduce(jnp.maximum, level)
+    scaled = [jnp.where(c[k] < 0, -1.0, 1.0) * jnp.exp(level[k] - top) for k in range(n + 1)]
+    return scaled, jnp.exp(-middle), x, y
+
+
+def _heights(c: Float[Array, " n+1"]) -> list[Array]:
+    """log|c[k]|, for a zero a number far below the others."""
+    size = jnp.abs(c)
+    top = jnp.log(jnp.max(size) + 1e-300)
+    logs = jnp.log(jnp.where(size == 0, 1.0, size))
+    return list(jnp.where(size == 0, top - 1e3, logs))
+
+
+def _newton_polygon(c: Float[Array, " n+1"]) -> list[Array]:
+    """Slopes of the upper hull of (k, log|c[k]|); exp(-slope) is the radius of a root.
+
+    The slope over (k - 1, k) is the least, over i < k, of the largest chord from i to j >= k.
+    """
+    n, height = c.shape[0] - 1, _heights(c)
+    slopes = []
+    for k in range(1, n + 1):
+        largest = [
+            functools.reduce(
+                jnp.maximum, [(height[j] - height[i]) / (j - i) for j in range(k, n + 1)]
+            )
+            for i in range(k)
+        ]
+        slopes.append(functools.reduce(jnp.minimum, largest))
+    return slopes

@@ -1,0 +1,144 @@
+"""The theorem of Rice and Ruina for any kernel: critical frequencies and stiffness, certified.
+
+    k_v + f_v = int g cos(w_n t) dt                                               (19)
+    k(w_n) = m w_n^2 + w_n int g sin(w_n t) dt,   k_cr = max_n k(w_n)              (20)
+
+For k_p > k_cr steady sliding is asymptotically stable. The theorem's hypotheses, and two that the
+note leaves unsaid: g integrable and piecewise continuous (then G is bounded for Re s >= 0 and
+vanishes at infinity), f_v + k_v > 0 (else critical frequency and stiffness are infinite), and
+(18), f_v + k_v < int g (else damping may suffice). `Theorem` says which of them held.
+
+Sources: (18)-(20) of the 1994 note; Rice & Ruina (1983, doi:10.1115/1.3167042).
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from . import polynomial as poly
+from .closed_form import critical_one_exponential
+from .critical_points import critical_points
+from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, kernel_total
+from .linear import LinearSlider
+
+# The generic search looks this much beyond the frequencies that the kernel names.
+_BEYOND = 1e3
+
+
+class Theorem(eqx.Module):
+    """What (18)-(20) say of one slider. Stiffness is k_p + f_x, in force/m; frequency in rad/s."""
+
+    frequencies: Float[Array, " n"]
+    """All solutions w_n of (19); inf where there are fewer than n."""
+    stiffnesses: Float[Array, " n"]
+    """k(w_n) of (20); -inf where there is no w_n."""
+    critical_stiffness: Float[Array, ""]
+    """k_cr: max_n k(w_n); 0 where every positive stiffness is stable; inf where none suffices
+    (f_v + k_v <= 0, or a hypothesis on g fails and damping does not suffice)."""
+    critical_frequency: Float[Array, ""]
+    """w_cr; 0 where k_cr is 0, inf where k_cr is inf."""
+    integrable: Bool[Array, ""]
+    """g is integrable and piecewise continuous, so G is bounded for Re s >= 0 and vanishes
+    at infinity."""
+    damped: Bool[Array, ""]
+    """f_v + k_v > 0."""
+    underdamped: Bool[Array, ""]
+    """(18): f_v + k_v < int g."""
+    complete: Bool[Array, ""]
+    """All w_n were found: exact for rational kernels, within the searched range for others."""
+
+    @property
+    def holds(self) -> Bool[Array, ""]:
+        """All hypotheses hold, so k_cr is the theorem's."""
+        return self.integrable & self.damped & self.underdamped & self.complete
+
+    def describe(self) -> list[str]:
+        """Which hypotheses were checked, which failed, and what follows; lines of text."""
+        checks = {
+            "g integrable and piecewise continuous, G bounded for Re s >= 0": self.integrable,
+            "f_v + k_v > 0": self.damped,
+            "f_v + k_v < int g dt (18)": self.underdamped,
+            "all solutions of (19) found": self.complete,
+        }
+        lines = [f"{'holds' if bool(held) else 'FAILS'}: {text}" for text, held in checks.items()]
+        return [*lines, self._conclusion()]
+
+    def _conclusion(self) -> str:
+        k = float(self.critical_stiffness)
+        if not bool(self.damped):
+            return "no stiffness suffices: the instantaneous damping f_v + k_v is not positive"
+        if k == 0:
+            return "stable by damping for every positive stiffness"
+        if not bool(self.integrable):
+            return "no critical stiffness: the kernel does not satisfy the theorem"
+        return f"critical stiffness {k:.10g} at {float(self.critical_frequency):.10g} rad/s"
+
+
+def theorem(
+    kernel: AbstractKernel,
+    damping: Float[Array, ""],
+    mass: Float[Array, ""],
+    *,
+    number: int = 4,
+    points: int = 512,
+) -> Theorem:
+    """Apply the theorem to a kernel. Jittable, vmappable, differentiable.
+
+    Parameters
+    ----------
+    kernel : of any kind.
+    damping : f_v + k_v [force s/m].
+    mass : m [force s^2/m], 0 in the quasi-static limit.
+    number : how many w_n are kept of a kernel that is not rational.
+    points : frequencies at which (19) is first evaluated for such a kernel; two w_n
+        between neighbouring points (a few per cent apart) are missed.
+    """
+    damping, mass = jnp.asarray(damping), jnp.asarray(mass)
+    largest = total = kernel_total(kernel)
+    if isinstance(kernel, AbstractRationalKernel):
+        w, k, integrable, complete = _rational(kernel, damping, mass)
+    elif isinstance(kernel, DelayKernel):
+        w = jnp.full((1,), jnp.inf)
+        k, integrable, complete = -w, jnp.zeros((), bool), jnp.ones((), bool)
+        largest = jnp.abs(total)
+    else:
+        w, k, complete = critical_points(kernel, damping, mass, number=number, points=points)
+        integrable = jnp.ones((), bool)
+    damped = damping > 0
+    if isinstance(kernel, AbstractRationalKernel):
+        applies = damped & integrable
+    else:
+        applies = damped & (integrable | (damping >= largest))
+    best = jnp.argmax(k)
+    some = k[best] > 0
+    k_cr = jnp.where(applies, jnp.where(some, jnp.where(some, k[best], 1.0), 0.0), jnp.inf)
+    w_cr = jnp.where(applies, jnp.where(some, jnp.where(some, w[best], 1.0), 0.0), jnp.inf)
+    return Theorem(w, k, k_cr, w_cr, integrable, damped, damping < total, complete)
+
+
+def apply_theorem(slider: LinearSlider, *, number: int = 4, points: int = 512) -> Theorem:
+    """The theorem for a linearised slider; its own stiffness k_p plays no part."""
+    friction = slider.friction
+    damping = friction.slope + slider.damping
+    return theorem(friction.kernel, damping, slider.inertia(), number=number, points=points)
+
+
+def _rational(kernel: AbstractRationalKernel, damping, mass):
+    """Solutions of (19) as real roots in y = w^2 of Re(N conj D) - damping |D|^2."""
+    N, D = kernel.fraction()
+    stable = poly.is_hurwitz(D)
+    if D.shape[0] == 1:
+        return jnp.full((1,), jnp.inf), jnp.full((1,), -jnp.inf), stable, jnp.ones((), bool)
+    if D.shape[0] == 2:
+        w, k = critical_one_exponential(N[0], D[0], damping, mass)
+        some = (w > 0) & jnp.isfinite(w)
+        w, k = jnp.where(some, w, jnp.inf)[None], jnp.where(some, k, -jnp.inf)[None]
+        return w, k, stable, jnp.ones((), bool)
+    real, imaginary = poly.cross(N, D)
+    size, _ = poly.cross(D, D)
+    y, some = poly.positive_roots(poly.total(real, -damping * size))
+    # w int g sin(w t) dt = -w Im G(i w) = -y I(y)/|D|^2
+    k = mass * y - y * poly.value(imaginary, y) / poly.value(size, y)
+    w = jnp.where(some, jnp.sqrt(y), jnp.inf)
+    return w, jnp.where(some, k, -jnp.inf), stable, jnp.ones((), bool)
