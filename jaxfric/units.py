@@ -44,6 +44,37 @@ def parse_quantity(text: str, si_unit: str, what: str) -> float:
     return value
 
 
+def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list[float]:
+    """Positive values of a text, in `si_unit`, ascending: one, a list, or a range.
+
+    "5 um/s" is one, "1, 2, 5 um/s" a list and "1e-6..1e-3 m/s" `count` values spaced evenly in
+    their logarithm. A unit may stand with every number; one that has none takes the last one's.
+
+    Raises `InputError` for a text that is none of these, an empty or reversed range, and a
+    value that is not positive.
+    """
+    apart = ".." if ".." in text else ","
+    pieces = [piece.strip() for piece in text.split(apart)]
+    if not all(pieces) or (apart == ".." and len(pieces) != 2):
+        raise InputError(
+            f"{what}: '{text}' is no value, list or range; write it as in"
+            f" '{_example(si_unit)}', '1, 2 {si_unit}' or '1..100 {si_unit}'"
+        )
+    unit = _split(pieces[-1], what)[1]
+    whole = [p if _split(p, what)[1] or not unit else f"{p} {unit}" for p in pieces]
+    values = [parse_quantity(piece, si_unit, what) for piece in whole]
+    for value, piece in zip(values, pieces, strict=True):
+        if not value > 0:
+            raise InputError(f"{what}: '{piece}' is not positive")
+    if apart == ",":
+        return sorted(set(values))
+    low, high = values
+    if not low < high:
+        raise InputError(f"{what}: the range '{text}' is empty; write the smaller value first")
+    ratio = math.log(high / low)
+    return [low, *(low * math.exp(ratio * i / (count - 1)) for i in range(1, count - 1)), high]
+
+
 def factor(unit_text: str, si_unit: str, what: str) -> float:
     """What one `unit_text` is in `si_unit`. The unit may carry a factor: "0.0764 um".
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from jaxfric import cli
+from jaxfric.cli import app as cli
 
 STIFFNESS = ("--stiffness", "5e-3/um")
 """The stiffness that goes with `record_text`."""

@@ -18,7 +18,7 @@ from command import (
     written,
 )
 
-from jaxfric import cli
+from jaxfric.cli import app as cli
 
 FILES = ["fit.json", "fit.png", "fit.svg"]
 
@@ -84,7 +84,7 @@ def test_help() -> None:
 )
 def test_only_what_is_needed_is_imported(arguments: list[str], absent: list[str]) -> None:
     code = (
-        "import sys; from jaxfric import cli\n"
+        "import sys; from jaxfric.cli import app as cli\n"
         f"if {arguments}: cli._run({arguments})\n"
         f"print('loaded:', [m for m in {absent} if m in sys.modules])"
     )

@@ -5,11 +5,13 @@ Unknowns, with F = `law.force_scale()` (for rate-and-state friction, A):
     q   = (K (x_c - x) - reference)/F     elongation of the spring relative to the command
     psi = state/F                         states of the law
     phi = (friction - reference)/F        friction force, only where there is mass
+    v   = V/(largest commanded speed)     in place of phi, for a law without direct effect
 
 The elongation, not the slip, is integrated: slip grows without limit and would lose the
 digits that matter. Where there is mass the friction force takes the place of the velocity,
 V = law.velocity(force, state): near sticking the velocity falls by many decades while
-the force changes little. The reference is the spring force at the start. The command
+the force changes little. A law that is no `AbstractInvertibleLaw` leaves the velocity itself.
+The reference is the steady friction at the motion's first velocity. The command
 x_c enters through its velocity, the drive's lag through its displacement, so a step of a
 slow drive needs no derivative of the lag.
 """
@@ -21,9 +23,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..errors import InputError
 from ..motion import AbstractMotion
 from ..rig import Inertial, QuasiStatic, Rig
-from ..rig.friction import AbstractInvertibleLaw, Conditions
+from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
+from .start import Start
 
 
 class Slider(NamedTuple):
@@ -40,30 +44,47 @@ class SliderEquation(eqx.Module):
 
     rig: Rig
     motion: AbstractMotion
-    law: AbstractInvertibleLaw
+    law: AbstractLaw
+    start: Start
     steady_state: Float[Array, " n"]
     reference: Float[Array, ""]
 
-    def __init__(self, rig: Rig, motion: AbstractMotion):
+    def __init__(self, rig: Rig, motion: AbstractMotion, start: Start | None = None):
         if not isinstance(rig.machine, QuasiStatic | Inertial):
             raise TypeError(f"no equation of motion for a {type(rig.machine).__name__}")
-        if not isinstance(rig.friction, AbstractInvertibleLaw):
+        massless = isinstance(rig.machine, QuasiStatic)
+        if massless and not isinstance(rig.friction, AbstractInvertibleLaw):
             raise TypeError(
                 f"{type(rig.friction).__name__} has no direct effect, so its velocity "
-                "cannot be found from the force; use a law that is an AbstractInvertibleLaw"
+                "cannot be found from the force; use a law that is an AbstractInvertibleLaw, "
+                "or give the slider a mass (Inertial)"
+            )
+        start = Start() if start is None else start
+        if massless and start.velocity is not None:
+            raise InputError(
+                "start: a slider without mass has no velocity of its own (it follows from the "
+                "spring force); give a load-point jump (elongation) or a mass"
             )
         V = motion.first_velocity()
-        start = Conditions(jnp.zeros_like(V), jnp.zeros_like(V))
-        self.rig, self.motion, self.law = rig, motion, rig.friction
+        self.rig, self.motion, self.law, self.start = rig, motion, rig.friction, start
         self.steady_state = rig.friction.steady_state(V)
-        self.reference = rig.friction.force(V, self.steady_state, start)
+        self.reference = rig.friction.force(V, self.steady_state, _origin(V))
 
     def initial(self) -> dict[str, Array]:
-        """Scaled unknowns of steady sliding at the motion's first velocity."""
+        """Scaled unknowns at the start: steady sliding, where `start` does not say otherwise."""
+        start, law, scale = self.start, self.law, self.law.force_scale()
         rest = jnp.zeros_like(self.reference)
-        y = {"q": rest, "psi": self.steady_state / self.law.force_scale()}
-        if isinstance(self.rig.machine, Inertial):
-            y["phi"] = rest
+        V = self.motion.first_velocity()
+        state = self.steady_state if start.state is None else start.state
+        spring = rest if start.elongation is None else self.rig.machine.stiffness * start.elongation
+        y = {"q": rest + spring / scale, "psi": state / scale}
+        V = V if start.velocity is None else start.velocity
+        if self._unknown_velocity():
+            y["v"] = V / self.motion.largest_speed()
+        elif isinstance(self.rig.machine, Inertial):
+            steady = start.velocity is None and start.state is None
+            excess = rest if steady else law.force(V, state, _origin(V)) - self.reference
+            y["phi"] = rest + excess / scale
         return y
 
     def derivative(self, t, y: dict[str, Array], args=None) -> dict[str, Array]:
@@ -77,6 +98,8 @@ class SliderEquation(eqx.Module):
         dy = {"q": spring_rate / scale, "psi": state_rate / scale}
         if isinstance(self.rig.machine, Inertial):
             acceleration = (self._pull(t, y, now.velocity) - now.force) / self.rig.machine.mass
+            if self._unknown_velocity():
+                return {**dy, "v": acceleration / self.motion.largest_speed()}
             _, force_rate = jax.jvp(
                 law.force,
                 (now.velocity, now.state, at),
@@ -90,8 +113,13 @@ class SliderEquation(eqx.Module):
         law, machine = self.law, self.rig.machine
         scale = law.force_scale()
         slip = self.motion.displacement(t) - scale * y["q"] / machine.stiffness
+        if self.start.elongation is not None:
+            slip = slip + self.start.elongation
         state = scale * y["psi"]
         at = Conditions(slip, t)
+        if not isinstance(law, AbstractInvertibleLaw):
+            velocity = self.motion.largest_speed() * y["v"]
+            return Slider(law.force(velocity, state, at), velocity, slip, state)
         if isinstance(machine, Inertial):
             force = self.reference + scale * y["phi"]
             return Slider(force, law.velocity(force, state, at), slip, state)
@@ -105,6 +133,9 @@ class SliderEquation(eqx.Module):
         speed = jnp.abs(self.physical(t, y).velocity)
         return jnp.log(speed / self.motion.largest_speed() + 1e-300)
 
+    def _unknown_velocity(self) -> bool:
+        return not isinstance(self.law, AbstractInvertibleLaw)
+
     def _pull(self, t, y, velocity) -> Float[Array, ""]:
         """Force of spring and dashpot on a slider that moves at `velocity`."""
         machine, drive = self.rig.machine, self.rig.drive
@@ -114,3 +145,7 @@ class SliderEquation(eqx.Module):
             return pull
         load_velocity = self.motion.velocity(t) - drive.lag_rate(self.motion, t)
         return pull + machine.damping * (load_velocity - velocity)
+
+
+def _origin(V) -> Conditions:
+    return Conditions(jnp.zeros_like(V), jnp.zeros_like(V))

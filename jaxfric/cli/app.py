@@ -1,0 +1,95 @@
+"""The application, and what happens to its failures: one line and an exit code."""
+
+import contextlib
+import gc
+import io
+import logging
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+
+import cyclopts
+
+from ..errors import InputError
+from .fit import fit
+from .gains import gains
+from .record import record
+
+app = cyclopts.App(
+    name="jaxfric",
+    help="Sliders that stick-slip: fit friction to records, and find gains that hold them steady.",
+    version="0.1.0",
+    suppress_keyboard_interrupt=False,
+)
+for verb in (record, fit, gains):
+    app.command(verb)
+
+
+def main() -> None:
+    """Run the command; every failure becomes one line and an exit code."""
+    gc.disable()  # a short-lived process: collecting while JAX traces costs a tenth of its time
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the caller
+            setattr(sys, name, io.StringIO())
+        else:
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        code = _run(sys.argv[1:])
+    except KeyboardInterrupt:
+        code = 130
+    except BrokenPipeError:
+        sys.stdout = None
+        code = 141
+    sys.exit(code)
+
+
+def _run(arguments: list[str]) -> int:
+    try:
+        with _quiet():
+            app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
+    except cyclopts.CycloptsError as error:
+        verb = " ".join(("jaxfric", *(error.command_chain or ())))
+        return _complain(f"{error} ({verb} --help lists what there is)", 2)
+    except InputError as error:
+        return _complain(str(error), 2)
+    except (KeyboardInterrupt, BrokenPipeError):
+        raise
+    except MemoryError:
+        return _complain("out of memory; use a shorter record", 1)
+    except Exception as error:
+        if _debugging():
+            raise
+        if isinstance(error, OSError) and error.strerror:
+            return _complain(f"{error.filename or 'standard output'}: {error.strerror}", 1)
+        kind = type(error).__name__
+        return _complain(
+            f"internal error ({kind}: {error}); please report it. JAXFRIC_DEBUG=1 shows where", 1
+        )
+    return 0
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without remarks of libraries on fonts, caches and rounding, unless debugging."""
+    if _debugging():
+        yield
+        return
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+def _debugging() -> bool:
+    return bool(os.environ.get("JAXFRIC_DEBUG"))
+
+
+def _complain(message: str, code: int) -> int:
+    print("jaxfric: error: " + " ".join(message.split()), file=sys.stderr)
+    return code

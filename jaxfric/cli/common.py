@@ -1,0 +1,137 @@
+"""What several verbs share: options, reading a record, preparing JAX."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+
+File = Annotated[Path, Parameter(help="The record: a CSV or other table of columns.")]
+Columns = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--column",
+        help="Say which column is what, as ROLE=NAME or 'ROLE=NAME [UNIT]'. Roles: time, friction, "
+        "load_point_displacement, load_point_velocity, slip, normal_stress. May be repeated.",
+        negative=(),
+    ),
+]
+DropBad = Annotated[
+    bool, Parameter(negative=(), help="Leave out rows with cells that are no numbers.")
+]
+Steps = Annotated[
+    str | None,
+    Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),
+]
+Out = Annotated[Path | None, Parameter(help="Output folder.")]
+
+
+def read_record(file: Path, columns: list[str] | None, drop_bad: bool):
+    """The record, with columns given as ROLE=NAME texts."""
+    from ..records import read
+
+    roles = {}
+    for text in columns or []:
+        role, equals, name = text.partition("=")
+        if not equals or not name.strip():
+            raise InputError(f"--column '{text}' is not ROLE=NAME, as in --column friction=mu")
+        roles[role.strip()] = name.strip()
+    return read(file, columns=roles or None, drop_bad=drop_bad)
+
+
+def prepare_jax() -> None:
+    """64-bit numbers, and a compilation cache in the user's cache folder if there can be one."""
+    import jax
+    from platformdirs import user_cache_dir
+
+    jax.config.update("jax_enable_x64", True)
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        folder = Path(user_cache_dir("jaxfric")) / "compiled"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            return
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+From = Annotated[
+    Path | None,
+    Parameter(name="--from", help="A fit.json of 'jaxfric fit', from which the law is taken."),
+]
+LawName = Annotated[
+    str | None,
+    Parameter(
+        help="A law by name instead: slip, ageing, stribeck, gaussian-stribeck, delay or dahl."
+    ),
+]
+LawParameters = Annotated[
+    str | None, Parameter(help="Its parameters: 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'.")
+]
+NormalForce = Annotated[
+    str | None,
+    Parameter(
+        allow_leading_hyphen=True,
+        help="Normal force, '500 N': needed where the fit is of a friction coefficient.",
+    ),
+]
+Mass = Annotated[
+    str | None,
+    Parameter(
+        allow_leading_hyphen=True, help="Mass of the slider: '2 kg', '1, 2 kg' or '1..3 kg'."
+    ),
+]
+
+
+def read_law(
+    fit: Path | None,
+    law: str | None,
+    parameters: str | None,
+    normal_force: str | None,
+    *,
+    samples: int = 0,
+    seed: int = 0,
+):
+    """The law that the options name, as a `LawSource`."""
+    from ..gains.source import law_from_fit, law_from_parameters
+    from ..units import parse_quantity
+
+    if fit is not None:
+        if law is not None or parameters is not None:
+            raise InputError("--from and --law with --parameters exclude each other; give one")
+        force = None
+        if normal_force is not None:
+            force = parse_quantity(normal_force, "N", "--normal-force")
+            if not force > 0:
+                raise InputError(f"--normal-force: '{normal_force}' is not positive")
+        return law_from_fit(fit, normal_force=force, samples=samples, seed=seed)
+    if law is None or parameters is None:
+        raise InputError(
+            "no friction law: give a fit with --from fit.json, or --law slip with --parameters"
+            " 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'"
+        )
+    if normal_force is not None:
+        raise InputError("--normal-force goes with --from; give --parameters in newtons")
+    return law_from_parameters(law, parameters)
+
+
+def read_masses(text: str | None, *, count: int = 5) -> list[float] | None:
+    """Masses [kg]; a number alone is in kilograms. None where none is given."""
+    from ..units import parse_values
+
+    if text is None:
+        return None
+    try:
+        return parse_values(f"{float(text):g} kg", "kg", "--mass", count=count)
+    except ValueError:
+        return parse_values(text, "kg", "--mass", count=count)
+
+
+def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
+    """A quantity [`unit`] or None."""
+    from ..units import parse_quantity
+
+    return None if text is None else parse_quantity(text, unit, option)

@@ -1,0 +1,111 @@
+"""`jaxfric fit`: rate-and-state friction from a record."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from .common import Columns, DropBad, File, Out, Steps, prepare_jax, read_record
+
+
+def fit(
+    file: File,
+    /,
+    *,
+    stiffness: Annotated[
+        str | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m for a force.",
+        ),
+    ] = None,
+    law: Annotated[Literal["slip", "ageing"], Parameter(help="Evolution law.")] = "slip",
+    states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
+    fit_stiffness: Annotated[
+        bool, Parameter(negative=(), help="Fit the stiffness too (then it need not be given).")
+    ] = False,
+    slip_trend: Annotated[
+        bool, Parameter(negative=(), help="Fit a linear change of friction with slip as well.")
+    ] = False,
+    steps: Steps = None,
+    column: Columns = None,
+    drop_bad: DropBad = False,
+    reference_velocity: Annotated[
+        str | None,
+        Parameter(allow_leading_hyphen=True, help="Velocity, with unit, at which friction is f0."),
+    ] = None,
+    start: Annotated[
+        str | None,
+        Parameter(help="Starting values, 'A=0.01, B=0.012, L=20 um'; not needed as a rule."),
+    ] = None,
+    weighting: Annotated[
+        Literal["ordinary", "whitened"],
+        Parameter(help="Plain sum of squares, or weighted by the estimated noise."),
+    ] = "ordinary",
+    profile: Annotated[
+        bool, Parameter(negative=(), help="Intervals from the profile likelihood (slower).")
+    ] = False,
+    out: Out = None,
+    json: Annotated[
+        bool, Parameter(negative=(), help="Print fit.json on stdout instead of the table.")
+    ] = False,
+) -> None:
+    """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
+
+    Writes fit.json, fit.png and fit.svg to the output folder, by default ./NAME-fit/.
+    """
+    import json as text
+
+    measured = read_record(file, column, drop_bad)
+    prepare_jax()
+    from ..fitting import fit as run
+    from ..fitting.start_text import parse_start
+    from ..plot.fit import draw_fit
+    from ..report.output import output_folder
+
+    starts = None if start is None else parse_start(start, measured.friction_unit)
+    destination = out or Path(f"{file.stem}-fit")
+    with output_folder(destination):
+        pass  # a folder that cannot be written is better known before the fit
+    result = run(
+        measured,
+        stiffness=stiffness,
+        law=law,
+        states=int(states),
+        fit_stiffness=fit_stiffness,
+        slip_trend=slip_trend,
+        steps=steps,
+        reference_velocity=reference_velocity,
+        start=starts,
+        weighting=weighting,
+        profile=profile,
+    )
+    content = text.dumps(result.to_json(), indent=1, allow_nan=False)
+    with output_folder(destination) as folder:
+        (folder / "fit.json").write_text(content + "\n")
+        draw_fit(result, folder / "fit.png", folder / "fit.svg")
+    if json:
+        print(content)
+    else:
+        _print_fit(result, destination)
+    for warning in result.warnings:
+        print(f"jaxfric: warning: {warning}", file=sys.stderr)
+
+
+def _print_fit(result, destination: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from ..fitting.table import rows, summary
+
+    table = Table(title=f"{result.model.law} law", title_justify="left", box=None, pad_edge=False)
+    for heading in ("", "", "value", "std", "95 % interval", "unit"):
+        table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
+    for row in rows(result):
+        table.add_row(row.name, row.meaning, row.value, row.std, row.interval, row.unit)
+    console = Console(width=None if sys.stdout.isatty() else 100, highlight=False)
+    console.print(table)
+    for line in summary(result):
+        console.print(line)
+    console.print(f"written: {destination}/fit.json, fit.png, fit.svg")

@@ -1,0 +1,145 @@
+"""`jaxfric gains`: the smallest PD gains that are safe over a set of situations."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from .common import (
+    From,
+    LawName,
+    LawParameters,
+    Mass,
+    NormalForce,
+    Out,
+    optional_quantity,
+    prepare_jax,
+    read_law,
+    read_masses,
+)
+
+_Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+
+
+def gains(
+    *,
+    from_: From = None,
+    law: LawName = None,
+    parameters: LawParameters = None,
+    normal_force: NormalForce = None,
+    mass: Mass = None,
+    velocity: Annotated[
+        str | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Velocities: '5 um/s', '1, 2 um/s', or a range to cover, '1e-6..1e-3 m/s'.",
+        ),
+    ] = None,
+    margin: Annotated[
+        list[str] | None,
+        Parameter(
+            negative=(),
+            help="A margin that every scenario must have, NAME=NUMBER, as in modulus=0.5 (the "
+            "default). Names: stiffness, decay (1/s), damping, modulus, gain, phase (rad), "
+            "delay (s). May be repeated.",
+        ),
+    ] = None,
+    samples: Annotated[
+        int, Parameter(help="Samples of the law drawn from the fit's covariance.")
+    ] = 64,
+    confidence: Annotated[
+        float, Parameter(help="Share of the samples in which the margins must hold.")
+    ] = 1.0,
+    seed: Annotated[int, Parameter(help="Seed of the samples.")] = 0,
+    max_kp: Annotated[_Text, Parameter(help="Largest k_p, '1e6 N/m'.")] = None,
+    max_kv: Annotated[_Text, Parameter(help="Largest k_v, '100 N*s/m'.")] = None,
+    min_kp: Annotated[_Text, Parameter(help="Smallest k_p, '10 N/m'.")] = None,
+    scale_kp: Annotated[_Text, Parameter(help="Unit of k_p in the norm, '1000 N/m'.")] = None,
+    scale_kv: Annotated[_Text, Parameter(help="Unit of k_v in the norm, '10 N*s/m'.")] = None,
+    basin: Annotated[
+        float | None,
+        Parameter(
+            help="Raise the gains until velocity may jump by this factor, either way, and the "
+            "simulated slider still settles."
+        ),
+    ] = None,
+    check: Annotated[
+        bool, Parameter(negative="--no-check", help="Check the gains by nonlinear simulation.")
+    ] = True,
+    out: Out = None,
+    json: Annotated[
+        bool, Parameter(negative=(), help="Print gains.json on stdout instead of the table.")
+    ] = False,
+) -> None:
+    """Find the smallest PD gains whose stability margins hold over velocities, masses and samples.
+
+    Writes gains.json and figures to the output folder, by default ./gains/.
+    """
+    import json as text
+
+    import numpy as np
+
+    from ..gains.requirement import Requirement
+    from ..units import parse_values
+
+    if velocity is None:
+        raise InputError("--velocity is missing; give the velocities of the machine: '1..100 um/s'")
+    prepare_jax()
+    required = Requirement.parse(margin or ["modulus=0.5"])
+    velocities = np.asarray(parse_values(velocity, "m/s", "--velocity"))
+    masses = read_masses(mass)
+    if samples < 0:
+        raise InputError(f"--samples is {samples}; it must be 0 or more")
+    source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
+    from ..gains import check_gains, find_gains
+    from ..report.gains_text import describe
+    from ..report.output import output_folder
+
+    destination = out or Path("gains")
+    with output_folder(destination):
+        pass  # a folder that cannot be written is better known before the search
+    result = find_gains(
+        source,
+        velocity=velocities,
+        mass=None if masses is None else np.asarray(masses),
+        margin=required,
+        confidence=confidence,
+        scale=(
+            optional_quantity(scale_kp, "N/m", "--scale-kp"),
+            optional_quantity(scale_kv, "N*s/m", "--scale-kv"),
+        ),
+        lower=(optional_quantity(min_kp, "N/m", "--min-kp"), None),
+        upper=(
+            optional_quantity(max_kp, "N/m", "--max-kp"),
+            optional_quantity(max_kv, "N*s/m", "--max-kv"),
+        ),
+        progress=_progress,
+    )
+    if check:
+        result = check_gains(result, basin=basin, progress=_progress)
+    elif basin is not None:
+        raise InputError("--basin needs the simulations that --no-check leaves out")
+    content = text.dumps(result.to_json(), indent=1, allow_nan=False)
+    with output_folder(destination) as folder:
+        (folder / "gains.json").write_text(content + "\n")
+        figures = _draw(result, folder)
+    if json:
+        print(content)
+    else:
+        for line in describe(result):
+            print(line)
+        print(f"written: {destination}/{', '.join(['gains.json', *figures])}")
+    for warning in result.warnings:
+        print(f"jaxfric: warning: {warning}", file=sys.stderr)
+
+
+def _draw(result, folder: Path) -> list[str]:
+    del result, folder
+    return []
+
+
+def _progress(message: str) -> None:
+    if sys.stderr.isatty():
+        print(f"jaxfric: {message}", file=sys.stderr)

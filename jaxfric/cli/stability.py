@@ -1,0 +1,110 @@
+"""`jaxfric stability`: what the linear theory says of a friction law, with pictures."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from .common import (
+    From,
+    LawName,
+    LawParameters,
+    Mass,
+    NormalForce,
+    Out,
+    optional_quantity,
+    prepare_jax,
+    read_law,
+    read_masses,
+)
+
+_Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+
+
+def stability(
+    *,
+    from_: From = None,
+    law: LawName = None,
+    parameters: LawParameters = None,
+    normal_force: NormalForce = None,
+    mass: Mass = None,
+    velocity: Annotated[
+        str | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Velocities: '5 um/s', '1, 2 um/s', or a range '1e-6..1e-3 m/s'.",
+        ),
+    ] = None,
+    kp: Annotated[
+        _Text, Parameter(help="Stiffness or position gain, '3 kN/m': gives poles and margins.")
+    ] = None,
+    kv: Annotated[_Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")] = None,
+    out: Out = None,
+    json: Annotated[
+        bool, Parameter(negative=(), help="Print stability.json on stdout instead of the text.")
+    ] = False,
+) -> None:
+    """Show the linear stability of steady sliding: critical stiffness, damping, poles, margins.
+
+    Writes stability.json and figures to the output folder, by default ./stability/.
+    """
+    import json as text
+
+    from ..units import parse_values
+
+    if velocity is None:
+        raise InputError("--velocity is missing; give one, '5 um/s', or a range, '1..100 um/s'")
+    velocities = parse_values(velocity, "m/s", "--velocity")
+    one_mass = read_one_mass(mass)
+    k_p = read_positive(kp, "N/m", "--kp")
+    k_v = read_damping(kv)
+    prepare_jax()
+    source = read_law(from_, law, parameters, normal_force)
+    from ..report.output import output_folder
+
+    destination = out or Path("stability")
+    with output_folder(destination):
+        pass  # a folder that cannot be written is better known before the work
+    from ..stability.analysis import study
+
+    found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
+    from ..plot.stability import draw_stability
+    from ..report.stability_text import content, describe
+
+    written = text.dumps(content(found, source.text), indent=1, allow_nan=False)
+    with output_folder(destination) as folder:
+        (folder / "stability.json").write_text(written + "\n")
+        figures = draw_stability(found, folder)
+    if json:
+        print(written)
+        return
+    for line in describe(found, source.text):
+        print(line)
+    print(f"written: {destination}/{', '.join(['stability.json', *figures])}")
+
+
+def read_one_mass(text: str | None) -> float | None:
+    """One mass [kg], or None."""
+    masses = read_masses(text)
+    if masses is None:
+        return None
+    if len(masses) > 1:
+        raise InputError(f"--mass: '{text}' is more than one mass; give one, as in '2 kg'")
+    return masses[0]
+
+
+def read_positive(text: str | None, unit: str, option: str) -> float | None:
+    """A positive quantity [`unit`], or None."""
+    value = optional_quantity(text, unit, option)
+    if value is not None and not value > 0:
+        raise InputError(f"{option}: '{text}' is not positive")
+    return value
+
+
+def read_damping(text: str | None) -> float:
+    """k_v [N s/m], 0 where none is given."""
+    value = optional_quantity(text, "N*s/m", "--kv")
+    if value is not None and value < 0:
+        raise InputError(f"--kv: '{text}' is negative; damping is 0 or more")
+    return value or 0.0

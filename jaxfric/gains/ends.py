@@ -1,0 +1,135 @@
+"""How a motion ends, told from its velocity and slip: arrays in, no simulation here."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+# A window may shrink to this part of the one before and still be no clear decay.
+_CLEAR = -0.22
+# A slider that sticks has |V - V0|/V0 = 1. A decay between windows that are shorter than a cycle is
+# believed only below this: the time between two slips is no decay.
+_LINEAR = 0.3
+_CYCLES = 4  # in the last half, so two in a window
+
+
+class ENDS(eqx.Enumeration):
+    """How a motion ends."""
+
+    steady = "The slider slides steadily, or comes ever closer to it."
+    limit_cycle = "The slider keeps oscillating: stick-slip, or an oscillation that still grows."
+    escape = "The slider ran away."
+    unresolved = (
+        "The simulation ended early, or two cycles did not fit into it: raise max_steps or "
+        "the horizon."
+    )
+
+
+class EndState(eqx.Module):
+    """How a motion ends; numbers are of its last part. All arrays of one shape.
+
+    Where there is no such number it is inf (`least_velocity`: -inf), never nan.
+    """
+
+    code: ENDS
+    velocity_amplitude: Float[Array, " *s"]
+    """Half of the range of the velocity [m/s]."""
+    slip_amplitude: Float[Array, " *s"]
+    """Half of the range of slip minus V0 t [m]."""
+    least_velocity: Float[Array, " *s"]
+    """Smallest velocity [m/s]."""
+    period: Float[Array, " *s"]
+    """Mean time between upward crossings of the middle of the slip's range [s]."""
+    growth: Float[Array, " *s"]
+    """Rate of ln(largest deviation) between the last two windows [1/s]; negative: decays."""
+
+    def unless(self, fault: Bool[Array, " *s"], code: ENDS) -> "EndState":
+        """The same, but `code` and no numbers where `fault`."""
+
+        def drop(x, value=jnp.inf):
+            return jnp.where(fault, value, x)
+
+        return EndState(
+            ENDS.where(fault, code, self.code),
+            drop(self.velocity_amplitude),
+            drop(self.slip_amplitude),
+            drop(self.least_velocity, -jnp.inf),
+            drop(self.period),
+            drop(self.growth),
+        )
+
+
+def classify(
+    time: Float[Array, " n"],
+    velocity: Float[Array, " n"],
+    deviation: Float[Array, " n"],
+    commanded: Float[Array, ""],
+    *,
+    begin: ArrayLike,
+    end: ArrayLike,
+    decay: ArrayLike = jnp.inf,
+    small: ArrayLike = 1e-3,
+) -> EndState:
+    """End of a motion sampled at `time` [s] (ascending, not necessarily even, may repeat).
+
+    `velocity` [m/s], `deviation` = slip - V0 t [m], V0 = `commanded`. The deviation from steady
+    sliding, a = max ln(1 + |V - V0|/V0), is taken in the last three quarters of [begin, end]:
+
+    steady       a4 < `small`, or decaying: ln(a4/a3) < -0.22 (or half of what the rate
+                 `decay` [1/s] promises, if that is less), and not braking, as the approach of a
+                 limit cycle does: ln(a4/a3) is a quarter of ln(a3/a2) or more where a4 < 0.3; 0.8
+                 of it above that, and each window then holds two cycles
+    limit_cycle  otherwise, if the slip crosses the middle of its range twice or more in the
+                 last half: amplitude and period are then those of it
+    unresolved   otherwise
+    """
+    time, V0 = jnp.asarray(time), jnp.abs(commanded)
+    size = jnp.log1p(jnp.abs(velocity - commanded) / V0)
+    window = (jnp.asarray(end) - begin) / 4
+    a2, a3, a4 = (_largest(time, size, end - k * window, end - (k - 1) * window) for k in (3, 2, 1))
+    tiny = jnp.finfo(size.dtype).tiny
+    before, last = (jnp.log((b + tiny) / (a + tiny)) for a, b in ((a2, a3), (a3, a4)))
+    clear = jnp.maximum(_CLEAR, -0.5 * decay * window)
+    half = time >= end - 2 * window
+    least, most = _range(velocity, half)
+    low, high = _range(deviation, half)
+    count, period = _upward(time, deviation - 0.5 * (low + high), half)
+    oscillates = count >= 2
+    before = jnp.minimum(before, 0.0)
+    keeps_on = (a4 < _LINEAR) & (last <= 0.25 * before)
+    keeps_on = keeps_on | ((count >= _CYCLES) & (last <= 0.8 * before))
+    steady = (a4 < small) | ((last < clear) & keeps_on)
+    code = ENDS.where(
+        steady, ENDS.steady, ENDS.where(oscillates, ENDS.limit_cycle, ENDS.unresolved)
+    )
+    period = jnp.where(oscillates & ~steady, period, jnp.inf)
+    return EndState(code, 0.5 * (most - least), 0.5 * (high - low), least, period, last / window)
+
+
+def _largest(time, size, begin, end) -> Float[Array, ""]:
+    """Largest `size` within [begin, end], whose ends are interpolated: it may hold no sample."""
+    at_ends = jnp.interp(jnp.stack([begin, end]), time, size)
+    inside = (time >= begin) & (time <= end)
+    return jnp.maximum(jnp.max(jnp.where(inside, size, 0.0)), jnp.max(at_ends))
+
+
+def _range(x, inside) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    inside = inside | (jnp.arange(x.shape[0]) == x.shape[0] - 1)  # never empty
+    return jnp.min(jnp.where(inside, x, jnp.inf)), jnp.max(jnp.where(inside, x, -jnp.inf))
+
+
+def _upward(time, x, inside) -> tuple[Array, Float[Array, ""]]:
+    """Number of upward zero crossings of `x`, and the mean time between them."""
+    rises = inside[:-1] & (x[:-1] < 0) & (x[1:] >= 0)
+    step = jnp.where(rises, x[1:] - x[:-1], 1.0)
+    at = time[:-1] - x[:-1] * (time[1:] - time[:-1]) / step
+    count = jnp.sum(rises)
+    first = jnp.min(jnp.where(rises, at, jnp.inf))
+    last = jnp.max(jnp.where(rises, at, -jnp.inf))
+    period = jnp.where(count >= 2, (last - first) / jnp.maximum(count - 1, 1), jnp.inf)
+    return count, period
+
+
+def counts(ends: EndState) -> dict[str, int]:
+    """How many of a batch end in which way, by name."""
+    names = ("steady", "limit_cycle", "escape", "unresolved")
+    return {name: int(jnp.sum(ends.code == getattr(ENDS, name))) for name in names}

@@ -1,0 +1,246 @@
+"""The entry point: from a law and the situations of a machine to its gains."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ..errors import InputError
+from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..stability.margins import UNITS
+from .kkt import Optimum
+from .margins import margin_values
+from .requirement import Requirement
+from .result import Basin, Certificate, Gains, WorstCase
+from .scenarios import Scenarios, one_sample
+from .solve import Solution, drop_samples, make_region, slacks, solve
+from .source import LawSource
+from .verify import choose, verify
+
+Pair = tuple[float | None, float | None]
+_CONFIDENCE_ROUNDS = 6
+_MOST_RAISED = 30.0
+
+
+def find_gains(
+    law: LawSource | AbstractLaw | AbstractDelayLaw,
+    *,
+    velocity: ArrayLike,
+    mass: ArrayLike | None,
+    margin: Mapping[str, float] | Requirement,
+    confidence: float = 1.0,
+    scale: Pair = (None, None),
+    lower: Pair = (None, None),
+    upper: Pair = (None, None),
+    progress: Callable[[str], None] | None = None,
+) -> Gains:
+    """Smallest gains (k_p, k_v) whose margins hold in every scenario.
+
+        minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
+
+    over all combinations of velocity, mass and sample of the law, and over velocities between
+    neighbouring ones where the requirement is just met. Both local optima are reported where there
+    are two: "stiff", held by stiffness above the critical one, and "damped", held by damping.
+
+    Parameters
+    ----------
+    law : with samples (`law_from_fit`), or one law.
+    velocity : [m/s], one or several; a range is best given log-spaced.
+    mass : [kg], one or several; None without mass.
+    margin : what is required, by name (`stability.margins.UNITS` has the units).
+    confidence : share of the samples of the law in which the requirement must hold; the
+        samples that ask for the largest gains are left out, at most so many.
+    scale : (s_p [N/m], s_v [N s/m]); None: the stiffness that stabilises without damping and the
+        damping that stabilises at every stiffness, largest over the scenarios.
+    lower, upper : limits of (k_p, k_v); k_p always has the lower limit 1e-9 times its natural
+        unit, which stands for "any positive stiffness".
+    progress : told what is being done.
+
+    Raises
+    ------
+    InputError : a bad argument; no gains within the limits meet the requirement.
+    """
+    source = law if isinstance(law, LawSource) else LawSource(law, one_sample(law), "law", None)
+    requirement = margin if isinstance(margin, Requirement) else Requirement(margin)
+    if not 0 < confidence <= 1:
+        raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
+    _check_pairs(scale, lower, upper)
+    scenarios = Scenarios.product(source.samples, velocity, mass)
+    region = make_region(scenarios, scale, lower, upper)
+    tell = progress or (lambda text: None)
+    tell(f"searching over {len(scenarios)} scenarios")
+    samples = np.unique(scenarios.sample)
+    dropped = int(np.floor((1 - confidence) * samples.size + 1e-9))
+    kept = samples
+    solution = solve(requirement, scenarios, region)
+    for _ in range(_CONFIDENCE_ROUNDS if dropped else 0):
+        order = _difficulty(requirement, scenarios, region, solution.optima[0])
+        chosen = np.sort(samples[np.argsort(order)[: samples.size - dropped]])
+        if np.array_equal(chosen, kept):
+            break
+        kept = chosen
+        tell(f"again without the {dropped} samples that ask for most")
+        solution = solve(requirement, drop_samples(scenarios, kept), region)
+    return _result(source, requirement, solution, confidence, kept.size)
+
+
+def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
+    for what, pair in (("scale", scale), ("upper limit", upper)):
+        for name, value in zip(("k_p", "k_v"), pair, strict=True):
+            if value is not None and not value > 0:
+                raise InputError(f"{what} of {name} is {value:g}; it must be positive")
+    for name, value in zip(("k_p", "k_v"), lower, strict=True):
+        if value is not None and not value >= 0:
+            raise InputError(f"lower limit of {name} is {value:g}; it must not be negative")
+
+
+def _difficulty(requirement, scenarios: Scenarios, region, optimum: Optimum) -> np.ndarray:
+    """For each sample, how much less than the requirement it has at the optimum."""
+    slack = slacks(requirement, scenarios, region, optimum.gains)[0]
+    samples = np.unique(scenarios.sample)
+    return np.asarray([-np.min(slack[scenarios.sample == s]) for s in samples])
+
+
+def _result(
+    source: LawSource, requirement: Requirement, solution: Solution, confidence: float, kept: int
+) -> Gains:
+    region, scenarios = solution.region, solution.scenarios
+    best = solution.optima[0]
+    kp, kv = (float(x) for x in best.gains)
+    worst = _worst(scenarios, best.gains)
+    parts = tuple(_basin(requirement, solution, optimum) for optimum in solution.optima)
+    certificate = Certificate(
+        best.residual, solution.grid_points, solution.smaller_found, solution.rounds
+    )
+    return Gains(
+        kp,
+        kv,
+        best.norm,
+        parts,
+        worst,
+        scenarios,
+        requirement,
+        region,
+        confidence,
+        kept,
+        certificate,
+        source.text,
+        warnings=tuple(_warnings(parts, region)),
+    )
+
+
+def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
+    """Every margin in the scenario where it is least."""
+    worst = {}
+    for name in UNITS:
+        values = margin_values(name, scenarios, gains)
+        at = int(np.argmin(values))
+        worst[name] = WorstCase(float(values[at]), UNITS[name], scenarios.describe(at))
+    return worst
+
+
+def _basin(requirement, solution: Solution, optimum: Optimum) -> Basin:
+    u, v = optimum.gains / solution.region.unit
+    slack = slacks(requirement, solution.scenarios, solution.region, optimum.gains)
+    active = tuple(solution.carried.describe(index) for index in optimum.active)
+    kp, kv = (float(x) for x in optimum.gains)
+    return Basin(
+        "damped" if v > u else "stiff",
+        kp,
+        kv,
+        optimum.norm,
+        float(np.min(slack)),
+        optimum.residual,
+        active,
+        optimum.at_limit,
+    )
+
+
+def _warnings(parts: tuple[Basin, ...], region) -> list[str]:
+    texts = []
+    best = parts[0]
+    if best.kp <= region.lower[0] * (1 + 1e-6):
+        texts.append(
+            "k_p is at its lower limit: any positive stiffness meets the requirement; give a"
+            " lower limit (--min-kp) if the position must be held"
+        )
+    if best.kkt > 1e-6 and not best.at_limit:
+        texts.append(f"the optimality conditions are met only to {best.kkt:.1g}")
+    return texts
+
+
+def check_gains(
+    gains: Gains,
+    *,
+    basin: float | None = None,
+    number: int = 4,
+    progress: Callable[[str], None] | None = None,
+) -> Gains:
+    """The same gains, checked by nonlinear simulation in the `number` hardest scenarios.
+
+    With `basin` both gains are raised by one factor, in steps of 2 %, until velocity may jump by
+    that factor either way in all of them; the margins are then those of the raised gains.
+
+    Raises
+    ------
+    InputError : `basin` is below 1; no gains up to 30 times as large have such a basin.
+    """
+    if basin is not None and not basin >= 1:
+        raise InputError(f"basin is {basin:g}; it is a factor, 1 or more")
+    if not isinstance(gains.scenarios.law(0), AbstractLaw):
+        return replace(
+            gains, warnings=(*gains.warnings, "gains under a delay law are not simulated")
+        )
+    tell = progress or (lambda text: None)
+    values = np.asarray([gains.kp, gains.kv])
+    slack = _least_slack(gains, values)
+    few = gains.scenarios.take(choose(gains.scenarios, slack, number=number))
+    tell(f"simulating {len(few)} scenarios")
+    largest = 10.0 if basin is None else max(10.0, 2 * basin)
+    report = verify(few, values, largest=largest)
+    if basin is None or (report.basin or 0) >= basin:
+        return replace(gains, simulation=report)
+    tell(f"raising the gains until the basin is {basin:g}")
+    factor = _raise(few, values, basin, largest)
+    report = verify(few, factor * values, largest=largest)
+    raised = factor * values
+    worst = _worst(gains.scenarios, raised)
+    text = f"the gains were raised by a factor {factor:.4g} for a basin of {basin:g}"
+    missed = float(np.min(_least_slack(gains, raised)))
+    warnings = [*gains.warnings, text]
+    if missed < -1e-6:
+        warnings.append(f"the raised gains miss a required margin by {-missed:.2g} of it")
+    return replace(
+        gains,
+        kp=float(raised[0]),
+        kv=float(raised[1]),
+        norm=float(gains.region.norm(raised)),
+        margins=worst,
+        simulation=report,
+        warnings=tuple(warnings),
+    )
+
+
+def _least_slack(gains: Gains, values: np.ndarray) -> np.ndarray:
+    return slacks(gains.requirement, gains.scenarios, gains.region, values)[0]
+
+
+def _raise(few: Scenarios, values: np.ndarray, basin: float, largest: float) -> float:
+    """Smallest factor, to 2 %, at which the basin is large enough."""
+
+    def size(factor: float) -> float:
+        return verify(few, factor * values, starts=False, largest=largest).basin or 0.0
+
+    low, high = 1.0, 1.25
+    while size(high) < basin:
+        low, high = high, high * 1.25
+        if high > _MOST_RAISED:
+            raise InputError(
+                f"basin={basin:g} is not reached by gains {_MOST_RAISED:g} times those of the"
+                " margins; ask for less, or for a larger margin"
+            )
+    while high / low > 1.02:
+        middle = np.sqrt(low * high)
+        low, high = (low, middle) if size(middle) >= basin else (middle, high)
+    return float(high)

@@ -1,0 +1,101 @@
+"""Required margins, as functions that must not be negative."""
+
+import math
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..errors import InputError
+from ..stability.linear import LinearFriction, LinearSlider
+from ..stability.margins import UNITS, margin
+from ..stability.theorem import apply_theorem
+
+# What a requirement must lie between: below the first it asks for an unstable slider,
+# above the second no slider has it.
+_RANGES = {
+    "stiffness": (1.0, math.inf),
+    "decay": (0.0, math.inf),
+    "damping": (0.0, 1.0),
+    "modulus": (0.0, 1.0),
+    "gain": (1.0, math.inf),
+    "phase": (0.0, math.pi),
+    "delay": (0.0, math.inf),
+}
+# A margin beyond this many times its requirement, or inf, counts as this many.
+_ENOUGH = 10.0
+
+
+class Requirement(eqx.Module):
+    """Margins by name and the values they must reach, in the units of `stability.margins.UNITS`."""
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    values: tuple[float, ...] = eqx.field(static=True)
+
+    def __init__(self, margins: Mapping[str, float]):
+        if not margins:
+            raise InputError("margin: none is required; give one, as in modulus=0.5")
+        for name, value in margins.items():
+            _check(name, value)
+        self.names = tuple(margins)
+        self.values = tuple(float(value) for value in margins.values())
+
+    @staticmethod
+    def parse(texts: list[str]) -> "Requirement":
+        """From texts such as "modulus=0.5"."""
+        margins = {}
+        for text in texts:
+            name, equals, value = text.partition("=")
+            try:
+                margins[name.strip()] = float(value)
+            except ValueError:
+                if name.strip() in UNITS or equals:
+                    raise InputError(
+                        f"margin '{text}' is not NAME=NUMBER, as in modulus=0.5"
+                    ) from None
+                _check(name.strip(), 1.0)
+        return Requirement(margins)
+
+    def slack(
+        self,
+        gains: Float[Array, " 2"],
+        friction: LinearFriction,
+        mass: Float[Array, ""] | None,
+        unit: Float[Array, " 2"],
+    ) -> Float[Array, " n"]:
+        """How far each margin exceeds its requirement, relative to it, for gains (k_p, k_v).
+
+        Zero at the requirement, negative where it is missed, at most 9. The margin of stiffness
+        is taken as a difference, k_p + f_x less the stiffness required, over `unit[0]`: it
+        stays smooth where the critical stiffness goes to zero.
+        """
+        slider = LinearSlider(mass, gains[0], gains[1], friction)
+        slacks = []
+        for name, required in zip(self.names, self.values, strict=True):
+            if name == "stiffness":
+                needed = required * jnp.minimum(
+                    apply_theorem(slider).critical_stiffness, 1e9 * unit[0]
+                )
+                slacks.append((gains[0] + friction.trend - needed) / unit[0])
+                continue
+            value = margin(name, slider)
+            scale = required if required > 0 else 1.0
+            most = required + (_ENOUGH - 1) * scale
+            slacks.append((jnp.clip(value, -1e9 * scale, most) - required) / scale)
+        return jnp.stack(slacks)
+
+
+def _check(name: str, value: float) -> None:
+    if name not in UNITS:
+        raise InputError(f"margin '{name}' does not exist; there are: {', '.join(UNITS)}")
+    low, high = _RANGES[name]
+    if not (math.isfinite(value) and low <= value and (value < high or value == high == 1.0)):
+        limit = f"at least {low:g}" if math.isinf(high) else f"between {low:g} and {high:.4g}"
+        raise InputError(f"margin {name}={value:g}: it must be {limit} ({_unit(name)})")
+    if value == 0 and name not in ("decay",):
+        raise InputError(f"margin {name}=0 asks for nothing; give a positive number")
+
+
+def _unit(name: str) -> str:
+    return "no unit" if UNITS[name] == "1" else f"unit {UNITS[name]}"

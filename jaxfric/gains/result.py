@@ -1,0 +1,144 @@
+"""What a search for gains returns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..stability.margins import UNITS
+from .frontier import Region
+from .requirement import Requirement
+from .scenarios import Scenarios
+from .verify import CheckReport
+
+SCHEMA = "jaxfric.gains/1"
+
+
+@dataclass(frozen=True)
+class Basin:
+    """One local optimum: "stiff" (k_p above critical) or "damped" (k_v nearly enough alone)."""
+
+    name: str
+    kp: float
+    """[N/m]"""
+    kv: float
+    """[N s/m]"""
+    norm: float
+    margin: float
+    """Least slack of any required margin in any scenario, relative to its requirement."""
+    kkt: float
+    """Residual of the KKT equations."""
+    active: tuple[dict, ...]
+    """The scenarios in which the requirement is just met."""
+    at_limit: bool
+    """Whether a limit of the gains is active; for k_p its lower limit stands for k_p -> 0."""
+
+
+@dataclass(frozen=True)
+class WorstCase:
+    """A margin at the recommended gains in the scenario where it is least."""
+
+    value: float
+    unit: str
+    scenario: dict
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Why the optimum is believed: KKT residual, and a dense grid that finds nothing smaller."""
+
+    kkt: float
+    grid_points: int
+    smaller_found: int
+    rounds: int
+    """Times that violated scenarios were added to those that the search carries."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Minimum-norm PD gains. SI units throughout; `kp` and `kv` are the recommended ones."""
+
+    kp: float
+    kv: float
+    norm: float
+    basins: tuple[Basin, ...]
+    """All local optima, the smallest norm first."""
+    margins: Mapping[str, WorstCase]
+    scenarios: Scenarios
+    requirement: Requirement
+    region: Region
+    confidence: float
+    kept_samples: int
+    """Samples of the law in which the requirement holds by construction."""
+    certificate: Certificate
+    law: str
+    simulation: CheckReport | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+    def to_json(self) -> dict:
+        """The content of `gains.json`, schema "jaxfric.gains/1"; SI, null for infinite."""
+        simulation = None if self.simulation is None else self.simulation.to_json()
+        return {
+            "schema": SCHEMA,
+            "law": self.law,
+            "kp": self.kp,
+            "kv": self.kv,
+            "units": {"kp": "N/m", "kv": "N s/m"},
+            "norm": self.norm,
+            "scales": {"kp": float(self.region.scale[0]), "kv": float(self.region.scale[1])},
+            "limits": {
+                "kp": [_number(self.region.lower[0]), _number(self.region.upper[0])],
+                "kv": [_number(self.region.lower[1]), _number(self.region.upper[1])],
+            },
+            "required": dict(zip(self.requirement.names, self.requirement.values, strict=True)),
+            "basins": [
+                {
+                    "name": basin.name,
+                    "kp": basin.kp,
+                    "kv": basin.kv,
+                    "norm": basin.norm,
+                    "margin": basin.margin,
+                    "kkt": _number(basin.kkt),
+                    "active": list(basin.active),
+                    "at_limit": basin.at_limit,
+                }
+                for basin in self.basins
+            ],
+            "margins": {
+                name: {
+                    "value": _number(worst.value),
+                    "unit": worst.unit,
+                    "worst_scenario": worst.scenario,
+                }
+                for name, worst in self.margins.items()
+            },
+            "scenarios": {
+                "n": len(self.scenarios),
+                "velocities": _range(self.scenarios.velocity),
+                "masses": None if self.scenarios.mass is None else _range(self.scenarios.mass),
+                "samples": int(np.unique(self.scenarios.sample).size),
+                "confidence": self.confidence,
+                "kept_samples": self.kept_samples,
+            },
+            "certificate": {
+                "kkt": _number(self.certificate.kkt),
+                "grid_points": self.certificate.grid_points,
+                "smaller_found": self.certificate.smaller_found,
+                "rounds": self.certificate.rounds,
+            },
+            "simulation": simulation,
+            "warnings": list(self.warnings),
+        }
+
+
+def margin_unit(name: str) -> str:
+    """Unit of a margin."""
+    return UNITS[name]
+
+
+def _number(value) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _range(values) -> list[float]:
+    return [float(np.min(values)), float(np.max(values))]

@@ -1,0 +1,125 @@
+"""The set of situations in which gains must hold: velocities, masses, samples of the law."""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import InputError
+from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..stability.linear import LinearFriction, linear_friction
+
+
+@dataclass(frozen=True, eq=False)
+class Scenarios:
+    """Friction linearised at every (sample, velocity, mass); all arrays share the length n."""
+
+    laws: AbstractLaw | AbstractDelayLaw
+    """The samples of the law: every array has a leading axis."""
+    velocity: np.ndarray
+    """[m/s]"""
+    mass: np.ndarray | None
+    """[force s^2/m]; None without mass."""
+    sample: np.ndarray
+    """Index into `laws`."""
+    friction: LinearFriction
+
+    def __len__(self) -> int:
+        return self.velocity.shape[0]
+
+    @staticmethod
+    def product(laws: AbstractLaw | AbstractDelayLaw, velocities, masses) -> "Scenarios":
+        """All combinations. `masses` None means a slider without mass.
+
+        Raises
+        ------
+        InputError : no velocity, one that is not positive, a negative mass, a law
+            without a steady state at a velocity.
+        """
+        V = _positive(velocities, "velocity", "m/s")
+        m = None if masses is None else _positive(masses, "mass", "kg")
+        samples = np.arange(number_of_samples(laws))
+        grid = np.meshgrid(samples, V, np.zeros(1) if m is None else m, indexing="ij")
+        sample, velocity, mass = (axis.reshape(-1) for axis in grid)
+        return Scenarios.at(laws, velocity, None if m is None else mass, sample)
+
+    @staticmethod
+    def at(laws: AbstractLaw | AbstractDelayLaw, velocity, mass, sample) -> "Scenarios":
+        """Scenarios listed one by one."""
+        friction = _linearise(laws, jnp.asarray(velocity), jnp.asarray(sample))
+        finite = np.ones(len(velocity), bool)
+        for leaf in jax.tree.leaves(friction):
+            finite &= np.all(np.isfinite(np.asarray(leaf)).reshape(len(velocity), -1), axis=1)
+        if not finite.all():
+            bad = float(velocity[np.flatnonzero(~finite)[0]])
+            raise InputError(
+                f"velocity: the friction law has no steady state at {bad:g} m/s (its force or its"
+                " slope is not finite there); leave that velocity out"
+            )
+        return Scenarios(laws, np.asarray(velocity), mass, np.asarray(sample), friction)
+
+    def take(self, index) -> "Scenarios":
+        """Some of the scenarios."""
+        index = np.asarray(index)
+        friction = jax.tree.map(lambda leaf: leaf[index], self.friction)
+        mass = None if self.mass is None else self.mass[index]
+        return Scenarios(self.laws, self.velocity[index], mass, self.sample[index], friction)
+
+    def join(self, other: "Scenarios") -> "Scenarios":
+        """These and then the others."""
+
+        def both(a, b):
+            return np.concatenate([np.asarray(a), np.asarray(b)])
+
+        friction = jax.tree.map(lambda a, b: jnp.asarray(both(a, b)), self.friction, other.friction)
+        mass = None if self.mass is None else both(self.mass, other.mass)
+        velocity, sample = both(self.velocity, other.velocity), both(self.sample, other.sample)
+        return Scenarios(self.laws, velocity, mass, sample, friction)
+
+    def law(self, index: int) -> AbstractLaw | AbstractDelayLaw:
+        """The law of one scenario."""
+        chosen = int(self.sample[index])
+        arrays, rest = eqx.partition(self.laws, eqx.is_array)
+        return eqx.combine(jax.tree.map(lambda leaf: leaf[chosen], arrays), rest)
+
+    def describe(self, index: int) -> dict[str, float | int | None]:
+        """Velocity, mass and sample of one scenario."""
+        return {
+            "velocity": float(self.velocity[index]),
+            "mass": None if self.mass is None else float(self.mass[index]),
+            "sample": int(self.sample[index]),
+        }
+
+
+def number_of_samples(laws: AbstractLaw | AbstractDelayLaw) -> int:
+    """Length of the leading axis of a batch of laws."""
+    return jax.tree.leaves(eqx.filter(laws, eqx.is_array))[0].shape[0]
+
+
+def one_sample(law: AbstractLaw | AbstractDelayLaw) -> AbstractLaw | AbstractDelayLaw:
+    """A batch of one law."""
+    arrays, rest = eqx.partition(law, eqx.is_array)
+    return eqx.combine(jax.tree.map(lambda leaf: leaf[None], arrays), rest)
+
+
+@eqx.filter_jit
+def _linearise(laws, velocity, sample) -> LinearFriction:
+    arrays, rest = eqx.partition(laws, eqx.is_array)
+
+    def one(V, index):
+        law = eqx.combine(jax.tree.map(lambda leaf: leaf[index], arrays), rest)
+        return linear_friction(law, V)
+
+    return jax.vmap(one)(velocity, sample)
+
+
+def _positive(values, what: str, unit: str) -> np.ndarray:
+    values = np.unique(np.atleast_1d(np.asarray(values, float)))
+    if values.size == 0:
+        raise InputError(f"{what}: the range is empty; give one {what} or more")
+    if not np.all(np.isfinite(values) & (values > 0)):
+        bad = values[~(np.isfinite(values) & (values > 0))][0]
+        raise InputError(f"{what}: {bad:g} {unit} is not a positive number")
+    return values

@@ -1,0 +1,237 @@
+"""Minimum-norm PD gains under margins that hold in every scenario.
+
+    minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2), every required margin holding in every scenario
+
+The feasible set is not convex: with little k_v the slider is held by stiffness above critical,
+with enough k_v by damping at almost any stiffness, and each way has its own local optimum. With
+thousands of scenarios only a few decide, so the search carries those few (an exchange method):
+
+1. the frontier of feasible gains for the carried scenarios gives every local minimum (`frontier`);
+2. each is made exact by the KKT equations (`kkt`);
+3. all scenarios are checked there; the worst violated ones join, and so do velocities between
+   those of the set where the requirement is just met; then again from 1.
+
+A solution for some scenarios that violates none of the others is the solution for all.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import InputError
+from .frontier import Region, Start, basins, natural_units, worst_slack, zoom
+from .kkt import Optimum, polish
+from .margins import margin_values
+from .requirement import Requirement
+from .scenarios import Scenarios
+
+_ROUNDS = 20
+_ADDED = 3
+_REFINED = 4
+_FINE = 33
+_CARRIED = 16
+_VIOLATED = 1e-7
+_LOWEST = 1e-9
+
+
+class Solution(NamedTuple):
+    """Local optima, smallest norm first, and what certifies them."""
+
+    optima: list[Optimum]
+    carried: Scenarios
+    scenarios: Scenarios
+    region: Region
+    rounds: int
+    grid_points: int
+    smaller_found: int
+
+
+def make_region(scenarios: Scenarios, scale, lower, upper) -> Region:
+    """Natural units, and scales and limits in SI with None for the defaults.
+
+    Scales default to the natural units; k_p has the lower limit 1e-9 K0: any positive stiffness.
+    """
+    unit = natural_units(scenarios)
+    chosen = np.asarray([u if s is None else s for s, u in zip(scale, unit, strict=True)], float)
+    least = [max(_LOWEST * unit[0], lower[0] or 0.0), lower[1] or 0.0]
+    most = [np.inf if x is None else x for x in upper]
+    for name, low, high in zip(("k_p", "k_v"), least, most, strict=True):
+        if not low < high:
+            raise InputError(f"limits of {name}: {low:g} to {high:g} leave nothing between them")
+    return Region(unit, chosen, np.asarray(least), np.asarray(most))
+
+
+def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Solution:
+    """All local optima over all scenarios, with a certificate.
+
+    Raises
+    ------
+    InputError : nothing within the limits meets the requirement; says where it fails, by how much.
+    """
+    carried = scenarios.take(_first(requirement, scenarios, region))
+    starts = _fresh(requirement, carried, scenarios, region)
+    for rounds in range(1, _ROUNDS + 1):
+        optima = _distinct([polish(requirement, carried, region, start) for start in starts])
+        worse = _violated(requirement, scenarios, region, optima)
+        if not worse.size:
+            extra = _between(requirement, scenarios, region, optima)
+            if extra is not None:
+                scenarios = scenarios.join(extra)
+                worse = np.arange(len(scenarios) - len(extra), len(scenarios))
+        if worse.size:
+            carried = carried.join(scenarios.take(worse))
+            starts = _fresh(requirement, carried, scenarios, region)
+            continue
+        points, smaller = _dense(requirement, scenarios, carried, region, optima)
+        if smaller is None or rounds == _ROUNDS:
+            found = 0 if smaller is None else len(smaller)
+            return Solution(optima, carried, scenarios, region, rounds, points, found)
+        starts = [*starts, _near(requirement, carried, region, smaller[0])]
+    raise AssertionError("unreachable")
+
+
+def slacks(requirement: Requirement, scenarios: Scenarios, region: Region, gains) -> np.ndarray:
+    """Least slack of every scenario (columns) at every pair of gains (rows)."""
+    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
+    unit, gains = jnp.asarray(region.unit), jnp.asarray(np.atleast_2d(gains))
+    return np.asarray(worst_slack(requirement, scenarios.friction, mass, unit, gains))
+
+
+def _first(requirement, scenarios: Scenarios, region: Region) -> np.ndarray:
+    """The worst scenarios at a handful of gains."""
+    u, v = np.meshgrid([1e-3, 0.1, 1.0, 3.0], [0.0, 0.1, 0.5, 1.2])
+    gains = np.stack([u.ravel(), v.ravel()], axis=1) * region.unit
+    gains = np.clip(gains, region.lower, region.upper)
+    worst = np.argmin(slacks(requirement, scenarios, region, gains), axis=1)
+    return _padded(np.unique(worst), _CARRIED)
+
+
+def _padded(index: np.ndarray, size: int) -> np.ndarray:
+    """Repeats fill the length up to a multiple of `size`, so that few shapes are compiled."""
+    more = -len(index) % size
+    return np.concatenate([index, np.full(more, index[0], index.dtype)])
+
+
+def _fresh(requirement, carried: Scenarios, scenarios: Scenarios, region: Region) -> list[Start]:
+    padded = carried.take(_padded(np.arange(len(carried)), _CARRIED))
+    starts = basins(requirement, padded, region)
+    if not starts:
+        raise _infeasible(requirement, carried, region)
+    return starts
+
+
+def _distinct(optima: list[Optimum]) -> list[Optimum]:
+    kept: list[Optimum] = []
+    for optimum in sorted(optima, key=lambda o: o.norm):
+        if not any(np.allclose(optimum.gains, other.gains, rtol=1e-5) for other in kept):
+            kept.append(optimum)
+    return kept
+
+
+def _violated(requirement, scenarios, region, optima: list[Optimum]) -> np.ndarray:
+    slack = slacks(requirement, scenarios, region, [optimum.gains for optimum in optima])
+    worst = np.argsort(slack, axis=1)[:, :_ADDED]
+    rows = np.arange(len(optima))[:, None]
+    return np.unique(worst[slack[rows, worst] < -_VIOLATED])
+
+
+def _between(requirement, scenarios: Scenarios, region, optima) -> Scenarios | None:
+    """Velocities between those of the set that violate the requirement where it is just met."""
+    velocities = np.unique(scenarios.velocity)
+    if velocities.size < 2:
+        return None
+    found: list[Scenarios] = []
+    for optimum in optima:
+        slack = slacks(requirement, scenarios, region, optimum.gains)[0]
+        for index in np.argsort(slack)[:_REFINED]:
+            at = np.searchsorted(velocities, scenarios.velocity[index])
+            low, high = velocities[max(at - 1, 0)], velocities[min(at + 1, velocities.size - 1)]
+            fine = _same_but(scenarios, index, np.geomspace(low, high, _FINE))
+            value = slacks(requirement, fine, region, optimum.gains)[0]
+            if np.min(value) < -_VIOLATED:
+                found.append(fine.take([int(np.argmin(value))]))
+    if not found:
+        return None
+    extra = found[0]
+    for one in found[1:]:
+        extra = extra.join(one)
+    return extra
+
+
+def _same_but(scenarios: Scenarios, index: int, velocity: np.ndarray) -> Scenarios:
+    """One scenario at other velocities."""
+    mass = None if scenarios.mass is None else np.full(velocity.size, scenarios.mass[index])
+    sample = np.full(velocity.size, scenarios.sample[index])
+    return Scenarios.at(scenarios.laws, velocity, mass, sample)
+
+
+def _dense(requirement, scenarios, carried, region: Region, optima):
+    """Number of gains of smaller norm that were tried, and those of them that are feasible."""
+    best = optima[0]
+    size = best.norm * region.scale
+    u = np.concatenate([np.linspace(0, 1, 257)[1:], np.geomspace(1e-6, 1, 65)]) * size[0]
+    v = np.concatenate([np.linspace(0, 1, 257), np.geomspace(1e-6, 1, 65)]) * size[1]
+    grid = np.stack(np.meshgrid(np.unique(u), np.unique(v), indexing="ij"), axis=-1).reshape(-1, 2)
+    within = np.all((grid >= region.lower) & (grid <= region.upper), axis=1)
+    grid = grid[within & (region.norm(grid) < best.norm * (1 - 1e-3))]
+    tried = len(grid)
+    order = [*best.active, *range(len(carried))]
+    for index in dict.fromkeys(order):
+        if not len(grid):
+            break
+        good = _feasible(requirement, carried.take([index]), region, grid)
+        grid = grid[good]
+    if len(grid):
+        grid = grid[_feasible(requirement, scenarios, region, grid[:64])[: len(grid)]]
+    return tried, (grid if len(grid) else None)
+
+
+def _feasible(requirement, scenarios, region, grid: np.ndarray) -> np.ndarray:
+    """Which gains every one of the scenarios accepts; padded so that few shapes are compiled."""
+    rows = 1 << max(6, int(np.ceil(np.log2(len(grid)))))
+    padded = np.concatenate([grid, np.repeat(grid[:1], rows - len(grid), axis=0)])
+    slack = slacks(requirement, scenarios, region, padded)[: len(grid)]
+    return np.min(slack, axis=1) >= 0
+
+
+def _near(requirement, carried, region: Region, gains: np.ndarray) -> Start:
+    u, v = gains / region.unit
+    return zoom(requirement, carried, region, np.asarray([u]), np.asarray([0.8 * v, 1.2 * v]))
+
+
+def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> InputError:
+    """What fails: the scenario that is worst at the gains whose worst scenario is best."""
+    u = np.concatenate([np.geomspace(1e-6, 1e4, 61)])
+    v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])
+    grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2) * region.unit
+    grid = np.unique(np.clip(grid, region.lower, region.upper), axis=0)
+    slack = slacks(requirement, scenarios, region, grid)
+    best = int(np.argmax(np.min(slack, axis=1)))
+    worst = int(np.argmin(slack[best]))
+    name, required, reached = _missed(requirement, scenarios.take([worst]), region, grid[best])
+    where = scenarios.describe(worst)
+    mass = "" if where["mass"] is None else f", mass {where['mass']:g} kg"
+    limits = f"k_p up to {region.upper[0]:g} N/m, k_v up to {region.upper[1]:g} N s/m"
+    return InputError(
+        f"no gains within the limits ({limits}) meet the requirement: {name}={required:g} is missed"
+        f" at velocity {where['velocity']:.3g} m/s{mass} (sample {where['sample']}), where the best"
+        f" compromise, k_p = {grid[best][0]:.3g} N/m and k_v = {grid[best][1]:.3g} N s/m, reaches"
+        f" {reached:.3g}; lower the margin, widen the limits or leave that scenario out"
+    )
+
+
+def _missed(requirement, scenario: Scenarios, region, gains) -> tuple[str, float, float]:
+    single = [
+        Requirement({name: value})
+        for name, value in zip(requirement.names, requirement.values, strict=True)
+    ]
+    slack = [float(slacks(one, scenario, region, gains)[0, 0]) for one in single]
+    i = int(np.argmin(slack))
+    value = margin_values(requirement.names[i], scenario, gains)
+    return requirement.names[i], requirement.values[i], float(value[0])
+
+
+def drop_samples(scenarios: Scenarios, kept: np.ndarray) -> Scenarios:
+    """The scenarios of some of the samples."""
+    return scenarios.take(np.flatnonzero(np.isin(scenarios.sample, kept)))

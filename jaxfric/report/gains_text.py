@@ -1,0 +1,85 @@
+"""Gains as lines of text."""
+
+from ..gains.result import Basin, Gains
+
+
+def describe(gains: Gains) -> list[str]:
+    """What was asked, what was found, why it is believed."""
+    required = ", ".join(
+        f"{name} >= {value:g}"
+        for name, value in zip(gains.requirement.names, gains.requirement.values, strict=True)
+    )
+    lines = [gains.law, f"required: {required}", f"scenarios: {_scenarios(gains)}", ""]
+    lines.append(f"k_p = {gains.kp:.6g} N/m, k_v = {gains.kv:.6g} N s/m   (norm {gains.norm:.5g})")
+    scale = gains.region.scale
+    lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
+    lines += [f"  {_basin(basin)}" for basin in gains.basins]
+    if len(gains.basins) == 1:
+        lines.append("  the norm has no other local minimum")
+    lines += ["", "margins at these gains, worst scenario:"]
+    lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
+    grid = gains.certificate
+    found = "none" if not grid.smaller_found else str(grid.smaller_found)
+    lines += [
+        "",
+        f"optimality conditions to {grid.kkt:.1e}; of {grid.grid_points} smaller gains tried, "
+        f"{found} meets the requirement",
+    ]
+    return lines + _simulation(gains)
+
+
+def _scenarios(gains: Gains) -> str:
+    scenarios = gains.scenarios
+    low, high = scenarios.velocity.min(), scenarios.velocity.max()
+    text = f"{len(scenarios)}, velocity {low:.3g} to {high:.3g} m/s"
+    if scenarios.mass is None:
+        text += ", no mass"
+    else:
+        text += f", mass {scenarios.mass.min():.3g} to {scenarios.mass.max():.3g} kg"
+    count = len(set(scenarios.sample.tolist()))
+    text += f", {count} sample{'s' if count > 1 else ''} of the law"
+    if gains.confidence < 1:
+        text += f" ({gains.kept_samples} kept, confidence {gains.confidence:g})"
+    return text
+
+
+def _basin(basin: Basin) -> str:
+    how = {"stiff": "held by stiffness", "damped": "held by damping"}[basin.name]
+    return (
+        f"{basin.name:<7} k_p = {basin.kp:.6g} N/m, k_v = {basin.kv:.6g} N s/m,"
+        f" norm {basin.norm:.5g}: {how}"
+    )
+
+
+def _margin(gains: Gains, name: str) -> str:
+    worst = gains.margins[name]
+    unit = "" if worst.unit == "1" else f" {worst.unit}"
+    where = worst.scenario
+    mass = "" if where["mass"] is None else f", {where['mass']:.3g} kg"
+    return (
+        f"{worst.value:.5g}{unit}  at {where['velocity']:.3g} m/s{mass}, sample {where['sample']}"
+    )
+
+
+def _simulation(gains: Gains) -> list[str]:
+    checked = gains.simulation
+    if checked is None:
+        return ["not checked by simulation"]
+    text = f"simulated from {checked.checked} starts: {checked.steady} end steady"
+    for count, name in (
+        (checked.limit_cycle, "in a limit cycle"),
+        (checked.escaped, "in escape"),
+        (checked.unresolved, "unresolved"),
+    ):
+        if count:
+            text += f", {count} {name}"
+    lines = [text]
+    lines += [
+        f"  {start.start} at {start.scenario['velocity']:.3g} m/s: {start.end}"
+        for start in checked.starts
+        if start.end != "steady"
+    ]
+    if checked.basin is not None:
+        more = "" if checked.basin_lost else " or more"
+        lines.append(f"velocity may jump by a factor {checked.basin:.3g}{more}, either way")
+    return lines

@@ -1,0 +1,295 @@
+"""A stability study as lines of text and as the content of stability.json."""
+
+import math
+
+import equinox as eqx
+import numpy as np
+
+from ..rig.friction import AbstractStribeck, Dahl, critical_velocity, worst_slope
+from ..stability.analysis import Study, intervals_over_velocity
+from ..stability.delay import crossings, stable_stiffness_exists, unstable_roots
+from ..stability.margins import UNITS
+
+SCHEMA = "jaxfric.stability/1"
+INTERVALS = 4
+"""Stable intervals of a delay law that are listed."""
+_ROWS = 9
+_NONE = {
+    "stiffness": "no critical stiffness: damping suffices",
+    "gain": "none: no gain factor reaches instability",
+    "phase": "none: the loop's magnitude never crosses 1",
+    "delay": "none: the loop's magnitude never crosses 1",
+}
+
+
+def describe(study: Study, law: str) -> list[str]:
+    """What the linear theory says, for a reader who knows friction or control."""
+    mass = "none (quasi-static limit)" if study.mass is None else f"{study.mass:g} kg"
+    lines = [law, f"mass: {mass}; damping k_v: {study.k_v:g} N s/m"]
+    if len(study.points.velocity) > 1:
+        lines += ["", *_table(study)]
+        lines += ["", f"hardest velocity: {_number(study.here.velocity)} m/s; there"]
+    else:
+        lines += ["", f"steady sliding at {_number(study.here.velocity)} m/s:"]
+    lines += [f"  {line}" for line in _friction(study)]
+    lines += ["", *(_delay(study) if study.delayed else _theorem(study))]
+    if isinstance(study.law, AbstractStribeck):
+        lines += _memoryless(study.law)
+    if isinstance(study.law, Dahl):
+        lines.append(
+            "Dahl's steady curve has no falling part and no memory of velocity: friction is no"
+            " reason for stick-slip, and every k_p > 0 is stable where f_v + k_v > 0"
+        )
+    return lines + _gains(study)
+
+
+def _friction(study: Study) -> list[str]:
+    at = study.here
+    lines = [
+        f"steady friction            {_number(at.force)} N",
+        f"f_v, instantaneous slope   {_number(at.slope)} N s/m",
+        f"G(0) = int g dt, memory    {_number(at.memory)} N s/m",
+        f"steady slope f_v - G(0)    {_number(at.steady_slope)} N s/m",
+    ]
+    if float(at.friction.trend):
+        trend = _number(at.friction.trend)
+        lines.append(f"slope with slip f_x        {trend} N/m (adds to k_p below)")
+    needed = float(at.needed_damping)
+    text = f"k_v >= {needed:.6g} N s/m" if needed > 0 else "none needed (k_v > 0 keeps it so)"
+    return [*lines, f"damping that needs no stiffness: {text}"]
+
+
+def _theorem(study: Study) -> list[str]:
+    found = study.theorem
+    lines = ["theorem of Rice and Ruina, (18)-(20):"]
+    lines += [f"  {line}" for line in found.describe()]
+    for w, k in _solutions(study):
+        lines.append(f"  w_n = {w:.8g} rad/s ({w / (2 * math.pi):.4g} Hz): k(w_n) = {k:.8g} N/m")
+    k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
+    if 0 < k_cr < math.inf:
+        lines.append(f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s")
+    return lines
+
+
+def _solutions(study: Study) -> list[tuple[float, float]]:
+    found = study.theorem
+    pairs = zip(np.asarray(found.frequencies), np.asarray(found.stiffnesses), strict=True)
+    return [(float(w), float(k)) for w, k in sorted(pairs) if math.isfinite(w)]
+
+
+def _memoryless(law: AbstractStribeck) -> list[str]:
+    V, slope = float(critical_velocity(law)), float(worst_slope(law))
+    if not math.isfinite(slope):
+        return ["no memory: the curve falls without bound towards V = 0; no k_v suffices there"]
+    need = f"k_v > {-slope:.10g} N s/m" if slope < 0 else "any k_v > 0"
+    return [
+        f"no memory, (16)-(17): hardest of all velocities V_cr = {V:.10g} m/s, where"
+        f" f_v = {slope:.10g} N s/m; {need} and k_p > 0 are stable at every velocity"
+    ]
+
+
+def delay_numbers(study: Study) -> tuple:
+    """m, k_v + f_v, k_f and alpha of the delay slider at the hardest velocity."""
+    friction = study.here.friction
+    kernel = friction.kernel
+    assert study.mass is not None
+    return study.mass, study.k_v + friction.slope, kernel.strength, kernel.delay  # pyright: ignore
+
+
+def _delay(study: Study) -> list[str]:
+    numbers = delay_numbers(study)
+    k_v, k_f, alpha = (float(x) for x in numbers[1:])
+    lines = ["delay law: no critical stiffness; stability alternates with k_p, (26)-(31)"]
+    lines.append(f"  k_f = {k_f:.6g} N s/m, alpha = {alpha:.6g} s, damping k_v + f_v = {k_v:.6g} N s/m")
+    exists = bool(stable_stiffness_exists(*numbers))
+    if k_v >= abs(k_f):
+        return [*lines, "  k_v >= |k_f|: every k_p > 0 is stable"]
+    if k_f > 0:
+        root = math.sqrt(k_f**2 - k_v**2)
+        gap = numbers[0] * 2 * (math.pi - math.acos(k_v / k_f)) / alpha
+        sign = ">" if exists else "<="
+        what = "infinitely many stable intervals" if exists else "no stable k_p at all"
+        lines.append(
+            f"  existence: m (2 pi - 2 beta)/alpha = {gap:.6g} {sign} sqrt(k_f^2 - k_v^2) ="
+            f" {root:.6g} N s/m: {what}"
+        )
+    for low, high, w_low, w_high in _intervals(study):
+        lines.append(
+            f"  stable: {low:.10g} < k_p < {high:.10g} N/m   (crossings at {w_low:.6g} and"
+            f" {w_high:.6g} rad/s)"
+        )
+    lines.append(
+        "  the 1994 paper's list (30) is short of these: it leaves out n = 0, the first threshold,"
+        " and the whole -beta branch, at which stability is lost again"
+    )
+    if study.k_p is not None:
+        count = int(unstable_roots(numbers[0], study.k_p, *numbers[1:]))
+        lines.append(f"  at k_p = {study.k_p:g} N/m: {count} unstable root{'' if count == 1 else 's'}")
+    return lines
+
+
+def _intervals(study: Study) -> list[tuple[float, float, float, float]]:
+    """Ends of the first stable intervals [N/m] and the frequencies there [rad/s]; 0 for k_p = 0."""
+    if not study.delayed:
+        return []
+    numbers = delay_numbers(study)
+    here = eqx.tree_at(lambda p: p.velocity, study.points, study.points.velocity)
+    lower, upper = intervals_over_velocity(here, study.k_v, study.mass, number=INTERVALS)
+    found = crossings(*numbers, number=INTERVALS + 1)
+    known = {0.0: 0.0}
+    for branch in ("plus", "minus"):
+        k = np.asarray(getattr(found, f"{branch}_stiffness"))
+        w = np.asarray(getattr(found, f"{branch}_frequency"))
+        known |= {float(a): float(b) for a, b in zip(k, w, strict=True)}
+    rows = zip(np.asarray(lower[study.worst]), np.asarray(upper[study.worst]), strict=True)
+    return [
+        (float(a), float(b), known.get(float(a), math.inf), known.get(float(b), math.inf))
+        for a, b in rows
+        if math.isfinite(a)
+    ]
+
+
+def _gains(study: Study) -> list[str]:
+    if study.k_p is None or study.margins is None or study.poles is None:
+        return ["", "give --kp for poles and margins"]
+    word = "STABLE" if bool(study.stable) else "UNSTABLE"
+    lines = ["", f"k_p = {study.k_p:g} N/m, k_v = {study.k_v:g} N s/m: {word}"]
+    lines.append("rightmost pole [1/s]:" if study.delayed else "poles [1/s]:")
+    for s in sorted(np.asarray(study.poles), key=lambda s: (-s.real, s.imag)):
+        lines.append(f"  {_pole(s)}")
+    lines.append("margins:")
+    for name, value in study.margins.items():
+        lines.append(f"  {name:<10}{_margin(name, float(value))}")
+    return lines
+
+
+def _pole(s: complex) -> str:
+    if not math.isfinite(s.real):
+        return "at infinity (order lost: no mass)"
+    if abs(s.imag) <= 1e-12 * abs(s):
+        return f"{s.real:.8g}"
+    size = abs(s)
+    return f"{s.real:.8g} {'+' if s.imag > 0 else '-'} {abs(s.imag):.8g}i   (|s| = {size:.4g} rad/s)"
+
+
+def _margin(name: str, value: float) -> str:
+    unit = {"1": "", "1/s": " 1/s", "rad": " rad", "s": " s"}[UNITS[name]]
+    if math.isinf(value) and value > 0:
+        return f"inf ({_NONE.get(name, 'no crossing')})"
+    if name == "phase":
+        return f"{value:.6g} rad ({math.degrees(value):.4g} deg)"
+    return f"{value:.6g}{unit}"
+
+
+def _table(study: Study) -> list[str]:
+    """Some of the velocities: ends, and evenly between."""
+    number = len(study.points.velocity)
+    rows = np.unique(np.linspace(0, number - 1, min(number, _ROWS)).round().astype(int))
+    V, needed = np.asarray(study.points.velocity), np.asarray(study.points.needed_damping)
+    if study.delayed:
+        low, high = (x[:, 0] for x in _first_interval(study))
+        head = f"{'velocity [m/s]':>16}{'k_v for all k_p [N s/m]':>26}{'first stable k_p [N/m]':>34}"
+        body = [
+            f"{V[i]:>16.4g}{needed[i]:>26.5g}{_interval(float(low[i]), float(high[i])):>34}"
+            for i in rows
+        ]
+        return [head, *body]
+    k_cr = np.asarray(study.theorems.critical_stiffness)
+    w_cr = np.asarray(study.theorems.critical_frequency)
+    head = f"{'velocity [m/s]':>16}{'k_cr [N/m]':>16}{'w_cr [rad/s]':>16}{'k_v for all k_p [N s/m]':>26}"
+    body = [f"{V[i]:>16.4g}{k_cr[i]:>16.6g}{w_cr[i]:>16.6g}{needed[i]:>26.6g}" for i in rows]
+    notes = []
+    if np.any(np.isinf(k_cr)):
+        notes.append("k_cr inf: no stiffness suffices, f_v + k_v is not positive there")
+    if np.any(k_cr == 0):
+        notes.append("k_cr 0: every k_p > 0 is stable there")
+    return [head, *body, *notes]
+
+
+def _first_interval(study: Study) -> tuple[np.ndarray, np.ndarray]:
+    low, high = intervals_over_velocity(study.points, study.k_v, study.mass)
+    return np.asarray(low), np.asarray(high)
+
+
+def _interval(low: float, high: float) -> str:
+    if math.isinf(low):
+        return "none"
+    return f"above {low:.5g}" if math.isinf(high) else f"{low:.5g} .. {high:.5g}"
+
+
+def _number(value) -> str:
+    return f"{float(value):.6g}"
+
+
+def content(study: Study, law: str) -> dict:
+    """The content of stability.json, schema "jaxfric.stability/1"; SI, null for infinite."""
+    points, theorems = study.points, study.theorems
+    names = ("integrable", "damped", "underdamped", "complete", "holds")
+    rows = zip(_solutions(study), strict=True)
+    result = {
+        "schema": SCHEMA,
+        "law": law,
+        "mass": study.mass,
+        "kp": study.k_p,
+        "kv": study.k_v,
+        "velocity": float(study.here.velocity),
+        "friction": {
+            "steady": _finite(study.here.force),
+            "slope": _finite(study.here.slope),
+            "memory": _finite(study.here.memory),
+            "steady_slope": _finite(study.here.steady_slope),
+            "slip_slope": _finite(study.here.friction.trend),
+        },
+        "needed_damping": _finite(study.here.needed_damping),
+        "theorem": {
+            **{name: bool(getattr(study.theorem, name)) for name in names},
+            "critical_stiffness": _finite(study.theorem.critical_stiffness),
+            "critical_frequency": _finite(study.theorem.critical_frequency),
+            "solutions": [{"frequency": w, "stiffness": k} for ((w, k),) in rows],
+        },
+        "stable": None if study.stable is None else bool(study.stable),
+        "poles": None
+        if study.poles is None
+        else [[_finite(s.real), _finite(s.imag)] for s in np.asarray(study.poles)],
+        "margins": None
+        if study.margins is None
+        else {n: {"value": _finite(v), "unit": UNITS[n]} for n, v in study.margins.items()},
+        "velocities": {
+            "velocity": [_finite(V) for V in points.velocity],
+            "critical_stiffness": [_finite(k) for k in theorems.critical_stiffness],
+            "critical_frequency": [_finite(w) for w in theorems.critical_frequency],
+            "needed_damping": [_finite(k) for k in points.needed_damping],
+        },
+    }
+    if study.delayed:
+        result["theorem"]["critical_stiffness"] = result["theorem"]["critical_frequency"] = None
+        result["delay"] = _delay_content(study)
+    if isinstance(study.law, AbstractStribeck):
+        law_ = study.law
+        result["memoryless"] = {
+            "critical_velocity": _finite(critical_velocity(law_)),
+            "worst_slope": _finite(worst_slope(law_)),
+        }
+    return result
+
+
+def _delay_content(study: Study) -> dict:
+    numbers = delay_numbers(study)
+    unstable = None
+    if study.k_p is not None:
+        unstable = int(unstable_roots(numbers[0], study.k_p, *numbers[1:]))
+    return {
+        "strength": float(numbers[2]),
+        "delay": float(numbers[3]),
+        "stable_stiffness_exists": bool(stable_stiffness_exists(*numbers)),
+        "stable_intervals": [
+            {"lower": a, "upper": _finite(b), "frequencies": [_finite(v), _finite(w)]}
+            for a, b, v, w in _intervals(study)
+        ],
+        "unstable_roots": unstable,
+    }
+
+
+def _finite(value) -> float | None:
+    number = float(value)
+    return number if math.isfinite(number) else None

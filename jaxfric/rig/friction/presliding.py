@@ -1,0 +1,56 @@
+"""Friction before gross sliding: the contact bends like bristles, then slides.
+
+Dahl's law is what the 1994 note on PD control and stick-slip contrasts with: its memory
+shows at reversals only. The steady curve is flat, and linearised about steady sliding
+it has no memory at all, so it predicts no stick-slip from friction alone.
+
+Source: Dahl (1976, doi:10.2514/3.61511); Walrath (1984, Automatica 20, 717-727).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...quantity import quantity
+from .law import AbstractLaw
+
+# Distance to full sliding, relative to f_c, below which the power is continued linearly.
+_NEAR_SLIDING = 1e-12
+
+
+class Dahl(AbstractLaw):
+    """Dahl's bristle law, with one state z, the bristle force [F]:
+
+    f = z + viscous V
+    dz/dt = sigma V (1 - z/f_c sgn V)^gamma
+
+    The steady curve is f_c sgn V + viscous V. At gamma = 1 the bristle force approaches f_c
+    over the distance f_c/sigma, exponentially; at gamma > 1 more slowly, at gamma < 1 within a
+    finite distance. If |z| exceeds f_c (by rounding, or at a start) the power is taken of
+    the magnitude with the sign kept, so that z returns to f_c. Within 1e-12 f_c of full
+    sliding the power is continued as a straight line: for gamma < 1 its slope would be infinite.
+
+    About steady sliding at V > 0: f_v = `viscous`, and the memory kernel is zero.
+    """
+
+    f_c: Float[Array, ""] = quantity("f_c", "F", "Coulomb friction", lower=0.0)
+    sigma: Float[Array, ""] = quantity("sigma", "F/m", "stiffness of the bristles", lower=0.0)
+    gamma: Float[Array, ""] = quantity(
+        "gamma", "1", "exponent of the approach to sliding", lower=0.0, default=1.0
+    )
+    viscous: Float[Array, ""] = quantity("viscous", "F s/m", "viscous friction", default=0.0)
+
+    def force(self, V, state, at):
+        del at
+        return state[0] + self.viscous * V
+
+    def rate(self, V, state, at):
+        del at
+        left = 1 - state / self.f_c * jnp.sign(V)
+        size = jnp.maximum(jnp.abs(left), _NEAR_SLIDING)
+        return self.sigma * V * left * size ** (self.gamma - 1)
+
+    def steady_state(self, V):
+        return jnp.reshape(self.f_c * jnp.sign(V), (1,))
+
+    def force_scale(self):
+        return self.f_c

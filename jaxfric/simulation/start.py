@@ -1,0 +1,142 @@
+"""How a simulation starts: steady sliding, or a perturbation of it.
+
+Unperturbed, the slider moves at the motion's first velocity V0, its state is the steady one
+there and the spring carries the steady friction. A `Start` replaces any of the three. The
+functions below build those that a control engineer meets: a disturbed velocity, a jump of the
+load point, a step of the command, and a slider that is stuck.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from ..errors import InputError
+from ..rig import Inertial, Rig
+from ..rig.friction import (
+    AgeingEvolution,
+    Conditions,
+    LogarithmicEffect,
+    RateState,
+    RegularisedEffect,
+)
+
+
+def _array(value) -> Array | None:
+    return None if value is None else jnp.asarray(value, jnp.result_type(float))
+
+
+class Start(eqx.Module):
+    """Where a simulation starts; a part that is None is that of steady sliding.
+
+    velocity : velocity of the slider [m/s]; only with mass, and not 0 or negative with a
+        logarithmic direct effect, whose force is infinite there.
+    elongation : the spring is longer by this [m] than in steady sliding, as after a jump of
+        the load point.
+    state : state of the friction law, shape (n,) [force].
+    """
+
+    velocity: Float[Array, ""] | None = eqx.field(converter=_array, default=None)
+    elongation: Float[Array, ""] | None = eqx.field(converter=_array, default=None)
+    state: Float[Array, " n"] | None = eqx.field(converter=_array, default=None)
+
+
+def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> Start:
+    """V(0) = V0 (1 + change), with the state of steady sliding at `velocity` = V0 [m/s].
+
+    With mass the spring is that of steady sliding too. Without it the velocity follows
+    from the spring, which is therefore longer by [f(V, theta) - f(V0, theta) + k_v (V - V0)]/K.
+    `change` > -1 with a logarithmic direct effect.
+    """
+    V0 = jnp.asarray(velocity, jnp.result_type(float))
+    V, state = V0 * (1 + jnp.asarray(change)), rig.friction.steady_state(V0)
+    if isinstance(rig.machine, Inertial):
+        return Start(V, jnp.zeros_like(V0), state)
+    excess = _friction(rig, V, state) - _friction(rig, V0, state)
+    if rig.machine.damping is not None:
+        excess = excess + rig.machine.damping * (V - V0)
+    return Start(None, excess / rig.machine.stiffness, state)
+
+
+def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> Start:
+    """Steady sliding at `velocity` [m/s]; then the load point jumps by `jump` [m], of either sign.
+
+    With mass the slider's velocity is at first that of steady sliding.
+    """
+    V0 = jnp.asarray(velocity, jnp.result_type(float))
+    jump = jnp.asarray(jump, jnp.result_type(float))
+    mass = isinstance(rig.machine, Inertial)
+    return Start(V0 if mass else None, jump, rig.friction.steady_state(V0))
+
+
+def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> Start:
+    """The command steps by the factor `ratio`: steady sliding at `velocity`/`ratio`, a moment before.
+
+    Spring, state and (with mass) velocity are those of steady sliding at `velocity`/`ratio`;
+    the simulation's motion goes on at `velocity` [m/s]. A ratio below 1 is a step down.
+    """
+    V0 = jnp.asarray(velocity, jnp.result_type(float))
+    V = V0 / jnp.asarray(ratio)
+    state, friction = rig.friction.steady_state(V), rig.friction
+    excess = _friction(rig, V, state) - _friction(rig, V0, friction.steady_state(V0))
+    mass = isinstance(rig.machine, Inertial)
+    return Start(V if mass else None, excess / rig.machine.stiffness, state)
+
+
+def rest_start(
+    rig: Rig,
+    velocity: ArrayLike,
+    *,
+    contact_time: ArrayLike | None = None,
+    state: ArrayLike | None = None,
+) -> Start:
+    """A slider at rest on an unloaded spring, whose load point sets off at `velocity` [m/s].
+
+    State, unless given: of rate-and-state friction that of steady sliding at `velocity`,
+    where the ageing law then heals at rest for `contact_time` [s], dTheta/dt = 1, so
+    theta = B ln(V0/V + V0 t/L) with the law's reference velocity V0; the slip law stays
+    frozen. Of any other law zero: no bristle is bent.
+
+    Raises
+    ------
+    InputError : the direct effect is logarithmic (infinite at rest), or `contact_time` with
+        a law that does not heal at rest, or with a given `state`.
+    """
+    law = rig.friction
+    if isinstance(law, RateState) and isinstance(law.direct, LogarithmicEffect):
+        raise InputError(
+            "start at rest: ln(V/V0) is infinite at V = 0; give the law a RegularisedEffect "
+            "(`regularised(rig)` does)"
+        )
+    ageing = isinstance(law, RateState) and isinstance(law.evolution, AgeingEvolution)
+    if contact_time is not None and (state is not None or not ageing):
+        raise InputError(
+            "start at rest: contact_time is for the ageing law, whose state heals at rest, "
+            "and not with a given state; leave it out"
+        )
+    V0 = jnp.asarray(velocity, jnp.result_type(float))
+    steady = law.steady_state(V0)
+    if state is not None:
+        begun = jnp.asarray(state, jnp.result_type(float))
+    elif not isinstance(law, RateState):
+        begun = jnp.zeros_like(steady)
+    elif contact_time is not None:
+        begun = law.B * jnp.log(law.V0 / jnp.abs(V0) + law.V0 * jnp.asarray(contact_time) / law.L)
+    else:
+        begun = steady
+    slack = -_friction(rig, V0, steady) / rig.machine.stiffness
+    rest = jnp.zeros_like(V0) if isinstance(rig.machine, Inertial) else None
+    return Start(rest, slack, begun)
+
+
+def regularised(rig: Rig) -> Rig:
+    """The rig with a `RegularisedEffect` in place of a logarithmic one; other laws as they are."""
+    law = rig.friction
+    if isinstance(law, RateState) and isinstance(law.direct, LogarithmicEffect):
+        return eqx.tree_at(lambda r: r.friction.direct, rig, RegularisedEffect())
+    return rig
+
+
+def _friction(rig: Rig, V: Float[Array, ""], state: Float[Array, " n"]) -> Float[Array, ""]:
+    """Friction before any slip, at time zero."""
+    zero = jnp.zeros_like(V)
+    return rig.friction.force(V, state, Conditions(zero, zero))

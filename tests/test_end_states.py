@@ -1,0 +1,282 @@
+"""How motions end: planted signals, the linear threshold, a limit cycle, basins.
+
+Truth: signals with known amplitude and period, the roots of the characteristic polynomial,
+SciPy simulations, and scans.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import reference
+from helpers import UM, make_law
+from scipy.integrate import solve_ivp
+
+import jaxfric as jf
+from jaxfric.errors import InputError
+from jaxfric.gains.check import STARTS, basin, check_starts, end_map, end_state
+from jaxfric.gains.ends import ENDS, classify, counts
+from jaxfric.simulation import jump_start, step_start, velocity_start
+
+V0 = UM
+A, B, L = 0.010, 0.015, 10 * UM
+K_MASSLESS = (B - A) / L
+PERIOD = 2 * np.pi * L / V0 / np.sqrt(B / A - 1)
+
+
+def name_of(code):
+    names = ("steady", "limit_cycle", "escape", "unresolved")
+    return next(n for n in names if bool(code == getattr(ENDS, n)))
+
+
+def each(ends, condition):
+    return np.asarray(ends.code == condition)
+
+
+def rig_of(kind, k, mass=0.0, damping=None, *, regularised=False):
+    machine = jf.Inertial(mass, k, damping) if mass else jf.QuasiStatic(k, damping)
+    return jf.Rig(machine, make_law(kind, (B,), (L,), regularised=regularised))
+
+
+def critical_stiffness(mass, damping=0.0):
+    """(25)."""
+    a = A + damping * V0
+    return (B - a) / L * (mass * V0**2 / (a * L) + 1)
+
+
+# ---- planted signals ----------------------------------------------------------------------
+
+
+def signal(name):
+    """Time, velocity, deviation of slip for V0 = 2, T = 100 cycles of period 0.7."""
+    t = np.sort(np.random.default_rng(3).uniform(0.0, 70.0, 6001))
+    t[[0, -1]] = 0.0, 70.0
+    w = 2 * np.pi / 0.7
+    envelope = {
+        "decays": np.exp(-0.05 * t),
+        "has decayed": np.exp(-0.5 * t),
+        "grows": 0.001 * np.exp(0.08 * t),
+        "stays": np.ones_like(t),
+        "comes down to a cycle": 0.3 + 3 * np.exp(-0.06 * t),
+    }
+    if name in envelope:
+        a = 0.9 * envelope[name]
+        return t, 2.0 + a * np.cos(w * t), a * np.sin(w * t) / w
+    phase = (t / 14.0) % 1.0  # sticks for 13 s, slips for 1 s by 28
+    slips = phase > 13 / 14
+    if name == "stick-slip":
+        v = np.where(slips, 14 * np.pi * np.sin(14 * np.pi * (phase - 13 / 14)), 0.0)
+        x = np.where(slips, 14 * (1 - np.cos(14 * np.pi * (phase - 13 / 14))), 0.0)
+        return t, v, x + 28 * np.floor(t / 14.0) - 2.0 * t
+    return t, np.zeros_like(t), -2.0 * t  # stuck
+
+
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [
+        ("decays", "steady"),
+        ("has decayed", "steady"),
+        ("grows", "limit_cycle"),
+        ("stays", "limit_cycle"),
+        ("comes down to a cycle", "limit_cycle"),
+        ("stick-slip", "limit_cycle"),
+        ("stuck", "unresolved"),
+    ],
+)
+def test_planted_signals(name, code):
+    t, v, x = signal(name)
+    end = classify(t, v, x, jnp.asarray(2.0), begin=0.0, end=70.0)
+    assert name_of(end.code) == code
+    growth = {"decays": -0.05, "grows": 0.08, "stays": 0.0}
+    if name in growth:
+        assert end.growth == pytest.approx(growth[name], abs=0.01)
+    cycle = {"stays": (0.9, 0.9 * 0.7 / (2 * np.pi), 0.7, 1.1)}
+    cycle["stick-slip"] = (7 * np.pi, 13.0, 14.0, 0.0)
+    if name in cycle:
+        amplitude, slip, period, least = cycle[name]
+        assert end.velocity_amplitude == pytest.approx(amplitude, rel=1e-3)
+        assert end.slip_amplitude == pytest.approx(slip, rel=2e-2)
+        assert end.period == pytest.approx(period, rel=1e-3)
+        assert end.least_velocity == pytest.approx(least, abs=2e-3)
+
+
+def test_a_known_slow_decay_counts():
+    """ln(a4/a3) is -0.17: too little by itself, enough where the linear theory promises it."""
+    t = np.linspace(0.0, 70.0, 7001)
+    v = 2.0 + 0.5 * np.exp(-0.01 * t) * np.cos(9 * t)
+    ends = [
+        classify(t, v, v - 2.0, jnp.asarray(2.0), begin=0.0, end=70.0, decay=d)
+        for d in (jnp.inf, 0.01, 0.05)
+    ]
+    assert [name_of(e.code) for e in ends] == ["limit_cycle", "steady", "limit_cycle"]
+
+
+# ---- the linear threshold -----------------------------------------------------------------
+
+
+def roots(k, mass, damping=0.0):
+    """m s^2 + (k_v + A/V) s + k - s B/(L (s + V/L)) = 0, times (s + V/L)."""
+    relax, c = V0 / L, damping + A / V0
+    polynomial = [mass, c + mass * relax, k + c * relax - B / L, k * relax]
+    return np.roots(polynomial)
+
+
+@pytest.mark.parametrize("kind", ["slip", "ageing"])
+@pytest.mark.parametrize(("mass", "damping"), [(1e3, 0.0), (1e5, 500.0)])
+def test_small_perturbations_grow_below_the_critical_stiffness(kind, mass, damping):
+    ratios = np.asarray([0.97, 1.03])
+    stiffness = ratios * critical_stiffness(mass, damping)
+
+    @jax.jit
+    @jax.vmap
+    def ends(k):
+        rig = rig_of(kind, k, mass, damping)
+        start = jump_start(rig, V0, 1e-3 * A / k)
+        return end_state(rig, V0, start, horizon=24 * PERIOD)
+
+    found = ends(jnp.asarray(stiffness))
+    linear = [max(r.real for r in roots(k, mass, damping)) for k in stiffness]
+    assert linear[0] > 0 > linear[1]
+    assert found.growth[0] > 0 > found.growth[1]
+    # Windows hold no whole number of periods, hence 10 %.
+    np.testing.assert_allclose(found.growth, linear, rtol=0.1)
+    assert each(found, ENDS.steady)[1]
+
+
+def test_slower_velocity_is_in_the_same_class_as_the_faster():
+    rig = rig_of("slip", 1.2 * critical_stiffness(1e3), 1e3)
+    ends = [
+        end_state(rig, V0, velocity_start(rig, V0, d), horizon=30 * PERIOD, decay=1e-3)
+        for d in (0.05, -0.05)
+    ]
+    assert [name_of(e.code) for e in ends] == ["steady", "steady"]
+
+
+# ---- the limit cycle ----------------------------------------------------------------------
+
+CYCLE = {"k": 0.6 * K_MASSLESS, "mass": 1e4}
+
+
+@functools.cache
+def scipy_cycle():
+    """Amplitudes, least velocity and period of stick-slip; y = (elongation, ln V, theta)."""
+    k, mass = CYCLE["k"], CYCLE["mass"]
+
+    def rate(t, y):
+        V = V0 * np.exp(y[1])
+        f = 0.6 + A * y[1] + y[2]
+        return [V0 - V, (0.6 + k * y[0] - f) / (mass * V), B / L * (V0 * np.exp(-y[2] / B) - V)]
+
+    y, T = [5 * UM, 0.0, 0.0], 60 * PERIOD
+    crossing = lambda t, y: y[1]  # noqa: E731
+    crossing.direction = 1
+    s = solve_ivp(rate, (0, T), y, "Radau", rtol=1e-9, atol=1e-11, events=crossing, max_step=T)
+    late = s.t > T / 2
+    V, d = V0 * np.exp(s.y[1][late]), -s.y[0][late]
+    times = s.t_events[0][s.t_events[0] > T / 2]
+    assert len(times) > 5
+    return np.ptp(V) / 2, np.ptp(d) / 2, V.min(), np.diff(times).mean()
+
+
+def test_limit_cycle_against_scipy():
+    rig = rig_of("ageing", **CYCLE, regularised=True)
+    end = end_state(rig, V0, jump_start(rig, V0, 5 * UM), horizon=40 * PERIOD)
+    assert name_of(end.code) == "limit_cycle"
+    found = (end.velocity_amplitude, end.slip_amplitude, end.least_velocity, end.period)
+    # Extremes are those of the solver's steps, a little inside the true ones.
+    for value, truth, rel in zip(found, scipy_cycle(), (2e-2, 5e-3, 2e-2, 5e-3), strict=True):
+        assert value == pytest.approx(truth, rel=rel)
+    assert 10 * V0 < end.velocity_amplitude and end.least_velocity < 0.2 * V0
+    assert abs(end.growth) < 1e-5
+
+
+# ---- starts, maps, basins -----------------------------------------------------------------
+
+
+def test_standard_starts():
+    policy = {"horizon": 25 * PERIOD, "contact_time": 100.0}
+    soft = check_starts(rig_of("ageing", 0.6 * K_MASSLESS, 1e2, regularised=True), V0, **policy)
+    stiff = check_starts(rig_of("ageing", 3 * K_MASSLESS, 1e2, regularised=True), V0, **policy)
+    assert soft.period.shape == (len(STARTS),)
+    assert counts(soft) == {"steady": 0, "limit_cycle": 5, "escape": 0, "unresolved": 0}
+    assert counts(stiff) == {"steady": 5, "limit_cycle": 0, "escape": 0, "unresolved": 0}
+    # One and the same cycle from everywhere.
+    np.testing.assert_allclose(soft.period, soft.period[0], rtol=2e-2)
+    with pytest.raises(InputError, match="start at rest"):
+        check_starts(rig_of("ageing", 1e3, 1e2), V0, horizon=PERIOD)
+
+
+def test_a_light_slider_does_not_sit_on_its_unstable_motion():
+    rig = rig_of("slip", 0.5 * K_MASSLESS, 1e-4)
+    ends = check_starts(rig, V0, horizon=30 * PERIOD, at_rest=False)
+    assert counts(ends)["limit_cycle"] == 4
+
+
+def test_a_batch_survives_what_does_not():
+    """A massless runaway, a solver that gives up, and a neighbour which is steady."""
+    rig = rig_of("slip", 0.5 * K_MASSLESS)
+    ends = check_starts(rig, V0, horizon=30 * PERIOD, at_rest=False)
+    assert counts(ends)["escape"] == 4 and np.all(np.isinf(ends.period))
+    assert not np.any(np.isnan(ends.growth))
+
+
+def test_stick_slip_disappears_with_stiffness_and_with_damping():
+    rig = rig_of("slip", 1.0, 1e2, regularised=True)
+    k_p = K_MASSLESS * np.asarray([0.5, 1.5, 4.0])[:, None]
+    k_v = np.asarray([0.0, 2 * (B - A) / V0])
+    ends = end_map(rig, V0, k_p, k_v, horizon=40 * PERIOD)
+    assert ends.period.shape == (3, 2)
+    steady = each(ends, ENDS.steady)
+    assert not steady[0, 0] and steady[2, 0] and steady[:, 1].all()
+
+
+@functools.cache
+def slip_basin():
+    """Slip law, massless, twice the critical stiffness: linearly stable, finite basin."""
+    return basin(rig_of("slip", 2 * K_MASSLESS), V0, horizon=25 * PERIOD)
+
+
+def runs_away(ratio):
+    law = reference.Law("slip", 0.6, A, (B,), (L,))
+    motion = reference.Motion((0.0, 1.0), (V0, ratio * V0))
+    ts = np.linspace(0.0, 25 * PERIOD / ratio, 50)
+    try:
+        V = reference.solve(law, motion, 2 * K_MASSLESS, ts, rtol=1e-9).V
+    except RuntimeError:
+        return True
+    return bool(V.max() > 1e4 * ratio * V0)
+
+
+def test_the_slip_law_has_a_finite_basin_above_the_critical_stiffness():
+    found = slip_basin()
+    assert 10.0 < found.size < 11.0  # a tenfold step is just survived
+    assert found.size == found.up < found.lost < 1.012 * found.size
+    assert found.down > 999 and name_of(found.reason) == "escape"
+    assert not runs_away(0.99 * float(found.size)) and runs_away(1.01 * float(found.lost))
+
+
+def test_basin_against_a_scan():
+    rig, found = rig_of("slip", 2 * K_MASSLESS), slip_basin()
+    ratios = np.geomspace(1.1, 30.0, 40)
+
+    @jax.jit
+    @jax.vmap
+    def scan(r):
+        return end_state(rig, V0, step_start(rig, V0, r), horizon=25 * PERIOD).code == ENDS.steady
+
+    survived = np.asarray(scan(jnp.asarray(ratios)))
+    assert survived[ratios <= float(found.size)].all()
+    assert not survived[ratios >= float(found.lost)].any()
+
+
+def test_no_basin_below_and_all_of_it_far_above():
+    policy = {"horizon": 25 * PERIOD, "points": 4, "rounds": 2}
+    none = basin(rig_of("slip", 0.9 * K_MASSLESS), V0, kind="jump", **policy)
+    every = basin(rig_of("ageing", 5 * K_MASSLESS), V0, kind="jump", largest=20.0, **policy)
+    assert none.size == 1.0 and none.lost < 5.0
+    assert every.size == pytest.approx(20.0) and np.isinf(every.lost)
+    assert name_of(every.reason) == "steady"
+    with pytest.raises(InputError, match="kind is 'push'"):
+        basin(rig_of("slip", 1e3), V0, kind="push", horizon=PERIOD)  # pyright: ignore[reportArgumentType]
