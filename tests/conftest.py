@@ -1,5 +1,18 @@
-"""Fits and tight tolerances need 64-bit numbers; the package itself never sets this."""
+"""Fits and tight tolerances need 64-bit numbers; the package itself never sets this.
+
+Compiled functions are kept in pytest's cache folder: many tests compile the same ones.
+"""
+
+from pathlib import Path
 
 import jax
 
 jax.config.update("jax_enable_x64", True)
+
+
+def pytest_configure(config):
+    """Share compiled functions between tests, workers and runs."""
+    folder = Path(config.rootpath) / ".pytest_cache" / "jax"
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

@@ -113,11 +113,11 @@ def compared():
 
 @pytest.mark.parametrize("i", range(len(CASES)), ids=list(CASES))
 def test_agrees_with_scipy(i):
-    """To 10 rtol, for small and large deviations alike."""
+    """To rtol, for small and large deviations alike; measured, 6e-10 at most."""
     points, found, true = compared()
     trajectory = jax.tree.map(lambda x: x[i], found)
     assert trajectory.result == jf.RESULTS.successful and trajectory.state.shape == (len(TS), 0)
-    assert max(errors(trajectory, true[i], points[i]).values()) < 1e-7
+    assert max(errors(trajectory, true[i], points[i]).values()) < 1e-8
 
 
 def test_a_slightly_wrong_delay_is_caught():
@@ -156,7 +156,7 @@ def test_derivatives_are_finite_differences():
 
     forward = np.asarray(jax.jit(jax.jacfwd(f))(jnp.asarray(MIDDLE))) * MIDDLE
     for i, name in enumerate(NAMES):
-        assert_close_to_largest(forward[:, i], truth[:, i], 1e-5, what=name)
+        assert_close_to_largest(forward[:, i], truth[:, i], 1e-6, what=name)
 
     weights = np.random.default_rng(22).normal(size=forward.shape[0])
     adjoint = diffrax.RecursiveCheckpointAdjoint()

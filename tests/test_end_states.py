@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from jaxfric.errors import InputError
-from jaxfric.gains.check import STARTS, basin, check_starts, end_map, end_state
+from jaxfric.gains.check import STARTS, Policy, basin, check_starts, end_map, end_state
 from jaxfric.gains.ends import ENDS, classify, counts
-from jaxfric.simulation import jump_start, step_start, velocity_start
+from jaxfric.simulation import jump_start, step_start
 
 V0 = UM
 A, B, L = 0.010, 0.015, 10 * UM
@@ -35,8 +35,9 @@ def each(ends, condition):
     return np.asarray(ends.code == condition)
 
 
-def rig_of(kind, k, mass=0.0, damping=None, *, regularised=False):
-    machine = jf.Inertial(mass, k, damping) if mass else jf.QuasiStatic(k, damping)
+def rig_of(kind, k, mass=None, damping=None, *, regularised=False):
+    light = mass is None
+    machine = jf.QuasiStatic(k, damping) if light else jf.Inertial(mass, k, damping)
     return jf.Rig(machine, make_law(kind, (B,), (L,), regularised=regularised))
 
 
@@ -59,7 +60,7 @@ def signal(name):
         "has decayed": np.exp(-0.5 * t),
         "grows": 0.001 * np.exp(0.08 * t),
         "stays": np.ones_like(t),
-        "comes down to a cycle": 0.3 + 3 * np.exp(-0.06 * t),
+        "comes down to a cycle": 0.3 + 3 * np.exp(-0.1 * t),
     }
     if name in envelope:
         a = 0.9 * envelope[name]
@@ -124,34 +125,25 @@ def roots(k, mass, damping=0.0):
 
 
 @pytest.mark.parametrize("kind", ["slip", "ageing"])
-@pytest.mark.parametrize(("mass", "damping"), [(1e3, 0.0), (1e5, 500.0)])
-def test_small_perturbations_grow_below_the_critical_stiffness(kind, mass, damping):
-    ratios = np.asarray([0.97, 1.03])
-    stiffness = ratios * critical_stiffness(mass, damping)
+def test_small_perturbations_grow_below_the_critical_stiffness(kind):
+    cases = [(ratio, m, c) for m, c in ((1e3, 0.0), (1e5, 500.0)) for ratio in (0.97, 1.03)]
+    mass, damping = (np.asarray(x) for x in list(zip(*cases, strict=True))[1:])
+    stiffness = np.asarray([r * critical_stiffness(m, c) for r, m, c in cases])
 
     @jax.jit
     @jax.vmap
-    def ends(k):
-        rig = rig_of(kind, k, mass, damping)
-        start = jump_start(rig, V0, 1e-3 * A / k)
-        return end_state(rig, V0, start, horizon=24 * PERIOD)
+    def ends(k, m, c):
+        rig = rig_of(kind, k, m, c)
+        start = jump_start(rig, V0, 5e-3 * A / k)
+        return end_state(rig, V0, start, horizon=44 * PERIOD, policy=Policy(rtol=1e-7))
 
-    found = ends(jnp.asarray(stiffness))
-    linear = [max(r.real for r in roots(k, mass, damping)) for k in stiffness]
-    assert linear[0] > 0 > linear[1]
-    assert found.growth[0] > 0 > found.growth[1]
+    found = ends(*(jnp.asarray(x) for x in (stiffness, mass, damping)))
+    linear = [max(r.real for r in roots(*x)) for x in zip(stiffness, mass, damping, strict=True)]
+    assert np.all(np.sign(found.growth) == [1, -1, 1, -1])
+    assert np.all(np.sign(linear) == [1, -1, 1, -1])
     # Windows hold no whole number of periods, hence 10 %.
     np.testing.assert_allclose(found.growth, linear, rtol=0.1)
-    assert each(found, ENDS.steady)[1]
-
-
-def test_slower_velocity_is_in_the_same_class_as_the_faster():
-    rig = rig_of("slip", 1.2 * critical_stiffness(1e3), 1e3)
-    ends = [
-        end_state(rig, V0, velocity_start(rig, V0, d), horizon=30 * PERIOD, decay=1e-3)
-        for d in (0.05, -0.05)
-    ]
-    assert [name_of(e.code) for e in ends] == ["steady", "steady"]
+    np.testing.assert_array_equal(each(found, ENDS.limit_cycle), [True, False, True, False])
 
 
 # ---- the limit cycle ----------------------------------------------------------------------
@@ -188,7 +180,7 @@ def test_limit_cycle_against_scipy():
     # Extremes are those of the solver's steps, a little inside the true ones.
     for value, truth, rel in zip(found, scipy_cycle(), (2e-2, 5e-3, 2e-2, 5e-3), strict=True):
         assert value == pytest.approx(truth, rel=rel)
-    assert 10 * V0 < end.velocity_amplitude and end.least_velocity < 0.2 * V0
+    assert end.velocity_amplitude > 10 * V0 and end.least_velocity < 0.2 * V0
     assert abs(end.growth) < 1e-5
 
 

@@ -15,6 +15,8 @@ from ..errors import InputError
 from .fit import fit
 from .gains import gains
 from .record import record
+from .simulate import simulate
+from .stability import stability
 
 app = cyclopts.App(
     name="jaxfric",
@@ -22,7 +24,7 @@ app = cyclopts.App(
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
-for verb in (record, fit, gains):
+for verb in (record, fit, gains, stability, simulate):
     app.command(verb)
 
 

@@ -59,9 +59,9 @@ class EndState(eqx.Module):
 
 
 def classify(
-    time: Float[Array, " n"],
-    velocity: Float[Array, " n"],
-    deviation: Float[Array, " n"],
+    time: ArrayLike,
+    velocity: ArrayLike,
+    deviation: ArrayLike,
     commanded: Float[Array, ""],
     *,
     begin: ArrayLike,
@@ -76,13 +76,14 @@ def classify(
 
     steady       a4 < `small`, or decaying: ln(a4/a3) < -0.22 (or half of what the rate
                  `decay` [1/s] promises, if that is less), and not braking, as the approach of a
-                 limit cycle does: ln(a4/a3) is a quarter of ln(a3/a2) or more where a4 < 0.3; 0.8
-                 of it above that, and each window then holds two cycles
+                 limit cycle does: ln(a4/a3) is at least half of ln(a3/a2) where a window holds
+                 two cycles, else a quarter of it with a4 < 0.3
     limit_cycle  otherwise, if the slip crosses the middle of its range twice or more in the
                  last half: amplitude and period are then those of it
     unresolved   otherwise
     """
-    time, V0 = jnp.asarray(time), jnp.abs(commanded)
+    time, velocity, deviation = (jnp.asarray(x) for x in (time, velocity, deviation))
+    V0 = jnp.abs(commanded)
     size = jnp.log1p(jnp.abs(velocity - commanded) / V0)
     window = (jnp.asarray(end) - begin) / 4
     a2, a3, a4 = (_largest(time, size, end - k * window, end - (k - 1) * window) for k in (3, 2, 1))
@@ -95,8 +96,9 @@ def classify(
     count, period = _upward(time, deviation - 0.5 * (low + high), half)
     oscillates = count >= 2
     before = jnp.minimum(before, 0.0)
-    keeps_on = (a4 < _LINEAR) & (last <= 0.25 * before)
-    keeps_on = keeps_on | ((count >= _CYCLES) & (last <= 0.8 * before))
+    keeps_on = jnp.where(
+        count >= _CYCLES, last <= 0.5 * before, (a4 < _LINEAR) & (last <= 0.25 * before)
+    )
     steady = (a4 < small) | ((last < clear) & keeps_on)
     code = ENDS.where(
         steady, ENDS.steady, ENDS.where(oscillates, ENDS.limit_cycle, ENDS.unresolved)

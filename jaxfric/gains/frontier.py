@@ -10,13 +10,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..stability.kernel import kernel_total
 from ..stability.linear import LinearFriction
 from ..stability.theorem import theorem
 from .requirement import Requirement
 from .scenarios import Scenarios
+from .slack import slacks
 
 _BISECTIONS = 28
 _ZOOMS = 5
@@ -86,57 +86,37 @@ def _within(values, low, high) -> np.ndarray:
     return np.unique(np.concatenate([kept, ends]))
 
 
-@eqx.filter_jit
-def worst_slack(
-    requirement: Requirement,
-    friction: LinearFriction,
-    mass: Float[Array, " n"] | None,
-    unit: Float[Array, " 2"],
-    gains: Float[Array, "p 2"],
-) -> Float[Array, "p n"]:
-    """Least slack of every scenario at every pair of gains."""
-
-    def one(gains, friction, mass):
-        return jnp.min(requirement.slack(gains, friction, mass, unit))
-
-    over = jax.vmap(one, in_axes=(None, 0, None if mass is None else 0))
-    return jax.vmap(over, in_axes=(0, None, None))(gains, friction, mass)
-
-
-@eqx.filter_jit
 def lowest(
     requirement: Requirement,
-    friction: LinearFriction,
-    mass: Float[Array, " n"] | None,
-    unit: Float[Array, " 2"],
-    u: Float[Array, "p q"],
-    v: Float[Array, " p"],
-) -> Float[Array, " p"]:
-    """For each v the smallest u of its row that all scenarios accept, refined; inf if none."""
+    scenarios: Scenarios,
+    region: Region,
+    u: np.ndarray,
+    v: np.ndarray,
+    *,
+    along: int = 0,
+) -> np.ndarray:
+    """For each v the smallest u that all scenarios accept; inf if none of the given `u` is.
 
-    def accepted(u, v):
-        def one(friction, mass):
-            gains = jnp.stack([u, v]) * unit
-            return jnp.min(requirement.slack(gains, friction, mass, unit))
+    `u` ascends. The first accepted one is refined by bisection towards the one before it.
+    With `along` 1 the two change places: u is damping and v stiffness.
+    """
 
-        axes = (0, None if mass is None else 0)
-        return jnp.min(jax.vmap(one, in_axes=axes)(friction, mass)) >= 0
+    def accepted(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        pair = np.stack([u, v] if along == 0 else [v, u], axis=-1) * region.unit
+        found = slacks(requirement, scenarios, region.unit, pair.reshape(-1, 2))
+        return np.min(found, axis=1).reshape(u.shape) >= 0
 
-    def at(u, v):
-        good = jax.vmap(accepted, in_axes=(0, None))(u, v)
-        first = jnp.argmax(good)
-        low, high = u[jnp.maximum(first - 1, 0)], u[first]
-
-        def halve(_, ends):
-            low, high = ends
-            middle = jnp.where(low > 0, jnp.sqrt(low * high), 0.5 * high)
-            good = accepted(middle, v)
-            return jnp.where(good, low, middle), jnp.where(good, middle, high)
-
-        low, high = jax.lax.fori_loop(0, _BISECTIONS, halve, (low, high))
-        return jnp.where(jnp.any(good), high, jnp.inf)
-
-    return jax.vmap(at)(u, v)
+    good = accepted(*np.broadcast_arrays(u[None, :], v[:, None]))
+    first = np.argmax(good, axis=1)
+    some = good.any(axis=1)
+    low, high = u[np.maximum(first - 1, 0)][some], u[first][some]
+    for _ in range(_BISECTIONS if some.any() else 0):
+        middle = np.where(low > 0, np.sqrt(low * high), 0.5 * high)
+        good = accepted(middle, v[some])
+        low, high = np.where(good, low, middle), np.where(good, middle, high)
+    result = np.full(v.size, np.inf)
+    result[some] = high
+    return result
 
 
 class Start(NamedTuple):
@@ -150,7 +130,7 @@ class Start(NamedTuple):
 def basins(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[Start]:
     """Local minima of the norm along the whole frontier, each refined by zooming in."""
     u, v = axes(region)
-    found = _lowest(requirement, scenarios, region, np.tile(u, (v.size, 1)), v)
+    found = lowest(requirement, scenarios, region, u, v)
     norm = region.norm(np.stack([found, v], axis=1) * region.unit)
     starts = []
     for i in range(v.size):
@@ -160,6 +140,23 @@ def basins(requirement: Requirement, scenarios: Scenarios, region: Region) -> li
             near = slice(max(i - 1, 0), i + 2)
             starts.append(zoom(requirement, scenarios, region, found[near], v[near]))
     return starts
+
+
+def alone(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[Start]:
+    """The smallest stiffness with the least damping, and the smallest damping with the least
+    stiffness: how the slider is held by one of the two alone. Those that exist."""
+    found = []
+    low = region.lower / region.unit
+    for along, axis in enumerate(axes(region)):
+        value = lowest(
+            requirement, scenarios, region, axis, low[1 - along : 2 - along], along=along
+        )[0]
+        if np.isfinite(value):
+            pair = np.where(np.arange(2) == along, value, low)
+            found.append(
+                Start(float(pair[0]), float(pair[1]), float(region.norm(pair * region.unit)))
+            )
+    return found
 
 
 def zoom(
@@ -179,7 +176,7 @@ def zoom(
         row = np.geomspace(0.1 * max(np.min(inside), limits[0]), 10 * np.max(inside), _LOCAL_POINTS)
         row = np.clip(row, *limits)
         v = np.linspace(v[0], v[-1], _ZOOM_POINTS)
-        u = _lowest(requirement, scenarios, region, np.tile(row, (v.size, 1)), v)
+        u = lowest(requirement, scenarios, region, row, v)
         norm = region.norm(np.stack([u, v], axis=1) * region.unit)
         i = int(np.argmin(norm))
         if norm[i] < best.norm:
@@ -187,10 +184,3 @@ def zoom(
         near = slice(max(i - 1, 0), i + 2)
         u, v = u[near], v[near]
     return best
-
-
-def _lowest(requirement, scenarios: Scenarios, region: Region, u, v) -> np.ndarray:
-    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
-    unit = jnp.asarray(region.unit)
-    found = lowest(requirement, scenarios.friction, mass, unit, jnp.asarray(u), jnp.asarray(v))
-    return np.asarray(found)

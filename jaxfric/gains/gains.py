@@ -9,12 +9,14 @@ from jaxtyping import ArrayLike
 from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..stability.margins import UNITS
+from .frontier import Start
 from .kkt import Optimum
 from .margins import margin_values
 from .requirement import Requirement
 from .result import Basin, Certificate, Gains, WorstCase
 from .scenarios import Scenarios, one_sample
-from .solve import Solution, drop_samples, make_region, slacks, solve
+from .slack import slacks
+from .solve import Solution, drop_samples, make_region, solve
 from .source import LawSource
 from .verify import choose, verify
 
@@ -97,7 +99,7 @@ def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
 
 def _difficulty(requirement, scenarios: Scenarios, region, optimum: Optimum) -> np.ndarray:
     """For each sample, how much less than the requirement it has at the optimum."""
-    slack = slacks(requirement, scenarios, region, optimum.gains)[0]
+    slack = slacks(requirement, scenarios, region.unit, optimum.gains)[0]
     samples = np.unique(scenarios.sample)
     return np.asarray([-np.min(slack[scenarios.sample == s]) for s in samples])
 
@@ -109,7 +111,8 @@ def _result(
     best = solution.optima[0]
     kp, kv = (float(x) for x in best.gains)
     worst = _worst(scenarios, best.gains)
-    parts = tuple(_basin(requirement, solution, optimum) for optimum in solution.optima)
+    parts = [_basin(requirement, solution, optimum) for optimum in solution.optima]
+    parts += [_alone(requirement, solution, start) for start in solution.alone]
     certificate = Certificate(
         best.residual, solution.grid_points, solution.smaller_found, solution.rounds
     )
@@ -117,7 +120,7 @@ def _result(
         kp,
         kv,
         best.norm,
-        parts,
+        tuple(parts),
         worst,
         scenarios,
         requirement,
@@ -126,7 +129,7 @@ def _result(
         kept,
         certificate,
         source.text,
-        warnings=tuple(_warnings(parts, region)),
+        warnings=tuple(_warnings(parts[0], region)),
     )
 
 
@@ -142,7 +145,7 @@ def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
 
 def _basin(requirement, solution: Solution, optimum: Optimum) -> Basin:
     u, v = optimum.gains / solution.region.unit
-    slack = slacks(requirement, solution.scenarios, solution.region, optimum.gains)
+    slack = slacks(requirement, solution.scenarios, solution.region.unit, optimum.gains)
     active = tuple(solution.carried.describe(index) for index in optimum.active)
     kp, kv = (float(x) for x in optimum.gains)
     return Basin(
@@ -154,12 +157,21 @@ def _basin(requirement, solution: Solution, optimum: Optimum) -> Basin:
         optimum.residual,
         active,
         optimum.at_limit,
+        True,
     )
 
 
-def _warnings(parts: tuple[Basin, ...], region) -> list[str]:
+def _alone(requirement, solution: Solution, start: Start) -> Basin:
+    pair = np.asarray(start[:2]) * solution.region.unit
+    slack = slacks(requirement, solution.scenarios, solution.region.unit, pair)[0]
+    worst = (solution.scenarios.describe(int(np.argmin(slack))),)
+    name = "damped" if start.v > start.u else "stiff"
+    kp, kv = (float(x) for x in pair)
+    return Basin(name, kp, kv, start.norm, float(np.min(slack)), np.inf, worst, True, False)
+
+
+def _warnings(best: Basin, region) -> list[str]:
     texts = []
-    best = parts[0]
     if best.kp <= region.lower[0] * (1 + 1e-6):
         texts.append(
             "k_p is at its lower limit: any positive stiffness meets the requirement; give a"
@@ -223,7 +235,7 @@ def check_gains(
 
 
 def _least_slack(gains: Gains, values: np.ndarray) -> np.ndarray:
-    return slacks(gains.requirement, gains.scenarios, gains.region, values)[0]
+    return slacks(gains.requirement, gains.scenarios, gains.region.unit, values)[0]
 
 
 def _raise(few: Scenarios, values: np.ndarray, basin: float, largest: float) -> float:

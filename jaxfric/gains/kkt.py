@@ -1,10 +1,12 @@
-"""Exact optimum near a start: the Karush-Kuhn-Tucker equations for every likely active set.
+"""Exact optimum near a start: sequential quadratic programming in two unknowns.
 
     W^2 x = sum_i l_i grad c_i(x),   c_i(x) = 0 and l_i >= 0 for the active i,   c_i(x) >= 0
 
-x = (u, v) are gains in natural units, W the weights of the norm. Two unknowns have at most two
-active constraints that matter, so all pairs and singles of the few constraints with the least slack
-are solved at once by Newton's method (optimistix) and the valid solution of least norm is kept.
+x = (u, v) are gains in natural units, W the weights of the norm. Each step solves the quadratic
+model of norm and Lagrangian under the linearised constraints exactly: in two unknowns at most
+two of them decide, so all singles and pairs are tried. Gradients are exact; their derivative, which
+only sets the speed, is by central differences: second derivatives of roots took a minute to
+compile.
 """
 
 import itertools
@@ -14,17 +16,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from ..stability.linear import LinearFriction
 from .frontier import Region, Start
 from .requirement import Requirement
-from .scenarios import Scenarios
+from .scenarios import Scenarios, padded
 
-_LIKELY = 5
-_STEPS = 25
-# How far a solution may miss a constraint, relative to its requirement, and a multiplier zero.
+_LIKELY = 6
+_STEPS = 30
+_DIFFERENCE = 1e-5
+# How far a solution may miss a constraint, relative to its requirement.
 FEASIBLE = 1e-10
 
 
@@ -41,124 +43,149 @@ class Optimum(NamedTuple):
     """Whether a limit of the gains is active."""
 
 
+class _Model(NamedTuple):
+    """Constraints c >= 0 with gradients g, and the gradient of the norm p, at a point."""
+
+    c: np.ndarray
+    g: np.ndarray
+    p: np.ndarray
+
+
 def polish(requirement: Requirement, scenarios: Scenarios, region: Region, start: Start) -> Optimum:
-    """The optimum near `start`; `start` itself, with its residual, where Newton finds none."""
-    friction = scenarios.friction
-    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
-    problem = _Problem(
-        requirement,
-        friction,
-        mass,
-        jnp.asarray(region.unit),
-        jnp.asarray(region.unit / region.scale),
-        jnp.asarray(np.clip(region.lower / region.unit, -1e30, 1e30)),
-        jnp.asarray(np.clip(region.upper / region.unit, -1e30, 1e30)),
-    )
-    x0 = jnp.asarray([start.u, start.v])
-    solved = _solve(problem, x0)
-    x, item, multiplier, residual, worst, moved = (np.asarray(part) for part in solved)
-    valid = (residual < 1e-8) & (worst > -FEASIBLE) & np.all(multiplier > -1e-9, axis=1)
-    valid &= moved < 0.3
-    norm = region.norm(x * region.unit)
+    """The optimum near `start`; the better of it and `start` where the steps do not converge."""
+    number = len(scenarios)
+    scenarios = scenarios.take(padded(np.arange(number)))
+    weight = np.square(region.unit / region.scale)
+    x = best = np.asarray([start.u, start.v])
+    least = np.linalg.norm(weight * x)
+
+    def model(x: np.ndarray) -> _Model:
+        c, g = _constraints(requirement, scenarios, region, x)
+        return _Model(c, g, weight * x / least)
+
+    multipliers: dict[int, float] = {}
+    trust, residual = 0.3, np.inf
+    for _ in range(_STEPS):
+        here = model(x)
+        multipliers = _multipliers(here)
+        rest = _residual(here, multipliers)
+        if np.min(here.c) > -1e-8 and rest <= residual:
+            best, residual = x, rest
+        if residual < 1e-12:
+            break
+        bend = np.diag(weight / least) - _curvature(model, x, multipliers)
+        step = _quadratic(here, bend)
+        size = np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * np.max(np.abs(x))))
+        if not np.isfinite(size) or size < 1e-15:
+            break
+        x = x + step * min(1.0, trust / size)
+    here = model(best)
+    multipliers = _multipliers(here)
     count = len(scenarios) * len(requirement.names)
-    if valid.any():
-        best = int(np.argmin(np.where(valid, norm, np.inf)))
-        used = [int(i) for i, m in zip(item[best], multiplier[best], strict=True) if m > 1e-9]
-        gains, rest = x[best], float(residual[best])
-    else:
-        used, rest = _least(problem, x0)
-        gains = np.asarray(x0)
-    active = sorted({i // len(requirement.names) for i in used if i < count})
-    limited = any(i >= count for i in used)
-    gains = gains * region.unit
-    return Optimum(gains, float(region.norm(gains)), rest, tuple(active), limited)
+    rows = {i // len(requirement.names) for i in multipliers if i < count}
+    active = sorted({row if row < number else 0 for row in rows})
+    gains = best * region.unit
+    return Optimum(
+        gains,
+        float(region.norm(gains)),
+        _residual(here, multipliers),
+        tuple(active),
+        any(i >= count for i in multipliers),
+    )
 
 
-class _Problem(eqx.Module):
-    requirement: Requirement
-    friction: LinearFriction
-    mass: Float[Array, " n"] | None
-    unit: Float[Array, " 2"]
-    weight: Float[Array, " 2"]
-    lower: Float[Array, " 2"]
-    upper: Float[Array, " 2"]
-
-    def items(self, x: Float[Array, " 2"]) -> Float[Array, " k"]:
-        """All constraints: slacks, scenario by scenario, then the four limits."""
-
-        def one(friction, mass):
-            return self.requirement.slack(x * self.unit, friction, mass, self.unit)
-
-        axes = (0, None if self.mass is None else 0)
-        slacks = jax.vmap(one, in_axes=axes)(self.friction, self.mass)
-        return jnp.concatenate([slacks.reshape(-1), x - self.lower, self.upper - x])
-
-    def item(self, k: Int[Array, ""], x: Float[Array, " 2"]) -> Float[Array, ""]:
-        """One constraint, without evaluating the others."""
-        kinds = len(self.requirement.names)
-        count = jax.tree.leaves(self.friction)[0].shape[0]
-        row = jnp.minimum(k // kinds, count - 1)
-        friction = jax.tree.map(lambda leaf: leaf[row], self.friction)
-        mass = None if self.mass is None else self.mass[row]
-        slack = self.requirement.slack(x * self.unit, friction, mass, self.unit)[k % kinds]
-        limits = jnp.concatenate([x - self.lower, self.upper - x])
-        return jnp.where(k < count * kinds, slack, limits[jnp.clip(k - count * kinds, 0, 3)])
+def _constraints(requirement, scenarios: Scenarios, region: Region, x: np.ndarray):
+    """All constraints and their gradients: slacks, scenario by scenario, then the four limits."""
+    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
+    unit = jnp.asarray(region.unit)
+    slack, slope = _slacks(requirement, scenarios.friction, mass, unit, jnp.asarray(x))
+    low, high = region.lower / region.unit, np.minimum(region.upper / region.unit, 1e30)
+    limits = np.concatenate([x - low, high - x])
+    c = np.concatenate([np.asarray(slack), limits])
+    return c, np.concatenate([np.asarray(slope), np.eye(2), -np.eye(2)])
 
 
 @eqx.filter_jit
-def _solve(problem: _Problem, x0: Float[Array, " 2"]):
-    slack = problem.items(x0)
-    _, likely = jax.lax.top_k(-slack, min(_LIKELY, slack.shape[0]))
-    choices = [(i, i) for i in range(likely.shape[0])]
-    choices += list(itertools.combinations(range(likely.shape[0]), 2))
-    pairs = likely[np.asarray(choices)]
-    size = jnp.linalg.norm(problem.weight**2 * x0)
+def _slacks(
+    requirement: Requirement,
+    friction: LinearFriction,
+    mass: Float[Array, " n"] | None,
+    unit: Float[Array, " 2"],
+    x: Float[Array, " 2"],
+) -> tuple[Float[Array, " k"], Float[Array, "k 2"]]:
+    def all_of(x):
+        def one(friction, mass):
+            return requirement.slack(x * unit, friction, mass, unit)
 
-    def one(pair):
-        single = pair[0] == pair[1]
+        axes = (0, None if mass is None else 0)
+        return jax.vmap(one, in_axes=axes)(friction, mass).reshape(-1)
 
-        def conditions(z, args):
-            del args
-            x, m = z[:2], z[2:]
-            (c0, g0), (c1, g1) = (_with_gradient(problem, k, x) for k in (pair[0], pair[1]))
-            balance = (problem.weight**2 * x) / size - m[0] * g0 - m[1] * g1
-            return jnp.concatenate([balance, jnp.stack([c0, jnp.where(single, m[1], c1)])])
-
-        m0 = _multipliers(problem, pair, single, x0, size)
-        solver = optx.Newton(rtol=1e-13, atol=1e-13)
-        z0 = jnp.concatenate([x0, m0])
-        z = optx.root_find(conditions, solver, z0, max_steps=_STEPS, throw=False).value
-        good = jnp.all(jnp.isfinite(z))
-        z = jnp.where(good, z, z0)
-        residual = jnp.where(good, jnp.max(jnp.abs(conditions(z, None))), jnp.inf)
-        moved = jnp.linalg.norm((z[:2] - x0) * problem.weight)
-        moved = moved / jnp.linalg.norm(x0 * problem.weight)
-        return z[:2], pair, z[2:], residual, jnp.min(problem.items(z[:2])), moved
-
-    return jax.vmap(one)(pairs)
+    return all_of(x), jax.jacfwd(all_of)(x)
 
 
-def _with_gradient(problem: _Problem, k, x):
-    return problem.item(k, x), jax.jacfwd(lambda x: problem.item(k, x))(x)
+def _near(here: _Model) -> np.ndarray:
+    """Constraints that may be active: those that a small step would reach."""
+    distance = here.c / np.maximum(np.linalg.norm(here.g, axis=1), 1e-300)
+    return np.argsort(distance)[:_LIKELY]
 
 
-def _multipliers(problem: _Problem, pair, single: Bool[Array, ""], x, size) -> Float[Array, " 2"]:
-    """Least-squares multipliers at the start."""
-    (_, g0), (_, g1) = (_with_gradient(problem, k, x) for k in (pair[0], pair[1]))
-    pull = problem.weight**2 * x / size
-    alone = g0 @ pull / jnp.maximum(g0 @ g0, 1e-300)
-    det = g0[0] * g1[1] - g0[1] * g1[0]
-    det = jnp.where(det == 0, jnp.inf, det)
-    both = jnp.stack([pull[0] * g1[1] - pull[1] * g1[0], g0[0] * pull[1] - g0[1] * pull[0]]) / det
-    return jnp.where(single, jnp.stack([alone, 0.0]), both)
+def _combinations(near: np.ndarray):
+    singles = [(int(i),) for i in near]
+    return [*singles, *itertools.combinations((int(i) for i in near), 2)]
 
 
-def _least(problem: _Problem, x: Float[Array, " 2"]) -> tuple[list[int], float]:
-    """The most likely active constraint at a start that Newton could not better, and the residual
-    that its multiplier leaves."""
-    k = jnp.argmin(problem.items(x))
-    size = jnp.linalg.norm(problem.weight**2 * x)
-    m = _multipliers(problem, (k, k), jnp.asarray(True), x, size)
-    _, g = _with_gradient(problem, k, x)
-    rest = jnp.linalg.norm(problem.weight**2 * x / size - m[0] * g)
-    return [int(k)], float(rest)
+def _multipliers(here: _Model, *, close: float = 1e-7) -> dict[int, float]:
+    """Non-negative multipliers of the constraints met within `close` that balance best."""
+    near = [i for i in _near(here) if here.c[i] < close]
+    if not near:
+        near = [int(_near(here)[0])]
+    best, found = np.linalg.norm(here.p), {}
+    for some in _combinations(np.asarray(near)):
+        g = here.g[list(some)]
+        m, *_ = np.linalg.lstsq(g.T, here.p, rcond=None)
+        rest = np.linalg.norm(here.p - g.T @ m)
+        if np.all(m >= 0) and rest < best * (1 - 1e-9) - 1e-15:
+            best, found = rest, dict(zip(some, (float(v) for v in m), strict=True))
+    return found
+
+
+def _residual(here: _Model, multipliers: dict[int, float]) -> float:
+    pull = sum((m * here.g[i] for i, m in multipliers.items()), start=np.zeros(2))
+    return float(np.linalg.norm(here.p - pull) / np.linalg.norm(here.p))
+
+
+def _curvature(model, x: np.ndarray, multipliers: dict[int, float]) -> np.ndarray:
+    """Hessian of sum l_i c_i, by central differences of gradients."""
+    columns = []
+    for j in range(2):
+        h = np.zeros(2)
+        h[j] = _DIFFERENCE * max(abs(x[j]), 1e-3 * np.max(np.abs(x)))
+        ahead, behind = model(x + h).g, model(x - h).g
+        pull = sum((m * (ahead[i] - behind[i]) for i, m in multipliers.items()), np.zeros(2))
+        columns.append(pull / (2 * h[j]))
+    matrix = np.stack(columns, axis=1)
+    return 0.5 * (matrix + matrix.T)
+
+
+def _quadratic(here: _Model, bend: np.ndarray) -> np.ndarray:
+    """The step that minimises p.d + d.H.d/2 under c + g.d >= 0, over the likely constraints."""
+    near = _near(here)
+    c, g = here.c[near], here.g[near]
+    best, found = np.inf, np.full(2, np.nan)
+    for some in _combinations(np.arange(near.size)):
+        rows = list(some)
+        n = len(rows)
+        system = np.zeros((2 + n, 2 + n))
+        system[:2, :2] = bend
+        system[:2, 2:] = -g[rows].T
+        system[2:, :2] = g[rows]
+        try:
+            solved = np.linalg.solve(system, np.concatenate([-here.p, -c[rows]]))
+        except np.linalg.LinAlgError:
+            continue
+        step, m = solved[:2], solved[2:]
+        allowed = np.all(c + g @ step >= -1e-9 * (1 + np.abs(c))) and np.all(m >= -1e-9)
+        value = here.p @ step + 0.5 * step @ bend @ step
+        if allowed and value < best:
+            best, found = value, step
+    return found

@@ -32,6 +32,8 @@ class Basin:
     """The scenarios in which the requirement is just met."""
     at_limit: bool
     """Whether a limit of the gains is active; for k_p its lower limit stands for k_p -> 0."""
+    minimum: bool = True
+    """False: no local minimum of the norm, but what stiffness or damping alone would need."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ class Gains:
     kv: float
     norm: float
     basins: tuple[Basin, ...]
-    """All local optima, the smallest norm first."""
+    """All local optima, the smallest norm first; then the way that is no optimum, if there is one:
+    held by stiffness alone, or by damping alone."""
     margins: Mapping[str, WorstCase]
     scenarios: Scenarios
     requirement: Requirement
@@ -101,6 +104,7 @@ class Gains:
                     "kkt": _number(basin.kkt),
                     "active": list(basin.active),
                     "at_limit": basin.at_limit,
+                    "minimum": basin.minimum,
                 }
                 for basin in self.basins
             ],

@@ -93,6 +93,12 @@ class Scenarios:
         }
 
 
+def padded(index: np.ndarray, *, size: int = 16) -> np.ndarray:
+    """Repeats of the first fill the length up to a multiple of `size`: few shapes to compile."""
+    more = -len(index) % size
+    return np.concatenate([index, np.full(more, index[0], index.dtype)])
+
+
 def number_of_samples(laws: AbstractLaw | AbstractDelayLaw) -> int:
     """Length of the leading axis of a batch of laws."""
     return jax.tree.leaves(eqx.filter(laws, eqx.is_array))[0].shape[0]

@@ -16,21 +16,20 @@ A solution for some scenarios that violates none of the others is the solution f
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
-from .frontier import Region, Start, basins, natural_units, worst_slack, zoom
+from .frontier import Region, Start, alone, basins, natural_units, zoom
 from .kkt import Optimum, polish
 from .margins import margin_values
 from .requirement import Requirement
 from .scenarios import Scenarios
+from .slack import slacks
 
 _ROUNDS = 20
 _ADDED = 3
 _REFINED = 4
 _FINE = 33
-_CARRIED = 16
 _VIOLATED = 1e-7
 _LOWEST = 1e-9
 
@@ -39,6 +38,8 @@ class Solution(NamedTuple):
     """Local optima, smallest norm first, and what certifies them."""
 
     optima: list[Optimum]
+    alone: list[Start]
+    """Held by stiffness alone, by damping alone: those that exist and are no optimum."""
     carried: Scenarios
     scenarios: Scenarios
     region: Region
@@ -73,7 +74,9 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Sol
     starts = _fresh(requirement, carried, scenarios, region)
     for rounds in range(1, _ROUNDS + 1):
         optima = _distinct([polish(requirement, carried, region, start) for start in starts])
-        worse = _violated(requirement, scenarios, region, optima)
+        single = alone(requirement, carried, region)
+        every = [*(o.gains for o in optima), *(np.asarray(s[:2]) * region.unit for s in single)]
+        worse = _violated(requirement, scenarios, region, every)
         if not worse.size:
             extra = _between(requirement, scenarios, region, optima)
             if extra is not None:
@@ -86,16 +89,10 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Sol
         points, smaller = _dense(requirement, scenarios, carried, region, optima)
         if smaller is None or rounds == _ROUNDS:
             found = 0 if smaller is None else len(smaller)
-            return Solution(optima, carried, scenarios, region, rounds, points, found)
+            others = _others(single, optima, region)
+            return Solution(optima, others, carried, scenarios, region, rounds, points, found)
         starts = [*starts, _near(requirement, carried, region, smaller[0])]
     raise AssertionError("unreachable")
-
-
-def slacks(requirement: Requirement, scenarios: Scenarios, region: Region, gains) -> np.ndarray:
-    """Least slack of every scenario (columns) at every pair of gains (rows)."""
-    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
-    unit, gains = jnp.asarray(region.unit), jnp.asarray(np.atleast_2d(gains))
-    return np.asarray(worst_slack(requirement, scenarios.friction, mass, unit, gains))
 
 
 def _first(requirement, scenarios: Scenarios, region: Region) -> np.ndarray:
@@ -103,19 +100,12 @@ def _first(requirement, scenarios: Scenarios, region: Region) -> np.ndarray:
     u, v = np.meshgrid([1e-3, 0.1, 1.0, 3.0], [0.0, 0.1, 0.5, 1.2])
     gains = np.stack([u.ravel(), v.ravel()], axis=1) * region.unit
     gains = np.clip(gains, region.lower, region.upper)
-    worst = np.argmin(slacks(requirement, scenarios, region, gains), axis=1)
-    return _padded(np.unique(worst), _CARRIED)
-
-
-def _padded(index: np.ndarray, size: int) -> np.ndarray:
-    """Repeats fill the length up to a multiple of `size`, so that few shapes are compiled."""
-    more = -len(index) % size
-    return np.concatenate([index, np.full(more, index[0], index.dtype)])
+    worst = np.argmin(slacks(requirement, scenarios, region.unit, gains), axis=1)
+    return np.unique(worst)
 
 
 def _fresh(requirement, carried: Scenarios, scenarios: Scenarios, region: Region) -> list[Start]:
-    padded = carried.take(_padded(np.arange(len(carried)), _CARRIED))
-    starts = basins(requirement, padded, region)
+    starts = basins(requirement, carried, region)
     if not starts:
         raise _infeasible(requirement, carried, region)
     return starts
@@ -129,10 +119,23 @@ def _distinct(optima: list[Optimum]) -> list[Optimum]:
     return kept
 
 
-def _violated(requirement, scenarios, region, optima: list[Optimum]) -> np.ndarray:
-    slack = slacks(requirement, scenarios, region, [optimum.gains for optimum in optima])
+def _others(single: list[Start], optima: list[Optimum], region: Region) -> list[Start]:
+    """Those that are not, within a thousandth, an optimum."""
+    near = 1e-3
+    return [
+        one
+        for one in single
+        if not any(
+            np.allclose(np.asarray(one[:2]), o.gains / region.unit, rtol=near, atol=near * one.norm)
+            for o in optima
+        )
+    ]
+
+
+def _violated(requirement, scenarios, region, gains: list[np.ndarray]) -> np.ndarray:
+    slack = slacks(requirement, scenarios, region.unit, np.asarray(gains))
     worst = np.argsort(slack, axis=1)[:, :_ADDED]
-    rows = np.arange(len(optima))[:, None]
+    rows = np.arange(len(gains))[:, None]
     return np.unique(worst[slack[rows, worst] < -_VIOLATED])
 
 
@@ -143,12 +146,12 @@ def _between(requirement, scenarios: Scenarios, region, optima) -> Scenarios | N
         return None
     found: list[Scenarios] = []
     for optimum in optima:
-        slack = slacks(requirement, scenarios, region, optimum.gains)[0]
+        slack = slacks(requirement, scenarios, region.unit, optimum.gains)[0]
         for index in np.argsort(slack)[:_REFINED]:
             at = np.searchsorted(velocities, scenarios.velocity[index])
             low, high = velocities[max(at - 1, 0)], velocities[min(at + 1, velocities.size - 1)]
             fine = _same_but(scenarios, index, np.geomspace(low, high, _FINE))
-            value = slacks(requirement, fine, region, optimum.gains)[0]
+            value = slacks(requirement, fine, region.unit, optimum.gains)[0]
             if np.min(value) < -_VIOLATED:
                 found.append(fine.take([int(np.argmin(value))]))
     if not found:
@@ -183,16 +186,13 @@ def _dense(requirement, scenarios, carried, region: Region, optima):
         good = _feasible(requirement, carried.take([index]), region, grid)
         grid = grid[good]
     if len(grid):
-        grid = grid[_feasible(requirement, scenarios, region, grid[:64])[: len(grid)]]
+        grid = grid[:64][_feasible(requirement, scenarios, region, grid[:64])]
     return tried, (grid if len(grid) else None)
 
 
 def _feasible(requirement, scenarios, region, grid: np.ndarray) -> np.ndarray:
-    """Which gains every one of the scenarios accepts; padded so that few shapes are compiled."""
-    rows = 1 << max(6, int(np.ceil(np.log2(len(grid)))))
-    padded = np.concatenate([grid, np.repeat(grid[:1], rows - len(grid), axis=0)])
-    slack = slacks(requirement, scenarios, region, padded)[: len(grid)]
-    return np.min(slack, axis=1) >= 0
+    """Which gains every one of the scenarios accepts."""
+    return np.min(slacks(requirement, scenarios, region.unit, grid), axis=1) >= 0
 
 
 def _near(requirement, carried, region: Region, gains: np.ndarray) -> Start:
@@ -206,7 +206,7 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2) * region.unit
     grid = np.unique(np.clip(grid, region.lower, region.upper), axis=0)
-    slack = slacks(requirement, scenarios, region, grid)
+    slack = slacks(requirement, scenarios, region.unit, grid)
     best = int(np.argmax(np.min(slack, axis=1)))
     worst = int(np.argmin(slack[best]))
     name, required, reached = _missed(requirement, scenarios.take([worst]), region, grid[best])
@@ -226,7 +226,7 @@ def _missed(requirement, scenario: Scenarios, region, gains) -> tuple[str, float
         Requirement({name: value})
         for name, value in zip(requirement.names, requirement.values, strict=True)
     ]
-    slack = [float(slacks(one, scenario, region, gains)[0, 0]) for one in single]
+    slack = [float(slacks(one, scenario, region.unit, gains)[0, 0]) for one in single]
     i = int(np.argmin(slack))
     value = margin_values(requirement.names[i], scenario, gains)
     return requirement.names[i], requirement.values[i], float(value[0])

@@ -1,6 +1,5 @@
 """Gains checked by nonlinear simulation, in the scenarios that matter most."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -12,7 +11,7 @@ from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
 from ..stability.linear import LinearSlider
 from ..stability.margins import poles
-from .check import STARTS, basin, check_starts
+from .check import STARTS, Basin, basin, check_starts
 from .ends import ENDS
 from .scenarios import Scenarios
 
@@ -88,15 +87,13 @@ def verify(
     All scenarios are simulated in one vmapped call, so give a few, not thousands (`choose`).
     `largest` is the largest factor tried for the basin.
     """
-    rigs, velocity = _rigs(scenarios, gains)
-    horizon, decay = _times(scenarios, gains)
     rows: list[CheckedStart] = []
-    counts: Mapping[str, int] = {}
     if starts:
-        ends = _starts(rigs, velocity, horizon, decay)
-        rows = _rows(scenarios, ends)
+        rigs, velocity = _rigs(scenarios, gains)
+        rows = _rows(scenarios, _starts(rigs, velocity, *_times(scenarios, gains)))
     counts = {name: sum(row.end == name for row in rows) for name in _NAMES}
-    sizes, reasons = _basins(rigs, velocity, horizon, decay, largest)
+    up, down, reasons = jump_sizes(scenarios, gains, largest=largest)
+    sizes = np.minimum(up, down)
     least = int(np.argmin(sizes))
     lost = _NAMES[reasons[least]]
     return CheckReport(
@@ -156,16 +153,23 @@ def _starts(rigs, velocity, horizon, decay):
     return eqx.filter_vmap(one)(rigs, velocity, horizon, decay)
 
 
-def _basins(rigs, velocity, horizon, decay, largest) -> tuple[np.ndarray, np.ndarray]:
-    @eqx.filter_jit
-    def run(rigs, velocity, horizon, decay):
-        def one(rig, V, horizon, decay):
-            return basin(rig, V, horizon=horizon, decay=decay, largest=largest, rounds=2)
+def jump_sizes(
+    scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Factors by which velocity may jump up to, and down to, that of each scenario, and the
+    index into `_NAMES` of how the first larger jump ends."""
+    rigs, velocity = _rigs(scenarios, gains)
+    horizon, decay = _times(scenarios, gains)
+    found = _basins(rigs, velocity, horizon, decay, largest)
+    return np.asarray(found.up), np.asarray(found.down), _codes(found.reason)
 
-        return eqx.filter_vmap(one)(rigs, velocity, horizon, decay)
 
-    found = run(rigs, velocity, horizon, decay)
-    return np.asarray(found.size), _codes(found.reason)
+@eqx.filter_jit
+def _basins(rigs, velocity, horizon, decay, largest: float) -> Basin:
+    def one(rig, V, horizon, decay):
+        return basin(rig, V, horizon=horizon, decay=decay, largest=largest, rounds=2)
+
+    return eqx.filter_vmap(one)(rigs, velocity, horizon, decay)
 
 
 def _rows(scenarios: Scenarios, ends) -> list[CheckedStart]:

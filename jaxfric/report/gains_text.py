@@ -14,8 +14,6 @@ def describe(gains: Gains) -> list[str]:
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
     lines += [f"  {_basin(basin)}" for basin in gains.basins]
-    if len(gains.basins) == 1:
-        lines.append("  the norm has no other local minimum")
     lines += ["", "margins at these gains, worst scenario:"]
     lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
     grid = gains.certificate
@@ -45,6 +43,8 @@ def _scenarios(gains: Gains) -> str:
 
 def _basin(basin: Basin) -> str:
     how = {"stiff": "held by stiffness", "damped": "held by damping"}[basin.name]
+    if not basin.minimum:
+        how += " alone; the norm has no minimum there"
     return (
         f"{basin.name:<7} k_p = {basin.kp:.6g} N/m, k_v = {basin.kv:.6g} N s/m,"
         f" norm {basin.norm:.5g}: {how}"

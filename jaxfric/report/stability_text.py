@@ -2,11 +2,10 @@
 
 import math
 
-import equinox as eqx
 import numpy as np
 
 from ..rig.friction import AbstractStribeck, Dahl, critical_velocity, worst_slope
-from ..stability.analysis import Study, intervals_over_velocity
+from ..stability.analysis import Study, delay_numbers, intervals_over_velocity
 from ..stability.delay import crossings, stable_stiffness_exists, unstable_roots
 from ..stability.margins import UNITS
 
@@ -54,6 +53,8 @@ def _friction(study: Study) -> list[str]:
     if float(at.friction.trend):
         trend = _number(at.friction.trend)
         lines.append(f"slope with slip f_x        {trend} N/m (adds to k_p below)")
+    if not float(at.force) > 0:
+        lines[0] += "   (not positive: f0 is too small for this velocity)"
     needed = float(at.needed_damping)
     text = f"k_v >= {needed:.6g} N s/m" if needed > 0 else "none needed (k_v > 0 keeps it so)"
     return [*lines, f"damping that needs no stiffness: {text}"]
@@ -61,14 +62,14 @@ def _friction(study: Study) -> list[str]:
 
 def _theorem(study: Study) -> list[str]:
     found = study.theorem
-    lines = ["theorem of Rice and Ruina, (18)-(20):"]
-    lines += [f"  {line}" for line in found.describe()]
+    *checks, conclusion = found.describe()
+    lines = ["theorem of Rice and Ruina, (18)-(20):", *(f"  {line}" for line in checks)]
     for w, k in _solutions(study):
         lines.append(f"  w_n = {w:.8g} rad/s ({w / (2 * math.pi):.4g} Hz): k(w_n) = {k:.8g} N/m")
     k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
     if 0 < k_cr < math.inf:
-        lines.append(f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s")
-    return lines
+        conclusion = f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s: stable for k_p above k_cr"
+    return [*lines, conclusion]
 
 
 def _solutions(study: Study) -> list[tuple[float, float]]:
@@ -86,14 +87,6 @@ def _memoryless(law: AbstractStribeck) -> list[str]:
         f"no memory, (16)-(17): hardest of all velocities V_cr = {V:.10g} m/s, where"
         f" f_v = {slope:.10g} N s/m; {need} and k_p > 0 are stable at every velocity"
     ]
-
-
-def delay_numbers(study: Study) -> tuple:
-    """m, k_v + f_v, k_f and alpha of the delay slider at the hardest velocity."""
-    friction = study.here.friction
-    kernel = friction.kernel
-    assert study.mass is not None
-    return study.mass, study.k_v + friction.slope, kernel.strength, kernel.delay  # pyright: ignore
 
 
 def _delay(study: Study) -> list[str]:
@@ -133,8 +126,7 @@ def _intervals(study: Study) -> list[tuple[float, float, float, float]]:
     if not study.delayed:
         return []
     numbers = delay_numbers(study)
-    here = eqx.tree_at(lambda p: p.velocity, study.points, study.points.velocity)
-    lower, upper = intervals_over_velocity(here, study.k_v, study.mass, number=INTERVALS)
+    lower, upper = intervals_over_velocity(study.points, study.k_v, study.mass, number=INTERVALS)
     found = crossings(*numbers, number=INTERVALS + 1)
     known = {0.0: 0.0}
     for branch in ("plus", "minus"):
@@ -158,8 +150,11 @@ def _gains(study: Study) -> list[str]:
     for s in sorted(np.asarray(study.poles), key=lambda s: (-s.real, s.imag)):
         lines.append(f"  {_pole(s)}")
     lines.append("margins:")
-    for name, value in study.margins.items():
-        lines.append(f"  {name:<10}{_margin(name, float(value))}")
+    for name in (name for name in UNITS if name in study.margins):
+        text = _margin(name, float(study.margins[name]))
+        if name == "stiffness" and study.delayed and not text.startswith("inf"):
+            text = "not defined: there is no critical stiffness"
+        lines.append(f"  {name:<10}{text}")
     return lines
 
 
@@ -253,7 +248,7 @@ def content(study: Study, law: str) -> dict:
         else [[_finite(s.real), _finite(s.imag)] for s in np.asarray(study.poles)],
         "margins": None
         if study.margins is None
-        else {n: {"value": _finite(v), "unit": UNITS[n]} for n, v in study.margins.items()},
+        else {n: {"value": _finite(v), "unit": UNITS[n]} for n, v in _ordered(study.margins)},
         "velocities": {
             "velocity": [_finite(V) for V in points.velocity],
             "critical_stiffness": [_finite(k) for k in theorems.critical_stiffness],
@@ -271,6 +266,10 @@ def content(study: Study, law: str) -> dict:
             "worst_slope": _finite(worst_slope(law_)),
         }
     return result
+
+
+def _ordered(margins: dict) -> list[tuple]:
+    return [(name, margins[name]) for name in UNITS if name in margins]
 
 
 def _delay_content(study: Study) -> dict:

@@ -69,7 +69,7 @@ def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> Start:
 
 
 def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> Start:
-    """The command steps by the factor `ratio`: steady sliding at `velocity`/`ratio`, a moment before.
+    """The command steps by the factor `ratio`, from steady sliding at `velocity`/`ratio`.
 
     Spring, state and (with mass) velocity are those of steady sliding at `velocity`/`ratio`;
     the simulation's motion goes on at `velocity` [m/s]. A ratio below 1 is a step down.

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..errors import InputError
-from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..rig.friction import AbstractDelayLaw, AbstractLaw, LogarithmicEffect, RateState
 from ..rig.friction.law import Conditions
 from .delay import stable_intervals
 from .delay_roots import rightmost_roots
@@ -241,6 +241,9 @@ def study(
 ) -> Study:
     """Everything that the linear theory says of a law at `velocities` [m/s]. SI units.
 
+    A regularised direct effect is replaced by ln(V/V0), equation (3): the two differ near rest,
+    and where steady friction is no more than a few A.
+
     Raises
     ------
     InputError : no steady state at a velocity, a delay law without mass, gains or mass that
@@ -253,6 +256,8 @@ def study(
         raise InputError(f"k_v is {k_v:g} N s/m; it must not be negative")
     if isinstance(law, AbstractDelayLaw) and mass is None:
         raise InputError("a delay law has no stability theory without mass; give one: --mass '2 kg'")
+    if isinstance(law, RateState):
+        law = eqx.tree_at(lambda law: law.direct, law, LogarithmicEffect())
     points = steady_points(law, jnp.atleast_1d(jnp.asarray(velocities, float)))
     refuse_without_steady_state(points)
     theorems = theorem_over_velocity(points, k_v, mass)
@@ -270,3 +275,12 @@ def _hardest(points: SteadyPoint, theorems: Theorem, delayed: bool) -> int:
     if by_stiffness and bool(jnp.all(jnp.isfinite(k_cr))):
         return int(jnp.argmax(k_cr))
     return int(jnp.argmax(points.needed_damping))
+
+
+def delay_numbers(found: Study) -> tuple[float, Array, Array, Array]:
+    """m, k_v + f_v, k_f and alpha of a delay slider at the hardest velocity, as `delay` takes them."""
+    friction = found.here.friction
+    kernel = friction.kernel
+    if not isinstance(kernel, DelayKernel) or found.mass is None:
+        raise TypeError(f"a slider with a {type(kernel).__name__} is no delay slider")
+    return found.mass, found.k_v + friction.slope, kernel.strength, kernel.delay

@@ -47,7 +47,7 @@ def critical_one_exponential(
 
     (19) is g r/(r^2 + w^2) = d, so w^2 = g r/d - r^2, and (20) is k = w^2 (m + d/r).
     """
-    damped = jnp.asarray(damping > 0)
+    damped = jnp.asarray(damping) > 0
     damping = jnp.where(damped, damping, 1.0)
     square = jnp.maximum(amplitude * rate / damping - jnp.square(rate), 0.0)
     some = square > 0

@@ -1,9 +1,9 @@
 """Critical frequencies and stiffnesses of any kernel, by a table of its transform.
 
-(19), Re G(i w) = f_v + k_v, is solved where the table changes sign. Where G is smooth along the table
-(interpolation from every second row already agrees), the solution is that of the interpolating
-polynomial, and one table serves a batch of sliders that share a kernel. Else every solution is
-refined with transforms of its own.
+(19), Re G(i w) = f_v + k_v, is solved where the table changes sign. Where G is smooth along the
+table (interpolation from every second row already agrees), the solution is that of the
+interpolating polynomial, and one table serves a batch of sliders that share a kernel. Else every
+solution is refined with transforms of its own.
 """
 
 from typing import NamedTuple
@@ -23,8 +23,8 @@ _BEYOND = 1e3
 # Rows that an interpolating polynomial passes through, and the error at which it is taken.
 _ROWS = 10
 _SMOOTH = 1e-11
-# Where |G| is below this part of the largest, its accuracy is of no interest.
-_FAINT = 1e-10
+# Where Re G or |G| is below this part of the largest, rounding may hide how smooth it is.
+_FAINT = 1e-7
 
 
 class _Table(NamedTuple):
@@ -54,8 +54,8 @@ def critical_points(
     (place,) = jnp.nonzero(change, size=number, fill_value=points)
     some = place < points
     left = jnp.minimum(place, points - 2)
-    x, G, slope = jax.lax.cond(table.smooth, _by_table, _by_transform, kernel, table, damping, left)
-    x, G, slope = jax.lax.stop_gradient((x, G, slope))
+    fixed = jax.lax.stop_gradient((kernel, table, damping, left))
+    x, G, slope = jax.lax.cond(table.smooth, _by_table, _by_transform, *fixed)
 
     def finish(x, G, slope):
         """One more Newton step, which carries the derivatives."""

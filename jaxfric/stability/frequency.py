@@ -1,7 +1,7 @@
 """Searches along the imaginary axis, for loops that are not rational.
 
-Values are taken on a logarithmic grid of frequencies around those of the kernel and of the plant; what
-happens between two neighbouring points of it (they are a few parts in a thousand apart) is missed.
+Values are taken on a logarithmic grid of frequencies around those of the kernel and of the plant;
+what happens between two neighbouring points of it (about one per cent apart) is missed.
 """
 
 from collections.abc import Callable
@@ -88,7 +88,7 @@ def crossings(
 def smallest(
     slider: LinearSlider, function: Callable[[Float[Array, ""]], Complex[Array, ""]]
 ) -> Float[Array, ""]:
-    """Least magnitude of a complex function of frequency, refined at the lowest minima of the grid."""
+    """Least magnitude of a complex function of frequency, refined at the grid's lowest minima."""
     grid = axis(slider)
 
     def square(x):

@@ -9,7 +9,7 @@ ratio of polynomials; a `SampledKernel` is a table, exact between its nodes; a d
 """
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -20,6 +20,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..errors import InputError
 from ..quantity import quantity
 from . import polynomial as poly
+from .moments import legendre_moments
 
 
 class AbstractKernel(eqx.Module):
@@ -146,7 +147,7 @@ class SampledKernel(AbstractKernel):
         *,
         panels: int = 32,
         order: int = 16,
-        breaks: ArrayLike = (),
+        breaks: Sequence[float] = (),
     ) -> "SampledKernel":
         """From a callable g(t), t in seconds, taken as zero beyond `horizon`.
 
@@ -190,7 +191,7 @@ class SampledKernel(AbstractKernel):
 
     def transform(self, s):
         half = 0.5 * jnp.diff(self.edges)
-        moments = _legendre_moments(s * half, self.coefficients.shape[1])
+        moments = legendre_moments(s * half, self.coefficients.shape[1])
         panels = half * jnp.sum(self.coefficients * moments, axis=1)
         return jnp.sum(panels * jnp.exp(-s * self.edges[:-1]))
 
@@ -198,7 +199,7 @@ class SampledKernel(AbstractKernel):
         return 0.1 / self.edges[-1], 10 / jnp.min(jnp.diff(self.edges))
 
     def resolution_error(self) -> Float[Array, ""]:
-        """Largest last coefficient of a panel relative to the largest first: about the error of g."""
+        """Largest last coefficient of a panel over the largest first: about the error of g."""
         last = jnp.max(jnp.abs(self.coefficients[:, -2:]))
         return last / jnp.max(jnp.abs(self.coefficients[:, 0]))
 
@@ -207,52 +208,3 @@ def kernel_total(kernel: AbstractKernel) -> Float[Array, ""]:
     """int_0^inf g dt = G(0): what steady friction falls short of the instantaneous response."""
     zero = jnp.zeros(()) * 1j
     return kernel.transform(zero).real
-
-
-def _legendre_moments(z: Complex[Array, " p"], order: int) -> Complex[Array, "p n"]:
-    """int_-1^1 P_n(x) exp(-z (x + 1)) dx for n < order and Re z >= 0: spherical Bessel functions.
-
-    By the recurrence over n: downwards from the power series of the last two where |z| is
-    below about the order, upwards beyond. In these directions it keeps its digits.
-    """
-    switch = max(2.0, 0.75 * order)
-    small = jnp.abs(z) < switch
-    near = _downwards(jnp.where(small, z, 0.0), order, switch)
-    far = _upwards(jnp.where(small, switch, z), order)
-    return jnp.stack([jnp.where(small, a, b) for a, b in zip(near, far, strict=True)], axis=-1)
-
-
-def _upwards(z: Complex[Array, " p"], order: int) -> list[Complex[Array, " p"]]:
-    """M_0 = 2 sinh z/z, M_1 = (M_0 - 2 cosh z)/z, M_{n+1} = M_{n-1} - (2n + 1)/z M_n, times exp(-z)."""
-    decayed, inverse = jnp.exp(-2 * z), 1 / z
-    moments = [(1 - decayed) * inverse]
-    moments.append((moments[0] - (1 + decayed)) * inverse)
-    for n in range(1, order - 1):
-        moments.append(moments[n - 1] + (2 * n + 1) * inverse * moments[n])
-    return moments[:order]
-
-
-def _downwards(z: Complex[Array, " p"], order: int, largest: float) -> list[Complex[Array, " p"]]:
-    """M_n = 2 (-z)^n p_n(z^2), p_{n-1} = (2n + 1) p_n + z^2 p_{n+1}, times exp(-z); |z| < largest."""
-    square = z * z
-    scaled = {n: _bessel_series(square, n, largest) for n in (order - 1, order)}
-    for n in range(order - 1, 0, -1):
-        scaled[n - 1] = (2 * n + 1) * scaled[n] + square * scaled[n + 1]
-    power, moments = 2 * jnp.exp(-z), []
-    for n in range(order):
-        moments.append(power * scaled[n])
-        power = -power * z
-    return moments
-
-
-def _bessel_series(square: Complex[Array, " p"], n: int, largest: float) -> Complex[Array, " p"]:
-    """p_n = sum_k (z^2/2)^k/(k! (2n + 2k + 1)!!), as many terms as |z| < largest needs."""
-    ratios, size, k = [], 1.0, 0
-    while size > 1e-18 or k < 4:
-        k += 1
-        ratios.append(0.5 / (k * (2 * n + 2 * k + 1)))
-        size *= ratios[-1] * largest**2
-    total = jnp.ones_like(square)
-    for ratio in reversed(ratios):
-        total = 1 + ratio * square * total
-    return total / float(np.prod(np.arange(1.0, 2 * n + 2, 2)))

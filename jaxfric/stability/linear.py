@@ -4,9 +4,10 @@
     F(s) = f_v - G(s)                                                             (12)
     1 + P F = 0:  m s^2 + (k_v + f_v) s + k_p - s G(s) = 0
 
-For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV, all six by automatic
-differentiation of the law's own `force` and `rate`. So g(t) = -f_z exp(r_z t) r_V, for whatever states.
-A slope f_x of friction with slip acts like a spring and is added to k_p.
+For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV, all by automatic
+differentiation of the law's own `force` and `rate`. So g(t) = -f_z exp(r_z t) r_V, whatever the
+states. A slope f_x of friction with slip acts like a spring and is added to k_p. A delay law gives
+its kernel itself.
 """
 
 from collections.abc import Callable
@@ -14,13 +15,15 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..errors import InputError
 from ..rig import Inertial, QuasiStatic, Rig
+from ..rig.friction.delay import AbstractDelayLaw
 from ..rig.friction.law import AbstractLaw, Conditions
 from . import polynomial as poly
-from .kernel import AbstractKernel, AbstractRationalKernel, StateSpaceKernel
+from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, StateSpaceKernel
 
 
 class LinearFriction(eqx.Module):
@@ -89,12 +92,21 @@ class LinearSlider(eqx.Module):
         return poly.total(load, controller), controller, load
 
 
-def linear_friction(law: AbstractLaw, velocity: Float[Array, ""]) -> LinearFriction:
-    """Linearise a law with states about steady sliding at `velocity` [m/s].
+def linear_friction(
+    law: AbstractLaw | AbstractDelayLaw, velocity: Float[Array, ""]
+) -> LinearFriction:
+    """Linearise a law about steady sliding at `velocity` [m/s].
 
     Slip and ageing evolution give one kernel, (B/L) exp(-V0 t/L), and f_v = A/V0   (21)-(23).
+    A law without states gives a kernel without states, G = 0. A delay law gives f_v and
+    G(s) = k_f exp(-alpha s)   (26)-(29).
     """
     V = jnp.asarray(velocity, jnp.result_type(float, velocity))
+    if isinstance(law, AbstractDelayLaw):
+        slope = jax.jacfwd(law.force)(V, V)
+        return LinearFriction(
+            slope, DelayKernel(law.negative_slope(V), law.delay), jnp.zeros_like(V)
+        )
     at = Conditions(jnp.zeros_like(V), jnp.zeros_like(V))
     state = law.steady_state(V)
     f_V, f_z, f_at = jax.jacfwd(law.force, (0, 1, 2))(V, state, at)
@@ -115,7 +127,7 @@ def linearise(rig: Rig, velocity: ArrayLike) -> LinearSlider:
     if not isinstance(machine, QuasiStatic | Inertial):
         raise TypeError(f"no linearisation of a {type(machine).__name__}")
     V = jnp.asarray(velocity, jnp.result_type(float, velocity))
-    if not isinstance(V, jax.core.Tracer) and not bool(jnp.all(jnp.isfinite(V) & (V > 0))):
+    if not isinstance(V, Tracer) and not bool(jnp.all(jnp.isfinite(V) & (V > 0))):
         raise InputError(f"linearise: velocity is {V} m/s; steady sliding needs a positive one")
     mass = machine.mass if isinstance(machine, Inertial) else None
     damping = jnp.zeros_like(machine.stiffness) if machine.damping is None else machine.damping

@@ -10,13 +10,14 @@
     delay      smallest delay in the loop that reaches -1 [s]
 
 L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x): what the PD controller
-sees, from w = 0 to infinity, both included. Where L never comes to -1 in that way the margin is inf.
+sees, from w = 0 to infinity, both included. Where L never comes to -1 in that way the margin
+is inf.
 
 Of an unstable slider every margin is on the other side of its limit: decay and damping are
-negative, stiffness is below 1 (as a rule: above the least w_n of several it is not), modulus and phase
-are minus the distance, gain is 1 over the factor (0 where no factor reaches -1), delay is minus the
-smallest advance. All pass the limit continuously, at 0 or 1, with one exception: a slider that delay
-brings nearer to stability. Its delay margin falls from a larger value to 0 at the limit.
+negative, stiffness is below 1 (that of a stable one may be too, where (19) has several solutions),
+modulus and phase are minus the distance, gain is 1 over the factor (0 where no factor reaches
+-1), delay is minus the smallest advance. All pass the limit continuously, at 0 or 1, with one
+exception: the delay margin of a slider that a delay would steady jumps there.
 
 Without mass and with k_v > |f_v| the loop answers the highest frequencies with |L| > 1, and no
 delay at all is survived: the delay margin is 0. A real actuator's mass removes this.

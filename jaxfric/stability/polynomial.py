@@ -153,12 +153,12 @@ def _quadratic(c: Float[Array, " 3"]) -> Complex[Array, " 2"]:
 
 def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     """The iteration, root by root in real arithmetic: a batch then is long plain loops."""
-    c, unit, x, y = _start(c)
+    scaled, unit, x, y = _start(c)
     n = len(x)
 
     def step(state):
         x, y, change, _, k = state
-        u, v = zip(*(_correction(c, x, y, i) for i in range(n)), strict=True)
+        u, v = zip(*(_correction(scaled, x, y, i) for i in range(n)), strict=True)
         sizes = [(u[i] ** 2 + v[i] ** 2) / (x[i] ** 2 + y[i] ** 2 + 1e-300) for i in range(n)]
         x = tuple(x[i] - u[i] for i in range(n))
         y = tuple(y[i] - v[i] for i in range(n))
@@ -174,7 +174,8 @@ def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
 
 def _correction(c, x, y, i: int) -> tuple[Array, Array]:
     """Aberth's step for root i: p/(p' - p sum_j 1/(s_i - s_j))."""
-    value, slope = (c[-1], jnp.zeros_like(c[-1])), (jnp.zeros_like(c[-1]),) * 2
+    zero = jnp.zeros_like(c[-1])
+    value, slope = (c[-1], zero), (zero, zero)
     at = x[i], y[i]
     for coefficient in c[-2::-1]:
         slope = _times(slope, at)

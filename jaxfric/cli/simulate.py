@@ -1,0 +1,343 @@
+"""`jaxfric simulate`: the nonlinear motion of a slider in time, with pictures."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from .common import From, LawName, LawParameters, Mass, NormalForce, Out, prepare_jax, read_law
+from .stability import read_damping, read_one_mass, read_positive
+
+_Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+_MAX_STEPS = 16384
+_RTOL = 1e-6
+_RUNAWAY = 1e9
+_ROWS = 2000
+_PERIODS = 30.0
+# A default duration in which no end is seen is made longer, so many times as often.
+_LONGER, _TRIES = 4.0, 4
+# Spring force of the disturbance at a constant velocity, relative to the law's scale of force.
+_SEED = 0.02
+# Velocity over which the sign of a memoryless law turns, relative to the slowest command.
+_WIDTH = 1e-3
+
+
+def simulate(
+    *,
+    from_: From = None,
+    law: LawName = None,
+    parameters: LawParameters = None,
+    normal_force: NormalForce = None,
+    velocity: Annotated[
+        _Text, Parameter(allow_leading_hyphen=True, help="Constant commanded velocity, '2 um/s'.")
+    ] = None,
+    steps: Annotated[
+        str | None, Parameter(help="Velocity steps instead, '0 s: 1 um/s, 10 s: 10 um/s'.")
+    ] = None,
+    kp: Annotated[
+        str | None,
+        Parameter(
+            name=("--stiffness", "--kp"),
+            allow_leading_hyphen=True,
+            help="Stiffness or position gain, '3 kN/m'.",
+        ),
+    ] = None,
+    kv: Annotated[_Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")] = None,
+    mass: Mass = None,
+    duration: Annotated[
+        _Text, Parameter(help="How long, '20 s'; by default until the end is seen.")
+    ] = None,
+    at_rest: Annotated[
+        bool, Parameter(negative=(), help="Start at rest on an unloaded spring: stuck.")
+    ] = False,
+    jump: Annotated[
+        _Text,
+        Parameter(
+            help="Jump of the load point at the start, '1 um', of either sign. At a constant "
+            "velocity the default is a small one: nothing disturbs steady sliding otherwise."
+        ),
+    ] = None,
+    out: Out = None,
+) -> None:
+    """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
+
+    Writes trajectory.csv, which 'jaxfric record' and 'jaxfric fit' read, and figures to the
+    output folder, by default ./simulation/.
+    """
+    from ..units import parse_quantity
+
+    times, velocities = _command(velocity, steps)
+    k_p = read_positive(kp, "N/m", "--kp")
+    if k_p is None:
+        raise InputError("--kp is missing; give stiffness or position gain, as in --kp '3 kN/m'")
+    k_v, one_mass = read_damping(kv), read_one_mass(mass)
+    length = read_positive(duration, "s", "--duration")
+    jumped = None if jump is None else parse_quantity(jump, "m", "--jump")
+    if jumped is not None and at_rest:
+        raise InputError("--jump and --at-rest exclude each other; give one")
+    prepare_jax()
+    source = read_law(from_, law, parameters, normal_force)
+    from ..report.output import output_folder
+
+    destination = out or Path("simulation")
+    with output_folder(destination):
+        pass  # a folder that cannot be written is better known before the work
+    rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities)
+    run, lines = _run(rig, times, velocities, length, at_rest, jumped)
+    from ..plot.cycle import draw_simulation
+
+    heading = [source.text, _machine(k_p, k_v, one_mass), *notes]
+    with output_folder(destination) as folder:
+        (folder / "trajectory.csv").write_text(_table(run, [*heading, *lines]))
+        figures = draw_simulation(run, folder)
+    for line in [*heading, *lines]:
+        print(line)
+    print(f"written: {destination}/{', '.join(['trajectory.csv', *figures])}")
+
+
+def _command(velocity: str | None, steps: str | None) -> tuple[list[float], list[float]]:
+    """Times [s] and velocities [m/s] of the command."""
+    from ..units import parse_values
+
+    if (velocity is None) == (steps is None):
+        raise InputError(
+            "give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'"
+        )
+    if steps is not None:
+        from ..records import VelocitySteps
+
+        found = VelocitySteps.parse(steps)
+        if not found.velocities[0] != 0:
+            raise InputError("--steps: the first velocity is 0; steady sliding needs another")
+        return found.times.tolist(), found.velocities.tolist()
+    assert velocity is not None
+    values = parse_values(velocity, "m/s", "--velocity")
+    if len(values) > 1:
+        raise InputError(f"--velocity: '{velocity}' is more than one; give one, or --steps")
+    return [0.0], values
+
+
+def _rig(law, mass: float | None, k_p: float, k_v: float, velocities: list[float]):
+    """The rig, and what was assumed."""
+    import equinox as eqx
+    import jax.numpy as jnp
+
+    from ..rig import Inertial, QuasiStatic, Rig
+    from ..rig.friction import AbstractInvertibleLaw, AbstractStribeck
+
+    damping = k_v if k_v > 0 else None
+    notes = []
+    if mass is None and not isinstance(law, AbstractInvertibleLaw):
+        raise InputError(
+            f"a {type(law).__name__} law has no direct effect: without mass its velocity cannot be"
+            " found from the force; give a mass, as in --mass '2 kg'"
+        )
+    if isinstance(law, AbstractStribeck) and law.width is None:
+        width = _WIDTH * min(abs(V) for V in velocities if V)
+        law = eqx.tree_at(
+            lambda law: law.width, law, jnp.asarray(width), is_leaf=lambda x: x is None
+        )
+        notes.append(f"the sign of friction turns over {width:.3g} m/s (parameter width)")
+    machine = QuasiStatic(k_p, damping) if mass is None else Inertial(mass, k_p, damping)
+    return Rig(machine, law), notes
+
+
+def _run(rig, times, velocities, length, at_rest: bool, jump: float | None):
+    """Simulate, longer and longer where nothing was asked for and no end is seen; what happened."""
+    from ..rig.friction import AbstractDelayLaw
+    from ..simulation import rest_start
+
+    V = velocities[0]
+    constant, delayed = len(velocities) == 1, isinstance(rig.friction, AbstractDelayLaw)
+    if delayed and (at_rest or not constant):
+        raise InputError("a delay law is simulated at one --velocity, and not from rest")
+    start, lead, lines = None, 0.0, []
+    if at_rest:
+        start = rest_start(rig, V)
+        lead = abs(float(start.elongation) / V) if start.elongation is not None else 0.0
+        lines.append("start: at rest, the spring unloaded")
+    elif constant or jump is not None:
+        if jump is None:
+            jump = _SEED * float(rig.friction.force_scale()) / float(rig.machine.stiffness)
+        start = _jumped(rig, V, jump, delayed)
+        lines.append(f"start: steady sliding; then the load point jumps by {1e6 * jump:.4g} um")
+    whole = length or _default_duration(rig, times, velocities, lead)
+    for _ in range(1 if length or not constant else _TRIES):
+        run, lines_end, seen = _once(rig, times, velocities, whole, start, lead)
+        if seen:
+            break
+        whole *= _LONGER
+    return run, [*lines, *lines_end]
+
+
+def _jumped(rig, V: float, jump: float, delayed: bool):
+    from ..simulation import Start, jump_start
+
+    return Start(elongation=jump) if delayed else jump_start(rig, V, jump)
+
+
+def _default_duration(rig, times, velocities, lead: float) -> float:
+    """Periods of the slowest linear mode that matters, and the time to load the spring."""
+    import numpy as np
+
+    from ..rig import Inertial
+    from ..stability.analysis import friction_about
+    from ..stability.linear import LinearSlider
+    from ..stability.margins import poles
+
+    machine = rig.machine
+    slowest = min(abs(V) for V in velocities if V)
+    import jax.numpy as jnp
+
+    friction = friction_about(rig.friction, jnp.asarray(slowest))
+    mass = machine.mass if isinstance(machine, Inertial) else None
+    damping = jnp.asarray(0.0) if machine.damping is None else machine.damping
+    s = np.asarray(poles(LinearSlider(mass, machine.stiffness, damping, friction)))
+    size = np.abs(s[np.isfinite(s)])
+    size = size[size > 0]
+    slow = max(size.min(), 1e-4 * size.max()) if size.size else 1.0
+    if len(times) > 1:
+        return times[-1] + max(times[-1] / (len(times) - 1), 1.5 / slow) + lead
+    return _PERIODS * 2 * math.pi / slow / 3 + 2 * lead
+
+
+def _once(rig, times, velocities, duration: float, start, lead: float):
+    """One simulation: what to draw and write, lines about its end, whether the end was seen."""
+    import jax.numpy as jnp
+    import numpy as np
+
+    from ..motion import PiecewiseVelocity
+    from ..plot.cycle import Motion
+    from ..rig.friction import AbstractDelayLaw
+    from ..simulation import RESULTS
+
+    motion = PiecewiseVelocity(jnp.asarray(times), jnp.asarray(velocities))
+    delayed = isinstance(rig.friction, AbstractDelayLaw)
+    even = np.linspace(0.0, duration, _ROWS + 1)
+    if delayed:
+        found = _simulate_delay(rig, velocities[0], even, start)
+    else:
+        span = jnp.asarray([0.0, duration])
+        rough = _simulate(rig, motion, span, start, True)
+        own = np.asarray(rough.time)
+        ts = np.unique(np.concatenate([even, own]))
+        ts = np.concatenate([ts, np.full(_ROWS + 1 + len(own) - len(ts), ts[-1])])
+        found = _simulate(rig, motion, jnp.asarray(ts), start, False)
+    end = float(found.end)
+    keep = np.unique(np.asarray(found.time), return_index=True)[1]
+    keep = keep[np.asarray(found.time)[keep] <= end * (1 + 1e-12)]
+    run = Motion.of(found, rig, motion, keep)
+    lines = [f"simulated: {end:.6g} s of {duration:.6g} s, {int(found.num_steps)} steps"]
+    early = bool(found.result != RESULTS.successful)
+    if early:
+        lines.append(f"ended early: {_why(found.result, delayed)}")
+    if len(velocities) > 1:
+        return run, lines, True
+    text, seen = _ending(found, run, velocities[0], lead, early)
+    return run, [*lines, text], seen or early
+
+
+def _simulate(rig, motion, ts, start, at_steps: bool):
+    import equinox as eqx
+
+    from ..simulation import simulate as integrate
+
+    @eqx.filter_jit
+    def run(rig, motion, ts, start):
+        return integrate(
+            rig,
+            motion,
+            ts,
+            start=start,
+            at_steps=at_steps,
+            rtol=_RTOL,
+            max_steps=_MAX_STEPS,
+            runaway=_RUNAWAY,
+        )
+
+    return run(rig, motion, ts, start)
+
+
+def _simulate_delay(rig, V: float, ts, start):
+    import jax.numpy as jnp
+
+    from ..simulation.delay import simulate_delay
+
+    return simulate_delay(rig, V, jnp.asarray(ts), start=start, pieces=8)
+
+
+def _why(result, delayed: bool) -> str:
+    from ..simulation import RESULTS
+
+    if delayed and bool(result == RESULTS.event_occurred):
+        return "the slider came to rest, where a delay law has nothing to say"
+    if bool(result == RESULTS.max_steps_reached):
+        return f"{_MAX_STEPS} solver steps were not enough; give a shorter --duration"
+    return " ".join(RESULTS[result].split())
+
+
+def _ending(found, run, V: float, lead: float, early: bool) -> tuple[str, bool]:
+    """How the motion ends, in words."""
+    import jax.numpy as jnp
+
+    from ..gains.ends import ENDS, classify
+    from ..simulation import RESULTS
+
+    if bool(found.result == RESULTS.ran_away):
+        return "end: escape, the slider ran away", True
+    time = jnp.asarray(run.time)
+    end = classify(
+        time,
+        jnp.asarray(run.velocity),
+        jnp.asarray(run.slip) - V * time,
+        jnp.asarray(V),
+        begin=min(lead, 0.5 * float(time[-1])),
+        end=time[-1],
+    )
+    if bool(end.code == ENDS.steady):
+        return "end: steady sliding, or ever closer to it", True
+    if bool(end.code == ENDS.limit_cycle):
+        swing, slip = float(end.velocity_amplitude), float(end.slip_amplitude)
+        period = _period(run.time, run.friction) or float(end.period)
+        return (
+            f"end: oscillation (stick-slip limit cycle, or still growing), period"
+            f" {period:.5g} s, slip amplitude {1e6 * slip:.5g} um, velocity"
+            f" {1e6 * float(end.least_velocity):.4g} to"
+            f" {1e6 * (float(end.least_velocity) + 2 * swing):.4g} um/s"
+        ), True
+    return "end: not decided in this time; give a longer --duration", False
+
+
+def _period(time, friction) -> float | None:
+    """Mean time [s] between rises of friction from its lower to its upper quarter, in the last
+    half: what happens within a slip does not count."""
+    late = time >= 0.5 * time[-1]
+    time, friction = time[late], friction[late]
+    low, high = friction.min(), friction.max()
+    below, rises = False, []
+    for t, f in zip(time, friction, strict=True):
+        if f < low + 0.25 * (high - low):
+            below = True
+        elif below and f > high - 0.25 * (high - low):
+            below = False
+            rises.append(t)
+    return (rises[-1] - rises[0]) / (len(rises) - 1) if len(rises) > 1 else None
+
+
+def _machine(k_p: float, k_v: float, mass: float | None) -> str:
+    text = "no mass (quasi-static)" if mass is None else f"mass {mass:g} kg"
+    return f"k_p = {k_p:g} N/m, k_v = {k_v:g} N s/m, {text}"
+
+
+def _table(run, notes: list[str]) -> str:
+    """trajectory.csv: comments, a line of names with units, numbers."""
+    names = ("time [s]", "load_point_displacement [um]", "friction [N]", "slip [um]")
+    lines = [f"# {' '.join(note.split())}" for note in ("simulated by jaxfric", *notes)]
+    lines.append(",".join([*names, "slider_velocity [um/s]"]))
+    columns = (run.time, 1e6 * run.load_point, run.friction, 1e6 * run.slip, 1e6 * run.velocity)
+    lines += [
+        f"{t:.9g},{x:.10g},{f:.10g},{s:.10g},{v:.6g}" for t, x, f, s, v in zip(*columns, strict=True)
+    ]
+    return "\n".join(lines) + "\n"

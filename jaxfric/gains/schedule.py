@@ -1,0 +1,122 @@
+"""Gains along a velocity profile: a chain of set points whose basins intersect.
+
+Section I.A of the 1994 note: an analysis of steady sliding extends to motion that never sticks by
+set points with intersecting domains of attraction. Here the domain of a set point is the range of
+velocities from which the slider, simulated, still settles at it (`check.basin`); the chain holds
+where every step from one set point to the next, up and down, is inside it.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ..errors import InputError
+from .gains import find_gains
+from .requirement import Requirement
+from .scenarios import Scenarios
+from .source import LawSource
+from .verify import jump_sizes
+
+_MOST = 64
+_AROUND = 5
+
+
+@dataclass(frozen=True)
+class SetPoint:
+    """One set point: gains, and the jumps of velocity that they survive there. SI units."""
+
+    velocity: float
+    kp: float
+    kv: float
+    up: float
+    """The slider settles from velocity/r for every r up to this."""
+    down: float
+    """The slider settles from velocity r for every r up to this."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A chain of set points from the slowest to the fastest."""
+
+    points: tuple[SetPoint, ...]
+    covered: bool
+    """Every step of the chain is inside the basin at its end, up and down."""
+    gap: tuple[float, float] | None
+    """The first two velocities between which the chain breaks [m/s]."""
+
+    def gains(self, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """(k_p, k_v) for a velocity: those of the nearest set point, by ratio."""
+        V = np.asarray(velocity, float)
+        place = np.log([point.velocity for point in self.points])
+        nearest = np.argmin(np.abs(np.log(V)[..., None] - place), axis=-1)
+        kp = np.asarray([point.kp for point in self.points])
+        kv = np.asarray([point.kv for point in self.points])
+        return kp[nearest], kv[nearest]
+
+
+def schedule(
+    law: LawSource,
+    *,
+    velocity: tuple[float, float],
+    mass: ArrayLike | None,
+    margin: Mapping[str, float] | Requirement,
+    ratio: float = 3.0,
+    finest: float = 1.2,
+    progress: Callable[[str], None] | None = None,
+) -> Schedule:
+    """Minimum-norm gains at set points between two velocities [m/s], and whether they chain.
+
+    Set points are first `ratio` apart. The gains of each have the required margins half-way to its
+    neighbours, in every sample of the law and for every mass. Where a step to a neighbour is
+    outside the basin, a set point is put between the two, until steps are smaller than `finest`.
+    Simulated with the law's estimate and the largest mass.
+
+    Raises
+    ------
+    InputError : an empty range; ratio not above `finest`, finest not above 1; no gains (as
+        `find_gains`).
+    """
+    low, high = (float(v) for v in velocity)
+    if not 0 < low < high:
+        raise InputError(f"schedule: velocities {low:g} to {high:g} m/s are no range")
+    if not ratio > finest > 1:
+        raise InputError(f"schedule: needs ratio > finest > 1, not {ratio:g} and {finest:g}")
+    tell = progress or (lambda text: None)
+    count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))
+    places = list(np.geomspace(low, high, count))
+    known: dict[tuple[float, float], SetPoint] = {}
+    while True:
+        points = []
+        for i, V in enumerate(places):
+            step = max(V / places[max(i - 1, 0)], places[min(i + 1, len(places) - 1)] / V)
+            key = (V, round(step, 9))
+            if key not in known:
+                tell(f"set point {V:.3g} m/s")
+                known[key] = _set_point(law, V, math.sqrt(step), mass, margin)
+            points.append(known[key])
+        broken = [i for i in range(len(places) - 1) if not _chained(points[i], points[i + 1])]
+        fine = [i for i in broken if places[i + 1] / places[i] < finest**2]
+        if not broken or fine or len(places) + len(broken) > _MOST:
+            gap = None if not broken else (places[broken[0]], places[broken[0] + 1])
+            return Schedule(tuple(points), not broken, gap)
+        for i in reversed(broken):
+            places.insert(i + 1, math.sqrt(places[i] * places[i + 1]))
+
+
+def _chained(slow: SetPoint, fast: SetPoint) -> bool:
+    step = fast.velocity / slow.velocity
+    return fast.up >= step and slow.down >= step
+
+
+def _set_point(law: LawSource, V: float, reach: float, mass, margin) -> SetPoint:
+    around = V * np.geomspace(1 / reach, reach, _AROUND)
+    found = find_gains(law, velocity=around, mass=mass, margin=margin)
+    heaviest = None if mass is None else np.atleast_1d(np.max(np.asarray(mass)))
+    here = Scenarios.at(law.samples, np.asarray([V]), heaviest, np.asarray([0]))
+    gains = np.asarray([found.kp, found.kv])
+    largest = max(10.0, 4 * reach**2)
+    up, down, _ = jump_sizes(here, gains, largest=largest)
+    return SetPoint(V, found.kp, found.kv, float(up[0]), float(down[0]))

@@ -1,0 +1,318 @@
+"""Figures of recommended gains: where they lie among all gains, and how much they leave."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+
+from ..gains.ends import ENDS, EndState
+from ..gains.margins import margin_values
+from ..gains.result import Gains
+from ..gains.scenarios import Scenarios
+from ..gains.solve import slacks
+from ..stability.analysis import SteadyPoint, theorem_over_damping
+from ..stability.linear import LinearSlider
+from ..stability.margins import UNITS, is_stable
+from ..stability.theorem import theorem
+from .stability import (
+    BLACK,
+    BLUE,
+    ORANGE,
+    STABLE,
+    UNSTABLE,
+    draw_boundaries,
+    draw_curve,
+    gain_units,
+    legend_below,
+    mass_text,
+    new_figure,
+    plain_log,
+    prefixed,
+    save,
+    speed,
+    tidy,
+)
+
+_GRID, _COARSE, _HARD = 121, 9, 24
+_FEASIBLE = "#7fb08a"
+_END_COLOURS = {
+    "steady": STABLE,
+    "limit_cycle": "#e3a27f",
+    "escape": "#8a3b12",
+    "unresolved": "0.85",
+}
+_END_NAMES = {
+    "steady": "ends steady",
+    "limit_cycle": "stick-slip goes on",
+    "escape": "runs away",
+    "unresolved": "not decided",
+}
+
+
+def draw_gains(result: Gains, folder: str | Path) -> list[str]:
+    """Write gains.png and gains.svg to `folder`; the names written.
+
+    Panels: the map of gains with what all scenarios accept, both boundaries of the linear
+    theory and the optima; the required margins against velocity; the friction curve.
+    """
+    figure = new_figure(12.5, 7.4)
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.45, 1])
+    whole, top, bottom = (
+        figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1])
+    )
+    _map(whole, result)
+    _margins(top, result)
+    draw_curve(bottom, result.scenarios.law(0), result.scenarios.velocity, title="Friction law")
+    bottom.legend(loc="best", frameon=False, fontsize=8)
+    kp_size, kp_unit = prefixed(result.kp, "N/m")
+    kv_size, kv_unit = prefixed(result.kv, "N s/m")
+    figure.suptitle(
+        f"Recommended gains: k_p = {kp_size * result.kp:.4g} {kp_unit},"
+        f" k_v = {kv_size * result.kv:.4g} {kv_unit}   ({_required(result)})",
+        x=0.01,
+        ha="left",
+        fontsize=11,
+    )
+    return save(figure, Path(folder), "gains")
+
+
+def _required(result: Gains) -> str:
+    pairs = zip(result.requirement.names, result.requirement.values, strict=True)
+    return ", ".join(f"{name} ≥ {value:g}{_unit(name)}" for name, value in pairs)
+
+
+def _unit(name: str) -> str:
+    return "" if UNITS[name] == "1" else f" {UNITS[name]}"
+
+
+def _map(axis: Axes, result: Gains) -> None:
+    k_cr_at, needed = _boundary(result.scenarios)
+    k_p, k_v = _map_axes(result, k_cr_at, needed)
+    gains = np.stack(np.meshgrid(k_p, k_v), axis=-1).reshape(-1, 2)
+    hard = _hardest(result, gains)
+    slack = slacks(result.requirement, hard, result.region, gains).min(axis=1)
+    stable = _stable(hard, gains)
+    level = np.where(slack >= 0, 2, np.where(stable, 1, 0)).reshape(len(k_v), len(k_p))
+    sizes, units = gain_units(k_p, k_v)
+    x, y = sizes[0] * k_p, sizes[1] * k_v
+    colours = ListedColormap([UNSTABLE, STABLE, _FEASIBLE])
+    axis.pcolormesh(x, y, level, cmap=colours, vmin=0, vmax=2, shading="nearest")
+    for colour, text, code in (
+        (_FEASIBLE, "meets the requirement in every scenario", 2),
+        (STABLE, "stable, but misses it somewhere", 1),
+        (UNSTABLE, "unstable somewhere", 0),
+    ):
+        if (level == code).any():
+            axis.plot([], [], "s", color=colour, ms=9, label=text)
+    draw_boundaries(axis, k_p, k_v, k_cr_at(k_v), needed, sizes)
+    _iso_norm(axis, result, k_p, k_v, sizes)
+    for basin in result.basins:
+        axis.plot(
+            sizes[0] * basin.kp, sizes[1] * basin.kv, "D", mfc="white", mec=BLACK, ms=8, mew=1.5,
+            clip_on=False, zorder=6, label=f"optimum: {basin.name} (norm {basin.norm:.3g})",
+        )  # fmt: skip
+    ends = _simulated(result)
+    axis.plot(
+        sizes[0] * result.kp, sizes[1] * result.kv, "*", color=BLACK, ms=17, clip_on=False,
+        zorder=7, mec="white", mew=0.8, label=f"recommended{ends}",
+    )  # fmt: skip
+    axis.set_xlim(0, x[-1])
+    axis.set_ylim(0, y[-1])
+    axis.set_xlabel(f"position gain k_p [{units[0]}]")
+    axis.set_ylabel(f"velocity gain k_v [{units[1]}]")
+    tidy(axis, f"All gains, over {len(result.scenarios)} scenarios")
+    axis.grid(False)
+    legend_below(axis)
+
+
+def _simulated(result: Gains) -> str:
+    """What the nonlinear check found, for the legend."""
+    checked = result.simulation
+    if checked is None:
+        return ""
+    text = f": {checked.steady} of {checked.checked} simulated starts end steady"
+    if checked.basin is None:
+        return text
+    more = "" if checked.basin_lost else " or more"
+    return f"{text},\nvelocity may jump by a factor {checked.basin:.3g}{more}"
+
+
+def _boundary(scenarios: Scenarios):
+    """k_cr as a function of k_v, largest over the scenarios, and the damping that all need."""
+    mass = jnp.zeros(len(scenarios)) if scenarios.mass is None else jnp.asarray(scenarios.mass)
+
+    @eqx.filter_jit
+    def largest(k_v):
+        def one(friction, mass):
+            return theorem(friction.kernel, friction.slope + k_v, mass).critical_stiffness
+
+        return jnp.max(jax.vmap(one)(scenarios.friction, mass))
+
+    def k_cr(k_v: np.ndarray) -> np.ndarray:
+        return np.asarray([float(largest(jnp.asarray(v))) for v in k_v])
+
+    high = 1.0
+    while float(largest(jnp.asarray(high))) > 0 and high < 1e15:
+        high *= 10
+    low = high
+    while low > 1e-15 and float(largest(jnp.asarray(low))) == 0:
+        low /= 10
+    if low <= 1e-15:
+        return k_cr, 0.0
+    for _ in range(40):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if float(largest(jnp.asarray(middle))) > 0 else (low, middle)
+    return k_cr, high
+
+
+def _map_axes(result: Gains, k_cr_at, needed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gains to show: all optima, and the boundaries of the linear theory."""
+    k_v = max([1.25 * needed, *(1.3 * b.kv for b in result.basins), 1.3 * result.kv])
+    k_v = k_v if k_v > 0 else float(result.region.unit[1])
+    k_cr = k_cr_at(np.asarray([0.02, 0.25]) * needed) if needed > 0 else np.zeros(0)
+    finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
+    k_p = [1.4 * b.kp for b in result.basins] + [1.4 * result.kp]
+    k_p += [1.4 * min(finite.max(), 4 * finite.min())] if finite.size else []
+    return np.linspace(0, max(k_p), _GRID + 1)[1:], np.linspace(0, k_v, _GRID)
+
+
+def _hardest(result: Gains, gains: np.ndarray) -> Scenarios:
+    """The scenarios that decide, somewhere on a coarse grid of the gains, or at an optimum."""
+    scenarios = result.scenarios
+    if len(scenarios) <= _HARD:
+        return scenarios
+    rows = gains.reshape(_GRID, _GRID, 2)
+    pick = np.linspace(0, _GRID - 1, _COARSE).astype(int)
+    coarse = rows[np.ix_(pick, pick)].reshape(-1, 2)
+    optima = np.asarray([[basin.kp, basin.kv] for basin in result.basins])
+    slack = slacks(result.requirement, scenarios, result.region, np.concatenate([optima, coarse]))
+    worst = np.argsort(slack, axis=1)[:, 0]
+    chosen, count = np.unique(worst, return_counts=True)
+    return scenarios.take(chosen[np.argsort(-count)][:_HARD])
+
+
+def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
+    """Whether each pair of gains is stable in all scenarios."""
+    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
+
+    @eqx.filter_jit
+    def run(friction, mass, gains):
+        def one(pair, friction, mass):
+            return is_stable(LinearSlider(mass, pair[0], pair[1], friction))
+
+        over = jax.vmap(one, (None, 0, None if mass is None else 0))
+        return jnp.all(jax.vmap(over, (0, None, None))(gains, friction, mass), axis=1)
+
+    return np.asarray(run(scenarios.friction, mass, jnp.asarray(gains)))
+
+
+def _iso_norm(axis: Axes, result: Gains, k_p, k_v, sizes: Sequence[float]) -> None:
+    """The ellipse of equal norm through the smallest optimum."""
+    angle = np.linspace(0, np.pi / 2, 200)
+    norm = result.basins[0].norm
+    x = norm * result.region.scale[0] * np.cos(angle)
+    y = norm * result.region.scale[1] * np.sin(angle)
+    axis.plot(sizes[0] * x, sizes[1] * y, color=BLACK, lw=1, ls=":", label="equal norm")
+
+
+def _margins(axis: Axes, result: Gains) -> None:
+    """Required margins at the recommended gains, least over masses and samples, by velocity."""
+    scenarios, names = result.scenarios, result.requirement.names
+    velocities, place = np.unique(scenarios.velocity, return_inverse=True)
+    size, unit = prefixed(float(np.sqrt(velocities[0] * velocities[-1])), "m/s")
+    several = len(names) > 1
+    styles = ("-", "--", "-.", ":")
+    for i, (name, required) in enumerate(zip(names, result.requirement.values, strict=True)):
+        values = margin_values(name, scenarios, np.asarray([result.kp, result.kv]))
+        least = np.full(len(velocities), np.inf)
+        np.minimum.at(least, place, values)
+        shown = least / required if several and required > 0 else least
+        shown = np.where(np.isfinite(shown), shown, np.nan)
+        marker = "o" if len(velocities) < 40 else None
+        style = styles[i % len(styles)]
+        axis.plot(size * velocities, shown, color=BLUE, ls=style, marker=marker, ms=4, label=name)
+        if not np.isfinite(least).any():
+            axis.text(0.5, 0.5, f"{name}: no crossing, no limit", transform=axis.transAxes,
+                      ha="center")  # fmt: skip
+    required = 1.0 if several else result.requirement.values[0]
+    axis.axhline(required, color=ORANGE, lw=1.6, ls="--", label="required")
+    low = axis.get_ylim()[0]
+    axis.set_ylim(min(0.0, low) if low < required else 0.0, None)
+    label = "margin over its requirement" if several else f"{names[0]} margin{_bracket(names[0])}"
+    axis.set_ylabel(label)
+    if len(velocities) > 1:
+        axis.set_xlim(size * velocities[0], size * velocities[-1])
+        plain_log(axis.xaxis)
+    axis.set_xlabel(f"velocity [{unit}]")
+    tidy(axis, "Margins at the recommended gains, worst over masses and samples")
+    axis.legend(loc="lower right", frameon=False, fontsize=8.5)
+
+
+def _bracket(name: str) -> str:
+    return "" if UNITS[name] == "1" else f" [{UNITS[name]}]"
+
+
+def draw_end_map(
+    ends: EndState,
+    k_p: np.ndarray,
+    k_v: np.ndarray,
+    folder: str | Path,
+    *,
+    name: str = "end_map",
+    point: SteadyPoint | None = None,
+    mass: float | None = None,
+    optimum: tuple[float, float] | None = None,
+) -> list[str]:
+    """Write the map of ends from a stuck start over the gains; the names written.
+
+    Where it ends steady the stick-slip cycle has disappeared: the first approach of section I.A.
+
+    Parameters
+    ----------
+    ends : of shape (len(k_v), len(k_p)), as `gains.check.end_map` gives it.
+    k_p, k_v : ascending gains [N/m], [N s/m], evenly or logarithmically spaced.
+    point : steady sliding (`stability.analysis.steady_point`) for the linear boundaries, with `mass`.
+    optimum : recommended (k_p, k_v).
+    """
+    k_p, k_v = np.asarray(k_p, float), np.asarray(k_v, float)
+    names = list(_END_COLOURS)
+    codes = np.argmax(np.stack([np.asarray(ends.code == getattr(ENDS, n)) for n in names]), axis=0)
+    sizes, units = gain_units(k_p, k_v)
+    figure = new_figure(7.6, 5.8)
+    axis = figure.subplots()
+    colours = ListedColormap(list(_END_COLOURS.values()))
+    norm = BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
+    axis.pcolormesh(
+        sizes[0] * k_p, sizes[1] * k_v, codes, cmap=colours, norm=norm, shading="nearest"
+    )
+    for i, end in enumerate(names):
+        if (codes == i).any():
+            axis.plot([], [], "s", color=_END_COLOURS[end], ms=9, label=_END_NAMES[end])
+    where = ""
+    if point is not None:
+        where = f" at {speed(float(point.velocity))}, {mass_text(mass)}"
+        fine = np.linspace(k_v[0], k_v[-1], 200)
+        _linear_boundary(axis, point, mass, k_p, fine, sizes)
+    if optimum is not None:
+        x, y = sizes[0] * optimum[0], sizes[1] * optimum[1]
+        axis.plot(
+            x, y, "*", color=BLACK, ms=16, mec="white", clip_on=False, zorder=7, label="recommended"
+        )
+    axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
+    axis.set_ylim(sizes[1] * k_v[0], sizes[1] * k_v[-1])
+    axis.set_xlabel(f"position gain k_p [{units[0]}]")
+    axis.set_ylabel(f"velocity gain k_v [{units[1]}]")
+    tidy(axis, f"How a stuck slider ends, simulated{where}")
+    axis.grid(False)
+    legend_below(axis, columns=3)
+    return save(figure, Path(folder), name)
+
+
+def _linear_boundary(axis: Axes, point: SteadyPoint, mass, k_p, k_v, sizes) -> None:
+    k_cr = np.asarray(theorem_over_damping(point.friction, k_v, mass).critical_stiffness)
+    draw_boundaries(axis, k_p, k_v, k_cr, float(point.needed_damping), sizes)

@@ -1,0 +1,436 @@
+"""Figures of a stability study: friction against velocity, critical stiffness, map, root locus.
+
+Also what the figures of this folder share: colours, prefixes of units, writing to files.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from ..rig.friction import (
+    AbstractStribeck,
+    AgeingEvolution,
+    HessSoom,
+    RateState,
+    critical_velocity,
+)
+from ..stability.analysis import (
+    Law,
+    Study,
+    root_locus,
+    stability_map,
+    steady_points,
+    study,
+    theorem_over_damping,
+    theorem_over_velocity,
+)
+
+BLUE, ORANGE, GREY, BLACK = "#1f4e79", "#c8501e", "0.55", "0.15"
+STABLE, UNSTABLE, BAND = "#cfe0ee", "#f4d9cc", "#fff2c4"
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
+_CURVE, _MAP, _LOCUS = 400, 161, 800
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """A figure that belongs to no window and to no global state."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, folder: Path, name: str) -> list[str]:
+    """Write NAME.png and NAME.svg; the names written."""
+    names = [f"{name}.png", f"{name}.svg"]
+    for written in names:
+        figure.savefig(str(folder / written), dpi=130)
+    return names
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """A factor and a unit with a prefix that bring a size up to `largest` to 1...1000."""
+    if not (math.isfinite(largest) and largest > 0):
+        return 1.0, unit
+    if 0.1 <= largest < 1:
+        return 1.0, unit
+    power = min(max(3 * math.floor(math.log10(largest) / 3 + 1e-9), -9), 9)
+    return 10.0**-power, _PREFIXES[power] + unit
+
+
+def tidy(axis: Axes, title: str) -> None:
+    """Title at the left, light grid, no box."""
+    axis.set_title(title, loc="left", fontsize=10.5, parse_math=False)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.set_axisbelow(True)
+    axis.grid(True, which="major", color="0.92", zorder=0)
+
+
+def plain_log(axis: Axis) -> None:
+    """A logarithmic axis with numbers such as 0.1, 20 or 1000 in place of powers."""
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    low, high = sorted(axis.get_view_interval())
+    if not 1e-5 < low < high < 1e6:
+        return
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    few = math.log10(high / low) < 1.2
+    shown = FuncFormatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
+    axis.set_minor_formatter(shown if few else NullFormatter())
+
+
+def legend_below(axis: Axes, *, columns: int = 2) -> None:
+    """Legend under the axis, off the data."""
+    axis.legend(
+        loc="upper left",
+        bbox_to_anchor=(0.0, -0.13 if axis.get_window_extent().height > 450 else -0.17),
+        ncol=columns,
+        frameon=False,
+        fontsize=8.5,
+        borderaxespad=0.0,
+    )
+
+
+def draw_stability(found: Study, folder: Path) -> list[str]:
+    """Write all figures of a study to `folder`; their names."""
+    names = []
+    figure = new_figure(7.2, 4.8)
+    axis = figure.subplots()
+    velocities = np.asarray(found.points.velocity)
+    draw_curve(axis, found.law, velocities)
+    legend_below(axis, columns=3)
+    names += save(figure, folder, "friction")
+    if found.delayed:
+        from .delay import draw_delay
+
+        names += draw_delay(found, folder)
+    else:
+        names += _save_map(found, folder)
+        names += _save_sweep(found, folder)
+    return names + _save_locus(found, folder)
+
+
+def draw_curve(axis: Axes, law: Law, velocities: np.ndarray, *, title: str | None = None) -> None:
+    """Steady friction against velocity (Fig. 1b): falling part marked, operating range shaded."""
+    low, high = float(np.min(velocities)), float(np.max(velocities))
+    V = np.geomspace(*_curve_range(law, low, high), _CURVE)
+    if isinstance(law, RateState):
+        law = study(law, V).law  # with the logarithmic direct effect, as in the study
+    points = steady_points(law, V)
+    force, slope = np.asarray(points.force), np.asarray(points.steady_slope)
+    size, unit = prefixed(math.sqrt(low * high), "m/s")
+    f_size, f_unit = prefixed(float(np.max(np.abs(force))), "N")
+    falling = slope < 0
+    axis.plot(size * V, f_size * force, color=BLUE, lw=1.8, label="steady friction")
+    if falling.any():
+        axis.plot(
+            size * V,
+            np.where(falling, f_size * force, np.nan),
+            color=ORANGE,
+            lw=3.2,
+            label="falling part: promotes stick-slip",
+        )
+    if np.ptp(force) < 1e-3 * np.max(np.abs(force)):
+        axis.set_ylim(0, 1.3 * f_size * np.max(np.abs(force)))
+    if high > low:
+        axis.axvspan(size * low, size * high, color=BAND, lw=0, zorder=0, label="operating range")
+    else:
+        at = np.interp(np.log(low), np.log(V), f_size * force)
+        axis.plot(size * low, at, "o", color=BLACK, ms=7, label="operating velocity", zorder=5)
+    axis.margins(x=0)
+    plain_log(axis.xaxis)
+    axis.set_xlabel(f"velocity [{unit}]")
+    axis.set_ylabel(f"steady friction [{f_unit}]")
+    tidy(axis, title or f"Steady friction against velocity: {law_name(law)}")
+
+
+def _curve_range(law: Law, low: float, high: float) -> tuple[float, float]:
+    """The operating range with a decade on each side, and where the curve turns."""
+    ends = [low / 5, high * 5]
+    if isinstance(law, AbstractStribeck):
+        turn = max(float(critical_velocity(law)), 0.1 * float(law.c3))
+        ends += [turn / 20, turn * 8]
+    if isinstance(law, HessSoom):
+        turn = 1 / math.sqrt(float(law.c2))
+        ends += [turn / 20, turn * 8]
+    return min(ends), max(ends)
+
+
+def draw_boundaries(axis: Axes, k_p, k_v, k_cr, needed: float, sizes: Sequence[float]) -> None:
+    """The curve k_cr(k_v), and the damping above which any stiffness will do."""
+    inside = np.isfinite(k_cr) & (k_cr > 0) & (k_v < needed)
+    along = np.append(k_v[inside], needed) if inside.any() else k_v[:0]
+    curve = np.append(k_cr[inside], 0.0) if inside.any() else k_cr[:0]
+    curve = np.maximum(curve, k_p[0])
+    if inside.any():
+        label = "k_cr(k_v): enough stiffness"
+        axis.plot(sizes[0] * curve, sizes[1] * along, color=BLUE, lw=2.2, label=label)
+    if needed > 0:
+        axis.axhline(
+            sizes[1] * needed,
+            color=ORANGE,
+            lw=1.8,
+            ls="--",
+            label="damped boundary: any stiffness above it",
+        )
+
+
+def _save_map(found: Study, folder: Path) -> list[str]:
+    at, needed = found.here, float(found.here.needed_damping)
+    k_p, k_v = gain_axes(found)
+    stable = np.asarray(stability_map(at.friction, found.mass, k_p, k_v))
+    k_cr = np.asarray(theorem_over_damping(at.friction, k_v, found.mass).critical_stiffness)
+    sizes, units = gain_units(k_p, k_v)
+    figure = new_figure(7.2, 5.6)
+    axis = figure.subplots()
+    colours = ListedColormap([UNSTABLE, STABLE])
+    axis.pcolormesh(
+        sizes[0] * k_p, sizes[1] * k_v, stable, cmap=colours, vmin=0, vmax=1, shading="nearest"
+    )
+    axis.plot([], [], "s", color=STABLE, ms=9, label="stable")
+    if not stable.all():
+        axis.plot([], [], "s", color=UNSTABLE, ms=9, label="unstable")
+    draw_boundaries(axis, k_p, k_v, k_cr, needed, sizes)
+    if found.k_p is not None:
+        axis.plot(
+            sizes[0] * found.k_p,
+            sizes[1] * found.k_v,
+            "o",
+            color=BLACK,
+            ms=8,
+            clip_on=False,
+            zorder=6,
+            label="gains asked for",
+        )
+    axis.set_xlabel(f"stiffness or position gain k_p [{units[0]}]")
+    axis.set_ylabel(f"damping or velocity gain k_v [{units[1]}]")
+    axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
+    axis.set_ylim(0, sizes[1] * k_v[-1])
+    tidy(axis, f"Linear stability at {speed(float(at.velocity))}, {mass_text(found.mass)}")
+    axis.grid(False)
+    legend_below(axis, columns=3)
+    return save(figure, folder, "gain_map")
+
+
+def gain_axes(found: Study) -> tuple[np.ndarray, np.ndarray]:
+    """k_p [N/m] and k_v [N s/m] that show what there is to see at the hardest velocity."""
+    at = found.here
+    needed = float(at.needed_damping)
+    size = abs(float(at.slope)) + abs(float(at.memory))
+    k_v = 1.35 * max(needed, 1.5 * found.k_v, 0.02 * size, 1e-12 if size else 1.0)
+    dampings = np.asarray([0.02, 0.25]) * needed
+    known = theorem_over_damping(at.friction, dampings, found.mass)
+    k_cr = np.asarray(known.critical_stiffness)
+    finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
+    k_p = [1.5 * found.k_p] if found.k_p is not None else []
+    k_p += [1.6 * min(finite.max(), 4 * finite.min())] if finite.size else []
+    largest = max(k_p) if k_p else own_stiffness(found)
+    return np.linspace(0, largest, _MAP + 1)[1:], np.linspace(0, k_v, _MAP)
+
+
+def own_stiffness(found: Study) -> float:
+    """A stiffness to show where the law names none: that of k_v at critical damping, or 1 kN/m."""
+    need = max(float(found.here.needed_damping), found.k_v)
+    if found.mass is None or need == 0:
+        return 1e3
+    return 4 * need**2 / found.mass
+
+
+def gain_units(k_p, k_v) -> tuple[tuple[float, float], tuple[str, str]]:
+    """Factors and units of both axes of a map."""
+    first, second = prefixed(float(k_p[-1]), "N/m"), prefixed(float(k_v[-1]), "N s/m")
+    return (first[0], second[0]), (first[1], second[1])
+
+
+def speed(velocity: float) -> str:
+    """A velocity with a prefix, as text."""
+    size, unit = prefixed(velocity, "m/s")
+    return f"{size * velocity:.4g} {unit}"
+
+
+def law_name(law: Law) -> str:
+    """What a law is called in a heading."""
+    if isinstance(law, RateState):
+        kind = "ageing" if isinstance(law.evolution, AgeingEvolution) else "slip"
+        states = law.B.shape[-1]
+        return f"{kind} law" + (f", {states} states" if states > 1 else "")
+    names = {"HessSoom": "delay law", "Dahl": "Dahl's law", "GaussianStribeck": "Gaussian Stribeck"}
+    name = type(law).__name__
+    return names.get(name, "Stribeck curve" if isinstance(law, AbstractStribeck) else name)
+
+
+def mass_text(mass: float | None) -> str:
+    """The mass, or that there is none."""
+    return "no mass" if mass is None else f"m = {mass:g} kg"
+
+
+def _save_sweep(found: Study, folder: Path) -> list[str]:
+    """k_cr and the damping needed against velocity."""
+    velocities = np.asarray(found.points.velocity)
+    low, high = float(velocities.min()), float(velocities.max())
+    V = np.geomspace(*_curve_range(found.law, low, high), _CURVE)
+    points = steady_points(found.law, V)
+    k_cr = np.asarray(theorem_over_velocity(points, found.k_v, found.mass).critical_stiffness)
+    needed = np.asarray(points.needed_damping)
+    size, unit = prefixed(math.sqrt(low * high), "m/s")
+    figure = new_figure(7.2, 5.8)
+    axes = figure.subplots(2, 1, sharex=True)
+    notes = ("k_cr is 0: any stiffness is stable", "k_cr is infinite: no stiffness suffices")
+    for axis, values, base, name in (
+        (axes[0], k_cr, "N/m", "critical stiffness k_cr"),
+        (axes[1], needed, "N s/m", "damping needed k_v"),
+    ):
+        shown = np.isfinite(values) & (values > 0)
+        if shown.any():
+            f_size, f_unit = prefixed(float(np.median(values[shown])), base)
+            axis.plot(size * V, np.where(shown, f_size * values, np.nan), color=BLUE, lw=2)
+            span = values[shown].max() / values[shown].min()
+            if span > 8 and shown.all():
+                plain_log(axis.yaxis)
+            elif span < 1.02:
+                axis.set_ylim(0, 1.3 * f_size * values[shown].max())
+            axis.set_ylabel(f"{name}\n[{f_unit}]")
+        else:
+            axis.set_ylabel(f"{name}\n[{base}]")
+            axis.set_yticks([])
+            note = notes[int(np.isinf(values[0]))] if axis is axes[0] else "none needed"
+            axis.text(0.5, 0.5, note, transform=axis.transAxes, ha="center", fontsize=11, zorder=6,
+                      bbox=dict(facecolor="white", edgecolor="none"))  # fmt: skip
+        if high > low:
+            axis.axvspan(size * low, size * high, color=BAND, lw=0, zorder=0)
+        else:
+            axis.axvline(size * low, color=BLACK, lw=1.2, ls=":")
+        _shade_none(axis, size * V, values, axis is axes[0])
+    axes[0].set_xlim(size * V[0], size * V[-1])
+    plain_log(axes[0].xaxis)
+    axes[1].set_xlabel(f"velocity [{unit}]   ({'shaded: operating range' if high > low else 'dotted: operating velocity'})")
+    where = f"k_v = {found.k_v:g} N s/m, {mass_text(found.mass)}"
+    tidy(axes[0], f"Stiffness that steady sliding needs with {where}")
+    tidy(axes[1], "Damping with which every stiffness is stable")
+    figure.align_ylabels(list(axes))
+    return save(figure, folder, "velocity")
+
+
+def _shade_none(axis: Axes, V: np.ndarray, values: np.ndarray, stiffness: bool) -> None:
+    """Say where a curve is missing because it is infinite or zero."""
+    if not (np.isfinite(values) & (values > 0)).any():
+        return
+    for mask, text in (
+        (np.isinf(values), "no stiffness suffices"),
+        (values <= 0, "any k_p is stable" if stiffness else "none needed"),
+    ):
+        run = _longest_run(mask)
+        if len(run) > 0.1 * len(V):
+            axis.text(
+                math.sqrt(V[run[0]] * V[run[-1]]),
+                0.5,
+                text,
+                transform=axis.get_xaxis_transform(),
+                ha="center",
+                va="center",
+                fontsize=8.5,
+                color=BLACK,
+                rotation=0 if len(run) > 0.25 * len(V) else 90,
+            )
+
+
+def _longest_run(mask: np.ndarray) -> np.ndarray:
+    """Indices of the longest stretch of True."""
+    places = np.flatnonzero(mask)
+    runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
+    return max(runs, key=len)
+
+
+def _save_locus(found: Study, folder: Path) -> list[str]:
+    """Poles in the complex plane, coloured by k_p, and the rightmost one's real part."""
+    k_p, centre = _locus_stiffness(found)
+    locus = np.asarray(root_locus(found.here.friction, found.mass, k_p, found.k_v))
+    real = np.abs(locus.imag) <= 1e-9 * np.abs(locus)
+    locus = np.where(real, locus.real, locus)
+    figure = new_figure(10.5, 5.0)
+    axes = figure.subplots(1, 2, width_ratios=[1.25, 1])
+    size, unit = prefixed(float(k_p[-1]) / 30, "N/m")
+    hidden = _plane(axes[0], locus, k_p, size)
+    bar = figure.colorbar(axes[0].collections[0], ax=axes[0], pad=0.01)
+    bar.set_label(f"k_p [{unit}]")
+    plain_log(bar.ax.yaxis)
+    rightmost = np.max(locus.real, axis=1)
+    axes[1].plot(size * k_p, rightmost, color=BLUE, lw=2)
+    axes[1].axhline(0, color=BLACK, lw=1)
+    axes[1].fill_between(
+        size * k_p, 0, 1, where=rightmost < 0, color=STABLE, lw=0, zorder=0,
+        transform=axes[1].get_xaxis_transform(), label="stable",
+    )  # fmt: skip
+    if centre is not None:
+        axes[1].axvline(size * centre, color=ORANGE, ls="--", lw=1.6, label="k_cr")
+        poles = root_locus(found.here.friction, found.mass, np.asarray([centre]), found.k_v)
+        s = np.asarray(poles)[0]
+        on = s[np.abs(s.real) <= 1e-6 * np.abs(s)]
+        axes[0].plot(on.real, on.imag, "x", color=ORANGE, ms=11, mew=2.5, label="at k_cr")
+    if found.k_p is not None and found.poles is not None:
+        s = np.asarray(found.poles)
+        s = np.concatenate([s, np.conj(s)])
+        label = f"k_p = {size * found.k_p:.4g} {unit}"
+        axes[0].plot(s.real, s.imag, "o", mfc="none", mec=BLACK, ms=9, mew=1.6, label=label)
+        axes[1].plot(size * found.k_p, s.real.max(), "o", mfc="none", mec=BLACK, ms=9, mew=1.6)
+    axes[1].set_xlim(size * k_p[0], size * k_p[-1])
+    plain_log(axes[1].xaxis)
+    axes[1].set_xlabel(f"stiffness or position gain k_p [{unit}]")
+    axes[1].set_ylabel("real part of the rightmost pole [1/s]")
+    rest = f" ({hidden} more far to the left)" if hidden else ""
+    tidy(axes[0], f"Root locus in k_p: poles near the axis{rest}")
+    tidy(axes[1], "Growth (above 0) or decay")
+    legend_below(axes[0])
+    legend_below(axes[1])
+    where = f"{speed(float(found.here.velocity))}, {mass_text(found.mass)}, k_v = {found.k_v:g} N s/m"
+    figure.suptitle(where, x=0.01, ha="left", fontsize=10)
+    return save(figure, folder, "root_locus")
+
+
+def _locus_stiffness(found: Study) -> tuple[np.ndarray, float | None]:
+    """Values of k_p, and k_cr where there is one to mark."""
+    k_cr = float(found.theorem.critical_stiffness)
+    if not found.delayed and 0 < k_cr < math.inf:
+        return np.geomspace(k_cr / 30, k_cr * 30, _LOCUS), k_cr
+    if found.delayed:
+        from .delay import largest_stiffness
+
+        most = largest_stiffness(found)
+        return np.geomspace(most / 1e3, most, _LOCUS), None
+    middle = found.k_p if found.k_p is not None else own_stiffness(found)
+    return np.geomspace(middle / 30, middle * 30, _LOCUS), None
+
+
+def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray, size: float) -> int:
+    """The poles, on axes that show those near the imaginary axis; how many families are not seen."""
+    near = slice(len(k_p) // 4, -len(k_p) // 4)
+    lead = np.take_along_axis(locus, np.argmax(locus.real, axis=1)[:, None], 1)[near, 0]
+    height = 1.3 * float(np.max(np.abs(lead.imag)))
+    reach = float(np.max(np.abs(lead.real)))
+    if height == 0:
+        height = reach
+    reach = 1.4 * min(max(reach, 0.01 * height), 3 * height)
+    colour = np.repeat(size * k_p, locus.shape[1])
+    both = np.concatenate([locus.ravel(), np.conj(locus.ravel())])
+    drawn = axis.scatter(
+        both.real,
+        both.imag,
+        c=np.concatenate([colour, colour]),
+        norm=LogNorm(size * k_p[0], size * k_p[-1]),
+        cmap="viridis",
+        s=7,
+        lw=0,
+    )
+    del drawn
+    axis.axvline(0, color=BLACK, lw=1)
+    axis.axhline(0, color="0.8", lw=0.8)
+    axis.set_xlim(-1.5 * reach, reach)
+    axis.set_ylim(-height, height)
+    axis.set_xlabel("real part [1/s]")
+    axis.set_ylabel("imaginary part [rad/s]")
+    return int(np.sum(np.all(locus.real < -1.5 * reach, axis=0)))

@@ -1,0 +1,383 @@
+"""The theorem (18)-(20): golden numbers, closed forms, polynomials, tables, all against each other.
+
+Stability is judged with NumPy's companion matrix and Newton steps in extended precision, the
+transforms with SciPy's quadrature: nothing of the package.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+import jaxfric as jf
+from jaxfric.errors import InputError
+from jaxfric.rig.friction import GaussianStribeck
+from jaxfric.stability.closed_form import (
+    critical_one_exponential,
+    critical_rate_state,
+    critical_two_exponentials,
+)
+from jaxfric.stability.critical_points import critical_points
+from jaxfric.stability.kernel import (
+    DelayKernel,
+    ExponentialKernel,
+    SampledKernel,
+    StateSpaceKernel,
+)
+from jaxfric.stability.linear import linearise
+from jaxfric.stability.margins import poles
+from jaxfric.stability.theorem import apply_theorem
+from jaxfric.stability.theorem import theorem as eager_theorem
+
+M, K_V, A, B, L, V0 = 2.0, 0.5, 1.0, 3.0, 1e-3, 2e-3
+theorem = eqx.filter_jit(eager_theorem)
+W_CR, K_CR = 2.826307129101859, 2014.976023976024
+
+
+def polished(c):
+    """Roots of polynomials, highest power first, one a row; refined in extended precision."""
+    roots = np.array([np.roots(row) for row in c]).astype(np.clongdouble)
+    c = np.asarray(c, np.longdouble)
+    slope = c[:, :-1] * np.arange(c.shape[1] - 1, 0, -1)
+
+    def at(c, s):
+        total = np.zeros_like(s)
+        for column in c.T:
+            total = total * s + column[:, None]
+        return total
+
+    for _ in range(3):
+        roots = roots - at(c, roots) / at(slope, roots)
+    return roots
+
+
+def characteristic(m, k_v, A, B, L, V, k):
+    """(m s^2 + (k_v + A/V) s + k)(s + V/L) - s B/L, highest power first."""
+    d, r = k_v + A / V, V / L
+    return np.stack([m, m * r + d, d * r + k - B / L, k * r], axis=-1)
+
+
+def random_sets(n, seed=0):
+    """Wide ranges, of which those are kept where (18) holds by one per cent or more."""
+    rng = np.random.default_rng(seed)
+    low = np.log([1e-2, 1e-2, 1e-6, 1e-6, 1e-2, 1e-3])
+    high = np.log([1e2, 1e2, 1e-2, 1e-1, 1e2, 1e5])
+    A, B, L, V, m, k_v = np.exp(rng.uniform(low, high, (40 * n, 6))).T
+    keep = A + k_v * V < 0.99 * B
+    return tuple(x[keep][:n] for x in (A, B, L, V, m, k_v))
+
+
+def brute_force(g, r, damping, mass, points=20001):
+    """All (w_n, k(w_n)) of sum g_i exp(-r_i t), by a scan with NumPy and SciPy's root finder."""
+    g, r = np.asarray(g), np.asarray(r)
+
+    def excess(x):
+        return np.sum(g * r / (r**2 + np.exp(2 * x))) - damping
+
+    scale = max(1.0, np.sum(np.abs(g * r)) / damping / np.max(r) ** 2)
+    grid = np.linspace(np.log(1e-4 * r.min()), np.log(1e2 * r.max() * np.sqrt(scale)), points)
+    value = np.sum(g * r / (r**2 + np.exp(2 * grid[:, None])), axis=1) - damping
+    found = []
+    for i in np.nonzero((value[:-1] > 0) != (value[1:] > 0))[0]:
+        w = np.exp(brentq(excess, grid[i], grid[i + 1], xtol=1e-15, rtol=8.9e-16))
+        found.append((w, mass * w**2 + w**2 * np.sum(g / (r**2 + w**2))))
+    return np.array(found).reshape(-1, 2)
+
+
+def rig(kind="slip", k_v=K_V, A=A, B=(B,), L=(L,), mass=M, k_p=K_CR, **more):
+    evolution = jf.AgeingEvolution() if kind == "ageing" else jf.SlipEvolution()
+    machine = jf.QuasiStatic(k_p, k_v) if mass is None else jf.Inertial(mass, k_p, k_v)
+    return jf.Rig(machine, jf.RateState(5.0, A, B, L, V0, evolution, **more))
+
+
+# ---- golden numbers and closed forms ------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["slip", "ageing"])
+def test_golden_sample(kind):
+    slider = linearise(rig(kind), V0)
+    found = apply_theorem(slider)
+    np.testing.assert_allclose(found.critical_frequency, W_CR, rtol=1e-13)
+    np.testing.assert_allclose(found.critical_stiffness, K_CR, rtol=1e-13)
+    assert bool(found.holds)
+    np.testing.assert_allclose(critical_rate_state(A, B, L, V0, K_V, M), (W_CR, K_CR), rtol=1e-13)
+    roots = np.sort_complex(np.asarray(poles(slider)))
+    np.testing.assert_allclose(roots[0], -252.25, rtol=1e-9)
+    np.testing.assert_allclose(roots[1:], [-2.82630713j, 2.82630713j], atol=1e-8)
+
+
+def test_critical_stiffness_diverges_as_the_direct_effect_vanishes():
+    for small, golden in ((1e-2, 5.382e3), (1e-4, 2.430e5), (1e-6, 2.400e7)):
+        found = apply_theorem(linearise(rig(k_v=0.0, A=small), V0))
+        np.testing.assert_allclose(found.critical_stiffness, golden, rtol=2e-4)
+        exact = (B - small) / L * (M * V0**2 / (small * L) + 1)
+        np.testing.assert_allclose(found.critical_stiffness, exact, rtol=1e-13)
+
+
+def test_memoryless_slider_needs_damping_only():
+    law = GaussianStribeck(0.3, 0.4, 2.0, 0.05)
+    V_cr, f_v = 0.03535533905932738, -33.91055539840
+    for factor, real in ((0.999, 0.0169), (1.001, -0.0170)):
+        slider = linearise(jf.Rig(jf.Inertial(1.0, 100.0, -factor * f_v), law), V_cr)
+        np.testing.assert_allclose(np.max(np.asarray(poles(slider)).real), real, atol=6e-5)
+        exact = (factor - 1) * f_v / 2
+        np.testing.assert_allclose(np.asarray(poles(slider)).real, exact, rtol=1e-9)
+        found = apply_theorem(slider)
+        assert found.critical_stiffness == (np.inf if factor < 1 else 0.0)
+        assert bool(found.damped) == (factor > 1) and bool(found.integrable)
+        assert not np.any(np.isfinite(found.frequencies))
+
+
+def test_2000_random_sets_are_unstable_below_and_stable_above():
+    A, B, L, V, m, k_v = random_sets(2000)
+    assert A.size == 2000
+    w, k = (np.asarray(x) for x in critical_rate_state(A, B, L, V, k_v, m))
+    below = polished(characteristic(m, k_v, A, B, L, V, k * (1 - 1e-6)))
+    above = polished(characteristic(m, k_v, A, B, L, V, k * (1 + 1e-6)))
+    assert np.all(below.real.max(axis=1) > 0)
+    assert np.all(above.real.max(axis=1) < 0)
+    at = polished(characteristic(m, k_v, A, B, L, V, k))
+    pair = np.take_along_axis(at, np.argmax(at.imag, axis=1)[:, None], axis=1)[:, 0]
+    np.testing.assert_allclose(pair.imag.astype(float), w, rtol=1e-9)
+
+
+def test_the_judge_of_stability_catches_a_wrong_critical_stiffness():
+    sets = A, B, L, V, m, k_v = random_sets(50)
+    k = np.asarray(critical_rate_state(*sets[:4], k_v, m)[1]) * (1 + 3e-6)
+    below = polished(characteristic(m, k_v, A, B, L, V, k * (1 - 1e-6)))
+    assert not np.any(below.real.max(axis=1) > 0)
+
+
+def test_where_damping_suffices_or_fails():
+    cases = {
+        "suffices": (2.0, 1.0, 0.0),
+        "vanishes": (0.0, 0.0, np.inf),
+        "neg": (-1.0, 0.0, np.inf),
+    }
+    for A, k_v, k in cases.values():
+        w_cr, k_cr = critical_rate_state(A, 1.5, 1e-3, 1.0, k_v, 2.0)
+        assert k_cr == k and w_cr == k
+        found = theorem(ExponentialKernel([1.5e3], [1e3]), jnp.asarray(A + k_v), jnp.asarray(2.0))
+        assert found.critical_stiffness == k and found.critical_frequency == k
+        assert not bool(found.holds)
+
+
+# ---- generic search against (25) -----------------------------------------------------------
+
+
+def test_generic_search_agrees_with_25():
+    A, B, L, V, m, k_v = (jnp.asarray(x) for x in random_sets(1000, 1))
+
+    def both(A, B, L, V, m, k_v):
+        kernel = ExponentialKernel((B / L)[None], (V / L)[None])
+        w, k, complete = critical_points(kernel, A / V + k_v, m, number=2, points=512)
+        return w[0], k[0], complete, w[1]
+
+    w, k, complete, more = jax.jit(jax.vmap(both))(A, B, L, V, m, k_v)
+    w_cr, k_cr = critical_rate_state(A, B, L, V, k_v, m)
+    found = np.isfinite(w)
+    # the table reaches a thousand times beyond the kernel's rate; so far does damping A -> 0 go
+    assert np.all(found | (np.asarray(w_cr) > 900 * np.asarray(V / L)))
+    assert np.all(complete[found]) and not np.any(np.isfinite(more))
+    np.testing.assert_allclose(w[found], np.asarray(w_cr)[found], rtol=1e-8)
+    np.testing.assert_allclose(k[found], np.asarray(k_cr)[found], rtol=1e-8)
+
+
+def test_a_callable_kernel_agrees_with_25():
+    batched = eqx.filter_jit(eqx.filter_vmap(eager_theorem, in_axes=(None, 0, 0)))
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        rate, height = np.exp(rng.normal(0, 2, 2))
+        kernel = SampledKernel.from_function(
+            lambda t, g=height, r=rate: g * jnp.exp(-r * t), 40 / rate
+        )
+        assert kernel.resolution_error() < 1e-12
+        damping = jnp.asarray(height / rate * rng.uniform(1e-3, 0.99, 300))
+        mass = jnp.asarray(np.exp(rng.normal(0, 2, 300)))
+        found = batched(kernel, damping, mass)
+        w, k = critical_one_exponential(height, rate, damping, mass)
+        np.testing.assert_allclose(found.critical_stiffness, k, rtol=1e-8)
+        np.testing.assert_allclose(found.critical_frequency, w, rtol=1e-8)
+        assert np.all(found.holds)
+
+
+def test_tables_too_rough_to_interpolate_are_refined_exactly():
+    """A kernel that is a box: G = (1 - exp(-s T))/s oscillates for ever along the axis."""
+    kernel = SampledKernel.from_function(lambda t: 1.0 + 0 * t, 3.0)
+    found = theorem(kernel, jnp.asarray(0.7), jnp.asarray(0.2), number=2)
+    w = brentq(lambda w: np.sin(3 * w) / w - 0.7, 0.1, 1.04)
+    k = 0.2 * w**2 + 1 - np.cos(3 * w)
+    np.testing.assert_allclose([found.frequencies[0], found.stiffnesses[0]], [w, k], rtol=1e-10)
+
+
+# ---- several exponentials ------------------------------------------------------------------
+
+
+def test_two_exponentials_by_four_ways():
+    rng = np.random.default_rng(2)
+    g = np.exp(rng.normal(0, 1.5, (60, 2))) * np.where(rng.random((60, 2)) < 0.3, -1, 1)
+    r = np.exp(rng.normal(0, 1.5, (60, 2)))
+    damping, mass = np.exp(rng.normal(-1.5, 1.0, 60)), np.exp(rng.normal(0, 1, 60))
+
+    def ways(g, r, damping, mass):
+        kernel = ExponentialKernel(g, r)
+        closed = critical_two_exponentials(g, r, damping, mass)[1]
+        generic = critical_points(kernel, damping, mass, number=3, points=1024)[1]
+        a, one = jnp.diag(-r), jnp.ones(2)
+        states = theorem(StateSpaceKernel(a, g, one), damping, mass).critical_stiffness
+        path = theorem(kernel, damping, mass).critical_stiffness
+        return jnp.stack([jnp.max(closed), jnp.maximum(jnp.max(generic), 0.0), states, path])
+
+    k = np.asarray(jax.jit(jax.vmap(ways))(*map(jnp.asarray, (g, r, damping, mass))))
+    counts = []
+    for i in range(60):
+        scan = brute_force(g[i], r[i], damping[i], mass[i])
+        counts.append(len(scan))
+        truth = max(0.0, np.max(scan[:, 1], initial=0.0))
+        np.testing.assert_allclose(k[i], truth, rtol=1e-9, err_msg=f"set {i}")
+    assert {0, 1, 2} <= set(counts)
+
+
+def test_negative_lobes_with_18_and_without():
+    """Two w_n each: in the first (18) fails, and yet only k_p > k_cr is stable."""
+    mass = 0.5
+    for g, r, damping, holds in (
+        (np.array([6.0, -1.4]), np.array([3.0, 0.3]), 0.7, False),
+        (np.array([1.0, -9.0, 20.0]), np.array([0.2, 1.0, 4.0]), 0.6, True),
+    ):
+        scan = brute_force(g, r, damping, mass)
+        assert len(scan) == (2 if not holds else len(scan)) and len(scan) >= 1
+        found = theorem(ExponentialKernel(g, r), jnp.asarray(damping), jnp.asarray(mass))
+        assert bool(found.underdamped) == holds == (damping < np.sum(g / r))
+        w = np.sort(np.asarray(found.frequencies))
+        np.testing.assert_allclose(w[: len(scan)], scan[:, 0], rtol=1e-9)
+        assert np.all(np.isinf(w[len(scan) :]))
+        np.testing.assert_allclose(found.critical_stiffness, scan[:, 1].max(), rtol=1e-9)
+        for factor, stable in ((1 - 1e-6, False), (1 + 1e-6, True), (5.0, True)):
+            k = scan[:, 1].max() * factor
+            D = np.poly(-r)
+            N = sum(g[i] * np.poly(-np.delete(r, i)) for i in range(len(r)))
+            c = np.polysub(np.polymul([mass, damping, k], D), np.polymul([1, 0], N))
+            assert (polished(c[None]).real.max() < 0) == stable
+
+
+def test_hypotheses_and_words():
+    kernel = ExponentialKernel([2.0], [1.0])
+    good = theorem(kernel, jnp.asarray(1.0), jnp.asarray(1.0))
+    assert good.describe()[-1].startswith("critical stiffness 2 at 1 rad/s")
+    enough = theorem(kernel, jnp.asarray(3.0), jnp.asarray(1.0))
+    assert "stable by damping" in enough.describe()[-1] and "FAILS" in enough.describe()[2]
+    assert "no stiffness suffices" in theorem(kernel, jnp.asarray(-1.0), 1.0).describe()[-1]
+    delay = theorem(DelayKernel(0.5, 0.3), jnp.asarray(0.2), jnp.asarray(1.0))
+    assert not bool(delay.integrable) and delay.critical_stiffness == np.inf
+    assert "no critical stiffness" in delay.describe()[-1]
+    for strength in (0.5, -0.5):
+        assert theorem(DelayKernel(strength, 0.3), 0.6, 1.0).critical_stiffness == 0
+    assert theorem(DelayKernel(-0.5, 0.3), jnp.asarray(0.2), 1.0).critical_stiffness == np.inf
+    growing = StateSpaceKernel(jnp.array([[0.1]]), jnp.array([1.0]), jnp.array([-1.0]))
+    assert theorem(growing, jnp.asarray(0.5), jnp.asarray(1.0)).critical_stiffness == np.inf
+
+
+# ---- sampled kernels -----------------------------------------------------------------------
+
+
+def test_transform_of_samples_against_quadrature():
+    rng = np.random.default_rng(3)
+    t = np.cumsum(rng.uniform(0.05, 0.3, 40))
+    g = np.exp(-t) * (1 + 0.2 * rng.standard_normal(40))
+    kernel = SampledKernel.from_samples(t, g)
+    whole_t, whole_g = np.insert(t, 0, 0.0), np.insert(g, 0, g[0])
+    transform = jax.jit(kernel.transform)
+    for w in (0.0, 1e-3, 0.4, 7.0, 300.0):
+        G = complex(transform(jnp.asarray(1j * w)))
+        parts = np.zeros(2)
+        for a, b, ga, gb in zip(whole_t, whole_t[1:], whole_g, whole_g[1:], strict=False):
+            line = lambda x, a=a, b=b, ga=ga, gb=gb: ga + (gb - ga) * (x - a) / (b - a)  # noqa: E731
+            for i, weight in enumerate(("cos", "sin")):
+                parts[i] += quad(line, a, b, weight=weight, wvar=w, epsabs=1e-14)[0]
+        np.testing.assert_allclose([G.real, -G.imag], parts, atol=2e-13)
+    s = 0.3 + 2j
+    real = sum(
+        quad(lambda x: np.interp(x, whole_t, whole_g) * np.exp(-0.3 * x) * np.cos(2 * x), a, b)[0]
+        for a, b in zip(whole_t, whole_t[1:], strict=False)
+    )
+    np.testing.assert_allclose(complex(transform(jnp.asarray(s))).real, real, atol=1e-12)
+
+
+def test_transform_is_finite_and_exact_over_the_half_plane():
+    kernel = SampledKernel.from_function(lambda t: jnp.exp(-t), 40.0, panels=24, order=12)
+    s = np.array([0.0, 1e-9j, 0.3 + 1j, 12.0, 900.0 + 3j, 1e6, 1e4j])
+    G = jax.jit(jax.vmap(kernel.transform))(jnp.asarray(s))
+    np.testing.assert_allclose(G, 1 / (1 + s), rtol=1e-9)
+
+
+def test_a_measured_kernel_gives_its_critical_stiffness():
+    """Fine exact samples come near (25); noisy ones give the k_cr of the noisy polygon itself."""
+    t = np.linspace(0.0, 20.0, 401)
+    one, m = jnp.asarray(1.0), jnp.asarray(0.7)
+    found = theorem(SampledKernel.from_samples(t, 3 * np.exp(-t)), one, m, number=8)
+    np.testing.assert_allclose(found.critical_stiffness, 2 * (0.7 + 1.0), rtol=1e-3)
+    rng = np.random.default_rng(4)
+    g = 3 * np.exp(-t) + 0.02 * rng.standard_normal(t.size)
+    found = theorem(SampledKernel.from_samples(t, g), one, m, number=8)
+
+    def moments(w):
+        edges, half = 0.5 * (t[1:] + t[:-1]), 0.5 * np.diff(t)
+        x, weight = np.polynomial.legendre.leggauss(8)
+        at = edges[:, None] + half[:, None] * x
+        value = np.interp(at, t, g) * half[:, None] * weight
+        return np.sum(value * np.cos(w * at)), np.sum(value * np.sin(w * at))
+
+    w = float(found.critical_frequency)
+    np.testing.assert_allclose(moments(w)[0], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(0.7 * w**2 + w * moments(w)[1], found.critical_stiffness, rtol=1e-9)
+
+
+def test_bad_samples():
+    for t, g, words in (
+        ([0.0, 1.0], [1.0], "shape"),
+        ([0.0, 1.0], [1.0, np.nan], "finite"),
+        ([0.0, 1.0, 1.0], [1.0, 1.0, 1.0], "ascending"),
+        ([-1.0, 1.0], [1.0, 1.0], "positive"),
+    ):
+        with pytest.raises(InputError, match=words):
+            SampledKernel.from_samples(t, g)
+    with pytest.raises(InputError, match="horizon"):
+        SampledKernel.from_function(lambda t: t, -1.0)
+
+
+# ---- derivatives -----------------------------------------------------------------------------
+
+
+def _sampled(p):
+    return SampledKernel.from_function(
+        lambda t: p[0] * jnp.exp(-p[1] * t), 60.0, panels=20, order=12
+    )
+
+
+KERNELS = {
+    "one exponential": lambda p: ExponentialKernel(p[:1], p[1:2]),
+    "two exponentials": lambda p: ExponentialKernel(p[:2], jnp.stack([p[1], 0.2 * p[0]])),
+    "sampled": _sampled,
+}
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_derivatives_of_the_critical_point(name):
+    def function(p):
+        found = eager_theorem(KERNELS[name](p), p[2], p[3])
+        return jnp.stack([found.critical_stiffness, found.critical_frequency])
+
+    p = jnp.array([3.0, 1.3, 0.8, 0.6])
+    slope = np.asarray(jax.jit(jax.jacfwd(function))(p))
+    batch = jax.jit(jax.vmap(function))
+    h = 1e-5
+    points = jnp.concatenate([p + h * jnp.diag(p), p - h * jnp.diag(p)])
+    up, down = np.split(np.asarray(batch(points)), 2)
+    difference = ((up - down) / (2 * h * np.asarray(p)[:, None])).T
+    np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-9)
+    if name != "sampled":
+        np.testing.assert_allclose(jax.jit(jax.jacrev(function))(p), slope, rtol=1e-10, atol=1e-12)
