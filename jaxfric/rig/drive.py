@@ -48,15 +48,16 @@ class FirstOrderDrive(AbstractDrive):
 
     def lag(self, motion, t):
         jump, since = self._steps(motion, t)
-        return jnp.sum(self.tau * jump * -jnp.expm1(-since / self._safe_tau()))
+        return jnp.sum(self.tau * jump * (1 - self._decay(since)))
 
     def lag_rate(self, motion, t):
         jump, since = self._steps(motion, t)
-        decay = jnp.exp(-since / self._safe_tau())
-        return jnp.sum(jump * decay)
+        return jnp.sum(jump * self._decay(since))
 
-    def _safe_tau(self):
-        return jnp.where(self.tau > 0, self.tau, 1e-300)
+    def _decay(self, since):
+        # at tau = 0 nothing is left of a step; so too, to first order, for a negative one
+        lagging = self.tau > 0
+        return jnp.where(lagging, jnp.exp(-since / jnp.where(lagging, self.tau, 1.0)), 0.0)
 
     def _steps(self, motion, t):
         if not isinstance(motion, PiecewiseVelocity):

@@ -3,6 +3,7 @@
 import equinox as eqx
 
 from .drive import AbstractDrive, IdealDrive
+from .friction.delay import AbstractDelayLaw
 from .friction.law import AbstractLaw
 from .machine import AbstractMachine
 from .sensor import AbstractSensor, IdealSensor
@@ -15,6 +16,6 @@ class Rig(eqx.Module):
     """
 
     machine: AbstractMachine
-    friction: AbstractLaw
+    friction: AbstractLaw | AbstractDelayLaw
     drive: AbstractDrive = IdealDrive()
     sensor: AbstractSensor = IdealSensor()

@@ -202,8 +202,11 @@ def critical_stiffness(law: RateState) -> Float[Array, ""]:
 
 
 def _damped_log(z: Float[Array, ""], c: Float[Array, ""]) -> Float[Array, ""]:
-    """u such that u + c e^u = z, for c > 0: z - W(c e^z) with Lambert's W, by Newton steps."""
-    size = jax.nn.softplus(jnp.log(c) + z)
+    """u such that u + c e^u = z, for c >= 0: z - W(c e^z) with Lambert's W, by Newton steps.
+
+    A small negative c (a trial of a fit) is continued through 0.
+    """
+    size = jax.nn.softplus(jnp.log(jnp.abs(c) + 1e-300) + z)
     u = z - jax.lax.stop_gradient(size * (1 - jnp.log1p(size) / (2 + size)))
     for _ in range(_NEWTON_STEPS):
         e = c * jnp.exp(u)

@@ -1,0 +1,7 @@
+"""The catalogue of effects: what a model may lack, one room at a time."""
+
+from .catalogue import CATALOGUE as CATALOGUE
+from .catalogue import effect_of as effect_of
+from .effect import AbstractEffect as AbstractEffect
+from .effect import RecordScales as RecordScales
+from .effect import parameters as parameters

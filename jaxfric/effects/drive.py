@@ -1,0 +1,34 @@
+"""Effects in the drive."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..quantity import quantity
+from ..rig import FirstOrderDrive, IdealDrive
+from .effect import AbstractEffect
+
+
+class ServoLag(AbstractEffect):
+    """tau dV_m/dt = V_cmd - V_m."""
+
+    id: ClassVar[str] = "servo_lag"
+    room: ClassVar[str] = "drive"
+    equation: ClassVar[str] = "tau V_m' = V_cmd - V_m"
+    confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "sensor_delay")
+    separated_by: ClassVar[str] = "a load-point encoder channel"
+    channel: ClassVar[str | None] = None
+    tau: Float[Array, ""] = quantity("tau", "s", "time constant of the drive", default=0.0)
+
+    def embed(self, rig):
+        if not isinstance(rig.drive, IdealDrive):
+            raise TypeError("servo_lag needs a rig whose drive is ideal")
+        return eqx.tree_at(lambda r: r.drive, rig, FirstOrderDrive(self.tau))
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return self.tau > 0

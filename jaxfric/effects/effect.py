@@ -1,0 +1,115 @@
+"""What an effect is: a modification of one room of a rig, with values that change nothing.
+
+An effect holds its parameters; made without arguments it is at its null. `embed(rig)` gives the rig
+with the effect in it, and at the null that rig predicts what `rig` predicts, to rounding. So
+a fit with the effect free contains the fit without it.
+
+A parameter is either an amplitude, whose null is 0 and which is unbounded, or a shape (a length, a
+time, a velocity), which means nothing while the amplitudes are 0 and is started from a grid.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..quantity import Quantity, quantities
+from ..rig import Rig
+from ..rig.friction.extended import AbstractTerm, BlendedEvolution, ExtendedLaw
+from ..rig.friction.rate_state import AgeingEvolution, RateState, SlipEvolution
+
+ROOMS = ("friction", "machine", "drive", "sensor")
+
+
+class RecordScales(NamedTuple):
+    """Sizes of a record, for starting values of shapes. SI."""
+
+    slip_length: float
+    """L of the base fit."""
+    step_slip: float
+    """Median slip of a velocity step."""
+    total_slip: float
+    slowest: float
+    fastest: float
+    """Velocities."""
+    interval: float
+    """Median sampling interval."""
+    duration: float
+
+
+class AbstractEffect(eqx.Module):
+    """One effect of the catalogue.
+
+    `id` is its name in tables and files; `room` the one it modifies; `equation` a line of
+    text; `confused_with` the ids it is easily taken for; `separated_by` what would tell them apart.
+    The fields declared by `quantity(...)` are its parameters, amplitudes first.
+    """
+
+    id: eqx.AbstractClassVar[str]
+    room: eqx.AbstractClassVar[str]
+    equation: eqx.AbstractClassVar[str]
+    confused_with: eqx.AbstractClassVar[tuple[str, ...]]
+    separated_by: eqx.AbstractClassVar[str]
+    channel: eqx.AbstractClassVar[str | None]
+    """The optional channel of a record that it needs, if any."""
+
+    @abc.abstractmethod
+    def embed(self, rig: Rig) -> Rig:
+        """The rig with this effect in it."""
+
+    @abc.abstractmethod
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
+        """Starting values of every shape by field name; empty where there is none."""
+
+    @abc.abstractmethod
+    def physical(self) -> Float[Array, ""]:
+        """True where the parameters are physically possible (a lag is positive)."""
+
+
+def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quantity]:
+    """The quantities of an effect by field name."""
+    return quantities(effect)
+
+
+def with_term(rig: Rig, term: AbstractTerm) -> Rig:
+    """The rig with one more friction term."""
+    law = extended(rig)
+    return eqx.tree_at(lambda r: r.friction, rig, ExtendedLaw(law.base, (*law.terms, term)))
+
+
+def with_evolution(rig: Rig, **changes: Array) -> Rig:
+    """The rig with the given amounts added to fields of its `BlendedEvolution`."""
+    law = extended(rig)
+    evolution = law.base.evolution
+    assert isinstance(evolution, BlendedEvolution)
+    for name, value in changes.items():
+        changed = getattr(evolution, name) + value
+        evolution = eqx.tree_at(lambda e, n=name: getattr(e, n), evolution, changed)
+    base = eqx.tree_at(lambda b: b.evolution, law.base, evolution)
+    return eqx.tree_at(lambda r: r.friction, rig, ExtendedLaw(base, law.terms))
+
+
+def blended(law: RateState) -> RateState:
+    """The same law with an evolution that can blend: a slip law at q = 0, an ageing law at 1."""
+    evolution = law.evolution
+    if isinstance(evolution, BlendedEvolution):
+        return law
+    if not isinstance(evolution, SlipEvolution | AgeingEvolution):
+        raise TypeError(f"no blend of evolutions contains {type(evolution).__name__}")
+    share = jnp.asarray(float(isinstance(evolution, AgeingEvolution)))
+    return eqx.tree_at(lambda b: b.evolution, law, BlendedEvolution(q=share))
+
+
+def extended(rig: Rig) -> ExtendedLaw:
+    """The rig's friction as an `ExtendedLaw` whose base can blend evolutions.
+
+    A slip law becomes q = 0, an ageing law q = 1: the same equations.
+    """
+    law = rig.friction
+    if isinstance(law, ExtendedLaw):
+        return law
+    if not isinstance(law, RateState):
+        raise TypeError(f"effects need rate-and-state friction, not {type(law).__name__}")
+    return ExtendedLaw(blended(law), ())

@@ -1,0 +1,370 @@
+"""Effects in the friction law."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..quantity import quantity
+from ..rig.friction.extended import AbstractTerm, Contact
+from .effect import AbstractEffect, with_evolution, with_term
+
+_TRUE = np.asarray(True)
+_LOG_MAX = 40.0
+
+
+class _SecondStateTerm(AbstractTerm):
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 1
+    B: Float[Array, ""]
+    L: Float[Array, ""]
+
+    def force(self, at: Contact):
+        return at.state[0]
+
+    def rate(self, at: Contact, force):
+        del force
+        r = jnp.abs(at.V) / at.base.V0
+        log_r = jnp.log(jnp.where(r > 0, r, 1.0))
+        return jnp.where(r > 0, -(jnp.abs(at.V) / self.L) * (at.state + self.B * log_r), 0.0)
+
+    def steady_state(self, V, base):
+        return -self.B * jnp.log(jnp.abs(V) / base.V0)[None]
+
+
+class SecondState(AbstractEffect):
+    """f + theta_2, dtheta_2/dt = -(V/L2) [theta_2 + B2 ln(V/V0)] (slip law)."""
+
+    id: ClassVar[str] = "second_state"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ theta_2 with its own B2, L2"
+    confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
+    separated_by: ClassVar[str] = "up and down steps, longer than 3 L2"
+    channel: ClassVar[str | None] = None
+    B2: Float[Array, ""] = quantity("B2", "F", "second evolution effect", default=0.0)
+    L2: Float[Array, ""] = quantity("L2", "m", "second slip length", lower=0.0, default=5e-5)
+
+    def embed(self, rig):
+        return with_term(rig, _SecondStateTerm(self.B2, self.L2))
+
+    def grid(self, scales):
+        low, high = 0.2 * scales.slip_length, max(scales.step_slip, 5 * scales.slip_length)
+        return {"L2": tuple(np.geomspace(low, high, 8))}
+
+    def physical(self):
+        return jnp.asarray(_TRUE)
+
+
+class Ageing(AbstractEffect):
+    """Evolution between the slip law (q = 0) and the ageing law (q = 1)."""
+
+    id: ClassVar[str] = "aging"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "evolution (1 - q) slip + q ageing"
+    confused_with: ClassVar[tuple[str, ...]] = ("velocity_dependent_L", "stiffness")
+    separated_by: ClassVar[str] = "equal up and down steps of two sizes, holds"
+    channel: ClassVar[str | None] = None
+    q: Float[Array, ""] = quantity("q", "1", "change of the ageing share", default=0.0)
+
+    def embed(self, rig):
+        return with_evolution(rig, q=self.q)
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return jnp.abs(self.q) < 1.5
+
+
+class VelocityDependentLength(AbstractEffect):
+    """L (V/V0)^n."""
+
+    id: ClassVar[str] = "velocity_dependent_L"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "L (V/V0)^n"
+    confused_with: ClassVar[tuple[str, ...]] = ("aging",)
+    separated_by: ClassVar[str] = "equal steps at several velocities"
+    channel: ClassVar[str | None] = None
+    n: Float[Array, ""] = quantity("n", "1", "exponent of L with velocity", default=0.0)
+
+    def embed(self, rig):
+        return with_evolution(rig, n=self.n)
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return jnp.abs(self.n) < 2.0
+
+
+class EvolutionCutoff(AbstractEffect):
+    """theta_ss = -B [ln(V/V0) - ln(1 + c V)], c = 1/V_c."""
+
+    id: ClassVar[str] = "evolution_cutoff"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "theta_ss = -B [ln(V/V0) - ln(1 + V/Vc)]"
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
+    separated_by: ClassVar[str] = "transients, not levels, at high velocity"
+    channel: ClassVar[str | None] = None
+    c: Float[Array, ""] = quantity("c", "s/m", "inverse cutoff velocity", default=0.0)
+
+    def embed(self, rig):
+        return with_evolution(rig, c=self.c)
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return self.c > 0
+
+
+class _ViscousTerm(AbstractTerm):
+    moves: ClassVar[bool] = True
+    states: ClassVar[int] = 0
+    c: Float[Array, ""]
+
+    def force(self, at: Contact):
+        return self.c * at.V
+
+    def rate(self, at: Contact, force):
+        del force
+        return at.state
+
+    def steady_state(self, V, base):
+        del base
+        return jnp.zeros((0,), V.dtype)
+
+
+class Viscous(AbstractEffect):
+    """f + c V."""
+
+    id: ClassVar[str] = "viscous"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ c V"
+    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "evolution_cutoff")
+    separated_by: ClassVar[str] = "three velocities over two decades"
+    channel: ClassVar[str | None] = None
+    c: Float[Array, ""] = quantity("c", "F s/m", "viscous friction", default=0.0)
+
+    def embed(self, rig):
+        return with_term(rig, _ViscousTerm(self.c))
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return self.c > 0
+
+
+class _StribeckTerm(AbstractTerm):
+    moves: ClassVar[bool] = True
+    states: ClassVar[int] = 0
+    fs: Float[Array, ""]
+    Vs: Float[Array, ""]
+    d: Float[Array, ""]
+
+    def force(self, at: Contact):
+        ratio = jnp.maximum(jnp.abs(at.V) / self.Vs, 1e-30)
+        return self.fs * jnp.exp(-jnp.exp(jnp.clip(self.d * jnp.log(ratio), -_LOG_MAX, 6.0)))
+
+    def rate(self, at: Contact, force):
+        del force
+        return at.state
+
+    def steady_state(self, V, base):
+        del base
+        return jnp.zeros((0,), V.dtype)
+
+
+class Stribeck(AbstractEffect):
+    """f + fs exp(-(V/Vs)^d); d is 1, as in the commonest form."""
+
+    id: ClassVar[str] = "stribeck"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ fs exp(-(V/Vs)^d)"
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
+    separated_by: ClassVar[str] = "four velocities around Vs"
+    channel: ClassVar[str | None] = None
+    fs: Float[Array, ""] = quantity("fs", "F", "Stribeck amplitude", default=0.0)
+    Vs: Float[Array, ""] = quantity("Vs", "m/s", "Stribeck velocity", lower=0.0, default=1e-5)
+
+    def embed(self, rig):
+        return with_term(rig, _StribeckTerm(self.fs, self.Vs, jnp.ones_like(self.Vs)))
+
+    def grid(self, scales):
+        return {"Vs": tuple(np.geomspace(scales.slowest, scales.fastest, 8))}
+
+    def physical(self):
+        return jnp.asarray(_TRUE)
+
+
+class _SlipTrendTerm(AbstractTerm):
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 0
+    s: Float[Array, ""]
+
+    def force(self, at: Contact):
+        return self.s * at.slip
+
+    def rate(self, at: Contact, force):
+        del force
+        return at.state
+
+    def steady_state(self, V, base):
+        del base
+        return jnp.zeros((0,), V.dtype)
+
+
+class SlipTrend(AbstractEffect):
+    """f + s x."""
+
+    id: ClassVar[str] = "slip_trend"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ s x"
+    confused_with: ClassVar[tuple[str, ...]] = ("time_drift", "run_in")
+    separated_by: ClassVar[str] = "different velocities at equal slip, a slow dwell"
+    channel: ClassVar[str | None] = None
+    s: Float[Array, ""] = quantity("s", "F/m", "change of friction with slip", default=0.0)
+
+    def embed(self, rig):
+        return with_term(rig, _SlipTrendTerm(self.s))
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return jnp.asarray(_TRUE)
+
+
+class _RunInTerm(AbstractTerm):
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 0
+    d: Float[Array, ""]
+    dc: Float[Array, ""]
+
+    def force(self, at: Contact):
+        return self.d * -jnp.expm1(-jnp.maximum(at.slip, 0.0) / self.dc)
+
+    def rate(self, at: Contact, force):
+        del force
+        return at.state
+
+    def steady_state(self, V, base):
+        del base
+        return jnp.zeros((0,), V.dtype)
+
+
+class RunIn(AbstractEffect):
+    """f + d (1 - exp(-x/dc))."""
+
+    id: ClassVar[str] = "run_in"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ d (1 - exp(-x/dc))"
+    confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "second_state")
+    separated_by: ClassVar[str] = "the first velocity repeated at the end"
+    channel: ClassVar[str | None] = None
+    d: Float[Array, ""] = quantity("d", "F", "change of friction by run-in", default=0.0)
+    dc: Float[Array, ""] = quantity("dc", "m", "slip of the run-in", lower=0.0, default=3e-4)
+
+    def embed(self, rig):
+        return with_term(rig, _RunInTerm(self.d, self.dc))
+
+    def grid(self, scales):
+        return {"dc": tuple(np.geomspace(0.3 * scales.step_slip, scales.total_slip, 6))}
+
+    def physical(self):
+        return jnp.asarray(_TRUE)
+
+
+class _PeriodicTerm(AbstractTerm):
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 0
+    a: Float[Array, ""]
+    b: Float[Array, ""]
+    wavelength: Float[Array, ""]
+
+    def force(self, at: Contact):
+        phase = 2 * jnp.pi * at.slip / self.wavelength
+        return self.a * jnp.sin(phase) + self.b * jnp.cos(phase)
+
+    def rate(self, at: Contact, force):
+        del force
+        return at.state
+
+    def steady_state(self, V, base):
+        del base
+        return jnp.zeros((0,), V.dtype)
+
+
+class PositionPeriodic(AbstractEffect):
+    """f + a sin(2 pi x/lambda) + b cos(2 pi x/lambda)."""
+
+    id: ClassVar[str] = "position_periodic"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ a sin(2 pi x/lambda) + b cos(2 pi x/lambda)"
+    confused_with: ClassVar[tuple[str, ...]] = ("second_state",)
+    separated_by: ClassVar[str] = "the same wavelength at every velocity"
+    channel: ClassVar[str | None] = None
+    a: Float[Array, ""] = quantity("a", "F", "sine amplitude", default=0.0)
+    b: Float[Array, ""] = quantity("b", "F", "cosine amplitude", default=0.0)
+    wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1e-4)
+
+    def embed(self, rig):
+        return with_term(rig, _PeriodicTerm(self.a, self.b, self.wavelength))
+
+    def grid(self, scales):
+        # neighbours half a period apart over the whole slip: no wavelength is missed
+        longest, shortest = 0.5 * scales.total_slip, 2 * scales.slip_length
+        count = int(np.clip(2 * scales.total_slip * (1 / shortest - 1 / longest), 8, 48))
+        return {"wavelength": tuple(1 / np.linspace(1 / longest, 1 / shortest, count))}
+
+    def physical(self):
+        return jnp.asarray(_TRUE)
+
+
+class _ThermalTerm(AbstractTerm):
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 1
+    a: Float[Array, ""]
+    tau: Float[Array, ""]
+
+    def force(self, at: Contact):
+        return -at.state[0]
+
+    def rate(self, at: Contact, force):
+        power = force * at.V / (at.base.f0 * at.base.V0)
+        return (self.a * power - at.state) / self.tau
+
+    def steady_state(self, V, base):
+        # of the base law: what the effect itself takes away is of second order in it
+        level = base.f0 + (base.A - jnp.sum(base.B)) * jnp.log(jnp.abs(V) / base.V0)
+        return (self.a * level * V / (base.f0 * base.V0))[None]
+
+
+class Thermal(AbstractEffect):
+    """f - a_T T, tau_T dT/dt = f V/(f0 V0) - T: T is 1 in steady sliding at V0."""
+
+    id: ClassVar[str] = "thermal"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "f - a_T T, tau_T T' = f V/(f0 V0) - T"
+    confused_with: ClassVar[tuple[str, ...]] = ("second_state", "time_drift")
+    separated_by: ClassVar[str] = "the same velocity for other durations"
+    channel: ClassVar[str | None] = None
+    a_T: Float[Array, ""] = quantity("a_T", "F", "fall of friction at the heat of V0", default=0.0)
+    tau_T: Float[Array, ""] = quantity("tau_T", "s", "thermal time", lower=0.0, default=10.0)
+
+    def embed(self, rig):
+        return with_term(rig, _ThermalTerm(self.a_T, self.tau_T))
+
+    def grid(self, scales):
+        low = max(3 * scales.interval, scales.slip_length / scales.fastest)
+        return {"tau_T": tuple(np.geomspace(low, 0.5 * scales.duration, 7))}
+
+    def physical(self):
+        return self.a_T > 0

@@ -1,0 +1,62 @@
+"""Effects in the machine: it is not what was declared."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..quantity import quantity
+from .effect import AbstractEffect
+
+
+class Stiffness(AbstractEffect):
+    """K exp(kappa) instead of the declared K."""
+
+    id: ClassVar[str] = "stiffness"
+    room: ClassVar[str] = "machine"
+    equation: ClassVar[str] = "K exp(kappa)"
+    confused_with: ClassVar[tuple[str, ...]] = ("aging", "servo_lag")
+    separated_by: ClassVar[str] = "elastic loading, a slip channel"
+    channel: ClassVar[str | None] = None
+    kappa: Float[Array, ""] = quantity(
+        "kappa", "1", "log of the true over the declared stiffness", default=0.0
+    )
+
+    def embed(self, rig):
+        return eqx.tree_at(
+            lambda r: r.machine.stiffness, rig, rig.machine.stiffness * jnp.exp(self.kappa)
+        )
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return jnp.abs(self.kappa) < 2.0
+
+
+class Damping(AbstractEffect):
+    """A dashpot beside the spring: + k_v (V_m - V)."""
+
+    id: ClassVar[str] = "damping"
+    room: ClassVar[str] = "machine"
+    equation: ClassVar[str] = "+ k_v (V_m - V) on the slider"
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
+    separated_by: ClassVar[str] = "free response"
+    channel: ClassVar[str | None] = None
+    k_v: Float[Array, ""] = quantity("k_v", "F s/m", "damping not declared", default=0.0)
+
+    def embed(self, rig):
+        machine = rig.machine
+        before = jnp.zeros_like(self.k_v) if machine.damping is None else machine.damping
+        return eqx.tree_at(
+            lambda r: r.machine.damping, rig, before + self.k_v, is_leaf=lambda x: x is None
+        )
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return self.k_v > 0

@@ -1,0 +1,111 @@
+"""Effects in the force sensor."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..quantity import quantity
+from ..rig import IdealSensor, Rig
+from ..rig.recording import ImperfectSensor
+from .effect import AbstractEffect
+
+
+def _with(rig: Rig, name: str, value: Array) -> Rig:
+    sensor = rig.sensor
+    if isinstance(sensor, IdealSensor):
+        sensor = ImperfectSensor()
+    if not isinstance(sensor, ImperfectSensor):
+        raise TypeError(f"no sensor effect can be put into a {type(sensor).__name__}")
+    changed = eqx.tree_at(lambda s: getattr(s, name), sensor, getattr(sensor, name) + value)
+    return eqx.tree_at(lambda r: r.sensor, rig, changed)
+
+
+class SensorLag(AbstractEffect):
+    """tau y' = f - y."""
+
+    id: ClassVar[str] = "sensor_lag"
+    room: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "tau y' = f - y"
+    confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_delay")
+    separated_by: ClassVar[str] = "a slip channel, a slow dwell"
+    channel: ClassVar[str | None] = None
+    tau: Float[Array, ""] = quantity("tau", "s", "time constant of the sensor", default=0.0)
+
+    def embed(self, rig):
+        return _with(rig, "tau", self.tau)
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return self.tau > 0
+
+
+class SensorDelay(AbstractEffect):
+    """y(t) = f(t - d)."""
+
+    id: ClassVar[str] = "sensor_delay"
+    room: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "y(t) = f(t - d)"
+    confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "servo_lag")
+    separated_by: ClassVar[str] = "fast sampling"
+    channel: ClassVar[str | None] = None
+    d: Float[Array, ""] = quantity("d", "s", "delay of the sensor", default=0.0)
+
+    def embed(self, rig):
+        return _with(rig, "delay", self.d)
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return self.d > 0
+
+
+class TimeDrift(AbstractEffect):
+    """y + r t."""
+
+    id: ClassVar[str] = "time_drift"
+    room: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "+ r t"
+    confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
+    separated_by: ClassVar[str] = "a dwell, a zero-load baseline"
+    channel: ClassVar[str | None] = None
+    r: Float[Array, ""] = quantity("r", "F/s", "drift of the sensor", default=0.0)
+
+    def embed(self, rig):
+        return _with(rig, "drift", self.r)
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return jnp.asarray(np.asarray(True))
+
+
+class Gain(AbstractEffect):
+    """(1 + g) y: the force channel's scale is wrong."""
+
+    id: ClassVar[str] = "gain"
+    room: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "(1 + g) y"
+    confused_with: ClassVar[tuple[str, ...]] = ("stiffness",)
+    separated_by: ClassVar[str] = "a known load"
+    channel: ClassVar[str | None] = None
+    g: Float[Array, ""] = quantity("g", "1", "error of the force channel's gain", default=0.0)
+
+    def embed(self, rig):
+        return _with(rig, "gain", self.g)
+
+    def grid(self, scales):
+        del scales
+        return {}
+
+    def physical(self):
+        return jnp.abs(self.g) < 1.0

@@ -1,0 +1,155 @@
+"""Rate-and-state friction with additions, each of which can be absent without a trace.
+
+    f = f_base(V, theta, x, t) + sum_i f_i(V, z_i, x, t)
+
+A term adds a force and may bring states of its own. With all amplitudes zero the law is its
+base, to rounding: that is what makes fits with and without a term comparable.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...quantity import quantity
+from .law import AbstractInvertibleLaw, Conditions
+from .rate_state import AbstractEvolution, RateState
+
+_NEWTON_STEPS = 3
+_LOG_MAX = 40.0
+
+
+class Contact(NamedTuple):
+    """What a term may depend on. SI; forces in the unit of friction."""
+
+    V: Float[Array, ""]
+    slip: Float[Array, ""]
+    time: Float[Array, ""]
+    state: Float[Array, " n"]
+    """States of the term itself."""
+    base: RateState
+    theta: Float[Array, " m"]
+    """States of the base law."""
+
+
+class AbstractTerm(eqx.Module):
+    """An addition to friction. One that has no states leaves `states` at 0 and returns them."""
+
+    moves: eqx.AbstractClassVar[bool]
+    """Whether its force depends on the velocity now."""
+    states: eqx.AbstractClassVar[int]
+    """Number of its states."""
+
+    @abc.abstractmethod
+    def force(self, at: Contact) -> Float[Array, ""]:
+        """Added friction force."""
+
+    @abc.abstractmethod
+    def rate(self, at: Contact, force: Float[Array, ""]) -> Float[Array, " n"]:
+        """Time derivative of its states; `force` is the whole friction force."""
+
+    @abc.abstractmethod
+    def steady_state(self, V: Float[Array, ""], base: RateState) -> Float[Array, " n"]:
+        """Its states in steady sliding at `V`."""
+
+
+class ExtendedLaw(AbstractInvertibleLaw):
+    """A base law and its terms; the states are the base's, then those of the terms in order."""
+
+    base: RateState
+    terms: tuple[AbstractTerm, ...] = ()
+
+    def force(self, V, state, at):
+        theta, parts = self._split(state)
+        total = self.base.force(V, theta, at)
+        for term, part in zip(self.terms, parts, strict=True):
+            total = total + term.force(self._contact(V, part, theta, at))
+        return total
+
+    def rate(self, V, state, at):
+        theta, parts = self._split(state)
+        rates = [self.base.rate(V, theta, at)]
+        force = self.force(V, state, at) if any(term.states for term in self.terms) else V
+        for term, part in zip(self.terms, parts, strict=True):
+            if term.states:
+                rates.append(term.rate(self._contact(V, part, theta, at), force))
+        return jnp.concatenate(rates)
+
+    def steady_state(self, V):
+        parts = [term.steady_state(V, self.base) for term in self.terms if term.states]
+        return jnp.concatenate([self.base.steady_state(V), *parts])
+
+    def force_scale(self):
+        return self.base.force_scale()
+
+    def velocity(self, force, state, at, *, damping=None):
+        theta, parts = self._split(state)
+        pairs = list(zip(self.terms, parts, strict=True))
+        still = jnp.ones_like(force)
+        for term, part in pairs:
+            if not term.moves:
+                force = force - term.force(self._contact(still, part, theta, at))
+        V = self.base.velocity(force, theta, at, damping=damping)
+        moving = [(term, part) for term, part in pairs if term.moves]
+        if not moving:
+            return V
+
+        def excess(V):
+            total = self.base.force(V, theta, at) - force
+            for term, part in moving:
+                total = total + term.force(self._contact(V, part, theta, at))
+            return total if damping is None else total + damping * V
+
+        # Newton in ln V; only the last step carries derivatives
+        for _ in range(_NEWTON_STEPS):
+            V = _newton(excess, jax.lax.stop_gradient(V))
+        return V
+
+    def _contact(self, V, part, theta, at: Conditions) -> Contact:
+        return Contact(V, at.slip, at.time, part, self.base, theta)
+
+    def _split(self, state) -> tuple[Array, list[Array]]:
+        n = self.base.B.shape[0]
+        parts, begin = [], n
+        for term in self.terms:
+            parts.append(state[begin : begin + term.states])
+            begin += term.states
+        return state[:n], parts
+
+
+def _newton(excess, V: Float[Array, ""]) -> Float[Array, ""]:
+    value, slope = jax.jvp(excess, (V,), (jnp.ones_like(V),))
+    rise = jax.lax.stop_gradient(slope * V)
+    step = value / jnp.where(rise == 0, jnp.inf, rise)
+    return V * jnp.exp(jnp.clip(-step, -_LOG_MAX, _LOG_MAX))
+
+
+class BlendedEvolution(AbstractEvolution):
+    """Slip law, ageing law and all between, with a slip length and a steady state that may vary.
+
+        dtheta/dt = (1 - q) slip + q ageing,   L -> L (V/V0)^n
+        theta_ss = -B [ln(V/V0) - ln(1 + c V)],   c = 1/V_c
+
+    q = 0, n = 0, c = 0 is the slip law (4), and q = 1 the ageing law. With c the ageing
+    law's steady state is that too: its V/V0 becomes (V/V0)/(1 + c V).
+    """
+
+    q: Float[Array, ""] = quantity("q", "1", "ageing share of the evolution", default=0.0)
+    n: Float[Array, ""] = quantity("n", "1", "exponent of L with velocity", default=0.0)
+    c: Float[Array, ""] = quantity("c", "s/m", "inverse cutoff velocity of evolution", default=0.0)
+
+    def rate(self, r, theta, B, L, V0):
+        moving = r > 0
+        log_r = jnp.log(jnp.where(moving, r, 1.0))
+        cut = jnp.log1p(jnp.maximum(self.c * V0 * r, -0.9))
+        length = L * jnp.exp(jnp.clip(self.n * log_r, -_LOG_MAX, _LOG_MAX))
+        slip = -(V0 * r / length) * (theta + B * (log_r - cut))
+        slip = jnp.where(moving, slip, 0.0)
+        absent = B == 0
+        psi = theta / jnp.where(absent, 1.0, B)
+        heal = jnp.exp(jnp.minimum(-psi + cut, _LOG_MAX))
+        ageing = jnp.where(absent, 0.0, (B * V0 / length) * (heal - r))
+        return (1 - self.q) * slip + self.q * ageing
