@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from .fitting import Estimate as Estimate
     from .fitting import Fit as Fit
     from .fitting import fit as fit
+    from .gains import check_gains as check_gains
+    from .gains import find_gains as find_gains
+    from .gains import law_from_fit as law_from_fit
+    from .gains import law_from_parameters as law_from_parameters
+    from .gains import schedule as schedule
     from .motion import PiecewiseVelocity as PiecewiseVelocity
     from .records import Record as Record
     from .records import VelocitySteps as VelocitySteps
@@ -26,14 +31,28 @@ if TYPE_CHECKING:
     from .rig import QuasiStatic as QuasiStatic
     from .rig import Rig as Rig
     from .rig.friction import AgeingEvolution as AgeingEvolution
+    from .rig.friction import Dahl as Dahl
+    from .rig.friction import GaussianStribeck as GaussianStribeck
+    from .rig.friction import GeneralStribeck as GeneralStribeck
+    from .rig.friction import HessSoom as HessSoom
     from .rig.friction import LogarithmicEffect as LogarithmicEffect
     from .rig.friction import RateState as RateState
     from .rig.friction import RegularisedEffect as RegularisedEffect
     from .rig.friction import SlipEvolution as SlipEvolution
     from .rig.friction import critical_stiffness as critical_stiffness
     from .simulation import RESULTS as RESULTS
+    from .simulation import Start as Start
     from .simulation import Trajectory as Trajectory
+    from .simulation import jump_start as jump_start
+    from .simulation import rest_start as rest_start
     from .simulation import simulate as simulate
+    from .simulation import simulate_delay as simulate_delay
+    from .simulation import step_start as step_start
+    from .simulation import velocity_start as velocity_start
+    from .stability.linear import LinearSlider as LinearSlider
+    from .stability.linear import linearise as linearise
+    from .stability.margins import margin as margin
+    from .stability.theorem import theorem as theorem
 
 __version__ = "0.1.0"
 
@@ -42,6 +61,11 @@ _HOMES = {
     "Estimate": "fitting",
     "Fit": "fitting",
     "fit": "fitting",
+    "check_gains": "gains",
+    "find_gains": "gains",
+    "law_from_fit": "gains",
+    "law_from_parameters": "gains",
+    "schedule": "gains",
     "PiecewiseVelocity": "motion",
     "Record": "records",
     "VelocitySteps": "records",
@@ -56,14 +80,28 @@ _HOMES = {
     "QuasiStatic": "rig",
     "Rig": "rig",
     "AgeingEvolution": "rig.friction",
+    "Dahl": "rig.friction",
+    "GaussianStribeck": "rig.friction",
+    "GeneralStribeck": "rig.friction",
+    "HessSoom": "rig.friction",
     "LogarithmicEffect": "rig.friction",
     "RateState": "rig.friction",
     "RegularisedEffect": "rig.friction",
     "SlipEvolution": "rig.friction",
     "critical_stiffness": "rig.friction",
     "RESULTS": "simulation",
+    "Start": "simulation",
     "Trajectory": "simulation",
+    "jump_start": "simulation",
+    "rest_start": "simulation",
     "simulate": "simulation",
+    "simulate_delay": "simulation",
+    "step_start": "simulation",
+    "velocity_start": "simulation",
+    "LinearSlider": "stability.linear",
+    "linearise": "stability.linear",
+    "margin": "stability.margins",
+    "theorem": "stability.theorem",
 }
 __all__ = sorted(_HOMES)
 

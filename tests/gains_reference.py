@@ -48,3 +48,32 @@ def local_minima(p, scale, *, factor=1.0):
             kv = fine.x if fine.fun < y[j] else grid[j]
             found.append((float(np.sqrt(square(kv))), kv, factor * critical(kv, **p)))
     return sorted(found)
+
+
+def modulus_scan(kp, kv, A, B, L, V, m, *, points=4000):
+    """min |1 + L(i w)| by a scan of frequencies; arrays of one shape, negative where unstable."""
+    kp, kv, A, B, L, V, m = np.broadcast_arrays(*map(np.asarray, (kp, kv, A, B, L, V, m)))
+    rate = V / L
+    paces = np.stack([rate, np.sqrt(kp / m), kp / (kv + A / V), (kv + A / V) / m])
+    low, high = 1e-2 * paces.min(axis=0), 1e2 * paces.max(axis=0)
+    x = np.linspace(0, 1, points)
+    s = 1j * low[..., None] * (high / low)[..., None] ** x
+    kp, kv, A, B, L, V, m, rate = (y[..., None] for y in (kp, kv, A, B, L, V, m, rate))
+    loop = (kv * s + kp) / (m * s**2 + s * (A / V - B / L / (s + rate)))
+    least = np.min(np.abs(1 + loop), axis=-1)
+    stable = kp[..., 0] > critical(
+        kv[..., 0], A[..., 0], B[..., 0], L[..., 0], V[..., 0], m[..., 0]
+    )
+    return np.where(stable, np.minimum(least, 1.0), -least)
+
+
+def brute_force(kp, kv, laws, masses, stiffness):
+    """Least norm-free feasibility over a grid: for each k_v the largest k_p that (25) asks for.
+
+    `laws` are columns (A, B, L, V); returns stiffness * max k_cr for each k_v, in chunks.
+    """
+    A, B, L, V = (column[:, None] for column in laws)
+    needed = np.empty(kv.size)
+    for i, damping in enumerate(kv):
+        needed[i] = stiffness * np.max(critical(damping, A, B, L, V, masses[None, :]))
+    return needed

@@ -6,7 +6,6 @@ what that lacks. One compilation per kind of rig and tolerance is shared by all 
 
 import dataclasses
 import functools
-from unittest import mock
 
 import diffrax
 import equinox as eqx
@@ -21,6 +20,7 @@ from helpers import (
     assert_same,
     central_difference,
     make_law,
+    simulate_at,
     solve_with_drive,
     trajectory_errors,
 )
@@ -96,21 +96,6 @@ CASES = {
     "ageing, hold": Case(AGEING, HOLD),
     "ageing, mass": Case(AGEING, STEP, mass=100.0, damping=1000.0, end=13.0),
 }
-
-
-def simulate_at(rtol, rig, motion, ts, **policy):
-    """`simulate` with a traced rtol, so that one compilation serves all tolerances.
-
-    `simulate` refuses a traced one. It uses rtol to set the step size controller and for nothing
-    else, which `test_compiled_batch_is_the_same_as_one_by_one` checks.
-    """
-    original = diffrax.PIDController
-
-    def controller(*, rtol: float, atol: float, factor=rtol / 1e-4, **rest):
-        return original(rtol=rtol * factor, atol=atol * factor, **rest)
-
-    with mock.patch.object(diffrax, "PIDController", controller):
-        return jf.simulate(rig, motion, ts, rtol=1e-4, **policy)
 
 
 compiled = eqx.filter_jit(simulate_at)

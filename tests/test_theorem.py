@@ -4,6 +4,8 @@ Stability is judged with NumPy's companion matrix and Newton steps in extended p
 transforms with SciPy's quadrature: nothing of the package.
 """
 
+import itertools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -290,7 +292,7 @@ def test_transform_of_samples_against_quadrature():
     g = np.exp(-t) * (1 + 0.2 * rng.standard_normal(40))
     kernel = SampledKernel.from_samples(t, g)
     whole_t, whole_g = np.insert(t, 0, 0.0), np.insert(g, 0, g[0])
-    transform = jax.jit(kernel.transform)
+    transform = eqx.filter_jit(kernel.transform)
     for w in (0.0, 1e-3, 0.4, 7.0, 300.0):
         G = complex(transform(jnp.asarray(1j * w)))
         parts = np.zeros(2)
@@ -302,7 +304,7 @@ def test_transform_of_samples_against_quadrature():
     s = 0.3 + 2j
     real = sum(
         quad(lambda x: np.interp(x, whole_t, whole_g) * np.exp(-0.3 * x) * np.cos(2 * x), a, b)[0]
-        for a, b in zip(whole_t, whole_t[1:], strict=False)
+        for a, b in itertools.pairwise(whole_t)
     )
     np.testing.assert_allclose(complex(transform(jnp.asarray(s))).real, real, atol=1e-12)
 

@@ -125,9 +125,10 @@ def read_masses(text: str | None, *, count: int = 5) -> list[float] | None:
     if text is None:
         return None
     try:
-        return parse_values(f"{float(text):g} kg", "kg", "--mass", count=count)
+        float(text)
     except ValueError:
         return parse_values(text, "kg", "--mass", count=count)
+    return parse_values(f"{text} kg", "kg", "--mass", count=count)
 
 
 def optional_quantity(text: str | None, unit: str, option: str) -> float | None:

@@ -94,6 +94,7 @@ def gains(
         raise InputError(f"--samples is {samples}; it must be 0 or more")
     source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
     from ..gains import check_gains, find_gains
+    from ..plot.gains import draw_gains
     from ..report.gains_text import describe
     from ..report.output import output_folder
 
@@ -124,7 +125,7 @@ def gains(
     content = text.dumps(result.to_json(), indent=1, allow_nan=False)
     with output_folder(destination) as folder:
         (folder / "gains.json").write_text(content + "\n")
-        figures = _draw(result, folder)
+        figures = draw_gains(result, folder)
     if json:
         print(content)
     else:
@@ -133,11 +134,6 @@ def gains(
         print(f"written: {destination}/{', '.join(['gains.json', *figures])}")
     for warning in result.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
-
-
-def _draw(result, folder: Path) -> list[str]:
-    del result, folder
-    return []
 
 
 def _progress(message: str) -> None:

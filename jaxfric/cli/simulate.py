@@ -1,5 +1,6 @@
 """`jaxfric simulate`: the nonlinear motion of a slider in time, with pictures."""
 
+import functools
 import math
 from pathlib import Path
 from typing import Annotated
@@ -102,9 +103,7 @@ def _command(velocity: str | None, steps: str | None) -> tuple[list[float], list
     from ..units import parse_values
 
     if (velocity is None) == (steps is None):
-        raise InputError(
-            "give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'"
-        )
+        raise InputError("give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'")
     if steps is not None:
         from ..records import VelocitySteps
 
@@ -173,9 +172,11 @@ def _run(rig, times, velocities, length, at_rest: bool, jump: float | None):
 
 
 def _jumped(rig, V: float, jump: float, delayed: bool):
+    import equinox as eqx
+
     from ..simulation import Start, jump_start
 
-    return Start(elongation=jump) if delayed else jump_start(rig, V, jump)
+    return Start(elongation=jump) if delayed else eqx.filter_jit(jump_start)(rig, V, jump)
 
 
 def _default_duration(rig, times, velocities, lead: float) -> float:
@@ -183,18 +184,13 @@ def _default_duration(rig, times, velocities, lead: float) -> float:
     import numpy as np
 
     from ..rig import Inertial
-    from ..stability.analysis import friction_about
-    from ..stability.linear import LinearSlider
-    from ..stability.margins import poles
+    from ..stability.analysis import slider_poles
 
     machine = rig.machine
     slowest = min(abs(V) for V in velocities if V)
-    import jax.numpy as jnp
-
-    friction = friction_about(rig.friction, jnp.asarray(slowest))
     mass = machine.mass if isinstance(machine, Inertial) else None
-    damping = jnp.asarray(0.0) if machine.damping is None else machine.damping
-    s = np.asarray(poles(LinearSlider(mass, machine.stiffness, damping, friction)))
+    damping = 0.0 if machine.damping is None else machine.damping
+    s = np.asarray(slider_poles(rig.friction, slowest, mass, machine.stiffness, damping))
     size = np.abs(s[np.isfinite(s)])
     size = size[size > 0]
     slow = max(size.min(), 1e-4 * size.max()) if size.size else 1.0
@@ -220,11 +216,11 @@ def _once(rig, times, velocities, duration: float, start, lead: float):
         found = _simulate_delay(rig, velocities[0], even, start)
     else:
         span = jnp.asarray([0.0, duration])
-        rough = _simulate(rig, motion, span, start, True)
+        rough = _integrator()(rig, motion, span, start, True)
         own = np.asarray(rough.time)
         ts = np.unique(np.concatenate([even, own]))
         ts = np.concatenate([ts, np.full(_ROWS + 1 + len(own) - len(ts), ts[-1])])
-        found = _simulate(rig, motion, jnp.asarray(ts), start, False)
+        found = _integrator()(rig, motion, jnp.asarray(ts), start, False)
     end = float(found.end)
     keep = np.unique(np.asarray(found.time), return_index=True)[1]
     keep = keep[np.asarray(found.time)[keep] <= end * (1 + 1e-12)]
@@ -239,13 +235,15 @@ def _once(rig, times, velocities, duration: float, start, lead: float):
     return run, [*lines, text], seen or early
 
 
-def _simulate(rig, motion, ts, start, at_steps: bool):
+@functools.cache
+def _integrator():
+    """`simulate`, compiled once for each shape."""
     import equinox as eqx
 
     from ..simulation import simulate as integrate
 
     @eqx.filter_jit
-    def run(rig, motion, ts, start):
+    def run(rig, motion, ts, start, at_steps):
         return integrate(
             rig,
             motion,
@@ -257,7 +255,22 @@ def _simulate(rig, motion, ts, start, at_steps: bool):
             runaway=_RUNAWAY,
         )
 
-    return run(rig, motion, ts, start)
+    return run
+
+
+@functools.cache
+def _classifier():
+    """`classify`, compiled: arrays in, the end state out."""
+    import equinox as eqx
+    import jax.numpy as jnp
+
+    from ..gains.ends import classify
+
+    @eqx.filter_jit
+    def run(time, velocity, deviation, V, begin, end):
+        return classify(time, velocity, deviation, jnp.asarray(V), begin=begin, end=end)
+
+    return lambda *arrays: run(*(jnp.asarray(array) for array in arrays))
 
 
 def _simulate_delay(rig, V: float, ts, start):
@@ -280,22 +293,14 @@ def _why(result, delayed: bool) -> str:
 
 def _ending(found, run, V: float, lead: float, early: bool) -> tuple[str, bool]:
     """How the motion ends, in words."""
-    import jax.numpy as jnp
-
-    from ..gains.ends import ENDS, classify
+    from ..gains.ends import ENDS
     from ..simulation import RESULTS
 
     if bool(found.result == RESULTS.ran_away):
         return "end: escape, the slider ran away", True
-    time = jnp.asarray(run.time)
-    end = classify(
-        time,
-        jnp.asarray(run.velocity),
-        jnp.asarray(run.slip) - V * time,
-        jnp.asarray(V),
-        begin=min(lead, 0.5 * float(time[-1])),
-        end=time[-1],
-    )
+    last = float(run.time[-1])
+    deviation = run.slip - V * run.time
+    end = _classifier()(run.time, run.velocity, deviation, V, min(lead, 0.5 * last), last)
     if bool(end.code == ENDS.steady):
         return "end: steady sliding, or ever closer to it", True
     if bool(end.code == ENDS.limit_cycle):
@@ -338,6 +343,7 @@ def _table(run, notes: list[str]) -> str:
     lines.append(",".join([*names, "slider_velocity [um/s]"]))
     columns = (run.time, 1e6 * run.load_point, run.friction, 1e6 * run.slip, 1e6 * run.velocity)
     lines += [
-        f"{t:.9g},{x:.10g},{f:.10g},{s:.10g},{v:.6g}" for t, x, f, s, v in zip(*columns, strict=True)
+        f"{t:.12g},{x:.10g},{f:.10g},{s:.10g},{v:.6g}"
+        for t, x, f, s, v in zip(*columns, strict=True)
     ]
     return "\n".join(lines) + "\n"

@@ -76,6 +76,10 @@ def stability(
     with output_folder(destination) as folder:
         (folder / "stability.json").write_text(written + "\n")
         figures = draw_stability(found, folder)
+        if found.delayed:
+            from ..plot.delay import draw_delay
+
+            figures += draw_delay(found, folder)
     if json:
         print(written)
         return

@@ -4,4 +4,5 @@ from .catalogue import CATALOGUE as CATALOGUE
 from .catalogue import effect_of as effect_of
 from .effect import AbstractEffect as AbstractEffect
 from .effect import RecordScales as RecordScales
+from .effect import null as null
 from .effect import parameters as parameters

@@ -48,4 +48,4 @@ def effect_of(name: str) -> type[AbstractEffect]:
         return CATALOGUE[name]
     near = difflib.get_close_matches(name, CATALOGUE, n=1, cutoff=0.4)
     hint = f"; did you mean '{near[0]}'?" if near else ""
-    raise InputError(f"effect '{name}' does not exist{hint} There are: {', '.join(CATALOGUE)}")
+    raise InputError(f"effect '{name}' does not exist{hint}; there are: {', '.join(CATALOGUE)}")

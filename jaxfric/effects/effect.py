@@ -73,6 +73,11 @@ def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quant
     return quantities(effect)
 
 
+def null(effect: type[AbstractEffect]) -> AbstractEffect:
+    """The effect with the values that change nothing."""
+    return effect()  # pyright: ignore[reportCallIssue]
+
+
 def with_term(rig: Rig, term: AbstractTerm) -> Rig:
     """The rig with one more friction term."""
     law = extended(rig)

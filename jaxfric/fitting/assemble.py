@@ -8,7 +8,7 @@ import optimistix as optx
 
 from ..records import Record, VelocitySteps
 from .noise import Noise
-from .problem import FAILED_MISFIT, Problem, natural, residual_and_jacobian
+from .problem import FAILED_MISFIT, Model, Problem, natural, residual_and_jacobian
 from .result import Estimate, Fit, NoiseEstimate, unit_of
 from .solve import Solution
 from .uncertainty import (
@@ -54,6 +54,7 @@ def assemble(
         result = f"still moving after {solution.num_steps} iterations"
     elif solution.result != optx.RESULTS.successful:
         result = optx.RESULTS[solution.result]
+    assert isinstance(problem.model, Model)
     fit = Fit(
         record=record,
         steps=_refined(steps, problem, solution, spread),

@@ -17,6 +17,7 @@ from .problem import (
     LAWS,
     Model,
     Problem,
+    RigModel,
     make_problem,
     quantity_of,
     residual_and_jacobian,
@@ -187,7 +188,7 @@ def _reference(reference, steps: VelocitySteps) -> float:
 def prepare(
     record: Record,
     steps: VelocitySteps,
-    model: Model,
+    model: RigModel,
     *,
     stiffness: float,
     V0: float | None = None,

@@ -10,7 +10,7 @@ of their standard error, each held by one more residual.
 """
 
 import dataclasses
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import equinox as eqx
 import jax
@@ -38,6 +38,7 @@ LAWS = {"slip": SlipEvolution(), "ageing": AgeingEvolution()}
 # than any fit worth having, so that the solver rejects the trial and shortens its step.
 FAILED_MISFIT = 1e4
 _SHIFT = 0.5
+_TIME_SHARE = 1e-3
 _LAW_QUANTITIES = quantities(RateState)
 _MACHINE_QUANTITIES = quantities(QuasiStatic)
 
@@ -47,6 +48,27 @@ def quantity_of(name: str) -> Quantity:
     if name == "K":
         return _MACHINE_QUANTITIES["stiffness"]
     return _LAW_QUANTITIES[name if name in _LAW_QUANTITIES else name.rstrip("0123456789")]
+
+
+class RigModel(Protocol):
+    """What is fitted: names of the parameters, what they are, and the rig that they make.
+
+    Hashable, since it decides what is compiled.
+    """
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of the parameter vector."""
+        ...
+
+    def quantity(self, name: str) -> Quantity:
+        """Symbol, unit and bounds of a parameter."""
+        ...
+
+    def rig(
+        self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
+    ) -> Rig:
+        """The rig with natural (SI) parameter values."""
+        ...
 
 
 class Model(NamedTuple):
@@ -67,6 +89,16 @@ class Model(NamedTuple):
         names += ["K"] * self.fit_stiffness + ["slip_trend"] * self.slip_trend
         return tuple(names)
 
+    def quantity(self, name: str) -> Quantity:
+        """See `quantity_of`."""
+        return quantity_of(name)
+
+    def rig(
+        self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
+    ) -> Rig:
+        """See `build_rig`."""
+        return build_rig(self, values, V0, stiffness)
+
 
 class Problem(eqx.Module):
     """A padded record, its motion and a `Model`. All arrays SI; time starts at 0."""
@@ -85,38 +117,56 @@ class Problem(eqx.Module):
     slip_scale: Float[Array, ""]
     damping: Float[Array, ""] | None
     noise: Noise | None
-    model: Model = eqx.field(static=True)
+    model: RigModel = eqx.field(static=True)
     rtol: float = eqx.field(static=True)
     max_steps: int = eqx.field(static=True)
 
     def to_free(self, values: Float[Array, " p"]) -> Float[Array, " q"]:
         """Unbounded variables of natural (SI) parameter values; step times as found."""
         pairs = zip(self.model.names(), values, strict=True)
-        z = [quantity_of(n).to_free(v, scale=self._scale(n)) for n, v in pairs]
+        z = [self._quantity(n).to_free(v, scale=self._scale(n)) for n, v in pairs]
         return jnp.concatenate([jnp.stack(z), jnp.zeros_like(self.shift_scale)])
 
     def from_free(self, z: Float[Array, " q"]) -> Float[Array, " p"]:
         """Natural (SI) parameter values of unbounded variables (without step times)."""
         names = self.model.names()
         pairs = zip(names, z[: len(names)], strict=True)
-        return jnp.stack([quantity_of(n).from_free(v, scale=self._scale(n)) for n, v in pairs])
+        return jnp.stack([self._quantity(n).from_free(v, scale=self._scale(n)) for n, v in pairs])
 
     def step_times(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         """Times of the velocity steps [s] at the parameters `z`."""
         shift = self.shift_scale * z[len(self.model.names()) :]
         return self.motion.times.at[self.shifted].add(shift)
 
+    def _quantity(self, name: str) -> Quantity:
+        return self.model.quantity(name)
+
     def _scale(self, name: str) -> Float[Array, ""]:
-        return self.force_scale / self.slip_scale if name == "slip_trend" else self.force_scale
+        """A typical size of an unbounded parameter, from its unit."""
+        speed, duration = self.motion.largest_speed(), self.time[-1] - self.time[0]
+        sizes = {
+            "1": jnp.ones_like(speed),
+            "F": self.force_scale,
+            "F/m": self.force_scale / self.slip_scale,
+            "F s/m": self.force_scale / speed,
+            "F/s": self.force_scale / duration,
+            "s": _TIME_SHARE * duration,
+            "s/m": 1 / speed,
+        }
+        return sizes[self._quantity(name).unit] if self._unbounded(name) else sizes["1"]
+
+    def _unbounded(self, name: str) -> bool:
+        about = self._quantity(name)
+        return not (np.isfinite(about.lower) or np.isfinite(about.upper))
 
     def rig(self, z: Float[Array, " q"]) -> Rig:
         """The rig with the parameters `z`."""
-        rig = build_rig(self.model, self.from_free(z), self.V0, self.stiffness)
+        rig = self.model.rig(self.from_free(z), self.V0, self.stiffness)
         if self.damping is None:
             return rig
-        return eqx.tree_at(
-            lambda r: r.machine, rig, QuasiStatic(rig.machine.stiffness, self.damping)
-        )
+        before = rig.machine.damping
+        total = self.damping if before is None else before + self.damping
+        return eqx.tree_at(lambda r: r.machine.damping, rig, total, is_leaf=lambda x: x is None)
 
     def damped(self, strength: float) -> "Problem":
         """The same problem with a dashpot that ends a runaway.
@@ -127,7 +177,7 @@ class Problem(eqx.Module):
         dashpot = jnp.asarray(strength) * self.force_scale / self.motion.largest_speed()
         return eqx.tree_at(lambda p: p.damping, self, dashpot, is_leaf=lambda x: x is None)
 
-    def with_model(self, model: Model) -> "Problem":
+    def with_model(self, model: RigModel) -> "Problem":
         """The same record with another model."""
         return dataclasses.replace(self, model=model)
 
@@ -243,7 +293,7 @@ def make_problem(
     stiffness: float,
     noise_scale: float,
     force_scale: float,
-    model: Model,
+    model: RigModel,
     shifted: np.ndarray | None = None,
     rtol: float = 1e-5,
     max_steps: int = 4096,

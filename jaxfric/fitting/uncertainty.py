@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .noise import Noise, sandwich
-from .problem import Problem, quantity_of, residual_and_jacobian
+from .problem import Problem, residual_and_jacobian
 from .solve import Solution, descend
 
 QUANTILE = 1.959963984540054
@@ -80,7 +80,7 @@ def determined(problem: Problem, std: np.ndarray, span: float) -> list[bool]:
     """
     signed = span / float(problem.force_scale)
     limits = [
-        _HALF_DECADE if np.isfinite(quantity_of(name).lower) else signed
+        _HALF_DECADE if np.isfinite(problem.model.quantity(name).lower) else signed
         for name in problem.model.names()
     ]
     return [bool(QUANTILE * s < limit) for s, limit in zip(std, limits, strict=False)]

@@ -15,7 +15,7 @@ from ..stability.kernel import kernel_total
 from ..stability.linear import LinearFriction
 from ..stability.theorem import theorem
 from .requirement import Requirement
-from .scenarios import Scenarios
+from .scenarios import Scenarios, tiles
 from .slack import slacks
 
 _BISECTIONS = 28
@@ -43,16 +43,19 @@ def natural_units(scenarios: Scenarios) -> np.ndarray:
     The largest over the scenarios; where none is needed, or no stiffness suffices, stiffness and
     damping at which the gains begin to matter take their place.
     """
-    k_cr, fall, slope, rate, mass = (np.asarray(x) for x in _sizes(scenarios))
+    k_cr, fall, slope, rate, mass = _sizes(scenarios)
     need = np.max(fall - slope)
     C0 = need if need > 0 else np.max(np.abs(slope) + np.abs(fall))
     finite = np.isfinite(k_cr) & (k_cr > 0)
+    heaviest = np.max(mass)
     if finite.any():
         K0 = np.max(k_cr[finite])
-    else:
+    elif np.any(fall != 0):
         K0 = np.max(np.abs(fall) * rate + mass * rate**2)
-        if K0 == 0 and np.any(mass > 0):
-            K0 = C0**2 / np.max(mass)
+    elif C0 > 0:  # no memory: the stiffness that this damping damps critically
+        K0 = C0**2 / heaviest if heaviest > 0 else 0.0
+    else:  # no friction that changes: the pace of its states is all there is
+        K0, C0 = np.max(mass * rate**2), np.max(mass * rate)
     return np.where(np.asarray([K0, C0]) > 0, [K0, C0], 1.0)
 
 
@@ -67,9 +70,13 @@ def _sizes_of(friction: LinearFriction, mass):
     return jax.vmap(one)(friction, mass)
 
 
-def _sizes(scenarios: Scenarios):
+def _sizes(scenarios: Scenarios) -> list[np.ndarray]:
     mass = np.zeros(len(scenarios)) if scenarios.mass is None else scenarios.mass
-    return _sizes_of(scenarios.friction, jnp.asarray(mass))
+    parts = []
+    for rows, used in tiles(len(scenarios), scenarios.tile):
+        friction = jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[rows], scenarios.friction)
+        parts.append([np.asarray(x)[:used] for x in _sizes_of(friction, mass[rows])])
+    return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
 
 def axes(region: Region) -> tuple[np.ndarray, np.ndarray]:

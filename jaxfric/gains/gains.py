@@ -11,7 +11,7 @@ from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..stability.margins import UNITS
 from .frontier import Start
 from .kkt import Optimum
-from .margins import margin_values
+from .margins import several_margins
 from .requirement import Requirement
 from .result import Basin, Certificate, Gains, WorstCase
 from .scenarios import Scenarios, one_sample
@@ -136,8 +136,7 @@ def _result(
 def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
     """Every margin in the scenario where it is least."""
     worst = {}
-    for name in UNITS:
-        values = margin_values(name, scenarios, gains)
+    for name, values in several_margins(UNITS, scenarios, gains).items():
         at = int(np.argmin(values))
         worst[name] = WorstCase(float(values[at]), UNITS[name], scenarios.describe(at))
     return worst

@@ -26,6 +26,9 @@ from .scenarios import Scenarios, padded
 _LIKELY = 6
 _STEPS = 30
 _DIFFERENCE = 1e-5
+# Limits of the gains, the last constraints: k_p and k_v, low and high.
+_LIMITS = 4
+_ALIKE = 1e-9
 # How far a solution may miss a constraint, relative to its requirement.
 FEASIBLE = 1e-10
 
@@ -63,13 +66,14 @@ def polish(requirement: Requirement, scenarios: Scenarios, region: Region, start
         c, g = _constraints(requirement, scenarios, region, x)
         return _Model(c, g, weight * x / least)
 
+    bounds = region.lower / region.unit, region.upper / region.unit
     multipliers: dict[int, float] = {}
     trust, residual = 0.3, np.inf
     for _ in range(_STEPS):
         here = model(x)
         multipliers = _multipliers(here)
         rest = _residual(here, multipliers)
-        if np.min(here.c) > -1e-8 and rest <= residual:
+        if np.min(here.c) > -FEASIBLE and rest < residual:
             best, residual = x, rest
         if residual < 1e-12:
             break
@@ -78,11 +82,11 @@ def polish(requirement: Requirement, scenarios: Scenarios, region: Region, start
         size = np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * np.max(np.abs(x))))
         if not np.isfinite(size) or size < 1e-15:
             break
-        x = x + step * min(1.0, trust / size)
+        x = np.clip(x + step * min(1.0, trust / size), *bounds)
     here = model(best)
     multipliers = _multipliers(here)
-    count = len(scenarios) * len(requirement.names)
-    rows = {i // len(requirement.names) for i in multipliers if i < count}
+    count = len(scenarios) * requirement.number
+    rows = {i // requirement.number for i in multipliers if i < count}
     active = sorted({row if row < number else 0 for row in rows})
     gains = best * region.unit
     return Optimum(
@@ -124,9 +128,25 @@ def _slacks(
 
 
 def _near(here: _Model) -> np.ndarray:
-    """Constraints that may be active: those that a small step would reach."""
-    distance = here.c / np.maximum(np.linalg.norm(here.g, axis=1), 1e-300)
-    return np.argsort(distance)[:_LIKELY]
+    """Constraints that may be active: those that a small step would reach, and the limits.
+
+    Of scenarios that answer alike one is enough: they would crowd out the others.
+    """
+    count = len(here.c) - _LIMITS
+    size = np.maximum(np.linalg.norm(here.g, axis=1), 1e-300)
+    distance, direction = here.c / size, here.g / size[:, None]
+    chosen: list[int] = []
+    for i in np.argsort(distance[:count]):
+        new = [
+            abs(distance[i] - distance[j]) > _ALIKE * abs(distance[i]) + 1e-300
+            or np.max(np.abs(direction[i] - direction[j])) > _ALIKE
+            for j in chosen
+        ]
+        if all(new):
+            chosen.append(int(i))
+        if len(chosen) == _LIKELY:
+            break
+    return np.asarray([*chosen, *range(count, count + _LIMITS)])
 
 
 def _combinations(near: np.ndarray):
@@ -136,9 +156,10 @@ def _combinations(near: np.ndarray):
 
 def _multipliers(here: _Model, *, close: float = 1e-7) -> dict[int, float]:
     """Non-negative multipliers of the constraints met within `close` that balance best."""
-    near = [i for i in _near(here) if here.c[i] < close]
+    likely = _near(here)
+    near = [i for i in likely if here.c[i] < close]
     if not near:
-        near = [int(_near(here)[0])]
+        near = [int(likely[np.argmin(here.c[likely])])]
     best, found = np.linalg.norm(here.p), {}
     for some in _combinations(np.asarray(near)):
         g = here.g[list(some)]

@@ -1,24 +1,43 @@
 """Margins over scenarios."""
 
+from collections.abc import Iterable
+
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..stability.linear import LinearSlider
 from ..stability.margins import margin
-from .scenarios import Scenarios
+from .scenarios import Scenarios, tiles
 
 
 def margin_values(name: str, scenarios: Scenarios, gains) -> np.ndarray:
     """One margin in every scenario at gains (k_p, k_v)."""
-    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
-    return np.asarray(_values(name, scenarios.friction, mass, jnp.asarray(gains)))
+    return several_margins([name], scenarios, gains)[name]
+
+
+def several_margins(names: Iterable[str], scenarios: Scenarios, gains) -> dict[str, np.ndarray]:
+    """Margins in every scenario at gains (k_p, k_v), each of shape (n,)."""
+    names = tuple(names)
+    gains = np.asarray(gains, float)
+    found = {name: np.empty(len(scenarios)) for name in names}
+    for rows, used in tiles(len(scenarios), _size(scenarios)):
+        friction = jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[rows], scenarios.friction)
+        mass = None if scenarios.mass is None else scenarios.mass[rows]
+        values = _values(names, friction, mass, gains)
+        for name in names:
+            found[name][rows[:used]] = np.asarray(values[name])[:used]
+    return found
+
+
+def _size(scenarios: Scenarios) -> int:
+    return 64 if len(scenarios) <= 512 else scenarios.tile
 
 
 @eqx.filter_jit
-def _values(name: str, friction, mass, gains):
+def _values(names: tuple[str, ...], friction, mass, gains):
     def one(friction, mass):
-        return margin(name, LinearSlider(mass, gains[0], gains[1], friction))
+        slider = LinearSlider(mass, gains[0], gains[1], friction)
+        return {name: margin(name, slider) for name in names}
 
     return jax.vmap(one, in_axes=(0, None if mass is None else 0))(friction, mass)

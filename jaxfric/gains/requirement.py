@@ -5,9 +5,11 @@ from collections.abc import Mapping
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..errors import InputError
+from ..stability.kernel import DelayKernel
 from ..stability.linear import LinearFriction, LinearSlider
 from ..stability.margins import UNITS, margin
 from ..stability.theorem import apply_theorem
@@ -25,13 +27,15 @@ _RANGES = {
 }
 # A margin beyond this many times its requirement, or inf, counts as this many.
 _ENOUGH = 10.0
+# What stands for "greater than zero", in natural units.
+_POSITIVE = 1e-9
 
 
 class Requirement(eqx.Module):
     """Margins by name and the values they must reach, in the units of `stability.margins.UNITS`."""
 
     names: tuple[str, ...] = eqx.field(static=True)
-    values: tuple[float, ...] = eqx.field(static=True)
+    values: tuple[float, ...]
 
     def __init__(self, margins: Mapping[str, float]):
         if not margins:
@@ -39,7 +43,13 @@ class Requirement(eqx.Module):
         for name, value in margins.items():
             _check(name, value)
         self.names = tuple(margins)
-        self.values = tuple(float(value) for value in margins.values())
+        # NumPy's numbers are traced by jit, Python's are not: one compilation for all values
+        self.values = tuple(np.float64(value) for value in margins.values())
+
+    @property
+    def number(self) -> int:
+        """Length of `slack`."""
+        return len(self.names) + ("stiffness" in self.names)
 
     @staticmethod
     def parse(texts: list[str]) -> "Requirement":
@@ -67,20 +77,25 @@ class Requirement(eqx.Module):
         """How far each margin exceeds its requirement, relative to it, for gains (k_p, k_v).
 
         Zero at the requirement, negative where it is missed, at most 9. The margin of stiffness
-        is taken as a difference, k_p + f_x less the stiffness required, over `unit[0]`: it
-        stays smooth where the critical stiffness goes to zero.
+        is two. One is a difference, k_p + f_x less the stiffness required, over `unit[0]`: it
+        stays smooth where the critical stiffness goes to zero. The other is the theorem's
+        hypothesis f_v + k_v > 0, over `unit[1]`: friction without memory has no other limit. For
+        a delay, of which the theorem does not hold, it is f_v + k_v > |k_f|.
         """
         slider = LinearSlider(mass, gains[0], gains[1], friction)
         slacks = []
         for name, required in zip(self.names, self.values, strict=True):
             if name == "stiffness":
-                needed = required * jnp.minimum(
-                    apply_theorem(slider).critical_stiffness, 1e9 * unit[0]
-                )
+                damping = gains[1] + friction.slope
+                if isinstance(friction.kernel, DelayKernel):  # no critical stiffness, only damping
+                    damping = damping - jnp.abs(friction.kernel.strength)
+                k_cr = apply_theorem(slider).critical_stiffness
+                needed = required * jnp.where(damping > 0, jnp.minimum(k_cr, 1e9 * unit[0]), 0.0)
                 slacks.append((gains[0] + friction.trend - needed) / unit[0])
+                slacks.append(damping / unit[1] - _POSITIVE)
                 continue
             value = margin(name, slider)
-            scale = required if required > 0 else 1.0
+            scale = jnp.where(required > 0, required, 1.0)
             most = required + (_ENOUGH - 1) * scale
             slacks.append((jnp.clip(value, -1e9 * scale, most) - required) / scale)
         return jnp.stack(slacks)

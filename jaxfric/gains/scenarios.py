@@ -1,15 +1,20 @@
 """The set of situations in which gains must hold: velocities, masses, samples of the law."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..stability.kernel import AbstractRationalKernel
 from ..stability.linear import LinearFriction, linear_friction
+
+_TILE = 2048
+# Margins of kernels that are not rational hold thousands of frequencies for every pair.
+_SMALL_TILE = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +33,11 @@ class Scenarios:
 
     def __len__(self) -> int:
         return self.velocity.shape[0]
+
+    @property
+    def tile(self) -> int:
+        """How many of them to evaluate at once: one shape to compile (`tiles`)."""
+        return _TILE if isinstance(self.friction.kernel, AbstractRationalKernel) else _SMALL_TILE
 
     @staticmethod
     def product(laws: AbstractLaw | AbstractDelayLaw, velocities, masses) -> "Scenarios":
@@ -48,17 +58,22 @@ class Scenarios:
     @staticmethod
     def at(laws: AbstractLaw | AbstractDelayLaw, velocity, mass, sample) -> "Scenarios":
         """Scenarios listed one by one."""
-        friction = _linearise(laws, jnp.asarray(velocity), jnp.asarray(sample))
+        velocity, sample = np.asarray(velocity, float), np.asarray(sample)
+        parts = []
+        for index, used in tiles(len(velocity), _SMALL_TILE if len(velocity) <= 512 else _TILE):
+            part = _linearise(laws, velocity[index], sample[index])
+            parts.append(jax.tree.map(lambda leaf, used=used: np.asarray(leaf)[:used], part))
+        friction = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
         finite = np.ones(len(velocity), bool)
         for leaf in jax.tree.leaves(friction):
-            finite &= np.all(np.isfinite(np.asarray(leaf)).reshape(len(velocity), -1), axis=1)
+            finite &= np.all(np.isfinite(leaf).reshape(len(velocity), -1), axis=1)
         if not finite.all():
             bad = float(velocity[np.flatnonzero(~finite)[0]])
             raise InputError(
                 f"velocity: the friction law has no steady state at {bad:g} m/s (its force or its"
                 " slope is not finite there); leave that velocity out"
             )
-        return Scenarios(laws, np.asarray(velocity), mass, np.asarray(sample), friction)
+        return Scenarios(laws, velocity, mass, sample, friction)
 
     def take(self, index) -> "Scenarios":
         """Some of the scenarios."""
@@ -73,7 +88,7 @@ class Scenarios:
         def both(a, b):
             return np.concatenate([np.asarray(a), np.asarray(b)])
 
-        friction = jax.tree.map(lambda a, b: jnp.asarray(both(a, b)), self.friction, other.friction)
+        friction = jax.tree.map(both, self.friction, other.friction)
         mass = None if self.mass is None else both(self.mass, other.mass)
         velocity, sample = both(self.velocity, other.velocity), both(self.sample, other.sample)
         return Scenarios(self.laws, velocity, mass, sample, friction)
@@ -93,10 +108,17 @@ class Scenarios:
         }
 
 
-def padded(index: np.ndarray, *, size: int = 16) -> np.ndarray:
+def padded(index: np.ndarray, *, size: int = 32) -> np.ndarray:
     """Repeats of the first fill the length up to a multiple of `size`: few shapes to compile."""
     more = -len(index) % size
     return np.concatenate([index, np.full(more, index[0], index.dtype)])
+
+
+def tiles(number: int, size: int) -> Iterator[tuple[np.ndarray, int]]:
+    """Indices 0..number-1 in rows of `size`; the last is filled up. With each, how many count."""
+    for begin in range(0, number, size):
+        row = np.arange(begin, min(begin + size, number))
+        yield padded(row, size=size), row.size
 
 
 def number_of_samples(laws: AbstractLaw | AbstractDelayLaw) -> int:

@@ -118,5 +118,5 @@ def _set_point(law: LawSource, V: float, reach: float, mass, margin) -> SetPoint
     here = Scenarios.at(law.samples, np.asarray([V]), heaviest, np.asarray([0]))
     gains = np.asarray([found.kp, found.kv])
     largest = max(10.0, 4 * reach**2)
-    up, down, _ = jump_sizes(here, gains, largest=largest)
-    return SetPoint(V, found.kp, found.kv, float(up[0]), float(down[0]))
+    sizes = jump_sizes(here, gains, largest=largest)
+    return SetPoint(V, found.kp, found.kv, float(sizes.up[0]), float(sizes.down[0]))

@@ -1,20 +1,18 @@
 """Slacks of many pairs of gains and scenarios, through one compiled function.
 
-Pairs are cut into tiles of two fixed sizes: whatever is asked, at most two shapes are compiled,
-which takes longer than any evaluation.
+Pairs are cut into tiles of one fixed size: whatever is asked, one shape is compiled, which takes
+longer than any evaluation.
 """
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..stability.linear import LinearFriction
 from .requirement import Requirement
-from .scenarios import Scenarios
-
-_TILES = (2048, 32768)
+from .scenarios import Scenarios, tiles
 
 
 def slacks(
@@ -38,20 +36,12 @@ def paired_slacks(
     leaves, structure = jax.tree.flatten(scenarios.friction)
     leaves = [np.asarray(leaf) for leaf in leaves]
     found = np.empty(len(index))
-    begin = 0
-    while begin < len(index):
-        left = len(index) - begin
-        tile = _TILES[0] if left <= _TILES[1] // 4 else _TILES[1]
-        used = min(tile, left)
-        rows = index[begin : begin + used]
-        rows = np.concatenate([rows, np.full(tile - used, rows[0])])
-        some = gains[begin : begin + used]
-        some = np.concatenate([some, np.broadcast_to(some[:1], (tile - used, 2))])
+    for pairs, used in tiles(len(index), scenarios.tile):
+        rows = index[pairs]
         friction = jax.tree.unflatten(structure, [leaf[rows] for leaf in leaves])
-        mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass[rows])
-        value = _tile(requirement, friction, mass, jnp.asarray(unit), jnp.asarray(some))
-        found[begin : begin + used] = np.asarray(value)[:used]
-        begin += used
+        mass = None if scenarios.mass is None else scenarios.mass[rows]
+        value = _tile(requirement, friction, mass, unit, gains[pairs])
+        found[pairs[:used]] = np.asarray(value)[:used]
     return found
 
 
@@ -59,12 +49,12 @@ def paired_slacks(
 def _tile(
     requirement: Requirement,
     friction: LinearFriction,
-    mass: Float[Array, " n"] | None,
-    unit: Float[Array, " 2"],
-    gains: Float[Array, "n 2"],
+    mass: Float[ArrayLike, " n"] | None,
+    unit: Float[ArrayLike, " 2"],
+    gains: Float[ArrayLike, "n 2"],
 ) -> Float[Array, " n"]:
     def one(friction, mass, gains):
-        return jnp.min(requirement.slack(gains, friction, mass, unit))
+        return jnp.min(requirement.slack(gains, friction, mass, jnp.asarray(unit)))
 
     axes = (0, None if mass is None else 0, 0)
     return jax.vmap(one, in_axes=axes)(friction, mass, gains)

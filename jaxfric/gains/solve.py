@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..stability.kernel import AbstractRationalKernel
 from .frontier import Region, Start, alone, basins, natural_units, zoom
 from .kkt import Optimum, polish
 from .margins import margin_values
@@ -173,8 +174,10 @@ def _dense(requirement, scenarios, carried, region: Region, optima):
     """Number of gains of smaller norm that were tried, and those of them that are feasible."""
     best = optima[0]
     size = best.norm * region.scale
-    u = np.concatenate([np.linspace(0, 1, 257)[1:], np.geomspace(1e-6, 1, 65)]) * size[0]
-    v = np.concatenate([np.linspace(0, 1, 257), np.geomspace(1e-6, 1, 65)]) * size[1]
+    rational = isinstance(scenarios.friction.kernel, AbstractRationalKernel)
+    even, log = (257, 65) if rational else (33, 9)  # others take a thousand times as long
+    u = np.concatenate([np.linspace(0, 1, even)[1:], np.geomspace(1e-6, 1, log)]) * size[0]
+    v = np.concatenate([np.linspace(0, 1, even), np.geomspace(1e-6, 1, log)]) * size[1]
     grid = np.stack(np.meshgrid(np.unique(u), np.unique(v), indexing="ij"), axis=-1).reshape(-1, 2)
     within = np.all((grid >= region.lower) & (grid <= region.upper), axis=1)
     grid = grid[within & (region.norm(grid) < best.norm * (1 - 1e-3))]

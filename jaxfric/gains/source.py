@@ -86,18 +86,19 @@ def law_from_fit(
     if samples:
         draws[1:] = _draw(content, free, values, samples, seed, path)
     scale = 1.0 if normal_force is None else normal_force
-    build = _builder(content, values, scale)
-    columns = [dict(zip(free, row, strict=True)) for row in draws]
-    laws = [build(column) for column in columns]
-    text = f"{content['law']} law, {content['states']} state(s), fitted: {path}"
-    return LawSource(laws[0], stack(laws), text, values["V0"])
+    states, evolution = int(content["states"]), _EVOLUTIONS[content["law"]]()
+    columns = {name: np.full(samples + 1, value) for name, value in values.items()}
+    columns |= dict(zip(free, draws.T, strict=True))
+    text = f"{content['law']} law, {states} state(s), fitted: {path}"
+    law = _law(values, states, evolution, scale)
+    return LawSource(law, _law(columns, states, evolution, scale), text, values["V0"])
 
 
 def law_from_parameters(kind: str, text: str) -> LawSource:
     """A law by its name and its parameters, "A=1 N, B=3 N, L=1 mm, V0=2 mm/s".
 
     Rate-and-state laws: A, B, L (B2, L2, ... for more states), V0, and f0, which matters only for
-    a start at rest (default 10 A). Other laws: their own fields. Forces in newtons.
+    a start at rest (default 50 A). Other laws: their own fields. Forces in newtons.
 
     Raises
     ------
@@ -138,8 +139,14 @@ def _damage(content: dict) -> str | None:
             return f"'{key}' is missing"
     if content["law"] not in _EVOLUTIONS:
         return f"law '{content['law']}' is not known"
-    parameters = content["parameters"]
-    needed = ["f0", "A", "V0", *_numbered(content["states"])]
+    parameters, states, free = content["parameters"], content["states"], content["free"]
+    if isinstance(states, bool) or not isinstance(states, int) or states < 1:
+        return f"the number of states is '{states}'"
+    if not isinstance(parameters, dict):
+        return "the parameters are no table"
+    if not isinstance(free, list) or not all(isinstance(name, str) for name in free):
+        return "the free parameters are no list of names"
+    needed = ["f0", "A", "V0", *_numbered(states)]
     for name in needed:
         if name not in parameters:
             return f"parameter {name} is missing"
@@ -155,10 +162,10 @@ def _damage(content: dict) -> str | None:
         matrix = np.asarray(content["covariance"], float)
     except (TypeError, ValueError):
         return "the covariance is not a matrix of numbers"
-    size = len(content["free"])
+    size = len(free)
     if matrix.shape != (size, size) and size:
         return f"the covariance has shape {matrix.shape} for {size} free parameters"
-    if not set(content["free"]) <= set(parameters):
+    if not set(free) <= set(parameters):
         return "a free parameter is not among the parameters"
     return None
 
@@ -194,30 +201,21 @@ def _draw(content, free, values, samples, seed, path) -> np.ndarray:
     return np.where(positive, mean * np.exp(np.where(positive, z, 0.0)), mean + z)
 
 
-def _builder(content: dict, values: Mapping[str, float], scale: float):
-    """A function from values of the free parameters to a law in newtons."""
-    states = int(content["states"])
-    evolution = _EVOLUTIONS[content["law"]]()
-
-    def build(changed: Mapping[str, float]) -> RateState:
-        p = {**values, **changed}
-        return _law(p, states, evolution, scale)
-
-    return build
-
-
-def _law(p: Mapping[str, float], states: int, evolution, scale: float = 1.0) -> RateState:
-    """The law with forces `scale` times those given."""
+def _law(
+    p: Mapping[str, float] | Mapping[str, np.ndarray], states: int, evolution, scale: float = 1.0
+) -> RateState:
+    """The law with forces `scale` times those given; a batch where the values are arrays."""
     names = _numbered(states)
+    p = {name: np.asarray(value, float) for name, value in p.items()}
     return RateState(
         jnp.asarray(p["f0"] * scale),
         jnp.asarray(p["A"] * scale),
-        jnp.asarray([p[name] * scale for name in names[0::2]]),
-        jnp.asarray([p[name] for name in names[1::2]]),
+        jnp.asarray(np.stack([p[name] * scale for name in names[0::2]], axis=-1)),
+        jnp.asarray(np.stack([p[name] for name in names[1::2]], axis=-1)),
         jnp.asarray(p["V0"]),
         evolution,
         RegularisedEffect(),
-        jnp.asarray(p.get("slip_trend", 0.0) * scale),
+        jnp.asarray(p.get("slip_trend", np.zeros_like(p["V0"])) * scale),
     )
 
 
@@ -253,7 +251,7 @@ def _rate_state(kind: str, pairs: dict[str, str]) -> RateState:
         if name not in pairs:
             raise InputError(f"parameters: {name} is missing; the {kind} law needs A, B, L, V0")
     values = {name: _value(pairs, name, _quantity(name)) for name in ("A", *names, "V0")}
-    values["f0"] = _value(pairs, "f0", _quantity("f0")) if "f0" in pairs else 10 * values["A"]
+    values["f0"] = _value(pairs, "f0", _quantity("f0")) if "f0" in pairs else 50 * values["A"]
     _refuse_rest(pairs, kind, "A, B, L, V0, f0")
     return _law(values, states, _EVOLUTIONS[kind]())
 

@@ -1,6 +1,7 @@
 """Gains checked by nonlinear simulation, in the scenarios that matter most."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,15 +10,25 @@ import numpy as np
 
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
+from ..simulation import Start, jump_start, rest_start, step_start, velocity_start
+from ..simulation.start import regularised
 from ..stability.linear import LinearSlider
 from ..stability.margins import poles
-from .check import STARTS, Basin, basin, check_starts
+from .check import STARTS, end_state
 from .ends import ENDS
-from .scenarios import Scenarios
+from .scenarios import Scenarios, padded, tiles
 
 _PERIODS = 30.0
 # Modes slower than the quickest by more than this are left to the linear theory.
 _SPREAD = 1e6
+# Simulations in one call: one shape to compile.
+_LANES = 32
+# Factors tried in each round of the search for the basin.
+_POINTS = 8
+_ROUNDS = 2
+# Of the starts: relative change of velocity, and the spring force that goes with it.
+_CHANGE = 0.5
+_SEED = 0.01
 
 
 @dataclass(frozen=True)
@@ -84,37 +95,36 @@ def verify(
 ) -> CheckReport:
     """Simulate every scenario with gains (k_p, k_v), from all `STARTS` and for the basin.
 
-    All scenarios are simulated in one vmapped call, so give a few, not thousands (`choose`).
-    `largest` is the largest factor tried for the basin.
+    Give a few scenarios, not thousands (`choose`). `largest` is the largest factor tried for
+    the basin.
     """
     rows: list[CheckedStart] = []
     if starts:
-        rigs, velocity = _rigs(scenarios, gains)
-        rows = _rows(scenarios, _starts(rigs, velocity, *_times(scenarios, gains)))
+        where = np.repeat(np.arange(len(scenarios)), len(STARTS))
+        kind = np.tile(np.arange(len(STARTS)), len(scenarios))
+        ends = _simulated(scenarios, gains, where, kind, np.zeros(where.size))
+        rows = [
+            _row(scenarios, int(i), STARTS[j], end)
+            for i, j, end in zip(where, kind, ends, strict=True)
+        ]
     counts = {name: sum(row.end == name for row in rows) for name in _NAMES}
-    up, down, reasons = jump_sizes(scenarios, gains, largest=largest)
-    sizes = np.minimum(up, down)
-    least = int(np.argmin(sizes))
-    lost = _NAMES[reasons[least]]
+    sizes = jump_sizes(scenarios, gains, largest=largest)
+    smaller = np.minimum(sizes.up, sizes.down)
+    least = int(np.argmin(smaller))
+    lost = sizes.lost[least]
     return CheckReport(
         len(rows),
         counts["steady"],
         counts["limit_cycle"],
         counts["escape"],
         counts["unresolved"],
-        float(sizes[least]),
+        float(smaller[least]),
         None if lost == "steady" else lost,
         tuple(rows),
     )
 
 
 _NAMES = ("steady", "limit_cycle", "escape", "unresolved")
-
-
-def _codes(ends: ENDS) -> np.ndarray:
-    """Index into `_NAMES` of every member of a batch."""
-    masks = [np.asarray(ends == getattr(ENDS, name)) for name in _NAMES]
-    return np.argmax(np.stack(masks), axis=0)
 
 
 def _rigs(scenarios: Scenarios, gains: np.ndarray) -> tuple[Rig, jnp.ndarray]:
@@ -127,61 +137,135 @@ def _rigs(scenarios: Scenarios, gains: np.ndarray) -> tuple[Rig, jnp.ndarray]:
         machine = QuasiStatic(kp, kv)
     else:
         machine = Inertial(jnp.asarray(scenarios.mass), kp, kv)
-    return Rig(machine, law), jnp.asarray(scenarios.velocity)
+    return regularised(Rig(machine, law)), jnp.asarray(scenarios.velocity)
 
 
-def _times(scenarios: Scenarios, gains: np.ndarray) -> tuple[jnp.ndarray, jnp.ndarray]:
+def _times(scenarios: Scenarios, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Horizon [s] and slowest decay [1/s] of each scenario, from the linear poles."""
-    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
+    rows = padded(np.arange(len(scenarios)))
+    friction = jax.tree.map(lambda leaf: np.asarray(leaf)[rows], scenarios.friction)
+    mass = None if scenarios.mass is None else scenarios.mass[rows]
+    horizon, decay = _paces(friction, mass, np.asarray(gains, float))
+    return np.asarray(horizon)[: len(scenarios)], np.asarray(decay)[: len(scenarios)]
 
+
+@eqx.filter_jit
+def _paces(friction, mass, gains):
     def one(friction, mass):
-        s = poles(LinearSlider(mass, jnp.asarray(gains[0]), jnp.asarray(gains[1]), friction))
+        s = poles(LinearSlider(mass, gains[0], gains[1], friction))
         size = jnp.abs(s)
         slow = jnp.maximum(jnp.min(size), jnp.max(size) / _SPREAD)
         return _PERIODS * 2 * jnp.pi / slow, -jnp.max(s.real)
 
-    return eqx.filter_jit(jax.vmap(one, in_axes=(0, None if mass is None else 0)))(
-        scenarios.friction, mass
-    )
+    return jax.vmap(one, in_axes=(0, None if mass is None else 0))(friction, mass)
 
 
-@eqx.filter_jit
-def _starts(rigs, velocity, horizon, decay):
-    def one(rig, V, horizon, decay):
-        return check_starts(rig, V, horizon=horizon, decay=decay)
+class JumpSizes(NamedTuple):
+    """Factors by which velocity may jump, one for each scenario."""
 
-    return eqx.filter_vmap(one)(rigs, velocity, horizon, decay)
+    up: np.ndarray
+    """The slider settles after the command steps up from velocity/r, for every r up to this."""
+    down: np.ndarray
+    """The same for steps down from velocity r."""
+    lost: list[str]
+    """How the first larger jump ends; "steady" where none is lost."""
 
 
-def jump_sizes(
-    scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Factors by which velocity may jump up to, and down to, that of each scenario, and the
-    index into `_NAMES` of how the first larger jump ends."""
-    rigs, velocity = _rigs(scenarios, gains)
+def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0) -> JumpSizes:
+    """How far velocity may jump to that of each scenario, by two rounds of `_POINTS` factors.
+
+    A loss between two factors of the first round that both are survived is missed.
+    """
+    number = len(scenarios)
+    low, high = np.zeros((2, number)), np.full((2, number), np.inf)
+    ends = np.full((2, number), "steady", object)
+    step = np.full((2, number), np.log(largest) / _POINTS)
+    for _ in range(_ROUNDS):
+        grid = low[..., None] + step[..., None] * np.arange(1, _POINTS + 1)
+        sign = np.asarray([1.0, -1.0])[:, None, None]
+        where = np.broadcast_to(np.arange(number)[None, :, None], grid.shape)
+        log_ratio = (sign * grid).ravel()
+        kind = np.full(log_ratio.size, len(STARTS))
+        found = _simulated(scenarios, gains, where.ravel(), kind, log_ratio)
+        names = np.asarray([end.name for end in found], object).reshape(grid.shape)
+        low, high, ends = _narrowed(grid, names, low, high, ends)
+        if np.all(np.isinf(high)):
+            break
+        step = np.where(np.isinf(high), 0.0, high - low) / (_POINTS + 1)
+    up, down = np.exp(low)
+    reason = np.where(high[0] <= high[1], ends[0], ends[1])
+    return JumpSizes(up, down, list(reason))
+
+
+def _narrowed(grid, names, low, high, ends):
+    """The bracket of the first loss, and how that ends."""
+    lost = names != "steady"
+    some = lost.any(axis=-1)
+    first = np.argmax(lost, axis=-1)[..., None]
+    before = np.take_along_axis(grid, np.maximum(first - 1, 0), axis=-1)[..., 0]
+    at, name = (np.take_along_axis(x, first, axis=-1)[..., 0] for x in (grid, names))
+    safe = np.where(some, np.where(first[..., 0] > 0, before, low), grid[..., -1])
+    return safe, np.where(some, at, high), np.where(some, name, ends)
+
+
+class _End(NamedTuple):
+    name: str
+    amplitude: float
+    period: float
+    least_velocity: float
+
+
+def _simulated(scenarios: Scenarios, gains: np.ndarray, where, kind, log_ratio) -> list[_End]:
+    """How simulations end: of scenario `where`, from the start `kind` (see `_start`)."""
     horizon, decay = _times(scenarios, gains)
-    found = _basins(rigs, velocity, horizon, decay, largest)
-    return np.asarray(found.up), np.asarray(found.down), _codes(found.reason)
+    found: list[_End] = []
+    for lane, used in tiles(len(where), _LANES):
+        rigs, velocity = _rigs(scenarios.take(where[lane]), gains)
+        time, rate = horizon[where[lane]], decay[where[lane]]
+        ends = _ends(rigs, velocity, time, rate, kind[lane], log_ratio[lane])
+        masks = np.stack([np.asarray(ends.code == getattr(ENDS, name)) for name in _NAMES])
+        numbers = (ends.velocity_amplitude, ends.period, ends.least_velocity)
+        columns = zip(np.argmax(masks, axis=0), *(np.asarray(x) for x in numbers), strict=True)
+        found += [_End(_NAMES[code], *map(float, rest)) for code, *rest in columns][:used]
+    return found
 
 
 @eqx.filter_jit
-def _basins(rigs, velocity, horizon, decay, largest: float) -> Basin:
-    def one(rig, V, horizon, decay):
-        return basin(rig, V, horizon=horizon, decay=decay, largest=largest, rounds=2)
+def _ends(rigs, velocity, horizon, decay, kind, log_ratio):
+    def one(rig, V, horizon, decay, kind, log_ratio):
+        start = _start(rig, V, kind, jnp.exp(log_ratio))
+        return end_state(rig, V, start, horizon=horizon, decay=decay)
 
-    return eqx.filter_vmap(one)(rigs, velocity, horizon, decay)
+    return eqx.filter_vmap(one)(rigs, velocity, horizon, decay, kind, log_ratio)
 
 
-def _rows(scenarios: Scenarios, ends) -> list[CheckedStart]:
-    codes = _codes(ends.code)
-    rows = []
-    for i in range(len(scenarios)):
-        for j, start in enumerate(STARTS):
-            cycle = _NAMES[codes[i, j]] == "limit_cycle"
-            numbers = (ends.velocity_amplitude, ends.period, ends.least_velocity)
-            values = [_number(np.asarray(x)[i, j]) if cycle else None for x in numbers]
-            rows.append(CheckedStart(scenarios.describe(i), start, _NAMES[codes[i, j]], *values))
-    return rows
+def _start(rig: Rig, V, kind, ratio) -> Start:
+    """One of `STARTS` by its index; the one after the last is a step of the command by `ratio`."""
+    K, scale = rig.machine.stiffness, rig.friction.force_scale()
+
+    def seeded(change: float) -> Start:
+        start = velocity_start(rig, V, change)
+        if start.elongation is None or not isinstance(rig.machine, Inertial):
+            return start
+        # a light slider loses its velocity at once, and then would not leave an unstable motion
+        longer = start.elongation + np.sign(change) * _SEED * scale / K
+        return Start(start.velocity, longer, start.state)
+
+    every = [
+        seeded(_CHANGE),
+        seeded(-_CHANGE),
+        jump_start(rig, V, scale / K),
+        jump_start(rig, V, -scale / K),
+        rest_start(rig, V),
+        step_start(rig, V, ratio),
+    ]
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves)[kind], *every)
+
+
+def _row(scenarios: Scenarios, index: int, start: str, end: _End) -> CheckedStart:
+    numbers = end[1:] if end.name == "limit_cycle" else (np.nan,) * 3
+    values = [_number(x) for x in numbers]
+    return CheckedStart(scenarios.describe(index), start, end.name, *values)
 
 
 def _number(value) -> float | None:

@@ -3,13 +3,10 @@
 import dataclasses
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 
-from ..motion import AbstractMotion
+from ..motion import PiecewiseVelocity
 from ..rig import Inertial, Rig
 from ..simulation import Trajectory
 from ..stability.analysis import Law, steady_points
@@ -50,26 +47,19 @@ class Motion:
     velocity: np.ndarray
 
     @staticmethod
-    def of(found: Trajectory, rig: Rig, motion: AbstractMotion, rows: np.ndarray) -> "Motion":
-        """Some rows of a trajectory."""
-        time = jnp.asarray(np.asarray(found.time)[rows])
+    def of(found: Trajectory, rig: Rig, motion: PiecewiseVelocity, rows: np.ndarray) -> "Motion":
+        """Some rows of a trajectory under velocity steps that begin at time 0."""
+        columns = (found.time, found.recorded, found.slip, found.velocity)
+        time, friction, slip, velocity = (np.asarray(x)[rows] for x in columns)
+        starts, steps = np.asarray(motion.times), np.asarray(motion.velocities)
+        at = np.maximum(np.searchsorted(starts, time, side="right") - 1, 0)
+        travelled = np.append(0.0, np.cumsum(np.diff(starts) * steps[:-1]))
+        load = travelled[at] + (time - starts[at]) * steps[at]
         machine = rig.machine
         mass = float(machine.mass) if isinstance(machine, Inertial) else None
         damping = 0.0 if machine.damping is None else float(machine.damping)
-        columns = (found.recorded, found.slip, found.velocity)
-        friction, slip, velocity = (np.asarray(x)[rows] for x in columns)
-        return Motion(
-            rig.friction,
-            mass,
-            float(machine.stiffness),
-            damping,
-            np.asarray(jax.vmap(motion.velocity)(time)),
-            np.asarray(time),
-            np.asarray(jax.vmap(motion.displacement)(time)),
-            friction,
-            slip,
-            velocity,
-        )
+        gains = mass, float(machine.stiffness), damping
+        return Motion(rig.friction, *gains, steps[at], time, load, friction, slip, velocity)
 
 
 def draw_simulation(motion: Motion, folder: Path) -> list[str]:
@@ -90,7 +80,7 @@ def _save_series(motion: Motion, folder: Path) -> list[str]:
     axes[0].set_ylabel(f"friction [{f_unit}]")
     axes[1].plot(time, v_size * _drawn(motion), color=BLUE, lw=1.3, label="slider")
     axes[1].plot(time, v_size * motion.command, color=ORANGE, lw=1.4, ls="--", label="command")
-    _velocity_scale(axes[1].yaxis, v_size * _drawn(motion), v_size * _slowest(motion))
+    _velocity_scale(axes[1], "y", v_size * _drawn(motion), v_size * _slowest(motion))
     axes[1].set_ylabel(f"velocity [{v_unit}]")
     axes[1].legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=2, frameon=False, fontsize=8.5)
     axes[2].plot(time, x_size * motion.slip, color=BLUE, lw=1.5, label="slip")
@@ -119,7 +109,7 @@ def _save_plane(motion: Motion, folder: Path) -> list[str]:
     figure = new_figure(7.6, 5.6)
     axis = figure.subplots()
     low, high = _velocity_limits(motion, drawn, slow)
-    V = np.geomspace(max(low, 0.03 * slow if low <= 0 else low), high, _CURVE)
+    V = np.geomspace(low if low > 0 else 0.03 * slow, high, _CURVE)
     force = np.asarray(steady_points(motion.law, V).force)
     seen = force > 0
     axis.plot(v_size * V[seen], f_size * force[seen], color=GREY, lw=4, alpha=0.6,
@@ -131,10 +121,10 @@ def _save_plane(motion: Motion, folder: Path) -> list[str]:
               label="second half")  # fmt: skip
     for V0 in np.unique(motion.command[motion.command > 0]):
         f0 = float(np.asarray(steady_points(motion.law, np.asarray([V0])).force)[0])
-        label = "steady sliding at the command" if V0 == motion.command[-1] else None
+        label = "steady sliding at the command" if motion.command[-1] == V0 else None
         axis.plot(v_size * V0, f_size * f0, "o", color=ORANGE, ms=8, zorder=5, label=label)
     _arrow(axis, v_size * drawn, f_size * motion.friction)
-    _velocity_scale(axis.xaxis, v_size * drawn, v_size * slow)
+    _velocity_scale(axis, "x", v_size * drawn, v_size * slow)
     spread = [f_size * motion.friction.min(), f_size * motion.friction.max()]
     room = max(0.12 * (spread[1] - spread[0]), 1e-9 * abs(spread[1]))
     axis.set_ylim(spread[0] - room, spread[1] + 2 * room)
@@ -160,7 +150,7 @@ def _arrow(axis: Axes, x: np.ndarray, y: np.ndarray) -> None:
     """An arrow that tells the sense of the motion, where friction changes fast late in it."""
     late = np.arange(len(x) // 2, len(x) - 1)
     span = np.ptp(y[late]) if len(late) else 0.0
-    if span == 0 or np.any(~np.isfinite(y)):
+    if span <= 0.01 * np.ptp(y):
         return
     middle = 0.5 * (np.max(y[late]) + np.min(y[late]))
     crossing = late[(y[late] < middle) != (y[late + 1] < middle)]
@@ -197,15 +187,14 @@ def _stuck_note(motion: Motion) -> str:
     return f"   (stuck: drawn at {_STUCK:g} of the command)"
 
 
-def _velocity_scale(axis: Axis, values: np.ndarray, slow: float) -> None:
+def _velocity_scale(axis: Axes, which: str, values: np.ndarray, slow: float) -> None:
     """Linear for small changes, logarithmic for large ones, symmetric where it turns back."""
     if np.min(values) <= 0:
         if np.ptp(values) > 30 * slow:
-            scale = "yscale" if axis.axis_name == "y" else "xscale"
-            getattr(axis.axes, f"set_{scale}")("symlog", linthresh=slow)
-        return
-    if np.max(values) > 5 * np.min(values):
-        plain_log(axis)
+            scale = axis.set_yscale if which == "y" else axis.set_xscale
+            scale("symlog", linthresh=slow)
+    elif np.max(values) > 5 * np.min(values):
+        plain_log(axis, which)
 
 
 def _heading(motion: Motion) -> str:

@@ -6,12 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 
-from ..stability.analysis import Study, delay_numbers
+from ..stability.analysis import Study, delay_numbers, delay_stiffness
 from ..stability.delay import (
     crossings,
-    stable_intervals,
     stiffness_damping_chart,
     stiffness_delay_chart,
 )
@@ -21,89 +19,88 @@ from .stability import (
     ORANGE,
     STABLE,
     UNSTABLE,
+    from_zero,
     legend_below,
     mass_text,
     new_figure,
     prefixed,
     save,
+    shade,
     speed,
     tidy,
 )
 
-_CHART, _LINE, _BRANCHES = 241, 240, 10
-_INTERVALS = 3
-
-
-def largest_stiffness(found: Study) -> float:
-    """A k_p [N/m] up to which the first three stable intervals, or crossings, lie."""
-    numbers = delay_numbers(found)
-    _, upper = stable_intervals(*numbers, number=_INTERVALS)
-    ends = [float(k) for k in upper if np.isfinite(k)]
-    found_ = crossings(*numbers, number=_INTERVALS)
-    ends += [float(k) for k in found_.plus_stiffness if np.isfinite(k)]
-    if found.k_p is not None:
-        ends.append(1.3 * found.k_p)
-    mass, delay = float(numbers[0]), float(numbers[3])
-    return 1.12 * max(ends) if ends else 100 * mass / delay**2
+_CHART, _BRANCHES = 241, 10
 
 
 def draw_delay(found: Study, folder: Path) -> list[str]:
     """Write the charts over (k_p, k_v) and over (k_p, alpha); the names written."""
-    mass, damping, strength, delay = (jnp.asarray(x, float) for x in delay_numbers(found))
-    k_p = np.linspace(0, largest_stiffness(found), 2 * _CHART)[1:]
+    strength, delay = (float(x) for x in delay_numbers(found)[2:])
+    k_p = from_zero(delay_stiffness(found), 2 * _CHART)
     size, unit = prefixed(float(k_p[-1]), "N/m")
     figure = new_figure(8.4, 8.4)
     axes = figure.subplots(2, 1)
-    own = float(found.here.slope)  # f_v adds to k_v
-    most = 1.3 * max(abs(float(strength)) - own, found.k_v, 1e-12)
+    heights = _over_damping(axes[0], found, k_p, size), _over_delay(axes[1], found, k_p, size)
+    tidy(axes[0], f"Delay α = {delay:.4g} s: no critical stiffness")
+    tidy(axes[1], f"Damping k_v = {found.k_v:g} N s/m")
+    for axis, height in zip(axes, heights, strict=True):
+        axis.grid(False)
+        axis.set_xlim(0, size * k_p[-1])
+        if found.k_p is not None:
+            at = dict(color=BLACK, ms=8, clip_on=False, zorder=6)
+            axis.plot(size * found.k_p, height, "o", **at, label="gains asked for")
+    axes[1].set_xlabel(f"stiffness or position gain k_p [{unit}]")
+    legend_below(axes[1], columns=3)
+    where = f"Delay law at {speed(float(found.here.velocity))}: k_f = {strength:.4g} N s/m, "
+    figure.suptitle(where + mass_text(found.mass), x=0.01, ha="left", fontsize=11)
+    return save(figure, folder, "delay_chart")
+
+
+def _over_damping(axis: Axes, found: Study, k_p: np.ndarray, size: float) -> float:
+    """The chart over (k_p, k_v); where the study's k_v is on it. The law's f_v adds to k_v."""
+    mass, _, strength, delay = (jnp.asarray(x, float) for x in delay_numbers(found))
+    own = float(found.here.slope)
+    enough = abs(float(strength)) - own
+    most = 1.3 * max(enough, found.k_v, 1e-12)
+    scale, unit = prefixed(most, "N s/m")
     k_v = np.linspace(0, most, _CHART)
-    chart = stiffness_damping_chart(mass, k_p, k_v + own, strength, delay)
-    v_size, v_unit = prefixed(most, "N s/m")
-    _shade(axes[0], size * k_p, v_size * k_v, chart)
-    lines = np.linspace(0, most, _LINE)
-    _branches(axes[0], size, v_size * lines, mass, lines + own, strength, delay)
-    enough = v_size * (abs(float(strength)) - own)
-    axes[0].axhline(enough, color=BLACK, ls=":", lw=1.3)
-    axes[0].annotate(
+    dampings = jnp.asarray(k_v + own)
+    chart = jax.jit(stiffness_damping_chart)(mass, jnp.asarray(k_p), dampings, strength, delay)
+    _shade(axis, size * k_p, scale * k_v, chart)
+    _branches(axis, size, scale * k_v, mass, dampings, strength, delay)
+    axis.axhline(scale * enough, color=BLACK, ls=":", lw=1.3)
+    axis.annotate(
         "k_v + f_v = |k_f|: above it every k_p is stable",
-        xy=(0.99, enough),
-        xycoords=axes[0].get_yaxis_transform(),
+        xy=(0.99, scale * enough),
+        xycoords=axis.get_yaxis_transform(),
         xytext=(0, 4),
         textcoords="offset points",
         ha="right",
         fontsize=8.5,
     )
-    axes[0].set_ylabel(f"damping or velocity gain k_v [{v_unit}]")
-    tidy(axes[0], f"Delay α = {float(delay):.4g} s: no critical stiffness")
-    alphas = np.linspace(0, 3 * float(delay), _CHART + 1)[1:]
-    chart = stiffness_delay_chart(mass, k_p, damping, strength, alphas)
-    a_size, a_unit = prefixed(float(alphas[-1]), "s")
-    _shade(axes[1], size * k_p, a_size * alphas, chart)
-    lines = np.geomspace(alphas[-1] / 300, alphas[-1], 2 * _LINE)
-    _branches(axes[1], size, a_size * lines, mass, jnp.full(lines.shape, damping), strength, lines)
-    axes[1].axhline(a_size * float(delay), color=BLACK, ls=":", lw=1.3, label="the law's delay α")
-    axes[1].set_ylabel(f"delay α of friction [{a_unit}]")
-    tidy(axes[1], f"Damping k_v = {found.k_v:g} N s/m")
-    for axis, y in ((axes[0], v_size * found.k_v), (axes[1], a_size * float(delay))):
-        axis.grid(False)
-        axis.set_xlim(0, size * k_p[-1])
-        if found.k_p is not None:
-            axis.plot(
-                size * found.k_p, y, "o", color=BLACK, ms=8, clip_on=False, zorder=6,
-                label="gains asked for",
-            )  # fmt: skip
-    axes[0].set_ylim(0, v_size * most)
-    axes[1].set_ylim(0, a_size * alphas[-1])
-    axes[1].set_xlabel(f"stiffness or position gain k_p [{unit}]")
-    legend_below(axes[1], columns=3)
-    where = f"Delay law at {speed(float(found.here.velocity))}: k_f = {float(strength):.4g} N s/m, "
-    figure.suptitle(where + mass_text(found.mass), x=0.01, ha="left", fontsize=11)
-    return save(figure, folder, "delay_chart")
+    axis.set_ylim(0, scale * most)
+    axis.set_ylabel(f"damping or velocity gain k_v [{unit}]")
+    return scale * found.k_v
+
+
+def _over_delay(axis: Axes, found: Study, k_p: np.ndarray, size: float) -> float:
+    """The chart over (k_p, alpha); where the law's delay is on it."""
+    mass, damping, strength, delay = (jnp.asarray(x, float) for x in delay_numbers(found))
+    most = 3 * float(delay)
+    scale, unit = prefixed(most, "s")
+    alphas = np.linspace(0, most, _CHART + 1)[1:]
+    args = jnp.asarray(k_p), damping, strength, jnp.asarray(alphas)
+    _shade(axis, size * k_p, scale * alphas, jax.jit(stiffness_delay_chart)(mass, *args))
+    lines = np.geomspace(most / 300, most, 2 * _CHART)
+    _branches(axis, size, scale * lines, mass, damping, strength, lines)
+    axis.axhline(scale * float(delay), color=BLACK, ls=":", lw=1.3, label="the law's delay α")
+    axis.set_ylim(0, scale * most)
+    axis.set_ylabel(f"delay α of friction [{unit}]")
+    return scale * float(delay)
 
 
 def _shade(axis: Axes, x: np.ndarray, y: np.ndarray, stable) -> None:
-    colours = ListedColormap([UNSTABLE, STABLE])
-    axis.pcolormesh(x, y, np.asarray(stable), cmap=colours, vmin=0, vmax=1, shading="nearest")
+    shade(axis, x, y, np.asarray(stable), [UNSTABLE, STABLE])
     axis.plot([], [], "s", color=STABLE, ms=9, label="stable")
     axis.plot([], [], "s", color=UNSTABLE, ms=9, label="unstable")
 
@@ -115,7 +112,7 @@ def _branches(axis: Axes, size: float, y: np.ndarray, mass, damping, strength, d
     def one(k_v, alpha):
         return crossings(mass, k_v, strength, alpha, number=_BRANCHES)
 
-    found = jax.vmap(one)(damping, delay)
+    found = jax.jit(jax.vmap(one))(damping, delay)
     for branch, colour, style, text in (
         (found.plus_stiffness, BLUE, "-", "k_n+: two roots become stable"),
         (found.minus_stiffness, ORANGE, "--", "k_n−: two roots become unstable"),

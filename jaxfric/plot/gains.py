@@ -14,12 +14,13 @@ from ..gains.ends import ENDS, EndState
 from ..gains.margins import margin_values
 from ..gains.result import Gains
 from ..gains.scenarios import Scenarios
-from ..gains.solve import slacks
+from ..gains.slack import slacks
 from ..stability.analysis import SteadyPoint, theorem_over_damping
 from ..stability.linear import LinearSlider
 from ..stability.margins import UNITS, is_stable
 from ..stability.theorem import theorem
 from .stability import (
+    BAND,
     BLACK,
     BLUE,
     ORANGE,
@@ -27,6 +28,7 @@ from .stability import (
     UNSTABLE,
     draw_boundaries,
     draw_curve,
+    from_zero,
     gain_units,
     legend_below,
     mass_text,
@@ -34,11 +36,13 @@ from .stability import (
     plain_log,
     prefixed,
     save,
+    shade,
     speed,
     tidy,
 )
 
-_GRID, _COARSE, _HARD = 121, 9, 24
+_GRID, _COARSE, _HARD, _VELOCITIES = 121, 9, 24, 61
+_COLOURS = (BLUE, "#2a9d8f", "0.45", "#8a5a9e")
 _FEASIBLE = "#7fb08a"
 _END_COLOURS = {
     "steady": STABLE,
@@ -68,17 +72,29 @@ def draw_gains(result: Gains, folder: str | Path) -> list[str]:
     _map(whole, result)
     _margins(top, result)
     draw_curve(bottom, result.scenarios.law(0), result.scenarios.velocity, title="Friction law")
-    bottom.legend(loc="best", frameon=False, fontsize=8)
-    kp_size, kp_unit = prefixed(result.kp, "N/m")
-    kv_size, kv_unit = prefixed(result.kv, "N s/m")
+    bottom.legend(loc="best", frameon=True, framealpha=0.95, edgecolor="0.9", fontsize=8)
     figure.suptitle(
-        f"Recommended gains: k_p = {kp_size * result.kp:.4g} {kp_unit},"
-        f" k_v = {kv_size * result.kv:.4g} {kv_unit}   ({_required(result)})",
+        f"Recommended gains: {_stiffness(result)}, {_damping(result)}   ({_required(result)})",
         x=0.01,
         ha="left",
         fontsize=11,
     )
     return save(figure, Path(folder), "gains")
+
+
+def _stiffness(result: Gains) -> str:
+    size, unit = prefixed(result.kp, "N/m")
+    if (
+        result.kp <= result.region.lower[0] * (1 + 1e-6)
+        and result.kp < 1e-6 * result.region.unit[0]
+    ):
+        return "any positive k_p"
+    return f"k_p = {size * result.kp:.4g} {unit}"
+
+
+def _damping(result: Gains) -> str:
+    size, unit = prefixed(result.kv, "N s/m")
+    return f"k_v = {size * result.kv:.4g} {unit}"
 
 
 def _required(result: Gains) -> str:
@@ -95,13 +111,16 @@ def _map(axis: Axes, result: Gains) -> None:
     k_p, k_v = _map_axes(result, k_cr_at, needed)
     gains = np.stack(np.meshgrid(k_p, k_v), axis=-1).reshape(-1, 2)
     hard = _hardest(result, gains)
-    slack = slacks(result.requirement, hard, result.region, gains).min(axis=1)
+    slack = slacks(result.requirement, hard, result.region.unit, gains).min(axis=1)
     stable = _stable(hard, gains)
-    level = np.where(slack >= 0, 2, np.where(stable, 1, 0)).reshape(len(k_v), len(k_p))
+    shape = len(k_v), len(k_p)
+    level = np.where(slack >= 0, 2, np.where(stable, 1, 0)).reshape(shape)
     sizes, units = gain_units(k_p, k_v)
     x, y = sizes[0] * k_p, sizes[1] * k_v
-    colours = ListedColormap([UNSTABLE, STABLE, _FEASIBLE])
-    axis.pcolormesh(x, y, level, cmap=colours, vmin=0, vmax=2, shading="nearest")
+    shade(axis, x, y, np.minimum(level, 1), [UNSTABLE, STABLE])
+    if (level == 2).any():
+        smooth = np.clip(slack.reshape(shape), -1.0, 1.0)
+        axis.contourf(x, y, smooth, levels=[0.0, 2.0], colors=[_FEASIBLE])
     for colour, text, code in (
         (_FEASIBLE, "meets the requirement in every scenario", 2),
         (STABLE, "stable, but misses it somewhere", 1),
@@ -109,23 +128,21 @@ def _map(axis: Axes, result: Gains) -> None:
     ):
         if (level == code).any():
             axis.plot([], [], "s", color=colour, ms=9, label=text)
-    draw_boundaries(axis, k_p, k_v, k_cr_at(k_v), needed, sizes)
+    draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
     _iso_norm(axis, result, k_p, k_v, sizes)
     for basin in result.basins:
         axis.plot(
             sizes[0] * basin.kp, sizes[1] * basin.kv, "D", mfc="white", mec=BLACK, ms=8, mew=1.5,
             clip_on=False, zorder=6, label=f"optimum: {basin.name} (norm {basin.norm:.3g})",
         )  # fmt: skip
-    ends = _simulated(result)
-    axis.plot(
-        sizes[0] * result.kp, sizes[1] * result.kv, "*", color=BLACK, ms=17, clip_on=False,
-        zorder=7, mec="white", mew=0.8, label=f"recommended{ends}",
-    )  # fmt: skip
+    recommended = f"recommended{_simulated(result)}"
+    _star(axis, sizes[0] * result.kp, sizes[1] * result.kv, recommended)
     axis.set_xlim(0, x[-1])
     axis.set_ylim(0, y[-1])
     axis.set_xlabel(f"position gain k_p [{units[0]}]")
     axis.set_ylabel(f"velocity gain k_v [{units[1]}]")
-    tidy(axis, f"All gains, over {len(result.scenarios)} scenarios")
+    number = len(result.scenarios)
+    tidy(axis, f"All gains, in {number} scenario{'' if number == 1 else 's'}")
     axis.grid(False)
     legend_below(axis)
 
@@ -178,7 +195,8 @@ def _map_axes(result: Gains, k_cr_at, needed: float) -> tuple[np.ndarray, np.nda
     finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
     k_p = [1.4 * b.kp for b in result.basins] + [1.4 * result.kp]
     k_p += [1.4 * min(finite.max(), 4 * finite.min())] if finite.size else []
-    return np.linspace(0, max(k_p), _GRID + 1)[1:], np.linspace(0, k_v, _GRID)
+    most = max(k_p) if max(k_p) > 1e-3 * result.region.unit[0] else result.region.unit[0]
+    return from_zero(float(most), _GRID), np.linspace(0, k_v, _GRID)
 
 
 def _hardest(result: Gains, gains: np.ndarray) -> Scenarios:
@@ -190,7 +208,9 @@ def _hardest(result: Gains, gains: np.ndarray) -> Scenarios:
     pick = np.linspace(0, _GRID - 1, _COARSE).astype(int)
     coarse = rows[np.ix_(pick, pick)].reshape(-1, 2)
     optima = np.asarray([[basin.kp, basin.kv] for basin in result.basins])
-    slack = slacks(result.requirement, scenarios, result.region, np.concatenate([optima, coarse]))
+    slack = slacks(
+        result.requirement, scenarios, result.region.unit, np.concatenate([optima, coarse])
+    )
     worst = np.argsort(slack, axis=1)[:, 0]
     chosen, count = np.unique(worst, return_counts=True)
     return scenarios.take(chosen[np.argsort(-count)][:_HARD])
@@ -222,35 +242,52 @@ def _iso_norm(axis: Axes, result: Gains, k_p, k_v, sizes: Sequence[float]) -> No
 
 def _margins(axis: Axes, result: Gains) -> None:
     """Required margins at the recommended gains, least over masses and samples, by velocity."""
-    scenarios, names = result.scenarios, result.requirement.names
+    names: tuple[str, ...] = result.requirement.names
+    low, high = (float(f(result.scenarios.velocity)) for f in (np.min, np.max))
+    beyond = _other_velocities(result.scenarios, np.geomspace(low / 3, 3 * high, _VELOCITIES))
+    scenarios = result.scenarios.join(beyond)
     velocities, place = np.unique(scenarios.velocity, return_inverse=True)
-    size, unit = prefixed(float(np.sqrt(velocities[0] * velocities[-1])), "m/s")
+    size, unit = prefixed(float(np.sqrt(low * high)), "m/s")
     several = len(names) > 1
-    styles = ("-", "--", "-.", ":")
     for i, (name, required) in enumerate(zip(names, result.requirement.values, strict=True)):
         values = margin_values(name, scenarios, np.asarray([result.kp, result.kv]))
         least = np.full(len(velocities), np.inf)
         np.minimum.at(least, place, values)
         shown = least / required if several and required > 0 else least
         shown = np.where(np.isfinite(shown), shown, np.nan)
-        marker = "o" if len(velocities) < 40 else None
-        style = styles[i % len(styles)]
-        axis.plot(size * velocities, shown, color=BLUE, ls=style, marker=marker, ms=4, label=name)
+        text = f"{name} (required {required:g}{_unit(name)})" if several else name
+        axis.plot(size * velocities, shown, color=_COLOURS[i % 4], lw=1.6, label=text)
         if not np.isfinite(least).any():
-            axis.text(0.5, 0.5, f"{name}: no crossing, no limit", transform=axis.transAxes,
-                      ha="center")  # fmt: skip
+            note = f"{name}: inf, nothing limits it"
+            axis.text(0.5, 0.6, note, transform=axis.transAxes, ha="center")
     required = 1.0 if several else result.requirement.values[0]
     axis.axhline(required, color=ORANGE, lw=1.6, ls="--", label="required")
-    low = axis.get_ylim()[0]
-    axis.set_ylim(min(0.0, low) if low < required else 0.0, None)
-    label = "margin over its requirement" if several else f"{names[0]} margin{_bracket(names[0])}"
-    axis.set_ylabel(label)
-    if len(velocities) > 1:
-        axis.set_xlim(size * velocities[0], size * velocities[-1])
-        plain_log(axis.xaxis)
-    axis.set_xlabel(f"velocity [{unit}]")
-    tidy(axis, "Margins at the recommended gains, worst over masses and samples")
-    axis.legend(loc="lower right", frameon=False, fontsize=8.5)
+    if high > low:
+        axis.axvspan(size * low, size * high, color=BAND, lw=0, zorder=0)
+    else:
+        axis.axvline(size * low, color=BLACK, lw=1.2, ls=":")
+    top = axis.get_ylim()[1]
+    most = max(8 * required, 1.05)
+    axis.set_ylim(max(min(0.0, axis.get_ylim()[0]), -most), min(max(top, 1.25 * required), most))
+    only = next(iter(names))
+    axis.set_ylabel("margin over its requirement" if several else f"{only} margin{_bracket(only)}")
+    axis.set_xlim(size * velocities[0], size * velocities[-1])
+    plain_log(axis, "x")
+    where = "shaded: required here" if high > low else "dotted: required here"
+    axis.set_xlabel(f"velocity [{unit}]   ({where})")
+    tidy(axis, "Margins at these gains, of the worst mass and sample")
+    axis.legend(loc="best", frameon=True, framealpha=0.95, edgecolor="0.9", fontsize=8)
+
+
+def _other_velocities(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios:
+    """Every pair of sample and mass at other velocities."""
+    number = len(scenarios)
+    mass = np.zeros(number) if scenarios.mass is None else scenarios.mass
+    pairs = np.unique(np.stack([scenarios.sample, mass], axis=1), axis=0)
+    sample, mass = (np.repeat(x, len(velocities)) for x in pairs.T)
+    V = np.tile(velocities, len(pairs))
+    masses = None if scenarios.mass is None else mass
+    return Scenarios.at(scenarios.laws, V, masses, sample.astype(int))
 
 
 def _bracket(name: str) -> str:
@@ -276,33 +313,21 @@ def draw_end_map(
     ----------
     ends : of shape (len(k_v), len(k_p)), as `gains.check.end_map` gives it.
     k_p, k_v : ascending gains [N/m], [N s/m], evenly or logarithmically spaced.
-    point : steady sliding (`stability.analysis.steady_point`) for the linear boundaries, with `mass`.
+    point : steady sliding (`stability.analysis.steady_point`), whose linear boundaries are drawn
+        with `mass`.
     optimum : recommended (k_p, k_v).
     """
     k_p, k_v = np.asarray(k_p, float), np.asarray(k_v, float)
-    names = list(_END_COLOURS)
-    codes = np.argmax(np.stack([np.asarray(ends.code == getattr(ENDS, n)) for n in names]), axis=0)
     sizes, units = gain_units(k_p, k_v)
     figure = new_figure(7.6, 5.8)
     axis = figure.subplots()
-    colours = ListedColormap(list(_END_COLOURS.values()))
-    norm = BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
-    axis.pcolormesh(
-        sizes[0] * k_p, sizes[1] * k_v, codes, cmap=colours, norm=norm, shading="nearest"
-    )
-    for i, end in enumerate(names):
-        if (codes == i).any():
-            axis.plot([], [], "s", color=_END_COLOURS[end], ms=9, label=_END_NAMES[end])
+    _shade_ends(axis, ends, sizes[0] * k_p, sizes[1] * k_v)
     where = ""
     if point is not None:
         where = f" at {speed(float(point.velocity))}, {mass_text(mass)}"
-        fine = np.linspace(k_v[0], k_v[-1], 200)
-        _linear_boundary(axis, point, mass, k_p, fine, sizes)
+        _linear_boundary(axis, point, mass, np.linspace(k_v[0], k_v[-1], 200), sizes)
     if optimum is not None:
-        x, y = sizes[0] * optimum[0], sizes[1] * optimum[1]
-        axis.plot(
-            x, y, "*", color=BLACK, ms=16, mec="white", clip_on=False, zorder=7, label="recommended"
-        )
+        _star(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "recommended")
     axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
     axis.set_ylim(sizes[1] * k_v[0], sizes[1] * k_v[-1])
     axis.set_xlabel(f"position gain k_p [{units[0]}]")
@@ -313,6 +338,25 @@ def draw_end_map(
     return save(figure, Path(folder), name)
 
 
-def _linear_boundary(axis: Axes, point: SteadyPoint, mass, k_p, k_v, sizes) -> None:
+def _shade_ends(axis: Axes, ends: EndState, x: np.ndarray, y: np.ndarray) -> None:
+    names = list(_END_COLOURS)
+    masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in names]
+    codes = np.argmax(np.stack(masks), axis=0)
+    colours = ListedColormap(list(_END_COLOURS.values()))
+    norm = BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
+    axis.pcolormesh(x, y, codes, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+    for i, name in enumerate(names):
+        if (codes == i).any():
+            axis.plot([], [], "s", color=_END_COLOURS[name], ms=9, label=_END_NAMES[name])
+
+
+def _star(axis: Axes, x: float, y: float, label: str) -> None:
+    """The recommended gains."""
+    axis.plot(
+        x, y, "*", color=BLACK, ms=17, mec="white", mew=0.8, clip_on=False, zorder=7, label=label
+    )
+
+
+def _linear_boundary(axis: Axes, point: SteadyPoint, mass, k_v, sizes) -> None:
     k_cr = np.asarray(theorem_over_damping(point.friction, k_v, mass).critical_stiffness)
-    draw_boundaries(axis, k_p, k_v, k_cr, float(point.needed_damping), sizes)
+    draw_boundaries(axis, k_v, k_cr, float(point.needed_damping), sizes)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
@@ -25,10 +24,11 @@ from ..rig.friction import (
 from ..stability.analysis import (
     Law,
     Study,
+    delay_stiffness,
+    logarithmic,
     root_locus,
     stability_map,
     steady_points,
-    study,
     theorem_over_damping,
     theorem_over_velocity,
 )
@@ -51,7 +51,23 @@ def save(figure: Figure, folder: Path, name: str) -> list[str]:
     names = [f"{name}.png", f"{name}.svg"]
     for written in names:
         figure.savefig(str(folder / written), dpi=130)
+        figure.set_layout_engine("none")  # it is laid out now
     return names
+
+
+def shade(axis: Axes, x: np.ndarray, y: np.ndarray, codes, colours: Sequence[str]) -> None:
+    """Colour a map by whole numbers; x and y are evenly spaced, rows of `codes` go with y."""
+    half_x, half_y = 0.5 * (x[-1] - x[0]) / (len(x) - 1), 0.5 * (y[-1] - y[0]) / (len(y) - 1)
+    axis.imshow(
+        np.asarray(codes, int),
+        cmap=ListedColormap(list(colours)),
+        vmin=-0.5,
+        vmax=len(colours) - 0.5,
+        extent=(x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y),
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+    )
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
@@ -72,10 +88,11 @@ def tidy(axis: Axes, title: str) -> None:
     axis.grid(True, which="major", color="0.92", zorder=0)
 
 
-def plain_log(axis: Axis) -> None:
-    """A logarithmic axis with numbers such as 0.1, 20 or 1000 in place of powers."""
-    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
-    low, high = sorted(axis.get_view_interval())
+def plain_log(axes: Axes, which: str) -> None:
+    """A logarithmic axis, "x" or "y", with numbers such as 0.1, 20 or 1000 in place of powers."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    low, high = sorted(axes.get_xlim() if which == "x" else axes.get_ylim())
     if not 1e-5 < low < high < 1e6:
         return
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
@@ -97,7 +114,7 @@ def legend_below(axis: Axes, *, columns: int = 2) -> None:
 
 
 def draw_stability(found: Study, folder: Path) -> list[str]:
-    """Write all figures of a study to `folder`; their names."""
+    """Write the figures of a study to `folder`; their names. Those of a delay: `plot.delay`."""
     names = []
     figure = new_figure(7.2, 4.8)
     axis = figure.subplots()
@@ -105,11 +122,7 @@ def draw_stability(found: Study, folder: Path) -> list[str]:
     draw_curve(axis, found.law, velocities)
     legend_below(axis, columns=3)
     names += save(figure, folder, "friction")
-    if found.delayed:
-        from .delay import draw_delay
-
-        names += draw_delay(found, folder)
-    else:
+    if not found.delayed:
         names += _save_map(found, folder)
         names += _save_sweep(found, folder)
     return names + _save_locus(found, folder)
@@ -119,9 +132,7 @@ def draw_curve(axis: Axes, law: Law, velocities: np.ndarray, *, title: str | Non
     """Steady friction against velocity (Fig. 1b): falling part marked, operating range shaded."""
     low, high = float(np.min(velocities)), float(np.max(velocities))
     V = np.geomspace(*_curve_range(law, low, high), _CURVE)
-    if isinstance(law, RateState):
-        law = study(law, V).law  # with the logarithmic direct effect, as in the study
-    points = steady_points(law, V)
+    points = steady_points(logarithmic(law), V)
     force, slope = np.asarray(points.force), np.asarray(points.steady_slope)
     size, unit = prefixed(math.sqrt(low * high), "m/s")
     f_size, f_unit = prefixed(float(np.max(np.abs(force))), "N")
@@ -143,7 +154,7 @@ def draw_curve(axis: Axes, law: Law, velocities: np.ndarray, *, title: str | Non
         at = np.interp(np.log(low), np.log(V), f_size * force)
         axis.plot(size * low, at, "o", color=BLACK, ms=7, label="operating velocity", zorder=5)
     axis.margins(x=0)
-    plain_log(axis.xaxis)
+    plain_log(axis, "x")
     axis.set_xlabel(f"velocity [{unit}]")
     axis.set_ylabel(f"steady friction [{f_unit}]")
     tidy(axis, title or f"Steady friction against velocity: {law_name(law)}")
@@ -161,12 +172,11 @@ def _curve_range(law: Law, low: float, high: float) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def draw_boundaries(axis: Axes, k_p, k_v, k_cr, needed: float, sizes: Sequence[float]) -> None:
+def draw_boundaries(axis: Axes, k_v, k_cr, needed: float, sizes: Sequence[float]) -> None:
     """The curve k_cr(k_v), and the damping above which any stiffness will do."""
     inside = np.isfinite(k_cr) & (k_cr > 0) & (k_v < needed)
     along = np.append(k_v[inside], needed) if inside.any() else k_v[:0]
     curve = np.append(k_cr[inside], 0.0) if inside.any() else k_cr[:0]
-    curve = np.maximum(curve, k_p[0])
     if inside.any():
         label = "k_cr(k_v): enough stiffness"
         axis.plot(sizes[0] * curve, sizes[1] * along, color=BLUE, lw=2.2, label=label)
@@ -188,14 +198,11 @@ def _save_map(found: Study, folder: Path) -> list[str]:
     sizes, units = gain_units(k_p, k_v)
     figure = new_figure(7.2, 5.6)
     axis = figure.subplots()
-    colours = ListedColormap([UNSTABLE, STABLE])
-    axis.pcolormesh(
-        sizes[0] * k_p, sizes[1] * k_v, stable, cmap=colours, vmin=0, vmax=1, shading="nearest"
-    )
+    shade(axis, sizes[0] * k_p, sizes[1] * k_v, stable, [UNSTABLE, STABLE])
     axis.plot([], [], "s", color=STABLE, ms=9, label="stable")
     if not stable.all():
         axis.plot([], [], "s", color=UNSTABLE, ms=9, label="unstable")
-    draw_boundaries(axis, k_p, k_v, k_cr, needed, sizes)
+    draw_boundaries(axis, k_v, k_cr, needed, sizes)
     if found.k_p is not None:
         axis.plot(
             sizes[0] * found.k_p,
@@ -209,7 +216,7 @@ def _save_map(found: Study, folder: Path) -> list[str]:
         )
     axis.set_xlabel(f"stiffness or position gain k_p [{units[0]}]")
     axis.set_ylabel(f"damping or velocity gain k_v [{units[1]}]")
-    axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
+    axis.set_xlim(0, sizes[0] * k_p[-1])
     axis.set_ylim(0, sizes[1] * k_v[-1])
     tidy(axis, f"Linear stability at {speed(float(at.velocity))}, {mass_text(found.mass)}")
     axis.grid(False)
@@ -223,14 +230,19 @@ def gain_axes(found: Study) -> tuple[np.ndarray, np.ndarray]:
     needed = float(at.needed_damping)
     size = abs(float(at.slope)) + abs(float(at.memory))
     k_v = 1.35 * max(needed, 1.5 * found.k_v, 0.02 * size, 1e-12 if size else 1.0)
-    dampings = np.asarray([0.02, 0.25]) * needed
+    dampings = np.linspace(0.02, 0.25, _MAP) * needed
     known = theorem_over_damping(at.friction, dampings, found.mass)
     k_cr = np.asarray(known.critical_stiffness)
     finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
     k_p = [1.5 * found.k_p] if found.k_p is not None else []
     k_p += [1.6 * min(finite.max(), 4 * finite.min())] if finite.size else []
     largest = max(k_p) if k_p else own_stiffness(found)
-    return np.linspace(0, largest, _MAP + 1)[1:], np.linspace(0, k_v, _MAP)
+    return from_zero(largest, _MAP), np.linspace(0, k_v, _MAP)
+
+
+def from_zero(largest: float, number: int) -> np.ndarray:
+    """Evenly spaced stiffnesses, the first next to zero instead of at it."""
+    return np.append(1e-6 * largest, np.linspace(0, largest, number)[1:])
 
 
 def own_stiffness(found: Study) -> float:
@@ -276,39 +288,21 @@ def _save_sweep(found: Study, folder: Path) -> list[str]:
     V = np.geomspace(*_curve_range(found.law, low, high), _CURVE)
     points = steady_points(found.law, V)
     k_cr = np.asarray(theorem_over_velocity(points, found.k_v, found.mass).critical_stiffness)
-    needed = np.asarray(points.needed_damping)
     size, unit = prefixed(math.sqrt(low * high), "m/s")
     figure = new_figure(7.2, 5.8)
     axes = figure.subplots(2, 1, sharex=True)
-    notes = ("k_cr is 0: any stiffness is stable", "k_cr is infinite: no stiffness suffices")
-    for axis, values, base, name in (
-        (axes[0], k_cr, "N/m", "critical stiffness k_cr"),
-        (axes[1], needed, "N s/m", "damping needed k_v"),
-    ):
-        shown = np.isfinite(values) & (values > 0)
-        if shown.any():
-            f_size, f_unit = prefixed(float(np.median(values[shown])), base)
-            axis.plot(size * V, np.where(shown, f_size * values, np.nan), color=BLUE, lw=2)
-            span = values[shown].max() / values[shown].min()
-            if span > 8 and shown.all():
-                plain_log(axis.yaxis)
-            elif span < 1.02:
-                axis.set_ylim(0, 1.3 * f_size * values[shown].max())
-            axis.set_ylabel(f"{name}\n[{f_unit}]")
-        else:
-            axis.set_ylabel(f"{name}\n[{base}]")
-            axis.set_yticks([])
-            note = notes[int(np.isinf(values[0]))] if axis is axes[0] else "none needed"
-            axis.text(0.5, 0.5, note, transform=axis.transAxes, ha="center", fontsize=11, zorder=6,
-                      bbox=dict(facecolor="white", edgecolor="none"))  # fmt: skip
+    _sweep(axes[0], size * V, k_cr, "N/m", "critical stiffness k_cr", "any k_p is stable")
+    needed = np.asarray(points.needed_damping)
+    _sweep(axes[1], size * V, needed, "N s/m", "damping needed k_v", "none needed")
+    for axis in axes:
         if high > low:
             axis.axvspan(size * low, size * high, color=BAND, lw=0, zorder=0)
         else:
             axis.axvline(size * low, color=BLACK, lw=1.2, ls=":")
-        _shade_none(axis, size * V, values, axis is axes[0])
     axes[0].set_xlim(size * V[0], size * V[-1])
-    plain_log(axes[0].xaxis)
-    axes[1].set_xlabel(f"velocity [{unit}]   ({'shaded: operating range' if high > low else 'dotted: operating velocity'})")
+    plain_log(axes[0], "x")
+    what = "shaded: operating range" if high > low else "dotted: operating velocity"
+    axes[1].set_xlabel(f"velocity [{unit}]   ({what})")
     where = f"k_v = {found.k_v:g} N s/m, {mass_text(found.mass)}"
     tidy(axes[0], f"Stiffness that steady sliding needs with {where}")
     tidy(axes[1], "Damping with which every stiffness is stable")
@@ -316,27 +310,45 @@ def _save_sweep(found: Study, folder: Path) -> list[str]:
     return save(figure, folder, "velocity")
 
 
-def _shade_none(axis: Axes, V: np.ndarray, values: np.ndarray, stiffness: bool) -> None:
-    """Say where a curve is missing because it is infinite or zero."""
-    if not (np.isfinite(values) & (values > 0)).any():
+def _sweep(
+    axis: Axes, V: np.ndarray, values: np.ndarray, base: str, name: str, if_zero: str
+) -> None:
+    """A curve over velocity where it is finite and positive, and words where it is not."""
+    shown = np.isfinite(values) & (values > 0)
+    if not shown.any():
+        axis.set_ylabel(f"{name}\n[{base}]")
+        axis.set_yticks([])
+    else:
+        size, unit = prefixed(float(np.median(values[shown])), base)
+        axis.plot(V, np.where(shown, size * values, np.nan), color=BLUE, lw=2)
+        span = values[shown].max() / values[shown].min()
+        if span > 8 and shown.all():
+            plain_log(axis, "y")
+        elif span < 1.05:
+            axis.set_ylim(0, 1.3 * size * values[shown].max())
+        axis.set_ylabel(f"{name}\n[{unit}]")
+    for mask, text in ((np.isinf(values), "no stiffness suffices"), (values <= 0, if_zero)):
+        _say_where(axis, V, mask, text)
+
+
+def _say_where(axis: Axes, V: np.ndarray, mask: np.ndarray, text: str) -> None:
+    """Say what holds over the longest stretch of velocities, unless it is short."""
+    run = _longest_run(mask)
+    if len(run) <= 0.1 * len(V):
         return
-    for mask, text in (
-        (np.isinf(values), "no stiffness suffices"),
-        (values <= 0, "any k_p is stable" if stiffness else "none needed"),
-    ):
-        run = _longest_run(mask)
-        if len(run) > 0.1 * len(V):
-            axis.text(
-                math.sqrt(V[run[0]] * V[run[-1]]),
-                0.5,
-                text,
-                transform=axis.get_xaxis_transform(),
-                ha="center",
-                va="center",
-                fontsize=8.5,
-                color=BLACK,
-                rotation=0 if len(run) > 0.25 * len(V) else 90,
-            )
+    axis.text(
+        math.sqrt(V[run[0]] * V[run[-1]]),
+        0.5,
+        text,
+        transform=axis.get_xaxis_transform(),
+        ha="center",
+        va="center",
+        fontsize=9,
+        color=BLACK,
+        rotation=0 if len(run) > 0.25 * len(V) else 90,
+        zorder=6,
+        bbox=dict(facecolor="white", edgecolor="none", alpha=0.8, boxstyle="round,pad=0.2"),
+    )
 
 
 def _longest_run(mask: np.ndarray) -> np.ndarray:
@@ -349,47 +361,51 @@ def _longest_run(mask: np.ndarray) -> np.ndarray:
 def _save_locus(found: Study, folder: Path) -> list[str]:
     """Poles in the complex plane, coloured by k_p, and the rightmost one's real part."""
     k_p, centre = _locus_stiffness(found)
-    locus = np.asarray(root_locus(found.here.friction, found.mass, k_p, found.k_v))
-    real = np.abs(locus.imag) <= 1e-9 * np.abs(locus)
-    locus = np.where(real, locus.real, locus)
+    both = k_p if centre is None else np.append(k_p, centre)
+    locus = np.asarray(root_locus(found.here.friction, found.mass, both, found.k_v))
+    critical, locus = locus[len(k_p) :], locus[: len(k_p)]
+    locus = np.where(np.abs(np.imag(locus)) <= 1e-9 * np.abs(locus), np.real(locus), locus)
     figure = new_figure(10.5, 5.0)
     axes = figure.subplots(1, 2, width_ratios=[1.25, 1])
     size, unit = prefixed(float(k_p[-1]) / 30, "N/m")
     hidden = _plane(axes[0], locus, k_p, size)
     bar = figure.colorbar(axes[0].collections[0], ax=axes[0], pad=0.01)
     bar.set_label(f"k_p [{unit}]")
-    plain_log(bar.ax.yaxis)
-    rightmost = np.max(locus.real, axis=1)
-    axes[1].plot(size * k_p, rightmost, color=BLUE, lw=2)
-    axes[1].axhline(0, color=BLACK, lw=1)
-    axes[1].fill_between(
-        size * k_p, 0, 1, where=rightmost < 0, color=STABLE, lw=0, zorder=0,
-        transform=axes[1].get_xaxis_transform(), label="stable",
-    )  # fmt: skip
+    plain_log(bar.ax, "y")
+    _growth(axes[1], size * k_p, np.max(np.real(locus), axis=1))
     if centre is not None:
         axes[1].axvline(size * centre, color=ORANGE, ls="--", lw=1.6, label="k_cr")
-        poles = root_locus(found.here.friction, found.mass, np.asarray([centre]), found.k_v)
-        s = np.asarray(poles)[0]
-        on = s[np.abs(s.real) <= 1e-6 * np.abs(s)]
-        axes[0].plot(on.real, on.imag, "x", color=ORANGE, ms=11, mew=2.5, label="at k_cr")
+        on = critical[np.abs(np.real(critical)) <= 1e-6 * np.abs(critical)]
+        axes[0].plot(np.real(on), np.imag(on), "x", color=ORANGE, ms=11, mew=2.5, label="at k_cr")
     if found.k_p is not None and found.poles is not None:
         s = np.asarray(found.poles)
-        s = np.concatenate([s, np.conj(s)])
-        label = f"k_p = {size * found.k_p:.4g} {unit}"
-        axes[0].plot(s.real, s.imag, "o", mfc="none", mec=BLACK, ms=9, mew=1.6, label=label)
-        axes[1].plot(size * found.k_p, s.real.max(), "o", mfc="none", mec=BLACK, ms=9, mew=1.6)
-    axes[1].set_xlim(size * k_p[0], size * k_p[-1])
-    plain_log(axes[1].xaxis)
+        s, rightmost = np.concatenate([s, np.conj(s)]), np.max(np.real(s))
+        ring = dict(marker="o", ls="", mfc="none", mec=BLACK, ms=9, mew=1.6)
+        axes[0].plot(np.real(s), np.imag(s), **ring, label=f"k_p = {size * found.k_p:.4g} {unit}")
+        axes[1].plot(size * found.k_p, rightmost, **ring)
     axes[1].set_xlabel(f"stiffness or position gain k_p [{unit}]")
-    axes[1].set_ylabel("real part of the rightmost pole [1/s]")
     rest = f" ({hidden} more far to the left)" if hidden else ""
     tidy(axes[0], f"Root locus in k_p: poles near the axis{rest}")
-    tidy(axes[1], "Growth (above 0) or decay")
     legend_below(axes[0])
     legend_below(axes[1])
-    where = f"{speed(float(found.here.velocity))}, {mass_text(found.mass)}, k_v = {found.k_v:g} N s/m"
-    figure.suptitle(where, x=0.01, ha="left", fontsize=10)
+    where = f"{speed(float(found.here.velocity))}, {mass_text(found.mass)}"
+    figure.suptitle(f"{where}, k_v = {found.k_v:g} N s/m", x=0.01, ha="left", fontsize=10)
     return save(figure, folder, "root_locus")
+
+
+def _growth(axis: Axes, k_p: np.ndarray, rightmost: np.ndarray) -> None:
+    """The real part of the rightmost pole against k_p, shaded where it is negative."""
+    axis.plot(k_p, rightmost, color=BLUE, lw=2)
+    axis.axhline(0, color=BLACK, lw=1)
+    whole = axis.get_xaxis_transform()
+    stable = rightmost < 0
+    axis.fill_between(
+        k_p, 0, 1, where=stable, color=STABLE, lw=0, zorder=0, transform=whole, label="stable"
+    )
+    axis.set_xlim(k_p[0], k_p[-1])
+    plain_log(axis, "x")
+    axis.set_ylabel("real part of the rightmost pole [1/s]")
+    tidy(axis, "Growth (above 0) or decay")
 
 
 def _locus_stiffness(found: Study) -> tuple[np.ndarray, float | None]:
@@ -398,39 +414,37 @@ def _locus_stiffness(found: Study) -> tuple[np.ndarray, float | None]:
     if not found.delayed and 0 < k_cr < math.inf:
         return np.geomspace(k_cr / 30, k_cr * 30, _LOCUS), k_cr
     if found.delayed:
-        from .delay import largest_stiffness
-
-        most = largest_stiffness(found)
+        most = delay_stiffness(found)
         return np.geomspace(most / 1e3, most, _LOCUS), None
     middle = found.k_p if found.k_p is not None else own_stiffness(found)
     return np.geomspace(middle / 30, middle * 30, _LOCUS), None
 
 
 def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray, size: float) -> int:
-    """The poles, on axes that show those near the imaginary axis; how many families are not seen."""
+    """The poles, on axes that show those near the imaginary one; how many are not seen."""
     near = slice(len(k_p) // 4, -len(k_p) // 4)
-    lead = np.take_along_axis(locus, np.argmax(locus.real, axis=1)[:, None], 1)[near, 0]
-    height = 1.3 * float(np.max(np.abs(lead.imag)))
-    reach = float(np.max(np.abs(lead.real)))
+    lead = np.take_along_axis(locus, np.argmax(np.real(locus), axis=1)[:, None], 1)[near, 0]
+    height = 1.3 * float(np.max(np.abs(np.imag(lead))))
+    reach = float(np.max(np.abs(np.real(lead))))
     if height == 0:
         height = reach
     reach = 1.4 * min(max(reach, 0.01 * height), 3 * height)
     colour = np.repeat(size * k_p, locus.shape[1])
     both = np.concatenate([locus.ravel(), np.conj(locus.ravel())])
-    drawn = axis.scatter(
-        both.real,
-        both.imag,
+    axis.scatter(
+        np.real(both),
+        np.imag(both),
         c=np.concatenate([colour, colour]),
         norm=LogNorm(size * k_p[0], size * k_p[-1]),
         cmap="viridis",
         s=7,
         lw=0,
+        rasterized=True,
     )
-    del drawn
     axis.axvline(0, color=BLACK, lw=1)
     axis.axhline(0, color="0.8", lw=0.8)
     axis.set_xlim(-1.5 * reach, reach)
     axis.set_ylim(-height, height)
     axis.set_xlabel("real part [1/s]")
     axis.set_ylabel("imaginary part [rad/s]")
-    return int(np.sum(np.all(locus.real < -1.5 * reach, axis=0)))
+    return int(np.sum(np.all(np.real(locus) < -1.5 * reach, axis=0)))

@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from ..rig.friction import AbstractStribeck, Dahl, critical_velocity, worst_slope
-from ..stability.analysis import Study, delay_numbers, intervals_over_velocity
-from ..stability.delay import crossings, stable_stiffness_exists, unstable_roots
+from ..stability.analysis import Study, delay_numbers, delay_summary, intervals_over_velocity
 from ..stability.margins import UNITS
 
 SCHEMA = "jaxfric.stability/1"
@@ -93,8 +92,11 @@ def _delay(study: Study) -> list[str]:
     numbers = delay_numbers(study)
     k_v, k_f, alpha = (float(x) for x in numbers[1:])
     lines = ["delay law: no critical stiffness; stability alternates with k_p, (26)-(31)"]
-    lines.append(f"  k_f = {k_f:.6g} N s/m, alpha = {alpha:.6g} s, damping k_v + f_v = {k_v:.6g} N s/m")
-    exists = bool(stable_stiffness_exists(*numbers))
+    lines.append(
+        f"  k_f = {k_f:.6g} N s/m, alpha = {alpha:.6g} s, damping k_v + f_v = {k_v:.6g} N s/m"
+    )
+    known = delay_summary(study, number=INTERVALS)
+    exists = bool(known.exists)
     if k_v >= abs(k_f):
         return [*lines, "  k_v >= |k_f|: every k_p > 0 is stable"]
     if k_f > 0:
@@ -116,8 +118,10 @@ def _delay(study: Study) -> list[str]:
         " and the whole -beta branch, at which stability is lost again"
     )
     if study.k_p is not None:
-        count = int(unstable_roots(numbers[0], study.k_p, *numbers[1:]))
-        lines.append(f"  at k_p = {study.k_p:g} N/m: {count} unstable root{'' if count == 1 else 's'}")
+        count = int(known.unstable)
+        lines.append(
+            f"  at k_p = {study.k_p:g} N/m: {count} unstable root{'' if count == 1 else 's'}"
+        )
     return lines
 
 
@@ -125,15 +129,14 @@ def _intervals(study: Study) -> list[tuple[float, float, float, float]]:
     """Ends of the first stable intervals [N/m] and the frequencies there [rad/s]; 0 for k_p = 0."""
     if not study.delayed:
         return []
-    numbers = delay_numbers(study)
-    lower, upper = intervals_over_velocity(study.points, study.k_v, study.mass, number=INTERVALS)
-    found = crossings(*numbers, number=INTERVALS + 1)
+    summary = delay_summary(study, number=INTERVALS)
+    lower, upper, found = np.asarray(summary.lower), np.asarray(summary.upper), summary.crossings
     known = {0.0: 0.0}
     for branch in ("plus", "minus"):
         k = np.asarray(getattr(found, f"{branch}_stiffness"))
         w = np.asarray(getattr(found, f"{branch}_frequency"))
         known |= {float(a): float(b) for a, b in zip(k, w, strict=True)}
-    rows = zip(np.asarray(lower[study.worst]), np.asarray(upper[study.worst]), strict=True)
+    rows = zip(lower, upper, strict=True)
     return [
         (float(a), float(b), known.get(float(a), math.inf), known.get(float(b), math.inf))
         for a, b in rows
@@ -164,7 +167,9 @@ def _pole(s: complex) -> str:
     if abs(s.imag) <= 1e-12 * abs(s):
         return f"{s.real:.8g}"
     size = abs(s)
-    return f"{s.real:.8g} {'+' if s.imag > 0 else '-'} {abs(s.imag):.8g}i   (|s| = {size:.4g} rad/s)"
+    return (
+        f"{s.real:.8g} {'+' if s.imag > 0 else '-'} {abs(s.imag):.8g}i   (|s| = {size:.4g} rad/s)"
+    )
 
 
 def _margin(name: str, value: float) -> str:
@@ -183,7 +188,9 @@ def _table(study: Study) -> list[str]:
     V, needed = np.asarray(study.points.velocity), np.asarray(study.points.needed_damping)
     if study.delayed:
         low, high = (x[:, 0] for x in _first_interval(study))
-        head = f"{'velocity [m/s]':>16}{'k_v for all k_p [N s/m]':>26}{'first stable k_p [N/m]':>34}"
+        head = (
+            f"{'velocity [m/s]':>16}{'k_v for all k_p [N s/m]':>26}{'first stable k_p [N/m]':>34}"
+        )
         body = [
             f"{V[i]:>16.4g}{needed[i]:>26.5g}{_interval(float(low[i]), float(high[i])):>34}"
             for i in rows
@@ -191,7 +198,8 @@ def _table(study: Study) -> list[str]:
         return [head, *body]
     k_cr = np.asarray(study.theorems.critical_stiffness)
     w_cr = np.asarray(study.theorems.critical_frequency)
-    head = f"{'velocity [m/s]':>16}{'k_cr [N/m]':>16}{'w_cr [rad/s]':>16}{'k_v for all k_p [N s/m]':>26}"
+    columns = ("velocity [m/s]", "k_cr [N/m]", "w_cr [rad/s]")
+    head = "".join(f"{name:>16}" for name in columns) + f"{'k_v for all k_p [N s/m]':>26}"
     body = [f"{V[i]:>16.4g}{k_cr[i]:>16.6g}{w_cr[i]:>16.6g}{needed[i]:>26.6g}" for i in rows]
     notes = []
     if np.any(np.isinf(k_cr)):
@@ -202,7 +210,7 @@ def _table(study: Study) -> list[str]:
 
 
 def _first_interval(study: Study) -> tuple[np.ndarray, np.ndarray]:
-    low, high = intervals_over_velocity(study.points, study.k_v, study.mass)
+    low, high = intervals_over_velocity(study)
     return np.asarray(low), np.asarray(high)
 
 
@@ -218,37 +226,24 @@ def _number(value) -> str:
 
 def content(study: Study, law: str) -> dict:
     """The content of stability.json, schema "jaxfric.stability/1"; SI, null for infinite."""
-    points, theorems = study.points, study.theorems
-    names = ("integrable", "damped", "underdamped", "complete", "holds")
-    rows = zip(_solutions(study), strict=True)
+    here, points, theorems = study.here, study.points, study.theorems
     result = {
         "schema": SCHEMA,
         "law": law,
         "mass": study.mass,
         "kp": study.k_p,
         "kv": study.k_v,
-        "velocity": float(study.here.velocity),
+        "velocity": float(here.velocity),
         "friction": {
-            "steady": _finite(study.here.force),
-            "slope": _finite(study.here.slope),
-            "memory": _finite(study.here.memory),
-            "steady_slope": _finite(study.here.steady_slope),
-            "slip_slope": _finite(study.here.friction.trend),
+            "steady": _finite(here.force),
+            "slope": _finite(here.slope),
+            "memory": _finite(here.memory),
+            "steady_slope": _finite(here.steady_slope),
+            "slip_slope": _finite(here.friction.trend),
         },
-        "needed_damping": _finite(study.here.needed_damping),
-        "theorem": {
-            **{name: bool(getattr(study.theorem, name)) for name in names},
-            "critical_stiffness": _finite(study.theorem.critical_stiffness),
-            "critical_frequency": _finite(study.theorem.critical_frequency),
-            "solutions": [{"frequency": w, "stiffness": k} for ((w, k),) in rows],
-        },
-        "stable": None if study.stable is None else bool(study.stable),
-        "poles": None
-        if study.poles is None
-        else [[_finite(s.real), _finite(s.imag)] for s in np.asarray(study.poles)],
-        "margins": None
-        if study.margins is None
-        else {n: {"value": _finite(v), "unit": UNITS[n]} for n, v in _ordered(study.margins)},
+        "needed_damping": _finite(here.needed_damping),
+        "theorem": _theorem_content(study),
+        **_gains_content(study),
         "velocities": {
             "velocity": [_finite(V) for V in points.velocity],
             "critical_stiffness": [_finite(k) for k in theorems.critical_stiffness],
@@ -257,15 +252,38 @@ def content(study: Study, law: str) -> dict:
         },
     }
     if study.delayed:
-        result["theorem"]["critical_stiffness"] = result["theorem"]["critical_frequency"] = None
         result["delay"] = _delay_content(study)
     if isinstance(study.law, AbstractStribeck):
-        law_ = study.law
         result["memoryless"] = {
-            "critical_velocity": _finite(critical_velocity(law_)),
-            "worst_slope": _finite(worst_slope(law_)),
+            "critical_velocity": _finite(critical_velocity(study.law)),
+            "worst_slope": _finite(worst_slope(study.law)),
         }
     return result
+
+
+def _theorem_content(study: Study) -> dict:
+    found = study.theorem
+    names = ("integrable", "damped", "underdamped", "complete", "holds")
+    k_cr, w_cr = _finite(found.critical_stiffness), _finite(found.critical_frequency)
+    return {
+        **{name: bool(getattr(found, name)) for name in names},
+        "critical_stiffness": None if study.delayed else k_cr,
+        "critical_frequency": None if study.delayed else w_cr,
+        "solutions": [{"frequency": w, "stiffness": k} for w, k in _solutions(study)],
+    }
+
+
+def _gains_content(study: Study) -> dict:
+    if study.poles is None or study.margins is None:
+        return {"stable": None, "poles": None, "margins": None}
+    return {
+        "stable": bool(study.stable),
+        "poles": [[_finite(s.real), _finite(s.imag)] for s in np.asarray(study.poles)],
+        "margins": {
+            name: {"value": _finite(value), "unit": UNITS[name]}
+            for name, value in _ordered(study.margins)
+        },
+    }
 
 
 def _ordered(margins: dict) -> list[tuple]:
@@ -274,18 +292,16 @@ def _ordered(margins: dict) -> list[tuple]:
 
 def _delay_content(study: Study) -> dict:
     numbers = delay_numbers(study)
-    unstable = None
-    if study.k_p is not None:
-        unstable = int(unstable_roots(numbers[0], study.k_p, *numbers[1:]))
+    known = delay_summary(study, number=INTERVALS)
     return {
         "strength": float(numbers[2]),
         "delay": float(numbers[3]),
-        "stable_stiffness_exists": bool(stable_stiffness_exists(*numbers)),
+        "stable_stiffness_exists": bool(known.exists),
         "stable_intervals": [
             {"lower": a, "upper": _finite(b), "frequencies": [_finite(v), _finite(w)]}
             for a, b, v, w in _intervals(study)
         ],
-        "unstable_roots": unstable,
+        "unstable_roots": None if study.k_p is None else int(known.unstable),
     }
 
 

@@ -1,5 +1,6 @@
 """Simulation of a rig in time."""
 
+from .delay import simulate_delay as simulate_delay
 from .simulate import simulate as simulate
 from .start import Start as Start
 from .start import jump_start as jump_start

@@ -27,7 +27,7 @@ from ..errors import InputError
 from ..motion import AbstractMotion
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
-from .start import Start
+from .start import Start, law_with_states
 
 
 class Slider(NamedTuple):
@@ -52,10 +52,11 @@ class SliderEquation(eqx.Module):
     def __init__(self, rig: Rig, motion: AbstractMotion, start: Start | None = None):
         if not isinstance(rig.machine, QuasiStatic | Inertial):
             raise TypeError(f"no equation of motion for a {type(rig.machine).__name__}")
+        law = law_with_states(rig)
         massless = isinstance(rig.machine, QuasiStatic)
-        if massless and not isinstance(rig.friction, AbstractInvertibleLaw):
+        if massless and not isinstance(law, AbstractInvertibleLaw):
             raise TypeError(
-                f"{type(rig.friction).__name__} has no direct effect, so its velocity "
+                f"{type(law).__name__} has no direct effect, so its velocity "
                 "cannot be found from the force; use a law that is an AbstractInvertibleLaw, "
                 "or give the slider a mass (Inertial)"
             )
@@ -66,9 +67,9 @@ class SliderEquation(eqx.Module):
                 "spring force); give a load-point jump (elongation) or a mass"
             )
         V = motion.first_velocity()
-        self.rig, self.motion, self.law, self.start = rig, motion, rig.friction, start
-        self.steady_state = rig.friction.steady_state(V)
-        self.reference = rig.friction.force(V, self.steady_state, _origin(V))
+        self.rig, self.motion, self.law, self.start = rig, motion, law, start
+        self.steady_state = law.steady_state(V)
+        self.reference = law.force(V, self.steady_state, _origin(V))
 
     def initial(self) -> dict[str, Array]:
         """Scaled unknowns at the start: steady sliding, where `start` does not say otherwise."""

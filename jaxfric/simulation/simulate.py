@@ -7,9 +7,11 @@ over many periods the steps themselves are the better samples (`at_steps`): they
 slider slips, and take a tenth of the memory of an interpolant.
 """
 
+import functools
 import math
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -20,6 +22,7 @@ from ..rig import Inertial, Rig
 from .newton import UpdateNewton
 from .ode import Slider, SliderEquation
 from .start import Start
+from .steps import StableStepController, padded_norm
 from .trajectory import RESULTS, Trajectory
 
 # The controller bounds the error of one step. Over a record errors add up and the interpolant
@@ -73,6 +76,7 @@ def simulate(
     ------
     InputError : `rtol` not in (0, 0.1], `ts` not of one dimension, `start` with a velocity for
         a slider without mass.
+    TypeError : a delay law (see `simulate_delay`), or a law without direct effect without mass.
     """
     if not (0 < rtol <= 0.1) or math.isnan(rtol):
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
@@ -81,7 +85,6 @@ def simulate(
             f"simulate: ts has shape {jnp.shape(ts)}; give one row of times, not empty"
         )
     equation = SliderEquation(rig, motion, start)
-    limit = math.log(runaway)
     if solver is None:
         solver = _implicit() if isinstance(rig.machine, Inertial) else diffrax.Tsit5()
     solution = diffrax.diffeqsolve(
@@ -92,8 +95,8 @@ def simulate(
         None,
         equation.initial(),
         saveat=diffrax.SaveAt(t0=True, steps=True) if at_steps else diffrax.SaveAt(dense=True),
-        stepsize_controller=_controller(rtol, motion.breakpoints()),
-        event=diffrax.Event(lambda t, y, args, **_: equation.log_speed(t, y) > limit),
+        stepsize_controller=_controller(rtol, motion.breakpoints(), equation, solver),
+        event=diffrax.Event(_RanAway(equation, math.log(runaway))),
         adjoint=diffrax.ForwardMode() if adjoint is None else adjoint,
         max_steps=max_steps,
         throw=False,
@@ -103,13 +106,30 @@ def simulate(
     return _sample(rig, equation, solution, ts)
 
 
-def _controller(rtol: float, jumps) -> diffrax.AbstractStepSizeController:
-    controller = diffrax.PIDController(rtol=_SAFETY * rtol, atol=_SAFETY * rtol)
+class _RanAway(eqx.Module):
+    """The end of a simulation; no lambda, which would be compiled anew at every call."""
+
+    equation: SliderEquation
+    limit: float = eqx.field(static=True)
+
+    def __call__(self, t, y, args, **_):
+        del args
+        return self.equation.log_speed(t, y) > self.limit
+
+
+def _controller(
+    rtol: float, jumps, equation: SliderEquation, solver: diffrax.AbstractSolver
+) -> diffrax.AbstractStepSizeController:
+    tolerance = _SAFETY * rtol
+    controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
+    if not isinstance(solver, diffrax.AbstractImplicitSolver):
+        controller = StableStepController(controller, equation.derivative)
     if jumps.shape[0] == 0:  # which the clipping controller cannot take
         return controller
     return diffrax.ClipStepSizeController(controller, jump_ts=jumps)
 
 
+@functools.cache  # the root finder is a class made on the spot
 def _implicit() -> diffrax.AbstractSolver:
     """Kvaerno5 with full Newton steps: with the default (one Jacobian per step) the linear
     solver of a forward derivative met values that are not finite."""

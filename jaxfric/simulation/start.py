@@ -13,12 +13,29 @@ from jaxtyping import Array, ArrayLike, Float
 from ..errors import InputError
 from ..rig import Inertial, Rig
 from ..rig.friction import (
+    AbstractLaw,
     AgeingEvolution,
     Conditions,
     LogarithmicEffect,
     RateState,
     RegularisedEffect,
 )
+
+
+def law_with_states(rig: Rig) -> AbstractLaw:
+    """The rig's friction law, if it is one with states.
+
+    Raises
+    ------
+    TypeError : it is a delay law, whose memory is the velocity of a moment ago.
+    """
+    law = rig.friction
+    if not isinstance(law, AbstractLaw):
+        raise TypeError(
+            f"{type(law).__name__} is a delay law, which has no states: use `simulate_delay`, "
+            "and `Start(velocity, elongation)` for its start"
+        )
+    return law
 
 
 def _array(value) -> Array | None:
@@ -48,7 +65,7 @@ def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> Start:
     `change` > -1 with a logarithmic direct effect.
     """
     V0 = jnp.asarray(velocity, jnp.result_type(float))
-    V, state = V0 * (1 + jnp.asarray(change)), rig.friction.steady_state(V0)
+    V, state = V0 * (1 + jnp.asarray(change)), law_with_states(rig).steady_state(V0)
     if isinstance(rig.machine, Inertial):
         return Start(V, jnp.zeros_like(V0), state)
     excess = _friction(rig, V, state) - _friction(rig, V0, state)
@@ -65,7 +82,7 @@ def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> Start:
     V0 = jnp.asarray(velocity, jnp.result_type(float))
     jump = jnp.asarray(jump, jnp.result_type(float))
     mass = isinstance(rig.machine, Inertial)
-    return Start(V0 if mass else None, jump, rig.friction.steady_state(V0))
+    return Start(V0 if mass else None, jump, law_with_states(rig).steady_state(V0))
 
 
 def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> Start:
@@ -76,8 +93,9 @@ def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> Start:
     """
     V0 = jnp.asarray(velocity, jnp.result_type(float))
     V = V0 / jnp.asarray(ratio)
-    state, friction = rig.friction.steady_state(V), rig.friction
-    excess = _friction(rig, V, state) - _friction(rig, V0, friction.steady_state(V0))
+    law = law_with_states(rig)
+    state = law.steady_state(V)
+    excess = _friction(rig, V, state) - _friction(rig, V0, law.steady_state(V0))
     mass = isinstance(rig.machine, Inertial)
     return Start(V if mass else None, excess / rig.machine.stiffness, state)
 
@@ -101,7 +119,7 @@ def rest_start(
     InputError : the direct effect is logarithmic (infinite at rest), or `contact_time` with
         a law that does not heal at rest, or with a given `state`.
     """
-    law = rig.friction
+    law = law_with_states(rig)
     if isinstance(law, RateState) and isinstance(law.direct, LogarithmicEffect):
         raise InputError(
             "start at rest: ln(V/V0) is infinite at V = 0; give the law a RegularisedEffect "
@@ -139,4 +157,4 @@ def regularised(rig: Rig) -> Rig:
 def _friction(rig: Rig, V: Float[Array, ""], state: Float[Array, " n"]) -> Float[Array, ""]:
     """Friction before any slip, at time zero."""
     zero = jnp.zeros_like(V)
-    return rig.friction.force(V, state, Conditions(zero, zero))
+    return law_with_states(rig).force(V, state, Conditions(zero, zero))

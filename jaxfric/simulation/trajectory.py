@@ -14,6 +14,21 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
         "does this where a real one slips fast (stiffness near or below critical). Raise the "
         "stiffness, take smaller velocity steps, or give the slider a mass."
     )
+    came_to_rest = (
+        "The slider came to rest, where a delay law says nothing. An oscillation about an "
+        "unstable steady motion grows until it does this, and so does a large disturbance. "
+        "Choose a stable stiffness, more damping or a smaller disturbance, or a law that "
+        "holds at rest."
+    )
+    too_few_intervals = (
+        "The simulated delays ended before the last sample time. `intervals` is too small "
+        "for these times. Raise it to at least (ts[-1] - ts[0])/delay, or sample less long."
+    )
+    unresolved = (
+        "One step could not be resolved. The motion is too fast for the number of steps in a "
+        "delay: a stiff spring, a long delay, or a velocity near zero. Raise `pieces`, or "
+        "ask for less with a larger `rtol`."
+    )
 
 
 class Trajectory(eqx.Module):

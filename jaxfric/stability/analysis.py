@@ -4,15 +4,24 @@ Everything is for one law, over arrays of velocities or gains; pure, jittable an
 are in newtons (or divided by the normal force, as everywhere), mass None is the quasi-static limit.
 """
 
+import math
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw, LogarithmicEffect, RateState
 from ..rig.friction.law import Conditions
-from .delay import stable_intervals
+from .delay import (
+    Crossings,
+    crossings,
+    stable_intervals,
+    stable_stiffness_exists,
+    unstable_roots,
+)
 from .delay_roots import rightmost_roots
 from .kernel import AbstractKernel, DelayKernel, kernel_total
 from .linear import LinearFriction, LinearSlider, linear_friction
@@ -52,8 +61,15 @@ class SteadyPoint(eqx.Module):
         return self.friction.slope - self.memory
 
 
+def logarithmic(law: Law) -> Law:
+    """The law with the direct effect ln(V/V0) of (3) in place of a regularised one."""
+    if isinstance(law, RateState):
+        return eqx.tree_at(lambda law: law.direct, law, LogarithmicEffect())
+    return law
+
+
 def friction_about(law: Law, velocity: Float[Array, ""]) -> LinearFriction:
-    """Friction linearised about steady sliding at `velocity` [m/s], delay laws included (26)-(28)."""
+    """Friction linearised about steady sliding at `velocity` [m/s]; delay laws too (26)-(28)."""
     if isinstance(law, AbstractLaw):
         return linear_friction(law, velocity)
     V = jnp.asarray(velocity, jnp.result_type(float, velocity))
@@ -78,12 +94,7 @@ def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
 
 @eqx.filter_jit
 def steady_points(law: Law, velocities: Float[ArrayLike, " n"]) -> SteadyPoint:
-    """`steady_point` at every velocity [m/s].
-
-    Raises
-    ------
-    InputError : nothing; values that do not exist are not finite, see `refuse_without_steady_state`.
-    """
+    """`steady_point` at every velocity [m/s]; what does not exist there is not finite."""
     return jax.vmap(lambda V: steady_point(law, V))(jnp.asarray(velocities, float))
 
 
@@ -125,33 +136,37 @@ def theorem_over_velocity(
 
 @eqx.filter_jit
 def theorem_over_damping(
-    friction: LinearFriction, damping: Float[Array, " v"], mass: Float[ArrayLike, ""] | None
+    friction: LinearFriction, damping: Float[ArrayLike, " v"], mass: Float[ArrayLike, ""] | None
 ) -> Theorem:
     """(18)-(20) at one velocity with every k_v [force s/m]."""
     inertia = jnp.asarray(0.0 if mass is None else mass)
-    return jax.vmap(lambda d: theorem(friction.kernel, friction.slope + d, inertia))(damping)
+    return jax.vmap(lambda d: theorem(friction.kernel, friction.slope + d, inertia))(
+        jnp.asarray(damping)
+    )
 
 
 @eqx.filter_jit
 def stability_map(
     friction: LinearFriction,
     mass: Float[ArrayLike, ""] | None,
-    stiffness: Float[Array, " p"],
-    damping: Float[Array, " v"],
+    stiffness: Float[ArrayLike, " p"],
+    damping: Float[ArrayLike, " v"],
 ) -> Bool[Array, "v p"]:
     """Whether steady sliding is stable: rows are the values of k_v, columns those of k_p."""
 
     def one(k_v, k_p):
         return is_stable(_slider(friction, mass, k_p, k_v))
 
-    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(damping, stiffness)
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(
+        jnp.asarray(damping), jnp.asarray(stiffness)
+    )
 
 
 @eqx.filter_jit
 def root_locus(
     friction: LinearFriction,
     mass: Float[ArrayLike, ""] | None,
-    stiffness: Float[Array, " p"],
+    stiffness: Float[ArrayLike, " p"],
     damping: Float[ArrayLike, ""],
 ) -> Complex[Array, "p n"]:
     """Poles of the slider [1/s] at every k_p [force/m]; of a delay the rightmost ones."""
@@ -165,25 +180,7 @@ def root_locus(
         strength, delay = kernel.strength, kernel.delay
         return rightmost_roots(slider.inertia(), *gains, strength, delay, number=_DELAY_POLES)
 
-    return jax.vmap(one)(stiffness)
-
-
-@eqx.filter_jit
-def intervals_over_velocity(
-    points: SteadyPoint,
-    damping: Float[ArrayLike, ""],
-    mass: Float[ArrayLike, ""],
-    *,
-    number: int = 1,
-) -> tuple[Float[Array, "n number"], Float[Array, "n number"]]:
-    """The first stable intervals of k_p [force/m] of a delay law at every velocity."""
-
-    def one(friction):
-        kernel = friction.kernel
-        k_v = damping + friction.slope
-        return stable_intervals(mass, k_v, kernel.strength, kernel.delay, number=number)
-
-    return jax.vmap(one)(points.friction)
+    return jax.vmap(one)(jnp.asarray(stiffness))
 
 
 def at_index(points: SteadyPoint, index: int) -> SteadyPoint:
@@ -233,7 +230,7 @@ class Study(eqx.Module):
 
 def study(
     law: Law,
-    velocities: ArrayLike,
+    velocities: ArrayLike | Sequence[float],
     *,
     mass: float | None = None,
     k_p: float | None = None,
@@ -255,9 +252,10 @@ def study(
     if not k_v >= 0:
         raise InputError(f"k_v is {k_v:g} N s/m; it must not be negative")
     if isinstance(law, AbstractDelayLaw) and mass is None:
-        raise InputError("a delay law has no stability theory without mass; give one: --mass '2 kg'")
-    if isinstance(law, RateState):
-        law = eqx.tree_at(lambda law: law.direct, law, LogarithmicEffect())
+        raise InputError(
+            "a delay law has no stability theory without mass; give one: --mass '2 kg'"
+        )
+    law = logarithmic(law)
     points = steady_points(law, jnp.atleast_1d(jnp.asarray(velocities, float)))
     refuse_without_steady_state(points)
     theorems = theorem_over_velocity(points, k_v, mass)
@@ -265,8 +263,12 @@ def study(
     if k_p is None:
         return Study(law, points, theorems, mass, k_p, k_v, worst, None, None, None)
     slider = _slider(at_index(points, worst).friction, mass, k_p, k_v)
-    numbers = eqx.filter_jit(lambda s: (poles(s), margins(s), is_stable(s)))(slider)
-    return Study(law, points, theorems, mass, k_p, k_v, worst, *numbers)
+    return Study(law, points, theorems, mass, k_p, k_v, worst, *_numbers(slider))
+
+
+@eqx.filter_jit
+def _numbers(slider: LinearSlider):
+    return poles(slider), margins(slider), is_stable(slider)
 
 
 def _hardest(points: SteadyPoint, theorems: Theorem, delayed: bool) -> int:
@@ -278,9 +280,73 @@ def _hardest(points: SteadyPoint, theorems: Theorem, delayed: bool) -> int:
 
 
 def delay_numbers(found: Study) -> tuple[float, Array, Array, Array]:
-    """m, k_v + f_v, k_f and alpha of a delay slider at the hardest velocity, as `delay` takes them."""
+    """m, k_v + f_v, k_f, alpha of a delay slider at the hardest velocity, as `delay` takes them."""
     friction = found.here.friction
     kernel = friction.kernel
     if not isinstance(kernel, DelayKernel) or found.mass is None:
         raise TypeError(f"a slider with a {type(kernel).__name__} is no delay slider")
     return found.mass, found.k_v + friction.slope, kernel.strength, kernel.delay
+
+
+class DelaySummary(eqx.Module):
+    """Crossings and stable intervals of a delay slider, and its unstable roots at k_p."""
+
+    crossings: Crossings
+    lower: Float[Array, " number"]
+    upper: Float[Array, " number"]
+    exists: Bool[Array, ""]
+    unstable: Int[Array, ""]
+
+
+def delay_summary(found: Study, *, number: int = 4) -> DelaySummary:
+    """What the closed forms of `delay` say at the hardest velocity (k_p = 0 if none is given)."""
+    return _summary(delay_numbers(found), found.k_p or 0.0, number)
+
+
+@eqx.filter_jit
+def _summary(numbers, k_p, number: int) -> DelaySummary:
+    mass, *rest = numbers
+    lower, upper = stable_intervals(*numbers, number=number)
+    exists, unstable = stable_stiffness_exists(*numbers), unstable_roots(mass, k_p, *rest)
+    return DelaySummary(crossings(*numbers, number=number + 1), lower, upper, exists, unstable)
+
+
+@eqx.filter_jit
+def slider_poles(
+    law: Law,
+    velocity: Float[ArrayLike, ""],
+    mass: Float[ArrayLike, ""] | None,
+    k_p: Float[ArrayLike, ""],
+    k_v: Float[ArrayLike, ""],
+) -> Complex[Array, " n"]:
+    """Poles [1/s] of a slider about steady sliding at `velocity`; of a delay the rightmost."""
+    return poles(_slider(friction_about(law, jnp.asarray(velocity)), mass, k_p, k_v))
+
+
+def intervals_over_velocity(
+    found: Study, *, number: int = 1
+) -> tuple[Float[Array, "n number"], Float[Array, "n number"]]:
+    """The first stable intervals of k_p [N/m] of a delay law, a row for every velocity."""
+    mass, _, _, _ = delay_numbers(found)
+    return _intervals(mass, found.k_v, found.points.friction, number)
+
+
+@eqx.filter_jit
+def _intervals(mass, damping, friction, number: int):
+    def one(friction):
+        kernel = friction.kernel
+        k_v = damping + friction.slope
+        return stable_intervals(mass, k_v, kernel.strength, kernel.delay, number=number)
+
+    return jax.vmap(one)(friction)
+
+
+def delay_stiffness(found: Study, *, number: int = 3) -> float:
+    """A k_p [N/m] below which the first `number` stable intervals, or crossings, lie."""
+    known = delay_summary(found)
+    plus = known.crossings.plus_stiffness[:number]
+    ends = [float(k) for k in (*known.upper[:number], *plus) if math.isfinite(k)]
+    if found.k_p is not None:
+        ends.append(1.3 * found.k_p)
+    mass, _, _, delay = delay_numbers(found)
+    return 1.12 * max(ends) if ends else 100 * mass / float(delay) ** 2

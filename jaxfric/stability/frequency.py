@@ -56,7 +56,7 @@ def crossings(
     `wrapped` tells that the function is an angle: then also where it is +-pi.
     """
     grid = axis(slider)
-    value = jax.vmap(function)(grid)
+    value = jax.lax.stop_gradient(jax.vmap(function)(grid))
     target = jnp.zeros_like(value)
     change = (value[:-1] > 0) != (value[1:] > 0)
     if wrapped:
@@ -74,12 +74,14 @@ def crossings(
             value = function(jnp.exp(x))
             return jnp.sin(value) if wrapped else value
 
-        for _ in range(_NEWTON_STEPS):
-            x = jax.lax.stop_gradient(jnp.clip(x, low, high))
+        def newton(_, x):
+            x = jnp.clip(x, low, high)
             e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
             slope = jax.lax.stop_gradient(slope)
-            x = x - e / jnp.where(slope == 0, 1.0, slope)
-        return jnp.exp(x)
+            return x - e / jnp.where(slope == 0, 1.0, slope)
+
+        x = jax.lax.stop_gradient(jax.lax.fori_loop(1, _NEWTON_STEPS, newton, x))
+        return jnp.exp(newton(_NEWTON_STEPS, x))  # the last step carries the derivative
 
     w = jax.vmap(refine)(start, low, high)
     return jnp.where(some, w, 1.0), some
@@ -96,20 +98,27 @@ def smallest(
         return value.real**2 + value.imag**2
 
     points = jnp.log(grid)
-    value = jax.vmap(square)(points)
+    value = jax.lax.stop_gradient(jax.vmap(square)(points))
     inner = value[1:-1]
     lowest = jnp.where((inner <= value[:-2]) & (inner <= value[2:]), inner, jnp.inf)
     _, best = jax.lax.top_k(-lowest, _MINIMA)
 
     def refine(x, low, high):
-        for _ in range(_NEWTON_STEPS):
-            slope, bend = jax.jvp(jax.grad(square), (x,), (jnp.ones_like(x),))
-            newton = slope / jnp.where(bend > 0, bend, jnp.inf)
-            x = jax.lax.stop_gradient(jnp.clip(x - newton, low, high))
-        return square(x)
+        def slope(x):
+            return jax.jvp(square, (x,), (jnp.ones_like(x),))[1]
 
-    refined = jax.vmap(refine)(points[best + 1], points[best], points[best + 2])
-    least = jnp.minimum(jnp.min(refined), jnp.min(value))
+        def newton(_, x):
+            first, second = jax.jvp(slope, (x,), (jnp.ones_like(x),))
+            return jnp.clip(x - first / jnp.where(second > 0, second, jnp.inf), low, high)
+
+        start = x
+        x = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
+        better = jax.lax.stop_gradient(square(x) < square(start))
+        return square(jnp.where(better, x, start))
+
+    places = jnp.append(best + 1, jnp.argmin(value))
+    low, high = jnp.maximum(places - 1, 0), jnp.minimum(places + 1, value.shape[0] - 1)
+    least = jnp.min(jax.vmap(refine)(points[places], points[low], points[high]))
     return jnp.where(least > 0, jnp.sqrt(jnp.where(least > 0, least, 1.0)), 0.0)
 
 

@@ -22,9 +22,9 @@ exception: the delay margin of a slider that a delay would steady jumps there.
 Without mass and with k_v > |f_v| the loop answers the highest frequencies with |L| > 1, and no
 delay at all is survived: the delay margin is 0. A real actuator's mass removes this.
 
-For rational kernels everything is exact, from roots of polynomials; other kernels (a delay, a table)
-are searched on a grid of frequencies and refined. Poles of a delay come from `stability.delay_roots`
-and need a mass; those of a table are not available.
+For rational kernels everything is exact, from roots of polynomials; other kernels (a delay, a
+table) are searched on a grid of frequencies and refined. Poles of a delay come from
+`stability.delay_roots` and need a mass; those of a table are not available.
 """
 
 import functools
@@ -75,14 +75,15 @@ def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
     """
     if name not in UNITS:
         raise InputError(f"margin '{name}' does not exist; there are: {', '.join(UNITS)}")
-    return _FUNCTIONS[name](slider)
+    return _FUNCTIONS[name](_Analysis(slider))
 
 
 def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
     """All margins that are available for the slider's kernel, by name."""
     rational = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
     names = [name for name in UNITS if rational or name not in ("decay", "damping")]
-    return {name: _FUNCTIONS[name](slider) for name in names}
+    analysis = _Analysis(slider)
+    return {name: _FUNCTIONS[name](analysis) for name in names}
 
 
 def poles(slider: LinearSlider) -> Complex[Array, " n"]:
@@ -113,80 +114,106 @@ def is_stable(slider: LinearSlider) -> Bool[Array, ""]:
     return encirclements(slider) == 0
 
 
-def _stiffness(slider: LinearSlider) -> Float[Array, ""]:
-    k_cr = apply_theorem(slider).critical_stiffness
-    k = slider.stiffness + slider.friction.trend
+class _Analysis:
+    """What several margins of one slider need, computed once."""
+
+    def __init__(self, slider: LinearSlider):
+        self.slider = slider
+
+    @functools.cached_property
+    def stable(self) -> Bool[Array, ""]:
+        return is_stable(self.slider)
+
+    @functools.cached_property
+    def poles(self) -> Complex[Array, " n"]:
+        return poles(self.slider)
+
+    @functools.cached_property
+    def real(self) -> Crossing:
+        return _real_crossings(self.slider)
+
+    @functools.cached_property
+    def unit(self) -> Crossing:
+        return _unit_crossings(self.slider)
+
+
+def _stiffness(of: _Analysis) -> Float[Array, ""]:
+    k_cr = apply_theorem(of.slider).critical_stiffness
+    k = of.slider.stiffness + of.slider.friction.trend
     some = (k_cr > 0) & jnp.isfinite(k_cr)
     ratio = k / jnp.where(some, k_cr, 1.0)
     by_damping = jnp.where(k > 0, jnp.inf, 0.0)
     return jnp.where(some, ratio, jnp.where(k_cr == 0, by_damping, 0.0))
 
 
-def _decay(slider: LinearSlider) -> Float[Array, ""]:
-    return -jnp.max(poles(slider).real)
+def _decay(of: _Analysis) -> Float[Array, ""]:
+    return -jnp.max(of.poles.real)
 
 
-def _damping(slider: LinearSlider) -> Float[Array, ""]:
-    s = poles(slider)
+def _damping(of: _Analysis) -> Float[Array, ""]:
+    s = of.poles
     square = s.real**2 + s.imag**2
     size = jnp.sqrt(jnp.where(square == 0, 1.0, square))
     return jnp.min(jnp.where(square == 0, 0.0, -s.real / size))
 
 
-def _modulus(slider: LinearSlider) -> Float[Array, ""]:
+def _modulus(of: _Analysis) -> Float[Array, ""]:
     """|1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W: least where
     Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
     """
-    if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        distances = [smallest(slider, lambda w: 1 + slider.loop(1j * w))]
+    if not isinstance(of.slider.friction.kernel, AbstractRationalKernel):
+        distances = [smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))]
     else:
-        whole, controller, load = slider.polynomials()
+        whole, controller, load = of.slider.polynomials()
         real, _ = poly.cross(controller, load)
         Q = poly.total(poly.cross(controller, controller)[0], 2 * real)
         M, _ = poly.cross(load, load)
-        Q = Q[: M.shape[0] if slider.mass is None else M.shape[0] - 1]
+        Q = Q[: M.shape[0] if of.slider.mass is None else M.shape[0] - 1]
         slope = poly.total(
             poly.product(poly.derivative(Q), M), -poly.product(Q, poly.derivative(M))
         )
-        if slider.mass is None:
+        if of.slider.mass is None:
             slope = slope[:-1]  # the leading terms cancel
         y = jnp.abs(jax.lax.stop_gradient(poly.roots(slope)))
         y = jnp.where(y < 1e40, y, 0.0)
         square = _square(whole, y) / _nonzero(_square(load, y))
-        distances = [_root(jnp.min(jnp.where(y > 0, square, jnp.inf)))]
-    distances += [jnp.where(some, jnp.abs(1 + L), jnp.inf) for L, some in _ends(slider)]
-    return _signed(slider, functools.reduce(jnp.minimum, distances))
+        distances = [_root(jnp.min(jnp.where(y > 0, square, jnp.inf), initial=jnp.inf))]
+    distances += [jnp.where(some, jnp.abs(1 + L), jnp.inf) for L, some in _ends(of.slider)]
+    return _signed(of, functools.reduce(jnp.minimum, distances))
 
 
-def _gain(slider: LinearSlider) -> Float[Array, ""]:
-    at = _real_crossings(slider)
-    ends = _ends(slider)
+def _gain(of: _Analysis) -> Float[Array, ""]:
+    at = of.real
+    ends = _ends(of.slider)
     real = jnp.concatenate([at.real, jnp.stack([L for L, _ in ends])])
     some = jnp.concatenate([at.some, jnp.stack([some for _, some in ends])])
     negative = some & (real < 0)
     size = jnp.where(negative, -real, 1.0)
-    factor = jnp.min(jnp.where(negative, jnp.maximum(size, 1 / size), jnp.inf))
-    return jnp.where(is_stable(slider), factor, 1 / factor)
+    factor = jnp.min(jnp.where(negative, jnp.maximum(size, 1 / size), jnp.inf), initial=jnp.inf)
+    return jnp.where(of.stable, factor, 1 / factor)
 
 
-def _phase(slider: LinearSlider) -> Float[Array, ""]:
-    at = _unit_crossings(slider)
+def _phase(of: _Analysis) -> Float[Array, ""]:
+    lag = _lag(of.unit)
+    angle = jnp.where(of.unit.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)
+    return _signed(of, jnp.min(angle, initial=jnp.inf))
+
+
+def _delay(of: _Analysis) -> Float[Array, ""]:
+    at = of.unit
     lag = _lag(at)
-    return _signed(slider, jnp.min(jnp.where(at.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)))
-
-
-def _delay(slider: LinearSlider) -> Float[Array, ""]:
-    at = _unit_crossings(slider)
-    lag = _lag(at)
-    stable = jnp.min(jnp.where(at.some, lag / at.frequency, jnp.inf))
-    unstable = jnp.min(jnp.where(at.some, (2 * jnp.pi - lag) / at.frequency, jnp.inf))
-    delay = jnp.where(is_stable(slider), stable, -unstable)
-    if slider.mass is None:
-        delay = jnp.where(jnp.abs(slider.damping) > jnp.abs(slider.friction.slope), 0.0, delay)
+    stable = jnp.min(jnp.where(at.some, lag / at.frequency, jnp.inf), initial=jnp.inf)
+    lead = (2 * jnp.pi - lag) / at.frequency
+    unstable = jnp.min(jnp.where(at.some, lead, jnp.inf), initial=jnp.inf)
+    delay = jnp.where(of.stable, stable, -unstable)
+    if of.slider.mass is None:
+        delay = jnp.where(
+            jnp.abs(of.slider.damping) > jnp.abs(of.slider.friction.slope), 0.0, delay
+        )
     return delay
 
 
-_FUNCTIONS: dict[str, Callable[[LinearSlider], Float[Array, ""]]] = {
+_FUNCTIONS: dict[str, Callable[[_Analysis], Float[Array, ""]]] = {
     "stiffness": _stiffness,
     "decay": _decay,
     "damping": _damping,
@@ -273,5 +300,5 @@ def _nonzero(x: Array) -> Array:
     return jnp.where(x == 0, 1e-300, x)
 
 
-def _signed(slider: LinearSlider, distance: Float[Array, ""]) -> Float[Array, ""]:
-    return jnp.where(is_stable(slider), distance, -distance)
+def _signed(of: _Analysis, distance: Float[Array, ""]) -> Float[Array, ""]:
+    return jnp.where(of.stable, distance, -distance)

@@ -15,24 +15,29 @@ _MAX_ITERATIONS = 60
 _NEARLY = 1e-7
 # A root of a polynomial in w^2 counts as real below this ratio of its imaginary part.
 _REAL = 1e-6
-# Decades that roots may spread on either side of the middle one; the power n must be a number.
-_SPREAD = 250.0
+# Decades, over n, that roots may spread on either side of the middle one: squares of polynomials
+# must be numbers.
+_SPREAD = 140.0
+# Crossings beyond this square of a frequency are at infinity.
+_LARGEST = 1e40
+# What stands for infinity: its square is still a number.
+_INFINITE = 1e150
 
 
 @jax.custom_jvp
 def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
-    """All roots of sum_k c[k] s^k; a root at infinity (c[n] = 0) is huge, not nan.
+    """All roots of sum_k c[k] s^k; a root at infinity (c[n] = 0) is 1e150, not nan.
 
     Up to the second degree in closed form, above by the simultaneous iteration of Aberth and
     Ehrlich from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694): no
-    matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(250/n) on both
+    matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(140/n) on both
     sides of the middle one. Derivatives by ds = -sum dc[k] s^k / p'(s); 0 at infinity.
     """
     n = c.shape[0] - 1
     if n == 0:
         return jnp.zeros((0,), jnp.result_type(c, jnp.complex64))
     if n == 1:
-        return _complex(-c[:1] / _away_from_zero(c[1:]))
+        return _complex(-c[:1] / _away_from_zero(c[1:], c[:1]))
     if n == 2:
         return _quadratic(c)
     return _aberth(c)
@@ -52,7 +57,7 @@ def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Ar
     """Real parts of all roots, and which of them are real and positive (the others read 1)."""
     s = roots(c)
     real = (jnp.abs(s.imag) <= _REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
-    real = real & (s.real < 1e100)
+    real = real & (s.real < _LARGEST)
     return jnp.where(real, s.real, 1.0), real
 
 
@@ -137,8 +142,10 @@ def _complex(x: Array) -> Array:
     return x + jnp.zeros_like(x) * 1j
 
 
-def _away_from_zero(x: Array) -> Array:
-    return jnp.where(x == 0, jnp.finfo(x.dtype).tiny * 1e16, x)
+def _away_from_zero(x: Array, other: Array) -> Array:
+    """x, or what makes other/x infinite for this module."""
+    least = (jnp.abs(other) + (other == 0)) / _INFINITE
+    return jnp.where(jnp.abs(x) < least, jnp.where(x < 0, -least, least), x)
 
 
 def _quadratic(c: Float[Array, " 3"]) -> Complex[Array, " 2"]:
@@ -147,7 +154,7 @@ def _quadratic(c: Float[Array, " 3"]) -> Complex[Array, " 2"]:
     discriminant = _complex(c[1] ** 2 - 4 * c[0] * c[2])
     sign = jnp.where(c[1] < 0, -1.0, 1.0)
     q = -0.5 * (c[1] + sign * jnp.sqrt(discriminant))
-    pair = q / _away_from_zero(c[2]), c[0] / jnp.where(q == 0, 1.0, q)
+    pair = q / _away_from_zero(c[2], jnp.abs(q)), c[0] / jnp.where(q == 0, 1.0, q)
     return jnp.stack(pair)
 
 
@@ -169,7 +176,10 @@ def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
 
     infinite = jnp.full_like(unit, jnp.inf)
     x, y, *_ = jax.lax.while_loop(unfinished, step, (x, y, infinite, infinite, 0))
-    return jax.lax.complex(unit * jnp.stack(x), unit * jnp.stack(y))
+    x, y = jnp.stack(x), jnp.stack(y)
+    far = jnp.abs(x) + jnp.abs(y) > 0.1 * 10 ** (_SPREAD / n)
+    x = jnp.where(far, jnp.where(x > 0, _INFINITE, -_INFINITE), unit * x)
+    return jax.lax.complex(x, jnp.where(far, 0.0, unit * y))
 
 
 def _correction(c, x, y, i: int) -> tuple[Array, Array]:

@@ -1,0 +1,550 @@
+"""Write records with a hidden effect: `python -m fits.blind.generate --effect second_state ...`.
+
+A record is drawn from its seed (and from what is asked of it), never from the clock:
+    base        f0 uniform in [0.5, 0.75]; A log-uniform in [0.004, 0.02]; L log-uniform in
+                [4, 15] um; B/A log-uniform in [1.15, 2.2], or in one case of five in [0.6, 0.9]
+                (velocity strengthening, where there is no critical stiffness)
+    stiffness   K = ratio max(B - A, 0.2 B)/L, ratio log-uniform in [3, 8]: K/K_cr for B > 1.25 A,
+                and above it elsewhere; that of a true stiffness other than K is 3 or more too
+    protocol    12 velocities out of 1, 3, 10, 30, 100 um/s, each present, no step beyond a factor
+                of 10; 150 um of load-point motion each; V0, the first, is 1, 3 or 10 um/s
+    sampling    225 to 275 samples a velocity, at a constant rate ("uniform") or finer after the
+                step ("thinned"); the step falls between two samples
+    plant       without mass, or with a mass and a dashpot that move friction by less than
+                a twentieth of the noise (`inertial`)
+    noise       standard deviation 3e-4, white or AR(1) from sample to sample; displacements have
+                0.02 um, the normal stress 5e-5 of itself
+
+How large the effect is: rho is the rms, over the noise's standard deviation, of what a refit of
+the base (f0, A, B, L free; K as declared; the recorded normal stress known) leaves of the
+noise-free record. The amplitude is scaled until rho is within 5 % of what is asked: first
+with the refit replaced by a projection on the base's sensitivities, then with the refit. Of
+two effects each is scaled alone. A draw that runs away or cannot reach rho with physical
+parameters is drawn again; `truth.json` counts how often, and why.
+
+Files: OUT/records/NAME/record.csv and declared.json (stiffness, noise, commanded velocities),
+and OUT/truth/NAME/truth.json. NAME tells nothing of the effect.
+"""
+
+import argparse
+import json
+import math
+import zlib
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from .plants import EFFECTS, Base, Protocol, RunawayError, Stress, simulate, simulate_base
+
+UM = 1e-6
+SIGMA = 3e-4
+SLIP_PER_STEP = 150 * UM
+LEVELS = tuple(v * UM for v in (1.0, 3.0, 10.0, 30.0, 100.0))
+CORRELATIONS = {"white": 0.0, "ar1-0.7": 0.7, "ar1-0.9": 0.9}
+PLANTS = ("quasi-static", "inertial")
+SAMPLINGS = ("uniform", "thinned")
+CHANNELS = ("slip", "normal_stress", "load_point")
+_ENCODER, _GAUGE, _STRESS = 0.02 * UM, 5e-5, 10.0  # m, of the stress, MPa
+_ATTEMPTS = 60
+_LEAST_RATIO = 3.0
+
+
+class UnreachableError(RuntimeError):
+    """No physical amplitude of the effect leaves as much structure as is asked."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a record. `effects` holds ids; empty: no effect."""
+
+    seed: int
+    effects: tuple[str, ...] = ()
+    rho: float = 0.5
+    noise: str = "white"
+    plant: str = "quasi-static"
+    sampling: str = "uniform"
+    channels: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        for known, asked, what in (
+            (tuple(EFFECTS), self.effects, "effect"),
+            (CHANNELS, self.channels, "channel"),
+            (tuple(CORRELATIONS), (self.noise,), "noise"),
+            (PLANTS, (self.plant,), "plant"),
+            (SAMPLINGS, (self.sampling,), "sampling"),
+        ):
+            for name in asked:
+                if name not in known:
+                    raise ValueError(f"{what} '{name}' does not exist; there are: {known}")
+        if len(self.effects) != len(set(self.effects)) or len(self.effects) > 2:
+            raise ValueError("ask for no effect, one, or two different ones")
+        if not (math.isfinite(self.rho) and self.rho > 0):
+            raise ValueError(f"rho is {self.rho}; it must be positive")
+        if "frictional_delay" in self.effects and {self.plant, *self.effects} & {
+            "inertial",
+            "inertia",
+        }:
+            raise ValueError("frictional_delay needs a plant without mass: its solver is explicit")
+
+    def entropy(self, *more: int) -> np.random.Generator:
+        """Random numbers of this request. rho has no part in them: only amplitudes differ."""
+        text = "|".join(("+".join(self.effects), self.noise, self.plant, self.sampling))
+        return np.random.default_rng([self.seed, zlib.crc32(text.encode()), *more])
+
+    @property
+    def name(self) -> str:
+        key = repr(self)
+        return f"{self.seed:06d}-{zlib.crc32(key.encode()):08x}"
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A plant without its effects, and when it is sampled."""
+
+    base: Base
+    ratio: float  # K L/max(B - A, 0.2 B)
+    protocol: Protocol
+    t: np.ndarray
+    stress: Stress | None
+
+    @property
+    def fastest(self) -> float:
+        return max(self.protocol.velocities)
+
+    @property
+    def crossing(self) -> float:
+        """Time to slip L at the fastest command [s]: the shortest time of the friction law."""
+        return self.base.L / self.fastest
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How an effect is drawn.
+
+    shape(rng, draw) : what is fixed before the amplitude is sought
+    parameters(amplitude, shape) : those of the plant
+    start, limit(draw) : amplitude to begin with, and the largest physical one
+    signed : whether the amplitude may be negative
+    """
+
+    shape: Callable[[np.random.Generator, Draw], dict[str, float]]
+    parameters: Callable[[float, dict[str, float]], dict[str, float]]
+    start: Callable[[Draw], float]
+    limit: Callable[[Draw], float]
+    signed: bool = False
+
+
+def _plain(name: str, start, limit, *, signed: bool = False) -> Recipe:
+    """An effect with one parameter, its amplitude."""
+    return Recipe(lambda rng, draw: {}, lambda a, shape: {name: a}, start, limit, signed)
+
+
+def _shaped(name: str, shape, start, limit, *, signed: bool = False) -> Recipe:
+    """An effect with an amplitude and shapes."""
+    return Recipe(shape, lambda a, shape: {name: a, **shape}, start, limit, signed)
+
+
+def _log(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(math.exp(rng.uniform(math.log(low), math.log(high))))
+
+
+def _total(draw: Draw) -> float:
+    return SLIP_PER_STEP * len(draw.protocol.velocities)
+
+
+RECIPES: dict[str, Recipe] = {
+    "second_state": _shaped(
+        "B2",
+        lambda rng, w: {"L2": min(w.base.L * _log(rng, 3, 10), SLIP_PER_STEP / 2.5)},
+        lambda w: 0.02 * w.base.B,
+        lambda w: w.base.B,
+    ),
+    "aging": _plain("q", lambda w: 0.05, lambda w: 1.0),
+    "velocity_dependent_L": _plain("n", lambda w: 0.02, lambda w: 0.5, signed=True),
+    "evolution_cutoff": Recipe(
+        lambda rng, w: {},
+        lambda a, shape: {"Vc": 1.0 / a if a > 0 else math.inf},
+        lambda w: 0.02 / w.fastest,
+        lambda w: 1.0 / min(w.protocol.velocities),
+    ),
+    "viscous": _plain("c", lambda w: SIGMA / w.fastest, lambda w: 0.3 * w.base.f0 / w.fastest),
+    "stribeck": _shaped(
+        "fs",
+        lambda rng, w: {
+            "Vs": _log(rng, 3 * min(w.protocol.velocities), w.fastest / 3),
+            "d": float(rng.uniform(1, 2)),
+        },
+        lambda w: SIGMA,
+        lambda w: w.base.A,  # beyond, A + V df/dV may be negative
+    ),
+    "slip_trend": _plain(
+        "s", lambda w: SIGMA / _total(w), lambda w: 0.3 * w.base.f0 / _total(w), signed=True
+    ),
+    "run_in": _shaped(
+        "d",
+        lambda rng, w: {"dc": _log(rng, 80 * UM, 0.4 * _total(w))},
+        lambda w: SIGMA,
+        lambda w: 0.3 * w.base.f0,
+        signed=True,
+    ),
+    "position_periodic": Recipe(
+        lambda rng, w: {
+            "lambda": _log(rng, 25 * UM, 250 * UM),
+            "phase": float(rng.uniform(0, 2 * math.pi)),
+        },
+        lambda a, shape: {
+            "a": a * math.cos(shape["phase"]),
+            "b": a * math.sin(shape["phase"]),
+            "lambda": shape["lambda"],
+        },
+        lambda w: SIGMA,
+        lambda w: 0.1 * w.base.f0,
+    ),
+    "normal_stress": _plain("alpha", lambda w: 0.1, lambda w: w.base.f0),
+    "thermal": _shaped(
+        "a_T",
+        lambda rng, w: {"tau_T": _log(rng, 2, 40)},
+        lambda w: SIGMA * w.protocol.velocities[0] / w.fastest,
+        lambda w: 0.3 * w.base.f0 * w.protocol.velocities[0] / w.fastest,
+    ),
+    "frictional_delay": _plain("alpha", lambda w: 0.1 * w.crossing, lambda w: 10 * w.crossing),
+    "stiffness": _plain("kappa", lambda w: 0.03, lambda w: 0.7, signed=True),
+    "damping": _plain(
+        "k_v", lambda w: 0.05 * w.base.A / w.fastest, lambda w: 30 * w.base.A / w.fastest
+    ),
+    "inertia": _plain(
+        "m",
+        lambda w: w.base.K * (0.1 * w.crossing) ** 2,
+        lambda w: w.base.K * (3 * w.crossing) ** 2,
+    ),
+    "servo_lag": _plain("tau", lambda w: 0.05 * w.crossing, lambda w: 10 * w.crossing),
+    "sensor_lag": _plain("tau", lambda w: 0.05 * w.crossing, lambda w: 10 * w.crossing),
+    "sensor_delay": _plain("d", lambda w: 0.05 * w.crossing, lambda w: 10 * w.crossing),
+    "time_drift": _plain(
+        "r",
+        lambda w: SIGMA / sum(w.protocol.durations),
+        lambda w: 0.3 * w.base.f0 / sum(w.protocol.durations),
+        signed=True,
+    ),
+    "gain": _plain("g", lambda w: 0.03, lambda w: 0.5, signed=True),
+}
+
+
+def draw_protocol(rng: np.random.Generator) -> Protocol:
+    """Twelve velocities: every level occurs, and neighbours differ by at most two levels."""
+    while True:
+        path = [int(rng.integers(0, 3))]
+        while len(path) < 12:
+            near = [i for i in range(5) if 0 < abs(i - path[-1]) <= 2]
+            path.append(int(rng.choice(near)))
+        if len(set(path)) == 5:
+            velocities = tuple(LEVELS[i] for i in path)
+            return Protocol(velocities, tuple(SLIP_PER_STEP / v for v in velocities))
+
+
+def draw_times(rng: np.random.Generator, protocol: Protocol, sampling: str) -> np.ndarray:
+    """Sample times [s]; the first is 0, the other velocities begin between two samples."""
+    out = []
+    for start, span in zip(protocol.starts, protocol.durations, strict=True):
+        count = int(rng.integers(225, 276))
+        part = (np.arange(count) + (rng.uniform(0.1, 0.9) if start else 0.0)) / count
+        part = np.expm1(2.5 * part) / math.expm1(2.5) if sampling == "thinned" else part
+        out.append(start + span * part)
+    return np.concatenate(out)
+
+
+def draw_plant(rng: np.random.Generator, request: Request) -> Draw:
+    """The plant of a request without its effects."""
+    A, L = _log(rng, 0.004, 0.02), _log(rng, 4 * UM, 15 * UM)
+    B = A * (_log(rng, 0.6, 0.9) if rng.random() < 0.2 else _log(rng, 1.15, 2.2))
+    ratio = _log(rng, _LEAST_RATIO, 8)
+    base = Base(float(rng.uniform(0.5, 0.75)), A, B, L, ratio * max(B - A, 0.2 * B) / L)
+    protocol = draw_protocol(rng)
+    t = draw_times(rng, protocol, request.sampling)
+    # a hunting servo: slow against the sampling; larger where more structure is asked, so that
+    # alpha stays near the laboratory's 0.1 to 0.4
+    size, weight = _log(rng, 0.003, 0.008), rng.dirichlet((4.0, 4.0, 4.0))
+    phases = rng.uniform(0, 2 * math.pi, 3)
+    periods = [_log(rng, 15, 80) for _ in range(3)]
+    stress = None
+    if "normal_stress" in request.effects or "normal_stress" in request.channels:
+        size = size * math.sqrt(2) * (request.rho if request.effects else 1.0)
+        stress = Stress(
+            tuple((size * weight).tolist()),
+            tuple(2 * math.pi / p for p in periods),
+            tuple(phases.tolist()),
+        )
+    draw = Draw(base, ratio, protocol, t, stress)
+    if request.plant == "inertial" or "inertia" in request.effects:
+        draw = _with_mass(draw)
+    return draw
+
+
+def _with_mass(draw: Draw) -> Draw:
+    """A mass and a dashpot that stay below a twentieth of the noise."""
+    still = simulate(draw.base, draw.protocol, {}, draw.t, stress=draw.stress).record
+    m, k_v = draw.base.K * (0.05 * draw.crossing) ** 2, 0.01 * draw.base.A / draw.fastest
+    for _ in range(8):
+        base = replace(draw.base, m=m, k_v=k_v)
+        moved = simulate(base, draw.protocol, {}, draw.t, stress=draw.stress).record
+        if np.std(moved - still) < 0.05 * SIGMA:
+            return replace(draw, base=base)
+        m, k_v = m / 4, k_v / 2
+    raise RunawayError("no mass is small enough")
+
+
+class Refit:
+    """The base fitted to a noise-free record: f0, ln A, ln B, ln L free, K declared."""
+
+    def __init__(self, draw: Draw):
+        self.draw = draw
+        self.base = replace(draw.base, m=0.0, k_v=0.0)
+        self.clean = self.predict(np.zeros(3))
+        steps = 1e-3 * np.eye(3)
+        columns = [(self.predict(h) - self.predict(-h)) / 2e-3 for h in steps]
+        columns.append(np.ones(len(draw.t)))
+        self.basis = np.linalg.qr(np.stack(columns, axis=1))[0]
+
+    def predict(self, x: np.ndarray) -> np.ndarray:
+        """Friction of the base with A, B, L times exp(x)."""
+        A, B, L = np.multiply((self.base.A, self.base.B, self.base.L), np.exp(x)).tolist()
+        base, w = replace(self.base, A=A, B=B, L=L), self.draw
+        return simulate_base(base, w.protocol, w.t, stress=w.stress)
+
+    def project(self, record: np.ndarray) -> np.ndarray:
+        """Structure that the base's sensitivities leave, over sigma."""
+        structure = record - self.clean
+        return (structure - self.basis @ (self.basis.T @ structure)) / SIGMA
+
+    def __call__(self, record: np.ndarray) -> tuple[float, Base]:
+        """rho, and the base that the refit ends with."""
+
+        def residual(x):
+            try:
+                left = record - self.predict(x)
+            except RunawayError:
+                return np.full(len(record), 1e3)
+            return (left - left.mean()) / SIGMA
+
+        def slopes(x):
+            here = residual(x)
+            return np.stack([(residual(x + h) - here) / 1e-4 for h in 1e-4 * np.eye(3)], axis=1)
+
+        jac: Any = slopes  # SciPy's annotation of `jac` knows names only
+        fit = least_squares(residual, np.zeros(3), jac=jac, xtol=1e-7, ftol=1e-7, max_nfev=40)
+        A, B, L = np.multiply((self.base.A, self.base.B, self.base.L), np.exp(fit.x)).tolist()
+        f0 = self.base.f0 + float(np.mean(record - self.predict(fit.x)))
+        rho = math.sqrt(2 * fit.cost / len(record))
+        return rho, replace(self.base, f0=f0, A=A, B=B, L=L)
+
+
+def scale(
+    effect: str, draw: Draw, refit: Refit, rho: float, rng: np.random.Generator
+) -> tuple[dict[str, float], float]:
+    """Parameters of `effect` that leave the structure `rho`; what they leave in a refit.
+
+    Raises `UnreachableError` beyond the largest physical amplitude.
+    """
+    recipe = RECIPES[effect]
+    shape, sign = recipe.shape(rng, draw), -1.0 if recipe.signed and rng.random() < 0.5 else 1.0
+    amplitude, limit = recipe.start(draw), recipe.limit(draw)
+
+    def record(size: float) -> np.ndarray:
+        effects = {effect: recipe.parameters(sign * size, shape)}
+        return simulate(draw.base, draw.protocol, effects, draw.t, stress=draw.stress).record
+
+    def linear(size: float) -> float:
+        return math.sqrt(float(np.mean(refit.project(record(size)) ** 2)))
+
+    def full(size: float) -> float:
+        return refit(record(size))[0]
+
+    amplitude, _ = _secant(linear, min(amplitude, limit), limit, rho, 0.05)
+    amplitude, reached = _secant(full, amplitude, limit, rho, 0.02)
+    return recipe.parameters(sign * amplitude, shape), reached
+
+
+def _secant(level, size: float, limit: float, wanted: float, tolerance: float):
+    """Size whose level is `wanted`, and that level, by secants in the logarithms of both."""
+    power, before, at_limit, now = 1.0, None, False, math.nan
+    for _ in range(20):
+        try:
+            now = level(size)
+        except RunawayError:
+            if before is None:
+                size /= 5
+                continue
+            raise
+        if abs(now / wanted - 1) < tolerance:
+            return size, now
+        if at_limit and now < wanted:
+            raise UnreachableError(f"largest amplitude {size:.3g} leaves {now:.3g}")
+        if before is not None and before[0] != size:
+            steep = math.log(now / before[1]) / math.log(size / before[0])
+            power = min(max(steep, 0.5), 3.0)
+        before = (size, now)
+        factor = (wanted / now) ** (1 / power)
+        size = min(size * min(max(factor, 0.01), 30.0), limit)
+        at_limit = size >= limit
+    raise UnreachableError(f"no amplitude found; the last, {size:.3g}, leaves {now:.3g}")
+
+
+@dataclass(frozen=True)
+class Blind:
+    """A record and its truth."""
+
+    request: Request
+    columns: dict[str, np.ndarray]  # by the names of the file, in its units
+    declared: dict
+    truth: dict
+
+
+def make(request: Request) -> Blind:
+    """The record of a request, the same for the same request.
+
+    Raises `UnreachableError` if no draw can be had.
+    """
+    redraws: Counter[str] = Counter()
+    for attempt in range(_ATTEMPTS):
+        try:
+            return _attempt(request, request.entropy(attempt), redraws)
+        except (RunawayError, UnreachableError) as error:
+            redraws[type(error).__name__] += 1
+            last = error
+    raise UnreachableError(
+        f"{'+'.join(request.effects) or 'no effect'} at rho = {request.rho:g}, seed {request.seed}:"
+        f" none of {_ATTEMPTS} draws reaches it ({dict(redraws)}; the last: {last})"
+    )
+
+
+def _attempt(request: Request, rng: np.random.Generator, redraws: Counter[str]) -> Blind:
+    draw = draw_plant(rng, request)
+    refit = Refit(draw)
+    effects, each = {}, {}
+    for effect in request.effects:
+        effects[effect], each[effect] = scale(effect, draw, refit, request.rho, rng)
+    if draw.ratio * math.exp(effects.get("stiffness", {}).get("kappa", 0.0)) < _LEAST_RATIO:
+        raise UnreachableError("the true stiffness is too near the critical one")
+    path = simulate(draw.base, draw.protocol, effects, draw.t, stress=draw.stress)
+    rho, biased = refit(path.record)
+    truth = {
+        "schema": "jaxfric.blind/1",
+        "seed": request.seed,
+        "effects": list(request.effects),
+        "parameters": effects,
+        "rho": {"wanted": request.rho if effects else 0.0, "each": each, "all": rho},
+        "cosine": _cosine(draw, refit, effects) if len(effects) == 2 else None,
+        "base": {**asdict(draw.base), "V0": draw.protocol.velocities[0]},
+        "base_refit": {k: v for k, v in asdict(biased).items() if k in ("f0", "A", "B", "L")},
+        "stiffness_ratio": draw.ratio,
+        "critical_stiffness": (draw.base.B - draw.base.A) / draw.base.L,
+        "plant": "inertial" if draw.base.m > 0 else "quasi-static",
+        "sampling": request.sampling,
+        "noise": {"sigma": SIGMA, "correlation": CORRELATIONS[request.noise]},
+        "redraws": dict(redraws),
+    }
+    declared = {
+        "stiffness [1/m]": draw.base.K,
+        "noise [1]": SIGMA,
+        "starts [s]": draw.protocol.starts.tolist(),
+        "velocities [m/s]": list(draw.protocol.velocities),
+    }
+    return Blind(request, _columns(request, draw, path), declared, truth)
+
+
+def _cosine(draw: Draw, refit: Refit, effects) -> float:
+    """Between the structures of two effects after the base is projected out."""
+    parts = [
+        refit.project(simulate(draw.base, draw.protocol, {k: v}, draw.t, stress=draw.stress).record)
+        for k, v in effects.items()
+    ]
+    norms = [float(np.linalg.norm(part)) for part in parts]
+    return float(parts[0] @ parts[1]) / (norms[0] * norms[1])
+
+
+def noise(rng: np.random.Generator, count: int, correlation: float) -> np.ndarray:
+    """AR(1) from sample to sample, of standard deviation SIGMA at every one; 0: white."""
+    drive = SIGMA * rng.standard_normal(count)
+    out = drive.copy()
+    for i in range(1, count if correlation else 0):
+        out[i] = correlation * out[i - 1] + math.sqrt(1 - correlation**2) * drive[i]
+    return out
+
+
+def _columns(request: Request, draw: Draw, path) -> dict[str, np.ndarray]:
+    """The recorded channels. The load point is the commanded one; its encoder an extra."""
+    rng, count = request.entropy(0, 1), len(draw.t)
+    friction = path.record + noise(rng, count, CORRELATIONS[request.noise])
+    blur = _ENCODER * rng.standard_normal((3, count))
+    gauge = 1.0 + _GAUGE * rng.standard_normal(count)
+    columns = {
+        "time [s]": draw.t,
+        "load_point_displacement [um]": (draw.protocol.displacement(draw.t) + blur[0]) / UM,
+        "friction [1]": friction,
+    }
+    if "slip" in request.channels:
+        columns["slip [um]"] = (path.slip + blur[1]) / UM
+    if draw.stress is not None:
+        columns["normal_stress [MPa]"] = _STRESS * path.stress * gauge
+    if "load_point" in request.channels:
+        columns["load_point_encoder [um]"] = (path.load_point + blur[2]) / UM
+    return columns
+
+
+_FORMATS = {"[s]": "%.7f", "[um]": "%.4f", "[1]": "%.7f", "[MPa]": "%.5f"}
+
+
+def write(blind: Blind, out: Path) -> str:
+    """Write a record, what is declared of it and its truth; return its name."""
+    name = blind.request.name
+    seen, hidden = out / "records" / name, out / "truth" / name
+    seen.mkdir(parents=True, exist_ok=True)
+    hidden.mkdir(parents=True, exist_ok=True)
+    row = ",".join(_FORMATS[column.split()[-1]] for column in blind.columns)
+    lines = [
+        "# SYNTHETIC record, not a measurement; written by fits/blind/generate.py",
+        ",".join(blind.columns),
+        *(row % values for values in zip(*blind.columns.values(), strict=True)),
+    ]
+    (seen / "record.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for path, content in (
+        (seen / "declared.json", blind.declared),
+        (hidden / "truth.json", blind.truth),
+    ):
+        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return name
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="python -m fits.blind.generate", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("--effect", default="none", help="an id, two as in viscous+gain, or none")
+    parser.add_argument("--rho", type=float, default=0.5)
+    parser.add_argument("--count", type=int, default=1, help="records, with consecutive seeds")
+    parser.add_argument("--seed", type=int, default=0, help="of the first")
+    parser.add_argument("--noise", choices=CORRELATIONS, default="white")
+    parser.add_argument("--plant", choices=PLANTS, default="quasi-static")
+    parser.add_argument("--sampling", choices=SAMPLINGS, default="uniform")
+    parser.add_argument("--channels", default="", help=f"of {','.join(CHANNELS)}")
+    parser.add_argument("--out", type=Path, required=True)
+    asked = parser.parse_args(arguments)
+    effects = () if asked.effect == "none" else tuple(asked.effect.split("+"))
+    channels = tuple(filter(None, asked.channels.split(",")))
+    try:
+        for seed in range(asked.seed, asked.seed + asked.count):
+            request = Request(
+                seed, effects, asked.rho, asked.noise, asked.plant, asked.sampling, channels
+            )
+            blind = make(request)
+            print(write(blind, asked.out), f"redrawn {sum(blind.truth['redraws'].values())} times")
+    except (ValueError, UnreachableError) as error:
+        parser.error(str(error))
+
+
+if __name__ == "__main__":
+    main()

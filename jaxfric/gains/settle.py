@@ -1,0 +1,101 @@
+"""One simulation from a `Start`, and how it ends: steady, limit cycle or escape.
+
+Massless sliders may escape in finite time; one with mass can only stick-slip, unless its
+law lets it accelerate for ever. Give the law a `RegularisedEffect` where it sticks (`regularised`).
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from ..motion import PiecewiseVelocity
+from ..rig import Rig
+from ..simulation import RESULTS, Start, Trajectory, simulate
+from .ends import ENDS, EndState, classify
+
+_FOLDS = 8.0  # decay by exp(-8) where the rate is known ...
+_STRETCH = 10.0  # ... but no longer than this many horizons
+
+
+class Policy(eqx.Module):
+    """How long and how exactly the checks simulate.
+
+    rtol, max_steps : as of `simulate`. A stick-slip cycle takes 50 to 150 steps. At rtol
+        1e-4 the solver itself damps a small oscillation, by 0.4 % of its frequency.
+    runaway : escape is a velocity `runaway` times the commanded one. Slips of a light
+        slider legitimately reach 1e6.
+    small : the end is steady where max |V - V0|/V0 stays below this.
+    """
+
+    rtol: float = eqx.field(static=True, default=1e-5)
+    max_steps: int = eqx.field(static=True, default=4096)
+    runaway: float = eqx.field(static=True, default=1e9)
+    small: float = eqx.field(static=True, default=1e-3)
+
+
+STANDARD = Policy()
+"""The policy unless another is given."""
+
+
+def end_state(
+    rig: Rig,
+    velocity: ArrayLike,
+    start: Start | None,
+    *,
+    horizon: ArrayLike,
+    decay: ArrayLike | None = None,
+    policy: Policy = STANDARD,
+) -> EndState:
+    """Simulate at the commanded `velocity` [m/s] from `start` and say how it ends.
+
+    horizon : time to settle [s]. 20 to 50 periods 2 pi/w_cr of the linear theory are enough
+        for the tests here; a stick-slip period is 2 (f_static - f_sliding)/(K V), often longer,
+        and an end of which fewer than two cycles were seen is `unresolved`.
+    decay : rate of the slowest linear mode [1/s], where known. A positive one stretches the
+        horizon to 8/decay, at most tenfold, and a decay half as fast then counts as steady.
+
+    The time that the load point needs to make up for the start's elongation comes on top.
+    Jittable and vmappable; nothing raises once the arguments are understood.
+    """
+    V = jnp.asarray(velocity, jnp.result_type(float))
+    horizon = jnp.asarray(horizon, V.dtype)
+    rate = jnp.zeros_like(V) if decay is None else jnp.asarray(decay, V.dtype)
+    known = jnp.isfinite(rate) & (rate > 0)
+    settle = jnp.where(known, _FOLDS / jnp.where(known, rate, 1.0), 0.0)
+    horizon = jnp.clip(settle, horizon, _STRETCH * horizon)
+    lead = jnp.zeros_like(V)
+    if start is not None and start.elongation is not None:
+        lead = jnp.abs(start.elongation / V)
+    trajectory = simulate(
+        rig,
+        PiecewiseVelocity(jnp.zeros(1, V.dtype), V[None]),
+        jnp.stack([jnp.zeros_like(V), lead + horizon]),
+        start=start,
+        at_steps=True,
+        rtol=policy.rtol,
+        max_steps=policy.max_steps,
+        runaway=policy.runaway,
+    )
+    return _end_of(trajectory, V, lead, horizon, jnp.where(known, rate, jnp.inf), policy)
+
+
+def _end_of(trajectory: Trajectory, V, lead, horizon, rate, policy: Policy) -> EndState:
+    ran_away = trajectory.result == RESULTS.ran_away
+    finite = jnp.all(jnp.isfinite(trajectory.velocity)) & jnp.all(jnp.isfinite(trajectory.slip))
+    gave_up = (trajectory.result != RESULTS.successful) & ~ran_away
+    end = classify(
+        trajectory.time,
+        jnp.where(finite, trajectory.velocity, 0.0),
+        jnp.where(finite, trajectory.slip, 0.0) - V * trajectory.time,
+        V,
+        begin=lead,
+        end=lead + horizon,
+        decay=rate,
+        small=policy.small,
+    )
+    return end.unless(ran_away | ~finite, ENDS.escape).unless(gave_up & finite, ENDS.unresolved)
+
+
+def traced(x: ArrayLike | None) -> Array | None:
+    """An array, for a compiled function not to depend on the value."""
+    return None if x is None else jnp.asarray(x, jnp.result_type(float))

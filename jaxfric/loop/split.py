@@ -1,0 +1,67 @@
+"""Blocks of a record: what is fitted, what chooses between candidates, what is scored once.
+
+Whole velocity steps, never single samples: neighbouring samples share their noise and their
+structure, so a sample left out of a step is no test of anything.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..records import VelocitySteps
+
+NAMES = ("train", "select", "report")
+_TAIL = (0.6, 0.8)
+_FEWEST = 20
+
+
+class Blocks(NamedTuple):
+    """Masks over the rows of a record, and the block of each velocity step."""
+
+    train: np.ndarray
+    select: np.ndarray
+    report: np.ndarray
+    step: np.ndarray
+    """Index of the velocity segment of each row, 0 before the first step."""
+    by_step: bool
+    """False where one step had to be cut into before, transient and tail."""
+
+    def of(self, name: str) -> np.ndarray:
+        """The mask of a block by its name."""
+        return {"train": self.train, "select": self.select, "report": self.report}[name]
+
+
+def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
+    """Blocks of a record with rows at `time` (from 0) [s].
+
+    With three steps or more: about the last sixth of the steps is the report block, as much
+    before it the select block. With one or two steps the last one is cut by displacement: its
+    first 60 % belong to train, the next 20 % to select, the rest to report.
+
+    Raises
+    ------
+    InputError : a block would have fewer than 20 rows.
+    """
+    segment = np.searchsorted(np.asarray(steps.times), time, side="right") - 1
+    segment = np.maximum(segment, 0)
+    last = len(steps) - 1
+    if last >= 3:
+        size = max(1, round(last / 6))
+        report, select = segment > last - size, (segment > last - 2 * size)
+        select = select & ~report
+        blocks = Blocks(~(select | report), select, report, segment, True)
+    else:
+        x = np.asarray(steps.displacement(time))
+        begin = np.asarray(steps.displacement(np.asarray([steps.times[-1]])))[0]
+        share = (x - begin) / (x[-1] - begin) if x[-1] != begin else np.zeros_like(x)
+        report, select = share >= _TAIL[1], (share >= _TAIL[0]) & (share < _TAIL[1])
+        blocks = Blocks(~(select | report), select, report, segment, False)
+    for name in NAMES:
+        rows = int(blocks.of(name).sum())
+        if rows < _FEWEST:
+            raise InputError(
+                f"the record is too short to be split: its {name} block would have {rows} rows and"
+                f" needs {_FEWEST}; record longer steps, more of them, or sample faster"
+            )
+    return blocks

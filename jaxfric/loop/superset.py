@@ -1,0 +1,71 @@
+"""The model that contains all candidates: a base fit with every effect in it at its null.
+
+One compilation of its residual and Jacobian serves every candidate: a candidate is a choice of
+which parameters are free.
+"""
+
+import math
+from typing import NamedTuple
+
+from jaxtyping import Array, Float
+
+from ..effects import AbstractEffect, null, parameters
+from ..fitting.problem import Model
+from ..quantity import Quantity
+from ..rig import Rig
+
+
+class Superset(NamedTuple):
+    """A base model and effects; parameter "viscous.c" is field c of the effect viscous."""
+
+    base: Model
+    effects: tuple[type[AbstractEffect], ...]
+
+    def names(self) -> tuple[str, ...]:
+        """The base's names, then those of the effects in order."""
+        return (*self.base.names(), *(name for e in self.effects for name in names_of(e)))
+
+    def quantity(self, name: str) -> Quantity:
+        """The quantity behind a name."""
+        if "." not in name:
+            return self.base.quantity(name)
+        effect, field = name.split(".")
+        return parameters(self._effect(effect))[field]
+
+    def rig(
+        self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
+    ) -> Rig:
+        """The base rig with every effect embedded."""
+        n = len(self.base.names())
+        rig = self.base.rig(values[:n], V0, stiffness)
+        for effect in self.effects:
+            fields = list(parameters(effect))
+            chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))
+            rig = effect(**chosen).embed(rig)
+            n += len(fields)
+        return rig
+
+    def nulls(self) -> list[float]:
+        """Values of the effects' parameters at their null."""
+        return [float(getattr(null(e), name)) for e in self.effects for name in parameters(e)]
+
+    def columns(self, ids: tuple[str, ...]) -> list[int]:
+        """Indices of the parameters of some effects."""
+        wanted = {name for e in self.effects if e.id in ids for name in names_of(e)}
+        return [i for i, name in enumerate(self.names()) if name in wanted]
+
+    def amplitudes(self, id: str) -> list[int]:
+        """Indices of the amplitudes of one effect: those of its parameters without bounds."""
+        return [
+            i
+            for i in self.columns((id,))
+            if not math.isfinite(self.quantity(self.names()[i]).lower)
+        ]
+
+    def _effect(self, id: str) -> type[AbstractEffect]:
+        return next(e for e in self.effects if e.id == id)
+
+
+def names_of(effect: type[AbstractEffect]) -> tuple[str, ...]:
+    """Names of the parameters of an effect in a `Superset`."""
+    return tuple(f"{effect.id}.{name}" for name in parameters(effect))

@@ -1,0 +1,74 @@
+"""Is there structure left in a residual? Three tests on innovations, corrected together.
+
+Innovations are the residual made white under its own noise model; if the model is all there is they
+are independent, of mean 0 and variance 1 (up to what the fit took away).
+"""
+
+import math
+
+import numpy as np
+
+_LAGS = 20
+_BLOCKS = 24
+_BINS = 12
+
+
+def structure(innovations: np.ndarray, step: np.ndarray, slip: np.ndarray) -> dict[str, float]:
+    """p-values, corrected after Holm: small ones tell that there is structure.
+
+    ljung_box : autocorrelation up to 20 lags. block_means : means of 24 blocks of rows.
+    step_locked : means over the velocity steps at equal slip since the step.
+    """
+    e = innovations - np.mean(innovations)
+    e = e / max(float(np.std(e)), 1e-300)
+    raw = {
+        "ljung_box": _ljung_box(e),
+        "block_means": _means(e, np.arange(len(e)) * _BLOCKS // len(e)),
+        "step_locked": _means(e, _since_step(step, slip)),
+    }
+    return holm(raw)
+
+
+def holm(raw: dict[str, float]) -> dict[str, float]:
+    """Holm's correction of several p-values."""
+    corrected, least = {}, 0.0
+    for i, name in enumerate(sorted(raw, key=lambda n: raw[n])):
+        least = max(least, min(1.0, (len(raw) - i) * raw[name]))
+        corrected[name] = least
+    return {name: corrected[name] for name in raw}
+
+
+def _ljung_box(e: np.ndarray) -> float:
+    n, lags = len(e), min(_LAGS, len(e) // 5)
+    r = np.asarray([np.dot(e[k:], e[:-k]) for k in range(1, lags + 1)]) / np.dot(e, e)
+    q = n * (n + 2) * np.sum(r**2 / (n - np.arange(1, lags + 1)))
+    return chi_square_tail(float(q), lags)
+
+
+def _means(e: np.ndarray, group: np.ndarray) -> float:
+    sizes = np.bincount(group)
+    sums = np.bincount(group, weights=e)
+    used = sizes > 0
+    return chi_square_tail(float(np.sum(sums[used] ** 2 / sizes[used])), int(used.sum()) - 1)
+
+
+def _since_step(step: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    """Bin of each row by slip since its step, finer just after it; rows before the first apart."""
+    group = np.zeros(len(step), int)
+    for k in np.unique(step):
+        rows = step == k
+        x = slip[rows] - slip[rows][0]
+        share = x / max(float(x[-1]), 1e-300)
+        bins = np.minimum((np.sqrt(np.clip(share, 0, 1)) * _BINS).astype(int), _BINS - 1)
+        group[rows] = 1 + bins if k else 0
+    return group
+
+
+def chi_square_tail(x: float, degrees: int) -> float:
+    """Probability that chi-square with `degrees` exceeds `x`."""
+    from jax.scipy.special import gammaincc
+
+    if degrees < 1:
+        return 1.0
+    p = float(gammaincc(0.5 * degrees, 0.5 * max(x, 0.0)))
+    return p if math.isfinite(p) else 1.0

@@ -1,0 +1,427 @@
+"""The search for gains, against minimisation and brute force with NumPy and SciPy alone."""
+
+import json
+import sys
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from gains_reference import critical, local_minima, modulus_scan, random_case
+
+import jaxfric as jf
+from jaxfric.errors import InputError
+from jaxfric.gains import (
+    LawSource,
+    Requirement,
+    find_gains,
+    law_from_fit,
+    law_from_parameters,
+    schedule,
+)
+from jaxfric.gains.scenarios import Scenarios, one_sample
+from jaxfric.gains.slack import slacks
+from jaxfric.gains.solve import make_region, solve
+from jaxfric.gains.source import stack
+from jaxfric.gains.verify import JumpSizes
+from jaxfric.rig.friction import GaussianStribeck
+
+FREE = ((None, None),) * 3
+GOLDEN = dict(A=1.0, B=3.0, L=1e-3, V=2e-3, m=2.0)
+
+
+def rate_state(A, B, L, V):
+    """At f0 = 40 A the regularised direct effect is the logarithmic one to rounding."""
+    values = 40 * A, A, np.atleast_1d(B), np.atleast_1d(L), V
+    arrays = (jnp.asarray(x, float) for x in values)
+    return jf.RateState(*arrays, jf.SlipEvolution(), jf.RegularisedEffect())
+
+
+def single(p, margins, scale=(None, None), **more):
+    """All local optima for one scenario."""
+    law = one_sample(rate_state(p["A"], p["B"], p["L"], p["V"]))
+    scenarios = Scenarios.product(law, [p["V"]], [p["m"]])
+    region = make_region(scenarios, scale, more.get("lower", FREE[0]), more.get("upper", FREE[0]))
+    return solve(Requirement(margins), scenarios, region)
+
+
+def golden_source():
+    return law_from_parameters("slip", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
+
+
+# ---- one scenario ----------------------------------------------------------------------------
+
+
+def test_random_cases_against_minimisation_in_one_dimension():
+    """k_cr(k_v) of (25) is convex, so the norm has one minimum, near either end by its scales."""
+    rng, nearer = np.random.default_rng(11), []
+    for _ in range(60):
+        p, scale = random_case(rng)
+        (norm, kv, kp), *rest = local_minima(p, scale)
+        found = single(p, {"stiffness": 1.0}, scale)
+        assert not rest and len(found.optima) == 1
+        best = found.optima[0]
+        assert best.norm == pytest.approx(norm, rel=1e-6)
+        # a minimum is known to the square root of what its value is known to
+        np.testing.assert_allclose(
+            best.gains / scale, (kp / scale[0], kv / scale[1]), atol=1e-5 * norm
+        )
+        assert best.residual < 1e-9 and found.smaller_found == 0 and found.grid_points > 1e4
+        nearer.append(kp / scale[0] > kv / scale[1])
+    assert 10 < sum(nearer) < 50
+
+
+def test_reference_finds_a_planted_second_minimum():
+    """The reference is no better than its search: with two dips it must return two."""
+    p, scale = GOLDEN, (1000.0, 500.0)
+    (norm, kv, kp), *_ = local_minima(p, scale)
+    assert kp == pytest.approx(critical(kv, **p))
+    grid = np.linspace(0, 1000, 100001)
+    brute = np.min(np.hypot(critical(grid, **p) / scale[0], grid / scale[1]))
+    assert norm == pytest.approx(brute, rel=1e-8)
+
+
+def test_both_ways_of_holding_are_reported():
+    """One minimum here; stiffness alone and damping alone are told as what they are."""
+    p = GOLDEN
+    gains = find_gains(golden_source(), velocity=p["V"], mass=p["m"], margin={"stiffness": 1.0})
+    best, *others = gains.basins
+    assert best.minimum and (gains.kp, gains.kv, gains.norm) == (best.kp, best.kv, best.norm)
+    assert [b.minimum for b in others] == [False, False]
+    stiff, damped = sorted(others, key=lambda b: b.kv)
+    assert (stiff.name, damped.name) == ("stiff", "damped")
+    assert stiff.kp == pytest.approx(critical(0.0, **p), rel=1e-7) and stiff.kv == 0
+    assert damped.kv == pytest.approx((p["B"] - p["A"]) / p["V"], rel=1e-7)
+    assert all(b.norm > best.norm for b in others)
+    assert gains.margins["stiffness"].value == pytest.approx(1.0, rel=1e-9)
+    assert gains.margins["stiffness"].scenario == {"velocity": 2e-3, "mass": 2.0, "sample": 0}
+
+
+def test_kkt_by_finite_differences():
+    """W^2 x is along the gradient of the active constraint, here of (25) by differences."""
+    p, scale = dict(GOLDEN, m=500.0), (3000.0, 700.0)
+    (best,) = single(p, {"stiffness": 1.3}, scale).optima
+    kp, kv = best.gains
+    h = 1e-5 * kv
+    slope = 1.3 * (critical(kv + h, **p) - critical(kv - h, **p)) / (2 * h)
+    pull = np.array([kp / scale[0] ** 2, kv / scale[1] ** 2])
+    normal = np.array([1.0, -slope])
+    assert kp == pytest.approx(1.3 * critical(kv, **p), rel=1e-9)
+    cross = pull[0] * normal[1] - pull[1] * normal[0]
+    assert abs(cross) < 1e-7 * np.linalg.norm(pull) * np.linalg.norm(normal)
+    assert pull @ normal > 0 and best.residual < 1e-9
+
+
+def test_limits_of_the_gains():
+    p = GOLDEN
+    (best,) = single(p, {"stiffness": 1.0}, upper=(None, 300.0)).optima
+    assert best.gains[1] == pytest.approx(300.0) and best.at_limit
+    assert best.gains[0] == pytest.approx(critical(300.0, **p), rel=1e-9)
+    (best,) = single(p, {"stiffness": 1.0}, lower=(1500.0, None)).optima
+    kp, kv = best.gains
+    assert kp == pytest.approx(1500.0) and critical(kv, **p) == pytest.approx(1500.0, rel=1e-8)
+
+
+def test_infeasible_says_which_scenario_and_by_how_much():
+    with pytest.raises(InputError, match=r"stiffness=1 is missed at velocity 0.002 m/s, mass 2 kg"):
+        single(GOLDEN, {"stiffness": 1.0}, upper=(100.0, 10.0))
+    with pytest.raises(InputError, match="reaches") as told:
+        single(GOLDEN, {"stiffness": 1.0}, upper=(100.0, 10.0))
+    reached = float(str(told.value).split("reaches ")[1].split(";")[0])
+    assert reached == pytest.approx(100 / critical(10.0, **GOLDEN), rel=1e-2)
+
+
+def test_margins_that_contradict_each_other():
+    """A delay margin of 10 s allows no gains as large as the decay rate needs."""
+    with pytest.raises(InputError, match=r"(decay|delay)=.* is missed at velocity"):
+        single(GOLDEN, {"decay": 5.0, "delay": 10.0})
+
+
+def test_two_local_minima_are_both_found():
+    """A decay rate beyond V/L is met by stiffness with little damping, or with much of both."""
+    p = dict(A=1.0, B=10.3746, L=1.0677944e-3, V=2e-3, m=116.23403)
+    found = single(p, {"decay": 2.52399})
+    assert len(found.optima) == 2 and found.optima[0].norm < found.optima[1].norm
+    unit = found.region.unit
+    v = np.geomspace(0.02, 5, 160)
+    u = np.geomspace(0.3, 8, 900)
+    # the frontier by NumPy's companion matrices: least k_p for each k_v
+    m, d, r, g = p["m"], p["A"] / p["V"], p["V"] / p["L"], p["B"] / p["L"]
+    kv, kp = (x.ravel() for x in np.meshgrid(v * unit[1], u * unit[0], indexing="ij"))
+    c = [(m * r + kv + d) / m, ((kv + d) * r + kp - g) / m, kp * r / m]
+    whole = np.zeros((kv.size, 3, 3))
+    whole[:, 0] = -np.stack(c, axis=1)
+    whole[:, 1, 0] = whole[:, 2, 1] = 1.0
+    good = (np.linalg.eigvals(whole).real.max(axis=1) <= -2.52399).reshape(v.size, u.size)
+    norm = np.where(good.any(axis=1), np.hypot(u[np.argmax(good, axis=1)], v), 1e9)
+    low = [i for i in range(1, v.size - 1) if norm[i] <= norm[i - 1] and norm[i] < norm[i + 1]]
+    barrier = [i for i in low if norm[i] < 1e9]
+    for optimum in found.optima:
+        nearest = min(barrier, key=lambda i: abs(v[i] * unit[1] - optimum.gains[1]))
+        assert norm[nearest] == pytest.approx(optimum.norm, rel=0.02)
+
+
+# ---- many scenarios --------------------------------------------------------------------------
+
+
+def sampled_laws(number, seed=5):
+    """Parameters of the law spread by a tenth; rows (A, B, L)."""
+    rng = np.random.default_rng(seed)
+    return np.exp(np.log([1.0, 3.0, 1e-3]) + 0.1 * rng.standard_normal((number, 3)))
+
+
+def sampled_source(number):
+    laws = [rate_state(A, B, L, 2e-3) for A, B, L in sampled_laws(number)]
+    return LawSource(laws[0], stack(laws), "samples", 2e-3)
+
+
+VELOCITIES, MASSES = np.geomspace(5e-4, 2e-2, 10), np.linspace(1, 4, 3)
+
+
+def scenario_columns(number):
+    A, B, L = (x[:, None, None] for x in sampled_laws(number).T)
+    V, m = VELOCITIES[:, None], MASSES
+    return [x.ravel() for x in np.broadcast_arrays(A, B, L, V, m)]
+
+
+@pytest.fixture(scope="module")
+def robust():
+    margins = {"stiffness": 1.2, "modulus": 0.5}
+    return find_gains(sampled_source(16), velocity=VELOCITIES, mass=MASSES, margin=margins)
+
+
+def test_robust_gains_violate_nothing(robust):
+    A, B, L, V, m = scenario_columns(16)
+    kp, kv = robust.kp, robust.kv
+    ratio = kp / np.maximum(critical(kv, A, B, L, V, m), 1e-300)
+    modulus = modulus_scan(kp, kv, A, B, L, V, m)
+    assert ratio.min() > 1.2 * (1 - 1e-7) and modulus.min() > 0.5 * (1 - 1e-6)
+    assert modulus.min() == pytest.approx(robust.margins["modulus"].value, rel=1e-5)
+    assert ratio.min() == pytest.approx(robust.margins["stiffness"].value, rel=1e-6)
+    assert robust.certificate.kkt < 1e-8 and robust.certificate.smaller_found == 0
+    where = robust.margins["modulus"].scenario
+    at = np.argmin(modulus)
+    assert (where["velocity"], where["mass"]) == (pytest.approx(V[at]), pytest.approx(m[at]))
+
+
+def test_robust_gains_are_smallest_on_a_grid(robust):
+    """Of 60 x 60 gains below 1.2 times the norm none that is feasible is smaller by 0.1 %."""
+    columns = scenario_columns(16)
+    s_p, s_v = robust.region.scale
+    u, v = (1.2 * robust.norm * np.linspace(1 / 60, 1, 60) * s for s in (s_p, s_v))
+    grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    norm = np.hypot(grid[:, 0] / s_p, grid[:, 1] / s_v)
+    grid = grid[norm < (1 - 1e-3) * robust.norm]
+    assert len(grid) > 1000
+    hardest = np.argsort(modulus_scan(robust.kp, robust.kv, *columns, points=300))
+    for i in hardest[:40]:
+        parameters = [x[i] for x in columns]
+        good = grid[:, 0] >= 1.2 * critical(grid[:, 1], *parameters)
+        grid = grid[good]
+        if len(grid):
+            grid = grid[modulus_scan(*grid.T, *parameters, points=400) >= 0.5]
+    assert len(grid) == 0
+
+
+def test_grid_would_notice_gains_that_are_too_large(robust):
+    columns = scenario_columns(16)
+    smaller = modulus_scan(0.998 * robust.kp, 0.998 * robust.kv, *columns)
+    assert smaller.min() < 0.5
+    assert modulus_scan(1.01 * robust.kp, 1.01 * robust.kv, *columns).min() > 0.5
+
+
+def test_worst_velocity_between_the_given_ones_is_found():
+    """With mass k_cr rises with velocity and falls where k_v helps: worst at neither end."""
+    p = dict(A=1.0, B=3.0, L=1e-3, m=50.0)
+    given = np.array([1e-3, 5e-3, 0.2])
+    law = rate_state(p["A"], p["B"], p["L"], 2e-3)
+    found = find_gains(
+        law, velocity=given, mass=p["m"], margin={"stiffness": 1.0}, upper=(None, 20.0)
+    )
+    V = np.geomspace(given[0], given[-1], 4001)
+    k_cr = critical(found.kv, V=V, **p)
+    worst = V[np.argmax(k_cr)]
+    assert np.min(np.abs(np.log(worst / given))) > 0.3
+    assert k_cr.max() > 1.2 * critical(found.kv, V=given, **p).max()
+    assert found.kp == pytest.approx(k_cr.max(), rel=2e-3)
+    assert len(found.scenarios) > given.size
+
+
+def test_confidence_leaves_out_the_hardest_samples():
+    source = sampled_source(20)
+    margins = {"stiffness": 1.0}
+    every = find_gains(source, velocity=2e-3, mass=2.0, margin=margins)
+    most = find_gains(source, velocity=2e-3, mass=2.0, margin=margins, confidence=0.9)
+    A, B, L = sampled_laws(20).T
+    missed = most.kp < critical(most.kv, A, B, L, 2e-3, 2.0) * (1 - 1e-7)
+    assert 0 < missed.sum() <= 2 and most.kept_samples == 18
+    assert most.norm < every.norm
+    assert np.all(every.kp >= critical(every.kv, A, B, L, 2e-3, 2.0) * (1 - 1e-7))
+    with pytest.raises(InputError, match="confidence is 2"):
+        find_gains(source, velocity=2e-3, mass=2.0, margin=margins, confidence=2.0)
+
+
+# ---- other laws ------------------------------------------------------------------------------
+
+
+def test_gaussian_stribeck_needs_damping_at_its_hardest_velocity():
+    law = GaussianStribeck(*(jnp.asarray(c) for c in (1.0, 0.4, 2.0, 0.05)))
+    V = np.geomspace(1e-3, 1e-1, 25)
+    found = find_gains(law, velocity=V, mass=1.0, margin={"stiffness": 1.0}, lower=(10.0, None))
+    needed = np.sqrt(2) * 2.0 / 0.05 * np.exp(-0.5) - 0.4  # (17)
+    assert found.kv == pytest.approx(needed, rel=1e-6) and found.kp == pytest.approx(10.0)
+    assert found.margins["stiffness"].value == np.inf  # damping suffices
+    for name in ("decay", "modulus"):
+        value = found.margins[name].value
+        assert np.isfinite(value) and abs(value) < 1e-2
+    assert found.certificate.kkt < 1e-8
+
+
+def test_decay_under_the_delay_law():
+    source = law_from_parameters("delay", "c0=0.1 N*s/m, c1=2 N, c2=100 s^2/m^2, alpha=0.05 s")
+    found = find_gains(source, velocity=0.05, mass=1.0, margin={"decay": 0.5})
+    k_f = 2 * 2.0 * 100 * 0.05 / (1 + 100 * 0.05**2) ** 2 - 0.1
+    # no root right of -0.5: as many turns of the characteristic function along that line as for
+    # a stable one
+    w = np.linspace(0, 3000, 3_000_001)
+    turns = {}
+    for shift in (0.499, 0.501):
+        s = -shift + 1j * w
+        z = s**2 + found.kv * s + found.kp - k_f * s * np.exp(-0.05 * s)
+        turns[shift] = round((np.unwrap(np.angle(z))[-1]) / (np.pi / 2))
+    assert turns == {0.499: 2, 0.501: -2}
+    assert found.margins["stiffness"].value == 0.0  # there is no critical stiffness
+
+
+# ---- fits as a source ------------------------------------------------------------------------
+
+
+def fit_content(**changes):
+    sd = np.array([0.02, 0.05, 0.04])
+    correlation = np.array([[1, 0.5, 0], [0.5, 1, 0.3], [0, 0.3, 1]])
+    values = {"f0": 0.6, "A": 0.01, "B": 0.03, "L": 1e-5, "V0": 1e-6}
+    size = sd * np.array([values[name] for name in ("A", "B", "L")])
+    content = {
+        "schema": "jaxfric.fit/1",
+        "law": "slip",
+        "states": 1,
+        "friction_unit": "1",
+        "parameters": {
+            name: {"value": value, "determined": True} for name, value in values.items()
+        },
+        "free": ["A", "B", "L"],
+        "covariance": (correlation * np.outer(size, size)).tolist(),
+    }
+    return {**content, **changes}
+
+
+def written(folder: Path, content) -> Path:
+    path = folder / "fit.json"
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    return path
+
+
+def test_samples_have_the_mean_and_covariance_of_the_fit(tmp_path):
+    content = fit_content()
+    source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=4000)
+    A, B, L = (
+        np.asarray(x).ravel()[1:] for x in (source.samples.A, source.samples.B, source.samples.L)
+    )
+    assert float(source.law.A) == pytest.approx(5.0) and source.velocity == 1e-6
+    assert float(source.samples.f0[0]) == pytest.approx(300.0)
+    unit = np.array([500.0, 500.0, 1.0])
+    truth = np.asarray(content["covariance"]) * np.outer(unit, unit)
+    sd = np.sqrt(np.diag(truth))
+    rows = np.stack([A, B, L])
+    np.testing.assert_allclose(rows.mean(axis=1), [5.0, 15.0, 1e-5], rtol=3e-3)
+    np.testing.assert_allclose(np.cov(rows) / np.outer(sd, sd), truth / np.outer(sd, sd), atol=0.06)
+    assert np.all(rows > 0)
+    again = law_from_fit(tmp_path / "fit.json", normal_force=500.0, samples=4000)
+    np.testing.assert_array_equal(np.asarray(again.samples.A).ravel()[1:], A)
+
+
+@pytest.mark.parametrize(
+    ("change", "force", "words"),
+    [
+        ({}, None, "--normal-force '500 N'"),
+        ({"friction_unit": "N"}, 500.0, "not wanted"),
+        ({"schema": "jaxfric.fit/2"}, 500.0, "its schema is 'jaxfric.fit/2'"),
+        ({"schema": None}, 500.0, "it names no schema"),
+        ({"law": "linear"}, 500.0, "law 'linear' is not known"),
+        ({"covariance": [[1.0]]}, 500.0, r"shape \(1, 1\) for 3 free parameters"),
+        ({"covariance": "x"}, 500.0, "not a matrix of numbers"),
+        ({"free": ["A", "B", "Q"]}, 500.0, "not among the parameters"),
+        ({"free": None}, 500.0, "damaged"),
+        ({"states": "two"}, 500.0, "damaged"),
+        ({"states": 7}, 500.0, "parameter B2 is missing"),
+        ({"parameters": []}, 500.0, "damaged"),
+        ({"parameters": {"A": {"value": "x"}}}, 500.0, "damaged"),
+        ({"covariance": [[float("nan")] * 3] * 3}, 500.0, "undetermined"),
+    ],
+)
+def test_files_that_are_refused(tmp_path, change, force, words):
+    with pytest.raises(InputError, match=words):
+        law_from_fit(written(tmp_path, fit_content(**change)), normal_force=force)
+
+
+def test_damaged_missing_and_undetermined(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        law_from_fit(tmp_path / "none.json")
+    whole = json.dumps(fit_content(), indent=1)
+    with pytest.raises(InputError, match=r"damaged \(line"):
+        law_from_fit(written(tmp_path, whole[: len(whole) // 2]), normal_force=1.0)
+    content = fit_content()
+    content["parameters"]["L"]["determined"] = False
+    path = written(tmp_path, content)
+    with pytest.raises(InputError, match=r"leaves L undetermined.*--samples 0"):
+        law_from_fit(path, normal_force=1.0)
+    assert float(law_from_fit(path, normal_force=1.0, samples=0).law.L[0]) == 1e-5
+
+
+# ---- slack, schedule -------------------------------------------------------------------------
+
+
+def test_slack_of_the_stiffness_margin_is_that_of_25():
+    p = GOLDEN
+    scenarios = Scenarios.product(
+        one_sample(rate_state(p["A"], p["B"], p["L"], p["V"])), [p["V"]], [p["m"]]
+    )
+    gains = np.array([[100.0, 0.0], [2500.0, 100.0], [50.0, 990.0]])
+    unit = np.array([2000.0, 1000.0])
+    found = slacks(Requirement({"stiffness": 1.5}), scenarios, unit, gains)[:, 0]
+    k_cr = critical(gains[:, 1], **p)
+    np.testing.assert_allclose(found, (gains[:, 0] - 1.5 * k_cr) / 2000.0, rtol=1e-9)
+
+
+def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
+    source = golden_source()
+    chain = schedule(
+        source,
+        velocity=(1e-3, 3e-3),
+        mass=0.5,
+        margin={"stiffness": 2.0},
+        ratio=3.0,
+    )
+    V = [point.velocity for point in chain.points]
+    assert chain.covered and chain.gap is None
+    assert V[0] == pytest.approx(1e-3) and V[-1] == pytest.approx(3e-3)
+    for slow, fast in zip(chain.points, chain.points[1:], strict=False):
+        step = fast.velocity / slow.velocity
+        assert fast.up >= step and slow.down >= step
+    kp, kv = chain.gains([1e-3, 2.9e-3])
+    assert (kp[0], kv[1]) == (chain.points[0].kp, chain.points[-1].kv)
+    marginal = {"stiffness": 1.0}
+
+    def narrow(scenarios, gains, *, largest):
+        sizes = np.full(len(scenarios), 1.1)
+        return JumpSizes(sizes, sizes, ["limit_cycle"])
+
+    monkeypatch.setattr(sys.modules["jaxfric.gains.schedule"], "jump_sizes", narrow)
+    broken = schedule(
+        source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.6, finest=1.3
+    )
+    assert not broken.covered and broken.gap == (2e-3, 3e-3)
+    with pytest.raises(InputError, match="no range"):
+        schedule(source, velocity=(3e-3, 2e-3), mass=0.5, margin=marginal)
+    with pytest.raises(InputError, match="ratio > finest > 1"):
+        schedule(source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.1)

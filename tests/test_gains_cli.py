@@ -1,0 +1,172 @@
+"""`jaxfric gains`: what it writes, and that bad input costs one line and exit code 2."""
+
+import json
+from pathlib import Path
+
+import pytest
+from command import assert_refused, run
+from test_gains import fit_content, written
+
+LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
+MACHINE = ("--mass", "2", "--velocity", "2 mm/s")
+SAFE = ("--margin", "stiffness=2")
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_gains_json_has_the_keys_of_its_schema():
+    code, out, err = run("gains", *LAW, *MACHINE, *SAFE, "--out", "here", "--json")
+    assert code == 0, err
+    content = json.loads(Path("here/gains.json").read_text())
+    assert json.loads(out) == content
+    assert content["schema"] == "jaxfric.gains/1"
+    assert {"kp", "kv", "norm"} <= set(content)
+    for basin in content["basins"]:
+        assert {"name", "kp", "kv", "norm", "margin"} <= set(basin)
+    assert content["basins"][0]["norm"] == content["norm"]
+    names = ["stiffness", "decay", "damping", "modulus", "gain", "phase", "delay"]
+    assert list(content["margins"]) == names
+    for margin in content["margins"].values():
+        assert set(margin) == {"value", "unit", "worst_scenario"}
+    assert content["margins"]["stiffness"]["value"] == pytest.approx(2.0)
+    assert content["scenarios"]["n"] == 1
+    certificate = content["certificate"]
+    assert certificate["kkt"] < 1e-9 and certificate["smaller_found"] == 0
+    assert certificate["grid_points"] > 1e4
+    simulation = content["simulation"]
+    assert simulation["checked"] == 5 == simulation["steady"]
+    assert simulation["limit_cycle"] == simulation["escaped"] == 0 and simulation["basin"] >= 1
+
+
+def test_a_basin_that_is_asked_for_raises_the_gains():
+    marginal = ("--margin", "stiffness=1.01")
+    plain = json.loads(run("gains", *LAW, *MACHINE, *marginal, "--json", "--out", "a").out)
+    wanted = 2.0
+    assert plain["simulation"]["basin"] < wanted
+    code, out, err = run(
+        "gains", *LAW, *MACHINE, *marginal, "--json", "--out", "b", "--basin", wanted
+    )
+    assert code == 0 and "raised by a factor" in err
+    content = json.loads(out)
+    assert content["simulation"]["basin"] >= wanted
+    factor = content["kp"] / plain["kp"]
+    assert factor > 1 and content["kv"] / plain["kv"] == pytest.approx(factor)
+
+
+def test_from_a_fit_with_samples():
+    path = written(Path(), fit_content())
+    options = ("--normal-force", "500 N", "--samples", "5", "--no-check", "--out", "o")
+    code, out, err = run("gains", "--from", path, *options, *SAFE, *MACHINE)
+    assert code == 0, err
+    assert "6 samples of the law" in out and "not checked by simulation" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--mass", "-2"], ["--mass", "'-2 kg' is not positive"]),
+        (["--mass", "2 m"], ["--mass", "kg"]),
+        (["--velocity", "1e-3..1e-6 m/s"], ["--velocity", "is empty", "smaller value first"]),
+        (["--velocity", ""], ["--velocity", "no value, list or range"]),
+        (["--velocity", "2"], ["--velocity", "no unit", "m/s"]),
+        (["--velocity", "0 m/s"], ["--velocity", "not positive"]),
+        (["--velocity", "2 kg"], ["--velocity", "m/s"]),
+        (["--margin", "robust=1"], ["'robust' does not exist", "stiffness, decay, damping"]),
+        (["--margin", "robust"], ["'robust' does not exist", "modulus, gain, phase, delay"]),
+        (["--margin", "modulus=1.5"], ["modulus=1.5", "between 0 and 1"]),
+        (["--margin", "modulus=0"], ["asks for nothing"]),
+        (["--margin", "modulus=nan"], ["between 0 and 1"]),
+        (["--margin", "stiffness=0.5"], ["at least 1"]),
+        (["--margin", "modulus"], ["NAME=NUMBER"]),
+        (["--margin", "modulus=much"], ["NAME=NUMBER"]),
+        (["--margin", ""], ["margin"]),
+        (["--samples", "-1"], ["--samples is -1"]),
+        (["--samples", "many"], ["--samples", "many"]),
+        (["--confidence", "2"], ["confidence is 2"]),
+        (["--confidence", "0"], ["confidence is 0"]),
+        (["--max-kp", "10"], ["--max-kp", "no unit"]),
+        (["--max-kp", "-1 N/m"], ["upper limit of k_p", "positive"]),
+        (["--min-kp", "5 N/m", "--max-kp", "2 N/m"], ["limits of k_p", "nothing between"]),
+        (["--scale-kv", "0 N*s/m"], ["scale of k_v", "positive"]),
+        (["--max-kp", "1 N/m", "--max-kv", "1 N*s/m"], ["stiffness=2 is missed", "0.002 m/s"]),
+        (["--no-check", "--basin", "2"], ["--basin", "--no-check"]),
+        (["--basin", "0.5"], ["basin is 0.5"]),
+        (["--normal-force", "5 N"], ["--normal-force goes with --from"]),
+        (["--from", "fit.json"], ["exclude each other"]),
+    ],
+)
+def test_options(options, words):
+    taken = set(options)
+    rest = [*LAW]
+    for pair in (MACHINE[:2], MACHINE[2:], SAFE):
+        rest += [] if pair[0] in taken else pair
+    assert_refused(run("gains", *rest, *options, "--out", "out"), *words)
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters", "words"),
+    [
+        ("linear", "A=1 N", ["'linear' does not exist", "slip, ageing"]),
+        ("slip", "A=1 N, B=3 N, L=1 mm", ["V0 is missing"]),
+        ("slip", "A=1 N, B=3 N, L=1 mm, V0=1 mm/s, Q=2", ["'Q' is no parameter"]),
+        ("slip", "A=1 N, A=3 N, L=1 mm, V0=1 mm/s", ["A is given twice"]),
+        ("slip", "A=1, B=3 N, L=1 mm, V0=1 mm/s", ["parameter A", "no unit"]),
+        ("slip", "A=1 N, B=3 N, L=1 N, V0=1 mm/s", ["parameter L", "m"]),
+        ("slip", "A=-1 N, B=3 N, L=1 mm, V0=1 mm/s", ["A", "0 and inf"]),
+        ("slip", "A", ["'A' is not NAME=VALUE"]),
+        ("slip", "", ["A is missing"]),
+        ("gaussian-stribeck", "c0=1 N", ["c1 is missing"]),
+        ("delay", "c0=1 N*s/m, c1=1 N, c2=1 s^2/m^2", ["is missing"]),
+    ],
+)
+def test_laws(law, parameters, words):
+    outcome = run("gains", "--law", law, "--parameters", parameters, *MACHINE, "--out", "out")
+    assert_refused(outcome, *words)
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "words"),
+    [
+        (fit_content(schema="jaxfric.gains/1"), [], ["'jaxfric.gains/1'", "jaxfric.fit/1"]),
+        (json.dumps(fit_content(), indent=1)[:300], [], ["damaged (line"]),
+        ("[]", [], ["names no schema"]),
+        (fit_content(), [], ["friction coefficient", "--normal-force '500 N'"]),
+        (fit_content(friction_unit="N"), ["--normal-force", "5 N"], ["not wanted"]),
+        (fit_content(), ["--normal-force", "-5 N"], ["not positive"]),
+        (fit_content(), ["--normal-force", "5"], ["no unit"]),
+        (fit_content(covariance=[[None] * 3] * 3), ["--normal-force", "5 N"], ["undetermined"]),
+    ],
+)
+def test_fit_files(content, options, words):
+    path = written(Path(), content)
+    outcome = run("gains", "--from", path, *options, *MACHINE, "--out", "out")
+    assert_refused(outcome, *words)
+    assert not Path("out").exists()
+
+
+def test_missing_arguments():
+    assert_refused(run("gains", *LAW, "--mass", "2"), "--velocity is missing")
+    assert_refused(run("gains", *MACHINE), "no friction law")
+    assert_refused(run("gains", "--from", "none.json", *MACHINE), "none.json: no such file")
+    assert_refused(run("gains", "--law", "slip", *MACHINE), "no friction law")
+
+
+def test_a_law_without_a_steady_state_at_that_velocity():
+    """(V/c3)^c4 is beyond any number; and a velocity at which the delay law has no slope."""
+    parameters = "c0=1e300 N*s/m, c1=1e300 N, c2=1e300 s^2/m^2, alpha=1 s"
+    outcome = run(
+        "gains", "--law", "delay", "--parameters", parameters, "--mass", "1", "--velocity", "1 m/s"
+    )
+    assert_refused(outcome, "no steady state at 1 m/s")
+
+
+def test_output_folder_that_is_a_file():
+    Path("out").write_text("kept")
+    assert_refused(run("gains", *LAW, *MACHINE, *SAFE, "--out", "out"), "out is a file")
+    assert Path("out").read_text() == "kept"
+    assert [p.name for p in Path().iterdir()] == ["out"]

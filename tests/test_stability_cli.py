@@ -1,0 +1,303 @@
+"""`jaxfric stability` and `jaxfric simulate`: what they print and write, and every figure."""
+
+import json
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from command import Outcome, assert_refused, run, written
+from matplotlib.image import imread
+
+import jaxfric
+from jaxfric.gains.ends import ENDS, EndState
+from jaxfric.gains.requirement import Requirement
+from jaxfric.gains.result import Basin, Certificate, Gains, WorstCase
+from jaxfric.gains.scenarios import Scenarios
+from jaxfric.gains.solve import make_region
+from jaxfric.gains.source import law_from_parameters
+from jaxfric.plot.gains import draw_end_map, draw_gains
+from jaxfric.stability.analysis import steady_point
+
+SLIP = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
+# k_f = 2 c1 c2 V/(1 + c2 V^2)^2 - c0 is 0.5 N s/m at 0.5 m/s: the golden delay sample
+DELAY = ("--law", "delay", "--parameters", "c0=0.14 N*s/m, c1=1 N, c2=1 s^2/m^2, alpha=0.3 s")
+DELAY += ("--velocity", "0.5 m/s", "--mass", "1 kg", "--kv", "0.2 N*s/m")
+GAUSS = ("--law", "gaussian-stribeck")
+GAUSS += ("--parameters", "c0=1 N, c1=0.4 N*s/m, c2=2 N, c3=50 mm/s")
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def assert_figures(folder: Path, names: list[str]) -> None:
+    """Every figure is there as PNG and SVG, and shows something."""
+    for name in names:
+        pixels = imread(folder / f"{name}.png")[..., :3]
+        assert min(pixels.shape[:2]) > 300, name
+        marked = np.mean(np.any(pixels < 0.9, axis=2))
+        columns = np.mean(np.any(np.any(pixels < 0.6, axis=2), axis=0))
+        assert marked > 0.01 and columns > 0.5, f"{name} is blank: {marked:.3f}, {columns:.2f}"
+        assert (folder / f"{name}.svg").read_text().lstrip().startswith("<?xml")
+
+
+def test_a_blank_figure_is_noticed() -> None:
+    from matplotlib.figure import Figure
+
+    for kind in ("png", "svg"):
+        Figure(figsize=(6, 5)).savefig(f"empty.{kind}")
+    with pytest.raises(AssertionError, match="blank"):
+        assert_figures(Path(), ["empty"])
+
+
+def report(folder: str = "stability") -> dict:
+    def refuse(word: str):
+        raise AssertionError(f"{word} is not JSON")
+
+    content = json.loads(Path(folder, "stability.json").read_text(), parse_constant=refuse)
+    assert content["schema"] == "jaxfric.stability/1"
+    return content
+
+
+def test_the_golden_slider() -> None:
+    gains = ("--mass", "2 kg", "--kv", "0.5 N*s/m", "--kp", "3 kN/m")
+    code, out, err = run("stability", *SLIP, "--velocity", "2 mm/s", *gains)
+    assert code == 0 and err == ""
+    for words in ("holds: f_v + k_v < int g dt (18)", "k_cr = 2014.976024 N/m", "STABLE", "phase"):
+        assert words in out
+    content = report()
+    found = content["theorem"]
+    assert found["holds"] and len(found["solutions"]) == 1
+    assert found["critical_stiffness"] == pytest.approx(2014.976023976024, rel=1e-9)
+    assert found["critical_frequency"] == pytest.approx(2.826307129101859, rel=1e-9)
+    assert content["friction"]["slope"] == pytest.approx(500, rel=1e-12)
+    assert content["friction"]["steady_slope"] == pytest.approx(-1000, rel=1e-12)
+    assert content["needed_damping"] == pytest.approx(1000, rel=1e-12)
+    # (2 s^2 + 500.5 s + 3000)(s + 2) - 3000 s, as A/V0 = 500, B/L = 3000, V0/L = 2
+    roots = np.roots(np.polysub(np.polymul([2, 500.5, 3000], [1, 2]), [3000, 0]))
+    poles = np.asarray(content["poles"])
+    assert np.sort_complex(poles[:, 0] + 1j * poles[:, 1]) == pytest.approx(
+        np.sort_complex(roots), rel=1e-9
+    )
+    margins = {name: item["value"] for name, item in content["margins"].items()}
+    assert list(margins) == ["stiffness", "decay", "damping", "modulus", "gain", "phase", "delay"]
+    assert margins["decay"] == pytest.approx(-roots.real.max(), rel=1e-9)
+    assert margins["stiffness"] == pytest.approx(3000 / 2014.976023976024, rel=1e-9)
+    assert_figures(Path("stability"), ["friction", "gain_map", "velocity", "root_locus"])
+
+
+def test_a_range_of_velocities_without_mass() -> None:
+    outcome = run("stability", *SLIP, "--velocity", "0.1..10 mm/s", "--out", "here")
+    code, out, _ = outcome
+    assert code == 0 and "quasi-static" in out and "hardest velocity" in out
+    content = report("here")
+    V = np.asarray(content["velocities"]["velocity"])
+    assert len(V) == 25
+    # (24)-(25) without mass: k_cr = (B - A)/L at every velocity; k_v V >= B - A needs no stiffness
+    assert content["velocities"]["critical_stiffness"] == pytest.approx(np.full(25, 2e3), rel=1e-9)
+    assert content["velocities"]["needed_damping"] == pytest.approx(2 / V, rel=1e-9)
+    assert content["velocities"]["critical_frequency"] == pytest.approx(
+        V / 1e-3 * np.sqrt(2), rel=1e-9
+    )
+    assert content["poles"] is None and content["margins"] is None
+
+
+def test_a_delay_has_no_critical_stiffness() -> None:
+    code, out, _ = run("stability", *DELAY, "--kp", "100 N/m")
+    assert code == 0
+    for words in ("no critical stiffness", "list (30)", "n = 0", "-beta branch", "0 unstable"):
+        assert words in out
+    content = report()
+    assert content["theorem"]["critical_stiffness"] is None
+    intervals = content["delay"]["stable_intervals"]
+    golden = [(16.703372151, 283.888781436), (626.816131852, 1428.372359707)]
+    golden += [(2114.227060538, 3450.154106963), (4478.936158210, 6349.234023205)]
+    assert np.asarray([(i["lower"], i["upper"]) for i in intervals]) == pytest.approx(
+        np.asarray(golden), rel=1e-9
+    )
+    for ends in intervals:  # (19) at the frequencies: k_v = k_f cos(alpha w)
+        assert 0.5 * np.cos(0.3 * np.asarray(ends["frequencies"])) == pytest.approx(0.2, rel=1e-6)
+    assert content["poles"][0] == pytest.approx([-0.374663328, 9.949331], rel=1e-6)
+    assert content["delay"]["unstable_roots"] == 0 and content["stable"]
+    assert_figures(Path("stability"), ["friction", "delay_chart", "root_locus"])
+
+
+def test_laws_without_memory() -> None:
+    gains = ("--mass", "2", "--kp", "100 N/m", "--kv", "40 N*s/m")
+    code, out, _ = run("stability", *GAUSS, "--velocity", "1..200 mm/s", *gains, "--json")
+    assert code == 0
+    content = json.loads(out)
+    assert content == report()
+    assert content["memoryless"]["critical_velocity"] == pytest.approx(0.03535533905932738)
+    assert content["memoryless"]["worst_slope"] == pytest.approx(-33.91055539840)
+    assert content["stable"] and content["margins"]["stiffness"]["value"] is None
+    assert_figures(Path("stability"), ["friction", "gain_map", "velocity", "root_locus"])
+    dahl = ("--law", "dahl", "--parameters", "f_c=2 N, sigma=1e5 N/m", "--velocity", "1 mm/s")
+    code, out, _ = run("stability", *dahl, "--kp", "100 N/m", "--kv", "1 N*s/m")
+    assert code == 0 and "STABLE" in out and "no reason for stick-slip" in out
+
+
+def table(folder: str) -> np.ndarray:
+    """time [s], load point [m], friction [N], slip [m], velocity [m/s]."""
+    lines = Path(folder, "trajectory.csv").read_text().splitlines()
+    rows = [line for line in lines if not line.startswith("#")]
+    header = "time [s],load_point_displacement [um],friction [N],slip [um],slider_velocity [um/s]"
+    assert rows[0] == header
+    return np.loadtxt(rows[1:], delimiter=",").T * [[1], [1e-6], [1], [1e-6], [1e-6]]
+
+
+def test_a_simulated_record_is_read_and_fitted() -> None:
+    steps = ("--steps", "0 s: 1 mm/s, 4 s: 5 mm/s", "--duration", "8 s")
+    code, out, err = run("simulate", *SLIP, *steps, "--stiffness", "20 kN/m")
+    assert code == 0 and err == "" and "simulated: 8 s of 8 s" in out
+    assert_figures(Path("simulation"), ["motion", "phase_plane"])
+    _, load, friction, slip, _ = table("simulation")
+    # a slider without mass: the spring carries friction; steady friction by (5), f0 = 10 A
+    assert friction[0] == pytest.approx(10 + 2 * np.log(2), rel=1e-9)
+    assert friction == pytest.approx(friction[0] + 2e4 * (load - slip), abs=1e-6)
+    record = jaxfric.read("simulation/trajectory.csv")
+    assert record.friction_unit == "N" and len(record) > 2000
+    assert record.load_point_displacement is not None
+    assert len(jaxfric.find_steps(record.time, record.load_point_displacement)) == 2
+    # 91 rows with noise, the shape that other tests of the command have compiled already
+    lines = Path("simulation/trajectory.csv").read_text().splitlines()
+    head, rows = lines[:5], [line.split(",") for line in lines[5:]]
+    random = np.random.default_rng(3)
+    for row in rows:
+        row[2] = f"{float(row[2]) + random.normal(0, 2e-3):.6f}"
+    kept = [rows[k] for k in np.linspace(0, len(rows) - 1, 91).round().astype(int)]
+    written(Path("few.csv"), "\n".join([*head, *(",".join(row) for row in kept)]))
+    options = ("--stiffness", "20 kN/m", "--steps", "0 s: 1 mm/s, 4 s: 5 mm/s", "--json")
+    code, out, _ = run("fit", "few.csv", *options)
+    assert code == 0
+    fitted = {name: p["value"] for name, p in json.loads(out)["parameters"].items()}
+    for name, truth in (("A", 1.0), ("B", 3.0), ("L", 1e-3)):
+        assert fitted[name] == pytest.approx(truth, rel=0.05)
+
+
+def test_ends_are_told_apart() -> None:
+    at = (*SLIP, "--velocity", "2 mm/s", "--mass", "2 kg", "--duration", "24 s")
+    code, out, _ = run("simulate", *at, "--kp", "1500 N/m", "--out", "soft")
+    assert code == 0 and "end: oscillation" in out and "period" in out
+    assert_figures(Path("soft"), ["motion", "phase_plane"])
+    period = float(out.split("period ")[1].split(" s")[0])
+    time, _, friction, _, velocity = table("soft")
+    slips = time[1:][(velocity[:-1] < 20e-3) & (velocity[1:] >= 20e-3)]
+    assert period == pytest.approx(slips[-1] - slips[-2], rel=0.02)
+    assert velocity.max() > 50e-3 and np.ptp(friction) > 5
+    code, out, _ = run("simulate", *at, "--kp", "3 kN/m", "--at-rest", "--out", "stiff")
+    assert code == 0 and "end: steady" in out and "at rest" in out
+    assert abs(table("stiff")[4][-1] - 2e-3) < 1e-5
+
+
+def test_a_delay_grows_at_the_rate_of_its_root() -> None:
+    code, out, _ = run("simulate", *DELAY, "--kp", "400 N/m", "--duration", "6 s")
+    assert code == 0 and "oscillation" in out
+    time, _, _, _, velocity = table("simulation")
+    deviation = velocity - 0.5
+    inner = (deviation[1:-1] > deviation[:-2]) & (deviation[1:-1] >= deviation[2:])
+    peaks = np.flatnonzero(inner & (time[1:-1] > 2)) + 1
+    growth = np.polyfit(time[peaks], np.log(deviation[peaks]), 1)[0]
+    assert growth == pytest.approx(0.132331407, rel=0.03)
+    assert_figures(Path("simulation"), ["motion", "phase_plane"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((*SLIP, "--velocity", "2 mm/s", "--mass", "-2 kg"), ["--mass", "not positive"]),
+        ((*SLIP, "--velocity", "2 mm/s", "--mass", "1..2 kg"), ["--mass", "more than one"]),
+        ((*SLIP, "--velocity", "9..1 mm/s"), ["--velocity", "empty"]),
+        ((*SLIP,), ["--velocity is missing"]),
+        ((*SLIP, "--velocity", "2 furlong/parsec"), ["--velocity"]),
+        ((*SLIP, "--velocity", "2 mm/s", "--kp", "0 N/m"), ["--kp", "not positive"]),
+        ((*SLIP, "--velocity", "2 mm/s", "--kp", "3 N/mn"), ["--kp", "not a known unit"]),
+        ((*SLIP, "--velocity", "2 mm/s", "--kv", "-1 N*s/m"), ["--kv", "negative"]),
+        (("--velocity", "2 mm/s"), ["no friction law", "--from"]),
+        ((*SLIP[:3], "A=1 N, L=1 mm, V0=1 mm/s", "--velocity", "1 mm/s"), ["B is missing"]),
+        (("--law", "slipp", *SLIP[2:], "--velocity", "1 mm/s"), ["'slipp'", "gaussian-stribeck"]),
+        ((*DELAY[:4], "--velocity", "1 mm/s"), ["delay law", "--mass"]),
+        (
+            (
+                *DELAY[:3],
+                "c0=1 N*s/m, c1=1 N, c2=1e200 s^2/m^2, alpha=1 s",
+                *("--mass", "1", "--velocity", "1e200 m/s"),
+            ),
+            ["no steady state", "1e+200"],
+        ),
+    ],
+)
+def test_bad_input_of_stability(arguments: tuple[str, ...], words: list[str]) -> None:
+    assert_refused(run("stability", *arguments), *words)
+    assert not Path("stability").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((*SLIP, "--kp", "1 N/m"), ["--velocity", "--steps"]),
+        ((*SLIP, "--velocity", "1 mm/s"), ["--kp is missing"]),
+        ((*SLIP, "--velocity", "1, 2 mm/s", "--kp", "1 N/m"), ["more than one"]),
+        ((*SLIP, "--steps", "0 s: 1", "--kp", "1 N/m"), ["no unit"]),
+        ((*SLIP, "--velocity", "1 mm/s", "--kp", "-1 N/m"), ["--kp", "not positive"]),
+        ((*GAUSS, "--velocity", "1 mm/s", "--kp", "1 N/m"), ["GaussianStribeck", "--mass"]),
+        ((*DELAY, "--kp", "1 N/m", "--at-rest"), ["delay law", "rest"]),
+        ((*SLIP, "--velocity", "1 mm/s", "--kp", "1 N/m", "--duration", "0 s"), ["--duration"]),
+        (
+            (*SLIP, "--velocity", "1 mm/s", "--kp", "1 N/m", "--at-rest", "--jump", "1 um"),
+            ["--jump", "exclude"],
+        ),
+    ],
+)
+def test_bad_input_of_simulate(arguments: tuple[str, ...], words: list[str]) -> None:
+    assert_refused(run("simulate", *arguments), *words)
+    assert not Path("simulation").exists()
+
+
+def test_a_folder_that_cannot_be() -> None:
+    written(Path("file"), "text")
+    for verb, more in (("stability", ()), ("simulate", ("--kp", "1 N/m"))):
+        outcome: Outcome = run(verb, *SLIP, "--velocity", "1 mm/s", *more, "--out", "file")
+        assert_refused(outcome, "is a file", "--out")
+
+
+def golden_gains() -> Gains:
+    """Gains of the golden slider made by hand: on the boundary k_p = 1.5 k_cr and at k_p -> 0."""
+    source = law_from_parameters("slip", SLIP[3])
+    scenarios = Scenarios.product(source.samples, [1e-3, 2e-3, 4e-3], [2.0])
+    requirement = Requirement({"stiffness": 1.5})
+    region = make_region(scenarios, (None, None), (None, None), (None, None))
+    basins = []
+    for name, kp, kv in (("stiff", 3100.0, 0.0), ("damped", 1e-3, 2000.0)):
+        norm = float(region.norm([kp, kv]))
+        basins.append(Basin(name, kp, kv, norm, 0.0, 0.0, (), False))
+    worst = {"stiffness": WorstCase(1.5, "1", scenarios.describe(0))}
+    certificate = Certificate(0.0, 0, 0, 1)
+    numbers = (3100.0, 0.0, basins[0].norm, tuple(basins), worst)
+    return Gains(*numbers, scenarios, requirement, region, 1.0, 1, certificate, source.text)
+
+
+def test_the_figure_of_gains() -> None:
+    assert draw_gains(golden_gains(), Path()) == ["gains.png", "gains.svg"]
+    assert_figures(Path(), ["gains"])
+    text = Path("gains.svg").read_text()
+    for words in ("meets the requirement in every scenario", "recommended", "k_cr(k_v)"):
+        assert words in text
+
+
+def test_the_figure_of_ends() -> None:
+    k_p, k_v = np.linspace(500, 6000, 12), np.linspace(0, 1300, 9)
+    soft = jnp.asarray(k_p[None] + 2 * k_v[:, None] < 2000)
+    pick = jax.vmap(jax.vmap(lambda soft: ENDS.where(soft, ENDS.limit_cycle, ENDS.steady)))
+    ends = EndState(pick(soft), *(jnp.zeros(soft.shape) for _ in range(5)))
+    law = law_from_parameters("slip", SLIP[3]).law
+    point = eqx.filter_jit(steady_point)(law, jnp.asarray(2e-3))
+    options = {"point": point, "mass": 2.0, "optimum": (1488.0, 794.0)}
+    assert draw_end_map(ends, k_p, k_v, Path(), **options) == ["end_map.png", "end_map.svg"]
+    assert_figures(Path(), ["end_map"])
+    text = Path("end_map.svg").read_text()
+    assert "stick-slip goes on" in text and "runs away" not in text
