@@ -205,7 +205,7 @@ def test_viscous_slider_is_a_damped_oscillator():
 @pytest.mark.parametrize("start", ["faster", "at rest"])
 @pytest.mark.parametrize("kind", ["stribeck", "bristle"])
 def test_laws_without_direct_effect_against_scipy(kind, start):
-    """On the falling branch, just above V_cr = 0.0354 m/s: unstable; from rest, it sticks and slips."""
+    """On the falling branch, just above V_cr: unstable; from rest, it sticks and slips."""
     law = stribeck() if kind == "stribeck" else Dahl(F_C, SIGMA)
     found = memoryless(law, start_of(law, start))
 

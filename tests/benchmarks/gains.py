@@ -5,8 +5,8 @@
 Random sliders in one scenario against minimisation in one dimension; 10,240 scenarios (64 samples
 of the law, 20 velocities, 8 masses) timed, checked everywhere with NumPy, and compared with all
 gains of a 400 x 400 grid. The command's own time is that of `time jaxfric gains` with an empty
-and with a filled compilation cache (JAX_COMPILATION_CACHE_DIR): 20 s and 8 s of CPU for one
-scenario with its simulations on one core of a shared 2-core machine.
+and with a filled compilation cache (JAX_COMPILATION_CACHE_DIR): 17 s and 6 s of CPU for one
+scenario with its simulations, on a shared machine of two cores.
 """
 
 import argparse
@@ -33,8 +33,9 @@ REQUIRED = {"stiffness": 1.2, "modulus": 0.5}
 def law(A, B, L, V):
     """One law, or a batch where the parameters have a leading axis."""
     values = 40 * A, A, np.asarray(B)[..., None], np.asarray(L)[..., None], V
-    arrays = (jnp.asarray(x, float) for x in values)
-    return jf.RateState(*arrays, jf.SlipEvolution(), jf.RegularisedEffect())
+    arrays = [jnp.asarray(x, float) for x in values]
+    trend = jnp.zeros_like(arrays[0])
+    return jf.RateState(*arrays, jf.SlipEvolution(), jf.RegularisedEffect(), trend)
 
 
 def random_cases(number: int) -> None:
