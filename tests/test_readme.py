@@ -11,11 +11,17 @@ ROOT = Path(__file__).resolve().parents[1]
 def test_examples_run(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     names: dict = {}
     for block in blocks:
         exec(compile(block, "README.md", "exec"), names)
-    L, std = (float(word) for word in capsys.readouterr().out.split())
+    L, std, kp, kv, modulus = (float(word) for word in capsys.readouterr().out.split())
+    # on the curve k_p = 1.5 k_cr(k_v) of (25), in the worse of the two scenarios
+    worst = max(
+        (3 - X) / 1e-3 * (2 * V**2 / (X * 1e-3) + 1) for V in (2e-3, 5e-3) for X in [1 + kv * V]
+    )
+    np.testing.assert_allclose(kp, 1.5 * worst, rtol=1e-6)
+    assert 0 < modulus < 1
     assert abs(L - 20e-6) < 4 * std < 2e-6
     assert np.isfinite(names["slope"]) and names["slope"] > 0
 

@@ -156,8 +156,8 @@ def test_a_simulated_record_is_read_and_fitted() -> None:
     assert code == 0 and err == "" and "simulated: 8 s of 8 s" in out
     assert_figures(Path("simulation"), ["motion", "phase_plane"])
     _, load, friction, slip, _ = table("simulation")
-    # a slider without mass: the spring carries friction; steady friction by (5), f0 = 10 A
-    assert friction[0] == pytest.approx(10 + 2 * np.log(2), rel=1e-9)
+    # a slider without mass: the spring carries friction; steady friction by (5), f0 = 50 A
+    assert friction[0] == pytest.approx(50 + 2 * np.log(2), rel=1e-9)
     assert friction == pytest.approx(friction[0] + 2e4 * (load - slip), abs=1e-6)
     record = jaxfric.read("simulation/trajectory.csv")
     assert record.friction_unit == "N" and len(record) > 2000

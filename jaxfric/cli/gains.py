@@ -68,6 +68,14 @@ def gains(
     check: Annotated[
         bool, Parameter(negative="--no-check", help="Check the gains by nonlinear simulation.")
     ] = True,
+    map_: Annotated[
+        bool,
+        Parameter(
+            name="--map",
+            negative=(),
+            help="Also map, by simulation from rest, the gains at which stick-slip disappears.",
+        ),
+    ] = False,
     out: Out = None,
     json: Annotated[
         bool, Parameter(negative=(), help="Print gains.json on stdout instead of the table.")
@@ -126,6 +134,8 @@ def gains(
     with output_folder(destination) as folder:
         (folder / "gains.json").write_text(content + "\n")
         figures = draw_gains(result, folder)
+        if map_:
+            figures += _draw_map(result, folder)
     if json:
         print(content)
     else:
@@ -134,6 +144,25 @@ def gains(
         print(f"written: {destination}/{', '.join(['gains.json', *figures])}")
     for warning in result.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
+
+
+def _draw_map(result, folder: Path) -> list[str]:
+    from ..gains.cycle_map import cycle_map
+    from ..plot.gains import draw_end_map
+    from ..stability.analysis import steady_point
+
+    _progress("mapping the ends from rest")
+    found = cycle_map(result)
+    where = result.scenarios.describe(found.scenario)
+    return draw_end_map(
+        found.ends,
+        found.k_p,
+        found.k_v,
+        folder,
+        point=steady_point(result.scenarios.law(found.scenario), where["velocity"]),
+        mass=where["mass"],
+        optimum=(result.kp, result.kv),
+    )
 
 
 def _progress(message: str) -> None:

@@ -1,0 +1,89 @@
+"""Where the stick-slip cycle itself disappears: the first approach of section I.A of the note.
+
+From rest, with healed contact, a slider either comes to steady motion or keeps sticking and
+slipping. Gains at which it comes to steady motion have made the cycle disappear, as far as
+a stuck slider reaches it; that asks for more than the linear theory does.
+"""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import InputError
+from ..rig import Inertial, QuasiStatic, Rig
+from ..rig.friction.law import AbstractLaw
+from ..simulation.start import regularised
+from ..stability.linear import LinearSlider
+from ..stability.margins import poles
+from .check import end_map
+from .ends import EndState
+from .result import Gains
+
+_PERIODS = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class CycleMap:
+    """Ends of a stuck slider over gains: `ends` has shape (len(k_v), len(k_p)). SI."""
+
+    k_p: np.ndarray
+    k_v: np.ndarray
+    ends: EndState
+    scenario: int
+    """Index of the scenario among those of the gains."""
+
+
+def cycle_map(gains: Gains, *, points: tuple[int, int] = (14, 10)) -> CycleMap:
+    """Simulate the hardest scenario of `gains` from rest over a grid of (k_p, k_v).
+
+    The grid reaches to 1.6 times the natural units of the gains (the stiffness and the damping
+    that would each do alone), or to the recommended gains where those are larger.
+
+    Raises
+    ------
+    InputError : a delay law, which has no start at rest.
+    """
+    scenarios = gains.scenarios
+    index = _hardest(gains)
+    law = scenarios.law(index)
+    if not isinstance(law, AbstractLaw):
+        raise InputError("the map from rest needs a law with states; a delay law has no rest")
+    mass = None if scenarios.mass is None else float(scenarios.mass[index])
+    size = np.maximum(1.6 * gains.region.unit, 1.2 * np.asarray([gains.kp, gains.kv]))
+    k_p = np.linspace(size[0] / points[0], size[0], points[0])
+    k_v = np.linspace(0.0, size[1], points[1])
+    grid_p, grid_v = np.meshgrid(k_p, k_v)
+    V = float(scenarios.velocity[index])
+    machine = (
+        QuasiStatic(jnp.asarray(1.0), jnp.asarray(0.0))
+        if mass is None
+        else Inertial(jnp.asarray(mass), jnp.asarray(1.0), jnp.asarray(0.0))
+    )
+    rig = regularised(Rig(machine, law))
+    horizon = _horizon(scenarios.take([index]), mass, grid_p, grid_v, V, law)
+    ends = end_map(rig, V, grid_p, grid_v, horizon=horizon)
+    return CycleMap(k_p, k_v, ends, index)
+
+
+def _hardest(gains: Gains) -> int:
+    """The scenario that the first required margin has least to spare in."""
+    worst = gains.margins[gains.requirement.names[0]].scenario
+    rows = range(len(gains.scenarios))
+    return next(i for i in rows if gains.scenarios.describe(i) == worst)
+
+
+def _horizon(one, mass, k_p, k_v, V: float, law: AbstractLaw) -> np.ndarray:
+    """Thirty periods of the slowest pole, or of sticking through the law's changes of force."""
+    friction = jax.tree.map(lambda leaf: leaf[0], one.friction)
+    m = None if mass is None else jnp.asarray(mass)
+
+    def slowest(k_p, k_v):
+        return jnp.min(jnp.abs(poles(LinearSlider(m, k_p, k_v, friction))))
+
+    run = eqx.filter_jit(jax.vmap(slowest))
+    rate = np.asarray(run(jnp.asarray(k_p.ravel()), jnp.asarray(k_v.ravel()))).reshape(k_p.shape)
+    stick = 2 * float(law.force_scale()) / (k_p * V)
+    return _PERIODS * np.maximum(2 * np.pi / rate, stick)
