@@ -270,7 +270,7 @@ MUTATION = settings(
 
 
 @pytest.mark.filterwarnings("error")
-@settings(MUTATION, max_examples=100)
+@settings(MUTATION, max_examples=40)
 @given(mutated_files(), st.booleans())
 @example(record_text().encode(), False)
 def test_no_file_breaks_record(content: bytes, drop_bad: bool) -> None:
@@ -278,7 +278,7 @@ def test_no_file_breaks_record(content: bytes, drop_bad: bool) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(MUTATION, max_examples=40)
+@settings(MUTATION, max_examples=16)
 @given(mutated_files(), st.booleans())
 @example(record_text().encode(), False)
 def test_no_file_breaks_fit(content: bytes, drop_bad: bool) -> None:

@@ -54,7 +54,7 @@ def test_structure_tests_have_their_level_and_their_power():
     )
     assert refused <= 20  # 10 expected
     noise = rng.standard_normal(n)
-    locked = noise + 0.5 * np.exp(-(np.arange(n) % 200) / 30.0)
+    locked = noise + 1.0 * np.exp(-(np.arange(n) % 200) / 30.0)
     slow = noise + 0.3 * np.sin(2 * np.pi * np.arange(n) / n)
     rough = noise.copy()
     for i in range(1, n):

@@ -7,10 +7,10 @@ from jaxtyping import Array, Float
 
 from ..quantity import quantity
 from ..rig import FirstOrderDrive, IdealDrive
-from .effect import AbstractEffect
+from .effect import AbstractLinearEffect
 
 
-class ServoLag(AbstractEffect):
+class ServoLag(AbstractLinearEffect):
     """tau dV_m/dt = V_cmd - V_m."""
 
     id: ClassVar[str] = "servo_lag"
@@ -25,10 +25,6 @@ class ServoLag(AbstractEffect):
         if not isinstance(rig.drive, IdealDrive):
             raise TypeError("servo_lag needs a rig whose drive is ideal")
         return eqx.tree_at(lambda r: r.drive, rig, FirstOrderDrive(self.tau))
-
-    def grid(self, scales):
-        del scales
-        return {}
 
     def physical(self):
         return self.tau > 0

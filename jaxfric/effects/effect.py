@@ -68,6 +68,15 @@ class AbstractEffect(eqx.Module):
         """True where the parameters are physically possible (a lag is positive)."""
 
 
+class AbstractLinearEffect(AbstractEffect):
+    """An effect without shapes: all its parameters are amplitudes."""
+
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
+        """Nothing to start from but the null."""
+        del scales
+        return {}
+
+
 def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quantity]:
     """The quantities of an effect by field name."""
     return quantities(effect)

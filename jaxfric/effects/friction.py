@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..quantity import quantity
-from ..rig.friction.extended import AbstractTerm, Contact
-from .effect import AbstractEffect, with_evolution, with_term
+from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
+from .effect import AbstractEffect, AbstractLinearEffect, with_evolution, with_term
 
 _TRUE = np.asarray(True)
 _LOG_MAX = 40.0
@@ -56,7 +56,7 @@ class SecondState(AbstractEffect):
         return jnp.asarray(_TRUE)
 
 
-class Ageing(AbstractEffect):
+class Ageing(AbstractLinearEffect):
     """Evolution between the slip law (q = 0) and the ageing law (q = 1)."""
 
     id: ClassVar[str] = "aging"
@@ -70,15 +70,11 @@ class Ageing(AbstractEffect):
     def embed(self, rig):
         return with_evolution(rig, q=self.q)
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return jnp.abs(self.q) < 1.5
 
 
-class VelocityDependentLength(AbstractEffect):
+class VelocityDependentLength(AbstractLinearEffect):
     """L (V/V0)^n."""
 
     id: ClassVar[str] = "velocity_dependent_L"
@@ -92,15 +88,11 @@ class VelocityDependentLength(AbstractEffect):
     def embed(self, rig):
         return with_evolution(rig, n=self.n)
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return jnp.abs(self.n) < 2.0
 
 
-class EvolutionCutoff(AbstractEffect):
+class EvolutionCutoff(AbstractLinearEffect):
     """theta_ss = -B [ln(V/V0) - ln(1 + c V)], c = 1/V_c."""
 
     id: ClassVar[str] = "evolution_cutoff"
@@ -114,15 +106,11 @@ class EvolutionCutoff(AbstractEffect):
     def embed(self, rig):
         return with_evolution(rig, c=self.c)
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return self.c > 0
 
 
-class _ViscousTerm(AbstractTerm):
+class _ViscousTerm(AbstractStatelessTerm):
     moves: ClassVar[bool] = True
     states: ClassVar[int] = 0
     c: Float[Array, ""]
@@ -130,16 +118,8 @@ class _ViscousTerm(AbstractTerm):
     def force(self, at: Contact):
         return self.c * at.V
 
-    def rate(self, at: Contact, force):
-        del force
-        return at.state
 
-    def steady_state(self, V, base):
-        del base
-        return jnp.zeros((0,), V.dtype)
-
-
-class Viscous(AbstractEffect):
+class Viscous(AbstractLinearEffect):
     """f + c V."""
 
     id: ClassVar[str] = "viscous"
@@ -153,15 +133,11 @@ class Viscous(AbstractEffect):
     def embed(self, rig):
         return with_term(rig, _ViscousTerm(self.c))
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return self.c > 0
 
 
-class _StribeckTerm(AbstractTerm):
+class _StribeckTerm(AbstractStatelessTerm):
     moves: ClassVar[bool] = True
     states: ClassVar[int] = 0
     fs: Float[Array, ""]
@@ -171,14 +147,6 @@ class _StribeckTerm(AbstractTerm):
     def force(self, at: Contact):
         ratio = jnp.maximum(jnp.abs(at.V) / self.Vs, 1e-30)
         return self.fs * jnp.exp(-jnp.exp(jnp.clip(self.d * jnp.log(ratio), -_LOG_MAX, 6.0)))
-
-    def rate(self, at: Contact, force):
-        del force
-        return at.state
-
-    def steady_state(self, V, base):
-        del base
-        return jnp.zeros((0,), V.dtype)
 
 
 class Stribeck(AbstractEffect):
@@ -203,7 +171,7 @@ class Stribeck(AbstractEffect):
         return jnp.asarray(_TRUE)
 
 
-class _SlipTrendTerm(AbstractTerm):
+class _SlipTrendTerm(AbstractStatelessTerm):
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 0
     s: Float[Array, ""]
@@ -211,16 +179,8 @@ class _SlipTrendTerm(AbstractTerm):
     def force(self, at: Contact):
         return self.s * at.slip
 
-    def rate(self, at: Contact, force):
-        del force
-        return at.state
 
-    def steady_state(self, V, base):
-        del base
-        return jnp.zeros((0,), V.dtype)
-
-
-class SlipTrend(AbstractEffect):
+class SlipTrend(AbstractLinearEffect):
     """f + s x."""
 
     id: ClassVar[str] = "slip_trend"
@@ -234,15 +194,11 @@ class SlipTrend(AbstractEffect):
     def embed(self, rig):
         return with_term(rig, _SlipTrendTerm(self.s))
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return jnp.asarray(_TRUE)
 
 
-class _RunInTerm(AbstractTerm):
+class _RunInTerm(AbstractStatelessTerm):
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 0
     d: Float[Array, ""]
@@ -250,14 +206,6 @@ class _RunInTerm(AbstractTerm):
 
     def force(self, at: Contact):
         return self.d * -jnp.expm1(-jnp.maximum(at.slip, 0.0) / self.dc)
-
-    def rate(self, at: Contact, force):
-        del force
-        return at.state
-
-    def steady_state(self, V, base):
-        del base
-        return jnp.zeros((0,), V.dtype)
 
 
 class RunIn(AbstractEffect):
@@ -282,7 +230,7 @@ class RunIn(AbstractEffect):
         return jnp.asarray(_TRUE)
 
 
-class _PeriodicTerm(AbstractTerm):
+class _PeriodicTerm(AbstractStatelessTerm):
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 0
     a: Float[Array, ""]
@@ -292,14 +240,6 @@ class _PeriodicTerm(AbstractTerm):
     def force(self, at: Contact):
         phase = 2 * jnp.pi * at.slip / self.wavelength
         return self.a * jnp.sin(phase) + self.b * jnp.cos(phase)
-
-    def rate(self, at: Contact, force):
-        del force
-        return at.state
-
-    def steady_state(self, V, base):
-        del base
-        return jnp.zeros((0,), V.dtype)
 
 
 class PositionPeriodic(AbstractEffect):

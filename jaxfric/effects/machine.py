@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..quantity import quantity
-from .effect import AbstractEffect
+from .effect import AbstractLinearEffect
 
 
-class Stiffness(AbstractEffect):
+class Stiffness(AbstractLinearEffect):
     """K exp(kappa) instead of the declared K."""
 
     id: ClassVar[str] = "stiffness"
@@ -28,15 +28,11 @@ class Stiffness(AbstractEffect):
             lambda r: r.machine.stiffness, rig, rig.machine.stiffness * jnp.exp(self.kappa)
         )
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return jnp.abs(self.kappa) < 2.0
 
 
-class Damping(AbstractEffect):
+class Damping(AbstractLinearEffect):
     """A dashpot beside the spring: + k_v (V_m - V)."""
 
     id: ClassVar[str] = "damping"
@@ -53,10 +49,6 @@ class Damping(AbstractEffect):
         return eqx.tree_at(
             lambda r: r.machine.damping, rig, before + self.k_v, is_leaf=lambda x: x is None
         )
-
-    def grid(self, scales):
-        del scales
-        return {}
 
     def physical(self):
         return self.k_v > 0

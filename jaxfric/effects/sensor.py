@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ..quantity import quantity
 from ..rig import IdealSensor, Rig
 from ..rig.recording import ImperfectSensor
-from .effect import AbstractEffect
+from .effect import AbstractLinearEffect
 
 
 def _with(rig: Rig, name: str, value: Array) -> Rig:
@@ -23,7 +23,7 @@ def _with(rig: Rig, name: str, value: Array) -> Rig:
     return eqx.tree_at(lambda r: r.sensor, rig, changed)
 
 
-class SensorLag(AbstractEffect):
+class SensorLag(AbstractLinearEffect):
     """tau y' = f - y."""
 
     id: ClassVar[str] = "sensor_lag"
@@ -37,15 +37,11 @@ class SensorLag(AbstractEffect):
     def embed(self, rig):
         return _with(rig, "tau", self.tau)
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return self.tau > 0
 
 
-class SensorDelay(AbstractEffect):
+class SensorDelay(AbstractLinearEffect):
     """y(t) = f(t - d)."""
 
     id: ClassVar[str] = "sensor_delay"
@@ -59,15 +55,11 @@ class SensorDelay(AbstractEffect):
     def embed(self, rig):
         return _with(rig, "delay", self.d)
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return self.d > 0
 
 
-class TimeDrift(AbstractEffect):
+class TimeDrift(AbstractLinearEffect):
     """y + r t."""
 
     id: ClassVar[str] = "time_drift"
@@ -81,15 +73,11 @@ class TimeDrift(AbstractEffect):
     def embed(self, rig):
         return _with(rig, "drift", self.r)
 
-    def grid(self, scales):
-        del scales
-        return {}
-
     def physical(self):
         return jnp.asarray(np.asarray(True))
 
 
-class Gain(AbstractEffect):
+class Gain(AbstractLinearEffect):
     """(1 + g) y: the force channel's scale is wrong."""
 
     id: ClassVar[str] = "gain"
@@ -102,10 +90,6 @@ class Gain(AbstractEffect):
 
     def embed(self, rig):
         return _with(rig, "gain", self.g)
-
-    def grid(self, scales):
-        del scales
-        return {}
 
     def physical(self):
         return jnp.abs(self.g) < 1.0

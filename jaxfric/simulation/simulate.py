@@ -123,7 +123,10 @@ def _controller(
     tolerance = _SAFETY * rtol
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
     if not isinstance(solver, diffrax.AbstractImplicitSolver):
-        controller = StableStepController(controller, equation.derivative)
+        frozen = jax.tree.map(
+            lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, equation
+        )
+        controller = StableStepController(controller, frozen.derivative)
     if jumps.shape[0] == 0:  # which the clipping controller cannot take
         return controller
     return diffrax.ClipStepSizeController(controller, jump_ts=jumps)

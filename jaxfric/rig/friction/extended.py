@@ -36,7 +36,7 @@ class Contact(NamedTuple):
 
 
 class AbstractTerm(eqx.Module):
-    """An addition to friction. One that has no states leaves `states` at 0 and returns them."""
+    """An addition to friction."""
 
     moves: eqx.AbstractClassVar[bool]
     """Whether its force depends on the velocity now."""
@@ -54,6 +54,20 @@ class AbstractTerm(eqx.Module):
     @abc.abstractmethod
     def steady_state(self, V: Float[Array, ""], base: RateState) -> Float[Array, " n"]:
         """Its states in steady sliding at `V`."""
+
+
+class AbstractStatelessTerm(AbstractTerm):
+    """An addition to friction that has no states."""
+
+    def rate(self, at: Contact, force: Float[Array, ""]) -> Float[Array, " 0"]:
+        """None."""
+        del force
+        return at.state
+
+    def steady_state(self, V: Float[Array, ""], base: RateState) -> Float[Array, " 0"]:
+        """None."""
+        del base
+        return jnp.zeros((0,), V.dtype)
 
 
 class ExtendedLaw(AbstractInvertibleLaw):
