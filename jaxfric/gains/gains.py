@@ -203,6 +203,9 @@ def check_gains(
         return replace(
             gains, warnings=(*gains.warnings, "gains under a delay law are not simulated")
         )
+    if gains.any_stiffness:
+        text = "not simulated: k_p stands for any positive stiffness; give a lower limit of k_p"
+        return replace(gains, warnings=(*gains.warnings, text))
     tell = progress or (lambda text: None)
     values = np.asarray([gains.kp, gains.kv])
     slack = _least_slack(gains, values)

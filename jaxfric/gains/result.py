@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..stability.margins import UNITS
 from .frontier import Region
 from .requirement import Requirement
 from .scenarios import Scenarios
@@ -78,6 +77,11 @@ class Gains:
     simulation: CheckReport | None = None
     warnings: tuple[str, ...] = field(default=())
 
+    @property
+    def any_stiffness(self) -> bool:
+        """k_p is at its default lower limit, which stands for any positive stiffness."""
+        return self.kp <= 1.000001 * self.region.lower[0] <= 1e-8 * self.region.unit[0]
+
     def to_json(self) -> dict:
         """The content of `gains.json`, schema "jaxfric.gains/1"; SI, null for infinite."""
         simulation = None if self.simulation is None else self.simulation.to_json()
@@ -133,11 +137,6 @@ class Gains:
             "simulation": simulation,
             "warnings": list(self.warnings),
         }
-
-
-def margin_unit(name: str) -> str:
-    """Unit of a margin."""
-    return UNITS[name]
 
 
 def _number(value) -> float | None:

@@ -10,10 +10,11 @@ def describe(gains: Gains) -> list[str]:
         for name, value in zip(gains.requirement.names, gains.requirement.values, strict=True)
     )
     lines = [gains.law, f"required: {required}", f"scenarios: {_scenarios(gains)}", ""]
-    lines.append(f"k_p = {gains.kp:.6g} N/m, k_v = {gains.kv:.6g} N s/m   (norm {gains.norm:.5g})")
+    kp = "any k_p > 0" if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
+    lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {gains.norm:.5g})")
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
-    lines += [f"  {_basin(basin)}" for basin in gains.basins]
+    lines += [f"  {_basin(basin, gains)}" for basin in gains.basins]
     lines += ["", "margins at these gains, worst scenario:"]
     lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
     grid = gains.certificate
@@ -41,14 +42,13 @@ def _scenarios(gains: Gains) -> str:
     return text
 
 
-def _basin(basin: Basin) -> str:
+def _basin(basin: Basin, gains: Gains) -> str:
     how = {"stiff": "held by stiffness", "damped": "held by damping"}[basin.name]
     if not basin.minimum:
         how += " alone; the norm has no minimum there"
-    return (
-        f"{basin.name:<7} k_p = {basin.kp:.6g} N/m, k_v = {basin.kv:.6g} N s/m,"
-        f" norm {basin.norm:.5g}: {how}"
-    )
+    tiny = basin.kp <= 1e-8 * gains.region.unit[0]
+    kp = "any k_p > 0" if tiny else f"k_p = {basin.kp:.6g} N/m"
+    return f"{basin.name:<7} {kp}, k_v = {basin.kv:.6g} N s/m, norm {basin.norm:.5g}: {how}"
 
 
 def _margin(gains: Gains, name: str) -> str:
