@@ -169,6 +169,7 @@ def test_default_folder_is_beside_the_user_not_the_record() -> None:
     assert names(".") == ["data", "run-fit"] and names("data") == ["run.csv"]
 
 
+@pytest.mark.long
 def test_two_states() -> None:
     code, out, _ = run("fit", "run.csv", *STIFFNESS, *STEPS, "--states", "2", "--json")
     assert code == 0

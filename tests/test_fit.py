@@ -66,6 +66,7 @@ def test_p655_step_time_agrees_with_all_rows_of_the_run():
     assert abs(fit.steps.times[1] + offset - shown.times[1]) < 2 * error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "most"),
     # rms of independent fits at their parameters (data/README.md of the records) plus 2 %

@@ -368,6 +368,7 @@ def test_delay_poles_are_the_golden_ones():
         assert bool(is_stable(slider(p, "delay"))) == (s.real < 0)
 
 
+@pytest.mark.long
 def test_a_table_has_the_margins_of_its_exponential():
     sets = typical("one", 12, 11)
     sets[:, 6] = np.linspace(0.7, 2.0, 12)  # the table resolves these rates

@@ -150,6 +150,7 @@ def table(folder: str) -> np.ndarray:
     return np.loadtxt(rows[1:], delimiter=",").T * [[1], [1e-6], [1], [1e-6], [1e-6]]
 
 
+@pytest.mark.long
 def test_a_simulated_record_is_read_and_fitted() -> None:
     steps = ("--steps", "0 s: 1 mm/s, 4 s: 5 mm/s", "--duration", "8 s")
     code, out, err = run("simulate", *SLIP, *steps, "--stiffness", "20 kN/m")
