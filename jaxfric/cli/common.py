@@ -26,6 +26,8 @@ Steps = Annotated[
     Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),
 ]
 Out = Annotated[Path | None, Parameter(help="Output folder.")]
+Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+"""An option that may begin with a minus sign: a negative quantity is then refused as such."""
 
 
 def read_record(file: Path, columns: list[str] | None, drop_bad: bool):

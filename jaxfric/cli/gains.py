@@ -14,13 +14,12 @@ from .common import (
     Mass,
     NormalForce,
     Out,
+    Text,
     optional_quantity,
     prepare_jax,
     read_law,
     read_masses,
 )
-
-_Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 
 def gains(
@@ -53,11 +52,11 @@ def gains(
         float, Parameter(help="Share of the samples in which the margins must hold.")
     ] = 1.0,
     seed: Annotated[int, Parameter(help="Seed of the samples.")] = 0,
-    max_kp: Annotated[_Text, Parameter(help="Largest k_p, '1e6 N/m'.")] = None,
-    max_kv: Annotated[_Text, Parameter(help="Largest k_v, '100 N*s/m'.")] = None,
-    min_kp: Annotated[_Text, Parameter(help="Smallest k_p, '10 N/m'.")] = None,
-    scale_kp: Annotated[_Text, Parameter(help="Unit of k_p in the norm, '1000 N/m'.")] = None,
-    scale_kv: Annotated[_Text, Parameter(help="Unit of k_v in the norm, '10 N*s/m'.")] = None,
+    max_kp: Annotated[Text, Parameter(help="Largest k_p, '1e6 N/m'.")] = None,
+    max_kv: Annotated[Text, Parameter(help="Largest k_v, '100 N*s/m'.")] = None,
+    min_kp: Annotated[Text, Parameter(help="Smallest k_p, '10 N/m'.")] = None,
+    scale_kp: Annotated[Text, Parameter(help="Unit of k_p in the norm, '1000 N/m'.")] = None,
+    scale_kv: Annotated[Text, Parameter(help="Unit of k_v in the norm, '10 N*s/m'.")] = None,
     basin: Annotated[
         float | None,
         Parameter(

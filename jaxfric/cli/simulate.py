@@ -8,10 +8,19 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import From, LawName, LawParameters, Mass, NormalForce, Out, prepare_jax, read_law
+from .common import (
+    From,
+    LawName,
+    LawParameters,
+    Mass,
+    NormalForce,
+    Out,
+    Text,
+    prepare_jax,
+    read_law,
+)
 from .stability import read_damping, read_one_mass, read_positive
 
-_Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 _MAX_STEPS = 16384
 _RTOL = 1e-6
 _RUNAWAY = 1e9
@@ -32,7 +41,7 @@ def simulate(
     parameters: LawParameters = None,
     normal_force: NormalForce = None,
     velocity: Annotated[
-        _Text, Parameter(allow_leading_hyphen=True, help="Constant commanded velocity, '2 um/s'.")
+        Text, Parameter(allow_leading_hyphen=True, help="Constant commanded velocity, '2 um/s'.")
     ] = None,
     steps: Annotated[
         str | None, Parameter(help="Velocity steps instead, '0 s: 1 um/s, 10 s: 10 um/s'.")
@@ -45,16 +54,16 @@ def simulate(
             help="Stiffness or position gain, '3 kN/m'.",
         ),
     ] = None,
-    kv: Annotated[_Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")] = None,
+    kv: Annotated[Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")] = None,
     mass: Mass = None,
     duration: Annotated[
-        _Text, Parameter(help="How long, '20 s'; by default until the end is seen.")
+        Text, Parameter(help="How long, '20 s'; by default until the end is seen.")
     ] = None,
     at_rest: Annotated[
         bool, Parameter(negative=(), help="Start at rest on an unloaded spring: stuck.")
     ] = False,
     jump: Annotated[
-        _Text,
+        Text,
         Parameter(
             help="Jump of the load point at the start, '1 um', of either sign. At a constant "
             "velocity the default is a small one: nothing disturbs steady sliding otherwise."
@@ -228,7 +237,7 @@ def _once(rig, times, velocities, duration: float, start, lead: float):
     lines = [f"simulated: {end:.6g} s of {duration:.6g} s, {int(found.num_steps)} steps"]
     early = bool(found.result != RESULTS.successful)
     if early:
-        lines.append(f"ended early: {_why(found.result, delayed)}")
+        lines.append(f"ended early: {_why(found.result)}")
     if len(velocities) > 1:
         return run, lines, True
     text, seen = _ending(found, run, velocities[0], lead, early)
@@ -281,11 +290,9 @@ def _simulate_delay(rig, V: float, ts, start):
     return simulate_delay(rig, V, jnp.asarray(ts), start=start, pieces=8)
 
 
-def _why(result, delayed: bool) -> str:
+def _why(result) -> str:
     from ..simulation import RESULTS
 
-    if delayed and bool(result == RESULTS.event_occurred):
-        return "the slider came to rest, where a delay law has nothing to say"
     if bool(result == RESULTS.max_steps_reached):
         return f"{_MAX_STEPS} solver steps were not enough; give a shorter --duration"
     return " ".join(RESULTS[result].split())

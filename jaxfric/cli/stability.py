@@ -13,13 +13,12 @@ from .common import (
     Mass,
     NormalForce,
     Out,
+    Text,
     optional_quantity,
     prepare_jax,
     read_law,
     read_masses,
 )
-
-_Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 
 def stability(
@@ -37,9 +36,9 @@ def stability(
         ),
     ] = None,
     kp: Annotated[
-        _Text, Parameter(help="Stiffness or position gain, '3 kN/m': gives poles and margins.")
+        Text, Parameter(help="Stiffness or position gain, '3 kN/m': gives poles and margins.")
     ] = None,
-    kv: Annotated[_Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")] = None,
+    kv: Annotated[Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")] = None,
     out: Out = None,
     json: Annotated[
         bool, Parameter(negative=(), help="Print stability.json on stdout instead of the text.")

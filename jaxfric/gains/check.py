@@ -8,7 +8,7 @@ disappears (section I.A of the 1994 note, first approach); `basin` has the size 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
 from ..rig import Inertial, Rig
 from ..simulation import Start, jump_start, rest_start, velocity_start
@@ -46,18 +46,25 @@ def check_starts(
     contact_time : of the start at rest, see `rest_start`.
     """
     V = jnp.asarray(velocity, jnp.result_type(float))
+    starts = standard_starts(rig, V, change=change, jump=jump)
+    if at_rest:
+        starts.append(rest_start(rig, V, contact_time=contact_time))
+    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *starts)
+    return _ends_from(rig, V, batch, traced(horizon), traced(decay), policy)
+
+
+def standard_starts(
+    rig: Rig, V: Float[Array, ""], *, change: ArrayLike = 0.5, jump: ArrayLike | None = None
+) -> list[Start]:
+    """The first four of `STARTS`, which move; see `check_starts`."""
     if jump is None:
         jump = rig.friction.force_scale() / rig.machine.stiffness
-    starts = [
+    return [
         _seeded(rig, velocity_start(rig, V, jnp.asarray(change)), _SEED),
         _seeded(rig, velocity_start(rig, V, -jnp.asarray(change)), -_SEED),
         jump_start(rig, V, jnp.asarray(jump)),
         jump_start(rig, V, -jnp.asarray(jump)),
     ]
-    if at_rest:
-        starts.append(rest_start(rig, V, contact_time=contact_time))
-    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *starts)
-    return _ends_from(rig, V, batch, traced(horizon), traced(decay), policy)
 
 
 def end_map(

@@ -71,11 +71,11 @@ def _sizes_of(friction: LinearFriction, mass):
 
 
 def _sizes(scenarios: Scenarios) -> list[np.ndarray]:
-    mass = np.zeros(len(scenarios)) if scenarios.mass is None else scenarios.mass
     parts = []
     for rows, used in tiles(len(scenarios), scenarios.tile):
-        friction = jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[rows], scenarios.friction)
-        parts.append([np.asarray(x)[:used] for x in _sizes_of(friction, mass[rows])])
+        some = scenarios.take(rows)
+        mass = np.zeros(len(rows)) if some.mass is None else some.mass
+        parts.append([np.asarray(x)[:used] for x in _sizes_of(some.friction, mass)])
     return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
 

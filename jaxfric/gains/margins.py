@@ -22,9 +22,8 @@ def several_margins(names: Iterable[str], scenarios: Scenarios, gains) -> dict[s
     gains = np.asarray(gains, float)
     found = {name: np.empty(len(scenarios)) for name in names}
     for rows, used in tiles(len(scenarios), _size(scenarios)):
-        friction = jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[rows], scenarios.friction)
-        mass = None if scenarios.mass is None else scenarios.mass[rows]
-        values = _values(names, friction, mass, gains)
+        some = scenarios.take(rows)
+        values = _values(names, some.friction, some.mass, gains)
         for name in names:
             found[name][rows[:used]] = np.asarray(values[name])[:used]
     return found

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..stability.kernel import AbstractRationalKernel
-from ..stability.linear import LinearFriction, linear_friction
+from ..stability.linear import LinearFriction, linear_friction, refuse_without_steady_state
 
 _TILE = 2048
 # Margins of kernels that are not rational hold thousands of frequencies for every pair.
@@ -64,15 +64,7 @@ class Scenarios:
             part = _linearise(laws, velocity[index], sample[index])
             parts.append(jax.tree.map(lambda leaf, used=used: np.asarray(leaf)[:used], part))
         friction = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
-        finite = np.ones(len(velocity), bool)
-        for leaf in jax.tree.leaves(friction):
-            finite &= np.all(np.isfinite(leaf).reshape(len(velocity), -1), axis=1)
-        if not finite.all():
-            bad = float(velocity[np.flatnonzero(~finite)[0]])
-            raise InputError(
-                f"velocity: the friction law has no steady state at {bad:g} m/s (its force or its"
-                " slope is not finite there); leave that velocity out"
-            )
+        refuse_without_steady_state(velocity, friction)
         return Scenarios(laws, velocity, mass, sample, friction)
 
     def take(self, index) -> "Scenarios":

@@ -33,14 +33,10 @@ def paired_slacks(
     index: np.ndarray,
 ) -> np.ndarray:
     """Least slack of scenario `index[i]` at `gains[i]`, shape (n,)."""
-    leaves, structure = jax.tree.flatten(scenarios.friction)
-    leaves = [np.asarray(leaf) for leaf in leaves]
     found = np.empty(len(index))
     for pairs, used in tiles(len(index), scenarios.tile):
-        rows = index[pairs]
-        friction = jax.tree.unflatten(structure, [leaf[rows] for leaf in leaves])
-        mass = None if scenarios.mass is None else scenarios.mass[rows]
-        value = _tile(requirement, friction, mass, unit, gains[pairs])
+        some = scenarios.take(index[pairs])
+        value = _tile(requirement, some.friction, some.mass, unit, gains[pairs])
         found[pairs[:used]] = np.asarray(value)[:used]
     return found
 

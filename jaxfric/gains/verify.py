@@ -10,13 +10,14 @@ import numpy as np
 
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
-from ..simulation import Start, jump_start, rest_start, step_start, velocity_start
+from ..simulation import Start, rest_start, step_start
 from ..simulation.start import regularised
 from ..stability.linear import LinearSlider
 from ..stability.margins import poles
-from .check import STARTS, end_state
+from .check import STARTS, standard_starts
 from .ends import ENDS
 from .scenarios import Scenarios, padded, tiles
+from .settle import end_state
 
 _PERIODS = 30.0
 # Modes slower than the quickest by more than this are left to the linear theory.
@@ -26,9 +27,6 @@ _LANES = 32
 # Factors tried in each round of the search for the basin.
 _POINTS = 8
 _ROUNDS = 2
-# Of the starts: relative change of velocity, and the spring force that goes with it.
-_CHANGE = 0.5
-_SEED = 0.01
 
 
 @dataclass(frozen=True)
@@ -142,10 +140,8 @@ def _rigs(scenarios: Scenarios, gains: np.ndarray) -> tuple[Rig, jnp.ndarray]:
 
 def _times(scenarios: Scenarios, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Horizon [s] and slowest decay [1/s] of each scenario, from the linear poles."""
-    rows = padded(np.arange(len(scenarios)))
-    friction = jax.tree.map(lambda leaf: np.asarray(leaf)[rows], scenarios.friction)
-    mass = None if scenarios.mass is None else scenarios.mass[rows]
-    horizon, decay = _paces(friction, mass, np.asarray(gains, float))
+    some = scenarios.take(padded(np.arange(len(scenarios))))
+    horizon, decay = _paces(some.friction, some.mass, np.asarray(gains, float))
     return np.asarray(horizon)[: len(scenarios)], np.asarray(decay)[: len(scenarios)]
 
 
@@ -241,24 +237,7 @@ def _ends(rigs, velocity, horizon, decay, kind, log_ratio):
 
 def _start(rig: Rig, V, kind, ratio) -> Start:
     """One of `STARTS` by its index; the one after the last is a step of the command by `ratio`."""
-    K, scale = rig.machine.stiffness, rig.friction.force_scale()
-
-    def seeded(change: float) -> Start:
-        start = velocity_start(rig, V, change)
-        if start.elongation is None or not isinstance(rig.machine, Inertial):
-            return start
-        # a light slider loses its velocity at once, and then would not leave an unstable motion
-        longer = start.elongation + np.sign(change) * _SEED * scale / K
-        return Start(start.velocity, longer, start.state)
-
-    every = [
-        seeded(_CHANGE),
-        seeded(-_CHANGE),
-        jump_start(rig, V, scale / K),
-        jump_start(rig, V, -scale / K),
-        rest_start(rig, V),
-        step_start(rig, V, ratio),
-    ]
+    every = [*standard_starts(rig, V), rest_start(rig, V), step_start(rig, V, ratio)]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves)[kind], *every)
 
 

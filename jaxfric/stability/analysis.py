@@ -24,7 +24,12 @@ from .delay import (
 )
 from .delay_roots import rightmost_roots
 from .kernel import AbstractKernel, DelayKernel, kernel_total
-from .linear import LinearFriction, LinearSlider, linear_friction
+from .linear import (
+    LinearFriction,
+    LinearSlider,
+    linear_friction,
+    refuse_without_steady_state,
+)
 from .margins import is_stable, margins, poles
 from .theorem import Theorem, theorem
 
@@ -68,16 +73,6 @@ def logarithmic(law: Law) -> Law:
     return law
 
 
-def friction_about(law: Law, velocity: Float[Array, ""]) -> LinearFriction:
-    """Friction linearised about steady sliding at `velocity` [m/s]; delay laws too (26)-(28)."""
-    if isinstance(law, AbstractLaw):
-        return linear_friction(law, velocity)
-    V = jnp.asarray(velocity, jnp.result_type(float, velocity))
-    slope = jax.jacfwd(law.force)(V, V)
-    kernel = DelayKernel(law.negative_slope(V), law.delay)
-    return LinearFriction(slope, kernel, jnp.zeros_like(V))
-
-
 def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
     """Steady friction, f_v, int g and the damping that needs no stiffness, at one velocity."""
     V = jnp.asarray(velocity, jnp.result_type(float, velocity))
@@ -86,7 +81,7 @@ def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
         force = law.force(V, law.steady_state(V), at)
     else:
         force = law.steady_force(V)
-    friction = friction_about(law, V)
+    friction = linear_friction(law, V)
     most = _largest_memory(friction.kernel)
     needed = jnp.maximum(most - friction.slope, 0.0)
     return SteadyPoint(V, force, friction, kernel_total(friction.kernel), needed)
@@ -96,19 +91,6 @@ def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
 def steady_points(law: Law, velocities: Float[ArrayLike, " n"]) -> SteadyPoint:
     """`steady_point` at every velocity [m/s]; what does not exist there is not finite."""
     return jax.vmap(lambda V: steady_point(law, V))(jnp.asarray(velocities, float))
-
-
-def refuse_without_steady_state(points: SteadyPoint) -> None:
-    """Raise `InputError` for the first velocity at which force or linearisation is not finite."""
-    finite = jnp.isfinite(points.force)
-    for leaf in jax.tree.leaves(points.friction):
-        finite &= jnp.all(jnp.isfinite(leaf).reshape(finite.shape[0], -1), axis=1)
-    if not bool(finite.all()):
-        bad = float(points.velocity[jnp.argmin(finite)])
-        raise InputError(
-            f"velocity: the friction law has no steady state at {bad:g} m/s (its force or its"
-            " slope is not finite there); leave that velocity out"
-        )
 
 
 def _largest_memory(kernel: AbstractKernel) -> Float[Array, ""]:
@@ -257,7 +239,7 @@ def study(
         )
     law = logarithmic(law)
     points = steady_points(law, jnp.atleast_1d(jnp.asarray(velocities, float)))
-    refuse_without_steady_state(points)
+    refuse_without_steady_state(points.velocity, (points.force, points.friction))
     theorems = theorem_over_velocity(points, k_v, mass)
     worst = _hardest(points, theorems, isinstance(law, AbstractDelayLaw))
     if k_p is None:
@@ -320,7 +302,7 @@ def slider_poles(
     k_v: Float[ArrayLike, ""],
 ) -> Complex[Array, " n"]:
     """Poles [1/s] of a slider about steady sliding at `velocity`; of a delay the rightmost."""
-    return poles(_slider(friction_about(law, jnp.asarray(velocity)), mass, k_p, k_v))
+    return poles(_slider(linear_friction(law, jnp.asarray(velocity)), mass, k_p, k_v))
 
 
 def intervals_over_velocity(

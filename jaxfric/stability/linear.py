@@ -15,8 +15,9 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float, PyTree
 
 from ..errors import InputError
 from ..rig import Inertial, QuasiStatic, Rig
@@ -112,6 +113,22 @@ def linear_friction(
     f_V, f_z, f_at = jax.jacfwd(law.force, (0, 1, 2))(V, state, at)
     r_V, r_z = jax.jacfwd(law.rate, (0, 1))(V, state, at)
     return LinearFriction(f_V, StateSpaceKernel(r_z, r_V, -f_z), f_at.slip)
+
+
+def refuse_without_steady_state(velocity: ArrayLike, found: PyTree) -> None:
+    """Raise `InputError` for the first velocity [m/s] at which what was `found` is not finite.
+
+    The arrays of `found` have the velocities along their first axis.
+    """
+    V = np.asarray(velocity)
+    finite = np.ones(len(V), bool)
+    for leaf in jax.tree.leaves(found):
+        finite &= np.all(np.isfinite(np.asarray(leaf)).reshape(len(V), -1), axis=1)
+    if not finite.all():
+        raise InputError(
+            f"velocity: the friction law has no steady state at {float(V[~finite][0]):g} m/s (its"
+            " force or its slope is not finite there); leave that velocity out"
+        )
 
 
 def linearise(rig: Rig, velocity: ArrayLike) -> LinearSlider:
