@@ -8,6 +8,7 @@ import pytest
 import jaxfric as jf
 from jaxfric.effects import CATALOGUE, RecordScales, effect_of, null, parameters
 from jaxfric.effects.effect import ROOMS
+from jaxfric.rig import recorded_stress
 from jaxfric.rig.friction import Conditions
 
 UM = 1e-6
@@ -15,13 +16,14 @@ MOTION = jf.PiecewiseVelocity([0.0, 40.0, 50.0], [1 * UM, 10 * UM, 3 * UM])
 TS = jnp.concatenate([jnp.linspace(0, 40, 40), jnp.linspace(40.05, 80, 160)])
 SCALES = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 100.0)
 # Where one side of the null is no physics (a lag that leads), the difference is taken on the other.
-ONE_SIDED = ("servo_lag", "sensor_lag", "damping", "evolution_cutoff")
+ONE_SIDED = ("servo_lag", "sensor_lag", "damping", "evolution_cutoff", "inertia")
+STRESS = recorded_stress(np.linspace(0, 80, 200), 10 + 0.05 * np.sin(np.linspace(0, 20, 200)))
 
 
-def rig(evolution=None):
+def rig(evolution=None, stress=STRESS):
     evolution = jf.SlipEvolution() if evolution is None else evolution
     law = jf.RateState(0.6, 0.01, [0.014], [10 * UM], 1 * UM, evolution)
-    return jf.Rig(jf.QuasiStatic(4e3), law)
+    return jf.Rig(jf.QuasiStatic(4e3), law, normal_stress=stress)
 
 
 NAMES = [(id, name) for id, effect in CATALOGUE.items() for name in parameters(effect)]
@@ -62,7 +64,7 @@ def test_null_of_all_effects_changes_nothing():
 def test_null_of_each_effect_changes_nothing(id):
     """In every room: force and rates of the law, drive and sensor."""
     before, after = rig(), null(CATALOGUE[id]).embed(rig())
-    at = Conditions(jnp.asarray(3e-5), jnp.asarray(7.0))
+    at = Conditions(jnp.asarray(3e-5), jnp.asarray(7.0), jnp.asarray(1.02))
     V, theta = jnp.asarray(3e-6), jnp.asarray([-0.003])
     state = jnp.concatenate([theta, after.friction.steady_state(V)[1:]])
     law = after.friction
@@ -74,7 +76,7 @@ def test_null_of_each_effect_changes_nothing(id):
     force = law.force(V, state, at)
     np.testing.assert_allclose(law.velocity(force, state, at), V, rtol=1e-13)
     assert after.machine.stiffness == before.machine.stiffness
-    assert after.machine.damping in (None, 0.0)
+    assert after.machine.damping in (None, 0.0) and after.machine.mass in (None, 0.0)
     t = jnp.asarray(40.3)
     assert after.drive.lag(MOTION, t) == 0 and after.drive.lag_rate(MOTION, t) == 0
     y = jnp.sin(TS)
@@ -136,7 +138,9 @@ def test_ageing_share_one_is_the_ageing_law():
 
 def test_second_state_is_the_two_state_law():
     two = jf.RateState(0.6, 0.01, [0.014, 0.002], [10 * UM, 50 * UM], 1 * UM)
-    expected = jf.simulate(jf.Rig(jf.QuasiStatic(4e3), two), MOTION, TS).recorded
+    expected = jf.simulate(
+        jf.Rig(jf.QuasiStatic(4e3), two, normal_stress=STRESS), MOTION, TS
+    ).recorded
     found = predict(changed("second_state", B2=0.002, L2=50 * UM))
     np.testing.assert_allclose(found, expected, atol=1e-7)
 

@@ -8,6 +8,8 @@ from .effect import AbstractEffect
 from .friction import (
     Ageing,
     EvolutionCutoff,
+    FrictionalDelay,
+    NormalStressState,
     PositionPeriodic,
     RunIn,
     SecondState,
@@ -17,7 +19,7 @@ from .friction import (
     VelocityDependentLength,
     Viscous,
 )
-from .machine import Damping, Stiffness
+from .machine import Damping, Inertia, Stiffness
 from .sensor import Gain, SensorDelay, SensorLag, TimeDrift
 
 _ALL: tuple[type[AbstractEffect], ...] = (
@@ -30,9 +32,12 @@ _ALL: tuple[type[AbstractEffect], ...] = (
     SlipTrend,
     RunIn,
     PositionPeriodic,
+    NormalStressState,
     Thermal,
+    FrictionalDelay,
     Stiffness,
     Damping,
+    Inertia,
     ServoLag,
     SensorLag,
     SensorDelay,

@@ -6,6 +6,7 @@ ROLES = {
     "time": "s",
     "load_point_displacement": "m",
     "load_point_velocity": "m/s",
+    "load_point_encoder": "m",
     "friction": "1",
     "slip": "m",
     "normal_stress": "Pa",
@@ -19,6 +20,8 @@ _SYNONYMS = {
     " pistondisplacement sheardisplacement sheardisp displacement displ disp",
     "load_point_velocity": "loadpointvelocity loadpointvel lpvelocity lpvel vlp loadingvelocity"
     " loadingrate drivevelocity motorvelocity commandedvelocity velocity vel v",
+    "load_point_encoder": "loadpointencoder lpencoder encoder encoderdisplacement encoderposition"
+    " motorencoder ramencoder measuredloadpoint measuredposition",
     "friction": "friction frictioncoefficient coefficientoffriction frictioncoeff"
     " coefffriction cof mu μ frictionforce shearforce tangentialforce",
     "slip": "slip slipdisplacement faultslip shearslip sliderdisplacement sliderposition",

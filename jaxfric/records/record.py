@@ -53,6 +53,8 @@ class Record:
 
     - `time` [s], as in the file; `relative_time` starts at 0.
     - `load_point_displacement` [m], `load_point_velocity` [m/s]: at least one of them.
+    - `load_point_encoder` [m] where the file has it: the load point as measured, beside the
+      displacement as commanded.
     - `friction`: a coefficient (`friction_unit` "1") or a force ("N").
     - `slip` [m] and `normal_stress` [Pa] where the file has them.
     - `units`: the unit of each role in the file.
@@ -64,6 +66,7 @@ class Record:
     load_point_velocity: np.ndarray | None = None
     slip: np.ndarray | None = None
     normal_stress: np.ndarray | None = None
+    load_point_encoder: np.ndarray | None = None
     friction_unit: str = "1"
     units: Mapping[str, str] = field(default_factory=dict)
     provenance: Provenance = field(default_factory=Provenance)
@@ -119,6 +122,7 @@ def from_arrays(
     load_point_velocity: ArrayLike | None = None,
     slip: ArrayLike | None = None,
     normal_stress: ArrayLike | None = None,
+    load_point_encoder: ArrayLike | None = None,
     friction_unit: str = "1",
 ) -> Record:
     """A record from arrays in SI, held to the rules of a file.
@@ -130,6 +134,7 @@ def from_arrays(
         "time": time,
         "load_point_displacement": load_point_displacement,
         "load_point_velocity": load_point_velocity,
+        "load_point_encoder": load_point_encoder,
         "friction": friction,
         "slip": slip,
         "normal_stress": normal_stress,

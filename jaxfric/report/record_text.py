@@ -16,9 +16,19 @@ def describe(record: Record, steps: VelocitySteps) -> list[str]:
         f"sampling: {record.sampling()}",
     ]
     shown = {"time": "s", "load_point_displacement": "um", "load_point_velocity": "um/s"}
-    shown |= {"slip": "um", "normal_stress": "MPa", "friction": record.friction_unit}
+    shown |= {
+        "load_point_encoder": "um",
+        "slip": "um",
+        "normal_stress": "MPa",
+        "friction": record.friction_unit,
+    }
     si = {"time": "s", "load_point_displacement": "m", "load_point_velocity": "m/s"}
-    si |= {"slip": "m", "normal_stress": "Pa", "friction": record.friction_unit}
+    si |= {
+        "load_point_encoder": "m",
+        "slip": "m",
+        "normal_stress": "Pa",
+        "friction": record.friction_unit,
+    }
     for role, values in record.columns.items():
         low, high = (
             format_si(float(v), si[role], shown[role], 7) for v in (np.min(values), np.max(values))

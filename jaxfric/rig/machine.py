@@ -22,14 +22,19 @@ class QuasiStatic(AbstractMachine):
     """The limit of vanishing mass: friction balances spring and dashpot at every instant.
 
     f(V, state) = K (x_m - x) + k_v (V_m - V). The law must be invertible in V.
+
+    `mass`, where it is given, is a small one: its inertia m dV/dt is taken off the pull
+    to first order in m, with dV/dt from the balance without it (see `simulation.ode`).
     """
 
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
     damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0)
+    mass: Float[Array, ""] | None = quantity("m", "F s^2/m", "small mass")
 
-    def __init__(self, stiffness, damping=None):
+    def __init__(self, stiffness, damping=None, mass=None):
         self.stiffness = stiffness
         self.damping = damping
+        self.mass = mass
 
 
 class Inertial(AbstractMachine):

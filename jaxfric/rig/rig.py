@@ -6,6 +6,7 @@ from .drive import AbstractDrive, IdealDrive
 from .friction.delay import AbstractDelayLaw
 from .friction.law import AbstractLaw
 from .machine import AbstractMachine
+from .normal_stress import NormalStress
 from .sensor import AbstractSensor, IdealSensor
 
 
@@ -13,9 +14,12 @@ class Rig(eqx.Module):
     """Four rooms that a record flows through in one direction.
 
     All forces are in one unit: newtons, or friction coefficient (see `quantity`).
+    `normal_stress` is the recorded history of what presses the contact, relative to the start:
+    the machine then pulls against n f, and f is recorded. None: it does not move.
     """
 
     machine: AbstractMachine
     friction: AbstractLaw | AbstractDelayLaw
     drive: AbstractDrive = IdealDrive()
     sensor: AbstractSensor = IdealSensor()
+    normal_stress: NormalStress | None = None

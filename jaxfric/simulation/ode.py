@@ -11,7 +11,8 @@ The elongation, not the slip, is integrated: slip grows without limit and would 
 digits that matter. Where there is mass the friction force takes the place of the velocity,
 V = law.velocity(force, state): near sticking the velocity falls by many decades while
 the force changes little. A law that is no `AbstractInvertibleLaw` leaves the velocity itself.
-The reference is the steady friction at the motion's first velocity. The command
+The reference is the steady friction at the motion's first velocity. Where normal stress moves the
+spring balances n f, with f the coefficient. The command
 x_c enters through its velocity, the drive's lag through its displacement, so a step of a
 slow drive needs no derivative of the lag.
 """
@@ -24,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..errors import InputError
-from ..motion import AbstractMotion
+from ..motion import AbstractMotion, PiecewiseVelocity
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
 from .start import Start, law_with_states
@@ -93,19 +94,15 @@ class SliderEquation(eqx.Module):
         del args
         law, scale = self.law, self.law.force_scale()
         now = self.physical(t, y)
-        at = Conditions(now.slip, t)
-        state_rate = law.rate(now.velocity, now.state, at)
+        state_rate = law.rate(now.velocity, now.state, self._at(now.slip, t))
         spring_rate = self.rig.machine.stiffness * (self.motion.velocity(t) - now.velocity)
         dy = {"q": spring_rate / scale, "psi": state_rate / scale}
         if isinstance(self.rig.machine, Inertial):
-            acceleration = (self._pull(t, y, now.velocity) - now.force) / self.rig.machine.mass
+            resistance = now.force * self._stress(t)
+            acceleration = (self._pull(t, y, now.velocity) - resistance) / self.rig.machine.mass
             if self._unknown_velocity():
                 return {**dy, "v": acceleration / self.motion.largest_speed()}
-            _, force_rate = jax.jvp(
-                law.force,
-                (now.velocity, now.state, at),
-                (acceleration, state_rate, Conditions(now.velocity, jnp.ones_like(t))),
-            )
+            force_rate = self._force_rate(t, now, acceleration, state_rate)
             dy["phi"] = force_rate / scale
         return dy
 
@@ -117,22 +114,88 @@ class SliderEquation(eqx.Module):
         if self.start.elongation is not None:
             slip = slip + self.start.elongation
         state = scale * y["psi"]
-        at = Conditions(slip, t)
+        at = self._at(slip, t)
         if not isinstance(law, AbstractInvertibleLaw):
             velocity = self.motion.largest_speed() * y["v"]
             return Slider(law.force(velocity, state, at), velocity, slip, state)
         if isinstance(machine, Inertial):
             force = self.reference + scale * y["phi"]
             return Slider(force, law.velocity(force, state, at), slip, state)
-        pull = self._pull(t, y, jnp.zeros_like(t))
-        velocity = law.velocity(pull, state, at, damping=machine.damping)
-        force = pull if machine.damping is None else pull - machine.damping * velocity
-        return Slider(force, velocity, slip, state)
+        stress = self._stress(t)
+        pull = self._pull(t, y, jnp.zeros_like(t)) / stress
+        damping = None if machine.damping is None else machine.damping / stress
+        velocity = law.velocity(pull, state, at, damping=damping)
+        force = pull if damping is None else pull - damping * velocity
+        return self._with_small_mass(t, Slider(force, velocity, slip, state))
 
     def log_speed(self, t: Float[Array, ""], y: dict[str, Array]) -> Float[Array, ""]:
         """ln(|V| / largest commanded speed); large where the slider runs away."""
         speed = jnp.abs(self.physical(t, y).velocity)
         return jnp.log(speed / self.motion.largest_speed() + 1e-300)
+
+    def _with_small_mass(self, t, still: Slider) -> Slider:
+        """The slider with m dV/dt taken off the pull, from its values without mass.
+
+        To first order in m, dV/dt is that of the balance n f + k_v V = pull as it moves along:
+
+            dV/dt = [d pull/dt - n (df/dt at constant V) - n' f]/(n f_V + k_v)
+
+        A step of the command makes it jump, but a mass follows in the time t_m = m/(n f_V + k_v):
+        of the jump at t_k the part exp(-(t - t_k)/t_m) is not there yet. The change of ln V that
+        follows is kept below 1, a bound that is felt from the third order in m.
+        """
+        machine, law = self.rig.machine, self.law
+        mass = machine.mass if isinstance(machine, QuasiStatic) else None
+        if mass is None:
+            return still
+        V, rest = still.velocity, jnp.zeros_like(t)
+        state_rate = law.rate(V, still.state, self._at(still.slip, t))
+        stress, slope = self._stress(t), self._slope(t, still)
+        damping = rest if machine.damping is None else machine.damping
+        whole = stress * slope + damping
+        drift = stress * self._force_rate(t, still, rest, state_rate)
+        if self.rig.normal_stress is not None:
+            drift = drift + still.force * jax.jvp(self._stress, (t,), (jnp.ones_like(t),))[1]
+        load = self.rig.drive.lag_rate(self.motion, t) + self._not_yet(t, mass / whole)
+        pull_rate = machine.stiffness * (self.motion.velocity(t) - load - V)
+        change = -mass * (pull_rate - drift) / (whole**2 * V)
+        change = change / jnp.sqrt(1 + change**2)
+        force = still.force + slope * V * change
+        return Slider(force, V * jnp.exp(change), still.slip, still.state)
+
+    def _not_yet(self, t, time: Float[Array, ""]) -> Float[Array, ""]:
+        """Velocity of the command that a lag of `time` has not yet followed."""
+        motion = self.motion
+        if not isinstance(motion, PiecewiseVelocity):
+            return jnp.zeros_like(t)
+        begun = (t >= motion.times[1:]) & (time > 0)
+        since = jnp.where(begun, t - jnp.where(begun, motion.times[1:], 0.0), 0.0)
+        left = jnp.exp(-since / jnp.where(time > 0, time, 1.0))
+        return jnp.sum(jnp.where(begun, jnp.diff(motion.velocities) * left, 0.0))
+
+    def _at(self, slip, t) -> Conditions:
+        moves = self.rig.normal_stress is not None
+        return Conditions(slip, t, self._stress(t) if moves else None)
+
+    def _stress(self, t) -> Float[Array, ""]:
+        """n, the normal stress over the one at the start."""
+        stress = self.rig.normal_stress
+        return jnp.ones_like(t) if stress is None else stress.ratio(t)
+
+    def _force_rate(self, t, now: Slider, acceleration, state_rate) -> Float[Array, ""]:
+        """df/dt where the velocity changes by `acceleration` and the state by `state_rate`."""
+
+        def force(V, state, slip, t):
+            return self.law.force(V, state, self._at(slip, t))
+
+        along = (acceleration, state_rate, now.velocity, jnp.ones_like(t))
+        return jax.jvp(force, (now.velocity, now.state, now.slip, t), along)[1]
+
+    def _slope(self, t, now: Slider) -> Float[Array, ""]:
+        """df/dV at fixed state."""
+        at = self._at(now.slip, t)
+        V = now.velocity
+        return jax.jvp(lambda V: self.law.force(V, now.state, at), (V,), (jnp.ones_like(V),))[1]
 
     def _unknown_velocity(self) -> bool:
         return not isinstance(self.law, AbstractInvertibleLaw)

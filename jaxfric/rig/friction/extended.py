@@ -4,6 +4,10 @@
 
 A term adds a force and may bring states of its own. With all amplitudes zero the law is its
 base, to rounding: that is what makes fits with and without a term comparable.
+
+A term may also stand between the states and their evolution. Where theta' holds the rate of
+something known, h(V, n)', the states integrated are theta - h: the term adds h as a force and gives
+it back, by `shift`, to the evolution, and nothing has to be differentiated.
 """
 
 import abc
@@ -31,8 +35,8 @@ class Contact(NamedTuple):
     state: Float[Array, " n"]
     """States of the term itself."""
     base: RateState
-    theta: Float[Array, " m"]
-    """States of the base law."""
+    stress: Float[Array, ""] | None = None
+    """Normal stress over the one at the start; None: it does not move."""
 
 
 class AbstractTerm(eqx.Module):
@@ -55,6 +59,10 @@ class AbstractTerm(eqx.Module):
     def steady_state(self, V: Float[Array, ""], base: RateState) -> Float[Array, " n"]:
         """Its states in steady sliding at `V`."""
 
+    @abc.abstractmethod
+    def shift(self, at: Contact) -> Float[Array, ""] | None:
+        """h: what the base's evolution sees of theta beyond what is integrated; None: nothing."""
+
 
 class AbstractStatelessTerm(AbstractTerm):
     """An addition to friction that has no states."""
@@ -69,6 +77,10 @@ class AbstractStatelessTerm(AbstractTerm):
         del base
         return jnp.zeros((0,), V.dtype)
 
+    def shift(self, at: Contact) -> None:
+        """Nothing."""
+        del at
+
 
 class ExtendedLaw(AbstractInvertibleLaw):
     """A base law and its terms; the states are the base's, then those of the terms in order."""
@@ -80,21 +92,24 @@ class ExtendedLaw(AbstractInvertibleLaw):
         theta, parts = self._split(state)
         total = self.base.force(V, theta, at)
         for term, part in zip(self.terms, parts, strict=True):
-            total = total + term.force(self._contact(V, part, theta, at))
+            total = total + term.force(self._contact(V, part, at))
         return total
 
     def rate(self, V, state, at):
         theta, parts = self._split(state)
-        rates = [self.base.rate(V, theta, at)]
+        rates = [self.base.rate(V, self._seen(V, theta, parts, at), at)]
         force = self.force(V, state, at) if any(term.states for term in self.terms) else V
         for term, part in zip(self.terms, parts, strict=True):
             if term.states:
-                rates.append(term.rate(self._contact(V, part, theta, at), force))
+                rates.append(term.rate(self._contact(V, part, at), force))
         return jnp.concatenate(rates)
 
     def steady_state(self, V):
-        parts = [term.steady_state(V, self.base) for term in self.terms if term.states]
-        return jnp.concatenate([self.base.steady_state(V), *parts])
+        parts = [term.steady_state(V, self.base) for term in self.terms]
+        at = Conditions(jnp.zeros_like(V), jnp.zeros_like(V))
+        theta = self.base.steady_state(V)
+        theta = theta - (self._seen(V, theta, parts, at) - theta)
+        return jnp.concatenate([theta, *parts])
 
     def force_scale(self):
         return self.base.force_scale()
@@ -105,7 +120,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
         still = jnp.ones_like(force)
         for term, part in pairs:
             if not term.moves:
-                force = force - term.force(self._contact(still, part, theta, at))
+                force = force - term.force(self._contact(still, part, at))
         V = self.base.velocity(force, theta, at, damping=damping)
         moving = [(term, part) for term, part in pairs if term.moves]
         if not moving:
@@ -114,7 +129,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
         def excess(V):
             total = self.base.force(V, theta, at) - force
             for term, part in moving:
-                total = total + term.force(self._contact(V, part, theta, at))
+                total = total + term.force(self._contact(V, part, at))
             return total if damping is None else total + damping * V
 
         # Newton in ln V; only the last step carries derivatives
@@ -122,8 +137,16 @@ class ExtendedLaw(AbstractInvertibleLaw):
             V = _newton(excess, jax.lax.stop_gradient(V))
         return V
 
-    def _contact(self, V, part, theta, at: Conditions) -> Contact:
-        return Contact(V, at.slip, at.time, part, self.base, theta)
+    def _contact(self, V, part, at: Conditions) -> Contact:
+        return Contact(V, at.slip, at.time, part, self.base, at.stress)
+
+    def _seen(self, V, theta, parts, at: Conditions):
+        """The base's states as their evolution sees them; shifts are the first one's."""
+        for term, part in zip(self.terms, parts, strict=True):
+            shift = term.shift(self._contact(V, part, at))
+            if shift is not None:
+                theta = theta.at[0].add(shift)
+        return theta
 
     def _split(self, state) -> tuple[Array, list[Array]]:
         n = self.base.B.shape[0]
@@ -158,7 +181,7 @@ class BlendedEvolution(AbstractEvolution):
     def rate(self, r, theta, B, L, V0):
         moving = r > 0
         log_r = jnp.log(jnp.where(moving, r, 1.0))
-        cut = jnp.log1p(jnp.maximum(self.c * V0 * r, -0.9))
+        cut = self._cut(r, V0)
         length = L * jnp.exp(jnp.clip(self.n * log_r, -_LOG_MAX, _LOG_MAX))
         slip = -(V0 * r / length) * (theta + B * (log_r - cut))
         slip = jnp.where(moving, slip, 0.0)
@@ -167,3 +190,9 @@ class BlendedEvolution(AbstractEvolution):
         heal = jnp.exp(jnp.minimum(-psi + cut, _LOG_MAX))
         ageing = jnp.where(absent, 0.0, (B * V0 / length) * (heal - r))
         return (1 - self.q) * slip + self.q * ageing
+
+    def steady_state(self, r, B, V0):
+        return -B * (jnp.log(r) - self._cut(r, V0))
+
+    def _cut(self, r, V0):
+        return jnp.log1p(jnp.maximum(self.c * V0 * r, -0.9))

@@ -13,10 +13,14 @@ from jaxtyping import Array, Float
 
 
 class Conditions(NamedTuple):
-    """Where and when the contact is: slip since the start [m] and time since the start [s]."""
+    """Where and when the contact is: slip since the start [m] and time since the start [s].
+
+    `stress` is the normal stress over the one at the start, n; None: it does not move.
+    """
 
     slip: Float[Array, ""]
     time: Float[Array, ""]
+    stress: Float[Array, ""] | None = None
 
 
 class AbstractLaw(eqx.Module):

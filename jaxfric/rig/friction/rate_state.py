@@ -40,6 +40,12 @@ class AbstractEvolution(eqx.Module):
     ) -> Float[Array, " n"]:
         """dtheta/dt [force/s]."""
 
+    @abc.abstractmethod
+    def steady_state(
+        self, r: Float[Array, ""], B: Float[Array, " n"], V0: Float[Array, ""]
+    ) -> Float[Array, " n"]:
+        """theta at which `rate` vanishes."""
+
 
 class SlipEvolution(AbstractEvolution):
     """Ruina's slip law (4): dtheta/dt = -(V/L) (theta + B ln(V/V0)); frozen at rest."""
@@ -48,6 +54,9 @@ class SlipEvolution(AbstractEvolution):
         moving = r > 0
         log_r = jnp.log(jnp.where(moving, r, 1.0))
         return jnp.where(moving, -(V0 * r / L) * (theta + B * log_r), 0.0)
+
+    def steady_state(self, r, B, V0):
+        return -B * jnp.log(r)
 
 
 class AgeingEvolution(AbstractEvolution):
@@ -61,6 +70,9 @@ class AgeingEvolution(AbstractEvolution):
         absent = B == 0
         psi = theta / jnp.where(absent, 1.0, B)
         return jnp.where(absent, 0.0, (B * V0 / L) * (jnp.exp(jnp.minimum(-psi, _LOG_MAX)) - r))
+
+    def steady_state(self, r, B, V0):
+        return -B * jnp.log(r)
 
 
 class AbstractDirectEffect(eqx.Module):
@@ -176,7 +188,7 @@ class RateState(AbstractInvertibleLaw):
         return self.evolution.rate(jnp.abs(V) / self.V0, state, self.B, self.L, self.V0)
 
     def steady_state(self, V):
-        return -self.B * jnp.log(jnp.abs(V) / self.V0)
+        return self.evolution.steady_state(jnp.abs(V) / self.V0, self.B, self.V0)
 
     def force_scale(self):
         return self.A

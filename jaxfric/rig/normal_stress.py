@@ -1,0 +1,95 @@
+"""Normal stress on the contact, as recorded: a smooth function of time through a noisy gauge.
+
+Friction is a coefficient f; the machine feels n f, where n(t) is the normal stress over the one
+at the start. What a change of n does to the state of friction is a matter of the law
+(`effects`); that the pull balances n f is not.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from ..errors import InputError
+
+_KNOTS = 4096
+_FEWEST = 5
+# A gauge that is that quiet, relative to its level, is taken as it is.
+_QUIET = 1e-9
+
+
+class NormalStress(eqx.Module):
+    """n(t), normal stress over the one at the start: a cubic on each interval of time.
+
+    knots : begins of the intervals [s], ascending, shape (m,); padding is inf.
+    coefficients : of (t - knot)^3, ^2, ^1, ^0, shape (4, m).
+    span : first and last time [s]; n stays constant outside. The first cubic reaches back to
+        the first time.
+
+    Cubics, since a solver stops for every corner of a broken line.
+    """
+
+    knots: Float[Array, " m"]
+    coefficients: Float[Array, "4 m"]
+    span: Float[Array, " 2"]
+
+    def ratio(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        """n at time t [s]."""
+        t = jnp.clip(t, self.span[0], self.span[1])
+        # all knots at once: a search is a loop within the solver's, and slower
+        index = jnp.maximum(jnp.sum(t >= self.knots) - 1, 0)
+        c = self.coefficients[:, index]
+        since = t - self.knots[index]
+        return ((c[0] * since + c[1]) * since + c[2]) * since + c[3]
+
+    def padded(self, length: int) -> "NormalStress":
+        """The same with `length` knots, the last of them never reached."""
+        more = length - self.knots.shape[0]
+        if more < 0:
+            raise InputError(f"normal stress: {self.knots.shape[0]} knots do not fit in {length}")
+        return NormalStress(
+            jnp.pad(self.knots, (0, more), constant_values=jnp.inf),
+            jnp.pad(self.coefficients, ((0, 0), (0, more))),
+            self.span,
+        )
+
+
+def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) -> NormalStress:
+    """The history of a recorded channel: `time` from the start of the record [s], `stress` > 0.
+
+    Neighbouring rows are averaged until at most `knots` are left. A cubic smoothing spline
+    goes through them (SciPy's `make_smoothing_spline`), as smooth as generalised cross-validation
+    says, so nothing has to be set. It is divided by its value at the first row.
+
+    Raises
+    ------
+    InputError : arrays of different shapes or of fewer than 5 rows, a time that does not
+        ascend, a stress that is not positive.
+    """
+    t, s = np.asarray(time, float), np.asarray(stress, float)
+    if t.ndim != 1 or t.shape != s.shape or len(t) < _FEWEST or np.any(np.diff(t) <= 0):
+        raise InputError("normal stress: needs as many rows as ascending times, 5 at least")
+    if not np.all(s > 0):
+        raise InputError("normal stress: must be positive in every row; cut the record")
+    from scipy.interpolate import PPoly, make_smoothing_spline  # slow to import
+
+    begin, end = t[0], t[-1]
+    rows = -(-len(t) // max(knots - 1, _FEWEST))
+    starts = np.arange(0, len(t), rows)
+    sizes = np.diff(np.append(starts, len(t)))
+    t, s = np.add.reduceat(t, starts) / sizes, np.add.reduceat(s, starts) / sizes
+    level = float(np.mean(s))
+    # in units of the mean interval: in seconds the spline's equations may be ill-conditioned
+    unit = (end - begin) / len(t)
+    deviation = s / level - 1
+    if np.ptp(deviation) < _QUIET:
+        deviation = np.zeros_like(s)
+    spline = make_smoothing_spline((t - begin) / unit, deviation, w=sizes / rows)
+    pieces = PPoly.from_spline(spline)
+    inside = np.diff(pieces.x) > 0
+    c = pieces.c[:, inside].copy()
+    c[-1] += 1.0
+    start = 1.0 + float(spline(0.0))
+    c = c / start / unit ** np.arange(3, -1, -1)[:, None]
+    at = begin + unit * pieces.x[:-1][inside]
+    return NormalStress(jnp.asarray(at), jnp.asarray(c), jnp.asarray([begin, end]))

@@ -1,0 +1,156 @@
+"""Normal stress, frictional delay and inertia against SciPy, which solves what they approximate."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxfric as jf
+from fits.blind.plants import Base, Protocol, Stress
+from fits.blind.plants import simulate as plant
+from jaxfric.effects import effect_of
+from jaxfric.rig import recorded_stress
+
+UM = 1e-6
+VELOCITIES = (1 * UM, 10 * UM, 100 * UM, 30 * UM, 100 * UM)
+PROTOCOL = Protocol(VELOCITIES, tuple(150 * UM / v for v in VELOCITIES))
+MOTION = jf.PiecewiseVelocity(PROTOCOL.starts, VELOCITIES)
+TS = np.concatenate(
+    [s + (np.arange(120) + 0.3 * (s > 0)) / 120 * d
+     for s, d in zip(PROTOCOL.starts, PROTOCOL.durations, strict=True)]
+)  # fmt: skip
+CROSSING = 6 * UM / (100 * UM)
+HUNTING = Stress((0.006, 0.004), (0.3, 0.11), (0.5, 2.0))
+
+
+def base(stiffness):
+    """K L/A = stiffness; at 1 velocity strengthening, else those steps would come near slip."""
+    B = 0.007 if stiffness == 1.0 else 0.015
+    return Base(0.6, 0.01, B, 6 * UM, stiffness * 0.01 / (6 * UM))
+
+
+def made(id, **values):
+    """An effect of the catalogue with some of its parameters."""
+    effect: Any = effect_of(id)
+    return effect(**values)
+
+
+def rig(plant_base, stress=None):
+    law = jf.RateState(plant_base.f0, plant_base.A, [plant_base.B], [plant_base.L], 1 * UM)
+    return jf.Rig(jf.QuasiStatic(plant_base.K), law, normal_stress=stress)
+
+
+@pytest.fixture(scope="module")
+def smooth():
+    """The history of a gauge without noise."""
+    return recorded_stress(TS, 10 * np.exp(HUNTING.logarithm(TS)))
+
+
+@jax.jit
+def predict(built):
+    return jf.simulate(built, MOTION, jnp.asarray(TS), rtol=1e-6).recorded
+
+
+def relative_error(id, stiffness, **values):
+    """rms of the error over rms of the effect, by the independent plant."""
+    b = base(stiffness)
+    truth = plant(b, PROTOCOL, {id: values}, TS).record
+    size = truth - plant(b, PROTOCOL, {}, TS).record
+    found = np.asarray(predict(made(id, **values).embed(rig(b))))
+    return np.sqrt(np.mean((found - truth) ** 2) / np.mean(size**2))
+
+
+def test_history_through_a_noisy_gauge():
+    """Noise of 5e-5 is smoothed away, and the history is 1 at the start and the same padded."""
+    true = np.exp(HUNTING.logarithm(TS))
+    noisy = 10 * true * (1 + 5e-5 * np.random.default_rng(0).standard_normal(len(TS)))
+    history = recorded_stress(TS, noisy)
+    found = jax.vmap(history.ratio)(jnp.asarray(TS))
+    assert found[0] == pytest.approx(1.0, abs=1e-12)
+    assert np.std(np.asarray(found) / true) < 2.5e-5
+    padded = jax.vmap(history.padded(900).ratio)(jnp.asarray(TS))
+    np.testing.assert_array_equal(padded, found)
+
+
+def test_constant_stress_is_one():
+    history = recorded_stress(TS, np.full(len(TS), 5e6))
+    np.testing.assert_allclose(jax.vmap(history.ratio)(jnp.asarray(TS)), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "stress", [np.ones(3), np.full(len(TS), -1.0), np.append(np.ones(len(TS) - 1), np.nan)]
+)
+def test_bad_stress_is_refused(stress):
+    with pytest.raises(jf.InputError, match="normal stress"):
+        recorded_stress(TS, stress)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3])
+def test_normal_stress_is_that_of_the_plant(smooth, alpha):
+    b = base(3.0)
+    truth = plant(b, PROTOCOL, {"normal_stress": {"alpha": alpha}}, TS, stress=HUNTING).record
+    found = predict(made("normal_stress", alpha=alpha).embed(rig(b, smooth)))
+    np.testing.assert_allclose(found, truth, atol=2e-5)
+    still = plant(b, PROTOCOL, {}, TS).record
+    assert np.max(np.abs(truth - still)) > 2e-4
+
+
+def test_normal_stress_needs_the_channel():
+    b = base(3.0)
+    np.testing.assert_array_equal(
+        predict(made("normal_stress", alpha=0.3).embed(rig(b))),
+        predict(made("normal_stress").embed(rig(b))),
+    )
+
+
+# K L/A, size of the effect, largest relative error: the ranges that the effects promise
+@pytest.mark.parametrize(
+    ("stiffness", "a", "worst"), [(1.0, 0.1, 0.06), (1.0, 0.3, 0.2), (3.0, 0.1, 0.2)]
+)
+def test_delay_in_its_range(stiffness, a, worst):
+    assert relative_error("frictional_delay", stiffness, alpha=a * CROSSING) < worst
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "w", "worst"), [(1.0, 0.1, 0.05), (1.0, 0.3, 0.3), (3.0, 0.1, 0.5)]
+)
+def test_inertia_in_its_range(stiffness, w, worst):
+    mass = base(stiffness).K * (w * CROSSING) ** 2
+    assert relative_error("inertia", stiffness, m=mass) < worst
+
+
+@pytest.mark.parametrize("id", ["frictional_delay", "inertia"])
+def test_error_is_of_second_order(id):
+    """Half the parameter, half the relative error: the derivative at the null is the plant's."""
+    name, size = (
+        ("alpha", 0.04 * CROSSING)
+        if id == "frictional_delay"
+        else ("m", 1667 * (0.2 * CROSSING) ** 2)
+    )
+    errors = [relative_error(id, 1.0, **{name: part * size}) for part in (1.0, 0.5)]
+    assert 0.4 < errors[1] / errors[0] < 0.62
+
+
+@pytest.mark.parametrize("a", [1.0, 3.0])
+def test_delay_stays_finite(a):
+    found = predict(made("frictional_delay", alpha=a * CROSSING).embed(rig(base(3.0))))
+    assert np.all(np.isfinite(found))
+
+
+def test_inertia_stays_finite():
+    b = base(3.0)
+    found = predict(made("inertia", m=b.K * (0.3 * CROSSING) ** 2).embed(rig(b)))
+    assert np.all(np.isfinite(found))
+
+
+def test_encoder_is_read(tmp_path):
+    path = tmp_path / "record.csv"
+    rows = [f"{0.1 * i:.1f},{i},{i + 0.5},0.6" for i in range(40)]
+    header = "time [s],load_point_displacement [um],load_point_encoder [um],friction [1]"
+    path.write_text("\n".join([header, *rows]) + "\n")
+    record = jf.read(path)
+    assert record.load_point_encoder is not None
+    np.testing.assert_allclose(record.load_point_encoder[:2], [0.5e-6, 1.5e-6])
+    assert record.window(0.0, 2.5).load_point_encoder is not None
