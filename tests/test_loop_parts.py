@@ -6,7 +6,7 @@ from scipy import stats
 
 import jaxfric as jf
 from jaxfric.loop.split import split
-from jaxfric.loop.tests import chi_square_tail, holm, structure
+from jaxfric.loop.structure import chi_square_tail, holm, structure
 
 
 def steps(count):

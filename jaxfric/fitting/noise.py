@@ -108,15 +108,18 @@ def estimate_noise(
     weight: Float[Array, " n"],
     residual: Float[Array, " n"],
     jacobian: Float[Array, "n p"],
+    longest: Float[Array, ""] | None = None,
 ) -> Noise:
     """Restricted maximum-likelihood noise of a residual with the given Jacobian.
 
-    `correlation_time` is searched from half the median sampling interval to half the record.
+    `correlation_time` is searched from half the median sampling interval to `longest`, by
+    default half the record.
     """
     columns = jnp.concatenate([residual[:, None], jacobian], axis=1)
     gaps = jnp.where(weight[1:] > 0, jnp.diff(time), jnp.nan)
     span = time[-1] - time[0]
-    low, high = jnp.log(0.5 * jnp.nanmedian(gaps)), jnp.log(0.5 * span)
+    low = jnp.log(0.5 * jnp.nanmedian(gaps))
+    high = jnp.log(0.5 * span if longest is None else longest)
     offsets = jnp.linspace(-1.0, 1.0, _GRID)
 
     def zoom(carry, _):

@@ -29,6 +29,8 @@ from ..rig.friction import (
     RegularisedEffect,
     SlipEvolution,
 )
+from ..rig.normal_stress import NormalStress
+from ..rig.timing import LateSteps
 from ..simulation import RESULTS, simulate
 from .noise import Noise, whiten
 
@@ -37,7 +39,6 @@ LAWS = {"slip": SlipEvolution(), "ageing": AgeingEvolution()}
 # Misfit, in units of the noise scale, of a trial whose simulation failed: finite, and worse
 # than any fit worth having, so that the solver rejects the trial and shortens its step.
 FAILED_MISFIT = 1e4
-_SHIFT = 0.5
 _TIME_SHARE = 1e-3
 _LAW_QUANTITIES = quantities(RateState)
 _MACHINE_QUANTITIES = quantities(QuasiStatic)
@@ -100,12 +101,26 @@ class Model(NamedTuple):
         return build_rig(self, values, V0, stiffness)
 
 
+class Channel(eqx.Module):
+    """A second recorded quantity: "slip" of the slider or position of the "load_point" [m].
+
+    Its noise is white; its zero is unknown, so only changes from the mean under `anchor` count.
+    """
+
+    values: Float[Array, " n"]
+    noise: Float[Array, ""]
+    anchor: Float[Array, " n"]
+    kind: str = eqx.field(static=True)
+
+
 class Problem(eqx.Module):
     """A padded record, its motion and a `Model`. All arrays SI; time starts at 0."""
 
     time: Float[Array, " n"]
     friction: Float[Array, " n"]
     weight: Float[Array, " n"]
+    clock: Float[Array, " n"]
+    """What noise is correlated over: time, or the number of the sample."""
     motion: PiecewiseVelocity
     shifted: Int[Array, " k"]
     shift_scale: Float[Array, " k"]
@@ -117,6 +132,8 @@ class Problem(eqx.Module):
     slip_scale: Float[Array, ""]
     damping: Float[Array, ""] | None
     noise: Noise | None
+    channels: tuple[Channel, ...]
+    normal_stress: NormalStress | None
     model: RigModel = eqx.field(static=True)
     rtol: float = eqx.field(static=True)
     max_steps: int = eqx.field(static=True)
@@ -135,8 +152,11 @@ class Problem(eqx.Module):
 
     def step_times(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         """Times of the velocity steps [s] at the parameters `z`."""
+        return self.motion.times + self._delays(z)
+
+    def _delays(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         shift = self.shift_scale * z[len(self.model.names()) :]
-        return self.motion.times.at[self.shifted].add(shift)
+        return jnp.zeros_like(self.motion.times).at[self.shifted].add(shift)
 
     def _quantity(self, name: str) -> Quantity:
         return self.model.quantity(name)
@@ -149,6 +169,7 @@ class Problem(eqx.Module):
             "F": self.force_scale,
             "F/m": self.force_scale / self.slip_scale,
             "F s/m": self.force_scale / speed,
+            "F s^2/m": self.force_scale / speed * 1e-4 * duration,
             "F/s": self.force_scale / duration,
             "s": _TIME_SHARE * duration,
             "s/m": 1 / speed,
@@ -162,6 +183,12 @@ class Problem(eqx.Module):
     def rig(self, z: Float[Array, " q"]) -> Rig:
         """The rig with the parameters `z`."""
         rig = self.model.rig(self.from_free(z), self.V0, self.stiffness)
+        if self.normal_stress is not None:
+            rig = eqx.tree_at(
+                lambda r: r.normal_stress, rig, self.normal_stress, is_leaf=lambda x: x is None
+            )
+        if len(self.shifted):
+            rig = eqx.tree_at(lambda r: r.drive, rig, LateSteps(rig.drive, self._delays(z)))
         if self.damping is None:
             return rig
         before = rig.machine.damping
@@ -189,55 +216,57 @@ class Problem(eqx.Module):
         """The same problem with other weights on the shifts of the step times."""
         return dataclasses.replace(self, hold=jnp.asarray(hold))
 
-    def predict(self, z: Float[Array, " q"]) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
-        """Predicted friction at the sample times, and whether the simulation succeeded."""
-        motion = eqx.tree_at(lambda m: m.times, self.motion, self.step_times(z))
+    def predict(
+        self, z: Float[Array, " q"]
+    ) -> tuple[Float[Array, " n"], tuple[Float[Array, " n"], ...], Bool[Array, ""]]:
+        """Predicted friction and channels at the sample times, and whether that succeeded."""
+        rig = self.rig(z)
         out = simulate(
-            self.rig(z),
-            motion,
+            rig,
+            self.motion,
             self.time,
             rtol=self.rtol,
             max_steps=self.max_steps,
             runaway=1e4 if self.damping is None else 1e9,
         )
-        return out.recorded, out.result == RESULTS.successful
+        seen = tuple(self._channel(channel.kind, rig, out.slip) for channel in self.channels)
+        return out.recorded, seen, out.result == RESULTS.successful
+
+    def _channel(self, kind: str, rig: Rig, slip: Float[Array, " n"]) -> Float[Array, " n"]:
+        if kind == "slip":
+            return slip
+        commanded = jax.vmap(self.motion.displacement)(self.time)
+        return commanded - jax.vmap(lambda t: rig.drive.lag(self.motion, t))(self.time)
 
     def residual(self, z: Float[Array, " q"]) -> Float[Array, " r"]:
-        """(predicted - recorded)/noise_scale, then the shifts of the step times times `hold`.
+        """(predicted - recorded)/noise_scale, then the same of every channel by its own noise,
+        then the shifts of the step times times `hold`.
 
         0 on padding, `FAILED_MISFIT` for a failed trial.
         """
-        predicted, ok = self.predict(z)
+        predicted, seen, ok = self.predict(z)
         residual = (predicted - self.friction) / self.noise_scale
         if self.noise is not None:
-            residual = whiten(self.time, self.weight, residual[:, None], self.noise)[:, 0]
-        residual = jnp.where(ok & jnp.isfinite(residual), residual, FAILED_MISFIT) * self.weight
-        return jnp.concatenate([residual, self.hold * z[len(self.model.names()) :]])
+            residual = whiten(self.clock, self.weight, residual[:, None], self.noise)[:, 0]
+        rows = [residual]
+        for channel, found in zip(self.channels, seen, strict=True):
+            change = (found - channel.values) / channel.noise
+            mean = jnp.sum(channel.anchor * change) / jnp.sum(channel.anchor)
+            rows.append(change - mean)
+        rows = [jnp.where(ok & jnp.isfinite(row), row, FAILED_MISFIT) * self.weight for row in rows]
+        return jnp.concatenate([*rows, self.hold * z[len(self.model.names()) :]])
 
 
 @eqx.filter_jit
 def residual_and_jacobian(
     problem: Problem, z: Float[Array, " q"]
 ) -> tuple[Float[Array, " r"], Float[Array, "r q"]]:
-    """Residual and its Jacobian.
-
-    Forward mode, one solve that carries all tangents; step times by differences over half a
-    standard error, since a solver that stops at a jump has no derivative there.
-    """
-    p, q = len(problem.model.names()), z.shape[0]
+    """Residual and its Jacobian, in forward mode: one solve that carries all tangents."""
 
     def push(tangent):
         return jax.jvp(problem.residual, (z,), (tangent,))
 
-    residual, jacobian = jax.vmap(push, out_axes=(None, -1))(jnp.eye(p, q, dtype=z.dtype))
-    if q == p:
-        return residual, jacobian
-
-    def difference(i):
-        return (problem.residual(z.at[i].add(_SHIFT)) - residual) / _SHIFT
-
-    shifts = jax.lax.map(difference, jnp.arange(p, q))
-    return residual, jnp.concatenate([jacobian, shifts.T], axis=1)
+    return jax.vmap(push, out_axes=(None, -1))(jnp.eye(z.shape[0], dtype=z.dtype))
 
 
 @eqx.filter_jit
@@ -305,6 +334,8 @@ def make_problem(
     """
     n = len(time)
     shifted = np.zeros(0, int) if shifted is None else np.asarray(shifted, int)
+    if len(shifted):  # to a few lengths; the first velocity has no step and no error
+        shifted = np.pad(shifted, (0, bucket(len(shifted), 4) - len(shifted)))
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
     pad = (0, bucket(n, 256) - n)
     motion = PiecewiseVelocity(steps.times, steps.velocities)
@@ -312,6 +343,7 @@ def make_problem(
         time=jnp.asarray(np.pad(time, pad, mode="edge")),
         friction=jnp.asarray(np.pad(friction, pad, mode="edge")),
         weight=jnp.asarray(np.pad(np.ones(n), pad)),
+        clock=jnp.asarray(np.pad(time, pad, mode="edge")),
         motion=motion.padded(bucket(len(steps), 4)),
         shifted=jnp.asarray(shifted),
         shift_scale=jnp.asarray(errors[shifted], float),
@@ -323,6 +355,8 @@ def make_problem(
         slip_scale=jnp.array(np.sum(np.abs(np.diff(steps.displacement(time)))), float),
         damping=None,
         noise=None,
+        channels=(),
+        normal_stress=None,
         model=model,
         rtol=rtol,
         max_steps=max_steps,

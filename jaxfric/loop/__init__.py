@@ -1,4 +1,10 @@
 """Closing the loop: find what a model lacks, name it, add it, report before and after."""
 
-from .loop import Loop as Loop
 from .loop import close_loop as close_loop
+from .result import SCHEMA as SCHEMA
+from .result import VERDICTS as VERDICTS
+from .result import CandidateScore as CandidateScore
+from .result import LocationProfile as LocationProfile
+from .result import Loop as Loop
+from .result import Score as Score
+from .result import ScreenedEffect as ScreenedEffect

@@ -5,22 +5,28 @@ exponentially correlated) is estimated with it, never taken from another one: no
 a fit that lacks an effect swallows the effect.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
+from scipy.optimize import least_squares
 
 from ..fitting.noise import Noise, estimate_noise, whiten
-from ..fitting.problem import FAILED_MISFIT, Problem, residual_and_jacobian
-from ..fitting.solve import descend
+from ..fitting.problem import FAILED_MISFIT, Problem
 from .split import NAMES, Blocks
 from .superset import Superset
 
 _PASSES = 2
-_TOLERANCE = 1e-3
+_TOLERANCE = 1e-6
+_TRIALS = 60
+_NOISE_SHARE = 0.1
+_SHORTEST_LIMIT = 10.0
 _WHITE = 1e-9
+_AT_ONCE = 16
 
 
 class Candidate(NamedTuple):
@@ -38,93 +44,202 @@ class Candidate(NamedTuple):
     failed: bool
 
 
-class Engine:
-    """Fits candidates of one record; `problem` has a `Superset` model. Only train rows count."""
+class Rows(NamedTuple):
+    """Residual and Jacobian at some parameters.
 
-    def __init__(self, problem: Problem, blocks: Blocks):
-        self.blocks = blocks
+    Friction has all rows of the record and its padding, whatever their block. The extra rows have
+    unit variance: other channels in the train block, shifts of step times.
+    """
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    extra: np.ndarray
+    extra_jacobian: np.ndarray
+
+    @property
+    def failed(self) -> bool:
+        """Whether the simulation failed at these parameters."""
+        return bool(np.any(np.abs(self.residual) >= FAILED_MISFIT))
+
+
+class Engine:
+    """Fits candidates of one record; `problem` has a `Superset` model. Only train rows count.
+
+    `shifted` are the indices of the problem's shifts of step times that are parameters, `always`
+    the ids of effects that belong to the base, `without` of those that are not offered.
+
+    Noise is correlated from sample to sample, over no more than a tenth of the rows of a velocity:
+    what lasts longer is structure, which a slow noise would explain away.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        blocks: Blocks,
+        shifted: np.ndarray,
+        always: tuple[str, ...] = (),
+        without: tuple[str, ...] = (),
+    ):
+        assert isinstance(problem.model, Superset)
+        self.model: Superset = problem.model
+        self.blocks, self.always = blocks, always
+        self.offered = tuple(e for e in self.model.effects if e.id not in without)
         self.rows = len(blocks.train)
+        clock = jnp.arange(problem.time.shape[0], dtype=problem.time.dtype)
+        problem = dataclasses.replace(problem, clock=clock)
+        per_step = np.median(np.bincount(blocks.step))
+        self.longest = max(_SHORTEST_LIMIT, _NOISE_SHARE * float(per_step))
         weight = np.zeros(problem.time.shape[0])
         weight[: self.rows] = blocks.train
+        self.weight = weight
         self.problem = eqx.tree_at(lambda p: p.weight, problem, jnp.asarray(weight))
-        self.everywhere = eqx.tree_at(
-            lambda p: p.weight, problem, jnp.asarray(np.asarray(problem.weight) > 0, float)
-        )
-        assert isinstance(problem.model, Superset)
-        self.model = problem.model
+        self.everywhere = problem.whitened(_white())
         self.names = self.model.names()
         self.base = list(range(len(self.model.base.names())))
-        self.shifts = list(range(len(self.names), len(self.names) + problem.shift_scale.shape[0]))
+        self.shifts = [len(self.names) + int(k) for k in shifted]
 
     def free(self, effects: tuple[str, ...]) -> np.ndarray:
         """Indices of the free parameters of a candidate, base and step times first."""
-        return np.asarray([*self.base, *self.shifts, *self.model.columns(effects)])
+        columns = self.model.columns((*self.always, *effects))
+        return np.asarray([*self.base, *self.shifts, *columns])
 
-    def evaluate(self, z, *, train: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (noise units) and its Jacobian with respect to all parameters, row by row."""
-        problem = self.problem if train else self.everywhere
-        residual, jacobian = residual_and_jacobian(problem.whitened(_white()), jnp.asarray(z))
+    def evaluate(self, z, index: np.ndarray | None = None) -> "Rows":
+        """Residual (noise units) and its Jacobian by the parameters of `index` (default all)."""
+        index = np.arange(len(z)) if index is None else index
         n = self.problem.time.shape[0]
-        return np.asarray(residual)[:n], np.asarray(jacobian)[:n]
+        residual, jacobian = _in_parts(self.everywhere, z, index)
+        extra = np.concatenate(
+            [np.tile(self.weight, len(self.problem.channels)), np.ones(len(self.problem.hold))]
+        )
+        return Rows(residual[:n], jacobian[:n], residual[n:] * extra, jacobian[n:] * extra[:, None])
 
     def noise(self, residual: np.ndarray, columns: np.ndarray) -> Noise:
         """Noise of the train block, the directions of `columns` taken out."""
         problem = self.problem
-        weight = problem.weight
         return estimate_noise(
-            problem.time, weight, jnp.asarray(residual), jnp.asarray(_padded(columns))
+            problem.clock,
+            problem.weight,
+            jnp.asarray(residual),
+            _padded_columns(columns),
+            jnp.asarray(self.longest),
         )
 
-    def bic(self, residual: np.ndarray, parameters: int) -> tuple[float, Noise]:
+    def bic(self, rows: "Rows", parameters: int) -> tuple[float, Noise]:
         """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows."""
+        residual = rows.residual * self.weight
         found = self.noise(residual, np.zeros((len(residual), 1)))
         ones = np.ones((len(residual), 1))
-        white = whiten(self.problem.time, self.problem.weight, jnp.asarray(ones), found)
-        effective = float(jnp.sum(white**2) * found.sigma**2)
-        count = float(jnp.sum(self.problem.weight))
-        effective = min(max(effective, 2.0), count)
-        return -2 * float(found.log_likelihood) + parameters * np.log(effective), found
+        white = self.whiten(ones, found)
+        effective = float(np.sum(white**2) * found.sigma**2)
+        effective = min(max(effective, 2.0), float(self.weight.sum()))
+        more = float(np.sum(np.square(rows.extra)))
+        return more - 2 * float(found.log_likelihood) + parameters * np.log(effective), found
+
+    def whiten(self, columns: np.ndarray, noise: Noise) -> np.ndarray:
+        """Columns (train rows; the others 0) in units of the noise, and uncorrelated."""
+        problem = self.problem
+        return np.asarray(whiten(problem.clock, problem.weight, jnp.asarray(columns), noise))
 
     def refit(self, effects: tuple[str, ...], z: np.ndarray) -> Candidate:
         """The joint fit of base and effects from the start `z`, all their parameters free."""
         index = self.free(effects)
-        free = np.zeros(len(z))
-        free[index] = 1.0
-        residual, jacobian = self.evaluate(z)
+        rows = self.evaluate(z, index)
         for _ in range(_PASSES):
-            if not np.all(np.abs(residual) < FAILED_MISFIT):
+            if rows.failed:
                 break
-            found = self.noise(residual, jacobian[:, index])
-            moved, _, _ = descend(
-                self.problem.whitened(found), jnp.asarray(z), jnp.asarray(free), _TOLERANCE
-            )
-            z = np.asarray(moved)
-            residual, jacobian = self.evaluate(z)
-        return self.candidate(effects, z, residual)
+            train = self.weight[:, None]
+            found = self.noise(rows.residual * self.weight, rows.jacobian * train)
+            z = self._descend(z, index, found)
+            rows = self.evaluate(z, index)
+        return self.candidate(effects, z, rows)
 
-    def candidate(self, effects: tuple[str, ...], z: np.ndarray, residual: np.ndarray) -> Candidate:
+    def _descend(self, z: np.ndarray, index: np.ndarray, noise: Noise) -> np.ndarray:
+        """Levenberg-Marquardt (MINPACK) in the parameters of `index`; the others stay.
+
+        Driven from here, it needs no more compiled than the Jacobian that screening needs too.
+        """
+        problem, z = self.problem.whitened(noise), np.array(z)
+        last: dict[bytes, tuple] = {}
+
+        def both(y):
+            key = y.tobytes()
+            if key not in last:
+                z[index] = y
+                last.clear()
+                last[key] = _in_parts(problem, z, index)
+            return last[key]
+
+        def slopes(y):
+            return both(y)[1]
+
+        found = least_squares(
+            lambda y: both(y)[0],
+            z[index],
+            jac=slopes,  # pyright: ignore[reportArgumentType]
+            method="lm",
+            x_scale="jac",
+            ftol=_TOLERANCE,
+            xtol=_TOLERANCE,
+            max_nfev=_TRIALS,
+        )
+        z[index] = found.x
+        return z
+
+    def candidate(self, effects: tuple[str, ...], z: np.ndarray, rows: "Rows") -> Candidate:
         """The scores of a fit."""
-        failed = bool(np.any(np.abs(residual) >= FAILED_MISFIT))
-        bic, found = (np.inf, _white()) if failed else self.bic(residual, len(self.free(effects)))
-        whole, _ = self.evaluate(z, train=False)
-        whole = whole[: self.rows]
+        count = len(self.free(effects))
+        bic, found = (np.inf, _white()) if rows.failed else self.bic(rows, count)
+        whole = rows.residual[: self.rows]
         scale = float(self.problem.noise_scale)
         rms = {
             name: scale * float(np.sqrt(np.mean(whole[self.blocks.of(name)] ** 2)))
             for name in NAMES
         }
-        return Candidate(effects, z, whole, found, bic, rms, self._physical(effects, z), failed)
+        return Candidate(effects, z, whole, found, bic, rms, self.physical(effects, z), rows.failed)
 
-    def _physical(self, effects: tuple[str, ...], z: np.ndarray) -> bool:
-        values = np.asarray(self.problem.from_free(jnp.asarray(z)))
+    def values(self, z: np.ndarray) -> dict[str, float]:
+        """Natural values (SI) of all parameters by name."""
+        natural = np.asarray(_natural(self.problem, jnp.asarray(z)))
+        return dict(zip(self.names, natural.tolist(), strict=True))
+
+    def physical(self, effects: tuple[str, ...], z: np.ndarray) -> bool:
+        """Whether the parameters of some effects are physically possible."""
+        values = self.values(z)
         for effect in self.model.effects:
             if effect.id in effects:
-                chosen = [values[i] for i in self.model.columns((effect.id,))]
-                fields = [self.names[i].split(".")[1] for i in self.model.columns((effect.id,))]
-                made = effect(**dict(zip(fields, chosen, strict=True)))
+                names = [self.names[i] for i in self.model.columns((effect.id,))]
+                fields = {name.split(".")[1]: values[name] for name in names}
+                made = effect(**fields)  # pyright: ignore[reportArgumentType]
                 if not bool(made.physical()):
                     return False
         return True
+
+
+def _in_parts(problem: Problem, z, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`_evaluate` for a few parameters at a time: it is compiled for one number of them."""
+    parts = []
+    for begin in range(0, max(len(index), 1), _AT_ONCE):
+        part = index[begin : begin + _AT_ONCE]
+        padded = np.pad(part, (0, _AT_ONCE - len(part)), constant_values=len(z))
+        residual, jacobian = _evaluate(problem, jnp.asarray(z), jnp.asarray(padded))
+        parts.append(np.asarray(jacobian)[:, : len(part)])
+    return np.asarray(residual), np.concatenate(parts, axis=1)
+
+
+@eqx.filter_jit
+def _evaluate(problem: Problem, z: Float[Array, " q"], index: Int[Array, " m"]):
+    """Residual and its Jacobian by some parameters; an index beyond the last gives zeros."""
+
+    def push(tangent):
+        return jax.jvp(problem.residual, (z,), (tangent,))
+
+    tangents = jax.nn.one_hot(index, z.shape[0], dtype=z.dtype)
+    return jax.vmap(push, out_axes=(None, -1))(tangents)
+
+
+@eqx.filter_jit
+def _natural(problem: Problem, z: Float[Array, " q"]):
+    return problem.from_free(z)
 
 
 def _white() -> Noise:
@@ -132,7 +247,7 @@ def _white() -> Noise:
     return Noise(one, _WHITE * one, one, jnp.zeros(()))
 
 
-def _padded(columns: np.ndarray, *, size: int = 4) -> Float[Array, "n m"]:
+def _padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]:
     """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
     more = -columns.shape[1] % size
     return jnp.asarray(np.pad(columns, ((0, 0), (0, more))))

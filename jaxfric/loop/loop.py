@@ -1,44 +1,41 @@
 """`close_loop(record, stiffness=...)`: what does this model of this record lack?"""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects import CATALOGUE, RecordScales, effect_of
+from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of
 from ..errors import InputError
-from ..fitting import Fit, fit
+from ..fitting import Fit, NoiseEstimate, fit
 from ..fitting.fit import prepare
-from ..fitting.problem import Model, Problem, to_free
+from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, to_free
+from ..fitting.start import noise_from_differences
 from ..records import Record
-from .engine import Engine
-from .search import Search, search
-from .split import Blocks, split
+from ..rig.normal_stress import NormalStress, recorded_stress
+from .engine import Candidate, Engine
+from .estimates import estimates
+from .location import locate
+from .result import CandidateScore, LocationProfile, Loop, Score, ScreenedEffect
+from .screen import screen
+from .search import Search, refit_safely, search
+from .split import NAMES, Blocks, split
 from .superset import Superset
+from .verdict import conclude, innovations, noise_floor
 
-
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """The base fit, the search, and the record that both are of."""
-
-    record: Record
-    base_fit: Fit
-    blocks: Blocks
-    problem: Problem
-    search: Search
-    names: tuple[str, ...]
-
-    def parameters(self, *, after: bool) -> dict[str, float]:
-        """Values (SI) of the base's parameters, and after of the effects' too."""
-        candidate = self.search.final if after else self.search.base
-        values = np.asarray(self.problem.from_free(jnp.asarray(candidate.z)))
-        ids = candidate.effects
-        return {
-            name: float(value)
-            for name, value in zip(self.names, values, strict=True)
-            if "." not in name or name.split(".")[0] in ids
-        }
+_MOST = 3
+# Half as much again in time, and right to first order only.
+ON_REQUEST = ("inertia",)
+# Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
+_FELT = 0.1
+_STRESS_FELT = 0.3
+_FINER = 0.1
+_FINE_ENOUGH = 0.02
+_NEAR = 2.0
 
 
 def close_loop(
@@ -47,9 +44,10 @@ def close_loop(
     stiffness: float | str,
     law: str = "slip",
     steps: str | None = None,
-    without: tuple[str, ...] = (),
-    only: tuple[str, ...] | None = None,
-    most: int = 3,
+    with_: Sequence[str] = (),
+    without: Sequence[str] = (),
+    own: Sequence[type[AbstractEffect]] = (),
+    most: int = _MOST,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Loop:
     """Fit the base model, then find, add and score the effects that it lacks.
@@ -57,53 +55,281 @@ def close_loop(
     Parameters
     ----------
     record, stiffness, law, steps : as of `jaxfric.fit`.
-    without : ids of effects that are not considered; only : ids of those that are.
-    most : largest number of effects added.
+    with_ : ids of effects that belong to the base; without : ids of those not considered.
+        `ON_REQUEST` are considered only as part of the base.
+    own : effects of your own beside those of the catalogue.
+    most : largest number of effects added, 0 to 3.
     progress : told what is being done.
+
+    Returns
+    -------
+    Loop. Its verdict is a value; nothing about the record raises once it can be fitted.
 
     Raises
     ------
-    InputError : an unknown effect, or as of `jaxfric.fit`; a record too short to be split.
+    InputError : an unknown effect, one both with and without; a record too short to be split, one
+        that moves backwards; or as of `jaxfric.fit`.
+
+    Not tried: records with holds or reversals, a base with mass.
     """
-    ids = tuple(CATALOGUE) if only is None else only
-    for id in (*without, *ids):
-        effect_of(id)
-    if only is not None and set(only) & set(without):
-        both = ", ".join(sorted(set(only) & set(without)))
-        raise InputError(f"effects: {both} cannot be both considered and left out")
-    effects = tuple(effect_of(id) for id in ids if id not in without)
+    begun = time.monotonic()
+    stress = _stress(record)
+    effects = _effects(record, with_, without, own, stress=stress is not None)
+    if not 0 <= most <= _MOST:
+        raise InputError(f"most is {most}; choose 0 to {_MOST}")
     progress("base fit of the whole record")
     base_fit = fit(record, stiffness=stiffness, law=law, steps=steps)
-    if not base_fit.converged:
+    _check(record, base_fit)
+    blocks = split(record.relative_time, base_fit.steps)
+    problem, felt = _problem(record, base_fit, blocks, effects)
+    problem = dataclasses.replace(problem, normal_stress=stress)
+    engine = Engine(problem, blocks, felt)
+    slip = np.asarray(base_fit.steps.displacement(record.relative_time))
+    scales = _scales(base_fit, record, slip)
+    z = _declared(engine, _start(engine, base_fit), scales, tuple(with_))
+    engine = Engine(problem, blocks, felt, tuple(with_), tuple(without))
+    found = search(engine, z, scales, most=most, progress=progress)
+    progress("where the structure sits")
+    floor = noise_floor(engine, found.final, slip)
+    location = locate(engine, found.base, floor.noise)
+    before = _score(engine, found.base, record, base_fit, innovations(engine, found.base, slip))
+    tests = innovations(engine, found.final, slip)
+    after = (
+        before
+        if found.final is found.base
+        else _score(engine, found.final, record, base_fit, tests)
+    )
+    edge = _edge(base_fit)
+    told = conclude(engine, found, floor, tests, edge=edge, located=_where(location))
+    return Loop(
+        record=record,
+        base_fit=base_fit,
+        blocks=blocks,
+        verdict=told.verdict,
+        sentence=told.sentence,
+        reasons=told.reasons,
+        effects=found.final.effects,
+        alias_groups=told.alias_groups,
+        separations=told.separations,
+        candidates=_candidates(engine, found),
+        screened=tuple(ScreenedEffect(s.id, s.delta_bic) for r in found.screened[:1] for s in r),
+        before=before,
+        after=after,
+        sigma=floor.sigma,
+        location=location,
+        alias_ids=found.ids,
+        alias_cosines=found.cosines,
+        warnings=_warnings(engine, found, base_fit, edge),
+        seconds=time.monotonic() - begun,
+    )
+
+
+def _effects(
+    record: Record, with_, without, own, *, stress: bool
+) -> tuple[type[AbstractEffect], ...]:
+    known = {**CATALOGUE, **{e.id: e for e in own}}
+    for id in (*with_, *without):
+        if id not in known:
+            effect_of(id)
+    both = sorted(set(with_) & set(without))
+    if both:
         raise InputError(
-            f"{record.provenance.path}: the base fit did not converge ({base_fit.result}); nothing"
+            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
+            " (--without)"
+        )
+    columns = {name for name in record.columns if name != "normal_stress" or stress}
+    for id in with_:
+        channel = known[id].channel
+        if channel is not None and channel not in columns:
+            raise InputError(
+                f"{record.provenance.path}: effect {id} needs a column {channel} that changes,"
+                " which the record does not have; name it with --column, or leave the effect out"
+            )
+    return tuple(
+        e
+        for id, e in known.items()
+        if (e.channel is None or e.channel in columns) and (id not in ON_REQUEST or id in with_)
+    )
+
+
+def _stress(record: Record) -> NormalStress | None:
+    """The recorded normal stress, where friction is a coefficient and feels its changes."""
+    if record.normal_stress is None or record.friction_unit != "1":
+        return None
+    stress = recorded_stress(record.relative_time, record.normal_stress)
+    ratio = np.asarray(jax.vmap(stress.ratio)(jnp.asarray(record.relative_time)))
+    moved = np.std(ratio) * float(np.mean(np.abs(record.friction)))
+    return stress if moved > _STRESS_FELT * noise_from_differences(record.friction) else None
+
+
+def _check(record: Record, base: Fit) -> None:
+    path = record.provenance.path
+    if not base.converged:
+        raise InputError(
+            f"{path}: the base fit did not converge ({base.result}); nothing"
             " can be said of what it lacks. Check stiffness and steps"
         )
-    values = base_fit.values()
-    base = Model(law=law)
-    model = Superset(base, effects)
-    sign = 1.0 if base_fit.steps.velocities[0] > 0 else -1.0
-    if sign < 0 or np.any(base_fit.steps.velocities < 0):
+    if np.any(base.steps.velocities <= 0):
         raise InputError(
-            f"{record.provenance.path}: the record moves backwards; the loop takes forward"
-            " motion only so far"
+            f"{path}: the load point stops or moves backwards; the loop takes forward motion"
+            " only. Cut the record with --steps, or to its forward part"
         )
+
+
+def _problem(record: Record, base: Fit, blocks: Blocks, effects) -> tuple[Problem, np.ndarray]:
+    """The superset's problem, and which shifts of step times are felt.
+
+    It has a shift for every step, felt or not, so that records differ in numbers only and share
+    what is compiled.
+    """
+    values, steps = base.values(), base.steps
     problem = prepare(
         record,
-        base_fit.steps,
-        model,
+        steps,
+        Superset(Model(law=base.model.law), effects),
         stiffness=values["K"],
         V0=values["V0"],
         force_scale=values["A"],
     )
-    blocks = split(record.relative_time, base_fit.steps)
-    engine = Engine(problem, blocks)
-    start = [values[name] for name in base.names()] + model.nulls()
-    z = np.asarray(to_free(problem, jnp.asarray(start)[None]))[0]
-    slip = np.asarray(base_fit.steps.displacement(record.relative_time))
-    scales = _scales(base_fit, record, slip)
-    found = search(engine, z, scales, slip, most=most, progress=progress)
-    return Loop(record, base_fit, blocks, problem, found, model.names())
+    size = len(problem.motion.times) - 1
+    errors = np.zeros(size)
+    if steps.time_errors is not None:
+        errors[: len(steps) - 1] = steps.time_errors[1:]
+    jumps = np.abs(np.diff(np.asarray(problem.motion.velocities)))
+    felt = values["K"] * jumps * errors > _FELT * float(problem.noise_scale)
+    shifts = (jnp.arange(1, size + 1), jnp.asarray(errors), jnp.ones(size))
+    where = lambda p: (p.shifted, p.shift_scale, p.hold)  # noqa: E731
+    problem = eqx.tree_at(where, problem, shifts)
+    channels = _channels(record, blocks, len(problem.time))
+    return dataclasses.replace(problem, channels=channels), np.flatnonzero(felt)
+
+
+def _channels(record: Record, blocks: Blocks, size: int) -> tuple[Channel, ...]:
+    """Slip and load-point encoder where the record has them, padded to `size` rows."""
+    found = []
+    for kind, values in (("slip", record.slip), ("load_point", record.load_point_encoder)):
+        if values is not None:
+            pad = (0, size - len(values))
+            found.append(
+                Channel(
+                    jnp.asarray(np.pad(values - values[0], pad, mode="edge")),
+                    jnp.asarray(noise_from_differences(values)),
+                    jnp.asarray(np.pad(blocks.train.astype(float), pad)),
+                    kind,
+                )
+            )
+    return tuple(found)
+
+
+def _start(engine: Engine, base: Fit) -> np.ndarray:
+    values = base.values()
+    natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
+    return np.asarray(to_free(engine.problem, jnp.asarray(natural)[None]))[0]
+
+
+def _declared(engine: Engine, z: np.ndarray, scales, with_: tuple[str, ...]) -> np.ndarray:
+    """Parameters of the base with its declared effects, each started from its best shape."""
+    if not with_:
+        return z
+    current = engine.refit((), z)
+    for id in with_:
+        one = next(s for s in screen(engine, current, scales) if s.id == id)
+        current = refit_safely(engine, (*current.effects, id), one, current)
+    return current.z
+
+
+def _score(engine: Engine, candidate: Candidate, record: Record, base: Fit, tests) -> Score:
+    found, free, covariance = estimates(engine, candidate, record.friction_unit)
+    scale = float(engine.problem.noise_scale)
+    residual = scale * candidate.residual
+    steps = engine.blocks.step
+    K, V0 = base.parameters["K"], base.parameters["V0"]
+    noise = candidate.noise
+    return Score(
+        effects=candidate.effects,
+        rms={name: candidate.rms[name] for name in NAMES},
+        per_step=tuple(
+            float(np.sqrt(np.mean(residual[steps == k] ** 2))) if np.any(steps == k) else np.nan
+            for k in range(len(base.steps))
+        ),
+        residual=residual,
+        parameters={**found, "K": K, "V0": V0},
+        free=free,
+        covariance=covariance,
+        noise=NoiseEstimate(
+            scale * float(noise.sigma),
+            float(noise.share),
+            float(noise.correlation_time) * float(np.median(np.diff(record.relative_time))),
+        ),
+        tests=tests,
+    )
+
+
+def _candidates(engine: Engine, found: Search) -> tuple[CandidateScore, ...]:
+    out = []
+    for c in found.tried:
+        values = engine.values(c.z)
+        free = {engine.names[i] for i in engine.free(c.effects) if i < len(engine.names)}
+        out.append(
+            CandidateScore(
+                effects=c.effects,
+                delta_bic=found.base.bic - c.bic,
+                train_rms=c.rms["train"],
+                heldout_rms=c.rms["select"],
+                parameters={name: value for name, value in values.items() if name in free},
+                physical=c.physical,
+                converged=not c.failed,
+                accepted=c.effects in found.accepted,
+            )
+        )
+    return tuple(sorted(out, key=lambda c: -c.delta_bic))
+
+
+def _where(location: tuple[LocationProfile, ...]) -> str:
+    if not location or location[0].p_value > 0.01:
+        return ""
+    best = location[0]
+    name = best.variable.replace("_", " ")
+    return f"The structure sits in {name} ({100 * best.explained:.0f} % of it)."
+
+
+def _edge(base: Fit) -> float | None:
+    """K/K_cr of the base fit; None where any stiffness is stable."""
+    critical = base.critical_stiffness()
+    return base.values()["K"] / critical if critical > 0 else None
+
+
+def _warnings(engine: Engine, found: Search, base: Fit, edge) -> tuple[str, ...]:
+    warnings = list(base.warnings)
+    if edge is not None and edge < _NEAR:
+        warnings.append(
+            f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the basin"
+        )
+    if not found.starts_agree and not found.base.failed:
+        warnings.append("base fits from different starts end at different parameters")
+    change = _finer(engine, found.base)
+    if not change < _FINE_ENOUGH:
+        warnings.append(f"a finer solver moves the prediction by {change:.2g} sigma")
+    return tuple(warnings)
+
+
+def _finer(engine: Engine, base: Candidate) -> float:
+    """How far a ten times finer solver moves the prediction, in sigma of the noise."""
+    if engine.always:
+        problem, z = engine.everywhere, base.z
+    else:  # the base alone is quicker to compile
+        problem = engine.everywhere.with_model(engine.model.base)
+        z = np.concatenate([base.z[engine.base], base.z[len(engine.names) :]])
+    fine = dataclasses.replace(problem, rtol=_FINER * problem.rtol)
+    residual = np.asarray(_residual(fine, jnp.asarray(z)))[: engine.rows]
+    if np.any(np.abs(residual) >= FAILED_MISFIT):
+        return np.inf
+    return float(np.max(np.abs(residual - base.residual))) / float(base.noise.sigma)
+
+
+@eqx.filter_jit
+def _residual(problem: Problem, z):
+    return problem.residual(z)
 
 
 def _scales(base: Fit, record: Record, slip: np.ndarray) -> RecordScales:

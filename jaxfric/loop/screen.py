@@ -1,18 +1,25 @@
 """Which effects would explain a residual: every effect and shape, to first order, in one sweep.
 
-At the null of every effect one Jacobian holds all sensitivities. For a candidate the base's
-columns and the effect's are fitted together by generalised least squares under noise that is
-estimated with both taken out, and the likelihood of what is left is compared with the base's.
+One Jacobian at the null of all effects holds the sensitivities of those without shapes;
+those of every shape of the others are forces sent through the linearised slider. For each the
+likelihood is profiled over the base's parameters, the amplitudes and the noise.
 """
 
+import itertools
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects import RecordScales, null
-from ..fitting.noise import Noise, whiten
-from .engine import Candidate, Engine
+from ..effects import AbstractEffect, RecordScales, null
+from ..rig import Rig
+from ..rig.friction.extended import ExtendedLaw
+from .engine import Candidate, Engine, Rows
+from .evidence import Evidence, evidence
+from .response import Response, linear_response, term_forces
+
+_DRAWS = 2000
 
 
 class Screened(NamedTuple):
@@ -23,92 +30,272 @@ class Screened(NamedTuple):
     """BIC of the base less that with the effect: positive is better."""
     z: np.ndarray
     """Parameters to start a joint fit from."""
+    p_value: float
+    """Of its likelihood ratio, where the best of several shapes was taken; 1 elsewhere means
+    that nothing was gained."""
 
 
-def screen(engine: Engine, base: Candidate, scales: RecordScales) -> list[Screened]:
-    """All effects that are not in `base`, the most promising first."""
-    grids = {e.id: null(e).grid(scales) for e in engine.model.effects if e.id not in base.effects}
-    rounds = max([1, *(len(v) for grid in grids.values() for v in grid.values())])
+class _Column(NamedTuple):
+    """One shape of one effect: shape parameters by index in z, and where its amplitudes are."""
+
+    id: str
+    shape: dict[int, float]
+    amplitudes: tuple[int, ...]
+    places: tuple[int, ...]
+    """Of the amplitudes' columns in the matrix."""
+
+
+class Screening(NamedTuple):
+    """Residual, sensitivities of the fitted parameters, then those of all effects and shapes."""
+
+    rows: Rows
+    matrix: np.ndarray
+    extra: np.ndarray
+    """The same columns in the extra rows."""
+    base: tuple[int, ...]
+    columns: tuple[_Column, ...]
+    response: Response
+
+
+def sensitivities(engine: Engine, current: Candidate, scales: RecordScales) -> Screening:
+    """All columns at a fit; train and other rows alike."""
+    z = current.z
+    free = engine.free(current.effects)
+    present = (*engine.always, *current.effects)
+    missing = [e for e in engine.offered if e.id not in present]
+    response = linear_response(engine.problem, jnp.asarray(z))
+    shaped = {e.id: _shapes(e, scales) for e in missing}
+    rig = engine.problem.rig(jnp.asarray(z))
+    shaped = {id: s for id, s in shaped.items() if s and _is_term(_named(engine, id), rig)}
+    plain = [e for e in missing if e.id not in shaped]
+    index = np.concatenate([free, *(engine.model.amplitudes(e.id) for e in plain)]).astype(int)
+    rows = engine.evaluate(z, index)
+    columns: list[_Column] = []
+    place = len(free)
+    for effect in plain:
+        amplitudes = tuple(engine.model.amplitudes(effect.id))
+        columns.append(
+            _Column(effect.id, {}, amplitudes, tuple(range(place, place + len(amplitudes))))
+        )
+        place += len(amplitudes)
+    blocks, extras = [rows.jacobian], [rows.extra_jacobian]
+    for id, shapes in shaped.items():
+        found, block, extra = _shaped_columns(engine, rig, response, id, shapes, place)
+        columns += found
+        blocks.append(block)
+        extras.append(extra)
+        place += block.shape[1]
+    matrix, extra = np.concatenate(blocks, axis=1), np.concatenate(extras, axis=1)
+    return Screening(rows, matrix, extra, tuple(range(len(free))), tuple(columns), response)
+
+
+def screen(
+    engine: Engine, current: Candidate, scales: RecordScales, *, seed: int = 0
+) -> list[Screened]:
+    """All effects that are not in `current`, the most promising first."""
+    seen = sensitivities(engine, current, scales)
+    problem = engine.problem
+    known = evidence(
+        problem.clock,
+        problem.weight,
+        seen.rows.residual * engine.weight,
+        seen.matrix,
+        seen.rows.extra,
+        seen.extra,
+        engine.longest,
+    )
+    width = len(seen.base) + max(len(c.places) for c in seen.columns)
+    rows = [(), *(c.places for c in seen.columns)]
+    # column 0 of the evidence is the residual
+    asked = np.asarray([_row((*seen.base, *more), width) for more in rows])
+    deviance, noise, weights = known.deviance(asked)
+    free = engine.free(current.effects)
+    fewest = len(free)
+    effective = np.asarray([known.independent_rows(k) for k in noise])
     best: dict[str, Screened] = {}
-    for k in range(rounds):
-        z, members = _shaped(engine, base.z, grids, k)
-        residual, jacobian = engine.evaluate(z)
-        for id in members:
-            found = _score(engine, base, id, z, residual, jacobian)
-            if id not in best or found.delta_bic > best[id].delta_bic:
-                best[id] = found
+    gains: dict[str, list[tuple[float, _Column, int]]] = {}
+    for i, column in enumerate(seen.columns, start=1):
+        gain = float(deviance[0] - deviance[i])
+        gains.setdefault(column.id, []).append((gain, column, i))
+    for id, found in gains.items():
+        starts = [_start(current.z, free, column, weights[i]) for _, column, i in found]
+        possible = [k for k, z in enumerate(starts) if engine.physical((id,), z)]
+        chosen = max(possible or range(len(found)), key=lambda k: found[k][0])
+        (gain, _, i), z = found[chosen], starts[chosen]
+        if not possible:  # the record asks for the opposite of the effect
+            gain = 0.0
+        count = fewest + len(engine.model.columns((id,)))
+        delta = gain + fewest * np.log(effective[0]) - count * np.log(effective[i])
+        p = _best_of(known, int(noise[i]), seen.base, [c.places for _, c, _ in found], gain, seed)
+        best[id] = Screened(id, float(delta), z, p)
     return sorted(best.values(), key=lambda s: -s.delta_bic)
 
 
-def aliases(engine: Engine, base: Candidate, scales: RecordScales) -> tuple[list[str], np.ndarray]:
-    """Ids and |cosine| between their sensitivities, the base's projected out, noise whitened.
+def _start(z, free, column: _Column, weights) -> np.ndarray:
+    """Parameters at which a linear problem would be solved."""
+    z = np.array(z)
+    for place, value in column.shape.items():
+        z[place] = value
+    targets = np.concatenate([free, column.amplitudes]).astype(int)
+    z[targets] -= weights[: len(targets)]
+    return z
 
-    Between effects with two amplitudes the largest cosine of any combination counts. Shapes stand
-    at the middle of their grids where the effect is not in `base`.
+
+def _best_of(known: Evidence, noise: int, base, shapes, gain: float, seed: int) -> float:
+    """Chance that noise alone gains as much in the best of the shapes: a linearised bootstrap."""
+    every = [i for places in shapes for i in places]
+    projected = project(known.products[noise], base, every)
+    scale, vectors = np.linalg.eigh(projected)
+    root = vectors * np.sqrt(np.maximum(scale, 0.0))
+    draws = np.random.default_rng(seed).standard_normal((_DRAWS, len(every))) @ root.T
+    largest, begin = np.zeros(_DRAWS), 0
+    for places in shapes:
+        own = slice(begin, begin + len(places))
+        begin += len(places)
+        gram = projected[own, own]
+        inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+        part = draws[:, own]
+        largest = np.maximum(largest, np.einsum("di,ij,dj->d", part, inverse, part))
+    return float((1 + np.sum(largest >= gain)) / (1 + _DRAWS))
+
+
+def project(products: np.ndarray, base, columns) -> np.ndarray:
+    """Products of some columns (counted without the residual), the base's directions out."""
+    a, b = np.asarray(base) + 1, np.asarray(columns) + 1
+    size = np.sqrt(np.maximum(np.diag(products)[a], 1e-300))
+    gram = products[np.ix_(a, a)] / np.outer(size, size) + 1e-12 * np.eye(len(a))
+    cross = products[np.ix_(a, b)] / size[:, None]
+    return products[np.ix_(b, b)] - cross.T @ np.linalg.solve(gram, cross)
+
+
+def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[tuple, np.ndarray]:
+    """Ids, and |cosine| between their sensitivities with the fitted parameters' projected out.
+
+    The noise is that of the fit. Between effects with several amplitudes the largest cosine of any
+    combination counts; of an effect with shapes the one nearest to the other effect. Effects in
+    the fit stand for themselves.
     """
-    grids = {e.id: null(e).grid(scales) for e in engine.model.effects if e.id not in base.effects}
-    middle = {id: {n: (v[len(v) // 2],) for n, v in grid.items()} for id, grid in grids.items()}
-    z, _ = _shaped(engine, base.z, middle, 0)
-    _, jacobian = engine.evaluate(z)
-    index = engine.free(base.effects)
-    white = _whiten(engine, jacobian, base.noise)
-    q = _orthonormal(white[:, index])
-    parts = {}
-    for effect in engine.model.effects:
-        columns = white[:, engine.model.amplitudes(effect.id)]
-        rest = columns - q @ (q.T @ columns)
-        # what the base fit absorbs to a millionth is not seen at all
-        seen = np.linalg.norm(rest, axis=0) > 1e-6 * np.linalg.norm(columns, axis=0)
-        parts[effect.id] = _orthonormal(rest[:, seen]) if seen.any() else rest[:, :0]
-    ids = list(parts)
+    seen = sensitivities(engine, current, scales)
+    white = engine.whiten(seen.matrix * engine.weight[:, None], current.noise)
+    white = np.concatenate([white, seen.extra])
+    return _cosines(engine, current, seen, white)
+
+
+def _cosines(engine, current, seen: Screening, white) -> tuple[tuple[str, ...], np.ndarray]:
+    free = list(engine.free(current.effects))
+    parts: dict[str, list[np.ndarray]] = {}
+    for id in current.effects:
+        own = [free.index(i) for i in engine.model.columns((id,))]
+        rest = orthonormal(white[:, [i for i in seen.base if i not in own]])
+        amplitudes = [free.index(i) for i in engine.model.amplitudes(id)]
+        parts[id] = [_beyond(white[:, amplitudes], rest)]
+    everything = orthonormal(white[:, list(seen.base)])
+    # what is to be told from an effect in the fit is projected without that effect
+    for column in seen.columns:
+        parts.setdefault(column.id, []).append(_beyond(white[:, list(column.places)], everything))
+    alone = {}
+    for id in current.effects:
+        own = [free.index(i) for i in engine.model.columns((id,))]
+        rest = orthonormal(white[:, [i for i in seen.base if i not in own]])
+        alone[id] = {
+            c.id: [_beyond(white[:, list(o.places)], rest) for o in seen.columns if o.id == c.id]
+            for c in seen.columns
+        }
+    ids = tuple(parts)
     matrix = np.eye(len(ids))
     for i, a in enumerate(ids):
-        for j, b in enumerate(ids):
-            if i < j and parts[a].shape[1] and parts[b].shape[1]:
-                cosine = np.linalg.svd(parts[a].T @ parts[b], compute_uv=False)[0]
-                matrix[i, j] = matrix[j, i] = min(float(cosine), 1.0)
+        for j, b in enumerate(ids[:i]):
+            left = alone[b][a] if b in alone and a not in alone else parts[a]
+            right = alone[a][b] if a in alone and b not in alone else parts[b]
+            largest = max((_cosine(p, q) for p, q in itertools.product(left, right)), default=0.0)
+            matrix[i, j] = matrix[j, i] = largest
     return ids, matrix
 
 
-def _shaped(engine: Engine, z, grids, k: int) -> tuple[np.ndarray, list[str]]:
-    """Parameters with the k-th shape of every effect that has one; and which effects those are."""
-    z = np.array(z)
-    members = []
-    for id, grid in grids.items():
-        if not grid and k == 0:
-            members.append(id)
-        for field, values in grid.items():
-            if k < len(values):
-                place = engine.names.index(f"{id}.{field}")
-                about = engine.model.quantity(engine.names[place])
-                z[place] = float(about.to_free(jnp.asarray(values[k])))
-                members.append(id)
-    return z, members
+def _cosine(a: np.ndarray, b: np.ndarray) -> float:
+    if not (a.shape[1] and b.shape[1]):
+        return 0.0
+    return float(min(np.linalg.svd(a.T @ b, compute_uv=False)[0], 1.0))
 
 
-def _score(engine: Engine, base: Candidate, id: str, z, residual, jacobian) -> Screened:
-    index = np.concatenate([engine.free(base.effects), engine.model.amplitudes(id)]).astype(int)
-    columns = jacobian[:, index]
-    noise = engine.noise(residual, columns)
-    white = _whiten(engine, np.concatenate([residual[:, None], columns], axis=1), noise)
-    size = np.linalg.norm(white[:, 1:], axis=0)
-    size = np.where(size > 0, size, 1.0)
-    step, *_ = np.linalg.lstsq(white[:, 1:] / size, -white[:, 0], rcond=1e-10)
-    step = step / size
-    left = residual + columns @ step
-    count = len(engine.free((*base.effects, id)))
-    bic, _ = engine.bic(left, count)
-    moved = np.array(z)
-    moved[index] += step
-    return Screened(id, base.bic - bic, moved)
+def _beyond(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of the columns beyond those of `basis`."""
+    rest = columns - basis @ (basis.T @ columns)
+    # what the fit absorbs to a millionth is not seen at all
+    seen = np.linalg.norm(rest, axis=0) > 1e-6 * np.linalg.norm(columns, axis=0)
+    return orthonormal(rest[:, seen])
 
 
-def _whiten(engine: Engine, columns: np.ndarray, noise: Noise) -> np.ndarray:
-    problem = engine.problem
-    return np.asarray(whiten(problem.time, problem.weight, jnp.asarray(columns), noise))
-
-
-def _orthonormal(columns: np.ndarray) -> np.ndarray:
+def orthonormal(columns: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of the columns."""
+    if not columns.shape[1]:
+        return columns
     size = np.linalg.norm(columns, axis=0)
     u, s, _ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
-    return u[:, s > 1e-10 * max(s[0], 1e-300)] if s.size else u
+    return u[:, s > 1e-10 * max(s[0], 1e-300)]
+
+
+def _shapes(effect: type[AbstractEffect], scales: RecordScales) -> list[dict[str, float]]:
+    """Starting values of an effect's shapes, place by place."""
+    grid = null(effect).grid(scales)
+    return [dict(zip(grid, row, strict=True)) for row in zip(*grid.values(), strict=True)]
+
+
+def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
+    """Whether an effect does no more than to add a friction term."""
+    after = null(effect).embed(before)
+    a, b = before.friction, after.friction
+    if not (isinstance(a, ExtendedLaw) and isinstance(b, ExtendedLaw)):
+        return False
+    return len(b.terms) == len(a.terms) + 1 and before.machine is after.machine
+
+
+def _shaped_columns(engine: Engine, rig: Rig, response, id, shapes, place: int):
+    """Columns of all shapes of an effect, and what they are."""
+    effect = _named(engine, id)
+    problem, names = engine.problem, engine.names
+    amplitudes = tuple(engine.model.amplitudes(id))
+    terms = []
+    for shape in shapes:
+        for at in amplitudes:
+            field = names[at].split(".")[1]
+            law = effect(**{**shape, field: 1.0}).embed(rig).friction  # pyright: ignore[reportArgumentType]
+            assert isinstance(law, ExtendedLaw)
+            terms.append(law.terms[-1])
+    batch = jax.tree.map(lambda *x: jnp.stack(x), *terms)
+    forces = term_forces(response, batch)
+    found, own, begin = [], [names.index(f"{id}.{n}") for n in shapes[0]], place
+    for shape in shapes:
+        at = tuple(range(begin, begin + len(amplitudes)))
+        begin += len(amplitudes)
+        free = {
+            i: float(engine.model.quantity(names[i]).to_free(jnp.asarray(value)))
+            for i, value in zip(own, shape.values(), strict=True)
+        }
+        found.append(_Column(id, free, amplitudes, at))
+    scale = np.asarray([float(problem._scale(names[i])) for i in amplitudes])
+    forces = forces * jnp.asarray(np.tile(scale, len(shapes)))
+    m = forces.shape[1]
+    padded = jnp.pad(forces, ((0, 0), (0, -m % 16)))
+    friction, slip = (np.asarray(part)[:, :m] for part in response(padded))
+    return found, friction / float(problem.noise_scale), _extra_rows(engine, slip)
+
+
+def _extra_rows(engine: Engine, slip: np.ndarray) -> np.ndarray:
+    """What a change of slip does to the extra rows; friction terms move no load point."""
+    rows = []
+    for channel in engine.problem.channels:
+        anchor = np.asarray(channel.anchor)
+        change = slip if channel.kind == "slip" else np.zeros_like(slip)
+        change = change - anchor @ change / anchor.sum()
+        rows.append(change * engine.weight[:, None] / float(channel.noise))
+    return np.concatenate([*rows, np.zeros((len(engine.problem.hold), slip.shape[1]))])
+
+
+def _named(engine: Engine, id: str) -> type[AbstractEffect]:
+    return next(e for e in engine.model.effects if e.id == id)
+
+
+def _row(columns: tuple[int, ...], width: int) -> list[int]:
+    """Places in the evidence, whose column 0 is the residual; -1 fills up."""
+    return [c + 1 for c in columns] + [-1] * (width - len(columns))

@@ -7,6 +7,7 @@ are independent, of mean 0 and variance 1 (up to what the fit took away).
 import math
 
 import numpy as np
+from jax.scipy.special import gammaincc
 
 _LAGS = 20
 _BLOCKS = 24
@@ -66,8 +67,6 @@ def _since_step(step: np.ndarray, slip: np.ndarray) -> np.ndarray:
 
 def chi_square_tail(x: float, degrees: int) -> float:
     """Probability that chi-square with `degrees` exceeds `x`."""
-    from jax.scipy.special import gammaincc
-
     if degrees < 1:
         return 1.0
     p = float(gammaincc(0.5 * degrees, 0.5 * max(x, 0.0)))

@@ -1,0 +1,65 @@
+"""Values, errors and intervals of the parameters of a candidate."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..fitting import Estimate
+from ..fitting.problem import natural
+from ..fitting.result import tidy_unit
+from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
+from .engine import Candidate, Engine
+
+_ROWS = 32
+
+
+def estimates(
+    engine: Engine, candidate: Candidate, friction_unit: str
+) -> tuple[dict[str, Estimate], tuple[str, ...], np.ndarray]:
+    """Parameters by name (SI), names of the free ones, and their covariance.
+
+    By least squares under the candidate's own noise; intervals in the unbounded variables.
+    """
+    z = candidate.z
+    index = engine.free(candidate.effects)
+    named = np.asarray([i for i in index if i < len(engine.names)])
+    if candidate.failed:
+        spread = np.full((len(index), len(index)), np.nan)
+    else:
+        rows = engine.evaluate(z, index)
+        train = rows.jacobian * engine.weight[:, None]
+        white = engine.whiten(train, engine.noise(rows.residual * engine.weight, train))
+        spread = normal_inverse(jnp.asarray(np.concatenate([white, rows.extra_jacobian])))
+    place = {int(i): k for k, i in enumerate(index)}
+    own = [place[int(i)] for i in named]
+    std = np.sqrt(np.diag(spread))[own]
+    values, slopes, lower, upper = _natural(engine, z, named, std)
+    span = float(np.ptp(np.asarray(engine.problem.friction)[: engine.rows]))
+    all_std = np.zeros(len(engine.names))
+    all_std[named] = std
+    fixed = determined(engine.problem, all_std, span)
+    found = {}
+    for k, i in enumerate(named):
+        name = engine.names[i]
+        unit = tidy_unit(engine.model.quantity(name).unit_for(friction_unit))
+        found[name] = Estimate(
+            values[k], abs(slopes[k]) * std[k], lower[k], upper[k], unit, determined=fixed[i]
+        )
+    covariance = slopes[:, None] * slopes * spread[np.ix_(own, own)]
+    return found, tuple(found), covariance
+
+
+def _natural(engine: Engine, z, named, std):
+    """Natural values, their slopes, and the ends of the intervals."""
+    rows = [np.array(z)]
+    for side in (-1, 1):
+        for i, s in zip(named, std, strict=True):
+            row = np.array(z)
+            row[i] += side * QUANTILE * (s if np.isfinite(s) else 0.0)
+            rows.append(row)
+    more = -len(rows) % _ROWS
+    values, slopes = natural(engine.problem, jnp.asarray(np.stack(rows + rows[:1] * more)))
+    values, slopes = np.asarray(values), np.asarray(slopes)
+    m = len(named)
+    lower = values[range(1, m + 1), named]
+    upper = values[range(m + 1, 2 * m + 1), named]
+    return values[0, named], slopes[0, named], np.minimum(lower, upper), np.maximum(lower, upper)

@@ -1,0 +1,124 @@
+"""Where structure sits that the base leaves, without any catalogue.
+
+Bumps of friction as functions of one variable (slip, velocity, state, time, time or slip since the
+step, wavelength) are sent through the linearised slider and fitted together with the base.
+The variable whose bumps take most of the structure away is where friction differs.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..fitting.noise import Noise
+from ..rig.friction.extended import ExtendedLaw
+from .engine import Candidate, Engine
+from .response import Response, linear_response
+from .result import LocationProfile
+from .screen import orthonormal
+from .structure import chi_square_tail
+
+_COARSE, _FINE = 8, 16
+
+
+def locate(engine: Engine, base: Candidate, noise: Noise) -> tuple[LocationProfile, ...]:
+    """Profiles of missing friction over every variable, the most telling first."""
+    response = linear_response(engine.problem, jnp.asarray(base.z))
+    index = engine.free(base.effects)
+    rows = engine.evaluate(base.z, index)
+    train = engine.weight[:, None]
+    white = engine.whiten(
+        np.concatenate([rows.residual[:, None], rows.jacobian], axis=1) * train, noise
+    )
+    basis = orthonormal(white[:, 1:])
+    left = white[:, 0] - basis @ (basis.T @ white[:, 0])
+    structure = max(float(left @ left) - (engine.weight.sum() - basis.shape[1]), 1e-9)
+    bumps = _variables(engine, response)
+    forces = np.concatenate([columns for _, _, _, columns in bumps], axis=1)
+    padded = np.pad(forces, ((0, 0), (0, -forces.shape[1] % 16)))
+    scale = float(engine.problem.noise_scale)
+    seen = np.asarray(response(jnp.asarray(padded))[0])[:, : forces.shape[1]] / scale
+    seen = engine.whiten(seen * train, noise)
+    seen = seen - basis @ (basis.T @ seen)
+    found, begin = [], 0
+    for variable, unit, centres, columns in bumps:
+        own = seen[:, begin : begin + columns.shape[1]]
+        begin += columns.shape[1]
+        found.append(_profile(variable, unit, centres, own, left, structure))
+    return tuple(sorted(found, key=lambda p: -p.explained))
+
+
+def _profile(variable, unit, centres, own, left, structure) -> LocationProfile:
+    gram = own.T @ own
+    values, vectors = np.linalg.eigh(gram)
+    used = values > 1e-6 * max(values[-1], 1e-300)
+    inverse = (vectors[:, used] / values[used]) @ vectors[:, used].T
+    # predicted minus recorded: what must be added has the other sign
+    amplitudes = -inverse @ (own.T @ left)
+    gain, degrees = float(amplitudes @ gram @ amplitudes), int(used.sum())
+    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    if len(amplitudes) == 2 * len(centres):  # sines and cosines
+        amplitudes = np.hypot(amplitudes[0::2], amplitudes[1::2])
+        errors = np.hypot(errors[0::2], errors[1::2]) / np.sqrt(2)
+    explained = float(np.clip((gain - degrees) / structure, 0.0, 1.0))
+    return LocationProfile(
+        variable, unit, centres, amplitudes, errors, explained, chi_square_tail(gain, degrees)
+    )
+
+
+def _variables(engine: Engine, response: Response):
+    """Name, unit, centres and forces along the motion of the bumps of every variable."""
+    law = response.rig.friction
+    assert isinstance(law, ExtendedLaw)
+    time = np.concatenate([[float(response.start)], np.asarray(response.middle)])
+    slip, V = np.asarray(response.slip), np.asarray(response.velocity)
+    log_velocity = np.log(np.maximum(V, 1e-300) / float(law.base.V0))
+    lag = np.asarray(response.state)[:, 0] + float(law.base.B[0]) * log_velocity
+    motion = engine.problem.motion
+    jumps = np.asarray(motion.times)
+    jumps = jumps[np.isfinite(jumps)]
+    k = np.clip(np.searchsorted(jumps, time, side="right") - 1, 0, None)
+    since = time - jumps[k]
+    at_jump = np.interp(jumps, time, slip)
+    slipped = np.maximum(slip - at_jump[k], 0.0)
+    stepped = (k > 0).astype(float)[:, None]
+    steps = np.diff(np.log(np.abs(np.asarray(motion.velocities))[: len(jumps)]), prepend=0.0)
+    steps[0] = 0.0
+    shortest = max(float(np.quantile(since[since > 0], 0.01)), 1e-9)
+    lengths = np.geomspace(2e-2, 1.0, _COARSE) * max(float(np.max(slipped)), 1e-12)
+    total = max(float(np.ptp(slip)), 1e-12)
+    waves = 1 / np.linspace(2 / total, min(60 / total, 0.25 / float(law.base.L[0])), _FINE)
+    phases = 2 * np.pi * slip[:, None] / waves
+    fourier = np.stack([np.sin(phases), np.cos(phases)], axis=2).reshape(len(slip), -1)
+    return [
+        ("slip", "m", *_hats(slip, np.linspace(slip.min(), slip.max(), _FINE))),
+        ("time", "s", *_hats(time, np.linspace(time[0], time[-1], _FINE))),
+        ("log_velocity", "1", *_hats(log_velocity, _spread(log_velocity, _COARSE))),
+        ("state", "F", *_hats(lag, _spread(lag, _COARSE))),
+        (
+            "time_since_step",
+            "s",
+            *_hats(
+                np.log(np.maximum(since, shortest)),
+                np.linspace(np.log(shortest), np.log(since.max()), _COARSE),
+                inverse=np.exp,
+                factor=stepped,
+            ),
+        ),
+        (
+            "relaxation_length",
+            "m",
+            lengths,
+            np.exp(-slipped[:, None] / lengths) * steps[k][:, None],
+        ),
+        ("wavelength", "m", waves, fourier),
+    ]
+
+
+def _spread(x, number: int) -> np.ndarray:
+    low, high = np.quantile(x, [0.01, 0.99])
+    return np.linspace(low, max(high, low + 1e-9), number)
+
+
+def _hats(x, centres, *, inverse=lambda c: c, factor: float | np.ndarray = 1.0):
+    """Centres, and a hat on each: 1 there, 0 at its neighbours; the outer ones stay at 1."""
+    columns = [np.interp(x, centres, row) for row in np.eye(len(centres))]
+    return inverse(centres), np.stack(columns, axis=1) * factor

@@ -1,0 +1,199 @@
+"""What a small friction force, added as a function of time, does to the record.
+
+The slider is linearised along its own motion, y' = A(t) y + b(t) g(t), so any number of forces
+is sent through the dynamics at once, at no further solves of the equation of motion. That
+serves to rank many shapes of an effect, and to ask where in slip, velocity, state or time friction
+is missing without a catalogue. Midpoint rule on the sampling times of the record, halved.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from ..effects.effect import with_term
+from ..fitting.problem import Problem
+from ..quantity import quantity
+from ..rig import Inertial, Rig
+from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact, ExtendedLaw
+from ..simulation import simulate
+from ..simulation.ode import SliderEquation
+
+
+class _Probe(AbstractStatelessTerm):
+    """A force that is given."""
+
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 0
+    value: Float[Array, ""] = quantity("g", "F", "added force", default=0.0)
+
+    def force(self, at: Contact):
+        del at
+        return self.value
+
+
+def _unknowns(equation: SliderEquation, moved) -> dict[str, Array]:
+    """The solver's unknowns of a trajectory that began in steady sliding."""
+    scale, machine = equation.law.force_scale(), equation.rig.machine
+    commanded = jax.vmap(equation.motion.displacement)(moved.time)
+    y = {
+        "q": machine.stiffness * (commanded - moved.slip) / scale,
+        "psi": moved.state / scale,
+    }
+    if isinstance(machine, Inertial):
+        y["phi"] = (moved.force - equation.reference) / scale
+    return y
+
+
+def _probed(equation: SliderEquation, g: Float[Array, " 2"]) -> SliderEquation:
+    """With the force g[0] added now, and g[1] at the start, where sliding is steady."""
+    where = lambda e: (e.law.terms[-1].value, e.reference)  # noqa: E731
+    return eqx.tree_at(where, equation, (g[0], equation.reference + g[1]))
+
+
+class Response(eqx.Module):
+    """The linearised slider along its motion; arrays over `middle`, the middles of intervals."""
+
+    rig: Rig
+    time: Float[Array, " n"]
+    rows: Float[Array, " n"]
+    start: Float[Array, ""]
+    middle: Float[Array, " k"]
+    velocity: Float[Array, " k+1"]
+    """At the start, then at every middle; so are slip, state and force."""
+    slip: Float[Array, " k+1"]
+    state: Float[Array, "k+1 s"]
+    force: Float[Array, " k+1"]
+    propagate: Float[Array, "k d d"]
+    driven: Float[Array, "k d"]
+    by_start: Float[Array, "k d"]
+    read: Float[Array, "k d"]
+    read_directly: Float[Array, "k 2"]
+    read_slip: Float[Array, "k d"]
+
+    @eqx.filter_jit
+    def __call__(
+        self, forces: Float[Array, "k+1 m"]
+    ) -> tuple[Float[Array, "n m"], Float[Array, "n m"]]:
+        """Change of recorded friction and slip by forces at the start and at every middle."""
+        first, along = forces[0], forces[1:]
+
+        def step(y, now):
+            propagate, driven, by_start, g = now
+            y = propagate @ y + driven[:, None] * g + by_start[:, None] * first
+            return y, y
+
+        y0 = jnp.zeros((self.propagate.shape[1], forces.shape[1]))
+        inputs = (self.propagate, self.driven, self.by_start, along)
+        _, y = jax.lax.scan(step, y0, inputs)
+        out = jnp.einsum("kd,kdm->km", self.read, y)
+        out = out + self.read_directly[:, :1] * along + self.read_directly[:, 1:] * first
+        begin = self.read_directly[0, 0] * first + self.read_directly[0, 1] * first
+        out = jnp.concatenate([begin[None], out])[self.rows]
+        slip = jnp.einsum("kd,kdm->km", self.read_slip, y)
+        slip = jnp.concatenate([jnp.zeros_like(slip[:1]), slip])[self.rows]
+        quiet = self.rig.sensor.read(self.time, jnp.zeros_like(self.time))
+        seen = jax.vmap(lambda c: self.rig.sensor.read(self.time, c) - quiet, 1, 1)
+        return seen(out), slip
+
+
+@eqx.filter_jit
+def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
+    """The response of the slider with the parameters `z` along its motion in `problem`."""
+    rig, motion = with_term(problem.rig(z), _Probe()), problem.motion
+    time = problem.time
+    halves = 0.5 * (time[1:] + time[:-1])
+    jumps = jnp.clip(motion.breakpoints(), time[0], time[-1])
+    knots = jnp.sort(jnp.concatenate([time, halves, jumps]))
+    middle, h = 0.5 * (knots[1:] + knots[:-1]), jnp.diff(knots)
+    moved = simulate(
+        rig,
+        motion,
+        jnp.concatenate([time[:1], middle]),
+        rtol=problem.rtol,
+        max_steps=problem.max_steps,
+    )
+    equation = SliderEquation(rig, motion)
+    ys = _unknowns(equation, moved)
+    flat, back = ravel_pytree(jax.tree.map(lambda x: x[0], ys))
+    rows = jax.vmap(lambda y: ravel_pytree(y)[0])(jax.tree.map(lambda x: x[1:], ys))
+
+    def rate(t, y, g):
+        return ravel_pytree(_probed(equation, g).derivative(t, back(y)))[0]
+
+    def seen(t, y, g):
+        return _probed(equation, g).physical(t, back(y)).force
+
+    g = jnp.zeros(2)
+    A = jax.vmap(lambda t, y: jax.jacfwd(rate, 1)(t, y, g))(middle, rows)
+    b = jax.vmap(lambda t, y: jax.jacfwd(rate, 2)(t, y, g))(middle, rows)
+    c = jax.vmap(lambda t, y: jax.grad(seen, 1)(t, y, g))(middle, rows)
+    d = jax.vmap(lambda t, y: jax.grad(seen, 2)(t, y, g))(middle, rows)
+    slips = jax.vmap(jax.grad(lambda y, t: equation.physical(t, back(y)).slip))(rows, middle)
+    eye = jnp.eye(len(flat))
+    half = 0.5 * h[:, None, None] * A
+    inverse = jnp.linalg.inv(eye - half)
+    return Response(
+        rig=rig,
+        time=time,
+        rows=jnp.searchsorted(knots, time, side="left"),
+        start=time[0],
+        middle=middle,
+        velocity=moved.velocity,
+        slip=moved.slip,
+        state=moved.state,
+        force=moved.force,
+        propagate=inverse @ (eye + half),
+        driven=(inverse @ (h[:, None] * b[:, :, 0])[..., None])[..., 0],
+        by_start=(inverse @ (h[:, None] * b[:, :, 1])[..., None])[..., 0],
+        read=c,
+        read_directly=d,
+        read_slip=slips,
+    )
+
+
+@eqx.filter_jit
+def term_forces(response: Response, terms: AbstractTerm) -> Float[Array, "k+1 q"]:
+    """Forces of a batch of terms along the motion, as long as they do not change it."""
+    return jax.vmap(lambda term: _term_force(response, term), out_axes=1)(terms)
+
+
+def _term_force(response: Response, term: AbstractTerm) -> Float[Array, " k+1"]:
+    law = response.rig.friction
+    assert isinstance(law, ExtendedLaw)
+    times = jnp.concatenate([response.start[None], response.middle])
+    stress = response.rig.normal_stress
+    ratio = None if stress is None else jax.vmap(stress.ratio)(times)
+
+    def contact(i, part):
+        pressed = None if ratio is None else ratio[i]
+        return Contact(response.velocity[i], response.slip[i], times[i], part, law.base, pressed)
+
+    rows = jnp.arange(len(times))
+    if not term.states:
+        return jax.vmap(lambda i: term.force(contact(i, jnp.zeros(0))))(rows)
+
+    def rate(i, part):
+        return term.rate(contact(i, part), response.force[i])
+
+    first = term.steady_state(response.velocity[0], law.base)
+    A = jax.vmap(lambda i: jax.jacfwd(rate, 1)(i, first))(rows)
+    driven = jax.vmap(lambda i: rate(i, first))(rows) - A @ first
+    # exact between rows for constant coefficients: rows are at the middles of intervals
+    h = jnp.diff(times)[:, None, None]
+    half = 0.25 * h * (A[1:] + A[:-1])
+    eye = jnp.eye(term.states)
+    inverse = jnp.linalg.inv(eye - half)
+    source = 0.5 * jnp.diff(times)[:, None] * (driven[1:] + driven[:-1])
+
+    def step(y, now):
+        P, S, s = now
+        y = P @ (y + S @ y + s)
+        return y, y
+
+    _, later = jax.lax.scan(step, first, (inverse, half, source))
+    parts = jnp.concatenate([first[None], later])
+    return jax.vmap(lambda i: term.force(contact(i, parts[i])))(rows)

@@ -1,0 +1,226 @@
+"""What closing the loop returns: a verdict, the fit before and after, and all that was tried."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..fitting import Estimate, Fit, NoiseEstimate
+from ..records import Record
+from .split import NAMES, Blocks
+
+SCHEMA = "jaxfric.loop/1"
+VERDICTS = ("no_missing_effect", "effects", "ambiguous", "outside_catalogue", "too_weak")
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """One model of the record: the base (before) or the base with effects (after)."""
+
+    effects: tuple[str, ...]
+    rms: Mapping[str, float]
+    """By block ("train", "select", "report"), in the unit of friction."""
+    per_step: tuple[float, ...]
+    """rms of every velocity of the record, in the unit of friction."""
+    residual: np.ndarray
+    """Predicted minus recorded at the rows of the record."""
+    parameters: Mapping[str, Estimate]
+    """SI, by name; those of effects as "second_state.B2"."""
+    free: tuple[str, ...]
+    """Names of the free parameters, in the order of `covariance`."""
+    covariance: np.ndarray
+    """Covariance of the free parameters (SI)."""
+    noise: NoiseEstimate
+    """Of its own residual."""
+    tests: Mapping[str, float]
+    """p-values of the structure tests on the train block, corrected together."""
+
+
+@dataclass(frozen=True)
+class CandidateScore:
+    """One model that was fitted. A positive `delta_bic` is better than the base."""
+
+    effects: tuple[str, ...]
+    delta_bic: float
+    train_rms: float
+    heldout_rms: float
+    """On the select block; the report block is scored only for the final model."""
+    parameters: Mapping[str, float]
+    physical: bool
+    converged: bool
+    accepted: bool
+
+
+@dataclass(frozen=True)
+class ScreenedEffect:
+    """An effect that was screened, to first order, against the base: its best shape."""
+
+    id: str
+    delta_bic: float
+
+
+@dataclass(frozen=True, eq=False)
+class LocationProfile:
+    """Missing friction as a function of one variable: amplitudes of bumps that act in the law.
+
+    The bumps pass through the dynamics before they are compared with the residual, so this is
+    where friction differs, not where the record does.
+    """
+
+    variable: str
+    """"slip", "log_velocity", "state", "time" or "time_since_step"."""
+    unit: str
+    centres: np.ndarray
+    amplitudes: np.ndarray
+    errors: np.ndarray
+    """Standard errors of the amplitudes, in the unit of friction."""
+    explained: float
+    """Share of the structure of the base's residual that bumps in this variable take away."""
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The loop closed over one record."""
+
+    record: Record
+    base_fit: Fit
+    """Fit of the base to the whole record."""
+    blocks: Blocks
+    verdict: str
+    """One of `VERDICTS`."""
+    sentence: str
+    """The verdict in words."""
+    reasons: tuple[str, ...]
+    """What speaks against more, a line each."""
+    effects: tuple[str, ...]
+    """Those added, in the order added."""
+    alias_groups: tuple[tuple[str, ...], ...]
+    """For every effect added: it, and those that the record cannot tell from it."""
+    separations: Mapping[str, str]
+    """What would tell an effect from its aliases, by id."""
+    candidates: tuple[CandidateScore, ...]
+    screened: tuple[ScreenedEffect, ...]
+    """Of the first round, best first."""
+    before: Score
+    after: Score
+    sigma: float
+    """Standard deviation of the noise with everything smooth taken out [unit of friction]."""
+    location: tuple[LocationProfile, ...]
+    """Of the base's residual, most telling variable first."""
+    alias_ids: tuple[str, ...]
+    alias_cosines: np.ndarray
+    """|cosine| between the sensitivities of two effects, those of the fitted model projected
+    out."""
+    warnings: tuple[str, ...]
+    seconds: float
+
+    def shifts(self) -> dict[str, float]:
+        """How far each parameter of the base moved, in standard deviations of the fit after."""
+        moved = {}
+        for name, before in self.before.parameters.items():
+            after = self.after.parameters[name]
+            if after.std > 0:
+                moved[name] = (after.value - before.value) / after.std
+        return moved
+
+    def heldout(self, score: Score) -> float:
+        """rms of select and report blocks together."""
+        rows = self.blocks.select | self.blocks.report
+        return float(np.sqrt(np.mean(score.residual[rows] ** 2)))
+
+    def to_json(self) -> dict:
+        """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""
+        origin = self.record.provenance
+        steps = self.base_fit.steps
+        return {
+            "schema": SCHEMA,
+            "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
+            "friction_unit": self.record.friction_unit,
+            "law": self.base_fit.model.law,
+            "stiffness": self.base_fit.values()["K"],
+            "reference_velocity": self.base_fit.values()["V0"],
+            "steps": [
+                [float(t), float(v)] for t, v in zip(steps.times, steps.velocities, strict=True)
+            ],
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "reasons": list(self.reasons),
+            "effects": list(self.effects),
+            "alias_groups": [list(group) for group in self.alias_groups],
+            "separations": dict(self.separations),
+            "candidates": [
+                {
+                    "effects": list(c.effects),
+                    "delta_bic": _number(c.delta_bic),
+                    "train_rms": _number(c.train_rms),
+                    "heldout_rms": _number(c.heldout_rms),
+                    "parameters": {k: _number(v) for k, v in c.parameters.items()},
+                    "physical": c.physical,
+                    "converged": c.converged,
+                    "accepted": c.accepted,
+                }
+                for c in self.candidates
+            ],
+            "screened": [{"id": s.id, "delta_bic": _number(s.delta_bic)} for s in self.screened],
+            "before": self._score(self.before),
+            "after": self._score(self.after),
+            "shifts_in_sigma": {k: _number(v) for k, v in self.shifts().items()},
+            "noise": {
+                "sigma": _number(self.sigma),
+                "correlated_share": _number(self.after.noise.correlated_share),
+                "correlation_time": _number(self.after.noise.correlation_time),
+            },
+            "tests": {
+                name: {"before": _number(p), "after": _number(self.after.tests[name])}
+                for name, p in self.before.tests.items()
+            },
+            "location_map": [
+                {
+                    "variable": m.variable,
+                    "unit": m.unit,
+                    "centres": [_number(x) for x in m.centres],
+                    "amplitudes": [_number(x) for x in m.amplitudes],
+                    "errors": [_number(x) for x in m.errors],
+                    "explained": _number(m.explained),
+                    "p_value": _number(m.p_value),
+                }
+                for m in self.location
+            ],
+            "aliasing": {
+                "ids": list(self.alias_ids),
+                "cosines": [[_number(c) for c in row] for row in self.alias_cosines],
+            },
+            "blocks": {
+                "by_step": self.blocks.by_step,
+                **{name: int(self.blocks.of(name).sum()) for name in NAMES},
+            },
+            "warnings": list(self.warnings),
+            "seconds": float(self.seconds),
+        }
+
+    def _score(self, score: Score) -> dict:
+        rms = {f"{name}_rms": _number(value) for name, value in score.rms.items()}
+        return {
+            **rms,
+            "in_sigma": {name: _number(v / self.sigma) for name, v in score.rms.items()},
+            "per_step_in_sigma": [_number(v / self.sigma) for v in score.per_step],
+            "parameters": {
+                name: {
+                    "value": _number(e.value),
+                    "std": _number(e.std) if e.determined else None,
+                    "lower": _number(e.lower) if e.determined else None,
+                    "upper": _number(e.upper) if e.determined else None,
+                    "unit": e.unit,
+                    "free": e.free,
+                    "determined": e.determined,
+                }
+                for name, e in score.parameters.items()
+            },
+            "free": list(score.free),
+            "covariance": [[_number(c) for c in row] for row in score.covariance],
+        }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,214 @@
+"""What may be concluded from a search, and in which words."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..effects import effect_of
+from ..fitting.noise import Noise
+from .engine import Candidate, Engine
+from .screen import orthonormal
+from .search import ACCEPT, ALIAS, Search
+from .structure import structure
+
+_HELD_OUT = 1.06
+_TRAIN = 1.04
+_SIGNIFICANT = 0.01
+_HINT = 2.0
+_EDGE = 1.1
+
+
+class Floor(NamedTuple):
+    """The noise with everything smooth taken out."""
+
+    noise: Noise
+    sigma: float
+    """In the unit of friction."""
+    held_out: float
+    train: float
+    """Largest rms of the held-out and train rows, over sigma, that noise alone explains."""
+
+
+class Conclusion(NamedTuple):
+    """See `Loop` for the fields."""
+
+    verdict: str
+    sentence: str
+    reasons: tuple[str, ...]
+    alias_groups: tuple[tuple[str, ...], ...]
+    separations: dict[str, str]
+
+
+def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
+    """Noise with base, effects, and bumps along the record and along each step taken out."""
+    index = engine.free(current.effects)
+    rows = engine.evaluate(current.z, index)
+    residual = rows.residual
+    bumps = _bumps(slip, engine.blocks.step)
+    extra = np.zeros((len(residual), bumps.shape[1]))
+    extra[: engine.rows] = bumps
+    columns = np.concatenate([rows.jacobian, extra], axis=1) * engine.weight[:, None]
+    used = np.linalg.norm(columns, axis=0) > 0
+    noise = engine.noise(residual * engine.weight, columns[:, used])
+    held = engine.blocks.select | engine.blocks.report
+    # the likelihood's sigma extrapolates to slow noise that the bumps hide: the plain rms does not
+    smooth = orthonormal(columns[:, used])
+    left = residual * engine.weight
+    left = left - smooth @ (smooth.T @ left)
+    degrees = engine.weight.sum() - smooth.shape[1]
+    sigma = float(np.sqrt(left @ left / degrees)) * float(engine.problem.noise_scale)
+    return Floor(
+        noise,
+        sigma,
+        max(_HELD_OUT, 1 + 2 * _rms_error(int(held.sum()), noise)),
+        max(_TRAIN, 1 + 2 * _rms_error(int(engine.blocks.train.sum()), noise)),
+    )
+
+
+def innovations(engine: Engine, candidate: Candidate, slip: np.ndarray) -> dict[str, float]:
+    """p-values of the structure tests on the train block, under the candidate's own noise."""
+    column = np.zeros((engine.problem.time.shape[0], 1))
+    column[: engine.rows, 0] = candidate.residual
+    rows = engine.blocks.train
+    white = engine.whiten(column * engine.weight[:, None], candidate.noise)
+    return structure(white[: engine.rows, 0][rows], engine.blocks.step[rows], slip[rows])
+
+
+def conclude(
+    engine: Engine,
+    search: Search,
+    floor: Floor,
+    tests: dict[str, float],
+    *,
+    edge: float | None,
+    located: str,
+) -> Conclusion:
+    """The verdict. `edge` is K/K_cr of the base fit, `located` what the location map says."""
+    final, base = search.final, search.base
+    groups = _groups(search)
+    separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}
+    if base.failed or (edge is not None and edge < _EDGE):
+        why = f"K/K_cr is {edge:.2f}" if edge is not None else "the fit runs away"
+        text = (
+            f"No verdict: the base fit sits at the edge of stability ({why}), where a small misfit"
+            " of the law looks like a large effect; use a stiffer machine, or check --stiffness."
+        )
+        return Conclusion("ambiguous", text, (f"{why}: the verdict is withheld",), (), {})
+    reasons = _reasons(engine, final, floor, tests)
+    rivals = _rivals(search, groups)
+    verdict = _verdict(search, reasons, rivals, floor, engine)
+    sentence = _sentence(engine, search, verdict, groups, rivals, floor, located)
+    return Conclusion(verdict, sentence, tuple(reasons), groups, separations)
+
+
+def effect_of_engine(engine: Engine, id: str):
+    """The class of an effect, of the catalogue or the user's own."""
+    own = [e for e in engine.model.effects if e.id == id]
+    return own[0] if own else effect_of(id)
+
+
+def held_out(engine: Engine, candidate: Candidate) -> float:
+    """rms of the select and report rows in the unit of friction."""
+    rows = engine.blocks.select | engine.blocks.report
+    scale = float(engine.problem.noise_scale)
+    return scale * float(np.sqrt(np.mean(candidate.residual[rows] ** 2)))
+
+
+def _reasons(engine, final: Candidate, floor: Floor, tests) -> list[str]:
+    reasons = []
+    left = [f"{name} p = {p:.2g}" for name, p in tests.items() if p < _SIGNIFICANT]
+    if left:
+        reasons.append("structure is left in the residual: " + ", ".join(left))
+    for name, value, most in (
+        ("held-out", held_out(engine, final) / floor.sigma, floor.held_out),
+        ("train", final.rms["train"] / floor.sigma, floor.train),
+    ):
+        if not value <= most:
+            reasons.append(f"the {name} error is {value:.3f} sigma; noise alone gives {most:.2f}")
+    return reasons
+
+
+def _verdict(search: Search, reasons, rivals, floor: Floor, engine) -> str:
+    final, base = search.final, search.base
+    if final.effects:
+        if reasons:
+            return "outside_catalogue"
+        return "ambiguous" if rivals else "effects"
+    if not reasons:
+        return "no_missing_effect"
+    gains = [base.bic - c.bic for c in search.tried if c.effects and not c.failed]
+    strong = base.rms["train"] / floor.sigma > _HELD_OUT
+    weak = gains and _HINT < max(gains) <= ACCEPT
+    return "outside_catalogue" if strong and not weak else "too_weak"
+
+
+def _groups(search: Search) -> tuple[tuple[str, ...], ...]:
+    """For every effect found: it, and those that it cannot be told from."""
+    ids, found = search.ids, []
+    for id in search.final.effects:
+        i = ids.index(id)
+        like = (b for j, b in enumerate(ids) if j != i and search.cosines[i, j] > ALIAS)
+        found.append((id, *sorted(like, key=lambda b: -search.cosines[i, ids.index(b)])))
+    return tuple(found)
+
+
+def _rivals(search: Search, groups) -> list[tuple[str, str]]:
+    """Pairs (found, rival): refits with an alias in place of an effect that fit about as well."""
+    rivals = []
+    for id, *like in groups:
+        for other in like:
+            swapped = {other if e == id else e for e in search.final.effects}
+            for c in search.tried:
+                close = c.bic - search.final.bic < ACCEPT
+                if set(c.effects) == swapped and c.physical and not c.failed and close:
+                    rivals.append((id, other))
+    return sorted(set(rivals))
+
+
+def _sentence(engine, search, verdict, groups, rivals, floor, located) -> str:
+    before = held_out(engine, search.base) / floor.sigma
+    after = held_out(engine, search.final) / floor.sigma
+    change = f"held-out error {before:.2f} -> {after:.2f} sigma"
+    named = " and ".join(search.final.effects)
+    if verdict == "no_missing_effect":
+        return (
+            f"Nothing is missing: the base model fits to the noise (held-out {before:.2f} sigma)."
+        )
+    if verdict == "too_weak":
+        return (
+            "Something may be missing, but too weakly to be named: no effect is supported by more"
+            f" than {ACCEPT:g} of BIC (held-out {before:.2f} sigma)."
+        )
+    if verdict == "outside_catalogue":
+        tried = f" {named} helps ({change}) but does not explain it." if named else ""
+        return f"What is missing is not in the catalogue.{tried} {located}".strip()
+    gain = search.base.bic - search.final.bic
+    text = f"The model lacks {named}: {change}, BIC {gain:.0f} lower."
+    if rivals:
+        pairs = "; ".join(f"{a} or {b}" for a, b in rivals)
+        text = f"The model lacks {named}, or what looks like it ({pairs}): {change}."
+    return text
+
+
+def _bumps(slip: np.ndarray, step: np.ndarray, *, number: int = 24) -> np.ndarray:
+    """Hats along the slip of the whole record, and along the slip since each step (shared)."""
+    share = (slip - slip[0]) / max(float(slip[-1] - slip[0]), 1e-300)
+    columns = [_hat(share, k, number) for k in range(number)]
+    since = np.zeros(len(slip))
+    for k in np.unique(step):
+        rows = step == k
+        x = slip[rows] - slip[rows][0]
+        since[rows] = np.sqrt(x / max(float(x[-1]), 1e-300)) if k else 0.0
+    columns += [_hat(since, k, 8) * (step > 0) for k in range(1, 8)]
+    return np.stack(columns, axis=1)
+
+
+def _hat(x: np.ndarray, k: int, number: int) -> np.ndarray:
+    return np.maximum(0.0, 1 - np.abs(x * (number - 1) - k))
+
+
+def _rms_error(rows: int, noise: Noise) -> float:
+    """Relative standard error of the rms of noise: correlated rows count for fewer."""
+    share, tau = float(noise.share), float(noise.correlation_time)
+    rho = share * np.exp(-np.arange(1, min(rows, 400)) / tau)
+    return float(np.sqrt((1 + 2 * np.sum(rho**2)) / (2 * rows)))
