@@ -124,6 +124,21 @@ RECIPES = (
         white=2e-4,
         secret=True,
     ),
+    Recipe(
+        name="undeclared",
+        seed=16,
+        law="slip",
+        f0=0.6,
+        A=0.009,
+        B=(0.008, 0.012),
+        L=(40 * UM, 3 * UM),
+        K=5e3,
+        velocities=tuple(v * UM for v in (1, 10, 1, 3, 10, 3, 1, 3, 10, 1, 10, 1)),
+        distances=(150 * UM,) * 12,
+        rows=(240,) * 12,
+        white=3e-4,
+        secret=True,
+    ),
 )
 
 

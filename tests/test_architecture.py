@@ -39,6 +39,7 @@ WITHIN_A_FLOOR = {
     ("quantity", "errors"),
     ("units", "errors"),
     ("rig", "motion"),
+    ("gains", "effects"),
 }
 
 

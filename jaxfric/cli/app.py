@@ -14,6 +14,7 @@ import cyclopts
 from ..errors import InputError
 from .fit import fit
 from .gains import gains
+from .loop import loop
 from .record import record
 from .simulate import simulate
 from .stability import stability
@@ -24,7 +25,7 @@ app = cyclopts.App(
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
-for verb in (record, fit, gains, stability, simulate):
+for verb in (record, fit, loop, gains, stability, simulate):
     app.command(verb)
 
 

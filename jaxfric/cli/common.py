@@ -1,6 +1,7 @@
 """What several verbs share: options, reading a record, preparing JAX."""
 
 import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,8 @@ Columns = Annotated[
     Parameter(
         name="--column",
         help="Say which column is what, as ROLE=NAME or 'ROLE=NAME [UNIT]'. Roles: time, friction, "
-        "load_point_displacement, load_point_velocity, slip, normal_stress. May be repeated.",
+        "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress. "
+        "May be repeated.",
         negative=(),
     ),
 ]
@@ -62,7 +64,11 @@ def prepare_jax() -> None:
 
 From = Annotated[
     Path | None,
-    Parameter(name="--from", help="A fit.json of 'jaxfric fit', from which the law is taken."),
+    Parameter(
+        name="--from",
+        help="A fit.json of 'jaxfric fit', or a loop.json of 'jaxfric loop', from which the law is "
+        "taken; of the loop with the effects that it found.",
+    ),
 ]
 LawName = Annotated[
     str | None,
@@ -98,7 +104,8 @@ def read_law(
     seed: int = 0,
 ):
     """The law that the options name, as a `LawSource`."""
-    from ..gains.source import law_from_fit, law_from_parameters
+    from ..gains.loop_source import law_from_file
+    from ..gains.source import law_from_parameters
     from ..units import parse_quantity
 
     if fit is not None:
@@ -109,7 +116,10 @@ def read_law(
             force = parse_quantity(normal_force, "N", "--normal-force")
             if not force > 0:
                 raise InputError(f"--normal-force: '{normal_force}' is not positive")
-        return law_from_fit(fit, normal_force=force, samples=samples, seed=seed)
+        source = law_from_file(fit, normal_force=force, samples=samples, seed=seed)
+        for warning in source.warnings:
+            print(f"jaxfric: warning: {warning}", file=sys.stderr)
+        return source
     if law is None or parameters is None:
         raise InputError(
             "no friction law: give a fit with --from fit.json, or --law slip with --parameters"

@@ -1,7 +1,5 @@
 """Where a friction law for control comes from: a fit's file, or parameters given one by one."""
 
-import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +7,7 @@ from pathlib import Path
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
+from jaxtyping import ArrayLike
 
 from ..errors import InputError
 from ..quantity import Quantity, quantities
@@ -26,16 +24,16 @@ from ..rig.friction import (
     SlipEvolution,
 )
 from ..units import parse_quantity
+from .saved import FIT, missing_key, read_saved, refuse_damage, sampled, table_damage, values_of
 
-SCHEMA = "jaxfric.fit/1"
-_EVOLUTIONS = {"slip": SlipEvolution, "ageing": AgeingEvolution}
+EVOLUTIONS = {"slip": SlipEvolution, "ageing": AgeingEvolution}
 _CURVES = {
     "stribeck": GeneralStribeck,
     "gaussian-stribeck": GaussianStribeck,
     "delay": HessSoom,
     "dahl": Dahl,
 }
-LAWS = (*_EVOLUTIONS, *_CURVES)
+LAWS = (*EVOLUTIONS, *_CURVES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +48,8 @@ class LawSource:
     """What it is, in a line."""
     velocity: float | None
     """A velocity of the record [m/s], for where none is given."""
+    warnings: tuple[str, ...] = ()
+    """What must be known before it is relied on, a line each."""
 
 
 def law_from_fit(
@@ -71,27 +71,18 @@ def law_from_fit(
     InputError : file missing, damaged or of another schema; a normal force missing or
         not wanted; parameters that the fit left undetermined.
     """
-    content = _read(Path(path))
-    unit = content["friction_unit"]
-    if unit == "1" and normal_force is None:
-        raise InputError(
-            f"{path}: this is a fit of a friction coefficient; give the normal force that turns it"
-            " into newtons, as in --normal-force '500 N'"
-        )
-    if unit != "1" and normal_force is not None:
-        raise InputError(f"{path}: this is a fit of a force, so --normal-force is not wanted")
-    values = {name: float(item["value"]) for name, item in content["parameters"].items()}
-    free = list(content["free"])
-    draws = np.tile(np.asarray([values[name] for name in free]), (samples + 1, 1))
-    if samples:
-        draws[1:] = _draw(content, free, values, samples, seed, path)
-    scale = 1.0 if normal_force is None else normal_force
-    states, evolution = int(content["states"]), _EVOLUTIONS[content["law"]]()
-    columns = {name: np.full(samples + 1, value) for name, value in values.items()}
-    columns |= dict(zip(free, draws.T, strict=True))
+    path = Path(path)
+    content = read_saved(path, FIT)
+    refuse_damage(path, FIT, _damage(content))
+    scale = force_of_unit(content["friction_unit"], normal_force, path)
+    states, evolution = int(content["states"]), EVOLUTIONS[content["law"]]()
+    values = values_of(content)
+    names = [n for n in ("f0", "A", *numbered(states), "V0", "slip_trend") if n in values]
+    positive = {name: law_quantity(name).lower == 0.0 for name in names}
+    columns = sampled(content, positive, samples, seed, path)
+    law = rate_state(values, states, evolution, scale)
     text = f"{content['law']} law, {states} state(s), fitted: {path}"
-    law = _law(values, states, evolution, scale)
-    return LawSource(law, _law(columns, states, evolution, scale), text, values["V0"])
+    return LawSource(law, rate_state(columns, states, evolution, scale), text, values["V0"])
 
 
 def law_from_parameters(kind: str, text: str) -> LawSource:
@@ -107,115 +98,65 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     if kind not in LAWS:
         raise InputError(f"law '{kind}' does not exist; there are: {', '.join(LAWS)}")
     pairs = _pairs(text)
-    law = (_rate_state if kind in _EVOLUTIONS else _curve)(kind, pairs)
+    law = (_from_pairs if kind in EVOLUTIONS else _curve)(kind, pairs)
     V0 = getattr(law, "V0", None)
     return LawSource(law, stack([law]), f"{kind} law: {text}", None if V0 is None else float(V0))
 
 
-def _read(path: Path) -> dict:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; make one with: jaxfric fit") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        place = f" (line {error.lineno})" if isinstance(error, json.JSONDecodeError) else ""
-        raise InputError(f"{path}: not a JSON file, or damaged{place}; make it again") from None
-    schema = content.get("schema") if isinstance(content, dict) else None
-    if schema != SCHEMA:
-        found = f"its schema is '{schema}'" if schema else "it names no schema"
-        raise InputError(f"{path}: {found}; a file of schema '{SCHEMA}' (jaxfric fit) is needed")
-    problem = _damage(content)
-    if problem:
-        raise InputError(f"{path}: damaged: {problem}; make it again with: jaxfric fit")
-    return content
+def force_of_unit(unit: str, normal_force: float | None, path: Path) -> float:
+    """What forces of a file in `unit` ("1" or "N") are multiplied by to have newtons.
+
+    Raises
+    ------
+    InputError : a normal force [N] is missing or not wanted.
+    """
+    if unit == "1" and normal_force is None:
+        raise InputError(
+            f"{path}: this is a fit of a friction coefficient; give the normal force that turns it"
+            " into newtons, as in --normal-force '500 N'"
+        )
+    if unit != "1" and normal_force is not None:
+        raise InputError(f"{path}: this is a fit of a force, so --normal-force is not wanted")
+    return 1.0 if normal_force is None else normal_force
 
 
 def _damage(content: dict) -> str | None:
-    """What is missing from or wrong in a file of the right schema."""
-    for key in ("law", "states", "friction_unit", "parameters", "free", "covariance"):
-        if key not in content:
-            return f"'{key}' is missing"
-    if content["law"] not in _EVOLUTIONS:
+    """What is missing from or wrong in a fit.json."""
+    keys = ("law", "states", "friction_unit", "parameters", "free", "covariance")
+    problem = missing_key(content, keys)
+    if problem:
+        return problem
+    if content["law"] not in EVOLUTIONS:
         return f"law '{content['law']}' is not known"
-    parameters, states, free = content["parameters"], content["states"], content["free"]
+    states = content["states"]
     if isinstance(states, bool) or not isinstance(states, int) or states < 1:
         return f"the number of states is '{states}'"
-    if not isinstance(parameters, dict):
-        return "the parameters are no table"
-    if not isinstance(free, list) or not all(isinstance(name, str) for name in free):
-        return "the free parameters are no list of names"
-    needed = ["f0", "A", "V0", *_numbered(states)]
-    for name in needed:
-        if name not in parameters:
-            return f"parameter {name} is missing"
-    for name, item in parameters.items():
-        value = item.get("value") if isinstance(item, dict) else None
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-        ):
-            return f"parameter {name} has no value"
-    try:
-        matrix = np.asarray(content["covariance"], float)
-    except (TypeError, ValueError):
-        return "the covariance is not a matrix of numbers"
-    size = len(free)
-    if matrix.shape != (size, size) and size:
-        return f"the covariance has shape {matrix.shape} for {size} free parameters"
-    if not set(free) <= set(parameters):
-        return "a free parameter is not among the parameters"
-    return None
+    return table_damage(content, ["f0", "A", "V0", *numbered(states)])
 
 
-def _numbered(states: int) -> list[str]:
+def numbered(states: int) -> list[str]:
     """B, L, B2, L2, ..."""
     return [f"{letter}{'' if i == 0 else i + 1}" for i in range(int(states)) for letter in "BL"]
 
 
-def _quantity(name: str) -> Quantity:
+def law_quantity(name: str) -> Quantity:
+    """The quantity behind a name of `numbered`, or f0, A, V0, slip_trend."""
     return quantities(RateState)[name if name in ("f0", "V0", "slip_trend") else name[0]]
 
 
-def _draw(content, free, values, samples, seed, path) -> np.ndarray:
-    """Samples of the free parameters, one row each (SI, unit of the fit)."""
-    parameters = content["parameters"]
-    loose = [name for name in free if not parameters[name].get("determined", True)]
-    covariance = np.asarray(content["covariance"], float)
-    if loose or not np.all(np.isfinite(covariance)):
-        names = ", ".join(loose) or "a parameter"
-        raise InputError(
-            f"{path}: the fit leaves {names} undetermined, so nothing can be sampled;"
-            " use --samples 0 for the estimate alone, or a record that fixes it"
-        )
-    mean = np.asarray([values[name] for name in free])
-    positive = np.asarray([name != "K" and _quantity(name).lower == 0.0 for name in free])
-    jacobian = np.where(positive, 1 / np.where(positive, mean, 1.0), 1.0)
-    spread = covariance * np.outer(jacobian, jacobian)
-    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-    lowered, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
-    root = scale[:, None] * vectors * np.sqrt(np.maximum(lowered, 0.0))
-    z = np.random.default_rng(seed).standard_normal((samples, len(free))) @ root.T
-    return np.where(positive, mean * np.exp(np.where(positive, z, 0.0)), mean + z)
-
-
-def _law(
-    p: Mapping[str, float] | Mapping[str, np.ndarray], states: int, evolution, scale: float = 1.0
-) -> RateState:
+def rate_state(p: Mapping[str, ArrayLike], states: int, evolution, scale: float = 1.0) -> RateState:
     """The law with forces `scale` times those given; a batch where the values are arrays."""
-    names = _numbered(states)
-    p = {name: np.asarray(value, float) for name, value in p.items()}
+    names = numbered(states)
+    p = {name: jnp.asarray(value, float) for name, value in p.items()}
     return RateState(
-        jnp.asarray(p["f0"] * scale),
-        jnp.asarray(p["A"] * scale),
-        jnp.asarray(np.stack([p[name] * scale for name in names[0::2]], axis=-1)),
-        jnp.asarray(np.stack([p[name] for name in names[1::2]], axis=-1)),
-        jnp.asarray(p["V0"]),
+        p["f0"] * scale,
+        p["A"] * scale,
+        jnp.stack([p[name] * scale for name in names[0::2]], axis=-1),
+        jnp.stack([p[name] for name in names[1::2]], axis=-1),
+        p["V0"],
         evolution,
         RegularisedEffect(),
-        jnp.asarray(p.get("slip_trend", np.zeros_like(p["V0"])) * scale),
+        p.get("slip_trend", jnp.zeros_like(p["V0"])) * scale,
     )
 
 
@@ -244,16 +185,16 @@ def _value(pairs: dict[str, str], name: str, about: Quantity) -> float:
     return about.check(value, "parameters")
 
 
-def _rate_state(kind: str, pairs: dict[str, str]) -> RateState:
+def _from_pairs(kind: str, pairs: dict[str, str]) -> RateState:
     states = 1 + sum(name[0] == "B" and name[1:].isdigit() for name in pairs)
-    names = _numbered(states)
+    names = numbered(states)
     for name in ("A", *names, "V0"):
         if name not in pairs:
             raise InputError(f"parameters: {name} is missing; the {kind} law needs A, B, L, V0")
-    values = {name: _value(pairs, name, _quantity(name)) for name in ("A", *names, "V0")}
-    values["f0"] = _value(pairs, "f0", _quantity("f0")) if "f0" in pairs else 50 * values["A"]
+    values = {name: _value(pairs, name, law_quantity(name)) for name in ("A", *names, "V0")}
+    values["f0"] = _value(pairs, "f0", law_quantity("f0")) if "f0" in pairs else 50 * values["A"]
     _refuse_rest(pairs, kind, "A, B, L, V0, f0")
-    return _law(values, states, _EVOLUTIONS[kind]())
+    return rate_state(values, states, EVOLUTIONS[kind]())
 
 
 def _curve(kind: str, pairs: dict[str, str]):

@@ -1,0 +1,165 @@
+"""The declared study: which records are made, with which seeds. Fixed before the first run.
+
+Ten conditions, each with seeds of its own (`Condition.first` and up, less than 1000 apart):
+    null-white, null-ar1-0.7, null-ar1-0.9    no effect, 100 each
+    one-rho0.1, -rho0.2, -rho0.5, -rho1       each effect of the generator x 10, white noise
+    one-ar1-0.9                               each effect x 3 at rho 0.5, AR(1) noise of 0.9
+    two                                       40 pairs of effects, each at rho 1
+    outside                                   each effect x 3 at rho 1, left out of the catalogue
+
+Plants alternate between without mass and with, samplings between uniform and thinned. The delay
+plant has no version with mass. A pair of effects whose structures have a cosine beyond 0.95
+in the record that is made of them is replaced by the next pair, also fixed here.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from .generate import PLANTS, SAMPLINGS, Request
+from .plants import EFFECTS
+
+BASE_SEED = 410_000
+ALIASED = 0.95
+_MASSLESS = "frictional_delay"
+_PAIRS_TRIED = 6
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Records of one kind. `place` sets the seeds: BASE_SEED + 1000 place, and up."""
+
+    name: str
+    place: int
+    effects: int  # in a record: 0, 1 or 2
+    count: int  # of records; of one effect: for each of the effects
+    rho: float = 1.0
+    noise: str = "white"
+    without: bool = False  # the true effect is taken out of the catalogue
+
+    @property
+    def first(self) -> int:
+        return BASE_SEED + 1000 * self.place
+
+
+CONDITIONS = (
+    Condition("null-white", 0, 0, 100),
+    Condition("null-ar1-0.7", 1, 0, 100, noise="ar1-0.7"),
+    Condition("null-ar1-0.9", 2, 0, 100, noise="ar1-0.9"),
+    Condition("one-rho0.1", 3, 1, 10, rho=0.1),
+    Condition("one-rho0.2", 4, 1, 10, rho=0.2),
+    Condition("one-rho0.5", 5, 1, 10, rho=0.5),
+    Condition("one-rho1", 6, 1, 10, rho=1.0),
+    Condition("one-ar1-0.9", 7, 1, 3, rho=0.5, noise="ar1-0.9"),
+    Condition("two", 8, 2, 40, rho=1.0),
+    Condition("outside", 9, 1, 3, rho=1.0, without=True),
+)
+
+_SLICE = (
+    ("null-white", None, 0),
+    ("null-white", None, 1),
+    ("null-ar1-0.9", None, 2),
+    ("one-rho0.1", "viscous", 3),
+    ("one-rho0.5", "slip_trend", 0),
+    ("one-rho0.5", "sensor_lag", 1),
+    ("one-rho1", "second_state", 0),
+    ("one-rho1", "position_periodic", 1),
+    ("one-rho1", "stiffness", 2),
+    ("one-rho1", "thermal", 3),
+    ("two", None, 0),
+    ("outside", "run_in", 0),
+)
+"""Condition, effect and replicate of the slice for continuous integration."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """A record of the study. The first of `tries` that can be had is it."""
+
+    condition: str
+    index: int
+    tries: tuple[Request, ...]
+    without: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        return f"{self.condition}/{self.index}"
+
+
+def items(condition: Condition) -> tuple[Item, ...]:
+    """All records of a condition; those of one effect, effect by effect.
+
+    Replicates are rotated from effect to effect, so that every tenth record is another replicate,
+    and with it another plant and sampling.
+    """
+    if condition.effects == 1:
+        chosen = tuple(
+            ((effect,), (j + e) % condition.count)
+            for e, effect in enumerate(EFFECTS)
+            for j in range(condition.count)
+        )
+        return tuple(_item(condition, i, (effects,), k) for i, (effects, k) in enumerate(chosen))
+    tries = _pairs if condition.effects == 2 else lambda seed: ((),)
+    return tuple(_item(condition, i, tries(condition.first + i), i) for i in range(condition.count))
+
+
+def _item(condition: Condition, index: int, tries, replicate: int) -> Item:
+    requests = []
+    for effects in tries:
+        still = _MASSLESS in effects
+        plant = PLANTS[0] if still else PLANTS[replicate % 2]
+        sampling = SAMPLINGS[replicate // 2 % 2]
+        seed = condition.first + index
+        requests.append(Request(seed, effects, condition.rho, condition.noise, plant, sampling))
+    return Item(condition.name, index, tuple(requests), tries[0] if condition.without else ())
+
+
+def _pairs(seed: int) -> tuple[tuple[str, ...], ...]:
+    """Pairs of different effects to try, in order."""
+    rng, names, out = np.random.default_rng(seed), list(EFFECTS), []
+    while len(out) < _PAIRS_TRIED:
+        i, j = sorted(rng.choice(len(names), 2, replace=False).tolist())
+        pair = (names[i], names[j])
+        if set(pair) != {_MASSLESS, "inertia"} and pair not in out:
+            out.append(pair)
+    return tuple(out)
+
+
+def selected(
+    *, share: float = 1.0, part: str | None = None, only: tuple[str, ...] = ()
+) -> tuple[Item, ...]:
+    """Records of the study: all, a share spread evenly over every condition, or a named slice.
+
+    Raises ValueError for a share out of (0, 1], or a condition or slice that does not exist.
+    """
+    if not 0 < share <= 1:
+        raise ValueError(f"the share is {share:g}; it must be above 0 and at most 1")
+    known = {condition.name: condition for condition in CONDITIONS}
+    for name in only:
+        if name not in known:
+            raise ValueError(f"condition '{name}' does not exist; there are: {', '.join(known)}")
+    if part not in (None, "ci"):
+        raise ValueError(f"slice '{part}' does not exist; there is: ci")
+    wanted = [condition for condition in CONDITIONS if not only or condition.name in only]
+    if part == "ci":
+        return tuple(i for c in wanted for i in _sliced(c))
+    return tuple(i for c in wanted for i in _every(items(c), share))
+
+
+def _every(all_items: tuple[Item, ...], share: float) -> Iterator[Item]:
+    """Every (1/share)-th."""
+    for place, item in enumerate(all_items):
+        # a little more than the product: 0.1 * 10 must not fall short of 1
+        if math.floor((place + 1) * share + 1e-9) > math.floor(place * share + 1e-9):
+            yield item
+
+
+def _sliced(condition: Condition) -> Iterator[Item]:
+    for item in items(condition):
+        for name, effect, replicate in _SLICE:
+            place = item.index % condition.count
+            found = effect is None or item.tries[0].effects == (effect,)
+            if name == condition.name and found and place == replicate:
+                yield item

@@ -1,0 +1,259 @@
+"""The friction law that `jaxfric loop` ends with: the base and the effects that were found.
+
+Effects in the room of friction are in the law: second_state, aging, velocity_dependent_L,
+evolution_cutoff, viscous, stribeck, thermal, frictional_delay and what the catalogue has of
+others. Three of them are not, because they depend on where the slider is, so that no steady
+sliding exists with them:
+
+    slip_trend          s x
+    run_in              d (1 - exp(-x/dc))
+    position_periodic   a sin(2 pi x/lambda) + b cos(2 pi x/lambda)
+
+About a place x each is a spring of stiffness f_x beside k_p, which moves every threshold of k_p
+by -f_x and changes nothing else. The softest that it can be is told with the law. And
+normal_stress acts only while the normal force changes.
+
+Effects in other rooms belong to the apparatus that made the record, not to friction: stiffness and
+damping of its machine, the lag of its drive, lag, delay, drift and gain of its force sensor. The
+law's parameters are those fitted together with them, so it is already free of them.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..effects import AbstractEffect, effect_of, parameters
+from ..errors import InputError
+from ..rig import QuasiStatic, Rig
+from ..rig.friction import AbstractLaw
+from ..rig.friction.extended import ExtendedLaw
+from .saved import (
+    FIT,
+    LOOP,
+    missing_key,
+    read_saved,
+    refuse_damage,
+    sampled,
+    table_damage,
+    values_of,
+)
+from .settled_law import SettledLaw
+from .source import (
+    EVOLUTIONS,
+    LawSource,
+    force_of_unit,
+    law_from_fit,
+    law_quantity,
+    numbered,
+    rate_state,
+)
+
+CERTAIN = ("no_missing_effect", "effects", "ambiguous")
+"""Verdicts whose model describes the record."""
+
+# Softest spring [F/m] that an effect of the slider's place can be.
+_SOFTEST = {
+    "slip_trend": lambda s: s,
+    "run_in": lambda d, dc: min(d, 0.0) / dc,
+    "position_periodic": lambda a, b, wavelength: -2 * np.pi * np.hypot(a, b) / wavelength,
+}
+_STRESS = "normal_stress"
+_ROOMS = {"machine": "machine", "drive": "drive", "sensor": "force sensor"}
+
+
+def law_from_file(
+    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
+) -> LawSource:
+    """The law of a `fit.json` or of a `loop.json`: `law_from_fit` or `law_from_loop`."""
+    schema = read_saved(Path(path), FIT, LOOP)["schema"]
+    load = law_from_loop if schema == LOOP else law_from_fit
+    return load(path, normal_force=normal_force, samples=samples, seed=seed)
+
+
+def law_from_loop(
+    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
+) -> LawSource:
+    """The law after the loop of a `loop.json` in newtons, and samples of its parameters.
+
+    A slip law with no effect but a second state is a `RateState` of two states; with any other
+    effect of friction it is an `ExtendedLaw` (in a `SettledLaw`). The direct effect is the
+    regularised one. The samples are drawn as by `law_from_fit`, from the covariance of the
+    extended fit. What is left out of the law, and a verdict by which it does not describe the
+    record, are in `warnings`.
+
+    Parameters
+    ----------
+    normal_force : [N], as of `law_from_fit`.
+    samples : number drawn besides the estimate.
+
+    Raises
+    ------
+    InputError : file missing, damaged or of another schema; an effect that is not in the
+        catalogue, a parameter out of bounds; a normal force missing or not wanted; parameters
+        that the fit left undetermined.
+    """
+    path = Path(path)
+    content = read_saved(path, LOOP)
+    refuse_damage(path, LOOP, _damage(content))
+    scale = force_of_unit(content["friction_unit"], normal_force, path)
+    after = content["after"]
+    values = values_of(after)
+    effects = _effects(path, content["effects"], values)
+    states = _states(values)
+    positive = _positive(path, effects, states, values)
+    columns = sampled(after, positive, samples, seed, path)
+    names = tuple(columns)
+    velocity = float(values["V0"] if "V0" in values else content["reference_velocity"])
+
+    def build(row):
+        p = dict(zip(names, row, strict=True))
+        p.setdefault("V0", jnp.asarray(velocity, float))
+        return _law(p, content["law"], states, effects, scale)
+
+    rows = jnp.asarray(np.stack(list(columns.values()), axis=-1))
+    found = [effect.id for effect in effects if _in_law(effect)]
+    text = f"{content['law']} law" + (f" with {', '.join(found)}" if found else "")
+    text += f", from the loop ({content['verdict']}): {path}"
+    laws = eqx.filter_jit(eqx.filter_vmap(build))(rows)
+    arrays, rest = eqx.partition(laws, eqx.is_array)
+    return LawSource(
+        eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest),
+        laws,
+        text,
+        velocity,
+        (*_verdict(content), *_left_out(effects, values, scale)),
+    )
+
+
+def _law(p: Mapping, kind: str, states: int, effects, scale: float) -> AbstractLaw:
+    """The law of one set of parameters, SI and the unit of the fit."""
+    inside = [effect for effect in effects if _in_law(effect)]
+    if kind == "slip" and all(effect.id == "second_state" for effect in inside):
+        more = ("second_state.B2", "second_state.L2") if inside else ()
+        names = (f"B{states + 1}", f"L{states + 1}")
+        p = {**p, **{name: p[old] for name, old in zip(names, more, strict=False)}}
+        return rate_state(p, states + len(more) // 2, EVOLUTIONS[kind](), scale)
+    law = rate_state(p, states, EVOLUTIONS[kind](), scale)
+    if not inside:
+        return law
+    rig = Rig(QuasiStatic(1.0), law)
+    for effect in inside:
+        fields = {
+            name: p[f"{effect.id}.{name}"] * (scale if about.unit.startswith("F") else 1.0)
+            for name, about in parameters(effect).items()
+        }
+        rig = effect(**fields).embed(rig)
+    assert isinstance(rig.friction, ExtendedLaw)
+    return SettledLaw(rig.friction)
+
+
+def _in_law(effect: type[AbstractEffect]) -> bool:
+    return effect.room == "friction" and effect.id not in (*_SOFTEST, _STRESS)
+
+
+def _effects(path: Path, ids: list[str], values) -> tuple[type[AbstractEffect], ...]:
+    """The effects found, and those that the base was declared with, in order."""
+    declared = [name.split(".")[0] for name in values if "." in name]
+    chosen = []
+    for id in dict.fromkeys([*ids, *declared]):
+        try:
+            effect = effect_of(id)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        for field in parameters(effect):
+            if f"{id}.{field}" not in values:
+                refuse_damage(path, LOOP, f"parameter {id}.{field} is missing")
+        chosen.append(effect)
+    return tuple(chosen)
+
+
+def _positive(path: Path, effects, states: int, values) -> dict[str, bool]:
+    """The parameters of the law, and which of them are positive; all are checked."""
+    about = {name: law_quantity(name) for name in ("f0", "A", *numbered(states))}
+    if "V0" in values:
+        about["V0"] = law_quantity("V0")
+    for effect in effects:
+        if _in_law(effect):
+            about |= {f"{effect.id}.{n}": q for n, q in parameters(effect).items()}
+    for name, quantity in about.items():
+        quantity.check(values[name], f"{path}: parameter {name}")
+    return {name: quantity.lower >= 0.0 for name, quantity in about.items()}
+
+
+def _states(parameters: Mapping) -> int:
+    """States of the base law: B, B2, ..."""
+    return max(1, sum(name[0] == "B" and name[1:].isdigit() for name in parameters) + 1)
+
+
+def _damage(content: dict) -> str | None:
+    """What is missing from or wrong in a loop.json."""
+    problem = missing_key(content, ("law", "friction_unit", "verdict", "effects", "after"))
+    problem = problem or missing_key(
+        content["after"], ("parameters", "free", "covariance"), "after."
+    )
+    if problem:
+        return problem
+    if content["law"] not in EVOLUTIONS:
+        return f"law '{content['law']}' is not known"
+    ids = content["effects"]
+    if not isinstance(ids, list) or not all(isinstance(id, str) for id in ids):
+        return "the effects are no list of names"
+    problem = table_damage(content["after"], ())
+    if problem:
+        return problem
+    known = content["after"]["parameters"]
+    needed = ("f0", "A", *numbered(_states(known)))
+    missing = next((name for name in needed if name not in known), None)
+    if missing:
+        return f"parameter {missing} is missing"
+    velocity = known["V0"]["value"] if "V0" in known else content.get("reference_velocity")
+    if isinstance(velocity, bool) or not isinstance(velocity, int | float) or not velocity > 0:
+        return "the reference velocity is no positive number"
+    return None
+
+
+def _verdict(content: dict) -> list[str]:
+    if content["verdict"] in CERTAIN:
+        return []
+    sentence = str(content.get("sentence") or "").strip().rstrip(".")
+    more = f" ({sentence})" if sentence else ""
+    return [
+        f"the loop's verdict is {content['verdict']}{more}: the law of its last model is used,"
+        " which does not describe the record"
+    ]
+
+
+def _left_out(effects, values: Mapping[str, float], scale: float) -> list[str]:
+    """A line for every effect that is not in the law: which, and why."""
+    lines = []
+    fields = {e.id: [values[f"{e.id}.{name}"] for name in parameters(e)] for e in effects}
+    if "slip_trend" in values:  # declared in the base law itself
+        fields["slip_trend"] = [values["slip_trend"]]
+    for id, chosen in fields.items():
+        effect = effect_of(id)
+        if id in _SOFTEST:
+            spring = scale * _SOFTEST[id](*chosen)
+            lines.append(
+                f"{id} is left out of the law: it depends on where the slider is, so no steady"
+                f" sliding exists with it. {_spring(spring)}"
+            )
+        elif id == _STRESS:
+            lines.append(
+                f"{id} is left out of the law: it acts only while the normal force changes"
+            )
+        elif effect.room != "friction":
+            lines.append(
+                f"{id} is left out of the law: it belongs to the {_ROOMS[effect.room]} of the"
+                " record; the law was fitted together with it"
+            )
+    return lines
+
+
+def _spring(stiffness: float) -> str:
+    if stiffness >= 0:
+        return "It acts as a spring that stiffens k_p, so leaving it out is safe"
+    return f"It acts as a spring of {stiffness:.3g} N/m beside k_p: add {-stiffness:.3g} N/m to k_p"

@@ -1,0 +1,129 @@
+"""What files of other verbs say of a friction law: reading, checking and sampling them."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+
+FIT, LOOP = "jaxfric.fit/1", "jaxfric.loop/1"
+_VERBS = {FIT: "jaxfric fit", LOOP: "jaxfric loop"}
+
+
+def read_saved(path: Path, *schemas: str) -> dict:
+    """The content of a JSON file of one of the `schemas`.
+
+    Raises
+    ------
+    InputError : no such file, no JSON, another schema.
+    """
+    verbs = " or ".join(_VERBS[schema] for schema in schemas)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; make one with: {verbs}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        place = f" (line {error.lineno})" if isinstance(error, json.JSONDecodeError) else ""
+        raise InputError(f"{path}: not a JSON file, or damaged{place}; make it again") from None
+    schema = content.get("schema") if isinstance(content, dict) else None
+    if schema not in schemas:
+        found = f"its schema is '{schema}'" if schema else "it names no schema"
+        known = " or ".join(f"'{name}' ({_VERBS[name]})" for name in schemas)
+        raise InputError(f"{path}: {found}; a file of schema {known} is needed")
+    return content
+
+
+def refuse_damage(path: Path, schema: str, problem: str | None) -> None:
+    """Raise `InputError` where there is a problem with a file of the right schema."""
+    if problem:
+        raise InputError(f"{path}: damaged: {problem}; make it again with: {_VERBS[schema]}")
+
+
+def missing_key(content: object, keys: Sequence[str], where: str = "") -> str | None:
+    """The first of `keys` that a table lacks, as a problem."""
+    if not isinstance(content, dict):
+        return f"'{where}' is no table"
+    return next((f"'{where}{key}' is missing" for key in keys if key not in content), None)
+
+
+def table_damage(table: Mapping, needed: Sequence[str]) -> str | None:
+    """What is wrong with the entries "parameters", "free" and "covariance" of a table."""
+    parameters, free = table["parameters"], table["free"]
+    if not isinstance(parameters, dict):
+        return "the parameters are no table"
+    if not isinstance(free, list) or not all(isinstance(name, str) for name in free):
+        return "the free parameters are no list of names"
+    for name in needed:
+        if name not in parameters:
+            return f"parameter {name} is missing"
+    for name, item in parameters.items():
+        value = item.get("value") if isinstance(item, dict) else None
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+        ):
+            return f"parameter {name} has no value"
+    try:
+        matrix = np.asarray(table["covariance"], float)
+    except (TypeError, ValueError):
+        return "the covariance is not a matrix of numbers"
+    size = len(free)
+    if matrix.shape != (size, size) and size:
+        return f"the covariance has shape {matrix.shape} for {size} free parameters"
+    if not set(free) <= set(parameters):
+        return "a free parameter is not among the parameters"
+    return None
+
+
+def values_of(table: Mapping) -> dict[str, float]:
+    """Parameter values by name (SI)."""
+    return {name: float(item["value"]) for name, item in table["parameters"].items()}
+
+
+def sampled(
+    table: Mapping, positive: Mapping[str, bool], samples: int, seed: int, path: Path
+) -> dict[str, np.ndarray]:
+    """Columns of the parameters `positive` names: the estimate, then `samples` draws.
+
+    A free parameter that is positive is drawn by its logarithm, another as it is. Free
+    parameters that are not named are left out: the others have their marginal distribution.
+
+    Raises
+    ------
+    InputError : the fit leaves one of them undetermined.
+    """
+    values = values_of(table)
+    columns = {name: np.full(samples + 1, values[name]) for name in positive}
+    index = [i for i, name in enumerate(table["free"]) if name in positive]
+    free = [table["free"][i] for i in index]
+    if samples and free:
+        covariance = np.asarray(table["covariance"], float)[np.ix_(index, index)]
+        loose = [n for n in free if not table["parameters"][n].get("determined", True)]
+        if loose or not np.all(np.isfinite(covariance)):
+            names = ", ".join(loose) or "a parameter"
+            raise InputError(
+                f"{path}: the fit leaves {names} undetermined, so nothing can be sampled;"
+                " use --samples 0 for the estimate alone, or a record that fixes it"
+            )
+        mean = np.asarray([values[name] for name in free])
+        above = np.asarray([positive[name] for name in free])
+        for name, column in zip(free, _draw(mean, covariance, above, samples, seed).T, strict=True):
+            columns[name][1:] = column
+    return columns
+
+
+def _draw(mean, covariance, positive, samples: int, seed: int) -> np.ndarray:
+    """Samples, one row each."""
+    jacobian = np.where(positive, 1 / np.where(positive, mean, 1.0), 1.0)
+    spread = covariance * np.outer(jacobian, jacobian)
+    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    lowered, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(lowered, 0.0))
+    z = np.random.default_rng(seed).standard_normal((samples, len(mean))) @ root.T
+    return np.where(positive, mean * np.exp(np.where(positive, z, 0.0)), mean + z)

@@ -1,0 +1,457 @@
+"""Figures of a closed loop: residual before and after, location map, aliasing, candidates."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import FuncFormatter
+
+from ..loop.result import CandidateScore, LocationProfile, Loop
+from ..loop.split import NAMES
+from .label import printable
+from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, plain_log, prefixed, save, tidy
+
+FIGURES: tuple[str, ...] = ("residual", "location", "aliasing", "candidates")
+ALIAS = 0.95
+"""Effects whose sensitivities have at least this |cosine| are not told apart."""
+ACCEPT = 10.0
+"""Delta BIC from which an effect is taken."""
+SIGNIFICANT = 0.01
+_BLOCKS = {
+    "train": ("0.955", "train: the model is fitted here"),
+    "select": (BAND, "select: chooses between candidates"),
+    "report": ("#d9ead6", "report: scored once, at the end"),
+}
+_MOST_BINS, _BIN_ROWS = 18, 10
+_MOST_CANDIDATES = 14
+_LIGHT = "#a9c3da"
+
+
+def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
+    """Write the four figures of `FIGURES` to `folder` as PNG and SVG; the names written."""
+    target = Path(folder)
+    return [
+        name
+        for draw in (_save_residual, _save_location, _save_aliasing, _save_candidates)
+        for name in draw(loop, target)
+    ]
+
+
+# ---- residual --------------------------------------------------------------------------------
+
+
+def _save_residual(loop: Loop, folder: Path) -> list[str]:
+    along, label, marks = _abscissa(loop)
+    figure = new_figure(10.0, 8.4)
+    axes = figure.subplots(3, 1, sharex=True, height_ratios=[0.75, 2, 2])
+    _velocities(axes[0], loop, along, marks)
+    added = " + ".join(loop.effects)
+    after = f"After: with {added}" if added else "After: no effect was added, the same"
+    reach = _reach(loop)
+    for axis, score, title in (
+        (axes[1], loop.before, f"Before: {_base(loop)}"),
+        (axes[2], loop.after, after),
+    ):
+        _residual(axis, loop, -score.residual / loop.sigma, along, reach)
+        tidy(axis, f"{title}   (held-out error {loop.heldout(score) / loop.sigma:.3g} σ)")
+    for axis in axes:
+        _blocks(axis, loop, along)
+        axis.grid(False)
+        for mark in marks[1:]:
+            axis.axvline(mark, color="0.6", lw=0.8, ls="--", zorder=0.5)
+    axes[2].set_xlim(along.min(), along.max())
+    axes[2].set_xlabel(label)
+    axes[1].legend(loc="upper right", ncol=3, fontsize=8, framealpha=0.9, edgecolor="0.9")
+    shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
+    figure.legend(handles=shades, loc="outside lower left", ncol=3, frameon=False, fontsize=9)
+    name = printable(loop.record.provenance.path)
+    title = f"{name}: record minus model, in units of the noise σ = {_noise(loop)}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
+    figure.align_ylabels(list(axes))
+    return save(figure, folder, "residual")
+
+
+def _base(loop: Loop) -> str:
+    """The base model in words: its law, and effects that were declared from the start."""
+    return " with ".join([f"{loop.base_fit.model.law} law", *loop.before.effects])
+
+
+def _noise(loop: Loop) -> str:
+    size, unit = friction_scale(loop)
+    number = f"{loop.sigma * size:.3g}"
+    return f"{number} × {unit}" if unit.startswith("10") else f"{number} {unit}".strip()
+
+
+def friction_scale(loop: Loop) -> tuple[float, str]:
+    """Factor and unit that bring the noise to a readable number: mN, or 10⁻³ of a coefficient."""
+    if loop.record.friction_unit == "N":
+        return prefixed(10 * loop.sigma, "N")
+    if 10 * loop.sigma < 1e-4:
+        return 1e6, "10⁻⁶"
+    return (1e3, "10⁻³") if 10 * loop.sigma < 0.1 else (1.0, "")
+
+
+def _abscissa(loop: Loop) -> tuple[np.ndarray, str, np.ndarray]:
+    """Load-point displacement where it always advances, else time; its label; where velocities
+    begin."""
+    steps, time = loop.base_fit.steps, loop.record.relative_time
+    if np.all(steps.velocities > 0) or np.all(steps.velocities < 0):
+        along, marks = steps.displacement(time), steps.displacement(steps.times)
+        size, unit = prefixed(min(float(np.max(np.abs(along))), 9e-3), "m")
+        return size * along, f"load-point displacement since the first row [{unit}]", size * marks
+    return time, "time since the first row [s]", steps.times
+
+
+def _reach(loop: Loop) -> float:
+    """Half the height of the residual panels [sigma]: a few extreme rows may lie outside."""
+    sizes = np.abs(np.concatenate([loop.before.residual, loop.after.residual])) / loop.sigma
+    means = np.concatenate(
+        [_bins(loop, s.residual / loop.sigma)[1] for s in (loop.before, loop.after)]
+    )
+    return float(max(4.0, 1.1 * np.quantile(sizes, 0.998), 1.25 * np.nanmax(np.abs(means))))
+
+
+def _velocities(axis: Axes, loop: Loop, along: np.ndarray, marks: np.ndarray) -> None:
+    velocities = loop.base_fit.steps.velocities
+    size, unit = prefixed(float(np.sqrt(_slowest(velocities) * np.max(np.abs(velocities)))), "m/s")
+    shown = size * velocities
+    ends = np.append(marks, along[-1])
+    axis.stairs(shown, ends, baseline=None, color=BLACK, lw=1.5)
+    positive = np.all(shown > 0)
+    if positive:
+        axis.set_yscale("log")
+        axis.set_ylim(shown.min() / 2, shown.max() * 5)
+        plain_log(axis, "y")
+    else:
+        axis.margins(y=0.4)
+    wide = np.abs(np.diff(ends)) > 0.03 * np.ptp(along)
+    for k in np.flatnonzero(wide):
+        at = 0.5 * (ends[k] + ends[k + 1]), shown[k]
+        axis.annotate(
+            f"{shown[k]:.3g}", at, (0, 3), textcoords="offset points", ha="center", fontsize=8
+        )
+    axis.set_ylabel(f"velocity\n[{unit}]")
+    tidy(axis, f"Commanded velocity [{unit}]; dashed lines: velocity steps")
+
+
+def _slowest(velocities: np.ndarray) -> float:
+    moving = np.abs(velocities[velocities != 0])
+    return float(moving.min()) if len(moving) else 1e-6
+
+
+def _blocks(axis: Axes, loop: Loop, along: np.ndarray) -> None:
+    """Shade the blocks: each row's share of the axis reaches half-way to its neighbours."""
+    edges = np.concatenate([along[:1], 0.5 * (along[1:] + along[:-1]), along[-1:]])
+    for name in NAMES:
+        mask = loop.blocks.of(name).astype(int)
+        change = np.diff(np.concatenate([[0], mask, [0]]))
+        starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+        for a, b in zip(starts, stops, strict=True):
+            axis.axvspan(edges[a], edges[b], color=_BLOCKS[name][0], lw=0, zorder=0)
+
+
+def _residual(axis: Axes, loop: Loop, values: np.ndarray, along: np.ndarray, reach: float) -> None:
+    axis.plot(along, values, ".", color="0.62", ms=2, rasterized=True, label="rows", zorder=1)
+    groups, mean, error = _bins(loop, values)
+    x = np.asarray([along[rows].mean() if len(rows) else np.nan for rows in groups])
+    axis.fill_between(
+        x, mean - error, mean + error, color=BLUE, alpha=0.3, lw=0, zorder=2,
+        label="mean ± 1 σ of the mean",
+    )  # fmt: skip
+    axis.plot(x, mean, color=BLUE, lw=1.4, label="mean of neighbouring rows", zorder=3)
+    axis.axhline(0, color=BLACK, lw=0.8, zorder=2)
+    axis.set_ylim(-reach, reach)
+    axis.set_ylabel("record − model [σ]")
+
+
+def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Means of neighbouring rows of a velocity, finer after its start, and their standard errors.
+
+    An empty group, of mean nan, parts the velocities. Errors [sigma] know that noise is correlated.
+    """
+    noise, time = loop.after.noise, loop.record.relative_time
+    groups: list[np.ndarray] = []
+    for step in np.unique(loop.blocks.step):
+        rows = np.flatnonzero(loop.blocks.step == step)
+        number = int(np.clip(len(rows) // _BIN_ROWS, 1, _MOST_BINS))
+        share = np.linspace(0, 1, number + 1) ** 1.5
+        cuts = np.unique(np.round(len(rows) * share).astype(int))
+        groups += [rows[a:b] for a, b in itertools.pairwise(cuts)]
+        groups.append(rows[:0])
+    mean = np.asarray([values[rows].mean() if len(rows) else np.nan for rows in groups])
+    errors = [
+        _error(np.ptp(time[rows]), len(rows), noise.correlated_share, noise.correlation_time)
+        if len(rows)
+        else np.nan
+        for rows in groups
+    ]
+    return groups, mean, np.asarray(errors)
+
+
+def _error(span: float, rows: int, share: float, correlation_time: float) -> float:
+    """Standard error of the mean of `rows` rows over `span` seconds, noise of variance 1."""
+    u = span / correlation_time if correlation_time > 0 else np.inf
+    together = 1.0 if u < 1e-6 else 2 * (u + np.expm1(-u)) / u**2 if np.isfinite(u) else 0.0
+    return float(np.sqrt((1 - share) / rows + share * max(together, 1 / rows)))
+
+
+# ---- location --------------------------------------------------------------------------------
+
+
+def _save_location(loop: Loop, folder: Path) -> list[str]:
+    number = len(loop.location)
+    columns = min(3, max(number, 1))
+    rows = max(1, -(-number // columns))
+    figure = new_figure(4.3 * columns, 3.3 * rows + 0.9)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    size, unit = friction_scale(loop)
+    for axis, profile in zip(panels, loop.location, strict=False):
+        _profile(axis, profile, loop, size)
+    for axis in panels[::columns]:
+        axis.set_ylabel("missing friction" + (f" [{unit}]" if unit else ""))
+    for axis in panels[number:]:
+        axis.set_axis_off()
+    if number == 0:
+        panels[0].text(0.5, 0.5, "no structure was searched for", ha="center", va="center")
+    figure.suptitle(
+        "Where friction differs from the base model, most telling variable first: points several"
+        " bars away from 0 are real.\nBars: standard error. Dotted: ± 1 σ of the noise of a row.",
+        x=0.01,
+        ha="left",
+        fontsize=10.5,
+    )
+    return save(figure, folder, "location")
+
+
+_VARIABLES = {
+    "slip": ("slip", "slip since the first row"),
+    "log_velocity": ("velocity", "velocity"),
+    "state": ("state", "θ − θ_ss, state from its steady value"),
+    "time": ("time", "time since the first row"),
+    "time_since_step": ("time since the step", "time since the last velocity step"),
+    "relaxation_length": ("relaxation", "slip over which friction relaxes after a step"),
+    "wavelength": ("ripple (size)", "wavelength of friction along the slip"),
+}
+
+
+def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> None:
+    name, label = _VARIABLES.get(profile.variable, (profile.variable, profile.variable))
+    x, unit = np.asarray(profile.centres, float), profile.unit
+    if profile.variable == "log_velocity" and unit != "m/s":
+        x, unit = _velocity_of(x, loop), "m/s"
+    if unit in ("m", "m/s", "s"):
+        largest = float(np.max(np.abs(x)))
+        factor, unit = prefixed(
+            min(largest, 9e-3 if unit == "m" else 9e-4 if "m" in unit else 1), unit
+        )
+        x = factor * x
+    if unit == "F":
+        x, unit = size * x, friction_scale(loop)[1]
+    amplitude, error = size * profile.amplitudes, size * profile.errors
+    known = np.isfinite(amplitude) & np.isfinite(error)
+    for level in (-loop.sigma, loop.sigma):
+        axis.axhline(size * level, color=GREY, lw=1.0, ls=":")
+    axis.axhline(0, color=BLACK, lw=0.8)
+    axis.errorbar(
+        x[known], amplitude[known], error[known], fmt="o-", color=BLUE, ecolor=ORANGE, ms=4,
+        lw=0.8, elinewidth=1.6, capsize=2.5,
+    )  # fmt: skip
+    many = {"log_velocity": 3, "wavelength": 5}.get(profile.variable, 30)
+    if np.all(x > 0) and np.max(x) > many * np.min(x):
+        plain_log(axis, "x")
+    axis.set_xlabel(label if unit in ("", "1") else f"{label} [{unit}]")
+    share = f"{100 * profile.explained:.0f} %" if np.isfinite(profile.explained) else "unknown"
+    tidy(axis, f"{name}: explains {share} of the structure\n{_p(profile.p_value)}")
+
+
+def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:
+    """Velocity [m/s] from its logarithm, of m/s or of V0: whichever is a velocity of the record."""
+    V = np.abs(loop.base_fit.steps.velocities)
+    middle = float(np.mean(np.log(V[V > 0]))) if np.any(V > 0) else 0.0
+    V0 = loop.base_fit.values()["V0"]
+    of = min(1.0, V0, key=lambda unit: abs(np.mean(logarithm) + np.log(unit) - middle))
+    return of * np.exp(logarithm)
+
+
+def _p(value: float) -> str:
+    if not np.isfinite(value):
+        return "p unknown"
+    text = "p < 1e-12" if value < 1e-12 else f"p = {value:.2g}"
+    return text if value < SIGNIFICANT else f"{text}: no more than chance"
+
+
+# ---- aliasing --------------------------------------------------------------------------------
+
+
+def _save_aliasing(loop: Loop, folder: Path) -> list[str]:
+    ids, cosines = loop.alias_ids, np.asarray(loop.alias_cosines, float)
+    number = len(ids)
+    side = 3.2 + 0.4 * max(number, 5)
+    figure = new_figure(side, side - 0.6)
+    axis = figure.subplots()
+    shown = np.where(np.tri(number, k=-1, dtype=bool), cosines, np.nan)
+    axis.imshow(shown, cmap="Blues", vmin=0, vmax=1.15)
+    for i in range(number):
+        for j in range(i):
+            _cell(axis, i, j, cosines[i, j])
+        axis.add_patch(Rectangle((i - 0.5, i - 0.5), 1, 1, fc="0.9", lw=0))
+    axis.set_xticks(range(number), ids, rotation=60, ha="right", rotation_mode="anchor", fontsize=9)
+    axis.set_yticks(range(number), ids, fontsize=9)
+    for labels in (axis.get_xticklabels(), axis.get_yticklabels()):
+        for text, id in zip(labels, ids, strict=True):
+            if id in loop.effects:
+                text.set(color=ORANGE, fontweight="bold")
+    axis.tick_params(length=0)
+    axis.spines[:].set_visible(False)
+    notes = ["0: nothing alike, this record tells them apart; 1: the same, no fit can tell"]
+    notes.append(f"framed: {ALIAS:.2f} or more, not told apart by this record")
+    if loop.effects:
+        notes.append("orange names: effects that were added")
+    if np.any(~np.isfinite(cosines[np.tri(number, k=-1, dtype=bool)])):
+        notes.append("–: this record does not show one of the two at all")
+    axis.text(0.42, 0.985, "\n".join(notes), transform=axis.transAxes, va="top", fontsize=9.5)
+    figure.suptitle(
+        "How alike two effects look in this record"
+        " (|cosine|, after what the fitted model can absorb)",
+        x=0.01, ha="left", fontsize=11,
+    )  # fmt: skip
+    return save(figure, folder, "aliasing")
+
+
+def _cell(axis: Axes, i: int, j: int, value: float) -> None:
+    if not np.isfinite(value):
+        axis.text(j, i, "–", ha="center", va="center", color="0.6")
+        return
+    alike = value >= ALIAS
+    text = "1.0" if value >= 0.995 else f"{value:.2f}".removeprefix("0")
+    colour = "white" if value > 0.7 else BLACK
+    weight = "bold" if alike else "normal"
+    axis.text(j, i, text, ha="center", va="center", fontsize=8, color=colour, fontweight=weight)
+    if alike:
+        axis.add_patch(Rectangle((j - 0.46, i - 0.46), 0.92, 0.92, fill=False, ec=ORANGE, lw=2.2))
+
+
+# ---- candidates ------------------------------------------------------------------------------
+
+
+def _save_candidates(loop: Loop, folder: Path) -> list[str]:
+    tried = best_first(loop)[:_MOST_CANDIDATES]
+    screened = [s for s in loop.screened if np.isfinite(s.delta_bic)]
+    rows = len(tried), len(screened)
+    figure = new_figure(10.5, 2.7 + 0.27 * sum(rows))
+    heights = [max(n, 1) + 1.5 for n in rows]
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.6, 1], height_ratios=heights)
+    first, beside, second = (
+        figure.add_subplot(place) for place in (grid[0, 0], grid[0, 1], grid[1, 0])
+    )
+    names = [_candidate_name(c) for c in tried]
+    _bars(first, names, [c.delta_bic for c in tried], [_colour(c) for c in tried])
+    tidy(first, "Models that were fitted: ΔBIC against the base")
+    _held_out(beside, loop, tried)
+    beside.set_yticks(range(len(tried)), [""] * len(tried))
+    beside.set_ylim(first.get_ylim())
+    ids = [s.id for s in screened]
+    _bars(second, ids, [s.delta_bic for s in screened], [_LIGHT] * len(ids))
+    tidy(second, "Single effects, screened: ΔBIC to first order")
+    for axis in (first, second):
+        axis.set_xlabel("ΔBIC (above 0: better than the base)")
+    _key(figure.add_subplot(grid[1, 1]))
+    return save(figure, folder, "candidates")
+
+
+def best_first(loop: Loop) -> list[CandidateScore]:
+    """The models that were fitted, each once, best Delta BIC first; failed ones last."""
+    once: dict[frozenset[str], CandidateScore] = {}
+    for candidate in loop.candidates:
+        key = frozenset(candidate.effects)
+        if key not in once or _rank(candidate) < _rank(once[key]):
+            once[key] = candidate
+    return sorted(once.values(), key=_rank)
+
+
+def _rank(candidate: CandidateScore) -> tuple[bool, float]:
+    known = np.isfinite(candidate.delta_bic)
+    return not known, -candidate.delta_bic if known else 0.0
+
+
+def _candidate_name(candidate: CandidateScore) -> str:
+    return " + ".join(candidate.effects) or "base"
+
+
+def _colour(candidate: CandidateScore) -> str:
+    if candidate.accepted:
+        return BLUE
+    return _LIGHT if candidate.physical and candidate.converged else "0.82"
+
+
+def _bars(axis: Axes, names: list[str], values: list[float], colours: list[str]) -> None:
+    """Horizontal bars, first on top, numbers at their ends; the line from which one is taken."""
+    places = np.arange(len(names))
+    lengths = np.where(np.isfinite(values), values, 0.0)
+    axis.barh(places, lengths, color=colours, height=0.68, zorder=2)
+    low, high = min(0.0, *lengths, -1.0), max(1.5 * ACCEPT, *lengths, 0.0)
+    if high > 40 * ACCEPT:
+        axis.set_xscale("symlog", linthresh=ACCEPT, linscale=0.7)
+        axis.set_xlim(3 * min(low, -4.0), 12 * high)
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))
+    else:
+        room = 0.16 * (high - low)
+        axis.set_xlim(low - room, high + room)
+    for place, value, length in zip(places, values, lengths, strict=True):
+        text = f"{value:+.4g}" if abs(value) >= 1e4 else f"{value:+.1f}"
+        text = text.replace("-", "−") if np.isfinite(value) else "failed"
+        right = length >= 0
+        axis.annotate(
+            text, (length, place), (4 if right else -4, 0), textcoords="offset points",
+            ha="left" if right else "right", va="center", fontsize=8, zorder=4,
+            bbox=dict(fc="white", lw=0, pad=0.6),
+        )  # fmt: skip
+    axis.axvline(0, color=BLACK, lw=0.8, zorder=3)
+    axis.axvline(ACCEPT, color=ORANGE, lw=1.3, ls="--", zorder=1)
+    axis.set_yticks(places, names, fontsize=8.5, parse_math=False)
+    axis.set_ylim(len(names) - 0.4 if names else 0.6, -0.6)
+
+
+def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore]) -> None:
+    values = np.asarray([c.heldout_rms / loop.sigma for c in tried], float)
+    known = np.isfinite(values)
+    places = np.arange(len(tried))
+    base = loop.before.rms["select"] / loop.sigma
+    worst = 1.5 * max(base, 1.0)
+    axis.scatter(
+        np.minimum(values, worst)[known], places[known], s=42, zorder=3,
+        c=np.asarray([_colour(c) for c in tried], object)[known].tolist(), edgecolors=BLACK, lw=0.6,
+    )  # fmt: skip
+    axis.axvline(1, color=BLACK, lw=0.9)
+    axis.axvline(base, color=GREY, lw=1.2, ls=":")
+    low = min(1.0, float(values[known].min()) if known.any() else 1.0)
+    span = max(min(worst, float(values[known].max()) if known.any() else 1.0), base) - low
+    span = max(span, 0.02)
+    axis.set_xlim(low - 0.1 * span, low + 1.35 * span)
+    for place in places[known]:
+        x = min(values[place], worst)
+        text = f"{values[place]:.3f}" if values[place] < 100 else f"{values[place]:.3g}"
+        axis.annotate(
+            text, (x, place), (7, 0), textcoords="offset points", va="center", fontsize=8,
+            bbox=dict(fc="white", lw=0, pad=0.6),
+        )  # fmt: skip
+    axis.set_xlabel("rms on the select block [σ]")
+    tidy(axis, "Error on rows that were not fitted")
+
+
+def _key(axis: Axes) -> None:
+    axis.set_axis_off()
+    colours = (
+        (BLUE, "taken into the model"),
+        (_LIGHT, "tried, not taken"),
+        ("0.82", "impossible parameters, or no convergence"),
+    )
+    handles: list = [Patch(fc=colour, label=text) for colour, text in colours]
+    handles += axis.plot(
+        [], [], color=ORANGE, ls="--", label=f"ΔBIC {ACCEPT:g}: gain needed to take an effect"
+    )
+    handles += axis.plot([], [], color=BLACK, lw=0.9, label="error equal to the noise, 1 σ")
+    handles += axis.plot([], [], color=GREY, ls=":", label="error of the base")
+    axis.legend(handles=handles, loc="upper left", frameon=False, fontsize=9)

@@ -1,0 +1,371 @@
+"""A closed loop as tables and lines of text, for the terminal and for the page."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..effects import CATALOGUE, parameters
+from ..fitting import Estimate
+from ..fitting.problem import quantity_of
+from ..fitting.table import decimals
+from ..loop.result import CandidateScore, Loop
+from ..loop.split import NAMES
+from ..units import factor, format_si
+
+HEADLINES = {
+    "no_missing_effect": "No effect is missing",
+    "effects": "Missing: {effects}",
+    "ambiguous": "An effect is missing, but this record cannot say which",
+    "outside_catalogue": "Something is missing that the catalogue does not explain",
+    "too_weak": "There may be a missing effect, too weak to be named",
+}
+TESTS = {
+    "ljung_box": "neighbouring rows are alike (Ljung-Box)",
+    "block_means": "slow changes along the record",
+    "step_locked": "the same shape after every velocity step",
+}
+BLOCKS = {
+    "train": "fitted here",
+    "select": "chooses candidates",
+    "report": "scored once",
+}
+SIGNIFICANT = 0.01
+_ALIAS = 0.95
+_MOST_CANDIDATES = 10
+_WIDE = 105
+
+
+class Table(NamedTuple):
+    """A table of text: its title, column heads, rows, a remark, the rows that matter most."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    note: str = ""
+    marked: tuple[int, ...] = ()
+
+
+def headline(loop: Loop) -> str:
+    """The verdict in a few words."""
+    text = HEADLINES.get(loop.verdict, loop.verdict)
+    return text.format(effects=" and ".join(loop.effects) or "an effect")
+
+
+def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[Table]:
+    """Errors by block and by velocity, parameters, tests, candidates: what both reports show."""
+    return [
+        errors(loop),
+        by_velocity(loop),
+        moved(loop),
+        significance(loop),
+        candidates(loop, most=most),
+    ]
+
+
+def lines(loop: Loop) -> list[str]:
+    """What the verdict is, and why not more."""
+    return [f"{loop.verdict}: {loop.sentence}", *_reasons(loop)]
+
+
+def _reasons(loop: Loop) -> list[str]:
+    return [f"  - {reason}" for reason in loop.reasons]
+
+
+def print_loop(loop: Loop, console) -> None:
+    """Print verdict, tables and aliases to a rich console."""
+    from rich.table import Table as RichTable
+
+    for line in lines(loop):
+        console.print(line, markup=False)
+    console.print(splitting(loop), markup=False)
+    for table in tables(loop):
+        shown = RichTable(title=table.title, title_justify="left", box=None, pad_edge=False)
+        narrow = console.width < _WIDE
+        columns = [k for k, head in enumerate(table.head) if not (narrow and head == "meaning")]
+        for k in columns:
+            shown.add_column(
+                _plain(table.head[k]), justify="right" if numeric(table, k) else "left"
+            )
+        for k, row in enumerate(table.rows):
+            bold = "bold" if k in table.marked else None
+            shown.add_row(*(_plain(row[column]) for column in columns), style=bold)
+        console.print()
+        console.print(shown)
+        if table.note:
+            console.print(table.note, markup=False)
+    console.print("\nWhat can be told apart", markup=False)
+    for line in apart(loop):
+        console.print(f"  {line}", markup=False)
+
+
+def _plain(text: str):
+    from rich.text import Text
+
+    return Text(text)
+
+
+def numeric(table: Table, column: int) -> bool:
+    """Whether a column is of numbers, which stand at the right."""
+    cells = [row[column] for row in table.rows if row[column]]
+    return bool(cells) and sum(cell[0] in "+−-<0123456789." for cell in cells) > 0.5 * len(cells)
+
+
+# ---- tables --------------------------------------------------------------------------------
+
+
+def errors(loop: Loop) -> Table:
+    """rms of the residual by block, in the unit of friction and in sigma."""
+    size, unit = friction_scale(loop)
+    within = f" [{unit}]" if unit else ""
+    rows = []
+    for name in NAMES:
+        both = [loop.before.rms[name], loop.after.rms[name]]
+        count = str(int(loop.blocks.of(name).sum()))
+        rows.append((f"{name}: {BLOCKS[name]}", count, *_errors(both, size, loop.sigma)))
+    both = [loop.heldout(loop.before), loop.heldout(loop.after)]
+    count = str(int((loop.blocks.select | loop.blocks.report).sum()))
+    rows.append(("held out: select and report", count, *_errors(both, size, loop.sigma)))
+    times = " × " if unit.startswith("10") else " "
+    noise = f"{size * loop.sigma:.3g}{times}{unit}".rstrip()
+    return Table(
+        "Error before and after",
+        ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
+        rows,
+        f"σ = {noise} is the noise of a row: no model brings the error below 1 σ, but for chance",
+        (3,),
+    )
+
+
+def _errors(both: list[float], size: float, sigma: float) -> tuple[str, ...]:
+    return (*(f"{size * v:.4g}" for v in both), *(f"{v / sigma:.3f}" for v in both))
+
+
+def by_velocity(loop: Loop) -> Table:
+    """rms [sigma] of every velocity of the record."""
+    steps, rows = loop.base_fit.steps, []
+    length = _length(loop)
+    for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
+        here = loop.blocks.step == k
+        if k >= len(loop.before.per_step) or not here.any():
+            continue
+        blocks = ", ".join(name for name in NAMES if (loop.blocks.of(name) & here).any())
+        shown = format_si(float(velocity), "m/s", f"{length}/s", 4).replace("um", "µm")
+        both = [s.per_step[k] / loop.sigma for s in (loop.before, loop.after)]
+        rows.append((f"{time:.4g} s", shown, blocks, *(_finite(v, "{:.3f}") for v in both)))
+    head = ("from", "velocity", "block", "before [σ]", "after [σ]")
+    return Table("Error at every velocity", head, rows)
+
+
+def moved(loop: Loop) -> Table:
+    """Parameters before and after, with intervals, and how far they moved."""
+    shifts, rows = loop.shifts(), []
+    for name, after in loop.after.parameters.items():
+        before = loop.before.parameters.get(name)
+        unit, size = shown_unit(after, _length(loop))
+        value, std, interval = _estimate(after, size)
+        old = "–" if before is None else _estimate(before, size)[0]
+        shift = f"{shifts[name]:+.1f}".replace("-", "−") if name in shifts else ""
+        if after.free and after.determined:
+            value = f"{value} ± {std}"
+        rows.append((name, _meaning(name), old, value, interval, shift, unit))
+    marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
+    head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
+    note = "shift: after minus before, in standard deviations of the fit after"
+    return Table("Parameters", head, rows, note, marked)
+
+
+def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
+    """Value, standard deviation and 95 % interval as text."""
+    value, std = estimate.value / size, estimate.std / size
+    if not estimate.free:
+        return f"{value:.6g}", "", "given"
+    if not estimate.determined or not np.isfinite(value):
+        return "undetermined", "", ""
+    ends = estimate.lower / size, estimate.upper / size
+    places = decimals(std)
+    if places > 6:
+        exponent = math.floor(math.log10(max(abs(value), std)))
+        texts = [
+            f"{x / 10.0**exponent:.{max(places + exponent, 0)}f}e{exponent}"
+            for x in (value, std, *ends)
+        ]
+    else:
+        texts = [f"{x:.{places}f}" for x in (value, std, *ends)]
+    value_text, std_text, low, high = (text.replace("-", "−") for text in texts)
+    return value_text, std_text, f"{low} to {high}"
+
+
+def _meaning(name: str) -> str:
+    """What a parameter is; nothing for one of an effect that is not of the catalogue."""
+    if "." not in name:
+        try:
+            return quantity_of(name).text
+        except KeyError:
+            return "reference velocity" if name == "V0" else ""
+    effect, field = name.split(".", 1)
+    known = parameters(CATALOGUE[effect]) if effect in CATALOGUE else {}
+    return known[field].text if field in known else ""
+
+
+def significance(loop: Loop) -> Table:
+    """p-values of the structure tests before and after."""
+    rows = []
+    for name, before in loop.before.tests.items():
+        both = (before, loop.after.tests.get(name, math.nan))
+        rows.append((TESTS.get(name, name), *(p_value(p) for p in both)))
+    head = ("is it left in the residual?", "p before", "p after")
+    note = f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block, corrected)"
+    return Table("Tests for structure", head, rows, note)
+
+
+def candidates(loop: Loop, *, most: int) -> Table:
+    """Models that were fitted, best first."""
+    found = best_first(loop)
+    rows = [
+        (
+            " + ".join(c.effects) or "base",
+            _finite(c.delta_bic, "{:+.1f}").replace("-", "−"),
+            _finite(c.train_rms / loop.sigma, "{:.3f}"),
+            _finite(c.heldout_rms / loop.sigma, "{:.3f}"),
+            _fate(c, loop),
+        )
+        for c in found[:most]
+    ]
+    more = len(found) - len(rows)
+    note = "ΔBIC above 0: better than the base, a gain above 10 is needed to be taken"
+    if more > 0:
+        note += f"; {more} more in loop.json"
+    head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
+    marked = tuple(k for k, c in enumerate(found[:most]) if c.accepted)
+    return Table("Models that were fitted", head, rows, note, marked)
+
+
+def best_first(loop: Loop) -> list[CandidateScore]:
+    """The models that were fitted, each once, best Delta BIC first; failed ones last."""
+    once: dict[frozenset[str], CandidateScore] = {}
+    for candidate in loop.candidates:
+        key = frozenset(candidate.effects)
+        if key not in once or _rank(candidate) < _rank(once[key]):
+            once[key] = candidate
+    return sorted(once.values(), key=_rank)
+
+
+def _rank(candidate: CandidateScore) -> tuple[bool, float]:
+    known = bool(np.isfinite(candidate.delta_bic))
+    return not known, -candidate.delta_bic if known else 0.0
+
+
+def _fate(candidate: CandidateScore, loop: Loop) -> str:
+    if candidate.accepted:
+        return "taken"
+    if not candidate.converged:
+        return "did not converge"
+    if not candidate.physical:
+        return "impossible parameters"
+    return "the start" if set(candidate.effects) == set(loop.before.effects) else "not taken"
+
+
+# ---- aliases -------------------------------------------------------------------------------
+
+
+def apart(loop: Loop) -> list[str]:
+    """For every effect added, what it may be confused with and what would separate them."""
+    out = []
+    for id, *others in loop.alias_groups:
+        if not others:
+            near, value = _nearest(loop, id)
+            text = f"{id}: this record tells it from every other effect"
+            out.append(text + (f" (most alike: {near}, cosine {value:.2f})" if near else ""))
+            continue
+        text = f"{id}: this record cannot tell it from {' or '.join(others)}"
+        wanted = loop.separations.get(id)
+        out.append(f"{text}; what would: {wanted}" if wanted else text)
+    pairs = alias_pairs(loop)
+    if not out:
+        out.append("no effect was added")
+    text = "; ".join(f"{a} or {b} ({value:.3f})" for a, b, value in pairs)
+    out.append(f"pairs that this record cannot tell apart: {text or 'none'}")
+    return out
+
+
+def alias_pairs(loop: Loop) -> list[tuple[str, str, float]]:
+    """Pairs of effects with |cosine| of .95 and more, most alike first."""
+    ids, cosines = loop.alias_ids, np.asarray(loop.alias_cosines)
+    found = [
+        (ids[j], ids[i], float(cosines[i, j]))
+        for i in range(len(ids))
+        for j in range(i)
+        if cosines[i, j] >= _ALIAS
+    ]
+    return sorted(found, key=lambda pair: -pair[2])
+
+
+def _nearest(loop: Loop, id: str) -> tuple[str, float]:
+    if id not in loop.alias_ids:
+        return "", 0.0
+    row = np.array(loop.alias_cosines[loop.alias_ids.index(id)], float)
+    row[loop.alias_ids.index(id)] = np.nan
+    if not np.isfinite(row).any():
+        return "", 0.0
+    return loop.alias_ids[int(np.nanargmax(row))], float(np.nanmax(row))
+
+
+def splitting(loop: Loop) -> str:
+    """How the record was split, and what that means."""
+    if loop.blocks.by_step:
+        return "split by velocity step: no step is both fitted and held out"
+    count = len(alias_pairs(loop))
+    return (
+        "the record has too few velocity steps to hold whole ones out: it was split by displacement"
+        " into before, transient and tail. Fewer effects can be told apart: the aliasing matrix"
+        f" shows {count or 'no'} pair{'' if count == 1 else 's'} that it cannot separate"
+    )
+
+
+# ---- numbers -------------------------------------------------------------------------------
+
+
+def friction_scale(loop: Loop) -> tuple[float, str]:
+    """Factor for friction, and its unit, in which the noise is readable."""
+    level = 10 * loop.sigma
+    if loop.record.friction_unit == "N":
+        return (1e3, "mN") if level < 0.1 else (1.0, "N")
+    if level < 1e-4:
+        return 1e6, "10⁻⁶"
+    return (1e3, "10⁻³") if level < 0.1 else (1.0, "")
+
+
+def _length(loop: Loop) -> str:
+    return loop.record.units.get("load_point_displacement", "um")
+
+
+def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
+    """The unit in which a parameter is shown, and what one of it is in SI.
+
+    Lengths and velocities are in the record's `length`, short times in milliseconds.
+    """
+    unit = estimate.unit.replace("*", " ").strip().removeprefix("1 ")
+    size = factor(length, "m", "length")
+    if unit in ("m", "m/s"):
+        shown = length if unit == "m" else f"{length}/s"
+    elif unit.endswith("/m"):
+        small = 0 < abs(estimate.value) * size < 1e-4
+        length, size = ("mm", 1e-3) if small else (length, size)
+        shown, size = f"{unit.removesuffix('/m')}/{length}", 1 / size
+    elif unit == "s" and abs(estimate.value) < 0.1:
+        shown, size = "ms", 1e-3
+    else:
+        shown, size = "" if unit == "1" else unit, 1.0
+    return shown.replace("um", "µm"), size
+
+
+def p_value(p: float) -> str:
+    """A p-value as text; tiny ones as a bound."""
+    if not np.isfinite(p):
+        return "unknown"
+    return "< 1e-12" if p < 1e-12 else f"{p:.2g}"
+
+
+def _finite(value: float, form: str) -> str:
+    return form.format(value) if np.isfinite(value) else "failed"

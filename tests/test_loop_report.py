@@ -1,0 +1,458 @@
+"""What a user sees of a closed loop: tables, figures, the page and the verb.
+
+The loops are made up: hand-written numbers, no fit.
+"""
+
+import io
+import itertools
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command import assert_refused, record_text, run, written
+from matplotlib.image import imread
+from rich.console import Console
+
+from jaxfric.cli import loop as verb
+from jaxfric.effects import CATALOGUE
+from jaxfric.fitting import Estimate, Fit, NoiseEstimate
+from jaxfric.fitting.problem import Model
+from jaxfric.loop.result import (
+    VERDICTS,
+    CandidateScore,
+    LocationProfile,
+    Loop,
+    Score,
+    ScreenedEffect,
+)
+from jaxfric.loop.split import NAMES, split
+from jaxfric.plot.loop import FIGURES, draw_loop
+from jaxfric.records import VelocitySteps, from_arrays
+from jaxfric.records.record import Provenance
+from jaxfric.report.loop_html import page
+from jaxfric.report.loop_text import print_loop
+
+HOSTILE = "<b>&.csv"
+KEYS = (
+    "schema verdict effects alias_groups candidates before after noise tests location_map seconds"
+)
+SENTENCES = {
+    "no_missing_effect": "The slip law explains this record to its noise; no effect is missing.",
+    "effects": "The slip law lacks second_state; with it the error on rows that the fit did not"
+    " see falls from 1.47 to 1.00 times the noise.",
+    "ambiguous": "An effect is missing: time_drift or slip_trend, which this record cannot tell"
+    " apart.",
+    "outside_catalogue": "Something is missing that no effect of the catalogue explains.",
+    "too_weak": "There may be a missing effect, but it is too weak in this record to be named.",
+}
+EFFECTS = {"effects": ("second_state",), "ambiguous": ("time_drift",)}
+VELOCITIES = 1e-6 * np.asarray([1, 10, 1, 3, 10, 1, 10, 3, 1, 10, 3, 1, 10])
+
+
+def make_loop(
+    verdict: str, *, rows: int = 520, many: bool = True, unit: str = "1", path: str = "run.csv"
+) -> Loop:
+    """A loop that never ran: 12 steps of 150 um (or one), white noise, made-up structure."""
+    random = np.random.default_rng(VERDICTS.index(verdict))
+    steps = _steps(many)
+    size = 500.0 if unit == "N" else 1.0
+    sigma = 3e-4 * size
+    end = steps.times[-1] + 150e-6 / steps.velocities[-1]
+    time = _times(steps, end, rows)
+    slip = steps.displacement(time)
+    noise = sigma * random.normal(size=len(time))
+    before = noise + _structure(verdict, steps, time, slip) * size
+    after = noise if verdict in EFFECTS else before
+    friction = 0.6 * size + before
+    record = from_arrays(
+        time, friction, load_point_velocity=steps.velocity(time), friction_unit=unit
+    )
+    record = _of_file(record, path)
+    blocks = split(time, steps)
+    parameters = _parameters(size, unit, 1.0)
+    fit = Fit(
+        record, steps, Model(law="slip"), parameters, ("f0", "A", "B", "L"), np.eye(4) * 1e-8,
+        np.eye(4), friction, 1.0, sigma, NoiseEstimate(sigma, 0.3, 0.8), True, "converged", 7,
+        "ordinary", (),
+    )  # fmt: skip
+    effects = EFFECTS.get(verdict, ())
+    scores = [
+        _score((), before, blocks, parameters, sigma, 1e-40 if verdict in EFFECTS else 0.4),
+        _score(effects, after, blocks, _extended(effects, size, unit), sigma, 0.61),
+    ]
+    ids = tuple(CATALOGUE)
+    return Loop(
+        record=record,
+        base_fit=fit,
+        blocks=blocks,
+        verdict=verdict,
+        sentence=SENTENCES[verdict],
+        reasons=("held-out error is 1.31 times the noise",) if verdict[0] == "o" else (),
+        effects=effects,
+        alias_groups=_groups(effects),
+        separations={id: CATALOGUE[id].separated_by for id in effects},
+        candidates=_candidates(effects, scores),
+        screened=tuple(
+            ScreenedEffect(id, 900.0 / (1 + k) ** 2 - 12.0 if effects else 4.0 - 1.2 * k)
+            for k, id in enumerate((*effects, *(i for i in ids if i not in effects)))
+        ),
+        before=scores[0],
+        after=scores[1],
+        sigma=sigma,
+        location=_location(sigma, steps, end),
+        alias_ids=ids,
+        alias_cosines=_cosines(ids),
+        warnings=("K is 1.6 times critical: finite steps may leave the basin",),
+        seconds=23.4,
+    )
+
+
+def _of_file(record, path: str):
+    import dataclasses
+
+    return dataclasses.replace(record, provenance=Provenance(path, "5f" * 32, len(record)))
+
+
+def _steps(many: bool) -> VelocitySteps:
+    V = VELOCITIES if many else VELOCITIES[:2]
+    return VelocitySteps(np.concatenate([[0.0], np.cumsum(150e-6 / V[:-1])]), V)
+
+
+def _times(steps: VelocitySteps, end: float, rows: int) -> np.ndarray:
+    """Rows evenly spaced in slip, so that every velocity has as many."""
+    edges = np.append(steps.times, end)
+    each = rows // len(steps)
+    return np.unique(
+        np.concatenate([np.linspace(a, b, each) for a, b in itertools.pairwise(edges)])
+    )
+
+
+def _structure(verdict: str, steps: VelocitySteps, time, slip) -> np.ndarray:
+    if verdict in ("no_missing_effect", "too_weak"):
+        return np.zeros(len(time))
+    if verdict == "ambiguous":
+        return 1.2e-3 * (time / time[-1] - 0.5)
+    total = np.zeros(len(time))
+    V = steps.velocities
+    for k, at in enumerate(steps.displacement(steps.times)[1:], start=1):
+        x = np.maximum(slip - at, 0) / 60e-6
+        total += (slip >= at) * 4e-4 * np.log(V[k] / V[k - 1]) * (np.exp(-x) - 0.4)
+    return total
+
+
+def _estimate(value: float, std: float, unit: str, **more: Any) -> Estimate:
+    return Estimate(value, std, value - 1.96 * std, value + 1.96 * std, unit, **more)
+
+
+def _parameters(size: float, unit: str, change: float) -> dict[str, Estimate]:
+    return {
+        "f0": _estimate(0.6 * size, 4e-5 * size, unit),
+        "A": _estimate(0.0105 * size * change, 6e-5 * size, unit),
+        "B": _estimate(0.0142 * size / change, 7e-5 * size, unit),
+        "L": _estimate(18.3e-6 * change, 4e-7, "m"),
+        "K": Estimate(3e3 * size, 0.0, 0.0, 0.0, f"{unit}/m", free=False),
+        "V0": Estimate(1e-6, 0.0, 0.0, 0.0, "m/s", free=False),
+    }
+
+
+def _extended(effects: tuple[str, ...], size: float, unit: str) -> dict[str, Estimate]:
+    found = _parameters(size, unit, 0.94 if effects else 1.0)
+    if "second_state" in effects:
+        found["second_state.B2"] = _estimate(1.94e-3 * size, 8e-5 * size, unit)
+        found["second_state.L2"] = _estimate(6.1e-5, 4e-6, "m")
+    if "time_drift" in effects:
+        found["time_drift.r"] = _estimate(1.9e-6 * size, 3e-8 * size, f"{unit}/s")
+    return found
+
+
+def _score(effects, residual, blocks, parameters, sigma: float, p: float) -> Score:
+    def rms(mask) -> float:
+        return float(np.sqrt(np.mean(residual[mask] ** 2)))
+
+    free = tuple(name for name, e in parameters.items() if e.free)
+    return Score(
+        effects=effects,
+        rms={name: rms(blocks.of(name)) for name in NAMES},
+        per_step=tuple(rms(blocks.step == k) for k in range(blocks.step.max() + 1)),
+        residual=-residual,
+        parameters=parameters,
+        free=free,
+        covariance=np.diag([parameters[name].std ** 2 for name in free]),
+        noise=NoiseEstimate(sigma, 0.3, 0.8),
+        tests={"ljung_box": p, "block_means": min(1.0, 2 * p), "step_locked": min(1.0, 30 * p)},
+    )
+
+
+def _groups(effects: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    return tuple((id, *(["slip_trend"] if id == "time_drift" else [])) for id in effects)
+
+
+def _candidates(effects, scores: list[Score]) -> tuple[CandidateScore, ...]:
+    base, best = (s.rms["select"] for s in scores)
+    first = effects[0] if effects else "viscous"
+    gain = 1480.0 if effects else 3.0
+    found = [((), 0.0, base, True, True), ((first,), gain, best, True, True)]
+    found += [(("run_in",), 0.4 * gain, 0.5 * (base + best), True, True)]
+    found += [(("thermal",), 8.0, 0.97 * base, False, True), (("gain",), -6.8, base, True, True)]
+    found += [(("stribeck",), np.nan, np.nan, True, False)]
+    found += [((first, "velocity_dependent_L"), gain + 2.1, 1.01 * best, True, True)]
+    return tuple(
+        CandidateScore(e, d, h, h, {}, ok, done, bool(e) and e == effects)
+        for e, d, h, ok, done in found
+    )
+
+
+def _location(sigma: float, steps: VelocitySteps, end: float) -> tuple[LocationProfile, ...]:
+    random = np.random.default_rng(9)
+    total = float(steps.displacement(end))
+    axes = {
+        "time_since_step": ("s", np.geomspace(0.3, 150, 12), 0.71, 1e-80),
+        "state": ("F", np.linspace(-0.02, 0.02, 12), 0.55, 3e-41),
+        "slip": ("m", np.linspace(0, total, 14), 0.12, 2e-3),
+        "log_velocity": ("1", np.log(np.geomspace(1, 10, 5)), 0.04, 0.3),
+        "time": ("s", np.linspace(0, end, 14), 0.02, 0.7),
+        "relaxation_length": ("m", 150e-6 * np.geomspace(0.02, 1, 8), 0.02, 0.8),
+        "wavelength": ("m", 1 / np.linspace(2 / total, 60 / total, 16), 0.0, np.nan),
+    }
+    return tuple(
+        LocationProfile(
+            name, unit, x, 2 * sigma * share * np.exp(-np.linspace(-1, 3, len(x)) ** 2)
+            + 0.15 * sigma * random.normal(size=len(x)), np.full(len(x), 0.15 * sigma), share, p,
+        )
+        for name, (unit, x, share, p) in axes.items()
+    )  # fmt: skip
+
+
+def _cosines(ids: tuple[str, ...]) -> np.ndarray:
+    random = np.random.default_rng(5)
+    values = random.uniform(0, 0.9, (len(ids), len(ids))) ** 1.5
+    values = 0.5 * (values + values.T)
+    named = {("time_drift", "slip_trend"): 0.995, ("servo_lag", "sensor_lag"): 0.998}
+    named |= {("sensor_delay", "sensor_lag"): 0.98, ("sensor_delay", "servo_lag"): 0.966}
+    for (a, b), value in named.items():
+        i, j = ids.index(a), ids.index(b)
+        values[i, j] = values[j, i] = value
+    values[ids.index("damping")] = values[:, ids.index("damping")] = np.nan
+    np.fill_diagonal(values, 1.0)
+    return values
+
+
+# ---- tests -----------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """Checks that tags close in order and nothing is loaded; collects the text."""
+
+    VOID = ("meta", "img", "br")
+
+    def __init__(self, html: str):
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.seen: list[str] = []
+        self.text = ""
+        self.images = 0
+        self.feed(html)
+        self.close()
+        assert self.open == [], f"not closed: {self.open}"
+
+    def handle_starttag(self, tag, attrs):
+        assert tag not in ("script", "link", "iframe", "object", "base"), tag
+        for name, value in attrs:
+            assert not name.startswith("on"), name
+            if name in ("src", "href"):
+                assert (value or "").startswith("data:image/svg+xml;base64,"), value
+                self.images += 1
+        self.seen.append(tag)
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open and self.open[-1] == tag, f"</{tag}> closes {self.open[-1:]}"
+        self.open.pop()
+
+    def handle_data(self, data):
+        if "style" not in self.open[-1:]:
+            self.text += data
+
+
+@pytest.mark.parametrize(
+    ("html", "words"),
+    [
+        ("<p><b>x</p></b>", "closes"),
+        ("<div>", "not closed"),
+        ("<script>1</script>", "script"),
+        ('<img src="https://example.org/a.png">', "https"),
+    ],
+)
+def test_a_bad_page_is_noticed(html: str, words: str) -> None:
+    with pytest.raises(AssertionError, match=words):
+        Page(html)
+
+
+def printed(loop: Loop, width: int = 120) -> str:
+    console = Console(file=io.StringIO(), width=width, highlight=False)
+    print_loop(loop, console)
+    return console.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def page_of(loop: Loop) -> Page:
+    figures = dict.fromkeys(FIGURES, b"<svg/>")
+    html = page(loop, figures, version="1.2.3", command="jaxfric loop '<b>&.csv'")
+    assert "http" not in html and "@import" not in html and "url(" not in html
+    return Page(html)
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict(verdict: str) -> None:
+    loop = make_loop(verdict, path=HOSTILE, unit="N" if verdict == "too_weak" else "1")
+    text, html = " ".join(printed(loop).split()), page_of(loop)
+    assert html.images == 4 and html.seen.count("h1") == 1 and html.seen.count("b") == 5
+    assert html.text.count(HOSTILE) >= 3
+    for words in (loop.sentence, *loop.reasons):
+        assert words in text and words in html.text
+    assert text.startswith(f"{verdict}: ")
+    for shown in (text, html.text):
+        for words in ("train", "select", "report", "95 % interval", "did not converge", "ΔBIC"):
+            assert words in shown
+        for id in loop.effects:
+            assert id in shown
+        assert "nan" not in shown.lower().split()
+        assert not re.search(r"\de-0[3-9]", shown)
+    for words in (loop.warnings[0], loop.record.provenance.sha256, "jaxfric 1.2.3"):
+        assert words in html.text
+    content = json.loads(json.dumps(loop.to_json(), allow_nan=False))
+    assert not set(KEYS.split()) - set(content)
+    assert set(content["tests"]["ljung_box"]) == {"before", "after"}
+    assert {"train_rms", "select_rms", "report_rms", "in_sigma", "parameters"} <= set(
+        content["before"]
+    )
+
+
+def test_numbers_are_those_of_the_loop() -> None:
+    loop = make_loop("effects")
+    text = printed(loop)
+    for name in NAMES:
+        before, after = (s.rms[name] / loop.sigma for s in (loop.before, loop.after))
+        assert re.search(rf"^{name}: .*{before:.3f} +{after:.3f}$", text, re.M)
+    assert re.search(r"^L +.*18\.30 +17\.20 ± 0\.40 +16\.42 to 17\.99 +−2\.7 +µm *$", text, re.M)
+    assert re.search(r"^second_state.L2 .* 61\.0 ± 4\.0 +53\.2 to 68\.8 +µm *$", text, re.M)
+    assert re.search(r"^second_state +\+1480\.0 .* taken *$", text, re.M)
+    assert "servo_lag or sensor_lag (0.998)" in text
+    assert "split by velocity step" in text
+
+
+def test_aliases_say_what_would_separate_them() -> None:
+    loop = make_loop("ambiguous")
+    for shown in (" ".join(printed(loop).split()), page_of(loop).text):
+        assert "time_drift: this record cannot tell it from slip_trend; what would: " in shown
+        assert CATALOGUE["time_drift"].separated_by in shown
+        assert "1.900e−6 ± 0.030e−6" in shown
+
+
+def test_a_record_of_one_step_says_that_less_can_be_told() -> None:
+    loop = make_loop("outside_catalogue", many=False)
+    for shown in (" ".join(printed(loop, 80).split()), page_of(loop).text):
+        assert "too few velocity steps" in shown and "4 pairs that it cannot separate" in shown
+        assert "train, select, report" in shown
+
+
+@pytest.mark.parametrize(
+    ("verdict", "more"),
+    [("effects", {}), ("outside_catalogue", {"many": False, "unit": "N", "path": HOSTILE})],
+)
+def test_figures(verdict: str, more: dict[str, Any], tmp_path: Path) -> None:
+    names = draw_loop(make_loop(verdict, **more), tmp_path)
+    assert names == [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
+    for name in FIGURES:
+        pixels = imread(tmp_path / f"{name}.png")[..., :3]
+        assert min(pixels.shape[:2]) > 300 and np.mean(np.any(pixels < 0.9, axis=2)) > 0.01, name
+        assert (tmp_path / f"{name}.svg").read_text().lstrip().startswith("<?xml")
+
+
+# ---- the verb --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """A folder with run.csv in which the verb gets a made-up loop; what it asked for."""
+    asked: dict[str, Any] = {}
+
+    def close_loop(record, *, progress, **options) -> Loop:
+        progress("screening 17 effects")
+        asked.update(options, rows=len(record))
+        return make_loop("no_missing_effect")
+
+    def draw(loop: Loop, folder: Path) -> list[str]:
+        for name in FIGURES:
+            (folder / f"{name}.png").write_bytes(b"")
+            (folder / f"{name}.svg").write_bytes(b"<svg/>")
+        return [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
+
+    monkeypatch.setattr("jaxfric.loop.close_loop", close_loop)
+    monkeypatch.setattr("jaxfric.plot.loop.draw_loop", draw)
+    monkeypatch.chdir(tmp_path)
+    written(Path("run.csv"), record_text())
+    return asked
+
+
+def test_the_verb(closed: dict[str, Any]) -> None:
+    options = ("--with", "slip_trend, gain", "--with", "gain", "--without", "thermal", "--most", 2)
+    code, out, err = run("loop", "run.csv", "--stiffness", "5e-3/um", *options)
+    assert code == 0, err
+    assert closed == {
+        "stiffness": "5e-3/um",
+        "law": "slip",
+        "steps": None,
+        "with_": ("slip_trend", "gain"),
+        "without": ("thermal",),
+        "most": 2,
+        "rows": 91,
+    }
+    assert out.startswith("no_missing_effect: ") and "run-loop/loop.html" in out
+    assert "jaxfric: screening 17 effects\n" in err and "jaxfric: warning: K is 1.6" in err
+    kinds = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
+    assert sorted(p.name for p in Path("run-loop").iterdir()) == sorted(
+        ["loop.html", "loop.json", *kinds]
+    )
+    assert (
+        "--with slip_trend,gain --without thermal --most 2"
+        in Page(Path("run-loop/loop.html").read_text(encoding="utf-8")).text
+    )
+
+
+def test_the_verb_in_a_script(closed: dict[str, Any]) -> None:
+    code, out, err = run("loop", "run.csv", "--stiffness", "5e-3/um", "--json", "--out", "here")
+    assert code == 0 and json.loads(out)["schema"] == "jaxfric.loop/1"
+    assert out == Path("here/loop.json").read_text()
+    assert err.startswith("jaxfric: warning: ") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), ("--stiffness is missing", "1.6e-3/um")),
+        (("--stiffness", "5e-3/um", "--most", "0"), ("--most is 0",)),
+        (("--stiffness", "5e-3/um", "--with", "gain,,viscous"), ("--with", "empty id")),
+    ],
+)
+def test_what_the_verb_refuses(closed, options: tuple[str, ...], words: tuple[str, ...]) -> None:
+    assert_refused(run("loop", "run.csv", *options), *words)
+    assert not closed and not Path("run-loop").exists()
+
+
+def test_an_output_that_cannot_be_written_is_known_before_the_work(closed) -> None:
+    written(Path("taken"), "")
+    code, out, err = run("loop", "run.csv", "--stiffness", "5e-3/um", "--out", "taken")
+    assert code == 2 and out == "" and "taken is a file" in err.splitlines()[-1]
+    assert not closed
+
+
+def test_help_lists_the_catalogue() -> None:
+    assert verb.EFFECTS.split(", ") == list(CATALOGUE)
+    shown = run("loop", "--help")
+    assert shown.code == 0 and all(id in shown.out for id in CATALOGUE)
+    assert all(len(line) <= 80 for line in shown.out.splitlines())
