@@ -15,6 +15,7 @@ from ..errors import InputError
 from .fit import fit
 from .gains import gains
 from .loop import loop
+from .protocol import protocol
 from .record import record
 from .simulate import simulate
 from .stability import stability
@@ -25,7 +26,7 @@ app = cyclopts.App(
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
-for verb in (record, fit, loop, gains, stability, simulate):
+for verb in (record, fit, loop, protocol, gains, stability, simulate):
     app.command(verb)
 
 

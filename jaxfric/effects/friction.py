@@ -270,7 +270,7 @@ class PositionPeriodic(AbstractEffect):
     def grid(self, scales):
         # neighbours half a period apart over the whole slip: no wavelength is missed
         longest, shortest = 0.5 * scales.total_slip, 2 * scales.slip_length
-        count = int(np.clip(2 * scales.total_slip * (1 / shortest - 1 / longest), 8, 48))
+        count = int(np.clip(2 * scales.total_slip * (1 / shortest - 1 / longest), 8, 320))
         return {"wavelength": tuple(1 / np.linspace(1 / longest, 1 / shortest, count))}
 
     def physical(self):

@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 
 from ..fitting.noise import Noise, estimate_noise, whiten
 from ..fitting.problem import FAILED_MISFIT, Problem
+from .evidence import log_determinant
 from .split import NAMES, Blocks
 from .superset import Superset
 
@@ -38,6 +39,7 @@ class Candidate(NamedTuple):
     """Predicted minus recorded over the problem's noise scale, all rows of the record."""
     noise: Noise
     bic: float
+    """Of the train block, plus the deviance of the select block that this fit predicts."""
     rms: dict[str, float]
     """By block, in units of the record."""
     physical: bool
@@ -92,6 +94,9 @@ class Engine:
         weight = np.zeros(problem.time.shape[0])
         weight[: self.rows] = blocks.train
         self.weight = weight
+        known = weight.copy()
+        known[: self.rows] += blocks.select
+        self.known = known
         self.problem = eqx.tree_at(lambda p: p.weight, problem, jnp.asarray(weight))
         self.everywhere = problem.whitened(_white())
         self.names = self.model.names()
@@ -125,20 +130,36 @@ class Engine:
         )
 
     def bic(self, rows: "Rows", parameters: int) -> tuple[float, Noise]:
-        """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows."""
+        """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows.
+
+        The select block counts as predicted: what only fits the train block pays there.
+        """
         residual = rows.residual * self.weight
         found = self.noise(residual, np.zeros((len(residual), 1)))
         ones = np.ones((len(residual), 1))
         white = self.whiten(ones, found)
         effective = float(np.sum(white**2) * found.sigma**2)
         effective = min(max(effective, 2.0), float(self.weight.sum()))
-        more = float(np.sum(np.square(rows.extra)))
+        more = float(np.sum(np.square(rows.extra))) + self._predictive(rows.residual, found)
         return more - 2 * float(found.log_likelihood) + parameters * np.log(effective), found
 
-    def whiten(self, columns: np.ndarray, noise: Noise) -> np.ndarray:
-        """Columns (train rows; the others 0) in units of the noise, and uncorrelated."""
-        problem = self.problem
-        return np.asarray(whiten(problem.clock, problem.weight, jnp.asarray(columns), noise))
+    def _predictive(self, residual: np.ndarray, noise: Noise) -> float:
+        """-2 ln p of the select block given the train block, at the noise of the train block."""
+        problem, total = self.problem, 0.0
+        for weight, sign in ((self.known, 1.0), (self.weight, -1.0)):
+            white = self.whiten(residual[:, None], noise, weight)
+            size = jnp.log(noise.sigma**2) * weight.sum() + log_determinant(
+                problem.clock, jnp.asarray(weight), noise.share, noise.correlation_time
+            )
+            total += sign * float(np.sum(white**2) + size)
+        return total
+
+    def whiten(self, columns: np.ndarray, noise: Noise, weight=None) -> np.ndarray:
+        """Columns (rows of a weight, by default train; others 0) in units of the noise, and
+        uncorrelated."""
+        weight = self.weight if weight is None else weight
+        clock = self.problem.clock
+        return np.asarray(whiten(clock, jnp.asarray(weight), jnp.asarray(columns), noise))
 
     def refit(self, effects: tuple[str, ...], z: np.ndarray) -> Candidate:
         """The joint fit of base and effects from the start `z`, all their parameters free."""

@@ -112,6 +112,7 @@ def _products(
     return jax.lax.map(under, (share, tau), batch_size=_AT_ONCE)
 
 
+@eqx.filter_jit
 def log_determinant(time, weight, share, tau):
     """Of the noise covariance of the rows with weight, at sigma = 1."""
 

@@ -13,7 +13,7 @@ from ..rig.friction.extended import ExtendedLaw
 from .engine import Candidate, Engine
 from .response import Response, linear_response
 from .result import LocationProfile
-from .screen import orthonormal
+from .screen import orthonormal, respond
 from .structure import chi_square_tail
 
 _COARSE, _FINE = 8, 16
@@ -33,9 +33,7 @@ def locate(engine: Engine, base: Candidate, noise: Noise) -> tuple[LocationProfi
     structure = max(float(left @ left) - (engine.weight.sum() - basis.shape[1]), 1e-9)
     bumps = _variables(engine, response)
     forces = np.concatenate([columns for _, _, _, columns in bumps], axis=1)
-    padded = np.pad(forces, ((0, 0), (0, -forces.shape[1] % 16)))
-    scale = float(engine.problem.noise_scale)
-    seen = np.asarray(response(jnp.asarray(padded))[0])[:, : forces.shape[1]] / scale
+    seen = respond(response, forces)[0] / float(engine.problem.noise_scale)
     seen = engine.whiten(seen * train, noise)
     seen = seen - basis @ (basis.T @ seen)
     found, begin = [], 0

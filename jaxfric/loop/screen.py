@@ -18,8 +18,11 @@ from ..rig.friction.extended import ExtendedLaw
 from .engine import Candidate, Engine, Rows
 from .evidence import Evidence, evidence
 from .response import Response, linear_response, term_forces
+from .structure import chi_square_tail
 
 _DRAWS = 2000
+_KEPT = 8
+_FORCES = 64
 
 
 class Screened(NamedTuple):
@@ -93,12 +96,12 @@ def screen(
     engine: Engine, current: Candidate, scales: RecordScales, *, seed: int = 0
 ) -> list[Screened]:
     """All effects that are not in `current`, the most promising first."""
-    seen = sensitivities(engine, current, scales)
+    seen, share = _likeliest(engine, current, sensitivities(engine, current, scales))
     problem = engine.problem
     known = evidence(
         problem.clock,
-        problem.weight,
-        seen.rows.residual * engine.weight,
+        jnp.asarray(engine.known),
+        seen.rows.residual * engine.known,
         seen.matrix,
         seen.rows.extra,
         seen.extra,
@@ -127,8 +130,39 @@ def screen(
         count = fewest + len(engine.model.columns((id,)))
         delta = gain + fewest * np.log(effective[0]) - count * np.log(effective[i])
         p = _best_of(known, int(noise[i]), seen.base, [c.places for _, c, _ in found], gain, seed)
-        best[id] = Screened(id, float(delta), z, p)
+        # beyond the reach of the draws: the sum over all shapes is an upper bound
+        tail = len(found) * chi_square_tail(gain, len(found[0][1].places))
+        best[id] = Screened(id, float(delta), z, min(1.0, p / share[id], tail / share[id]))
     return sorted(best.values(), key=lambda s: -s.delta_bic)
+
+
+def _likeliest(
+    engine: Engine, current: Candidate, seen: Screening
+) -> tuple[Screening, dict[str, float]]:
+    """The most promising shapes of every effect, under white noise and that of the fit.
+
+    Also which share of an effect's shapes they are.
+    """
+    weight = engine.known[:, None]
+    both = np.concatenate([seen.rows.residual[:, None], seen.matrix], axis=1) * weight
+    kept: set[int] = set()
+    for white in (both, engine.whiten(both, current.noise, engine.known)):
+        basis = orthonormal(white[:, [k + 1 for k in seen.base]])
+        rest = white - basis @ (basis.T @ white)
+        by_id: dict[str, list[tuple[float, int]]] = {}
+        for k, column in enumerate(seen.columns):
+            own = orthonormal(rest[:, [p + 1 for p in column.places]])
+            by_id.setdefault(column.id, []).append((float(np.sum((own.T @ rest[:, 0]) ** 2)), k))
+        for found in by_id.values():
+            kept |= {k for _, k in sorted(found, reverse=True)[:_KEPT]}
+    columns = [seen.columns[k] for k in sorted(kept)]
+    share = {id: sum(c.id == id for c in columns) / len(found) for id, found in by_id.items()}
+    places = [*seen.base, *(p for c in columns for p in c.places)]
+    moved = {p: i for i, p in enumerate(places)}
+    columns = [c._replace(places=tuple(moved[p] for p in c.places)) for c in columns]
+    return seen._replace(
+        matrix=seen.matrix[:, places], extra=seen.extra[:, places], columns=tuple(columns)
+    ), share
 
 
 def _start(z, free, column: _Column, weights) -> np.ndarray:
@@ -175,10 +209,22 @@ def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[t
     combination counts; of an effect with shapes the one nearest to the other effect. Effects in
     the fit stand for themselves.
     """
-    seen = sensitivities(engine, current, scales)
+    seen = _thinned(sensitivities(engine, current, scales))
     white = engine.whiten(seen.matrix * engine.weight[:, None], current.noise)
     white = np.concatenate([white, seen.extra])
     return _cosines(engine, current, seen, white)
+
+
+def _thinned(seen: Screening) -> Screening:
+    """With no more than a few shapes of every effect, evenly spread."""
+    by_id: dict[str, list[_Column]] = {}
+    for column in seen.columns:
+        by_id.setdefault(column.id, []).append(column)
+    columns: list[_Column] = []
+    for found in by_id.values():
+        at = np.unique(np.linspace(0, len(found) - 1, 2 * _KEPT).round().astype(int))
+        columns += [found[i] for i in at]
+    return seen._replace(columns=tuple(columns))
 
 
 def _cosines(engine, current, seen: Screening, white) -> tuple[tuple[str, ...], np.ndarray]:
@@ -247,7 +293,17 @@ def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
     a, b = before.friction, after.friction
     if not (isinstance(a, ExtendedLaw) and isinstance(b, ExtendedLaw)):
         return False
-    return len(b.terms) == len(a.terms) + 1 and before.machine is after.machine
+    same = all(
+        x is y
+        for x, y in zip(
+            jax.tree.leaves((a, before.machine, before.drive, before.sensor)),
+            jax.tree.leaves(
+                (ExtendedLaw(b.base, b.terms[:-1]), after.machine, after.drive, after.sensor)
+            ),
+            strict=False,
+        )
+    )
+    return same and len(b.terms) == len(a.terms) + 1
 
 
 def _shaped_columns(engine: Engine, rig: Rig, response, id, shapes, place: int):
@@ -275,10 +331,20 @@ def _shaped_columns(engine: Engine, rig: Rig, response, id, shapes, place: int):
         found.append(_Column(id, free, amplitudes, at))
     scale = np.asarray([float(problem._scale(names[i])) for i in amplitudes])
     forces = forces * jnp.asarray(np.tile(scale, len(shapes)))
-    m = forces.shape[1]
-    padded = jnp.pad(forces, ((0, 0), (0, -m % 16)))
-    friction, slip = (np.asarray(part)[:, :m] for part in response(padded))
+    friction, slip = respond(response, forces)
     return found, friction / float(problem.noise_scale), _extra_rows(engine, slip)
+
+
+def respond(response: Response, forces) -> tuple[np.ndarray, np.ndarray]:
+    """The response to many forces, a number at a time for which it is compiled."""
+    parts = []
+    for begin in range(0, forces.shape[1], _FORCES):
+        part = jnp.asarray(forces)[:, begin : begin + _FORCES]
+        m = part.shape[1]
+        seen = response(jnp.pad(part, ((0, 0), (0, _FORCES - m))))
+        parts.append([np.asarray(x)[:, :m] for x in seen])
+    friction, slip = (np.concatenate(x, axis=1) for x in zip(*parts, strict=True))
+    return friction, slip
 
 
 def _extra_rows(engine: Engine, slip: np.ndarray) -> np.ndarray:

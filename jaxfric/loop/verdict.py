@@ -2,10 +2,11 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from ..effects import effect_of
-from ..fitting.noise import Noise
+from ..fitting.noise import Noise, sandwich
 from .engine import Candidate, Engine
 from .screen import orthonormal
 from .search import ACCEPT, ALIAS, Search
@@ -51,11 +52,12 @@ def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
     used = np.linalg.norm(columns, axis=0) > 0
     noise = engine.noise(residual * engine.weight, columns[:, used])
     held = engine.blocks.select | engine.blocks.report
-    # the likelihood's sigma extrapolates to slow noise that the bumps hide: the plain rms does not
+    # from what is left, and how much of such noise the columns have taken away with them
     smooth = orthonormal(columns[:, used])
     left = residual * engine.weight
     left = left - smooth @ (smooth.T @ left)
-    degrees = engine.weight.sum() - smooth.shape[1]
+    taken = sandwich(engine.problem.clock, jnp.asarray(smooth), noise._replace(sigma=jnp.ones(())))
+    degrees = engine.weight.sum() - float(jnp.trace(taken))
     sigma = float(np.sqrt(left @ left / degrees)) * float(engine.problem.noise_scale)
     return Floor(
         noise,

@@ -1,6 +1,7 @@
 """Figures of a closed loop: residual before and after, location map, aliasing, candidates."""
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -286,8 +287,19 @@ def _p(value: float) -> str:
 
 
 def _save_aliasing(loop: Loop, folder: Path) -> list[str]:
-    ids, cosines = loop.alias_ids, np.asarray(loop.alias_cosines, float)
-    number = len(ids)
+    return save_aliasing(loop.alias_ids, loop.alias_cosines, folder, added=loop.effects)
+
+
+def save_aliasing(
+    ids: Sequence[str],
+    cosines: np.ndarray,
+    folder: Path,
+    *,
+    added: Sequence[str] = (),
+    what: str = "this record",
+) -> list[str]:
+    """Draw |cosine| between effects, as `what` shows them; the names of the files written."""
+    cosines, number = np.asarray(cosines, float), len(ids)
     side = 3.2 + 0.4 * max(number, 5)
     figure = new_figure(side, side - 0.6)
     axis = figure.subplots()
@@ -301,19 +313,19 @@ def _save_aliasing(loop: Loop, folder: Path) -> list[str]:
     axis.set_yticks(range(number), ids, fontsize=9)
     for labels in (axis.get_xticklabels(), axis.get_yticklabels()):
         for text, id in zip(labels, ids, strict=True):
-            if id in loop.effects:
+            if id in added:
                 text.set(color=ORANGE, fontweight="bold")
     axis.tick_params(length=0)
     axis.spines[:].set_visible(False)
-    notes = ["0: nothing alike, this record tells them apart; 1: the same, no fit can tell"]
-    notes.append(f"framed: {ALIAS:.2f} or more, not told apart by this record")
-    if loop.effects:
+    notes = [f"0: nothing alike, {what} tells them apart; 1: the same, no fit can tell"]
+    notes.append(f"framed: {ALIAS:.2f} or more, not told apart by {what}")
+    if added:
         notes.append("orange names: effects that were added")
     if np.any(~np.isfinite(cosines[np.tri(number, k=-1, dtype=bool)])):
-        notes.append("–: this record does not show one of the two at all")
+        notes.append(f"–: {what} does not show one of the two at all")
     axis.text(0.42, 0.985, "\n".join(notes), transform=axis.transAxes, va="top", fontsize=9.5)
     figure.suptitle(
-        "How alike two effects look in this record"
+        f"How alike two effects look in {what}"
         " (|cosine|, after what the fitted model can absorb)",
         x=0.01, ha="left", fontsize=11,
     )  # fmt: skip

@@ -1,0 +1,237 @@
+"""`jaxfric protocol`: what will a planned sequence of velocity steps be able to tell apart?"""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from .common import Out, Text, optional_quantity, prepare_jax
+from .loop import EFFECTS, _ids, _progress
+
+TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
+"""A friction coefficient where neither a fit nor parameters are given."""
+
+
+def protocol(
+    velocities: Annotated[
+        str,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Velocities of the load point in order: '1, 10, 1, 3, 10 um/s'.",
+        ),
+    ],
+    /,
+    *,
+    slip_per_step: Annotated[
+        Text, Parameter(help="Load-point motion at each velocity: 150um.")
+    ] = None,
+    stiffness: Annotated[
+        Text,
+        Parameter(help="Stiffness of the machine: 5e-3/um, or 2e6 N/m. Default: that of --from."),
+    ] = None,
+    noise: Annotated[
+        Text, Parameter(help="Noise of a row: 3e-4, or 0.5 N. Default: that of --from.")
+    ] = None,
+    from_: Annotated[
+        Path | None,
+        Parameter(name="--from", help="A fit.json or loop.json from which the parameters are."),
+    ] = None,
+    parameters: Annotated[
+        str | None, Parameter(help=f"Parameters instead: '{TYPICAL}', which are the default.")
+    ] = None,
+    law: Annotated[
+        Literal["slip", "ageing"] | None, Parameter(help="Law of the base model. Default: slip.")
+    ] = None,
+    rows: Annotated[int, Parameter(help="Rows of the record at each velocity.")] = 250,
+    slip_channel: Annotated[
+        Text, Parameter(help="A channel of slip is planned, of this noise: '0.1 um'.")
+    ] = None,
+    with_: Annotated[
+        list[str] | None,
+        Parameter(name="--with", negative=(), help="Effects that the base model has: ids."),
+    ] = None,
+    without: Annotated[
+        list[str] | None,
+        Parameter(negative=(), help=f"Effects that are not considered. All ids: {EFFECTS}."),
+    ] = None,
+    out: Out = None,
+    json: Annotated[
+        bool, Parameter(negative=(), help="Print protocol.json on stdout instead of the tables.")
+    ] = False,
+) -> None:
+    """Say, before the experiment, which effects it can tell apart, and what would help.
+
+    Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/.
+    """
+    import json as text
+
+    declared, excluded = _ids(with_, "--with"), _ids(without, "--without")
+    commanded = read_velocities(velocities)
+    slip = optional_quantity(slip_per_step, "m", "--slip-per-step")
+    if slip is None:
+        raise InputError("--slip-per-step is missing; give one, as in --slip-per-step 150um")
+    destination = out or Path("protocol")
+    with _progress(quiet=json) as progress:
+        values, found_law, unit, more = _base(from_, parameters, law, stiffness)
+        K = _size(stiffness, f"{unit}/m", "--stiffness", values.pop("K", None))
+        sigma = _size(noise, unit, "--noise", values.pop("noise", None))
+        prepare_jax()
+        from ..loop.protocol import plan
+        from ..plot.loop import save_aliasing
+        from ..report.output import output_folder
+
+        with output_folder(destination):
+            pass  # a folder that cannot be written is better known before the work
+        found = plan(
+            commanded,
+            slip_per_step=slip,
+            stiffness=K,
+            noise=sigma,
+            parameters=values,
+            law=found_law,
+            friction_unit=unit,
+            rows=rows,
+            slip_noise=optional_quantity(slip_channel, "m", "--slip-channel"),
+            with_=tuple(dict.fromkeys((*more, *declared))),
+            without=excluded,
+            progress=progress,
+        )
+        progress("drawing figures")
+        content = text.dumps(found.to_json(), indent=1, allow_nan=False)
+        with output_folder(destination) as folder:
+            (folder / "protocol.json").write_text(content + "\n", encoding="utf-8")
+            outlook = found.outlook
+            save_aliasing(outlook.ids, outlook.cosines, folder, what="this plan")
+    if json:
+        print(content)
+    else:
+        _print(found, destination, typical=from_ is None and parameters is None)
+    for warning in found.warnings:
+        print(f"jaxfric: warning: {warning}", file=sys.stderr)
+
+
+def read_velocities(text: str) -> list[float]:
+    """Velocities [m/s] of a text in their order; one without a unit takes the last one's."""
+    from ..units import parse_quantity
+
+    pieces = [piece.strip() for piece in text.split(",")]
+    if not all(pieces):
+        raise InputError(f"velocities: '{text}' is no list; write it as in '1, 10, 1 um/s'")
+    unit = pieces[-1].lstrip("+-0123456789.eE").strip()
+    if not unit:
+        raise InputError(f"velocities: '{text}' has no unit; write it as in '1, 10, 1 um/s'")
+    out = []
+    for piece in pieces:
+        bare = not piece.lstrip("+-0123456789.eE")
+        value = parse_quantity(f"{piece} {unit}" if bare else piece, "m/s", "velocities")
+        if not value > 0:
+            raise InputError(
+                f"velocities: '{piece}' is not positive; a protocol takes forward motion only"
+            )
+        out.append(value)
+    return out
+
+
+def _size(text: str | None, unit: str, option: str, known: float | None) -> float:
+    """A quantity in a unit such as "1/m" or "N", of an option or known from a file."""
+    if text is None:
+        if known is None:
+            example = {"--stiffness": "5e-3/um", "--noise": "3e-4"}[option]
+            raise InputError(f"{option} is missing; give one, as in {option} {example}")
+        return known
+    value = optional_quantity(text, unit, option)
+    assert value is not None
+    if not value > 0:
+        raise InputError(f"{option}: '{text}' is not positive")
+    return value
+
+
+def _base(
+    file: Path | None, parameters: str | None, law: str | None, stiffness: str | None
+) -> tuple[dict[str, float], str, str, tuple[str, ...]]:
+    """Parameters (SI), law, unit of friction, and effects that the base has."""
+    from ..units import has_dimension
+
+    if file is not None:
+        if parameters is not None or law is not None:
+            raise InputError("--from excludes --law and --parameters; give one")
+        return _from_file(file)
+    unit = "N" if stiffness is not None and has_dimension(stiffness, "N/m") else "1"
+    if parameters is None and unit == "N":
+        raise InputError(
+            "--stiffness is of a force, so --parameters in newtons are needed, as in"
+            " 'f0=30 N, A=0.5 N, B=0.7 N, L=20 um'"
+        )
+    return _from_text(TYPICAL if parameters is None else parameters, unit), law or "slip", unit, ()
+
+
+def _from_text(text: str, unit: str) -> dict[str, float]:
+    from ..fitting.problem import quantity_of
+    from ..units import parse_quantity
+
+    values: dict[str, float] = {}
+    for part in filter(None, (piece.strip() for piece in text.split(","))):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not name or not value:
+            raise InputError(f"--parameters: '{part}' is not NAME=VALUE, as in '{TYPICAL}'")
+        if name in values:
+            raise InputError(f"--parameters: {name} is given twice")
+        if name.rstrip("0123456789") not in ("A", "B", "L") and name not in ("f0", "V0"):
+            raise InputError(f"--parameters: '{name}' is unknown; there are: f0, A, B, L, V0")
+        about = quantity_of(name)
+        values[name] = parse_quantity(
+            value, about.unit_for(unit).replace(" ", "*"), f"--parameters: {name}"
+        )
+    return values
+
+
+def _from_file(path: Path) -> tuple[dict[str, float], str, str, tuple[str, ...]]:
+    """Of the fit of a fit.json, or the one after the loop of a loop.json."""
+    from ..gains.saved import (
+        FIT,
+        LOOP,
+        missing_key,
+        read_saved,
+        refuse_damage,
+        table_damage,
+        values_of,
+    )
+
+    content = read_saved(path, FIT, LOOP)
+    schema = content["schema"]
+    keys = ("law", "friction_unit", "noise", "after" if schema == LOOP else "parameters")
+    problem = missing_key(content, keys)
+    table = content.get("after", {}) if schema == LOOP else content
+    problem = problem or missing_key(table, ("parameters", "free", "covariance"))
+    refuse_damage(path, schema, problem or table_damage(table, ("f0", "A", "B", "L")))
+    values = values_of(table)
+    if "slip_trend" in values:
+        values["slip_trend.s"] = values.pop("slip_trend")
+    if schema == LOOP:
+        values = {**_numbers(content, V0="reference_velocity", K="stiffness"), **values}
+    values |= _numbers(content["noise"], noise="sigma")
+    effects = tuple(dict.fromkeys(name.split(".")[0] for name in values if "." in name))
+    return values, content["law"], content["friction_unit"], effects
+
+
+def _numbers(table: object, **keys: str) -> dict[str, float]:
+    """Numbers of a table of a file, as far as there are, under other names."""
+    known = table if isinstance(table, dict) else {}
+    found = {name: known.get(key) for name, key in keys.items()}
+    return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
+
+
+def _print(found, destination: Path, *, typical: bool) -> None:
+    from rich.console import Console
+
+    from ..report.protocol_text import print_protocol
+
+    console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    print_protocol(found, console, typical=typical)
+    console.print(
+        f"\nwritten: {destination}/protocol.json, aliasing (.png, .svg)",
+        markup=False,
+        soft_wrap=True,
+    )

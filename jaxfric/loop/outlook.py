@@ -1,0 +1,181 @@
+"""What is known of a planned protocol before it is run: results of `protocol.plan`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .search import ALIAS
+
+SCHEMA = "jaxfric.protocol/1"
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """How large an effect must be to be named, to first order. SI."""
+
+    id: str
+    names: tuple[str, ...]
+    """Of its amplitudes; of several the root of the sum of squares is meant."""
+    unit: str
+    amplitude: float | None
+    """At the shape that is seen best; None where no possible amplitude is seen."""
+    shape: Mapping[str, float]
+    """The shape that is seen best."""
+    worst: float | None
+    """At the shape that is seen worst."""
+    needed: float | None
+    """`amplitude`, or what it would have to be where that is not physically possible."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """Sensitivities of one variant of a plan."""
+
+    ids: tuple[str, ...]
+    cosines: np.ndarray
+    """|cosine| of two effects; nan where one of them is not seen."""
+    smallest: tuple[Smallest, ...]
+    time: np.ndarray
+    predicted: np.ndarray
+    """Times of the rows, and what the base would record there without noise."""
+
+    def pairs(self) -> tuple[tuple[str, str, float], ...]:
+        """Pairs that are not told apart, and their cosine, the most alike first."""
+        found = [
+            (self.ids[j], self.ids[i], float(self.cosines[i, j]))
+            for i in range(len(self.ids))
+            for j in range(i)
+            if self.cosines[i, j] > ALIAS
+        ]
+        return tuple(sorted(found, key=lambda pair: -pair[2]))
+
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """Effects that are linked by such pairs, the largest group first."""
+        group = {id: {id} for id in self.ids}
+        for a, b, _ in self.pairs():
+            joined = group[a] | group[b]
+            for id in joined:
+                group[id] = joined
+        once = {min(map(self.ids.index, g)): g for g in group.values() if len(g) > 1}
+        ordered = [tuple(sorted(once[k], key=self.ids.index)) for k in sorted(once)]
+        return tuple(sorted(ordered, key=lambda g: -len(g)))
+
+    def unseen(self) -> tuple[str, ...]:
+        """Effects that are not seen at all, whatever their size."""
+        return tuple(s.id for s in self.smallest if s.amplitude is None)
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A change of the plan, and what it brings; `outlook` is None where the slider slips away."""
+
+    key: str
+    text: str
+    duration: float
+    outlook: Outlook | None
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """A planned sequence of velocity steps, and what it will be able to tell. SI."""
+
+    velocities: tuple[float, ...]
+    slip_per_step: float
+    stiffness: float
+    noise: float
+    slip_noise: float | None
+    rows: int
+    friction_unit: str
+    law: str
+    parameters: Mapping[str, float]
+    with_: tuple[str, ...]
+    critical_stiffness: float
+    ratio: float | None
+    """K/K_cr; None where any stiffness is stable."""
+    outlook: Outlook
+    changes: tuple[Change, ...]
+    """The cheapest first."""
+    warnings: tuple[str, ...]
+    seconds: float
+
+    @property
+    def duration(self) -> float:
+        """Of the whole sequence [s]."""
+        return float(sum(self.slip_per_step / V for V in self.velocities))
+
+    def separated(self, change: Change) -> tuple[tuple[str, str], ...]:
+        """Pairs that a change separates."""
+        after = {(a, b) for a, b, _ in change.outlook.pairs()} if change.outlook else None
+        pairs = [(a, b) for a, b, _ in self.outlook.pairs()]
+        return () if after is None else tuple(pair for pair in pairs if pair not in after)
+
+    def recommended(self) -> Change | None:
+        """The first of the changes that leave fewest pairs; None where none leaves fewer."""
+        possible = [c for c in self.changes if c.outlook is not None]
+        best = min(possible, key=_remaining, default=None)
+        if best is None or _remaining(best) >= len(self.outlook.pairs()):
+            return None
+        return best
+
+    def to_json(self) -> dict:
+        """The content of `protocol.json`, schema "jaxfric.protocol/1"; SI, null for unknown."""
+        best = self.recommended()
+        return {
+            "schema": SCHEMA,
+            "velocities": list(self.velocities),
+            "slip_per_step": self.slip_per_step,
+            "duration": self.duration,
+            "stiffness": self.stiffness,
+            "critical_stiffness": self.critical_stiffness if self.ratio is not None else None,
+            "stiffness_ratio": self.ratio,
+            "noise": self.noise,
+            "slip_noise": self.slip_noise,
+            "rows_per_step": self.rows,
+            "friction_unit": self.friction_unit,
+            "law": self.law,
+            "parameters": dict(self.parameters),
+            "with": list(self.with_),
+            "threshold": ALIAS,
+            "plan": _plain(self.outlook),
+            "changes": [
+                {
+                    "change": c.key,
+                    "text": c.text,
+                    "duration": c.duration,
+                    "separates": [list(pair) for pair in self.separated(c)],
+                    "remaining": None if c.outlook is None else len(c.outlook.pairs()),
+                    **({} if c.outlook is None else _plain(c.outlook)),
+                }
+                for c in self.changes
+            ],
+            "recommended": None if best is None else best.key,
+            "warnings": list(self.warnings),
+            "seconds": self.seconds,
+        }
+
+
+def _remaining(change: Change) -> int:
+    assert change.outlook is not None
+    return len(change.outlook.pairs())
+
+
+def _plain(outlook: Outlook) -> dict:
+    return {
+        "effects": [
+            {
+                "id": s.id,
+                "amplitude": list(s.names),
+                "unit": s.unit,
+                "smallest": s.amplitude,
+                "shape": dict(s.shape),
+                "smallest_at_worst_shape": s.worst,
+                "would_need": s.needed,
+            }
+            for s in outlook.smallest
+        ],
+        "cosines": [[v if np.isfinite(v) else None for v in row] for row in outlook.cosines],
+        "pairs": [{"effects": [a, b], "cosine": value} for a, b, value in outlook.pairs()],
+        "groups": [list(group) for group in outlook.groups()],
+        "unseen": list(outlook.unseen()),
+    }

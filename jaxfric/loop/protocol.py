@@ -1,0 +1,471 @@
+"""Before the experiment: which effects can a planned sequence of velocity steps tell apart?
+
+The sensitivity of the record to every effect is computed at the null, along the motion of the base
+with parameters that are guessed or were fitted before. What the base's own parameters can absorb is
+projected out. What is left says, to first order in the effects, which of them look alike (cosine)
+and how large each must be to be named (length). No data are needed. The same is then done for some
+changes of the plan. All variants have arrays of one size, so they share what is compiled; a
+channel that is absent is there with noise that drowns it.
+"""
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, parameters
+from ..errors import InputError
+from ..fitting.noise import Noise
+from ..fitting.problem import (
+    FAILED_MISFIT,
+    LAWS,
+    Channel,
+    Model,
+    Problem,
+    bucket,
+    build_rig,
+    make_problem,
+    to_free,
+)
+from ..fitting.result import tidy_unit
+from ..records import VelocitySteps
+from ..rig.friction import critical_stiffness
+from ..units import format_si
+from .engine import Candidate, Engine
+from .loop import ON_REQUEST
+from .outlook import Change, Outlook, Protocol, Smallest
+from .screen import Screening, _cosines, orthonormal, sensitivities
+from .search import ACCEPT
+from .split import Blocks
+from .superset import Superset
+
+CHANNEL_NOISE = 1e-7
+"""Noise of a displacement channel that a change adds, where none is given [m]."""
+NEAR = 2.0
+"""K/K_cr below which there is a warning."""
+_ABSENT = 1e6
+_FEWEST_ROWS = 20
+_MOST_ROWS = 65536
+_VELOCITIES, _ROWS = 16, 1024
+_SOLVER_STEPS = 65536
+_UNSEEN = 1e-6
+_BEFORE = 0.05
+_LONGER = ("dwell", "repeat")
+
+
+@dataclass(frozen=True)
+class _Variant:
+    """A plan, or a plan that was changed. SI; None for a channel that is not recorded."""
+
+    key: str
+    text: str
+    velocities: tuple[float, ...]
+    slip_per_step: float
+    slip_noise: float | None
+    encoder_noise: float | None
+
+    @property
+    def durations(self) -> np.ndarray:
+        return self.slip_per_step / np.asarray(self.velocities)
+
+    def steps(self) -> VelocitySteps:
+        starts = np.concatenate([[0.0], np.cumsum(self.durations[:-1])])
+        return VelocitySteps(starts, np.asarray(self.velocities))
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """What all variants share."""
+
+    model: Model
+    values: Mapping[str, float]
+    effects: tuple[type[AbstractEffect], ...]
+    always: tuple[str, ...]
+    without: tuple[str, ...]
+    stiffness: float
+    noise: float
+    rows: int
+    friction_unit: str
+
+
+def plan(
+    velocities: Sequence[float],
+    *,
+    slip_per_step: float,
+    stiffness: float,
+    noise: float,
+    parameters: Mapping[str, float],
+    law: str = "slip",
+    friction_unit: str = "1",
+    rows: int = 250,
+    slip_noise: float | None = None,
+    with_: Sequence[str] = (),
+    without: Sequence[str] = (),
+    own: Sequence[type[AbstractEffect]] = (),
+    changes: bool = True,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Protocol:
+    """Which effects a sequence of velocity steps can tell apart, and what would help. SI.
+
+    With s_i the sensitivity of the record to the amplitudes of effect i, in units of the noise and
+    with the base's sensitivities projected out, the cosine of two effects is s_i.s_j/(|s_i||s_j|),
+    the largest over their amplitudes and shapes. The smallest amplitude a that is named has the
+    likelihood ratio a^2 |s_i|^2 = 10 + p ln n, p parameters, n rows.
+
+    Parameters
+    ----------
+    velocities : commanded [m/s], each for `slip_per_step` [m] of load-point motion.
+    stiffness : of the machine [F/m]; noise : white, standard deviation of a row [F].
+    parameters : of the base: f0, A, B, L (B2, L2, ...), and V0 if it is not the first velocity; of
+        effects in `with_` as "viscous.c", at their null where they are not given.
+    rows : samples of each velocity, evenly spaced in time.
+    slip_noise : of a channel of slip [m], None where there is none.
+    with_ : ids of effects that the base has; without : of those that are not considered.
+    changes : also look at changes of the plan.
+
+    Raises
+    ------
+    InputError : fewer than two velocities that differ, one not positive; a parameter missing or out
+        of bounds; an unknown effect; a stiffness below the critical one, or a slider that slips
+        away at a step.
+
+    Every row counts as fitted. Not tried: holds, reversals, noise that is correlated, step times
+    that are uncertain, and effects so large that they are not linear.
+    """
+    begun = time.monotonic()
+    velocities = tuple(float(V) for V in velocities)
+    _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise)
+    effects = _effects(tuple(with_), tuple(without), own)
+    values = dict(parameters)
+    values.setdefault("V0", velocities[0])
+    model = _model(values, law, effects, tuple(with_))
+    setup = _Setup(
+        model, values, effects, tuple(with_), tuple(without), stiffness, noise, rows, friction_unit
+    )
+    critical = _critical(model, values, stiffness)
+    ratio = stiffness / critical if critical > 0 else None
+    _refuse_unstable(ratio, stiffness, friction_unit)
+    first = _Variant("plan", "as planned", velocities, slip_per_step, slip_noise, None)
+    variants = [first, *(_changes(first) if changes else ())]
+    found: list[Outlook | None] = []
+    for k, variant in enumerate(variants):
+        progress(f"{variant.text} ({k + 1} of {len(variants)})")
+        found.append(_look(setup, variant))
+        if found[0] is None:
+            raise InputError(_slips_away(ratio))
+    outlook = found[0]
+    assert outlook is not None
+    return Protocol(
+        velocities=velocities,
+        slip_per_step=slip_per_step,
+        stiffness=stiffness,
+        noise=noise,
+        slip_noise=slip_noise,
+        rows=rows,
+        friction_unit=friction_unit,
+        law=law,
+        parameters=values,
+        with_=tuple(with_),
+        critical_stiffness=critical,
+        ratio=ratio,
+        outlook=outlook,
+        changes=tuple(
+            Change(v.key, v.text, float(v.durations.sum()), o)
+            for v, o in zip(variants[1:], found[1:], strict=True)
+        ),
+        warnings=_warnings(ratio, values, slip_per_step),
+        seconds=time.monotonic() - begun,
+    )
+
+
+# ---- input ---------------------------------------------------------------------------------
+
+
+def _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise) -> None:
+    for V in velocities:
+        if not (math.isfinite(V) and V > 0):
+            raise InputError(
+                f"velocity {V:g} m/s: a protocol takes forward motion only, velocities above 0"
+            )
+    if len(set(velocities)) < 2:
+        raise InputError(
+            "the protocol has no velocity step: give two velocities or more that differ, as in"
+            " '1, 10, 1 um/s'"
+        )
+    positive = {"slip per step": slip_per_step, "stiffness": stiffness, "noise": noise}
+    if slip_noise is not None:
+        positive["noise of the slip channel"] = slip_noise
+    for name, value in positive.items():
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name} is {value:g}; it must be positive")
+    if not _FEWEST_ROWS <= rows <= _MOST_ROWS // (len(velocities) + 1):
+        raise InputError(
+            f"{rows} rows per step: choose {_FEWEST_ROWS} or more, and no more than {_MOST_ROWS}"
+            " in all"
+        )
+
+
+def _effects(with_, without, own) -> tuple[type[AbstractEffect], ...]:
+    known = {**CATALOGUE, **{e.id: e for e in own}}
+    for id in (*with_, *without):
+        if id not in known:
+            effect_of(id)
+    both = sorted(set(with_) & set(without))
+    if both:
+        raise InputError(
+            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
+            " (--without)"
+        )
+    for id in with_:
+        if known[id].channel is not None:
+            raise InputError(
+                f"effect {id} needs a channel {known[id].channel} that changes, which a planned"
+                " protocol does not have; leave the effect out"
+            )
+    if not any(e.channel is None and id not in (*with_, *without) for id, e in known.items()):
+        raise InputError("no effect is left to look at: shorten --with and --without")
+    return tuple(
+        e for id, e in known.items() if e.channel is None and (id not in ON_REQUEST or id in with_)
+    )
+
+
+def _model(values: dict[str, float], law: str, effects, with_) -> Model:
+    if law not in LAWS:
+        raise InputError(f"law '{law}' does not exist; there are: {', '.join(LAWS)}")
+    states = max(1, sum(name[0] == "B" and name[1:].isdigit() for name in values) + 1)
+    superset = Superset(Model(law=law, states=states), effects)
+    declared = [name for name in superset.names() if name.split(".")[0] in with_]
+    known = (*superset.base.names(), "V0", *declared)
+    for name in (*superset.base.names(), *values):
+        if name not in known:
+            raise InputError(f"parameter {name} is unknown; there are: {', '.join(known)}")
+        if name not in values:
+            raise InputError(f"parameter {name} is missing; {', '.join(known)} are needed")
+        superset.quantity(name).check(float(values[name]), f"parameter {name}")
+    return superset.base
+
+
+def _critical(model: Model, values: Mapping[str, float], stiffness: float) -> float:
+    row = jnp.asarray([values[name] for name in model.names()], float)
+    rig = build_rig(model, row, jnp.asarray(values["V0"]), jnp.asarray(stiffness))
+    return float(critical_stiffness(rig.friction))  # pyright: ignore[reportArgumentType]
+
+
+def _refuse_unstable(ratio: float | None, stiffness: float, unit: str) -> None:
+    if ratio is not None and ratio <= 1:
+        needed = NEAR * stiffness / ratio
+        raise InputError(
+            f"stiffness {stiffness:.4g} {tidy_unit(f'{unit}/m')} is {ratio:.2f} of the critical"
+            " one: the slider would stick-slip and its record would show no steps. Take a machine"
+            f" with {needed:.3g} {tidy_unit(f'{unit}/m')} or more, twice the critical stiffness"
+        )
+
+
+def _slips_away(ratio: float | None) -> str:
+    at = "" if ratio is None else f" at K/K_cr = {ratio:.2f}"
+    return (
+        f"the slider slips away at a velocity step{at}, or its motion is too long to be simulated:"
+        " plan smaller steps or a stiffer machine, and check --parameters and --stiffness"
+    )
+
+
+def _warnings(ratio: float | None, values: Mapping[str, float], slip: float) -> tuple[str, ...]:
+    found = []
+    if ratio is not None and ratio < NEAR:
+        found.append(
+            f"K/K_cr is {ratio:.2f}, below {NEAR:g}: a finite step may leave the basin of steady"
+            " sliding; use a stiffer machine"
+        )
+    longest = max(v for name, v in values.items() if name[0] == "L" and "." not in name)
+    if slip < 3 * longest:
+        found.append(
+            f"a step of {1e6 * slip:.4g} um is shorter than 3 L ({3e6 * longest:.4g} um): friction"
+            " does not come to rest between steps"
+        )
+    return tuple(found)
+
+
+# ---- variants ------------------------------------------------------------------------------
+
+
+def _changes(plan: _Variant) -> list[_Variant]:
+    """Changes of a plan, the cheapest first; those that it has already are left out."""
+    V, noise = plan.velocities, plan.slip_noise or CHANNEL_NOISE
+    dwell, back = min(V) / 3, V[0]
+    out = []
+    for key, text, change in (
+        ("slip_x2", "twice the slip per step", {"slip_per_step": 2 * plan.slip_per_step}),
+        ("slip_x4", "four times the slip per step", {"slip_per_step": 4 * plan.slip_per_step}),
+        ("dwell", f"a slow dwell at {speed_text(dwell)} appended", {"velocities": (*V, dwell)}),
+        ("repeat", f"the first velocity, {speed_text(back)}, repeated at the end",
+         {"velocities": (*V, back)}),
+        ("slip_channel", "a slip channel", {"slip_noise": noise}),
+        ("load_point_channel", "a load-point encoder", {"encoder_noise": noise}),
+        ("both_channels", "a slip channel and a load-point encoder",
+         {"slip_noise": noise, "encoder_noise": noise}),
+    ):  # fmt: skip
+        had = plan.slip_noise is not None and key in ("slip_channel", "both_channels")
+        if not had and not (key == "repeat" and V[-1] == back):
+            out.append(dataclasses.replace(plan, key=key, text=text, **change))
+    return out
+
+
+def speed_text(V: float) -> str:
+    """A velocity [m/s] in a readable unit."""
+    unit = next((u for u, size in (("um/s", 3e-4), ("mm/s", 0.3)) if size > V), "m/s")
+    return format_si(V, "m/s", unit, 3)
+
+
+def _times(variant: _Variant, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times of the rows, no row at a step, and the velocity of each.
+
+    Each row follows an auxiliary one, which has no weight: a sensor takes friction as straight
+    between rows, and the slope that a small lag needs is that at the row.
+    """
+    steps = variant.steps()
+    share = (np.arange(rows) + 0.5) / rows
+    share = np.stack([share - _BEFORE / rows, share], axis=1).ravel()
+    times = (steps.times[:, None] + variant.durations[:, None] * share).ravel()
+    times[0] = 0.0
+    return times, np.repeat(np.arange(len(steps)), 2 * rows)
+
+
+def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
+    """The problem of a record at f0, padded to the common size. Sensitivities need no data."""
+    times, step = _times(variant, setup.rows)
+    values, n = setup.values, len(times)
+    problem = make_problem(
+        times,
+        np.full(n, values["f0"]),
+        variant.steps(),
+        V0=values["V0"],
+        stiffness=setup.stiffness,
+        noise_scale=setup.noise,
+        force_scale=values["A"],
+        model=Superset(setup.model, setup.effects),
+        max_steps=_SOLVER_STEPS,
+    )
+    # as if one velocity more were planned: some variants have it
+    planned = len(variant.velocities) - (variant.key in _LONGER)
+    size = bucket(2 * setup.rows * (planned + 1), _ROWS)
+    pad = (0, size - n)
+    used = np.tile([0.0, 1.0], n // 2)
+    time = jnp.asarray(np.pad(times, pad, mode="edge"))
+    anchor = jnp.asarray(np.pad(used, pad))
+    channels = tuple(
+        Channel(
+            jnp.zeros(size), jnp.asarray(_ABSENT if noise is None else noise, float), anchor, kind
+        )
+        for kind, noise in (("slip", variant.slip_noise), ("load_point", variant.encoder_noise))
+    )
+    problem = dataclasses.replace(
+        problem,
+        time=time,
+        friction=jnp.full(size, values["f0"], float),
+        weight=anchor,
+        clock=time,
+        motion=problem.motion.padded(bucket(planned + 1, _VELOCITIES)),
+        channels=channels,
+    )
+    none = np.zeros(n, bool)
+    return problem, Blocks(used > 0, none, none, step, True)
+
+
+# ---- sensitivities -------------------------------------------------------------------------
+
+
+def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
+    """What a variant tells apart; None where the slider slips away."""
+    problem, blocks = _problem(setup, variant)
+    engine = Engine(problem, blocks, np.zeros(0, int), setup.always, setup.without)
+    natural = [setup.values[name] for name in setup.model.names()]
+    names = engine.names[len(natural) :]
+    natural += [setup.values.get(n, v) for n, v in zip(names, engine.model.nulls(), strict=True)]
+    z = np.asarray(to_free(problem, jnp.asarray(natural, float)[None]))[0]
+    rows = engine.rows
+    one = jnp.ones(())
+    white = Noise(one, 1e-9 * one, one, jnp.zeros(()))
+    current = Candidate((), z, np.zeros(rows), white, 0.0, {}, True, False)
+    seen = sensitivities(engine, current, _scales(setup, variant))
+    residual = seen.rows.residual[:rows]
+    if np.all(residual == FAILED_MISFIT):
+        return None
+    columns = np.concatenate([seen.matrix * engine.weight[:, None], seen.extra])
+    if not np.all(np.isfinite(columns)):
+        return None
+    smallest = _smallest(engine, seen, columns, setup)
+    found, cosines = _cosines(engine, current, seen, columns)
+    order = [found.index(e.id) for e in engine.offered if e.id in found]
+    ids = tuple(found[i] for i in order)
+    cosines = cosines[np.ix_(order, order)]
+    shown = np.asarray([smallest[id].amplitude is not None for id in ids])
+    cosines = np.where(np.outer(shown, shown) | np.eye(len(ids), dtype=bool), cosines, np.nan)
+    train = blocks.train
+    predicted = (setup.values["f0"] + setup.noise * residual)[train]
+    times = np.asarray(problem.time)[:rows][train]
+    return Outlook(ids, cosines, tuple(smallest[id] for id in ids), times, predicted)
+
+
+def _smallest(engine: Engine, seen: Screening, columns, setup: _Setup) -> dict[str, Smallest]:
+    """For every effect the smallest amplitude that is named, over its shapes."""
+    basis = orthonormal(columns[:, list(seen.base)])
+    found: dict[str, list[tuple[float, dict[str, float]]]] = {}
+    for column in seen.columns:
+        own = columns[:, list(column.places)]
+        rest = own - basis @ (basis.T @ own)
+        count = len(engine.model.columns((column.id,)))
+        needed = ACCEPT + count * math.log(engine.weight.sum())
+        lost = np.linalg.norm(rest, axis=0) <= _UNSEEN * np.linalg.norm(own, axis=0)
+        scale = np.asarray(
+            [float(engine.problem._scale(engine.names[i])) for i in column.amplitudes]
+        )
+        # of several amplitudes: their root of squares, in the direction that is seen worst
+        worst = float(np.linalg.svd(rest / scale, compute_uv=False)[-1])
+        amplitude = np.inf if np.any(lost) or worst == 0 else math.sqrt(needed) / worst
+        shape = {
+            engine.names[i].split(".")[1]: float(
+                engine.model.quantity(engine.names[i]).from_free(jnp.asarray(z))
+            )
+            for i, z in column.shape.items()
+        }
+        found.setdefault(column.id, []).append((amplitude, shape))
+    return {id: _named(engine, id, cases, setup) for id, cases in found.items()}
+
+
+def _named(engine: Engine, id: str, cases, setup: _Setup) -> Smallest:
+    effect = next(e for e in engine.model.effects if e.id == id)
+    names = [engine.names[i].split(".")[1] for i in engine.model.amplitudes(id)]
+    unit = tidy_unit(parameters(effect)[names[0]].unit_for(setup.friction_unit))
+    possible = [(a, shape) for a, shape in cases if _possible(effect, names[0], a, shape)]
+    if not possible:
+        least = min((a for a, _ in cases), default=np.inf)
+        return Smallest(
+            id, tuple(names), unit, None, {}, None, least if np.isfinite(least) else None
+        )
+    best = min(possible, key=lambda case: case[0])
+    worst = max(possible, key=lambda case: case[0])[0]
+    return Smallest(id, tuple(names), unit, best[0], best[1], worst, best[0])
+
+
+def _possible(effect, name: str, amplitude: float, shape: Mapping[str, float]) -> bool:
+    """Whether an effect of this size, of either sign, is physically possible."""
+    if not np.isfinite(amplitude):
+        return False
+    return any(bool(effect(**{**shape, name: sign * amplitude}).physical()) for sign in (1, -1))
+
+
+def _scales(setup: _Setup, variant: _Variant) -> RecordScales:
+    V, durations = np.asarray(variant.velocities), variant.durations
+    return RecordScales(
+        slip_length=setup.values["L"],
+        step_slip=variant.slip_per_step,
+        total_slip=variant.slip_per_step * len(V),
+        slowest=float(V.min()),
+        fastest=float(V.max()),
+        interval=float(np.median(np.repeat(durations / setup.rows, setup.rows))),
+        duration=float(durations.sum()),
+    )

@@ -1,0 +1,206 @@
+"""A planned protocol as tables and lines of text, for the terminal."""
+
+import math
+
+import numpy as np
+
+from ..effects import CATALOGUE, parameters
+from ..fitting import Estimate
+from ..loop.outlook import Change, Outlook, Protocol, Smallest
+from ..loop.protocol import speed_text
+from ..units import format_si
+from .loop_text import Table, shown_unit
+
+_NOTE = (
+    "smallest: the effect's amplitude at which its likelihood ratio reaches 10 + p ln n, at the"
+    " shape that is seen best; to first order, white noise, every row fitted"
+)
+_SAME = 0.9995
+
+
+def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
+    """The plan in a few lines."""
+    V = plan.velocities
+    total = plan.rows * len(V)
+    K = plan.stiffness
+    unit = "/um" if plan.friction_unit == "1" else f"{plan.friction_unit}/um"
+    edge = "any stiffness is stable" if plan.ratio is None else f"K/K_cr = {plan.ratio:.2f}"
+    base = ", ".join(_parameter(plan, name) for name in plan.parameters)
+    return [
+        f"plan: {len(V)} velocities, {speed_text(min(V))} to {speed_text(max(V))},"
+        f" {format_si(plan.slip_per_step, 'm', 'um', 4)} each: {_duration(plan.duration)},"
+        f" {total} rows",
+        f"machine: K = {K * 1e-6:.4g} {unit}, {edge}; noise {_number(plan.noise)}"
+        f"{'' if plan.friction_unit == '1' else ' ' + plan.friction_unit}"
+        + (f"; slip channel, noise {_length(plan.slip_noise)}" if plan.slip_noise else ""),
+        f"base: {plan.law} law, {base}"
+        + (f"; with {', '.join(plan.with_)}" if plan.with_ else "")
+        + (" (typical values: give yours with --parameters or --from)" if typical else ""),
+    ]
+
+
+def apart(plan: Protocol) -> list[str]:
+    """What the plan cannot tell apart, and what would, in general."""
+    outlook, out = plan.outlook, []
+    for group in outlook.groups():
+        pairs = [(a, b, v) for a, b, v in outlook.pairs() if a in group]
+        text = ", ".join(f"{a}/{b} {_cosine(v)}" for a, b, v in pairs)
+        out.append(f"{' or '.join(group)}  (|cosine|: {text})")
+    if not out:
+        out.append("every pair of effects is told apart (|cosine| at most 0.95)")
+    unseen = outlook.unseen()
+    if unseen:
+        out.append(f"not seen at all: {', '.join(unseen)}")
+    return out
+
+
+def advice(plan: Protocol) -> str:
+    """The change that is recommended."""
+    pairs = len(plan.outlook.pairs())
+    if not pairs:
+        return "The plan needs no change: it tells all effects apart that it sees."
+    best = plan.recommended()
+    left = plan.outlook if best is None else best.outlook
+    assert left is not None
+    stay = _stay(left)
+    if best is None:
+        return f"None of these changes leaves fewer pairs. What would help: {stay}."
+    text = (
+        f"Recommended: {best.text}. It separates {_list(plan.separated(best)) or 'no pair'} and"
+        f" leaves {len(left.pairs())} of {pairs} pairs"
+    )
+    return f"{text}. What would help there: {stay}." if stay else f"{text}."
+
+
+def effects(plan: Protocol) -> Table:
+    """For every effect the smallest amplitude that is named, and what looks most like it."""
+    rows = [(s.id, *_amplitude(s), *_nearest(plan.outlook, s.id)) for s in plan.outlook.smallest]
+    head = ("effect", "smallest", "at", "most alike", "|cosine|")
+    return Table("How large an effect must be to be named", head, rows, _NOTE)
+
+
+def changes(plan: Protocol) -> Table:
+    """What every change of the plan separates, and how many pairs it leaves."""
+    best = plan.recommended()
+    rows = [_change(plan, change) for change in plan.changes]
+    marked = tuple(k for k, c in enumerate(plan.changes) if c is best)
+    head = ("change", "lasts", "pairs left", "separates", "no longer told apart")
+    title = f"What would separate more (the plan leaves {len(plan.outlook.pairs())} pairs)"
+    return Table(title, head, rows, "", marked)
+
+
+def print_protocol(plan: Protocol, console, *, typical: bool = False) -> None:
+    """Print everything to a rich console."""
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    for line in headline(plan, typical=typical):
+        console.print(line, markup=False)
+    console.print("\nWhat this plan cannot tell apart", markup=False)
+    for line in apart(plan):
+        console.print(f"  {line}", markup=False)
+    for table in (effects(plan), changes(plan)):
+        if not table.rows:
+            continue
+        shown = RichTable(title=table.title, title_justify="left", box=None, pad_edge=False)
+        for head in table.head:
+            shown.add_column(Text(head))
+        for k, row in enumerate(table.rows):
+            shown.add_row(*map(Text, row), style="bold" if k in table.marked else None)
+        console.print()
+        console.print(shown)
+        if table.note:
+            console.print(table.note, markup=False)
+    if plan.changes:
+        console.print("\n" + advice(plan), markup=False)
+
+
+# ---- cells ---------------------------------------------------------------------------------
+
+
+def _change(plan: Protocol, change: Change) -> tuple[str, ...]:
+    if change.outlook is None:
+        return change.text, _duration(change.duration), "–", "the slider slips away", ""
+    before = {(a, b) for a, b, _ in plan.outlook.pairs()}
+    new = [(a, b) for a, b, _ in change.outlook.pairs() if (a, b) not in before]
+    left = str(len(change.outlook.pairs()))
+    return change.text, _duration(change.duration), left, _list(plan.separated(change)), _list(new)
+
+
+def _list(pairs) -> str:
+    return ", ".join(f"{a}/{b}" for a, b in pairs)
+
+
+def _stay(outlook: Outlook) -> str:
+    """Pairs that are not told apart, and what would separate them, as the catalogue says."""
+    texts = []
+    for a, b, value in outlook.pairs():
+        hints = [
+            CATALOGUE[id].separated_by
+            for id, other in ((a, b), (b, a))
+            if id in CATALOGUE and other in CATALOGUE[id].confused_with
+        ]
+        hints += ["the same as long as they are small"] if value > _SAME else []
+        texts.append(f"{a} or {b}" + (f" ({', or '.join(dict.fromkeys(hints))})" if hints else ""))
+    return "; ".join(texts)
+
+
+def _amplitude(s: Smallest) -> tuple[str, str]:
+    if s.amplitude is None:
+        wanted = "" if s.needed is None else f" (needs {_size(s, s.needed)}, impossible)"
+        return f"not seen{wanted}", ""
+    shape = ", ".join(_shape(s.id, name, value) for name, value in s.shape.items())
+    return _size(s, s.amplitude), shape
+
+
+def _size(s: Smallest, value: float) -> str:
+    """An amplitude by its symbol, in a readable unit."""
+    if s.id == "evolution_cutoff":  # 1/c is the velocity of its equation
+        return f"Vc = {speed_text(1 / value)}"
+    shown, size = shown_unit(Estimate(value, 0.0, 0.0, 0.0, s.unit), "um")
+    symbols = [parameters(CATALOGUE[s.id])[n].symbol if s.id in CATALOGUE else n for n in s.names]
+    return f"{', '.join(symbols)} = {_number(value / size)} {shown}".replace("µ", "u").rstrip()
+
+
+def _shape(id: str, name: str, value: float) -> str:
+    about = parameters(CATALOGUE[id]).get(name) if id in CATALOGUE else None
+    unit, symbol = (about.unit, about.symbol) if about else ("", name)
+    text = {"m": _length, "m/s": speed_text}.get(unit, lambda v: f"{v:.3g} {unit}")(value)
+    return f"{symbol} = {text.removesuffix(' 1')}"
+
+
+def _nearest(outlook: Outlook, id: str) -> tuple[str, str]:
+    i = outlook.ids.index(id)
+    row = np.array(outlook.cosines[i])
+    row[i] = np.nan
+    if not np.isfinite(row).any():
+        return "", ""
+    k = int(np.nanargmax(row))
+    return outlook.ids[k], _cosine(float(row[k]))
+
+
+def _cosine(value: float) -> str:
+    return f"{math.floor(1000 * value + 0.5) / 1000:.3f}"
+
+
+def _parameter(plan: Protocol, name: str) -> str:
+    value = plan.parameters[name]
+    if name == "V0":
+        return f"V0 = {speed_text(value)}"
+    if name[0] == "L" and "." not in name:
+        return f"{name} = {_length(value)}"
+    return f"{name} = {value:.4g}"
+
+
+def _length(value: float) -> str:
+    return format_si(value, "m", "um" if value < 1e-3 else "mm", 3)
+
+
+def _number(value: float) -> str:
+    return f"{value:.2g}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 600:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60:.3g} min" if seconds < 36000 else f"{seconds / 3600:.3g} h"
