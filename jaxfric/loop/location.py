@@ -53,6 +53,8 @@ def _profile(variable, unit, centres, own, left, structure) -> LocationProfile:
     amplitudes = -inverse @ (own.T @ left)
     gain, degrees = float(amplitudes @ gram @ amplitudes), int(used.sum())
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    unseen = np.diag(gram) <= 1e-9 * max(np.max(np.diag(gram)), 1e-300)
+    amplitudes, errors = np.where(unseen, np.nan, amplitudes), np.where(unseen, np.nan, errors)
     if len(amplitudes) == 2 * len(centres):  # sines and cosines
         amplitudes = np.hypot(amplitudes[0::2], amplitudes[1::2])
         errors = np.hypot(errors[0::2], errors[1::2]) / np.sqrt(2)

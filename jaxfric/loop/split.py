@@ -13,6 +13,7 @@ from ..records import VelocitySteps
 
 NAMES = ("train", "select", "report")
 _TAIL = (0.6, 0.8)
+_QUARTER = 0.75
 _FEWEST = 20
 
 
@@ -36,8 +37,9 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     """Blocks of a record with rows at `time` (from 0) [s].
 
     With three steps or more: about the last sixth of the steps is the report block, as much
-    before it the select block. With one or two steps the last one is cut by displacement: its
-    first 60 % belong to train, the next 20 % to select, the rest to report.
+    before it the select block. With two, the second is the report block and the last quarter of
+    the first, by displacement, the select block. A single step is cut into before and transient
+    (the first 60 %), which train, and tail, whose halves select and report.
 
     Raises
     ------
@@ -51,10 +53,12 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
         report, select = segment > last - size, (segment > last - 2 * size)
         select = select & ~report
         blocks = Blocks(~(select | report), select, report, segment, True)
+    elif last == 2:
+        select = (segment == 1) & (_share(time, steps, 1) >= _QUARTER)
+        report = segment == 2
+        blocks = Blocks(~(select | report), select, report, segment, True)
     else:
-        x = np.asarray(steps.displacement(time))
-        begin = np.asarray(steps.displacement(np.asarray([steps.times[-1]])))[0]
-        share = (x - begin) / (x[-1] - begin) if x[-1] != begin else np.zeros_like(x)
+        share = np.where(segment == last, _share(time, steps, last), 0.0)
         report, select = share >= _TAIL[1], (share >= _TAIL[0]) & (share < _TAIL[1])
         blocks = Blocks(~(select | report), select, report, segment, False)
     for name in NAMES:
@@ -65,3 +69,11 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
                 f" needs {_FEWEST}; record longer steps, more of them, or sample faster"
             )
     return blocks
+
+
+def _share(time: np.ndarray, steps: VelocitySteps, k: int) -> np.ndarray:
+    """How much of the displacement of the k-th velocity each row has behind it."""
+    last = steps.times[k + 1] if k + 1 < len(steps) else time[-1]
+    begin, end = np.asarray(steps.displacement(np.asarray([steps.times[k], last])))
+    x = np.asarray(steps.displacement(time)) - begin
+    return x / (end - begin) if end != begin else np.zeros_like(x)

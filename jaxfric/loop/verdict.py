@@ -9,7 +9,7 @@ from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
 from .engine import Candidate, Engine
 from .screen import orthonormal
-from .search import ACCEPT, ALIAS, Search
+from .search import ACCEPT, ALIAS, Search, rms_error
 from .structure import structure
 
 _HELD_OUT = 1.06
@@ -62,8 +62,8 @@ def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
     return Floor(
         noise,
         sigma,
-        max(_HELD_OUT, 1 + 2 * _rms_error(int(held.sum()), noise)),
-        max(_TRAIN, 1 + 2 * _rms_error(int(engine.blocks.train.sum()), noise)),
+        max(_HELD_OUT, 1 + 2 * rms_error(int(held.sum()), noise)),
+        max(_TRAIN, 1 + 2 * rms_error(int(engine.blocks.train.sum()), noise)),
     )
 
 
@@ -207,10 +207,3 @@ def _bumps(slip: np.ndarray, step: np.ndarray, *, number: int = 24) -> np.ndarra
 
 def _hat(x: np.ndarray, k: int, number: int) -> np.ndarray:
     return np.maximum(0.0, 1 - np.abs(x * (number - 1) - k))
-
-
-def _rms_error(rows: int, noise: Noise) -> float:
-    """Relative standard error of the rms of noise: correlated rows count for fewer."""
-    share, tau = float(noise.share), float(noise.correlation_time)
-    rho = share * np.exp(-np.arange(1, min(rows, 400)) / tau)
-    return float(np.sqrt((1 + 2 * np.sum(rho**2)) / (2 * rows)))
