@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from .gains import law_from_fit as law_from_fit
     from .gains import law_from_parameters as law_from_parameters
     from .gains import schedule as schedule
+    from .loop import Loop as Loop
+    from .loop import close_loop as close_loop
     from .motion import PiecewiseVelocity as PiecewiseVelocity
     from .records import Record as Record
     from .records import VelocitySteps as VelocitySteps
@@ -66,6 +68,8 @@ _HOMES = {
     "law_from_fit": "gains",
     "law_from_parameters": "gains",
     "schedule": "gains",
+    "Loop": "loop",
+    "close_loop": "loop",
     "PiecewiseVelocity": "motion",
     "Record": "records",
     "VelocitySteps": "records",

@@ -3,6 +3,9 @@
 from .catalogue import CATALOGUE as CATALOGUE
 from .catalogue import effect_of as effect_of
 from .effect import AbstractEffect as AbstractEffect
+from .effect import AbstractLinearEffect as AbstractLinearEffect
 from .effect import RecordScales as RecordScales
 from .effect import null as null
 from .effect import parameters as parameters
+from .effect import with_evolution as with_evolution
+from .effect import with_term as with_term

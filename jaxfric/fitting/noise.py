@@ -89,10 +89,13 @@ def _restricted(time, weight, columns, share, correlation_time):
         advance, (start, jnp.zeros((m, m, g)), jnp.zeros(g)), rows, unroll=2
     )
     gram = jnp.moveaxis(gram, 2, 0)
-    n, p = jnp.sum(weight > 0), columns.shape[1] - 1
     design = gram[:, 1:, 1:]
-    scale = 1 / jnp.sqrt(jnp.maximum(jnp.diagonal(design, axis1=1, axis2=2), 1e-300))
-    scaled = design * scale[:, :, None] * scale[:, None, :] + 1e-12 * jnp.eye(p)
+    diagonal = jnp.diagonal(design, axis1=1, axis2=2)
+    used = diagonal > 0  # columns of zeros are padding
+    n, p = jnp.sum(weight > 0), jnp.sum(used[0])
+    scale = jnp.where(used, 1 / jnp.sqrt(jnp.where(used, diagonal, 1.0)), 1.0)
+    ridge = jnp.where(used, 1e-12, 1.0)[:, :, None] * jnp.eye(m - 1)
+    scaled = design * scale[:, :, None] * scale[:, None, :] + ridge
     projection = gram[:, 1:, 0] * scale
     solved = jnp.linalg.solve(scaled, projection[..., None])[..., 0]
     left = jnp.maximum(gram[:, 0, 0] - jnp.sum(projection * solved, axis=1), 1e-300)

@@ -163,18 +163,18 @@ class Problem(eqx.Module):
 
     def _scale(self, name: str) -> Float[Array, ""]:
         """A typical size of an unbounded parameter, from its unit."""
-        speed, duration = self.motion.largest_speed(), self.time[-1] - self.time[0]
-        sizes = {
-            "1": jnp.ones_like(speed),
-            "F": self.force_scale,
-            "F/m": self.force_scale / self.slip_scale,
-            "F s/m": self.force_scale / speed,
-            "F s^2/m": self.force_scale / speed * 1e-4 * duration,
-            "F/s": self.force_scale / duration,
-            "s": _TIME_SHARE * duration,
-            "s/m": 1 / speed,
-        }
-        return sizes[self._quantity(name).unit] if self._unbounded(name) else sizes["1"]
+        if not self._unbounded(name):
+            return jnp.ones_like(self.force_scale)
+        unit = self._quantity(name).unit
+        duration = self.time[-1] - self.time[0]
+        if unit == "s":  # a lag, not the length of the record
+            return _TIME_SHARE * duration
+        if unit == "F s^2/m":
+            return self.force_scale / self.motion.largest_speed() * 1e-4 * duration
+        force, length, time = _powers(unit)
+        if length == -time:  # a velocity
+            return self.force_scale**force * self.motion.largest_speed() ** length
+        return self.force_scale**force * self.slip_scale**length * duration**time
 
     def _unbounded(self, name: str) -> bool:
         about = self._quantity(name)
@@ -284,6 +284,18 @@ def natural(
     p = len(problem.model.names())
     slopes = jax.vmap(jax.jacfwd(problem.from_free))(zs)[:, :, :p]
     return jax.vmap(problem.from_free)(zs), jnp.diagonal(slopes, axis1=1, axis2=2)
+
+
+def _powers(unit: str) -> tuple[int, int, int]:
+    """Powers of F, m and s in a unit such as "F s^2/m"."""
+    powers = dict.fromkeys("Fms1", 0)
+    for sign, part in zip((1, -1), unit.partition("/")[::2], strict=True):
+        for factor in part.split():
+            symbol, _, power = factor.partition("^")
+            if symbol not in powers:
+                raise ValueError(f"unit '{unit}': factors are F, m, s and 1, with powers as in m^2")
+            powers[symbol] += sign * int(power or 1)
+    return powers["F"], powers["m"], powers["s"]
 
 
 def build_rig(

@@ -18,6 +18,7 @@ from ..fitting.noise import Noise, whiten
 _LOGITS = (-9.0, -3.0, -1.0, 0.5, 2.0, 4.0)
 _TIMES = 6
 _AT_ONCE = 8
+_PASSES = 4
 
 
 class Evidence(NamedTuple):
@@ -29,6 +30,8 @@ class Evidence(NamedTuple):
     """Of the covariance at sigma = 1, shape (g,)."""
     noises: tuple[Noise, ...]
     rows: float
+    extra: np.ndarray
+    """Products (m, m) of rows of unit variance."""
 
     def deviance(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """-2 ln L of several choices of columns, profiled over sigma, the coefficients, the noise.
@@ -38,25 +41,40 @@ class Evidence(NamedTuple):
         """
         used = columns >= 0
         at = np.where(used, columns, 0)
-        gram = self.products[:, at[:, :, None], at[:, None, :]]
-        gram = np.where((used[:, :, None] & used[:, None, :])[None], gram, 0.0)
-        size = np.sqrt(np.maximum(np.einsum("gcii->gci", gram), 1e-300))
-        size = np.where(used[None] & (size > 1e-140), size, 1.0)
-        scaled = gram / size[..., :, None] / size[..., None, :]
-        eye = np.eye(columns.shape[1])
-        scaled = scaled + np.where(used[None, :, :, None] & (eye > 0), 1e-9, eye)
-        side = np.where(used[None], self.products[:, 0, :][:, at], 0.0) / size
-        solved = np.linalg.solve(scaled, side[..., None])[..., 0]
-        left = self.products[:, 0, 0][:, None] - np.einsum("gcp,gcp->gc", side, solved)
-        left = np.maximum(left, 1e-300)
-        deviance = self.rows * (np.log(left / self.rows) + 1) + self.log_determinant[:, None]
+        pairs = (used[:, :, None] & used[:, None, :])[None]
+        gram = np.where(pairs, self.products[:, at[:, :, None], at[:, None, :]], 0.0)
+        more = np.where(pairs, self.extra[at[:, :, None], at[:, None, :]][None], 0.0)
+        side = np.where(used[None], self.products[:, 0, :][:, at], 0.0)
+        more_side = np.where(used, self.extra[0, at], 0.0)[None]
+        first, first_more = self.products[:, 0, 0][:, None], self.extra[0, 0]
+        variance = first / self.rows
+        # the variance of the noise weighs friction against the extra rows: a few passes settle it
+        for _ in range(_PASSES if self.extra.any() else 1):
+            v = variance[..., None]
+            solved = _solve(gram / v[..., None] + more, side / v + more_side, used)
+            left = first - 2 * np.einsum("gcp,gcp->gc", side, solved)
+            left = left + np.einsum("gcp,gcpq,gcq->gc", solved, gram, solved)
+            left = np.maximum(left, 1e-300)
+            variance = left / self.rows
+        kept = first_more - 2 * np.einsum("gcp,gcp->gc", more_side + 0 * side, solved)
+        kept = kept + np.einsum("gcp,gcpq,gcq->gc", solved, more + 0 * gram, solved)
+        deviance = self.rows * (np.log(variance) + 1) + self.log_determinant[:, None] + kept
         best = np.argmin(deviance, axis=0)
         chosen = np.arange(len(columns))
-        return deviance[best, chosen], best, (solved / size)[best, chosen]
+        return deviance[best, chosen], best, solved[best, chosen]
 
     def independent_rows(self, noise: int) -> float:
         """How many independent rows the record is worth under a noise of the grid."""
         return float(np.clip(self.products[noise, -1, -1], 2.0, self.rows))
+
+
+def _solve(gram: np.ndarray, side: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Coefficients of the used columns; 0 for the others."""
+    size = np.sqrt(np.maximum(np.einsum("gcii->gci", gram), 1e-300))
+    size = np.where(used[None] & (size > 1e-140), size, 1.0)
+    scaled = gram / size[..., :, None] / size[..., None, :]
+    ridge = np.where(used, 1e-9, 1.0)[:, :, None] * np.eye(used.shape[1])
+    return np.linalg.solve(scaled + ridge[None], (side / size)[..., None])[..., 0] / size
 
 
 def evidence(
@@ -86,12 +104,14 @@ def evidence(
     products, log_det = _products(clock, weight, all_columns, jnp.asarray(share), jnp.asarray(tau))
     products = np.array(products)
     more = np.concatenate([extra[:, None], extra_columns], axis=1)
-    products[:, : m + 1, : m + 1] += more.T @ more
+    extra_products = np.zeros(products.shape[1:])
+    extra_products[: m + 1, : m + 1] = more.T @ more
     one = jnp.ones(())
     noises = tuple(
         Noise(one, jnp.asarray(s), jnp.asarray(t), one) for s, t in zip(share, tau, strict=True)
     )
-    return Evidence(products, np.asarray(log_det), noises, float(np.sum(np.asarray(weight) > 0)))
+    rows = float(np.sum(np.asarray(weight) > 0))
+    return Evidence(products, np.asarray(log_det), noises, rows, extra_products)
 
 
 @eqx.filter_jit

@@ -38,7 +38,7 @@ from ..units import format_si
 from .engine import Candidate, Engine
 from .loop import ON_REQUEST
 from .outlook import Change, Outlook, Protocol, Smallest
-from .screen import Screening, _cosines, orthonormal, sensitivities
+from .screen import Screening, alias_cosines, orthonormal, sensitivities
 from .search import ACCEPT
 from .split import Blocks
 from .superset import Superset
@@ -398,7 +398,7 @@ def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     if not np.all(np.isfinite(columns)):
         return None
     smallest = _smallest(engine, seen, columns, setup)
-    found, cosines = _cosines(engine, current, seen, columns)
+    found, cosines = alias_cosines(engine, current, seen, columns)
     order = [found.index(e.id) for e in engine.offered if e.id in found]
     ids = tuple(found[i] for i in order)
     cosines = cosines[np.ix_(order, order)]

@@ -178,7 +178,7 @@ def _start(z, free, column: _Column, weights) -> np.ndarray:
 def _best_of(known: Evidence, noise: int, base, shapes, gain: float, seed: int) -> float:
     """Chance that noise alone gains as much in the best of the shapes: a linearised bootstrap."""
     every = [i for places in shapes for i in places]
-    projected = project(known.products[noise], base, every)
+    projected = project(known.products[noise] + known.extra, base, every)
     scale, vectors = np.linalg.eigh(projected)
     root = vectors * np.sqrt(np.maximum(scale, 0.0))
     draws = np.random.default_rng(seed).standard_normal((_DRAWS, len(every))) @ root.T
@@ -212,7 +212,7 @@ def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[t
     seen = _thinned(sensitivities(engine, current, scales))
     white = engine.whiten(seen.matrix * engine.weight[:, None], current.noise)
     white = np.concatenate([white, seen.extra])
-    return _cosines(engine, current, seen, white)
+    return alias_cosines(engine, current, seen, white)
 
 
 def _thinned(seen: Screening) -> Screening:
@@ -227,7 +227,11 @@ def _thinned(seen: Screening) -> Screening:
     return seen._replace(columns=tuple(columns))
 
 
-def _cosines(engine, current, seen: Screening, white) -> tuple[tuple[str, ...], np.ndarray]:
+def alias_cosines(engine, current, seen: Screening, white) -> tuple[tuple[str, ...], np.ndarray]:
+    """Ids, and how alike the whitened sensitivities of every two effects are, shape (e, e): the
+    cosine between them beyond the base, of the least principal angle where an effect has several
+    amplitudes, the largest over all shapes.
+    """
     free = list(engine.free(current.effects))
     parts: dict[str, list[np.ndarray]] = {}
     for id in current.effects:

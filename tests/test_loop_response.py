@@ -1,0 +1,358 @@
+"""The linearised slider, and fits of a superset: against exact Jacobians, SciPy and dense algebra.
+
+The plants are those of `fits.blind.plants`, in SciPy; nothing of jaxfric is in them.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import assert_close_to_largest
+from scipy import stats
+
+import jaxfric as jf
+from fits.blind import plants
+from jaxfric.effects import effect_of
+from jaxfric.fitting.problem import Channel, Model, make_problem
+from jaxfric.loop.engine import Engine
+from jaxfric.loop.estimates import estimates
+from jaxfric.loop.response import linear_response, term_forces
+from jaxfric.loop.split import split
+from jaxfric.loop.superset import Superset
+
+UM, SIGMA, SLIP_NOISE, TIME_ERROR = 1e-6, 3e-4, 0.02e-6, 5e-3
+A, B, L, F0 = 0.008, 0.011, 8 * UM, 0.62
+VELOCITIES = tuple(UM * v for v in (1, 10, 3, 30, 10, 3, 10))
+PROTOCOL = plants.Protocol(VELOCITIES, tuple(120 * UM / v for v in VELOCITIES))
+SHAPES = {
+    "slip_trend": {},
+    "viscous": {},
+    "second_state": {"L2": 35 * UM},
+    "thermal": {"tau_T": 12.0},
+    "position_periodic": {"wavelength": 60 * UM},
+}
+AMPLITUDES = {
+    "slip_trend": "s",
+    "viscous": "c",
+    "second_state": "B2",
+    "thermal": "a_T",
+    "position_periodic": "b",
+}
+EFFECTS = (*(effect_of(id) for id in SHAPES), effect_of("stiffness"), effect_of("gain"))
+SOFT, STIFF = 2.0, 6.0
+"""K L/A; K/K_cr is 5.3 and 16."""
+
+
+def sampled(count: int) -> np.ndarray:
+    """Finer after each step, which falls between two samples."""
+    parts = []
+    for begin, span in zip(PROTOCOL.starts, PROTOCOL.durations, strict=True):
+        share = (np.arange(count) + (0.5 if begin else 0.0)) / count
+        parts.append(begin + span * np.expm1(2.5 * share) / np.expm1(2.5))
+    return np.concatenate(parts)
+
+
+TIMES = sampled(104)  # 728 rows, and 40 of padding
+
+
+class Case(NamedTuple):
+    plant: plants.Base
+    engine: Engine
+    z: np.ndarray
+    """At the plant, the shapes of `SHAPES`, and amplitudes of zero."""
+
+    def index(self, id: str, field: str) -> int:
+        return self.engine.names.index(f"{id}.{field}")
+
+
+def plant_of(ratio: float) -> plants.Base:
+    return plants.Base(F0, A, B, L, ratio * A / L)
+
+
+def engine_of(plant: plants.Base, friction, slip) -> Engine:
+    steps = jf.VelocitySteps(
+        PROTOCOL.starts, np.asarray(VELOCITIES), np.full(len(VELOCITIES), TIME_ERROR)
+    )
+    problem = make_problem(
+        TIMES,
+        friction,
+        steps,
+        V0=VELOCITIES[0],
+        stiffness=plant.K,
+        noise_scale=SIGMA,
+        force_scale=A,
+        model=Superset(Model(), EFFECTS),
+        shifted=np.arange(1, len(VELOCITIES)),
+    )
+    blocks, pad = split(TIMES, steps), (0, len(problem.time) - len(TIMES))
+    channel = Channel(
+        jnp.asarray(np.pad(slip, pad, mode="edge")),
+        jnp.asarray(SLIP_NOISE),
+        jnp.asarray(np.pad(blocks.train.astype(float), pad)),
+        "slip",
+    )
+    return Engine(dataclasses.replace(problem, channels=(channel,)), blocks, np.arange(2))
+
+
+def case_of(ratio: float) -> Case:
+    plant = plant_of(ratio)
+    path = plants.simulate(plant, PROTOCOL, {}, TIMES)
+    engine = engine_of(plant, path.record, path.slip)
+    return Case(plant, engine, start(engine))
+
+
+def start(engine: Engine, values=(F0, A, B, L)) -> np.ndarray:
+    natural = dict(zip(engine.names, [*values, *engine.model.nulls()], strict=True))
+    natural |= {f"{id}.{k}": v for id, shape in SHAPES.items() for k, v in shape.items()}
+    return np.asarray(engine.problem.to_free(jnp.asarray([natural[n] for n in engine.names])))
+
+
+@pytest.fixture(scope="module")
+def soft() -> Case:
+    return case_of(SOFT)
+
+
+@pytest.fixture(scope="module")
+def stiff() -> Case:
+    return case_of(STIFF)
+
+
+def response_of(case: Case, time=None):
+    problem = case.engine.problem
+    if time is not None:
+        pad = np.pad(time, (0, len(problem.time) - len(time)), mode="edge")
+        problem = eqx.tree_at(lambda p: p.time, problem, jnp.asarray(pad))
+    return linear_response(problem, jnp.asarray(case.z))
+
+
+def seen(case: Case, response) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Change of friction and slip by each effect, per unit of its amplitude."""
+    rig, forces = case.engine.problem.rig(jnp.asarray(case.z)), []
+    for id, shape in SHAPES.items():
+        values = {k: jnp.asarray(v) for k, v in shape.items()} | {AMPLITUDES[id]: jnp.asarray(1.0)}
+        term = effect_of(id)(**values).embed(rig).friction.terms[-1]  # pyright: ignore
+        forces.append(term_forces(response, jax.tree.map(lambda x: x[None], term)))
+    friction, slip = response(jnp.concatenate(forces, axis=1))
+    pairs = zip(np.asarray(friction).T, np.asarray(slip).T, strict=True)
+    return dict(zip(SHAPES, pairs, strict=True))
+
+
+def by_scipy(plant: plants.Base, id: str, time) -> tuple[np.ndarray, np.ndarray]:
+    """The same by central differences of the plant."""
+    sizes = {"slip_trend": 0.1, "viscous": 0.1, "thermal": 1e-6}
+    shape = {("lambda" if k == "wavelength" else k): v for k, v in SHAPES[id].items()}
+    rest = {"a": 0.0} if id == "position_periodic" else {}
+    size = sizes.get(id, 1e-5)
+
+    def moved(amplitude):
+        effects = {id: {AMPLITUDES[id]: amplitude, **shape, **rest}}
+        return plants.simulate(plant, PROTOCOL, effects, time, rtol=1e-10)
+
+    up, down = moved(size), moved(-size)
+    return (up.record - down.record) / (2 * size), (up.slip - down.slip) / (2 * size)
+
+
+def error(found, truth) -> float:
+    """Largest difference over the largest truth; padding follows what is compared."""
+    return float(np.max(np.abs(found[: len(truth)] - truth)) / np.max(np.abs(truth)))
+
+
+def per_unit(case: Case, id: str) -> float:
+    """Friction in units of the noise by the unbounded amplitude, over that by the natural one."""
+    return float(case.engine.problem._scale(f"{id}.{AMPLITUDES[id]}")) / SIGMA
+
+
+@pytest.mark.parametrize("name", ["soft", "stiff"])
+def test_response_gives_the_exact_sensitivities(name, request):
+    """Against derivatives of the equation of motion itself, friction and the slip channel.
+
+    The midpoint rule errs by the square of the rows' distance, 0.3 to 3 um here, over the lengths
+    in which the sensitivities move: A/K (4 um and 1.3 um), L, and the wavelength over 2 pi.
+    Measured: 8e-5 to 2.2e-3 (soft), 4e-5 to 3.7e-3 (stiff).
+    """
+    case: Case = request.getfixturevalue(name)
+    rows, found = case.engine.evaluate(case.z), seen(case, response_of(case))
+    n, train = len(TIMES), case.engine.blocks.train
+    for id, (friction, slip) in found.items():
+        k, unit = case.index(id, AMPLITUDES[id]), per_unit(case, id)
+        assert error(friction * unit, rows.jacobian[:n, k]) < 5e-3, id
+        slip = slip[:n] * unit * SIGMA / SLIP_NOISE
+        slip = (slip - slip[train].mean()) * train
+        assert error(slip, rows.extra_jacobian[:n, k]) < 5e-3, id
+
+
+def test_response_converges_to_scipy(soft):
+    """Friction and slip; with rows twice as far apart the error is four times as large."""
+    fine, coarse = seen(soft, response_of(soft)), seen(soft, response_of(soft, TIMES[::2]))
+    for id in SHAPES:
+        for k, truth in enumerate(by_scipy(soft.plant, id, TIMES)):
+            before, after = error(coarse[id][k], truth[::2]), error(fine[id][k], truth)
+            assert after < 3e-3 and 2.8 < before / after < 5.5, (id, k, before, after)
+
+
+def test_a_wrong_response_is_caught(soft):
+    """A hundredth more in one coefficient, or a read-out one row late."""
+    truth = by_scipy(soft.plant, "second_state", TIMES)[0]
+    good = response_of(soft)
+    late = eqx.tree_at(lambda r: r.rows, good, jnp.maximum(good.rows - 1, 0))
+    driven = eqx.tree_at(lambda r: r.driven, good, 1.01 * good.driven)
+    reset = eqx.tree_at(lambda r: r.by_start, good, 0.0 * good.by_start)
+    assert error(seen(soft, good)["second_state"][0], truth) < 3e-3
+    for wrong in (late, driven):
+        assert error(seen(soft, wrong)["second_state"][0], truth) > 6e-3
+    wave = by_scipy(soft.plant, "position_periodic", TIMES)[0]  # b pushes from the start
+    assert error(seen(soft, reset)["position_periodic"][0], wave) > 6e-3
+
+
+def test_late_steps_are_steps_moved_in_time(soft):
+    """Derivative of friction by every step time, against SciPy with the step moved.
+
+    Rows next to the step, which is before one of them and after the other, are not compared.
+    """
+    rows, m = soft.engine.evaluate(soft.z), len(soft.engine.names)
+    size = 1e-3 * TIME_ERROR
+    for k in range(1, len(VELOCITIES)):
+        moved = [
+            plants.simulate(soft.plant, _later(k, side * size), {}, TIMES, rtol=1e-11).record
+            for side in (1, -1)
+        ]
+        truth = (moved[0] - moved[1]) / (2 * size) * TIME_ERROR / SIGMA
+        assert_close_to_largest(
+            rows.jacobian[: len(TIMES), m + k - 1], truth, 2e-3, what=f"step {k}"
+        )
+    assert_close_to_largest(rows.extra_jacobian[-6:, m:], np.eye(6), 1e-12, what="hold")
+
+
+def _later(k: int, delay: float) -> plants.Protocol:
+    spans = list(PROTOCOL.durations)
+    spans[k - 1] += delay
+    spans[k] -= delay
+    return plants.Protocol(VELOCITIES, tuple(spans))
+
+
+def test_jacobian_in_parts_is_a_difference_quotient(soft):
+    """More columns than are evaluated at once, away from the null; order and padding included."""
+    z = soft.z.copy()
+    for id in SHAPES:
+        z[soft.engine.model.amplitudes(id)] += 0.02
+
+    index = np.arange(len(z))[::-1]
+    assert len(index) > 16
+    rows, step = soft.engine.evaluate(z, index), 1e-4
+    for column, k in enumerate(index):
+        ends = []
+        for side in (1, -1):
+            moved = z.copy()
+            moved[k] += side * step
+            ends.append(soft.engine.evaluate(moved, index[:1]))
+        friction = (ends[0].residual - ends[1].residual) / (2 * step)
+        extra = (ends[0].extra - ends[1].extra) / (2 * step)
+        if k < len(soft.engine.names):
+            # solver steps differ between both ends: 1e-5 of friction over the step
+            name = soft.engine.names[k]
+            assert_close_to_largest(rows.jacobian[:, column], friction, 1e-2, what=name)
+            assert_close_to_largest(rows.extra_jacobian[:, column], extra, 1e-2, what=name)
+    assert np.all(rows.residual[len(TIMES) :] == 0)
+
+
+def noisy(case: Case, seed: int = 1) -> Engine:
+    """An engine of the same plant's record with noise of a known kind, AR(1) of 0.6."""
+    rng = np.random.default_rng(seed)
+    path = plants.simulate(case.plant, PROTOCOL, {}, TIMES)
+    e = np.empty(len(TIMES))
+    e[0] = rng.standard_normal()
+    for i in range(1, len(e)):
+        e[i] = 0.6 * e[i - 1] + 0.8 * rng.standard_normal()
+    slip = path.slip + SLIP_NOISE * rng.standard_normal(len(TIMES))
+    return engine_of(case.plant, path.record + SIGMA * e, slip)
+
+
+def test_refit_recovers_the_plant_of_a_clean_record(soft):
+    """From 20 % beside it. What is left is the solver's error, 1e-5 of friction's change."""
+    far = start(soft.engine, (F0, 1.2 * A, 0.85 * B, 1.2 * L))
+    found = soft.engine.refit((), far)
+    values = soft.engine.values(found.z)
+    assert not found.failed and found.physical and found.effects == ()
+    for name, truth in {"A": A, "B": B, "L": L, "f0": F0}.items():
+        assert values[name] == pytest.approx(truth, rel=2e-3)
+    assert all(rms < 0.02 * SIGMA for rms in found.rms.values())
+    untouched = np.setdiff1d(np.arange(len(far)), soft.engine.free(()))
+    np.testing.assert_array_equal(found.z[untouched], far[untouched])
+
+
+def dense_covariance(engine: Engine, noise) -> np.ndarray:
+    """Of the train rows, whose clock counts samples."""
+    at = np.flatnonzero(engine.weight > 0)
+    lags = np.abs(at[:, None] - at).astype(float)
+    share, tau = float(noise.share), float(noise.correlation_time)
+    C = (1 - share) * np.eye(len(at)) + share * np.exp(-lags / tau)
+    return float(noise.sigma) ** 2 * C
+
+
+def test_errors_of_parameters_are_those_of_least_squares(soft):
+    """std and covariance against (J^T C^-1 J + J_e^T J_e)^-1 with a dense C; and the truth."""
+    engine = noisy(soft)
+    found = engine.refit((), start(engine))
+    values, names, covariance = estimates(engine, found, "1")
+    assert names == engine.model.base.names()
+    index = engine.free(())
+    rows, train = engine.evaluate(found.z, index), engine.weight > 0
+    noise = engine.noise(rows.residual * engine.weight, rows.jacobian * engine.weight[:, None])
+    J, E = rows.jacobian[train], rows.extra_jacobian
+    inverse = np.linalg.inv(J.T @ np.linalg.solve(dense_covariance(engine, noise), J) + E.T @ E)
+    # f0 and B may have either sign and are counted in force scales; A and L by their logarithm
+    slopes = np.asarray([A, values["A"].value, A, values["L"].value])
+    spread = np.outer(slopes, slopes) * inverse[:4, :4]
+    np.testing.assert_allclose(covariance, spread, rtol=1e-5)
+    for k, (name, truth) in enumerate(zip(names, (F0, A, B, L), strict=True)):
+        estimate = values[name]
+        assert estimate.std == pytest.approx(np.sqrt(spread[k, k]), rel=1e-6)
+        assert estimate.determined and abs(estimate.value - truth) < 4 * estimate.std
+        half = stats.norm.isf(0.025) * estimate.std
+        ends = estimate.value + half * np.asarray([-1.0, 1.0])
+        if name in "AL":  # multiplicative
+            ends = estimate.value * np.exp((ends - estimate.value) / estimate.value)
+        np.testing.assert_allclose((estimate.lower, estimate.upper), ends, rtol=1e-9)
+
+
+def dense_bic(engine: Engine, rows, noise, parameters: int) -> tuple[float, float]:
+    """Of the train rows and the prediction of the select rows; and the latter alone."""
+    blocks, residual = engine.blocks, rows.residual[: engine.rows]
+    share, tau = float(noise.share), float(noise.correlation_time)
+    at = np.arange(engine.rows)
+    lags = np.abs(at[:, None] - at).astype(float)
+    C = float(noise.sigma) ** 2 * ((1 - share) * np.eye(len(at)) + share * np.exp(-lags / tau))
+
+    def deviance(on):
+        part = C[np.ix_(on, on)]
+        return residual[on] @ np.linalg.solve(part, residual[on]) + np.linalg.slogdet(part)[1]
+
+    train, both = np.flatnonzero(blocks.train), np.flatnonzero(blocks.train | blocks.select)
+    ones = np.ones(len(train))
+    worth = ones @ np.linalg.solve(C[np.ix_(train, train)], ones) * float(noise.sigma) ** 2
+    bic = np.sum(rows.extra**2) + deviance(both) + parameters * np.log(worth)
+    return float(bic), float(deviance(both) - deviance(train))
+
+
+def test_bic_is_a_dense_likelihood_and_a_prediction(soft):
+    """-2 ln L of train and extra rows, -2 ln p of the select rows given them, p ln n_eff.
+
+    Up to a constant, and to the eight columns of padding with which the noise is estimated: they
+    count as parameters, 8 of 520 rows.
+    """
+    engine, found = noisy(soft, 2), []
+    for values, parameters in (((F0, A, B, L), 4), ((F0, 1.04 * A, B, 0.97 * L), 7)):
+        z = start(engine, values)
+        rows = engine.evaluate(z, engine.free(()))
+        bic, noise = engine.bic(rows, parameters)
+        assert float(noise.correlation_time) <= engine.longest
+        dense, predicted = dense_bic(engine, rows, noise, parameters)
+        assert engine._predictive(rows.residual, noise) == pytest.approx(predicted, rel=1e-6)
+        found.append((bic, dense))
+    (bic, dense), (other_bic, other_dense) = found
+    assert other_dense - dense > 50
+    assert other_bic - bic == pytest.approx(other_dense - dense, rel=0.02)

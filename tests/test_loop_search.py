@@ -1,0 +1,285 @@
+"""The whole loop on records of SciPy plants whose truth is known, and what it refuses.
+
+All loops here have the same effect of the user's own beside the catalogue, and records of one
+length, so that they share what is compiled.
+"""
+
+import json
+import math
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+from scipy.integrate import odeint
+
+import jaxfric as jf
+from fits.blind.generate import SIGMA, SLIP_PER_STEP, Request, draw_times, make
+from fits.blind.plants import Base, Protocol
+from jaxfric.effects import CATALOGUE
+from jaxfric.effects.effect import AbstractLinearEffect, with_term
+from jaxfric.loop import SCHEMA, close_loop
+from jaxfric.loop.loop import ON_REQUEST, _check
+from jaxfric.quantity import quantity
+from jaxfric.records import from_arrays
+from jaxfric.rig.friction.extended import AbstractStatelessTerm
+
+UM, SEED = 1e-6, 990000
+_HELD_OUT = 1.06
+KEYS = {
+    "schema", "record", "friction_unit", "law", "stiffness", "reference_velocity", "steps",
+    "verdict", "sentence", "reasons", "effects", "alias_groups", "separations", "candidates",
+    "screened", "before", "after", "shifts_in_sigma", "noise", "tests", "location_map",
+    "aliasing", "blocks", "warnings", "seconds",
+}  # fmt: skip
+
+
+class _QuadraticTerm(AbstractStatelessTerm):
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 0
+    e: Float[Array, ""]
+
+    def force(self, at):
+        return self.e * (at.slip / 1e-3) ** 2
+
+
+class Quadratic(AbstractLinearEffect):
+    """f + e (x/mm)^2."""
+
+    id: ClassVar[str] = "quadratic"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ e (x/mm)^2"
+    confused_with: ClassVar[tuple[str, ...]] = ("slip_trend",)
+    separated_by: ClassVar[str] = "more slip"
+    channel: ClassVar[str | None] = None
+    e: Float[Array, ""] = quantity("e", "F", "change of friction with slip squared", default=0.0)
+
+    def embed(self, rig):
+        return with_term(rig, _QuadraticTerm(self.e))
+
+    def physical(self):
+        return jnp.asarray(True)
+
+
+def record_of(t, load_point, friction):
+    return from_arrays(t, friction, load_point_displacement=load_point)
+
+
+def blind(request: Request):
+    made = make(request)
+    columns = made.columns
+    displacement = UM * columns["load_point_displacement [um]"]
+    record = record_of(columns["time [s]"], displacement, columns["friction [1]"])
+    return record, made.declared["stiffness [1/m]"], made.truth
+
+
+def offering(*ids: str) -> dict:
+    """Arguments of a loop that offers some effects only."""
+    left_out = [id for id in (*CATALOGUE, Quadratic.id) if id not in (*ids, *ON_REQUEST)]
+    return {"own": [Quadratic], "without": left_out}
+
+
+def held_out(loop) -> float:
+    return loop.heldout(loop.after) / SIGMA
+
+
+@pytest.fixture(scope="module")
+def second():
+    record, stiffness, truth = blind(Request(SEED, ("second_state",), 1.0))
+    few = offering("second_state", "gain", "stiffness")
+    return close_loop(record, stiffness=stiffness, **few), truth
+
+
+def test_a_second_state_is_found(second):
+    loop, truth = second
+    assert loop.verdict in ("effects", "ambiguous") and loop.effects == ("second_state",)
+    assert "second_state" in loop.sentence and loop.reasons == ()
+    assert loop.heldout(loop.before) / SIGMA > 1.2
+    assert held_out(loop) <= _HELD_OUT and abs(loop.sigma / SIGMA - 1) < 0.05
+    assert [c.accepted for c in loop.candidates if c.effects == ("second_state",)] == [True]
+    assert min(loop.before.tests.values()) < 1e-2 < min(loop.after.tests.values())
+    wanted = truth["parameters"]["second_state"]
+    pairs = [(truth["base"]["B"], truth["base"]["L"]), (wanted["B2"], wanted["L2"])]
+    p = loop.after.parameters
+    found = [(p["B"], p["L"]), (p["second_state.B2"], p["second_state.L2"])]
+    found.sort(key=lambda pair: pair[1].value)  # which of the two is the first is a name only
+    for estimates, truths in zip(found, sorted(pairs, key=lambda pair: pair[1]), strict=True):
+        for estimate, value in zip(estimates, truths, strict=True):
+            assert abs(estimate.value - value) < 4 * estimate.std
+
+
+def test_before_and_after_are_the_residuals(second):
+    """rms and held-out error, recomputed from the residuals; blocks do not overlap."""
+    loop, _ = second
+    for score in (loop.before, loop.after):
+        for name, rms in score.rms.items():
+            rows = loop.blocks.of(name)
+            assert rms == pytest.approx(float(np.sqrt(np.mean(score.residual[rows] ** 2))))
+        rows = ~loop.blocks.train
+        whole = np.sqrt(np.mean(score.residual[rows] ** 2))
+        assert loop.heldout(score) == pytest.approx(float(whole))
+        assert score.covariance.shape == (len(score.free),) * 2
+        stds = [score.parameters[name].std for name in score.free]
+        np.testing.assert_allclose(np.sqrt(np.diag(score.covariance)), stds, rtol=1e-6)
+    moved = loop.after.parameters["A"].value - loop.before.parameters["A"].value
+    assert loop.shifts()["A"] == pytest.approx(moved / loop.after.parameters["A"].std)
+
+
+def test_loop_json(second):
+    loop, _ = second
+    content = loop.to_json()
+    assert set(content) == KEYS and content["schema"] == SCHEMA == "jaxfric.loop/1"
+    assert json.loads(json.dumps(content, allow_nan=False)) == content
+    assert content["effects"] == ["second_state"]
+    assert {"second_state.B2", "second_state.L2"} <= set(content["after"]["parameters"])
+    assert set(content["after"]["free"]) >= {"f0", "A", "B", "L"}
+    assert sum(content["blocks"][k] for k in ("train", "select", "report")) == len(loop.record)
+    assert len(content["before"]["per_step_in_sigma"]) == len(content["steps"]) == 12
+    assert {s["id"] for s in content["screened"]} == {"second_state", "gain", "stiffness"}
+
+
+def test_gain_and_stiffness_are_one_without_mass(second):
+    """(1 + g) f is what a law of (1 + g) f0, A, B shows on a spring K/(1 + g) as stiff: exact."""
+    loop, _ = second
+    ids, cosines = loop.alias_ids, loop.alias_cosines
+    assert set(ids) == {"second_state", "gain", "stiffness"}
+    np.testing.assert_array_equal(cosines, cosines.T)
+    np.testing.assert_array_equal(np.diag(cosines), 1.0)
+    assert np.all((cosines >= 0) & (cosines <= 1))
+    assert cosines[ids.index("gain"), ids.index("stiffness")] > 0.999
+    assert cosines[ids.index("second_state"), ids.index("gain")] < 0.95
+
+
+def test_nothing_is_found_where_nothing_is_missing():
+    record, stiffness, truth = blind(Request(SEED + 1))
+    few = offering("second_state", "viscous", "slip_trend")
+    loop = close_loop(record, stiffness=stiffness, **few)
+    assert loop.verdict == "no_missing_effect" and loop.effects == () and loop.reasons == ()
+    assert loop.after is loop.before and loop.alias_groups == ()
+    assert held_out(loop) <= _HELD_OUT
+    assert all(value == 0 for value in loop.shifts().values())
+    for name in "ABL":
+        estimate = loop.after.parameters[name]
+        assert abs(estimate.value - truth["base"][name]) < 4 * estimate.std
+
+
+def own_record(e: float):
+    """Base and e (x/mm)^2, by LSODA: A u' = K (V_m - V) - theta' - 2 e x V."""
+    rng = np.random.default_rng(SEED)
+    plant = Base(0.6, 0.009, 0.012, 9 * UM, 0.0)
+    K = 5 * (plant.B - plant.A) / plant.L
+    velocities = tuple(UM * v for v in (1, 10, 3, 30, 10, 100, 10, 30, 3, 1, 10, 3))
+    protocol = Protocol(velocities, tuple(SLIP_PER_STEP / v for v in velocities))
+    t, per = draw_times(rng, protocol, "uniform"), e / 1e-6
+    y, f = np.zeros(3), np.empty(len(t))
+
+    def rate(y, _, command):
+        V = velocities[0] * math.exp(y[0])
+        theta = -(V / plant.L) * (y[1] + plant.B * y[0])
+        pull = K * (command - V)
+        return [(pull - theta - 2 * per * y[2] * 1e-3 * V) / plant.A, theta, V * 1e3]  # slip in mm
+
+    for begin, span, V in zip(protocol.starts, protocol.durations, velocities, strict=True):
+        here = (t >= begin) & (t < begin + span)
+        at = np.concatenate([[0.0], t[here] - begin, [span]])
+        path = odeint(rate, y, at, args=(V,), rtol=1e-10, atol=1e-13)
+        f[here] = plant.f0 + plant.A * path[1:-1, 0] + path[1:-1, 1]
+        f[here] += e * path[1:-1, 2] ** 2
+        y = path[-1]
+    friction = f + SIGMA * rng.standard_normal(len(t))
+    return record_of(t, protocol.displacement(t), friction), K, plant
+
+
+@pytest.mark.long
+def test_an_effect_of_ones_own_is_found():
+    e = 1e-3
+    record, stiffness, plant = own_record(e)
+    few = offering("quadratic", "slip_trend", "viscous")
+    loop = close_loop(record, stiffness=stiffness, **few)
+    assert loop.verdict in ("effects", "ambiguous") and loop.effects == ("quadratic",)
+    found = loop.after.parameters["quadratic.e"]
+    assert abs(found.value - e) < 4 * found.std < e
+    assert found.unit in ("1", "") and held_out(loop) <= _HELD_OUT
+    assert abs(loop.after.parameters["A"].value / plant.A - 1) < 0.02
+    assert loop.separations == {} or loop.separations["quadratic"] == "more slip"
+
+
+def plain(velocities, span=60.0, rows=400):
+    """A record that was never simulated: friction that steps a little with velocity, and noise."""
+    t = np.linspace(0, span * len(velocities) * (1 - 1e-9), rows)
+    k = np.minimum((t // span).astype(int), len(velocities) - 1)
+    V = np.asarray(velocities)[k]
+    friction = 0.6 - 0.004 * np.log(np.abs(V) / UM)
+    friction = np.sign(V) * friction + 1e-4 * np.random.default_rng(0).standard_normal(rows)
+    corners = np.concatenate([[0.0], np.cumsum(np.asarray(velocities[:-1]) * span)])
+    return record_of(t, corners[k] + V * (t - k * span), friction)
+
+
+def steps_of(velocities, span=60.0) -> str:
+    return ", ".join(f"{k * span:g} s: {v / UM:g} um/s" for k, v in enumerate(velocities))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"with_": ["viscos"]}, "effect 'viscos' does not exist; did you mean 'viscous'"),
+        ({"without": ["secondstate"]}, "did you mean 'second_state'"),
+        ({"with_": ["gain"], "without": ["gain"]}, r"gain cannot be both in the base"),
+        ({"with_": ["normal_stress"]}, "effect normal_stress needs a column normal_stress"),
+        ({"most": 4}, "most is 4; choose 0 to 3"),
+        ({"most": -1}, "most is -1"),
+    ],
+)
+def test_what_is_asked_wrongly_is_refused_at_once(arguments, message):
+    with pytest.raises(jf.InputError, match=message):
+        close_loop(plain([UM, 10 * UM]), stiffness=1e3, **arguments)
+
+
+def test_own_effects_may_be_left_out_and_asked_for_by_name():
+    with pytest.raises(jf.InputError, match="quadratic cannot be both"):
+        close_loop(
+            plain([UM, 10 * UM]),
+            stiffness=1e3,
+            own=[Quadratic],
+            with_=["quadratic"],
+            without=["quadratic"],
+        )
+    with pytest.raises(jf.InputError, match="effect 'quadratic' does not exist"):
+        close_loop(plain([UM, 10 * UM]), stiffness=1e3, with_=["quadratic"])
+
+
+def refused(record, velocities) -> str:
+    told = []
+    with pytest.raises(jf.InputError) as error:
+        close_loop(record, stiffness=1e3, steps=steps_of(velocities), progress=told.append)
+    assert told in ([], ["base fit of the whole record"])
+    text = str(error.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.long
+def test_a_record_too_short_for_its_blocks_is_refused():
+    up = [UM, 10 * UM]
+    assert "too short to be split" in refused(plain(up, rows=60), up)
+
+
+def test_constant_friction_is_refused():
+    up = [UM, 10 * UM]
+    record = plain(up)
+    still = record_of(record.time, record.load_point_displacement, np.full(len(record), 0.6))
+    assert "friction" in refused(still, up)
+
+
+@pytest.mark.parametrize("after", [-10 * UM, 0.0])
+def test_a_load_point_that_stops_or_turns_is_refused(after):
+    """Checked on a fit that is made up: a fit through a reversal is slow."""
+    steps = jf.VelocitySteps(60.0 * np.arange(3), np.asarray([UM, after, 10 * UM]))
+    base: Any = SimpleNamespace(converged=True, steps=steps)
+    with pytest.raises(jf.InputError, match=r"stops or moves backwards.*--steps"):
+        _check(plain([UM, 10 * UM]), base)
+    base = SimpleNamespace(converged=False, steps=steps, result="no luck")
+    with pytest.raises(jf.InputError, match=r"did not converge \(no luck\)"):
+        _check(plain([UM, 10 * UM]), base)

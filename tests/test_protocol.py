@@ -1,0 +1,381 @@
+"""`jaxfric protocol`: sensitivities against a simulator in SciPy, changes of a plan, bad input.
+
+All plans have one size (2048 rows with auxiliary ones, 16 velocities), so they share what is
+compiled.
+"""
+
+import dataclasses
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import assert_refused, run
+
+import jaxfric as jf
+from fits.blind import plants
+from jaxfric.effects import CATALOGUE
+from jaxfric.loop import protocol as module
+from jaxfric.loop.outlook import Outlook, Smallest
+from jaxfric.loop.protocol import plan
+from jaxfric.report.protocol_text import advice, apart, changes, effects
+
+UM = 1e-6
+NOISE = 3e-4
+TWELVE = np.asarray([1, 10, 1, 3, 10, 3, 1, 10, 3, 1, 3, 10]) * UM
+FIVE = np.asarray([1, 10, 1, 3, 10]) * UM
+PLANT = {"f0": 0.6, "A": 0.010, "B": 0.014, "L": 20 * UM}
+STIFFNESS = 4 * 0.004 / (20 * UM)
+
+
+def planned(velocities: Iterable[float] = TWELVE, *, rows=75, **changed):
+    options = {
+        "slip_per_step": 150 * UM,
+        "stiffness": STIFFNESS,
+        "noise": NOISE,
+        "parameters": PLANT,
+        "rows": rows,
+        "changes": False,
+    }
+    return plan(list(velocities), **{**options, **changed})
+
+
+@pytest.fixture(scope="module")
+def twelve():
+    return planned(changes=True)
+
+
+def cosine(outlook, a, b):
+    return outlook.cosines[outlook.ids.index(a), outlook.ids.index(b)]
+
+
+# ---- against what was measured and what is known ---------------------------------------------
+
+
+def test_the_catalogue_s_cosines(twelve):
+    """Of slip_trend and time_drift 0.995 was measured; of the lags 0.966 to 0.998.
+
+    Those were of finite lags. To first order the three are one: dy/dtau is -dy/dt for a lag and a
+    delay of the sensor at any motion, and for a drive that turns late by tau at every step.
+    """
+    assert twelve.ratio == pytest.approx(4.0)
+    out = twelve.outlook
+    assert cosine(out, "slip_trend", "time_drift") == pytest.approx(0.995, abs=0.005)
+    for pair in (("servo_lag", "sensor_lag"), ("servo_lag", "sensor_delay")):
+        assert cosine(out, *pair) > 0.999
+    assert cosine(out, "sensor_lag", "sensor_delay") > 1 - 1e-9
+    # K (1 + g), A (1 + g), B (1 + g) slide as K, A, B and are recorded as these with a gain g
+    assert cosine(out, "stiffness", "gain") > 1 - 1e-6
+    groups = [set(group) for group in out.groups()]
+    assert any({"servo_lag", "sensor_lag", "sensor_delay"} <= group for group in groups)
+    assert any({"slip_trend", "time_drift"} <= group for group in groups)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_other_plants(seed):
+    """The pair that the 12-step protocol confuses, at random A, B, L and K/K_cr about 4."""
+    random = np.random.default_rng(seed)
+    A, L = np.exp(random.uniform(np.log([0.004, 4 * UM]), np.log([0.02, 20 * UM])))
+    B = A * random.uniform(1.2, 2.2)
+    K = random.uniform(3, 5) * (B - A) / L
+    found = planned(parameters={"f0": 0.6, "A": A, "B": B, "L": L}, stiffness=K)
+    assert cosine(found.outlook, "slip_trend", "time_drift") == pytest.approx(0.995, abs=0.006)
+    assert cosine(found.outlook, "servo_lag", "sensor_lag") > 0.99
+
+
+def test_a_slip_channel_and_slow_dwells_leave_few_pairs():
+    """None but those that no displacement can separate, and a run-in as long as the record."""
+    dwells = np.asarray([1 / 3, 0.1]) * UM
+    found = planned([*TWELVE, *dwells], rows=65, slip_noise=0.1 * UM).outlook
+    left = {frozenset(pair[:2]) for pair in found.pairs()}
+    always = [("sensor_lag", "sensor_delay"), ("stiffness", "gain"), ("slip_trend", "run_in")]
+    assert {frozenset(pair) for pair in always} <= left
+    assert len(left) <= 4, left
+
+
+# ---- against SciPy ---------------------------------------------------------------------------
+
+PAIRS = [
+    ("slip_trend", "time_drift"),
+    ("aging", "velocity_dependent_L"),
+    ("viscous", "evolution_cutoff"),
+    ("servo_lag", "sensor_lag"),
+]
+# (parameters of the plant at a size, size of the difference in units of the amplitude, signs);
+# with three times these differences the cosines move by less than 4e-4
+DIFFERENCES = {
+    "slip_trend": (lambda a: {"s": a}, 1e-2, True),
+    "time_drift": (lambda a: {"r": a}, 1e-7, True),
+    "aging": (lambda a: {"q": a}, 1e-3, True),
+    "velocity_dependent_L": (lambda a: {"n": a}, 1e-3, True),
+    "viscous": (lambda a: {"c": a}, 1.0, True),
+    "evolution_cutoff": (lambda a: {"Vc": 1 / a}, 30.0, False),
+    "servo_lag": (lambda a: {"tau": a}, 1e-3, False),
+    "sensor_lag": (lambda a: {"tau": a}, 1e-3, False),
+}
+
+
+class Plant:
+    """Sensitivities of a plant of `fits.blind`, by differences. SI."""
+
+    def __init__(self, time, stiffness=STIFFNESS):
+        spans = tuple(150 * UM / V for V in FIVE)
+        self.protocol, self.time = plants.Protocol(tuple(FIVE), spans), time
+        self.base = plants.Base(**PLANT, K=stiffness)
+        self.still = self.rows(self.base, {})
+
+    def rows(self, base, effects):
+        """Friction, then slip."""
+        found = plants.simulate(base, self.protocol, effects, self.time)
+        return np.concatenate([found.record, found.slip])
+
+    def of_base(self):
+        columns = [np.repeat([1.0, 0.0], len(self.time))]
+        for name in "ABL":
+            size = getattr(self.base, name)
+            two = [
+                self.rows(dataclasses.replace(self.base, **{name: size * (1 + s)}), {})
+                for s in (1e-3, -1e-3)
+            ]
+            columns.append((two[0] - two[1]) / (2e-3 * size))
+        return np.stack(columns, axis=1)
+
+    def of(self, id):
+        make, h, signed = DIFFERENCES[id]
+        if signed:
+            two = [self.rows(self.base, {id: make(s * h)}) for s in (1, -1)]
+            return (two[0] - two[1]) / (2 * h)
+        near, far = (self.rows(self.base, {id: make(s * h)}) for s in (1, 2))
+        return (4 * near - far - 3 * self.still) / (2 * h)
+
+
+def beyond(columns, base, rows, slip_noise):
+    """Columns in units of the noise, with those of the base projected out."""
+    both = np.concatenate([base, columns], axis=1)
+    friction, slip = both[:rows] / NOISE, both[rows:]
+    slip = (slip - slip.mean(axis=0)) / slip_noise
+    both = np.concatenate([friction, slip])
+    both = both / np.linalg.norm(both, axis=0), np.linalg.norm(both, axis=0)
+    white, norm = both
+    q, _ = np.linalg.qr(white[:, :4])
+    rest = white[:, 4:] - q @ (q.T @ white[:, 4:])
+    return rest * norm[4:]
+
+
+@pytest.fixture(scope="module")
+def five():
+    return {noise: planned(FIVE, rows=160, slip_noise=noise).outlook for noise in (None, 0.1 * UM)}
+
+
+@pytest.fixture(scope="module")
+def sensitivities(five):
+    plant = Plant(five[None].time)
+    return plant, plant.of_base(), {id: plant.of(id) for id in DIFFERENCES}
+
+
+@pytest.mark.parametrize("slip_noise", [None, 0.1 * UM])
+def test_cosines_and_sizes_against_scipy(five, sensitivities, slip_noise):
+    """Differences err by 4e-5, and the slope over a twentieth of an interval by as much."""
+    plant, base, columns = sensitivities
+    out, n = five[slip_noise], len(plant.time)
+    ids = list(columns)
+    rest = beyond(np.stack([columns[i] for i in ids], 1), base, n, slip_noise or 1e6)
+    size = np.linalg.norm(rest, axis=0)
+    for a, b in PAIRS:
+        i, j = ids.index(a), ids.index(b)
+        expected = abs(rest[:, i] @ rest[:, j]) / (size[i] * size[j])
+        assert cosine(out, a, b) == pytest.approx(expected, abs=2e-4), (a, b)
+    for one in out.smallest:
+        if one.id in ids:
+            expected = np.sqrt(10 + np.log(n)) / size[ids.index(one.id)]
+            assert one.amplitude == pytest.approx(expected, rel=1e-3), one.id
+
+
+def test_the_base_is_that_of_scipy(five, sensitivities):
+    plant = sensitivities[0]
+    np.testing.assert_allclose(five[None].predicted, plant.still[: len(plant.time)], atol=1e-7)
+
+
+def test_a_wrong_plant_is_noticed(five):
+    """The comparison is no tautology: a plant ten per cent stiffer has other cosines and sizes."""
+    plant = Plant(five[None].time, 1.1 * STIFFNESS)
+    both = np.stack([plant.of(id) for id in ("aging", "velocity_dependent_L")], 1)
+    rest = beyond(both, plant.of_base(), len(plant.time), 1e6)
+    size = np.linalg.norm(rest, axis=0)
+    right = {one.id: one.amplitude for one in five[None].smallest}
+    wrong = np.sqrt(10 + np.log(len(plant.time))) / size
+    off = [wrong[0] / right["aging"] - 1, wrong[1] / right["velocity_dependent_L"] - 1]
+    assert max(np.abs(off)) > 0.03
+
+
+# ---- what is concluded -----------------------------------------------------------------------
+
+
+def test_changes_of_the_plan(twelve):
+    keys = [c.key for c in twelve.changes]
+    assert keys == [
+        "slip_x2", "slip_x4", "dwell", "repeat", "slip_channel", "load_point_channel",
+        "both_channels",
+    ]  # fmt: skip
+    by_key = {c.key: c for c in twelve.changes}
+    lag = {("servo_lag", "sensor_lag"), ("servo_lag", "sensor_delay")}
+    for key in ("slip_channel", "load_point_channel"):
+        assert lag <= set(twelve.separated(by_key[key]))
+    assert ("slip_trend", "time_drift") in twelve.separated(by_key["slip_channel"])
+    assert by_key["slip_x2"].duration == pytest.approx(2 * twelve.duration)
+    counts = [len(c.outlook.pairs()) for c in twelve.changes]
+    best = twelve.recommended()
+    assert twelve.changes.index(best) == int(np.argmin(counts)) and best.key == "slip_channel"
+    assert "a slip channel" in advice(twelve)
+
+
+def test_the_recommendation_is_the_first_of_the_fewest(twelve):
+    def outlook(*pairs):
+        ids = ("a", "b", "c")
+        cosines = np.eye(3)
+        for i, j in pairs:
+            cosines[i, j] = cosines[j, i] = 0.97
+        seen = tuple(Smallest(id, ("x",), "1", 0.1, {}, 0.1, 0.1) for id in ids)
+        return Outlook(ids, cosines, seen, np.zeros(1), np.zeros(1))
+
+    def recommended(before, *after):
+        changed = [
+            dataclasses.replace(c, outlook=None if o is None else outlook(*o))
+            for c, o in zip(twelve.changes, after, strict=False)
+        ]
+        return dataclasses.replace(
+            twelve, outlook=outlook(*before), changes=tuple(changed)
+        ).recommended()
+
+    two = ((0, 1), (1, 2))
+    assert outlook(*two).groups() == (("a", "b", "c"),)
+    assert recommended(two, two, ((0, 1),), ((1, 2),)).key == "slip_x4"
+    assert recommended(two, ((0, 1),), None, ()).key == "dwell"
+    assert recommended(two, two, None) is None
+
+
+def test_effects_may_be_declared_and_left_out():
+    """An effect in the base is no longer asked for, and takes its alias with it."""
+    found = planned(with_=["slip_trend"], without=["gain", "run_in"]).outlook
+    assert not {"slip_trend", "gain", "run_in"} & set(found.ids)
+    drift = {s.id: s.amplitude for s in found.smallest}["time_drift"]
+    alone = {s.id: s.amplitude for s in planned().outlook.smallest}["time_drift"]
+    assert drift is not None and alone is not None
+    assert drift > 5 * alone  # sin of the angle between them is 0.1
+
+
+def test_what_would_have_to_be_impossibly_large_is_not_seen():
+    found = planned(noise=0.3).outlook
+    assert {"gain", "stiffness", "aging"} <= set(found.unseen())
+    assert np.isnan(cosine(found, "gain", "stiffness"))
+    assert not any("gain" in pair for pair in found.pairs())
+
+
+def test_near_the_edge(monkeypatch):
+    near = planned(np.asarray([1, 1.5, 1]) * UM, stiffness=1.5 * STIFFNESS / 4, rows=250)
+    assert any("K/K_cr is 1.50" in line for line in near.warnings)
+    with pytest.raises(jf.InputError, match=r"is 0\.80 of the critical one"):
+        planned(stiffness=0.8 * STIFFNESS / 4)
+    monkeypatch.setattr(module, "_look", lambda setup, variant: None)
+    with pytest.raises(jf.InputError, match=r"slips away at a velocity step at K/K_cr = 1\.05"):
+        planned(stiffness=1.05 * STIFFNESS / 4)
+
+
+# ---- what the user sees ----------------------------------------------------------------------
+
+
+def test_tables(twelve):
+    assert {row[0] for row in effects(twelve).rows} == set(twelve.outlook.ids)
+    assert len(changes(twelve).rows) == 7
+    assert any("slip_trend" in line and "time_drift" in line for line in apart(twelve))
+    assert set(twelve.outlook.ids) == set(CATALOGUE) - {"inertia", "normal_stress"}
+
+
+def test_the_command(twelve, monkeypatch, tmp_path):
+    asked = {}
+
+    def made_up(velocities, **options):
+        asked.update(options, velocities=velocities)
+        return twelve
+
+    monkeypatch.setattr(module, "plan", made_up)
+    monkeypatch.chdir(tmp_path)
+    base = ("protocol", "1, 10, 3 um/s", "--slip-per-step", "150um", "--stiffness", "5e-3/um")
+    code, out, err = run(
+        *base, "--noise", "3e-4", "--slip-channel", "0.1 um", "--without", "gain,run_in", "--json"
+    )
+    assert code == 0, err
+    assert asked["velocities"] == pytest.approx([1 * UM, 10 * UM, 3 * UM])
+    assert (asked["slip_per_step"], asked["stiffness"]) == pytest.approx((150 * UM, 5e3))
+    assert asked["slip_noise"] == pytest.approx(0.1 * UM)
+    assert asked["without"] == ("gain", "run_in")
+    assert asked["parameters"] == pytest.approx(PLANT)
+    content = json.loads(Path("protocol/protocol.json").read_text())
+    assert content == json.loads(out) and content["schema"] == "jaxfric.protocol/1"
+    assert content["recommended"] == "slip_channel"
+    assert Path("protocol/aliasing.svg").stat().st_size > 1000
+    code, out, err = run(*base, "--noise", "3e-4", "--out", "o")
+    assert code == 0 and "K/K_cr = 4.00" in out and "Recommended: a slip channel" in out
+    saved = {
+        "schema": "jaxfric.fit/1", "law": "ageing", "friction_unit": "N", "states": 1,
+        "parameters": {k: {"value": v} for k, v in (PLANT | {"V0": UM, "K": 2e6}).items()},
+        "free": [], "covariance": [], "noise": {"sigma": 0.25},
+    }  # fmt: skip
+    Path("fit.json").write_text(json.dumps(saved))
+    code, out, err = run("protocol", "1,10 um/s", "--slip-per-step", "1 mm", "--from", "fit.json")
+    assert code == 0, err
+    wanted = {"stiffness": 2e6, "noise": 0.25, "law": "ageing", "friction_unit": "N"}
+    assert {name: asked[name] for name in wanted} == wanted
+
+
+GOOD = {
+    "--slip-per-step": "150um",
+    "--stiffness": "5e-3/um",
+    "--noise": "3e-4",
+}
+
+
+@pytest.mark.parametrize(
+    ("velocities", "changed", "words"),
+    [
+        ("1,1 um/s", {}, ["no velocity step", "that differ"]),
+        ("10 um/s", {}, ["no velocity step"]),
+        ("1,-10 um/s", {}, ["'-10 um/s'", "not positive"]),
+        ("1,0 um/s", {}, ["'0 um/s'", "not positive"]),
+        ("1,10", {}, ["no unit", "um/s"]),
+        ("1,,10 um/s", {}, ["no list"]),
+        ("1,ten um/s", {}, ["velocities"]),
+        ("1,10 um", {}, ["velocities", "m/s"]),
+        ("1,10 um/s", {"--slip-per-step": None}, ["--slip-per-step is missing"]),
+        ("1,10 um/s", {"--slip-per-step": "150"}, ["--slip-per-step", "no unit"]),
+        ("1,10 um/s", {"--slip-per-step": "-1 um"}, ["slip per step", "positive"]),
+        ("1,10 um/s", {"--stiffness": None}, ["--stiffness is missing"]),
+        ("1,10 um/s", {"--stiffness": "0/um"}, ["--stiffness", "not positive"]),
+        ("1,10 um/s", {"--stiffness": "1e-4/um"}, ["is 0.50 of the critical one", "stick-slip"]),
+        ("1,10 um/s", {"--stiffness": "2e6 N/m"}, ["--parameters in newtons"]),
+        ("1,10 um/s", {"--noise": None}, ["--noise is missing"]),
+        ("1,10 um/s", {"--noise": "-1"}, ["--noise", "not positive"]),
+        ("1,10 um/s", {"--noise": "3 um"}, ["--noise", "dimensionless"]),
+        ("1,10 um/s", {"--rows": "3"}, ["3 rows per step", "20 or more"]),
+        ("1,10 um/s", {"--slip-channel": "0 um"}, ["slip channel", "positive"]),
+        ("1,10 um/s", {"--slip-channel": "1"}, ["--slip-channel", "no unit"]),
+        ("1,10 um/s", {"--with": "slip_tren"}, ["'slip_tren'", "did you mean 'slip_trend'"]),
+        ("1,10 um/s", {"--without": "viscos"}, ["'viscos'", "did you mean 'viscous'"]),
+        ("1,10 um/s", {"--with": "gain", "--without": "gain"}, ["gain", "cannot be both"]),
+        ("1,10 um/s", {"--with": "normal_stress"}, ["needs a channel normal_stress"]),
+        ("1,10 um/s", {"--parameters": "f0=0.6, A=0.01, B=0.01"}, ["parameter L is missing"]),
+        ("1,10 um/s", {"--parameters": "f0=0.6, C=0.01"}, ["'C' is unknown"]),
+        ("1,10 um/s", {"--parameters": "f0"}, ["'f0' is not NAME=VALUE"]),
+        ("1,10 um/s", {"--parameters": "f0=1,A=-1,B=1,L=1um"}, ["parameter A", "between 0"]),
+        ("1,10 um/s", {"--from": "none.json"}, ["none.json", "no such file"]),
+        ("1,10 um/s", {"--from": "a", "--parameters": "A=1"}, ["--from excludes"]),
+        ("1,10 um/s", {"--law": "dieterich"}, ["dieterich"]),
+    ],
+)
+def test_bad_input_is_one_line(velocities, changed, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    options = {name: value for name, value in {**GOOD, **changed}.items() if value is not None}
+    flat = [text for pair in options.items() for text in pair]
+    assert_refused(run("protocol", velocities, *flat, "--json"), *words)
+    assert not Path("protocol").exists()
