@@ -68,6 +68,21 @@ def test_structure_tests_have_their_level_and_their_power():
     assert structure(locked, step, slip)["step_locked"] < 1e-3
     assert structure(slow, step, slip)["block_means"] < 1e-3
     assert structure(rough, step, slip)["ljung_box"] < 1e-3
+    turning = noise * (1 + 3 * (np.arange(n) % 200 < 10))
+    assert structure(turning, step, slip)["spread_after_step"] < 1e-3
+
+
+def test_the_spread_after_steps_is_that_of_kruskal_and_wallis():
+    """The least of four p-values, so Holm's factor is 4; rows before the first step are out."""
+    rng, share = np.random.default_rng(11), np.linspace(0, 1, 98)
+    late = np.tile(share > 0.5, 9)
+    e, step = rng.standard_normal(882) * np.where(late, 1.0, 1.8), np.arange(882) // 98
+    found = structure(e, step, np.tile(share**2, 9) + step)
+    bins = np.minimum(np.floor(share * 12).astype(int), 11)
+    rows = np.abs(e - e.mean())[98:].reshape(8, 98)
+    p = stats.kruskal(*(rows[:, bins == k].ravel() for k in range(12))).pvalue
+    assert p < 1e-4
+    assert found["spread_after_step"] == pytest.approx(4 * p, rel=1e-6)
 
 
 ROWS, COLUMNS, LONGEST = 150, 5, 12.0

@@ -26,7 +26,7 @@ from . import score
 from .generate import UnreachableError, make, write
 from .study import ALIASED, CONDITIONS, Item, selected
 
-_RECORDS_PER_PROCESS = 60  # compiled functions pile up in a process that sees many lengths
+_RECORDS_PER_PROCESS = 20  # compiled functions pile up in a process that sees many lengths
 
 
 def name_of(item: Item, out: Path) -> str | None:

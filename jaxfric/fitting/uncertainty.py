@@ -29,9 +29,10 @@ _HALF_DECADE = 0.5 * np.log(10.0)
 _PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
 
 
-def normal_inverse(jacobian: Float[Array, "n p"]) -> np.ndarray:
+def normal_inverse(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
     """(J^T J)^-1, by scaled eigenvectors; directions that J does not see become very large."""
-    gram = np.asarray(jacobian.T @ jacobian)
+    jacobian = np.asarray(jacobian)
+    gram = jacobian.T @ jacobian
     if not np.isfinite(gram).all():  # a failed trial sees nothing
         gram = np.zeros_like(gram)
     diagonal = np.diag(gram)

@@ -28,6 +28,7 @@ _NOISE_SHARE = 0.1
 _SHORTEST_LIMIT = 10.0
 _WHITE = 1e-9
 _AT_ONCE = 16
+_WIDE = 64
 
 
 class Candidate(NamedTuple):
@@ -125,7 +126,7 @@ class Engine:
             problem.clock,
             problem.weight,
             jnp.asarray(residual),
-            _padded_columns(columns),
+            padded_columns(columns),
             jnp.asarray(self.longest),
         )
 
@@ -157,9 +158,14 @@ class Engine:
     def whiten(self, columns: np.ndarray, noise: Noise, weight=None) -> np.ndarray:
         """Columns (rows of a weight, by default train; others 0) in units of the noise, and
         uncorrelated."""
-        weight = self.weight if weight is None else weight
-        clock = self.problem.clock
-        return np.asarray(whiten(clock, jnp.asarray(weight), jnp.asarray(columns), noise))
+        weight = jnp.asarray(self.weight if weight is None else weight)
+        clock, wide = self.problem.clock, 1 if columns.shape[1] == 1 else _WIDE
+        parts = []
+        for begin in range(0, columns.shape[1], wide):
+            part = columns[:, begin : begin + wide]
+            white = _whiten(clock, weight, padded_columns(part, size=wide), noise)
+            parts.append(np.asarray(white)[:, : part.shape[1]])
+        return np.concatenate(parts, axis=1) if parts else np.array(columns)
 
     def refit(self, effects: tuple[str, ...], z: np.ndarray) -> Candidate:
         """The joint fit of base and effects from the start `z`, all their parameters free."""
@@ -258,6 +264,9 @@ def _evaluate(problem: Problem, z: Float[Array, " q"], index: Int[Array, " m"]):
     return jax.vmap(push, out_axes=(None, -1))(tangents)
 
 
+_whiten = eqx.filter_jit(whiten)
+
+
 @eqx.filter_jit
 def _natural(problem: Problem, z: Float[Array, " q"]):
     return problem.from_free(z)
@@ -268,7 +277,7 @@ def _white() -> Noise:
     return Noise(one, _WHITE * one, one, jnp.zeros(()))
 
 
-def _padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]:
+def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]:
     """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
     more = -columns.shape[1] % size
     return jnp.asarray(np.pad(columns, ((0, 0), (0, more))))

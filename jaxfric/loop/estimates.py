@@ -28,7 +28,7 @@ def estimates(
         rows = engine.evaluate(z, index)
         train = rows.jacobian * engine.weight[:, None]
         white = engine.whiten(train, engine.noise(rows.residual * engine.weight, train))
-        spread = normal_inverse(jnp.asarray(np.concatenate([white, rows.extra_jacobian])))
+        spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
     place = {int(i): k for k, i in enumerate(index)}
     own = [place[int(i)] for i in named]
     std = np.sqrt(np.diag(spread))[own]

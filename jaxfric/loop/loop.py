@@ -308,7 +308,9 @@ def _warnings(engine: Engine, found: Search, base: Fit, edge) -> tuple[str, ...]
     if not found.starts_agree and not found.base.failed:
         warnings.append("base fits from different starts end at different parameters")
     change = _finer(engine, found.base)
-    if not change < _FINE_ENOUGH:
+    if np.isinf(change):
+        warnings.append("a finer solver did not reach the end: how exact this is stays unknown")
+    elif not change < _FINE_ENOUGH:
         warnings.append(f"a finer solver moves the prediction by {change:.2g} sigma")
     return tuple(warnings)
 
@@ -320,7 +322,7 @@ def _finer(engine: Engine, base: Candidate) -> float:
     else:  # the base alone is quicker to compile
         problem = engine.everywhere.with_model(engine.model.base)
         z = np.concatenate([base.z[engine.base], base.z[len(engine.names) :]])
-    fine = dataclasses.replace(problem, rtol=_FINER * problem.rtol)
+    fine = dataclasses.replace(problem, rtol=_FINER * problem.rtol, max_steps=3 * problem.max_steps)
     residual = np.asarray(_residual(fine, jnp.asarray(z)))[: engine.rows]
     if np.any(np.abs(residual) >= FAILED_MISFIT):
         return np.inf

@@ -15,7 +15,7 @@ import numpy as np
 from ..effects import AbstractEffect, RecordScales, null
 from ..rig import Rig
 from ..rig.friction.extended import ExtendedLaw
-from .engine import Candidate, Engine, Rows
+from .engine import Candidate, Engine, Rows, padded_columns
 from .evidence import Evidence, evidence
 from .response import Response, linear_response, term_forces
 from .structure import chi_square_tail
@@ -322,8 +322,8 @@ def _shaped_columns(engine: Engine, rig: Rig, response, id, shapes, place: int):
             law = effect(**{**shape, field: 1.0}).embed(rig).friction  # pyright: ignore[reportArgumentType]
             assert isinstance(law, ExtendedLaw)
             terms.append(law.terms[-1])
-    batch = jax.tree.map(lambda *x: jnp.stack(x), *terms)
-    forces = term_forces(response, batch)
+    batch = jax.tree.map(lambda *x: np.stack([np.asarray(one) for one in x]), *terms)
+    forces = np.asarray(term_forces(response, batch))
     found, own, begin = [], [names.index(f"{id}.{n}") for n in shapes[0]], place
     for shape in shapes:
         at = tuple(range(begin, begin + len(amplitudes)))
@@ -334,19 +334,17 @@ def _shaped_columns(engine: Engine, rig: Rig, response, id, shapes, place: int):
         }
         found.append(_Column(id, free, amplitudes, at))
     scale = np.asarray([float(problem._scale(names[i])) for i in amplitudes])
-    forces = forces * jnp.asarray(np.tile(scale, len(shapes)))
-    friction, slip = respond(response, forces)
+    friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
     return found, friction / float(problem.noise_scale), _extra_rows(engine, slip)
 
 
-def respond(response: Response, forces) -> tuple[np.ndarray, np.ndarray]:
+def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The response to many forces, a number at a time for which it is compiled."""
     parts = []
     for begin in range(0, forces.shape[1], _FORCES):
-        part = jnp.asarray(forces)[:, begin : begin + _FORCES]
-        m = part.shape[1]
-        seen = response(jnp.pad(part, ((0, 0), (0, _FORCES - m))))
-        parts.append([np.asarray(x)[:, :m] for x in seen])
+        part = forces[:, begin : begin + _FORCES]
+        seen = response(padded_columns(part, size=_FORCES))
+        parts.append([np.asarray(x)[:, : part.shape[1]] for x in seen])
     friction, slip = (np.concatenate(x, axis=1) for x in zip(*parts, strict=True))
     return friction, slip
 

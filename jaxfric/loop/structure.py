@@ -1,4 +1,4 @@
-"""Is there structure left in a residual? Three tests on innovations, corrected together.
+"""Is there structure left in a residual? Four tests on innovations, corrected together.
 
 Innovations are the residual made white under its own noise model; if the model is all there is they
 are independent, of mean 0 and variance 1 (up to what the fit took away).
@@ -18,14 +18,17 @@ def structure(innovations: np.ndarray, step: np.ndarray, slip: np.ndarray) -> di
     """p-values, corrected after Holm: small ones tell that there is structure.
 
     ljung_box : autocorrelation up to 20 lags. block_means : means of 24 blocks of rows.
-    step_locked : means over the velocity steps at equal slip since the step.
+    step_locked : means over the velocity steps at equal slip since the step. spread_after_step :
+    sizes likewise, by ranks (Kruskal-Wallis), for what changes its sign from step to step.
     """
     e = innovations - np.mean(innovations)
     e = e / max(float(np.std(e)), 1e-300)
+    since = _since_step(step, slip)
     raw = {
         "ljung_box": _ljung_box(e),
         "block_means": _means(e, np.arange(len(e)) * _BLOCKS // len(e)),
-        "step_locked": _means(e, _since_step(step, slip)),
+        "step_locked": _means(e, since),
+        "spread_after_step": _means(_ranks(np.abs(e[since > 0])), since[since > 0]),
     }
     return holm(raw)
 
@@ -51,6 +54,13 @@ def _means(e: np.ndarray, group: np.ndarray) -> float:
     sums = np.bincount(group, weights=e)
     used = sizes > 0
     return chi_square_tail(float(np.sum(sums[used] ** 2 / sizes[used])), int(used.sum()) - 1)
+
+
+def _ranks(x: np.ndarray) -> np.ndarray:
+    """Ranks, to mean 0 and variance 1."""
+    n = len(x)
+    ranks = np.argsort(np.argsort(x))
+    return (ranks - 0.5 * (n - 1)) / np.sqrt(max(n * (n + 1) / 12, 1e-300))
 
 
 def _since_step(step: np.ndarray, slip: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
-from .engine import Candidate, Engine
+from .engine import Candidate, Engine, padded_columns
 from .screen import orthonormal
 from .search import ACCEPT, ALIAS, Search, rms_error
 from .structure import structure
@@ -15,6 +15,8 @@ from .structure import structure
 _HELD_OUT = 1.06
 _TRAIN = 1.04
 _SIGNIFICANT = 0.01
+_QUANTILE = 2.326
+"""Standard errors that noise exceeds once in a hundred."""
 _HINT = 2.0
 _EDGE = 1.1
 
@@ -52,18 +54,21 @@ def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
     used = np.linalg.norm(columns, axis=0) > 0
     noise = engine.noise(residual * engine.weight, columns[:, used])
     held = engine.blocks.select | engine.blocks.report
+    # sigma comes from the train block and has its error
+    later, train = (rms_error(int(rows.sum()), noise) for rows in (held, engine.blocks.train))
     # from what is left, and how much of such noise the columns have taken away with them
     smooth = orthonormal(columns[:, used])
     left = residual * engine.weight
     left = left - smooth @ (smooth.T @ left)
-    taken = sandwich(engine.problem.clock, jnp.asarray(smooth), noise._replace(sigma=jnp.ones(())))
-    degrees = engine.weight.sum() - float(jnp.trace(taken))
+    alone = noise._replace(sigma=jnp.ones(()))
+    taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth), alone))
+    degrees = engine.weight.sum() - float(np.trace(taken))
     sigma = float(np.sqrt(left @ left / degrees)) * float(engine.problem.noise_scale)
     return Floor(
         noise,
         sigma,
-        max(_HELD_OUT, 1 + 2 * rms_error(int(held.sum()), noise)),
-        max(_TRAIN, 1 + 2 * rms_error(int(engine.blocks.train.sum()), noise)),
+        max(_HELD_OUT, 1 + _QUANTILE * float(np.hypot(later, train))),
+        max(_TRAIN, 1 + _QUANTILE * train),
     )
 
 

@@ -24,6 +24,7 @@ TESTS = {
     "ljung_box": "neighbouring rows are alike (Ljung-Box)",
     "block_means": "slow changes along the record",
     "step_locked": "the same shape after every velocity step",
+    "spread_after_step": "larger or smaller just after the velocity steps",
 }
 BLOCKS = {
     "train": "fitted here",
