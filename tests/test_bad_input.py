@@ -173,6 +173,7 @@ def test_absurd_values_end_in_warnings(options: list[str], monkeypatch: pytest.M
     assert all(line.startswith("jaxfric: warning: ") for line in err.splitlines())
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error")
 def test_two_states_without_the_transient(monkeypatch: pytest.MonkeyPatch) -> None:
     """No regression on such a record has a positive direct effect."""

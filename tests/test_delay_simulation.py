@@ -128,6 +128,7 @@ def test_a_slightly_wrong_delay_is_caught():
     assert errors(trajectory, wrong, points[0])["velocity"] > 1e-6
 
 
+@pytest.mark.long
 def test_batched_and_compiled_are_the_same_numbers():
     """And the number of delays, read from the values where it can be."""
     points, found, _ = compared()

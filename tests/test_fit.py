@@ -111,6 +111,7 @@ def test_synthetic_truths(file, options, truth):
         assert estimate.std < 0.2 * value, name
 
 
+@pytest.mark.long
 def test_starts_reach_the_optimum_at_the_stability_edge():
     """Every start of this record runs away; the dashpots lead to the truth's own basin."""
     record, steps, made = synthetic(5047)
@@ -130,6 +131,7 @@ def test_a_given_start_far_off_survives():
     assert far.sum_of_squares == pytest.approx(near.sum_of_squares, rel=1e-4)
 
 
+@pytest.mark.long
 def test_intervals_cover_and_scores_have_unit_spread():
     """A slice of tests/benchmarks/coverage.py: 24 records of correlated noise."""
     scores, inside = [], []
@@ -153,6 +155,7 @@ def test_intervals_cover_and_scores_have_unit_spread():
     assert np.mean(inside) > 0.85
 
 
+@pytest.mark.long
 def test_whitened_weighting_is_at_least_as_precise():
     record, steps, made = synthetic(
         77, law="slip", pattern="up", samples=(900, 1000), white=1e-4, correlated=4e-4

@@ -41,6 +41,7 @@ def test_gains_json_has_the_keys_of_its_schema():
     assert simulation["limit_cycle"] == simulation["escaped"] == 0 and simulation["basin"] >= 1
 
 
+@pytest.mark.long
 def test_a_basin_that_is_asked_for_raises_the_gains():
     marginal = ("--margin", "stiffness=1.01")
     plain = json.loads(run("gains", *LAW, *MACHINE, *marginal, "--json", "--out", "a").out)

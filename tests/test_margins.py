@@ -211,7 +211,9 @@ def wide(n, seed):
     return p
 
 
-@pytest.mark.parametrize("shape", ["one", "two", "one, massless", "memoryless"])
+@pytest.mark.parametrize(
+    "shape", ["one", pytest.param("two", marks=pytest.mark.long), "one, massless", "memoryless"]
+)
 def test_wide_ranges_give_no_nan_in_values_and_derivatives(shape):
     sets = wide(2000, 3)
     both = compiled(shape)(sets)
@@ -285,6 +287,7 @@ def test_every_margin_against_central_differences(shape):
         np.testing.assert_allclose(one / size, two / size, atol=1e-5, err_msg=f"{row} {column}")
 
 
+@pytest.mark.long
 def test_derivatives_of_a_table_are_those_of_its_exponential():
     """Along one direction in all parameters; k_cr of a table has its own test."""
     p = jnp.array([5.0, 0.3, 1.2, 0.8, 0.1, 2.0, 0.9])

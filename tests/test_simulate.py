@@ -240,6 +240,7 @@ def test_forward_derivative_is_a_finite_difference(name):
         assert_close_to_largest(value, truth, tolerance, what=f"{name} at rtol {rtol}")
 
 
+@pytest.mark.long
 def test_reverse_derivative_is_a_finite_difference(name="quasi-static"):
     """Below rtol 1e-8 it loses digits: solver steps are recomputed and round differently."""
     weight = np.cos(np.arange(len(TS)))

@@ -112,7 +112,7 @@ def test_starts_against_scipy(name, kind):
     assert np.abs(found.force - wrong).max() > 3e-5 * np.ptp(force)  # the comparison can fail
 
 
-@pytest.mark.parametrize("mass", [0.0, MASS])
+@pytest.mark.parametrize("mass", [pytest.param(0.0, marks=pytest.mark.long), MASS])
 def test_no_start_is_steady_sliding(mass):
     rig = rig_of("slip", mass)
     alone = simulated(rig, None)
