@@ -346,6 +346,8 @@ def test_the_study_is_as_declared():
     assert count["null-ar1-0.9"] == 100 and count["one-rho0.1"] == 200 and count["two"] == 40
     tenth = study.selected(share=0.1)
     assert Counter(item.condition for item in tenth) == {k: n // 10 for k, n in count.items()}
+    seen = [i.label for shift in range(10) for i in study.selected(share=0.1, shift=shift)]
+    assert sorted(seen) == sorted(item.label for item in whole)
     strong = [item.tries[0] for item in tenth if item.condition == "one-rho1"]
     assert {request.effects for request in strong} == {(id,) for id in plants.EFFECTS}
     assert {r.plant for r in strong} == {"inertial", "quasi-static"}

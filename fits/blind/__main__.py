@@ -200,6 +200,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--share", type=float, help="of every condition, spread evenly")
+    parser.add_argument(
+        "--shift", type=int, default=0, help="another share of that size: 0 to 1/SHARE - 1"
+    )
     parser.add_argument("--slice", dest="part", help="ci: a dozen records")
     parser.add_argument("--workers", type=int, default=2)
     conditions = ", ".join(condition.name for condition in CONDITIONS)
@@ -213,7 +216,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("--workers must be 1 or more and --limit positive")
     share = 1.0 if asked.share is None else asked.share
     try:
-        items = selected(share=share, part=asked.part, only=tuple(asked.only))
+        items = selected(share=share, shift=asked.shift, part=asked.part, only=tuple(asked.only))
     except ValueError as error:
         parser.error(str(error))
     todo = [item for item in items if not is_done(item, asked.out, retry=asked.retry)]

@@ -128,11 +128,12 @@ def _pairs(seed: int) -> tuple[tuple[str, ...], ...]:
 
 
 def selected(
-    *, share: float = 1.0, part: str | None = None, only: tuple[str, ...] = ()
+    *, share: float = 1.0, shift: int = 0, part: str | None = None, only: tuple[str, ...] = ()
 ) -> tuple[Item, ...]:
     """Records of the study: all, a share spread evenly over every condition, or a named slice.
 
-    Raises ValueError for a share out of (0, 1], or a condition or slice that does not exist.
+    Shares of 1/n with shifts from 0 to n - 1 have no record in common. Raises ValueError for a
+    share out of (0, 1], or a condition or slice that does not exist.
     """
     if not 0 < share <= 1:
         raise ValueError(f"the share is {share:g}; it must be above 0 and at most 1")
@@ -145,12 +146,12 @@ def selected(
     wanted = [condition for condition in CONDITIONS if not only or condition.name in only]
     if part == "ci":
         return tuple(i for c in wanted for i in _sliced(c))
-    return tuple(i for c in wanted for i in _every(items(c), share))
+    return tuple(i for c in wanted for i in _every(items(c), share, shift))
 
 
-def _every(all_items: tuple[Item, ...], share: float) -> Iterator[Item]:
-    """Every (1/share)-th."""
-    for place, item in enumerate(all_items):
+def _every(all_items: tuple[Item, ...], share: float, shift: int) -> Iterator[Item]:
+    """Every (1/share)-th, `shift` records earlier."""
+    for place, item in enumerate(all_items, start=shift):
         # a little more than the product: 0.1 * 10 must not fall short of 1
         if math.floor((place + 1) * share + 1e-9) > math.floor(place * share + 1e-9):
             yield item
