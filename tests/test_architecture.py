@@ -31,7 +31,7 @@ FLOORS = {
     "plot": 5,
     "report": 5,
     "cli": 6,
-    "__main__": 6,
+    "__main__": 7,
     "": 7,
 }
 # One floor, but one is built from the other (never the other way).

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from scipy.integrate import odeint
 
 import jaxfric as jf
+from fits.blind import score, study
 from fits.blind.generate import SIGMA, SLIP_PER_STEP, Request, draw_times, make
 from fits.blind.plants import Base, Protocol
 from jaxfric.effects import CATALOGUE
@@ -113,16 +114,16 @@ def test_a_second_state_is_found(second):
 def test_before_and_after_are_the_residuals(second):
     """rms and held-out error, recomputed from the residuals; blocks do not overlap."""
     loop, _ = second
-    for score in (loop.before, loop.after):
-        for name, rms in score.rms.items():
+    for part in (loop.before, loop.after):
+        for name, rms in part.rms.items():
             rows = loop.blocks.of(name)
-            assert rms == pytest.approx(float(np.sqrt(np.mean(score.residual[rows] ** 2))))
+            assert rms == pytest.approx(float(np.sqrt(np.mean(part.residual[rows] ** 2))))
         rows = ~loop.blocks.train
-        whole = np.sqrt(np.mean(score.residual[rows] ** 2))
-        assert loop.heldout(score) == pytest.approx(float(whole))
-        assert score.covariance.shape == (len(score.free),) * 2
-        stds = [score.parameters[name].std for name in score.free]
-        np.testing.assert_allclose(np.sqrt(np.diag(score.covariance)), stds, rtol=1e-6)
+        whole = np.sqrt(np.mean(part.residual[rows] ** 2))
+        assert loop.heldout(part) == pytest.approx(float(whole))
+        assert part.covariance.shape == (len(part.free),) * 2
+        stds = [part.parameters[name].std for name in part.free]
+        np.testing.assert_allclose(np.sqrt(np.diag(part.covariance)), stds, rtol=1e-6)
     moved = loop.after.parameters["A"].value - loop.before.parameters["A"].value
     assert loop.shifts()["A"] == pytest.approx(moved / loop.after.parameters["A"].std)
 
@@ -283,3 +284,35 @@ def test_a_load_point_that_stops_or_turns_is_refused(after):
     base = SimpleNamespace(converged=False, steps=steps, result="no luck")
     with pytest.raises(jf.InputError, match=r"did not converge \(no luck\)"):
         _check(plain([UM, 10 * UM]), base)
+
+
+# ---- the slice of the blind study ------------------------------------------------------------
+
+QUICK = (
+    "null-white/1", "null-ar1-0.9/2", "one-rho0.1/43", "one-rho0.5/161", "one-rho1/0",
+    "one-rho1/81",
+)  # fmt: skip
+"""Those of the slice that are not left to -m long: what they compile is there already."""
+SLICE = study.selected(part="ci")
+
+
+@pytest.mark.parametrize(
+    "item",
+    [
+        pytest.param(item, id=item.label, marks=[] if item.label in QUICK else pytest.mark.long)
+        for item in SLICE
+    ],
+)
+def test_the_slice_of_the_blind_study(item):
+    """Right group from rho 0.2 on; nothing wrong confirmed where there is little or nothing."""
+    record, stiffness, truth = blind(item.tries[0])
+    loop = close_loop(record, stiffness=stiffness, own=[Quadratic], without=item.without)
+    found = score.score(item.label, truth, loop.to_json(), {"without": item.without})
+    assert loop.sigma / SIGMA == pytest.approx(1.0, abs=0.1)
+    if found.kind in ("one", "two") and found.rho >= 0.2:
+        assert found.group and found.confirmed, (found.found, loop.reasons)
+        assert found.heldout_true <= _HELD_OUT
+    elif found.kind in ("one", "two"):
+        assert found.group or not found.confirmed
+    else:
+        assert not found.confirmed, found.found

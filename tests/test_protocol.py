@@ -43,11 +43,6 @@ def planned(velocities: Iterable[float] = TWELVE, *, rows=75, **changed):
 
 @pytest.fixture(scope="module")
 def twelve():
-    return planned()
-
-
-@pytest.fixture(scope="module")
-def changed():
     return planned(changes=True)
 
 
@@ -217,27 +212,25 @@ def test_a_wrong_plant_is_noticed(five):
 # ---- what is concluded -----------------------------------------------------------------------
 
 
-@pytest.mark.long
-def test_changes_of_the_plan(changed):
-    keys = [c.key for c in changed.changes]
+def test_changes_of_the_plan(twelve):
+    keys = [c.key for c in twelve.changes]
     assert keys == [
         "slip_x2", "slip_x4", "dwell", "repeat", "slip_channel", "load_point_channel",
         "both_channels",
     ]  # fmt: skip
-    by_key = {c.key: c for c in changed.changes}
+    by_key = {c.key: c for c in twelve.changes}
     lag = {("servo_lag", "sensor_lag"), ("servo_lag", "sensor_delay")}
     for key in ("slip_channel", "load_point_channel"):
-        assert lag <= set(changed.separated(by_key[key]))
-    assert ("slip_trend", "time_drift") in changed.separated(by_key["slip_channel"])
-    assert by_key["slip_x2"].duration == pytest.approx(2 * changed.duration)
-    counts = [len(c.outlook.pairs()) for c in changed.changes]
-    best = changed.recommended()
-    assert changed.changes.index(best) == int(np.argmin(counts)) and best.key == "slip_channel"
-    assert "a slip channel" in advice(changed)
+        assert lag <= set(twelve.separated(by_key[key]))
+    assert ("slip_trend", "time_drift") in twelve.separated(by_key["slip_channel"])
+    assert by_key["slip_x2"].duration == pytest.approx(2 * twelve.duration)
+    counts = [len(c.outlook.pairs()) for c in twelve.changes]
+    best = twelve.recommended()
+    assert twelve.changes.index(best) == int(np.argmin(counts)) and best.key == "slip_channel"
+    assert "a slip channel" in advice(twelve)
 
 
-@pytest.mark.long
-def test_the_recommendation_is_the_first_of_the_fewest(changed):
+def test_the_recommendation_is_the_first_of_the_fewest(twelve):
     def outlook(*pairs):
         ids = ("a", "b", "c")
         cosines = np.eye(3)
@@ -249,10 +242,10 @@ def test_the_recommendation_is_the_first_of_the_fewest(changed):
     def recommended(before, *after):
         changes = [
             dataclasses.replace(c, outlook=None if o is None else outlook(*o))
-            for c, o in zip(changed.changes, after, strict=False)
+            for c, o in zip(twelve.changes, after, strict=False)
         ]
         return dataclasses.replace(
-            changed, outlook=outlook(*before), changes=tuple(changes)
+            twelve, outlook=outlook(*before), changes=tuple(changes)
         ).recommended()
 
     two = ((0, 1), (1, 2))

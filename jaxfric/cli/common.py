@@ -1,7 +1,9 @@
 """What several verbs share: options, reading a record, preparing JAX."""
 
+import contextlib
 import os
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -30,6 +32,13 @@ Steps = Annotated[
 Out = Annotated[Path | None, Parameter(help="Output folder.")]
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option that may begin with a minus sign: a negative quantity is then refused as such."""
+
+EFFECTS = (
+    "second_state, aging, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
+    "run_in, position_periodic, normal_stress, thermal, frictional_delay, stiffness, damping, "
+    "inertia, servo_lag, sensor_lag, sensor_delay, time_drift, gain"
+)
+"""The ids of the catalogue, written here too so that --help need not load it."""
 
 
 def read_record(file: Path, columns: list[str] | None, drop_bad: bool):
@@ -148,3 +157,35 @@ def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
     from ..units import parse_quantity
 
     return None if text is None else parse_quantity(text, unit, option)
+
+
+def effect_ids(texts: list[str] | None, option: str) -> tuple[str, ...]:
+    """Ids of an option that may be repeated and hold commas, each once."""
+    found = [id.strip() for text in texts or [] for id in text.split(",")]
+    if texts and not all(found):
+        raise InputError(
+            f"{option} '{','.join(texts)}' has an empty id; write {option} viscous,gain"
+        )
+    return tuple(dict.fromkeys(found))
+
+
+@contextlib.contextmanager
+def told(*, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Tell on stderr what is being done: one changing line on a terminal, else a line for each.
+
+    With `quiet` only a terminal is told, which forgets it.
+    """
+    if not sys.stderr.isatty():
+
+        def say(message: str) -> None:
+            if not quiet:
+                print(f"jaxfric: {message}", file=sys.stderr, flush=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.markup import escape
+
+    console = Console(stderr=True, highlight=False)
+    with console.status("starting") as status:
+        yield lambda message: status.update(escape(message))

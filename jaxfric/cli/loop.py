@@ -1,23 +1,25 @@
 """`jaxfric loop`: which effect does this model of this record lack?"""
 
-import contextlib
 import shlex
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import Columns, DropBad, File, Out, Steps, prepare_jax, read_record
-
-EFFECTS = (
-    "second_state, aging, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
-    "run_in, position_periodic, normal_stress, thermal, frictional_delay, stiffness, damping, "
-    "inertia, servo_lag, sensor_lag, sensor_delay, time_drift, gain"
+from .common import (
+    EFFECTS,
+    Columns,
+    DropBad,
+    File,
+    Out,
+    Steps,
+    effect_ids,
+    prepare_jax,
+    read_record,
+    told,
 )
-"""The ids of the catalogue, written here too so that --help need not load it."""
 
 
 def loop(
@@ -67,9 +69,9 @@ def loop(
         )
     if most < 1:
         raise InputError(f"--most is {most}; it must be 1 or more")
-    declared, excluded = _ids(with_, "--with"), _ids(without, "--without")
+    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
-    with _progress(quiet=json) as progress:
+    with told(quiet=json) as progress:
         progress(f"reading {file.name}")
         measured = read_record(file, column, drop_bad)
         prepare_jax()
@@ -101,16 +103,6 @@ def loop(
         _print(result, destination, names)
     for warning in result.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
-
-
-def _ids(texts: list[str] | None, option: str) -> tuple[str, ...]:
-    """Ids of an option that may be repeated and hold commas, each once."""
-    found = [id.strip() for text in texts or [] for id in text.split(",")]
-    if texts and not all(found):
-        raise InputError(
-            f"{option} '{','.join(texts)}' has an empty id; write {option} viscous,gain"
-        )
-    return tuple(dict.fromkeys(found))
 
 
 def _write(result, folder: Path, content: str, command: str) -> list[str]:
@@ -160,25 +152,3 @@ def _print(result, destination: Path, names: list[str]) -> None:
         markup=False,
         soft_wrap=True,
     )
-
-
-@contextlib.contextmanager
-def _progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Tell on stderr what is being done: one changing line on a terminal, else a line for each.
-
-    With `quiet` only a terminal is told, which forgets it.
-    """
-    if not sys.stderr.isatty():
-
-        def say(message: str) -> None:
-            if not quiet:
-                print(f"jaxfric: {message}", file=sys.stderr, flush=True)
-
-        yield say
-        return
-    from rich.console import Console
-    from rich.markup import escape
-
-    console = Console(stderr=True, highlight=False)
-    with console.status("starting") as status:
-        yield lambda message: status.update(escape(message))

@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import Out, Text, optional_quantity, prepare_jax
-from .loop import EFFECTS, _ids, _progress
+from .common import EFFECTS, Out, Text, effect_ids, optional_quantity, prepare_jax, told
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
@@ -67,13 +66,13 @@ def protocol(
     """
     import json as text
 
-    declared, excluded = _ids(with_, "--with"), _ids(without, "--without")
+    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
     commanded = read_velocities(velocities)
     slip = optional_quantity(slip_per_step, "m", "--slip-per-step")
     if slip is None:
         raise InputError("--slip-per-step is missing; give one, as in --slip-per-step 150um")
     destination = out or Path("protocol")
-    with _progress(quiet=json) as progress:
+    with told(quiet=json) as progress:
         values, found_law, unit, more = _base(from_, parameters, law, stiffness)
         K = _size(stiffness, f"{unit}/m", "--stiffness", values.pop("K", None))
         sigma = _size(noise, unit, "--noise", values.pop("noise", None))

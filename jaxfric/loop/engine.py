@@ -22,7 +22,8 @@ from .split import NAMES, Blocks
 from .superset import Superset
 
 _PASSES = 2
-_TOLERANCE = 1e-6
+_EXACT = 1e-6
+_ROUGH = 1e-4
 _TRIALS = 60
 _NOISE_SHARE = 0.1
 _SHORTEST_LIMIT = 10.0
@@ -167,8 +168,13 @@ class Engine:
             parts.append(np.asarray(white)[:, : part.shape[1]])
         return np.concatenate(parts, axis=1) if parts else np.array(columns)
 
-    def refit(self, effects: tuple[str, ...], z: np.ndarray) -> Candidate:
-        """The joint fit of base and effects from the start `z`, all their parameters free."""
+    def refit(self, effects: tuple[str, ...], z: np.ndarray, *, exact: bool = False) -> Candidate:
+        """The joint fit of base and effects from the start `z`, all their parameters free.
+
+        To 0.1 of BIC or so, which decides between candidates; `exact`: to what a parameter's
+        error is worth. Most candidates are wrong, and wander along valleys.
+        """
+        tolerance = _EXACT if exact else _ROUGH
         index = self.free(effects)
         rows = self.evaluate(z, index)
         for _ in range(_PASSES):
@@ -176,11 +182,13 @@ class Engine:
                 break
             train = self.weight[:, None]
             found = self.noise(rows.residual * self.weight, rows.jacobian * train)
-            z = self._descend(z, index, found)
+            z = self._descend(z, index, found, tolerance)
             rows = self.evaluate(z, index)
         return self.candidate(effects, z, rows)
 
-    def _descend(self, z: np.ndarray, index: np.ndarray, noise: Noise) -> np.ndarray:
+    def _descend(
+        self, z: np.ndarray, index: np.ndarray, noise: Noise, tolerance: float
+    ) -> np.ndarray:
         """Levenberg-Marquardt (MINPACK) in the parameters of `index`; the others stay.
 
         Driven from here, it needs no more compiled than the Jacobian that screening needs too.
@@ -205,8 +213,8 @@ class Engine:
             jac=slopes,  # pyright: ignore[reportArgumentType]
             method="lm",
             x_scale="jac",
-            ftol=_TOLERANCE,
-            xtol=_TOLERANCE,
+            ftol=tolerance,
+            xtol=_EXACT,
             max_nfev=_TRIALS,
         )
         z[index] = found.x

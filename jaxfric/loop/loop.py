@@ -13,7 +13,7 @@ from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of
 from ..errors import InputError
 from ..fitting import Fit, NoiseEstimate, fit
 from ..fitting.fit import prepare
-from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, to_free
+from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
 from ..records import Record
 from ..rig.normal_stress import NormalStress, recorded_stress
@@ -157,6 +157,7 @@ def _stress(record: Record) -> NormalStress | None:
     if record.normal_stress is None or record.friction_unit != "1":
         return None
     stress = recorded_stress(record.relative_time, record.normal_stress)
+    stress = stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled
     ratio = np.asarray(jax.vmap(stress.ratio)(jnp.asarray(record.relative_time)))
     moved = np.std(ratio) * float(np.mean(np.abs(record.friction)))
     return stress if moved > _STRESS_FELT * noise_from_differences(record.friction) else None

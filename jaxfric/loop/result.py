@@ -129,6 +129,27 @@ class Loop:
         rows = self.blocks.select | self.blocks.report
         return float(np.sqrt(np.mean(score.residual[rows] ** 2)))
 
+    def ranked(self) -> list[CandidateScore]:
+        """The models that were fitted, each once, best Delta BIC first; failed ones last."""
+
+        def rank(candidate: CandidateScore) -> tuple[bool, float]:
+            known = bool(np.isfinite(candidate.delta_bic))
+            return not known, -candidate.delta_bic if known else 0.0
+
+        once: dict[frozenset[str], CandidateScore] = {}
+        for candidate in sorted(self.candidates, key=rank):
+            once.setdefault(frozenset(candidate.effects), candidate)
+        return list(once.values())
+
+    def readable(self) -> tuple[float, str]:
+        """Factor and unit that bring the noise of friction to a readable number."""
+        level = 10 * self.sigma
+        if self.record.friction_unit == "N":
+            return (1e3, "mN") if level < 0.1 else (1.0, "N") if level < 1e3 else (1e-3, "kN")
+        if level < 1e-4:
+            return 1e6, "10⁻⁶"
+        return (1e3, "10⁻³") if level < 0.1 else (1.0, "")
+
     def to_json(self) -> dict:
         """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""
         origin = self.record.provenance

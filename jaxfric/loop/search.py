@@ -63,7 +63,7 @@ def search(
         better = _refits(engine, current, found, tried, progress)
         if better is None:
             break
-        current = better
+        current = _exact(engine, better, tried)
         accepted.append(current.effects)
     progress("what can be told apart")
     ids, cosines = aliases(engine, current, scales)
@@ -71,6 +71,7 @@ def search(
     current = _without_needless(engine, current, tried)
     current = _swapped(engine, current, ids, cosines, rounds, tried, progress)
     if current is not before:
+        current = _exact(engine, current, tried)
         accepted.append(current.effects)
         ids, cosines = aliases(engine, current, scales)
     return Search(base, current, tuple(tried), tuple(accepted), tuple(rounds), ids, cosines, agree)
@@ -84,7 +85,7 @@ def _base(engine: Engine, z: np.ndarray) -> tuple[Candidate, bool]:
         for name, factor in zip("ABL", factors, strict=True):
             other[engine.names.index(name)] += np.log(factor)
         starts.append(other)
-    found = [engine.refit((), start) for start in starts]
+    found = [engine.refit((), start, exact=True) for start in starts]
     good = [c for c in found if not c.failed]
     if not good:
         return found[0], False
@@ -109,6 +110,15 @@ def _refits(engine, current: Candidate, found, tried, progress) -> Candidate | N
         ):
             accepted.append(candidate)
     return min(accepted, key=lambda c: c.bic) if accepted else None
+
+
+def _exact(engine: Engine, candidate: Candidate, tried: list[Candidate]) -> Candidate:
+    """A candidate fitted to the end, unless that is no better."""
+    found = engine.refit(candidate.effects, candidate.z, exact=True)
+    if found.failed or not found.physical or found.bic > candidate.bic:
+        return candidate
+    tried.append(found)
+    return found
 
 
 def refit_safely(

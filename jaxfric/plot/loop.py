@@ -80,18 +80,9 @@ def _base(loop: Loop) -> str:
 
 
 def _noise(loop: Loop) -> str:
-    size, unit = friction_scale(loop)
+    size, unit = loop.readable()
     number = f"{loop.sigma * size:.3g}"
     return f"{number} × {unit}" if unit.startswith("10") else f"{number} {unit}".strip()
-
-
-def friction_scale(loop: Loop) -> tuple[float, str]:
-    """Factor and unit that bring the noise to a readable number: mN, or 10⁻³ of a coefficient."""
-    if loop.record.friction_unit == "N":
-        return prefixed(10 * loop.sigma, "N")
-    if 10 * loop.sigma < 1e-4:
-        return 1e6, "10⁻⁶"
-    return (1e3, "10⁻³") if 10 * loop.sigma < 0.1 else (1.0, "")
 
 
 def _abscissa(loop: Loop) -> tuple[np.ndarray, str, np.ndarray]:
@@ -207,7 +198,7 @@ def _save_location(loop: Loop, folder: Path) -> list[str]:
     rows = max(1, -(-number // columns))
     figure = new_figure(4.3 * columns, 3.3 * rows + 0.9)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    size, unit = friction_scale(loop)
+    size, unit = loop.readable()
     for axis, profile in zip(panels, loop.location, strict=False):
         _profile(axis, profile, loop, size)
     for axis in panels[::columns]:
@@ -249,7 +240,7 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
         )
         x = factor * x
     if unit == "F":
-        x, unit = size * x, friction_scale(loop)[1]
+        x, unit = size * x, loop.readable()[1]
     amplitude, error = size * profile.amplitudes, size * profile.errors
     known = np.isfinite(amplitude) & np.isfinite(error)
     for level in (-loop.sigma, loop.sigma):
@@ -349,7 +340,7 @@ def _cell(axis: Axes, i: int, j: int, value: float) -> None:
 
 
 def _save_candidates(loop: Loop, folder: Path) -> list[str]:
-    tried = best_first(loop)[:_MOST_CANDIDATES]
+    tried = loop.ranked()[:_MOST_CANDIDATES]
     screened = [s for s in loop.screened if np.isfinite(s.delta_bic)]
     rows = len(tried), len(screened)
     figure = new_figure(10.5, 2.7 + 0.27 * sum(rows))
@@ -371,21 +362,6 @@ def _save_candidates(loop: Loop, folder: Path) -> list[str]:
         axis.set_xlabel("ΔBIC (above 0: better than the base)")
     _key(figure.add_subplot(grid[1, 1]))
     return save(figure, folder, "candidates")
-
-
-def best_first(loop: Loop) -> list[CandidateScore]:
-    """The models that were fitted, each once, best Delta BIC first; failed ones last."""
-    once: dict[frozenset[str], CandidateScore] = {}
-    for candidate in loop.candidates:
-        key = frozenset(candidate.effects)
-        if key not in once or _rank(candidate) < _rank(once[key]):
-            once[key] = candidate
-    return sorted(once.values(), key=_rank)
-
-
-def _rank(candidate: CandidateScore) -> tuple[bool, float]:
-    known = np.isfinite(candidate.delta_bic)
-    return not known, -candidate.delta_bic if known else 0.0
 
 
 def _candidate_name(candidate: CandidateScore) -> str:

@@ -117,7 +117,7 @@ def numeric(table: Table, column: int) -> bool:
 
 def errors(loop: Loop) -> Table:
     """rms of the residual by block, in the unit of friction and in sigma."""
-    size, unit = friction_scale(loop)
+    size, unit = loop.readable()
     within = f" [{unit}]" if unit else ""
     rows = []
     for name in NAMES:
@@ -222,7 +222,7 @@ def significance(loop: Loop) -> Table:
 
 def candidates(loop: Loop, *, most: int) -> Table:
     """Models that were fitted, best first."""
-    found = best_first(loop)
+    found = loop.ranked()
     rows = [
         (
             " + ".join(c.effects) or "base",
@@ -240,21 +240,6 @@ def candidates(loop: Loop, *, most: int) -> Table:
     head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
     marked = tuple(k for k, c in enumerate(found[:most]) if c.accepted)
     return Table("Models that were fitted", head, rows, note, marked)
-
-
-def best_first(loop: Loop) -> list[CandidateScore]:
-    """The models that were fitted, each once, best Delta BIC first; failed ones last."""
-    once: dict[frozenset[str], CandidateScore] = {}
-    for candidate in loop.candidates:
-        key = frozenset(candidate.effects)
-        if key not in once or _rank(candidate) < _rank(once[key]):
-            once[key] = candidate
-    return sorted(once.values(), key=_rank)
-
-
-def _rank(candidate: CandidateScore) -> tuple[bool, float]:
-    known = bool(np.isfinite(candidate.delta_bic))
-    return not known, -candidate.delta_bic if known else 0.0
 
 
 def _fate(candidate: CandidateScore, loop: Loop) -> str:
@@ -325,16 +310,6 @@ def splitting(loop: Loop) -> str:
 
 
 # ---- numbers -------------------------------------------------------------------------------
-
-
-def friction_scale(loop: Loop) -> tuple[float, str]:
-    """Factor for friction, and its unit, in which the noise is readable."""
-    level = 10 * loop.sigma
-    if loop.record.friction_unit == "N":
-        return (1e3, "mN") if level < 0.1 else (1.0, "N")
-    if level < 1e-4:
-        return 1e6, "10⁻⁶"
-    return (1e3, "10⁻³") if level < 0.1 else (1.0, "")
 
 
 def _length(loop: Loop) -> str:
