@@ -163,7 +163,11 @@ def test_stiffness(text: str, words: list[str]) -> None:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
-    "options", [["--stiffness", "1e30/um"], [*STIFFNESS, "--start", "A=1"]], ids=["K", "A"]
+    "options",
+    [
+        pytest.param(["--stiffness", "1e30/um"], id="K", marks=pytest.mark.long),
+        pytest.param([*STIFFNESS, "--start", "A=1"], id="A"),
+    ],
 )
 def test_absurd_values_end_in_warnings(options: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("JAXFRIC_DEBUG", "1")

@@ -180,6 +180,7 @@ def test_two_states() -> None:
         assert p["determined"] or p["std"] is p["lower"] is p["upper"] is None
 
 
+@pytest.mark.long
 def test_below_the_critical_stiffness_is_said() -> None:
     code, out, err = run("fit", "run.csv", *STEPS, "--stiffness", "1e-9/um", "--json")
     assert code == 0

@@ -148,6 +148,7 @@ def observed(trajectory):
     return jnp.concatenate(parts, axis=-1)
 
 
+@pytest.mark.long
 def test_derivatives_are_finite_differences():
     """Forward and reverse mode, in every parameter, the delay among them."""
     up, down = np.split(np.asarray(observed(compared()[1])[len(CASES) :]), 2)

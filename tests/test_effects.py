@@ -102,6 +102,7 @@ def test_derivative_at_the_null(jacobian, id, name):
     assert np.quantile(np.abs(difference - row), 0.97) < 2e-4 * size
 
 
+@pytest.mark.long
 def test_batch():
     """A batch of all amplitudes equals one by one."""
     some = jnp.stack([changed("viscous", c=200.0), changed("run_in", d=1e-3, dc=5e-5)])

@@ -94,10 +94,11 @@ def test_gouge_and_basalt(name, most):
             dict(A=0.007, B=0.011, L=8e-6),
         ),
         ("force_step.csv", dict(stiffness="4e5 N/m"), dict(A=0.40, B=0.60, L=5e-6)),
-        (
+        pytest.param(
             "hidden_state.csv",
             dict(stiffness="9.4e-4/um", states=2),
             dict(A=0.009, B=0.010, L=8e-6, B2=0.004, L2=60e-6),
+            marks=pytest.mark.long,
         ),
     ],
 )
@@ -209,6 +210,7 @@ def test_a_mirrored_record_gives_the_same_parameters():
     np.testing.assert_allclose(b.predicted, -a.predicted, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_soft_stiffness_is_told_from_the_critical_one():
     record = jaxfric.read(DATA / "velocity_step.csv")
     fit = jaxfric.fit(record, stiffness="1.5e-4/um")

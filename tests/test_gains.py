@@ -277,6 +277,7 @@ def test_gaussian_stribeck_needs_damping_at_its_hardest_velocity():
     assert found.certificate.kkt < 1e-8
 
 
+@pytest.mark.long
 def test_decay_under_the_delay_law():
     source = law_from_parameters("delay", "c0=0.1 N*s/m, c1=2 N, c2=100 s^2/m^2, alpha=0.05 s")
     found = find_gains(source, velocity=0.05, mass=1.0, margin={"decay": 0.5})

@@ -212,7 +212,13 @@ def wide(n, seed):
 
 
 @pytest.mark.parametrize(
-    "shape", ["one", pytest.param("two", marks=pytest.mark.long), "one, massless", "memoryless"]
+    "shape",
+    [
+        pytest.param("one", marks=pytest.mark.long),
+        pytest.param("two", marks=pytest.mark.long),
+        "one, massless",
+        "memoryless",
+    ],
 )
 def test_wide_ranges_give_no_nan_in_values_and_derivatives(shape):
     sets = wide(2000, 3)

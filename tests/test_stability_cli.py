@@ -180,6 +180,7 @@ def test_a_simulated_record_is_read_and_fitted() -> None:
         assert fitted[name] == pytest.approx(truth, rel=0.05)
 
 
+@pytest.mark.long
 def test_ends_are_told_apart() -> None:
     at = (*SLIP, "--velocity", "2 mm/s", "--mass", "2 kg", "--duration", "24 s")
     code, out, _ = run("simulate", *at, "--kp", "1500 N/m", "--out", "soft")

@@ -269,7 +269,9 @@ class PositionPeriodic(AbstractEffect):
 
     def grid(self, scales):
         # neighbours half a period apart over the whole slip: no wavelength is missed
-        longest, shortest = 0.5 * scales.total_slip, 2 * scales.slip_length
+        longest = 0.5 * scales.total_slip
+        # a base that took a trend for its state has an L far beyond the ripple
+        shortest = min(2 * scales.slip_length, scales.total_slip / 60)
         count = int(np.clip(2 * scales.total_slip * (1 / shortest - 1 / longest), 8, 320))
         return {"wavelength": tuple(1 / np.linspace(1 / longest, 1 / shortest, count))}
 

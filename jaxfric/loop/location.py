@@ -16,7 +16,7 @@ from .result import LocationProfile
 from .screen import orthonormal, respond
 from .structure import chi_square_tail
 
-_COARSE, _FINE = 8, 16
+_COARSE, _FINE, _WAVES = 8, 16, 117
 
 
 def locate(engine: Engine, base: Candidate, noise: Noise) -> tuple[LocationProfile, ...]:
@@ -40,7 +40,8 @@ def locate(engine: Engine, base: Candidate, noise: Noise) -> tuple[LocationProfi
     for variable, unit, centres, columns in bumps:
         own = seen[:, begin : begin + columns.shape[1]]
         begin += columns.shape[1]
-        found.append(_profile(variable, unit, centres, own, left, structure))
+        profile = _ripples if own.shape[1] == 2 * len(centres) else _profile
+        found.append(profile(variable, unit, centres, own, left, structure))
     return tuple(sorted(found, key=lambda p: -p.explained))
 
 
@@ -55,13 +56,26 @@ def _profile(variable, unit, centres, own, left, structure) -> LocationProfile:
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     unseen = np.diag(gram) <= 1e-9 * max(np.max(np.diag(gram)), 1e-300)
     amplitudes, errors = np.where(unseen, np.nan, amplitudes), np.where(unseen, np.nan, errors)
-    if len(amplitudes) == 2 * len(centres):  # sines and cosines
-        amplitudes = np.hypot(amplitudes[0::2], amplitudes[1::2])
-        errors = np.hypot(errors[0::2], errors[1::2]) / np.sqrt(2)
     explained = float(np.clip((gain - degrees) / structure, 0.0, 1.0))
     return LocationProfile(
         variable, unit, centres, amplitudes, errors, explained, chi_square_tail(gain, degrees)
     )
+
+
+def _ripples(variable, unit, centres, own, left, structure) -> LocationProfile:
+    """Each wavelength alone, a sine and a cosine: many together would follow anything."""
+    amplitudes, errors, gains = np.zeros((3, len(centres)))
+    for k in range(len(centres)):
+        pair = own[:, 2 * k : 2 * k + 2]
+        gram, side = pair.T @ pair, pair.T @ left
+        inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+        amplitudes[k] = np.linalg.norm(inverse @ side)
+        errors[k] = np.sqrt(0.5 * np.trace(inverse))
+        gains[k] = side @ inverse @ side
+    best = float(np.max(gains))
+    explained = float(np.clip((best - 2) / structure, 0.0, 1.0))
+    p = min(1.0, len(centres) * chi_square_tail(best, 2))
+    return LocationProfile(variable, unit, centres, amplitudes, errors, explained, p)
 
 
 def _variables(engine: Engine, response: Response):
@@ -85,7 +99,7 @@ def _variables(engine: Engine, response: Response):
     shortest = max(float(np.quantile(since[since > 0], 0.01)), 1e-9)
     lengths = np.geomspace(2e-2, 1.0, _COARSE) * max(float(np.max(slipped)), 1e-12)
     total = max(float(np.ptp(slip)), 1e-12)
-    waves = 1 / np.linspace(2 / total, min(60 / total, 0.25 / float(law.base.L[0])), _FINE)
+    waves = total / np.linspace(2, 60, _WAVES)  # half a period apart over the record
     phases = 2 * np.pi * slip[:, None] / waves
     fourier = np.stack([np.sin(phases), np.cos(phases)], axis=2).reshape(len(slip), -1)
     return [

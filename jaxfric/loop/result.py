@@ -68,7 +68,8 @@ class LocationProfile:
     """
 
     variable: str
-    """"slip", "log_velocity", "state", "time" or "time_since_step"."""
+    """"slip", "log_velocity", "state", "time", "time_since_step", "relaxation_length" (over which
+    friction forgets a step) or "wavelength" (each alone)."""
     unit: str
     centres: np.ndarray
     amplitudes: np.ndarray

@@ -7,7 +7,8 @@ import numpy as np
 
 from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
-from .engine import Candidate, Engine, padded_columns
+from ..fitting.uncertainty import normal_inverse
+from .engine import Candidate, Engine, Rows, padded_columns
 from .screen import orthonormal
 from .search import ACCEPT, ALIAS, Search, rms_error
 from .structure import structure
@@ -17,6 +18,8 @@ _TRAIN = 1.04
 _SIGNIFICANT = 0.01
 _QUANTILE = 2.326
 """Standard errors that noise exceeds once in a hundred."""
+_MOST_PREDICTED = 0.1
+"""Largest mean square of the prediction's own error, over sigma^2, that excuses a misfit."""
 _HINT = 2.0
 _EDGE = 1.1
 
@@ -55,7 +58,7 @@ def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
     noise = engine.noise(residual * engine.weight, columns[:, used])
     held = engine.blocks.select | engine.blocks.report
     # sigma comes from the train block and has its error
-    later, train = (rms_error(int(rows.sum()), noise) for rows in (held, engine.blocks.train))
+    later, train = (rms_error(int(some.sum()), noise) for some in (held, engine.blocks.train))
     # from what is left, and how much of such noise the columns have taken away with them
     smooth = orthonormal(columns[:, used])
     left = residual * engine.weight
@@ -64,12 +67,26 @@ def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
     taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth), alone))
     degrees = engine.weight.sum() - float(np.trace(taken))
     sigma = float(np.sqrt(left @ left / degrees)) * float(engine.problem.noise_scale)
+    predicted = 1 + min(_prediction_error(engine, rows, held, noise), _MOST_PREDICTED)
+    chance = 1 + _QUANTILE * float(np.hypot(later, train))
     return Floor(
         noise,
         sigma,
-        max(_HELD_OUT, 1 + _QUANTILE * float(np.hypot(later, train))),
+        max(_HELD_OUT, chance * float(np.sqrt(predicted))),
         max(_TRAIN, 1 + _QUANTILE * train),
     )
+
+
+def _prediction_error(engine: Engine, rows: Rows, held: np.ndarray, noise: Noise) -> float:
+    """Mean square that errors of the parameters cause on the held-out rows, over sigma^2.
+
+    J C J^T of these rows, C the covariance of the fit to the train block; the times of steps
+    that only the held-out rows see are known as well as the load point shows them.
+    """
+    white = engine.whiten(rows.jacobian * engine.weight[:, None], noise)
+    covariance = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
+    seen = rows.jacobian[: engine.rows][held]
+    return float(np.mean(np.sum((seen @ covariance) * seen, axis=1)) / noise.sigma**2)
 
 
 def innovations(engine: Engine, candidate: Candidate, slip: np.ndarray) -> dict[str, float]:
