@@ -3,9 +3,11 @@
 Compiled functions are kept in pytest's cache folder: many tests compile the same ones.
 """
 
+import gc
 from pathlib import Path
 
 import jax
+import pytest
 
 jax.config.update("jax_enable_x64", True)
 
@@ -16,3 +18,11 @@ def pytest_configure(config):
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forget_compiled():
+    """A worker that keeps all that every file compiled grows to 5 GB and slows down."""
+    yield
+    jax.clear_caches()
+    gc.collect()
