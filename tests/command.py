@@ -1,15 +1,10 @@
 """Running the command inside the test's process, and a small record to give it."""
 
-import atexit
 import contextlib
 import io
-import os
-import shutil
-import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from jaxfric.cli import app as cli
@@ -19,12 +14,6 @@ STIFFNESS = ("--stiffness", "5e-3/um")
 
 STEPS = ("--steps", "0 s: 2 um/s, 20 s: 10 um/s")
 """The velocity steps of `record_text`. Given steps are exact, which compiles the least."""
-
-if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-    _folder = tempfile.mkdtemp(prefix="jaxfric-compiled-")
-    atexit.register(shutil.rmtree, _folder, ignore_errors=True)
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = _folder
-    jax.config.update("jax_compilation_cache_dir", _folder)
 
 
 class Outcome(NamedTuple):

@@ -4,6 +4,7 @@ Compiled functions are kept in pytest's cache folder: many tests compile the sam
 """
 
 import gc
+import os
 from pathlib import Path
 
 import jax
@@ -15,8 +16,9 @@ jax.config.update("jax_enable_x64", True)
 def pytest_configure(config):
     """Share compiled functions between tests, workers and runs."""
     folder = Path(config.rootpath) / ".pytest_cache" / "jax"
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)  # the command leaves it then
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 

@@ -166,7 +166,7 @@ def test_stiffness(text: str, words: list[str]) -> None:
     "options",
     [
         pytest.param(["--stiffness", "1e30/um"], id="K", marks=pytest.mark.long),
-        pytest.param([*STIFFNESS, "--start", "A=1"], id="A"),
+        pytest.param([*STIFFNESS, "--start", "A=1"], id="A", marks=pytest.mark.long),
     ],
 )
 def test_absurd_values_end_in_warnings(options: list[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -151,7 +151,7 @@ def with_mass(kind):
     return sliders, ends(*jnp.asarray(batch).T)
 
 
-@pytest.mark.parametrize("kind", ["slip", "ageing"])
+@pytest.mark.parametrize("kind", ["slip", pytest.param("ageing", marks=pytest.mark.long)])
 def test_small_perturbations_grow_below_the_critical_stiffness(kind):
     sliders, found = with_mass(kind)
     found = jax.tree.map(lambda x: x[: len(SMALL)], found)

@@ -87,13 +87,23 @@ def test_gouge_and_basalt(name, most):
     ("file", "options", "truth"),
     [
         ("velocity_step.csv", dict(stiffness="5e-3/um"), dict(A=0.010, B=0.014, L=20e-6)),
-        ("velocity_steps.csv", dict(stiffness="4e-3/um"), dict(A=0.008, B=0.012, L=15e-6)),
+        pytest.param(
+            "velocity_steps.csv",
+            dict(stiffness="4e-3/um"),
+            dict(A=0.008, B=0.012, L=15e-6),
+            marks=pytest.mark.long,
+        ),
         (
             "ageing_steps.csv",
             dict(stiffness="6e-3/um", law="ageing"),
             dict(A=0.007, B=0.011, L=8e-6),
         ),
-        ("force_step.csv", dict(stiffness="4e5 N/m"), dict(A=0.40, B=0.60, L=5e-6)),
+        pytest.param(
+            "force_step.csv",
+            dict(stiffness="4e5 N/m"),
+            dict(A=0.40, B=0.60, L=5e-6),
+            marks=pytest.mark.long,
+        ),
         pytest.param(
             "hidden_state.csv",
             dict(stiffness="9.4e-4/um", states=2),
@@ -185,6 +195,7 @@ def test_profile_agrees_with_covariance_where_the_fit_is_nearly_linear():
         assert q.upper == pytest.approx(p.upper, abs=0.15 * p.std)
 
 
+@pytest.mark.long
 def test_a_record_cut_before_the_evolution_leaves_L_undetermined():
     record = jaxfric.read(DATA / "velocity_step.csv")
     steps = jaxfric.find_steps(record.relative_time, record.load_point_displacement)

@@ -166,7 +166,9 @@ def per_unit(case: Case, id: str) -> float:
     return float(case.engine.problem._scale(f"{id}.{AMPLITUDES[id]}")) / SIGMA
 
 
-@pytest.mark.parametrize("name", [pytest.param("soft", marks=pytest.mark.long), "stiff"])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) for n in ("soft", "stiff")]
+)
 def test_response_gives_the_exact_sensitivities(name, request):
     """Against derivatives of the equation of motion itself, friction and the slip channel.
 

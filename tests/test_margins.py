@@ -114,7 +114,10 @@ def control_margins(one):
     }
 
 
-@pytest.mark.parametrize("shape", ["one", "two", "one, massless", "memoryless"])
+@pytest.mark.parametrize(
+    "shape",
+    ["one", pytest.param("two", marks=pytest.mark.long), "one, massless", "memoryless"],
+)
 def test_rational_margins_against_python_control(shape):
     pytest.importorskip("control")
     sets = typical(shape, 60, 1)
@@ -268,7 +271,10 @@ def test_routh_against_roots():
 # ---- derivatives ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", ["one", "two", "one, massless", "memoryless", "delay"])
+@pytest.mark.parametrize(
+    "shape",
+    [pytest.param("one", marks=pytest.mark.long), "two", "one, massless", "memoryless", "delay"],
+)
 def test_every_margin_against_central_differences(shape):
     sets = typical(shape, 12, 7)
     if shape == "delay":

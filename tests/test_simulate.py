@@ -231,7 +231,10 @@ def differences(name):
     return central_difference(lambda q: batched(name)(q).force, p, scale, 3e-4), scale
 
 
-@all_rigs
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.long] if "slow" in n else []) for n in RIGS],
+)
 def test_forward_derivative_is_a_finite_difference(name):
     truth, scale = differences(name)
     assert np.all(np.max(np.abs(truth), axis=1) > 1e-5)  # every parameter matters here

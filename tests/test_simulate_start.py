@@ -92,7 +92,7 @@ STARTS = {
 }
 
 
-@pytest.mark.parametrize("kind", ["slip", "ageing"])
+@pytest.mark.parametrize("kind", [pytest.param("slip", marks=pytest.mark.long), "ageing"])
 @pytest.mark.parametrize("name", STARTS)
 def test_starts_against_scipy(name, kind):
     if name == "healed" and kind == "slip":

@@ -106,6 +106,7 @@ def test_a_range_of_velocities_without_mass() -> None:
     assert content["poles"] is None and content["margins"] is None
 
 
+@pytest.mark.long
 def test_a_delay_has_no_critical_stiffness() -> None:
     code, out, _ = run("stability", *DELAY, "--kp", "100 N/m")
     assert code == 0
@@ -126,6 +127,7 @@ def test_a_delay_has_no_critical_stiffness() -> None:
     assert_figures(Path("stability"), ["friction", "delay_chart", "root_locus"])
 
 
+@pytest.mark.long
 def test_laws_without_memory() -> None:
     gains = ("--mass", "2", "--kp", "100 N/m", "--kv", "40 N*s/m")
     code, out, _ = run("stability", *GAUSS, "--velocity", "1..200 mm/s", *gains, "--json")

@@ -28,10 +28,12 @@ STIFFNESS = "stiffness [1/m]"
 def command(record: Path, stiffness: str, cache: str, out: Path) -> float:
     """Wall seconds of `jaxfric loop`."""
     program = Path(sys.executable).with_name("jaxfric")
+    environment = {**os.environ, "XDG_CACHE_HOME": cache}
+    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
     begun = time.perf_counter()
     subprocess.run(
         [program, "loop", record, "--stiffness", stiffness, "--out", out],
-        env={**os.environ, "JAX_COMPILATION_CACHE_DIR": cache},
+        env=environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         check=True,
@@ -44,7 +46,8 @@ def running(records: list[tuple[Path, str]], cache: str) -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    jax.config.update("jax_compilation_cache_dir", cache)
+    jax.config.update("jax_compilation_cache_dir", str(Path(cache) / "jaxfric" / "compiled"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     import jaxfric
 
     for path, stiffness in records:
