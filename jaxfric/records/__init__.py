@@ -1,20 +1,29 @@
 """Measured records: read them, and find the velocity steps in them. Nothing here needs JAX."""
 
+from .axis_record import AxisRecord, Drive, axis_from_arrays
 from .read import read, to_record
+from .read_axis import read_axis
 from .record import Provenance, Record, Sampling, from_arrays
+from .steady import SteadyCurve, read_steady
 from .steps import VelocitySteps, find_steps, find_steps_in_velocity, record_steps
 from .table import Table, read_table
 
 __all__ = [
+    "AxisRecord",
+    "Drive",
     "Provenance",
     "Record",
     "Sampling",
+    "SteadyCurve",
     "Table",
     "VelocitySteps",
+    "axis_from_arrays",
     "find_steps",
     "find_steps_in_velocity",
     "from_arrays",
     "read",
+    "read_axis",
+    "read_steady",
     "read_table",
     "record_steps",
     "to_record",

@@ -1,0 +1,332 @@
+"""A measured record of a servo axis: time, motor force, motion. All in SI."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from .axis_header import FORCE_UNITS, si_units
+from .record import MIN_ROWS, Provenance, Sampling
+
+_LARGEST, _SMALLEST = 1e30, 1e-30
+"""No measured quantity is larger, in SI; what is smaller is 0."""
+
+_LEAST_STEPS = 20
+"""A position takes at least this many values over a record, and a force, before it is judged."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What lies between the position error and the motor force of two nested loops.
+
+    control signal = kv (kp (reference - position) - velocity), force = gtau * control signal:
+
+    - `gain`, gtau: motor force per control signal [N/V] ([N m/V] on a rotary axis; per ampere
+      where the signal is a current).
+    - `position_gain`, kp [1/s]; `velocity_gain`, kv [V s/m] ([V s/rad]).
+
+    None: not known.
+    """
+
+    gain: float | None = None
+    position_gain: float | None = None
+    velocity_gain: float | None = None
+
+    @property
+    def K_p(self) -> float | None:
+        """Force per position error, kp kv gtau [N/m] ([N m/rad]); None where one is not known."""
+        if self.K_d is None or self.position_gain is None:
+            return None
+        return self.position_gain * self.K_d
+
+    @property
+    def K_d(self) -> float | None:
+        """Force per velocity, kv gtau [N s/m] ([N m s/rad]); None where one is not known."""
+        if self.gain is None or self.velocity_gain is None:
+            return None
+        return self.velocity_gain * self.gain
+
+
+@dataclass(frozen=True, eq=False)
+class AxisRecord:
+    """Columns of equal length, read-only, in SI; time increases from row to row.
+
+    - `time` [s], as in the file; `relative_time` starts at 0.
+    - `motor_force`, in `force_unit`: "N", "N m", or "%" of a rated torque that is not known.
+    - `position` [m or rad], `velocity` [m/s or rad/s]: at least one of them.
+    - `reference_position` [m or rad] where the file has it.
+    - `coordinate`: "linear" (m, N) or "rotary" (rad, N m).
+    - `drive`: the gains of the controller, where they are known.
+    - `units`: the unit of each role in the file.
+    """
+
+    time: np.ndarray
+    motor_force: np.ndarray
+    position: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    reference_position: np.ndarray | None = None
+    coordinate: str = "linear"
+    force_unit: str = "N"
+    drive: Drive | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def relative_time(self) -> np.ndarray:
+        """Time since the first row [s]."""
+        return self.time - self.time[0]
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """The columns that there are, by role."""
+        roles = ("time", "motor_force", "position", "velocity", "reference_position")
+        found = {role: getattr(self, role) for role in roles}
+        return {role: values for role, values in found.items() if values is not None}
+
+    def sampling(self) -> Sampling:
+        """Rows, duration and intervals."""
+        steps = np.diff(self.time)
+        return Sampling(
+            rows=len(self),
+            duration=float(self.time[-1] - self.time[0]),
+            shortest=float(steps.min()),
+            median=float(np.median(steps)),
+            longest=float(steps.max()),
+        )
+
+    def window(self, start: float, stop: float) -> "AxisRecord":
+        """The rows of relative time start..stop [s], as a record of its own.
+
+        Raises `InputError` where fewer than 20 rows are left.
+        """
+        inside = (self.relative_time >= start) & (self.relative_time <= stop)
+        count = int(inside.sum())
+        if count < MIN_ROWS:
+            raise InputError(
+                f"the window {start:g} to {stop:g} s holds {count} rows of a record of"
+                f" {self.time[-1] - self.time[0]:g} s; {MIN_ROWS} are needed"
+            )
+        cut = {role: _frozen(values[inside]) for role, values in self.columns.items()}
+        note = f"rows from {start:g} to {stop:g} s"
+        origin = replace(self.provenance, notes=(*self.provenance.notes, note))
+        return replace(self, **cut, provenance=origin)
+
+
+def axis_from_arrays(
+    time: ArrayLike,
+    motor_force: ArrayLike,
+    *,
+    position: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    reference_position: ArrayLike | None = None,
+    coordinate: str = "linear",
+    force_unit: str | None = None,
+    drive: Drive | None = None,
+) -> AxisRecord:
+    """A record from arrays in SI, held to the rules of a file.
+
+    **Arguments:** `coordinate` is "linear" (m, N) or "rotary" (rad, N m); `force_unit` that of
+    the coordinate, or "%".
+
+    Raises `InputError` for columns of unequal length, values that are not finite, a time that
+    goes back, fewer than 20 rows, neither position nor velocity, a position that takes fewer than
+    20 values, and a force that is saturated.
+    """
+    if coordinate not in FORCE_UNITS:
+        raise InputError(f"coordinate is 'linear' or 'rotary', not '{coordinate}'")
+    force_unit = FORCE_UNITS[coordinate] if force_unit is None else force_unit
+    if force_unit not in (FORCE_UNITS[coordinate], "%"):
+        raise InputError(
+            f"the force_unit of a {coordinate} axis is '{FORCE_UNITS[coordinate]}' or '%', not"
+            f" '{force_unit}'"
+        )
+    given = {
+        "time": time,
+        "motor_force": motor_force,
+        "position": position,
+        "velocity": velocity,
+        "reference_position": reference_position,
+    }
+    columns = {role: _vector(values, role) for role, values in given.items() if values is not None}
+    units = {role: si_units(coordinate)[role] for role in columns} | {"motor_force": force_unit}
+    rows = Rows(np.arange(1, len(columns["time"]) + 1), np.zeros(len(columns["time"]), bool))
+    return build(columns, coordinate, force_unit, drive, units, Provenance("arrays"), rows, False)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the rows stand in their file.
+
+    `lines`: line (or row) numbers; `malformed`: rows with a wrong number of cells; `text` gives
+    what stands in a line, for messages.
+    """
+
+    lines: np.ndarray
+    malformed: np.ndarray
+    text: Callable[[int], str] | None = None
+
+    def place(self, index: int) -> str:
+        """Row and text of a row, for a message."""
+        line = int(self.lines[index])
+        found = self.text(line).strip() if self.text else ""
+        shown = found if len(found) <= 60 else found[:57] + "..."
+        return f"row {line} ('{shown}')" if shown else f"row {line}"
+
+
+def build(
+    columns: Mapping[str, np.ndarray],
+    coordinate: str,
+    force_unit: str,
+    drive: Drive | None,
+    units: Mapping[str, str],
+    origin: Provenance,
+    rows: Rows,
+    drop_bad: bool,
+) -> AxisRecord:
+    """Check the rows, drop equal time stamps (and bad rows if so told), and freeze."""
+    if "position" not in columns and "velocity" not in columns:
+        raise InputError(f"{origin.path}: an axis needs its position or its velocity")
+    if len({len(values) for values in columns.values()}) > 1:
+        sizes = ", ".join(f"{role} {len(values)}" for role, values in columns.items())
+        raise InputError(
+            f"{origin.path}: columns of different length: {sizes}; cut them to the same rows"
+        )
+    columns = {
+        role: np.where(np.abs(values) < _SMALLEST, 0.0, values) for role, values in columns.items()
+    }
+    keep, dropped = _good_rows(columns, origin.path, rows, drop_bad)
+    kept = {role: _frozen(values[keep]) for role, values in columns.items()}
+    count = int(keep.sum())
+    if count < MIN_ROWS:
+        raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
+    _check_encoder(kept, coordinate, origin.path)
+    _check_saturation(kept["motor_force"], force_unit, origin.path)
+    origin = replace(origin, rows_read=len(rows.lines), dropped=dropped)
+    return AxisRecord(
+        **kept,
+        coordinate=coordinate,
+        force_unit=force_unit,
+        drive=drive,
+        units=dict(units),
+        provenance=origin,
+    )
+
+
+def _good_rows(
+    columns: Mapping[str, np.ndarray], path: str, rows: Rows, drop_bad: bool
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Rows to keep, and the count of the others by reason."""
+    finite = {role: np.abs(values) < _LARGEST for role, values in columns.items()}
+    bad = ~np.all(list(finite.values()), axis=0) & ~rows.malformed
+    if not drop_bad:
+        _refuse_malformed(path, rows)
+        _refuse_bad(finite, bad, path, rows)
+    keep = ~bad & ~rows.malformed
+    time = np.where(keep, columns["time"], -np.inf)
+    before = np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
+    back, equal = keep & (time < before), keep & (time == before)
+    if back.any() and not drop_bad:
+        first = int(np.flatnonzero(back)[0])
+        raise InputError(
+            f"{path}: time goes back in {rows.place(first)}, from {before[first]:.10g} to"
+            f" {time[first]:.10g} s; sort the rows or cut the file there"
+        )
+    counts = {
+        "wrong number of cells": int(rows.malformed.sum()),
+        "no finite number": int(bad.sum()),
+        "equal time stamp": int(equal.sum()),
+        "time goes back": int(back.sum()),
+    }
+    return keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
+
+
+def _refuse_malformed(path: str, rows: Rows) -> None:
+    if not rows.malformed.any():
+        return
+    first = int(np.flatnonzero(rows.malformed)[0])
+    raise InputError(
+        f"{path}: {_count(rows.malformed)} with a wrong number of cells, the first in"
+        f" {rows.place(first)}; mend them, or leave them out (--drop-bad)"
+    )
+
+
+def _refuse_bad(finite: Mapping[str, np.ndarray], bad: np.ndarray, path: str, rows: Rows) -> None:
+    """Refuse cells that are no numbers; a column that ends before the others is told apart."""
+    if not bad.any():
+        return
+    first = int(np.flatnonzero(bad)[0])
+    role = next(role for role, good in finite.items() if not good[first])
+    if 0 < first < len(bad) - 1 and not finite[role][first:].any() and finite["time"][first:].all():
+        raise InputError(
+            f"{path}: columns of different length: {role} ends before {rows.place(first)}, time"
+            f" has {len(bad) - first} rows more; cut the file there, or leave those rows out"
+            " (--drop-bad)"
+        )
+    raise InputError(
+        f"{path}: {_count(bad)} with a cell that is no finite number, the first in"
+        f" {rows.place(first)}: {role}; mend them, or leave them out (--drop-bad)"
+    )
+
+
+def _count(rows: np.ndarray) -> str:
+    return "1 row" if rows.sum() == 1 else f"{rows.sum()} rows"
+
+
+def _check_encoder(columns: Mapping[str, np.ndarray], coordinate: str, path: str) -> None:
+    """Refuse a position that takes too few values to be a motion."""
+    if "position" not in columns:
+        return
+    position, unit = columns["position"], si_units(coordinate)["position"]
+    levels = np.unique(position)
+    travel = float(np.ptp(position))
+    if travel == 0:
+        raise InputError(f"{path}: the position is {levels[0]:g} {unit} in all rows: no motion")
+    quantum = float(np.diff(levels).min())
+    moves = np.abs(np.diff(position))
+    step = float(np.median(moves[moves > 0]))
+    coarse = step < 1.5 * quantum and travel < (_LEAST_STEPS - 0.5) * quantum
+    if len(levels) < _LEAST_STEPS or coarse:
+        raise InputError(
+            f"{path}: the encoder is coarser than the motion: the position takes {len(levels)}"
+            f" values, {quantum:.3g} {unit} apart, over a travel of {travel:.3g} {unit}; record a"
+            " longer motion, or with more digits or a finer encoder"
+        )
+
+
+def _check_saturation(force: np.ndarray, unit: str, path: str) -> None:
+    """Refuse a force that is cut off: its largest magnitude piles up, in runs of rows."""
+    magnitude = np.abs(force)
+    levels, counts = np.unique(magnitude, return_counts=True)
+    both_signs_of_one = len(levels) == 1 and force.min() < 0 < force.max()
+    if len(levels) < _LEAST_STEPS and not both_signs_of_one:
+        return
+    extreme = magnitude == levels[-1]
+    many = 20 * counts[-1] >= len(force) and (len(levels) == 1 or counts[-1] > counts[-2])
+    in_a_run = (extreme[2:] & extreme[1:-1] & extreme[:-2]).any()
+    if many and in_a_run:
+        raise InputError(
+            f"{path}: the motor force is saturated: {counts[-1]} of {len(force)} rows are at"
+            f" exactly {levels[-1]:.6g} {unit}, its largest magnitude; the true force is not known"
+            " there: record with a slower motion or a higher limit, or cut those rows out"
+        )
+
+
+def _vector(values: ArrayLike, role: str) -> np.ndarray:
+    try:
+        vector = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{role}: not an array of numbers") from None
+    if vector.ndim != 1:
+        raise InputError(f"{role}: one dimension is needed, not {vector.ndim}")
+    return vector
+
+
+def _frozen(values: np.ndarray) -> np.ndarray:
+    values = np.ascontiguousarray(values, dtype=np.float64)
+    values.setflags(write=False)
+    return values

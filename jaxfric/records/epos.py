@@ -1,0 +1,86 @@
+"""Exports of EPOS Studio and the like: a block of `key:;value`, names, units, then numbers.
+
+    Sampling period:;51.200
+    ;Velocity actual value averaged;Torque actual value averaged
+    ms;rpm;%
+    0.000;-10;-32.0
+
+Fields are parted by semicolons and may be quoted. The first column has no name: it is the time.
+"""
+
+import re
+from dataclasses import replace
+
+from ..errors import InputError
+from . import delimited
+from .content import Content
+
+_KEY = re.compile(r'\s*"?[A-Za-z][^;"]*:"?\s*;')
+_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*;")
+
+
+def is_epos(text: str) -> bool:
+    """Whether a text begins with a line `key:;value`."""
+    return _KEY.match(_lines(text[:2000])[0]) is not None
+
+
+def parse(text: str, path: str) -> Content:
+    """Names, units and columns of an export; `lines` count from the top of the file."""
+    lines = _lines(text)
+    head = next((i for i, s in enumerate(lines) if s.strip() and not _is_key(s)), len(lines))
+    body = next((i for i in range(head + 1, len(lines)) if lines[i].strip()), len(lines))
+    if body + 1 >= len(lines):
+        raise InputError(f"{path} ends after its header; there are no rows of numbers")
+    names, units = _cells(lines[head]), _cells(lines[body])
+    _check_header(path, head, names, units)
+    rows = lines[body + 1 :]
+    comma = next((i for i, row in enumerate(rows) if _COMMA.match(row)), None)
+    if comma is not None:
+        raise InputError(f"{path}, row {body + comma + 2}: write numbers with a decimal point")
+    if not names[0]:
+        names[0] = "time"
+    header = ";".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
+    content = delimited.parse("\n".join([header, *rows]), path)
+    return replace(
+        content, lines=content.lines + body, notes=_notes(lines[:head], len(content.lines))
+    )
+
+
+def _lines(text: str) -> list[str]:
+    return text.lstrip("\ufeff").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _is_key(line: str) -> bool:
+    """Whether a line is of the block `key:;value`, quoted as a whole or not."""
+    return _KEY.match(line) is not None
+
+
+def _cells(line: str) -> list[str]:
+    return [re.sub(r"[\[\]\"]", "", cell).strip() for cell in line.strip().split(";")]
+
+
+def _check_header(path: str, head: int, names: list[str], units: list[str]) -> None:
+    if len(names) != len(units) or len(names) < 2:
+        raise InputError(
+            f"{path}: row {head + 1} names {len(names)} columns, the row of units below it has"
+            f" {len(units)}; names, units and numbers must have the same number of columns"
+        )
+    numbers = [cell for cell in units if re.match(r"[-+.]?\d", cell)]
+    if numbers:
+        raise InputError(
+            f"{path}: a row of units such as 'ms;rpm;%' is expected below the names in row"
+            f" {head + 1}, not '{';'.join(units)[:60]}'"
+        )
+
+
+def _notes(block: list[str], rows: int) -> tuple[str, ...]:
+    """When it was recorded, and whether all samples are there."""
+    fields = {}
+    for line in block:
+        name, _, value = line.replace('"', "").partition(":;")
+        fields[name.strip()] = value.strip()
+    notes = [f"recorded {fields['Date']}"] if fields.get("Date") else []
+    counted = fields.get("Recorded samples", "")
+    if counted.isdigit() and int(counted) != rows:
+        notes.append(f"the header counts {counted} samples, the file has {rows} rows")
+    return tuple(notes)

@@ -1,0 +1,169 @@
+"""MATLAB files of version 5 to 7: numeric vectors by name. Those of the EMPS benchmark are known.
+
+A file is a header of 128 bytes and elements: a tag (type, size), then a body. An array is an
+element whose parts are elements: flags, dimensions, name, values. Values have the smallest type
+that holds them. (SciPy's reader trusts the tags: some damaged files end the process.)
+"""
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+
+_MATRIX, _COMPRESSED = 14, 15
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8"}
+_TYPES |= {12: "i8", 13: "u8"}
+_KINDS = {1: "cell", 2: "struct", 3: "object", 4: "text", 5: "sparse", 16: "function"}
+_KINDS |= {17: "object"}
+_NUMERIC = range(6, 16)
+_COMPLEX = 0x0800
+
+_EMPS = {"t": "s", "qm": "m", "qg": "m", "vir": "V"}
+_EMPS_ROLES = {
+    "time": "t",
+    "position": "qm",
+    "reference_position": "qg",
+    "control_signal": "vir",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """What a MATLAB file holds: vectors (of any length) and numbers by name."""
+
+    vectors: dict[str, np.ndarray]
+    numbers: dict[str, float]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_emps(self) -> bool:
+        """Whether these are the variables of the EMPS benchmark (Janot, Gautier, Brunot 2019)."""
+        return {"t", "qm", "vir"} <= set(self.vectors)
+
+    @property
+    def units(self) -> tuple[str | None, ...]:
+        """Units of the vectors: those of EMPS, else none."""
+        return tuple(_EMPS.get(name) if self.is_emps else None for name in self.vectors)
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """Names of the vectors by role: those of EMPS, else none."""
+        known = _EMPS_ROLES if self.is_emps else {}
+        return {role: name for role, name in known.items() if name in self.vectors}
+
+
+class _Damaged(Exception):
+    """Elements that do not fit together."""
+
+
+def is_mat(data: bytes) -> bool:
+    """Whether bytes are a MATLAB file of version 5 or later, or HDF5."""
+    return data.startswith((b"MATLAB", b"\x89HDF"))
+
+
+def parse(data: bytes, path: str) -> Variables:
+    """The numeric vectors and numbers of a MATLAB file; vectors of any orientation.
+
+    Raises `InputError` for versions 4 and 7.3, a damaged file, and one without a numeric vector.
+    """
+    if data.startswith((b"MATLAB 7.3", b"\x89HDF")):
+        raise InputError(
+            f"{path} is a MATLAB file of version 7.3 (HDF5), whose variables cannot be listed"
+            " here; save it again in MATLAB with save('run.mat', '-v7')"
+        )
+    if not data.startswith(b"MATLAB") or data[126:128] not in (b"IM", b"MI"):
+        raise InputError(
+            f"{path} is no MATLAB file of version 5 to 7; save it again with save('run.mat', '-v7')"
+        )
+    try:
+        found = _variables(data[128:], "<" if data[126:128] == b"IM" else ">")
+    except _Damaged as error:
+        raise InputError(
+            f"{path} cannot be read as a MATLAB file: {error}; it is cut off or damaged"
+        ) from None
+    columns = {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
+    vectors = {name: value for name, value in columns.items() if value.size > 1}
+    numbers = {name: float(value[0]) for name, value in columns.items() if value.size == 1}
+    others = ", ".join(f"{name} ({kind})" for name, kind in found.items() if isinstance(kind, str))
+    if not vectors:
+        held = ", ".join(filter(None, [others, *numbers])) or "nothing"
+        raise InputError(
+            f"{path} has no numeric vector; it holds: {held}; save the columns as vectors of their"
+            " own, as in save('run.mat', 't', 'x', 'F', '-v7')"
+        )
+    return Variables(vectors, numbers, (f"ignored variables: {others}",) if others else ())
+
+
+def _variables(data: bytes, order: str) -> dict[str, np.ndarray | str]:
+    """Every variable: a vector of float64, or in words what else it is."""
+    found: dict[str, np.ndarray | str] = {}
+    for kind, body in _elements(data, order):
+        if kind == _COMPRESSED:
+            try:
+                inner = _elements(zlib.decompress(body), order)
+            except zlib.error as error:
+                raise _Damaged(str(error)) from None
+            kind, body = inner[0] if inner else (0, b"")
+        if kind != _MATRIX:
+            continue
+        name, value = _array(_elements(body, order), order)
+        if name:
+            found[name] = value
+    return found
+
+
+def _elements(data: bytes, order: str) -> list[tuple[int, bytes]]:
+    """Types and bodies, one after the other. Small ones have tag and body in 8 bytes."""
+    found: list[tuple[int, bytes]] = []
+    at = 0
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(f"{order}2I", data, at)
+        if kind >> 16:
+            kind, size, start, step = kind & 0xFFFF, kind >> 16, at + 4, 8
+        else:
+            start, step = at + 8, 8 + (size if kind == _COMPRESSED else -(-size // 8) * 8)
+        if start + size > len(data) or (step == 8 and size > 4):
+            raise _Damaged(f"an element of {size} bytes does not fit")
+        found.append((kind, data[start : start + size]))
+        at += step
+    return found
+
+
+def _array(parts: list[tuple[int, bytes]], order: str) -> tuple[str, np.ndarray | str]:
+    """Name of an array, and its values or what it is."""
+    if not parts:
+        return "", ""
+    flags = _numbers(parts[0], order)
+    if len(flags) < 1 or len(parts) < 2:
+        raise _Damaged("an array without flags or name")
+    flag = int(flags[0])
+    kind = flag & 0xFF
+    text = parts[1 if kind == 17 or len(parts) == 2 else 2][1]
+    name = text.decode("latin-1").strip("\0 ")
+    if kind not in _NUMERIC:
+        return name, _KINDS.get(kind, "of an unknown kind")
+    if flag & _COMPLEX:
+        return name, "complex"
+    if len(parts) < 4:
+        raise _Damaged(f"{name} has no values")
+    shape = [int(n) for n in _numbers(parts[1], order)]
+    values = _numbers(parts[3], order).astype(np.float64)
+    if min(shape, default=0) < 0 or np.prod(shape, dtype=np.float64) != len(values):
+        raise _Damaged(f"{name} has {len(values)} values, not {'x'.join(map(str, shape))}")
+    if len(values) and sorted(shape)[-2:-1] == [1]:
+        return name, values
+    return name, "x".join(map(str, shape)) + " matrix"
+
+
+def _numbers(part: tuple[int, bytes], order: str) -> np.ndarray:
+    """Values of an element of numbers."""
+    kind, body = part
+    if kind not in _TYPES:
+        raise _Damaged(f"values of the unknown type {kind}")
+    width = np.dtype(_TYPES[kind]).itemsize
+    if len(body) % width:
+        raise _Damaged("values that are cut off")
+    return np.frombuffer(body, order + _TYPES[kind])
