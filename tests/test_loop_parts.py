@@ -9,8 +9,9 @@ from scipy import linalg, stats
 
 import jaxfric as jf
 from jaxfric.fitting.noise import estimate_noise
+from jaxfric.loop.engine import Column
 from jaxfric.loop.evidence import evidence, log_determinant
-from jaxfric.loop.screen import Screening, _best_of, _Column, alias_cosines, orthonormal, project
+from jaxfric.loop.screen import Screening, _best_of, alias_cosines, orthonormal, project
 from jaxfric.loop.split import split
 from jaxfric.loop.structure import chi_square_tail, holm, structure
 
@@ -326,11 +327,11 @@ def synthetic_screening(parts):
     for id, shapes in parts(base, rng).items():
         for shape in shapes:
             at = tuple(range(place, place + shape.shape[1]))
-            columns.append(_Column(id, {}, at, at))
+            columns.append(Column(id, {}, at, at))
             blocks.append(shape)
             place += shape.shape[1]
     matrix = np.concatenate(blocks, axis=1)
-    seen = Screening(None, matrix, matrix[:0], (0, 1, 2), tuple(columns), None)  # pyright: ignore
+    seen = Screening(None, matrix, matrix[:0], (0, 1, 2), tuple(columns))  # pyright: ignore
     engine = SimpleNamespace(free=lambda effects: np.arange(3))
     return alias_cosines(engine, SimpleNamespace(effects=()), seen, matrix)
 

@@ -21,6 +21,7 @@ from jaxfric.fitting.problem import Channel, Model, make_problem
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.estimates import estimates
 from jaxfric.loop.response import linear_response, term_forces
+from jaxfric.loop.shapes import friction_shapes
 from jaxfric.loop.split import split
 from jaxfric.loop.superset import Superset
 
@@ -95,7 +96,12 @@ def engine_of(plant: plants.Base, friction, slip) -> Engine:
         jnp.asarray(np.pad(blocks.train.astype(float), pad)),
         "slip",
     )
-    return Engine(dataclasses.replace(problem, channels=(channel,)), blocks, np.arange(2))
+    return Engine(
+        dataclasses.replace(problem, channels=(channel,)),
+        blocks,
+        np.arange(2),
+        shapes=friction_shapes,
+    )
 
 
 def case_of(ratio: float) -> Case:

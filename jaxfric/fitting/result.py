@@ -74,6 +74,11 @@ class Fit:
         """Record minus fit."""
         return self.record.friction - self.predicted
 
+    @property
+    def law(self) -> str:
+        """ "slip" or "ageing"."""
+        return self.model.law
+
     def values(self) -> dict[str, float]:
         """Parameter values by name (SI)."""
         return {name: estimate.value for name, estimate in self.parameters.items()}

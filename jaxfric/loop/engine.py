@@ -6,7 +6,7 @@ a fit that lacks an effect swallows the effect.
 """
 
 import dataclasses
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.optimize import least_squares
 
+from ..effects import RecordScales
 from ..fitting.noise import Noise, estimate_noise, whiten
 from ..fitting.problem import FAILED_MISFIT, Problem
 from .evidence import log_determinant
@@ -66,6 +67,35 @@ class Rows(NamedTuple):
         return bool(np.any(np.abs(self.residual) >= FAILED_MISFIT))
 
 
+class Column(NamedTuple):
+    """One shape of one effect: shape parameters by index in z, and where its amplitudes are."""
+
+    id: str
+    shape: dict[int, float]
+    amplitudes: tuple[int, ...]
+    places: tuple[int, ...]
+    """Of the amplitudes' columns in the matrix."""
+
+
+class ShapedColumns(NamedTuple):
+    """Sensitivities of effects at every one of their shapes; places count from 0."""
+
+    columns: tuple[Column, ...]
+    matrix: np.ndarray
+    extra: np.ndarray
+    """The same columns in the extra rows."""
+
+
+class Shapes(Protocol):
+    """How a problem finds `ShapedColumns`."""
+
+    def __call__(
+        self, engine: "Engine", z: np.ndarray, missing, scales: RecordScales
+    ) -> ShapedColumns:
+        """Of those of the `missing` effects whose shapes it knows how to try all at once."""
+        ...
+
+
 class Engine:
     """Fits candidates of one record; `problem` has a `Superset` model. Only train rows count.
 
@@ -73,7 +103,8 @@ class Engine:
     the ids of effects that belong to the base, `without` of those that are not offered.
 
     Noise is correlated from sample to sample, over no more than a tenth of the rows of a velocity:
-    what lasts longer is structure, which a slow noise would explain away.
+    what lasts longer is structure, which a slow noise would explain away. `longest` sets another
+    limit, in rows.
     """
 
     def __init__(
@@ -83,16 +114,19 @@ class Engine:
         shifted: np.ndarray,
         always: tuple[str, ...] = (),
         without: tuple[str, ...] = (),
+        *,
+        shapes: Shapes,
+        longest: float | None = None,
     ):
         assert isinstance(problem.model, Superset)
         self.model: Superset = problem.model
-        self.blocks, self.always = blocks, always
+        self.blocks, self.always, self.shapes = blocks, always, shapes
         self.offered = tuple(e for e in self.model.effects if e.id not in without)
         self.rows = len(blocks.train)
         clock = jnp.arange(problem.time.shape[0], dtype=problem.time.dtype)
         problem = dataclasses.replace(problem, clock=clock)
         per_step = np.median(np.bincount(blocks.step))
-        self.longest = max(_SHORTEST_LIMIT, _NOISE_SHARE * float(per_step))
+        self.longest = longest or max(_SHORTEST_LIMIT, _NOISE_SHARE * float(per_step))
         weight = np.zeros(problem.time.shape[0])
         weight[: self.rows] = blocks.train
         self.weight = weight
@@ -289,3 +323,18 @@ def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]
     """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
     more = -columns.shape[1] % size
     return jnp.asarray(np.pad(columns, ((0, 0), (0, more))))
+
+
+def columns_of(engine: Engine, id: str, shapes, place: int) -> list[Column]:
+    """The columns of all shapes of an effect, one after the other from `place`."""
+    amplitudes = tuple(engine.model.amplitudes(id))
+    found, own = [], [engine.names.index(f"{id}.{n}") for n in shapes[0]]
+    for shape in shapes:
+        at = tuple(range(place, place + len(amplitudes)))
+        place += len(amplitudes)
+        free = {
+            i: float(engine.model.quantity(engine.names[i]).to_free(jnp.asarray(value)))
+            for i, value in zip(own, shape.values(), strict=True)
+        }
+        found.append(Column(id, free, amplitudes, at))
+    return found

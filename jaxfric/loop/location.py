@@ -5,6 +5,9 @@ step, wavelength) are sent through the linearised slider and fitted together wit
 The variable whose bumps take most of the structure away is where friction differs.
 """
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -13,15 +16,26 @@ from ..rig.friction.extended import ExtendedLaw
 from .engine import Candidate, Engine
 from .response import Response, linear_response
 from .result import LocationProfile
-from .screen import orthonormal, respond
+from .screen import orthonormal
+from .shapes import respond
 from .structure import chi_square_tail
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 
 
-def locate(engine: Engine, base: Candidate, noise: Noise) -> tuple[LocationProfile, ...]:
+class Bumps(NamedTuple):
+    """Bumps over one variable, and what each does to the prediction, in noise units."""
+
+    variable: str
+    unit: str
+    centres: np.ndarray
+    columns: np.ndarray
+
+
+def locate(
+    engine: Engine, base: Candidate, noise: Noise, bumps: Sequence[Bumps]
+) -> tuple[LocationProfile, ...]:
     """Profiles of missing friction over every variable, the most telling first."""
-    response = linear_response(engine.problem, jnp.asarray(base.z))
     index = engine.free(base.effects)
     rows = engine.evaluate(base.z, index)
     train = engine.weight[:, None]
@@ -31,9 +45,7 @@ def locate(engine: Engine, base: Candidate, noise: Noise) -> tuple[LocationProfi
     basis = orthonormal(white[:, 1:])
     left = white[:, 0] - basis @ (basis.T @ white[:, 0])
     structure = max(float(left @ left) - (engine.weight.sum() - basis.shape[1]), 1e-9)
-    bumps = _variables(engine, response)
-    forces = np.concatenate([columns for _, _, _, columns in bumps], axis=1)
-    seen = respond(response, forces)[0] / float(engine.problem.noise_scale)
+    seen = np.concatenate([one.columns for one in bumps], axis=1)
     seen = engine.whiten(seen * train, noise)
     seen = seen - basis @ (basis.T @ seen)
     found, begin = [], 0
@@ -43,6 +55,20 @@ def locate(engine: Engine, base: Candidate, noise: Noise) -> tuple[LocationProfi
         profile = _ripples if own.shape[1] == 2 * len(centres) else _profile
         found.append(profile(variable, unit, centres, own, left, structure))
     return tuple(sorted(found, key=lambda p: -p.explained))
+
+
+def friction_bumps(engine: Engine, base: Candidate) -> list[Bumps]:
+    """Bumps of friction, sent through the linearised slider."""
+    response = linear_response(engine.problem, jnp.asarray(base.z))
+    bumps = _variables(engine, response)
+    forces = np.concatenate([columns for _, _, _, columns in bumps], axis=1)
+    seen = respond(response, forces)[0] / float(engine.problem.noise_scale)
+    ends = np.cumsum([columns.shape[1] for _, _, _, columns in bumps])[:-1]
+    parts = np.split(seen, ends, axis=1)
+    return [
+        Bumps(variable, unit, centres, part)
+        for (variable, unit, centres, _), part in zip(bumps, parts, strict=True)
+    ]
 
 
 def _profile(variable, unit, centres, own, left, structure) -> LocationProfile:

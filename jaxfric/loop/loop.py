@@ -19,10 +19,11 @@ from ..records import Record
 from ..rig.normal_stress import NormalStress, recorded_stress
 from .engine import Candidate, Engine
 from .estimates import estimates
-from .location import locate
+from .location import friction_bumps, locate
 from .result import CandidateScore, LocationProfile, Loop, Score, ScreenedEffect
 from .screen import screen
 from .search import Search, refit_safely, search
+from .shapes import friction_shapes
 from .split import NAMES, Blocks, split
 from .superset import Superset
 from .verdict import conclude, innovations, noise_floor
@@ -36,6 +37,7 @@ _STRESS_FELT = 0.3
 _FINER = 0.1
 _FINE_ENOUGH = 0.02
 _NEAR = 2.0
+_OTHER_START = 1.3
 
 
 def close_loop(
@@ -83,15 +85,15 @@ def close_loop(
     blocks = split(record.relative_time, base_fit.steps)
     problem, felt = _problem(record, base_fit, blocks, effects)
     problem = dataclasses.replace(problem, normal_stress=stress)
-    engine = Engine(problem, blocks, felt)
+    engine = Engine(problem, blocks, felt, shapes=friction_shapes)
     slip = np.asarray(base_fit.steps.displacement(record.relative_time))
     scales = _scales(base_fit, record, slip)
     z = _declared(engine, _start(engine, base_fit), scales, tuple(with_))
-    engine = Engine(problem, blocks, felt, tuple(with_), tuple(without))
-    found = search(engine, z, scales, most=most, progress=progress)
+    engine = Engine(problem, blocks, felt, tuple(with_), tuple(without), shapes=friction_shapes)
+    found = search(engine, [z, _other(engine, z)], scales, most=most, progress=progress)
     progress("where the structure sits")
     floor = noise_floor(engine, found.final, slip)
-    location = locate(engine, found.base, floor.noise)
+    location = locate(engine, found.base, floor.noise, friction_bumps(engine, found.base))
     before = _score(engine, found.base, record, base_fit, innovations(engine, found.base, slip))
     tests = innovations(engine, found.final, slip)
     after = (
@@ -226,6 +228,14 @@ def _start(engine: Engine, base: Fit) -> np.ndarray:
     values = base.values()
     natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
     return np.asarray(to_free(engine.problem, jnp.asarray(natural)[None]))[0]
+
+
+def _other(engine: Engine, z: np.ndarray) -> np.ndarray:
+    """Another start of the base, with larger A, B and L."""
+    other = np.array(z)
+    for name in "ABL":
+        other[engine.names.index(name)] += np.log(_OTHER_START)
+    return other
 
 
 def _declared(engine: Engine, z: np.ndarray, scales, with_: tuple[str, ...]) -> np.ndarray:

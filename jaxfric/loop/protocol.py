@@ -40,6 +40,7 @@ from .loop import ON_REQUEST
 from .outlook import Change, Outlook, Protocol, Smallest
 from .screen import Screening, alias_cosines, orthonormal, sensitivities
 from .search import ACCEPT
+from .shapes import friction_shapes
 from .split import Blocks
 from .superset import Superset
 
@@ -381,7 +382,9 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
 def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     """What a variant tells apart; None where the slider slips away."""
     problem, blocks = _problem(setup, variant)
-    engine = Engine(problem, blocks, np.zeros(0, int), setup.always, setup.without)
+    engine = Engine(
+        problem, blocks, np.zeros(0, int), setup.always, setup.without, shapes=friction_shapes
+    )
     natural = [setup.values[name] for name in setup.model.names()]
     names = engine.names[len(natural) :]
     natural += [setup.values.get(n, v) for n, v in zip(names, engine.model.nulls(), strict=True)]

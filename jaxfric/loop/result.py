@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from ..fitting import Estimate, Fit, NoiseEstimate
-from ..records import Record
+from ..fitting import Estimate, NoiseEstimate
+from ..fitting.problem import LAWS
+from ..records import Provenance, Sampling, VelocitySteps
 from .split import NAMES, Blocks
 
 SCHEMA = "jaxfric.loop/1"
@@ -80,13 +82,38 @@ class LocationProfile:
     p_value: float
 
 
+class LoopRecord(Protocol):
+    """What is told of a record: a `Record`, or the prepared rows of an axis."""
+
+    @property
+    def relative_time(self) -> np.ndarray: ...
+    @property
+    def friction_unit(self) -> str: ...
+    @property
+    def units(self) -> Mapping[str, str]: ...
+    @property
+    def provenance(self) -> Provenance: ...
+    def sampling(self) -> Sampling: ...
+    def __len__(self) -> int: ...
+
+
+class LoopBase(Protocol):
+    """What is told of a base model: a `Fit`, or that of an axis."""
+
+    @property
+    def law(self) -> str: ...
+    @property
+    def steps(self) -> VelocitySteps: ...
+    def values(self) -> dict[str, float]: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Loop:
     """The loop closed over one record."""
 
-    record: Record
-    base_fit: Fit
-    """Fit of the base to the whole record."""
+    record: LoopRecord
+    base_fit: LoopBase
+    """Fit of the base to the whole record; of an axis, what its base model is."""
     blocks: Blocks
     verdict: str
     """One of `VERDICTS`."""
@@ -115,6 +142,16 @@ class Loop:
     out."""
     warnings: tuple[str, ...]
     seconds: float
+
+    @property
+    def is_axis(self) -> bool:
+        """Whether the record is of a servo axis."""
+        return self.base_fit.law not in LAWS
+
+    @property
+    def base_name(self) -> str:
+        """The base model in words."""
+        return "Coulomb and viscous friction" if self.is_axis else f"{self.base_fit.law} law"
 
     def shifts(self) -> dict[str, float]:
         """How far each parameter of the base moved, in standard deviations of the fit after."""
@@ -145,8 +182,17 @@ class Loop:
     def readable(self) -> tuple[float, str]:
         """Factor and unit that bring the noise of friction to a readable number."""
         level = 10 * self.sigma
-        if self.record.friction_unit == "N":
-            return (1e3, "mN") if level < 0.1 else (1.0, "N") if level < 1e3 else (1e-3, "kN")
+        unit = self.record.friction_unit
+        if unit == "%":
+            return 1.0, unit
+        if unit != "1":
+            return (
+                (1e3, f"m{unit}")
+                if level < 0.1
+                else (1.0, unit)
+                if level < 1e3
+                else (1e-3, f"k{unit}")
+            )
         if level < 1e-4:
             return 1e6, "10⁻⁶"
         return (1e3, "10⁻³") if level < 0.1 else (1.0, "")
@@ -159,9 +205,9 @@ class Loop:
             "schema": SCHEMA,
             "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
             "friction_unit": self.record.friction_unit,
-            "law": self.base_fit.model.law,
-            "stiffness": self.base_fit.values()["K"],
-            "reference_velocity": self.base_fit.values()["V0"],
+            "law": self.base_fit.law,
+            "stiffness": self.base_fit.values().get("K"),
+            "reference_velocity": self.base_fit.values().get("V0"),
             "steps": [
                 [float(t), float(v)] for t, v in zip(steps.times, steps.velocities, strict=True)
             ],

@@ -1,28 +1,23 @@
 """Which effects would explain a residual: every effect and shape, to first order, in one sweep.
 
 One Jacobian at the null of all effects holds the sensitivities of those without shapes;
-those of every shape of the others are forces sent through the linearised slider. For each the
+those of every shape of the others come from `Engine.shapes`. For each the
 likelihood is profiled over the base's parameters, the amplitudes and the noise.
 """
 
 import itertools
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects import AbstractEffect, RecordScales, null
-from ..rig import Rig
-from ..rig.friction.extended import ExtendedLaw
-from .engine import Candidate, Engine, Rows, padded_columns
+from ..effects import RecordScales
+from .engine import Candidate, Column, Engine, Rows
 from .evidence import Evidence, evidence
-from .response import Response, linear_response, term_forces
 from .structure import chi_square_tail
 
 _DRAWS = 2000
 _KEPT = 8
-_FORCES = 64
 
 
 class Screened(NamedTuple):
@@ -38,16 +33,6 @@ class Screened(NamedTuple):
     that nothing was gained."""
 
 
-class _Column(NamedTuple):
-    """One shape of one effect: shape parameters by index in z, and where its amplitudes are."""
-
-    id: str
-    shape: dict[int, float]
-    amplitudes: tuple[int, ...]
-    places: tuple[int, ...]
-    """Of the amplitudes' columns in the matrix."""
-
-
 class Screening(NamedTuple):
     """Residual, sensitivities of the fitted parameters, then those of all effects and shapes."""
 
@@ -56,40 +41,31 @@ class Screening(NamedTuple):
     extra: np.ndarray
     """The same columns in the extra rows."""
     base: tuple[int, ...]
-    columns: tuple[_Column, ...]
-    response: Response
+    columns: tuple[Column, ...]
 
 
 def sensitivities(engine: Engine, current: Candidate, scales: RecordScales) -> Screening:
     """All columns at a fit; train and other rows alike."""
-    z = current.z
     free = engine.free(current.effects)
     present = (*engine.always, *current.effects)
     missing = [e for e in engine.offered if e.id not in present]
-    response = linear_response(engine.problem, jnp.asarray(z))
-    shaped = {e.id: _shapes(e, scales) for e in missing}
-    rig = engine.problem.rig(jnp.asarray(z))
-    shaped = {id: s for id, s in shaped.items() if s and _is_term(_named(engine, id), rig)}
-    plain = [e for e in missing if e.id not in shaped]
+    shaped = engine.shapes(engine, current.z, missing, scales)
+    with_shapes = {column.id for column in shaped.columns}
+    plain = [e for e in missing if e.id not in with_shapes]
     index = np.concatenate([free, *(engine.model.amplitudes(e.id) for e in plain)]).astype(int)
-    rows = engine.evaluate(z, index)
-    columns: list[_Column] = []
+    rows = engine.evaluate(current.z, index)
+    columns: list[Column] = []
     place = len(free)
     for effect in plain:
         amplitudes = tuple(engine.model.amplitudes(effect.id))
-        columns.append(
-            _Column(effect.id, {}, amplitudes, tuple(range(place, place + len(amplitudes))))
-        )
+        at = tuple(range(place, place + len(amplitudes)))
+        columns.append(Column(effect.id, {}, amplitudes, at))
         place += len(amplitudes)
-    blocks, extras = [rows.jacobian], [rows.extra_jacobian]
-    for id, shapes in shaped.items():
-        found, block, extra = _shaped_columns(engine, rig, response, id, shapes, place)
-        columns += found
-        blocks.append(block)
-        extras.append(extra)
-        place += block.shape[1]
-    matrix, extra = np.concatenate(blocks, axis=1), np.concatenate(extras, axis=1)
-    return Screening(rows, matrix, extra, tuple(range(len(free))), tuple(columns), response)
+    for column in shaped.columns:
+        columns.append(column._replace(places=tuple(place + k for k in column.places)))
+    matrix = np.concatenate([rows.jacobian, shaped.matrix], axis=1)
+    extra = np.concatenate([rows.extra_jacobian, shaped.extra], axis=1)
+    return Screening(rows, matrix, extra, tuple(range(len(free))), tuple(columns))
 
 
 def screen(
@@ -116,7 +92,7 @@ def screen(
     fewest = len(free)
     effective = np.asarray([known.independent_rows(k) for k in noise])
     best: dict[str, Screened] = {}
-    gains: dict[str, list[tuple[float, _Column, int]]] = {}
+    gains: dict[str, list[tuple[float, Column, int]]] = {}
     for i, column in enumerate(seen.columns, start=1):
         gain = float(deviance[0] - deviance[i])
         gains.setdefault(column.id, []).append((gain, column, i))
@@ -165,7 +141,7 @@ def _likeliest(
     ), share
 
 
-def _start(z, free, column: _Column, weights) -> np.ndarray:
+def _start(z, free, column: Column, weights) -> np.ndarray:
     """Parameters at which a linear problem would be solved."""
     z = np.array(z)
     for place, value in column.shape.items():
@@ -217,10 +193,10 @@ def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[t
 
 def _thinned(seen: Screening) -> Screening:
     """With no more than a few shapes of every effect, evenly spread."""
-    by_id: dict[str, list[_Column]] = {}
+    by_id: dict[str, list[Column]] = {}
     for column in seen.columns:
         by_id.setdefault(column.id, []).append(column)
-    columns: list[_Column] = []
+    columns: list[Column] = []
     for found in by_id.values():
         at = np.unique(np.linspace(0, len(found) - 1, 2 * _KEPT).round().astype(int))
         columns += [found[i] for i in at]
@@ -283,85 +259,6 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
     size = np.linalg.norm(columns, axis=0)
     u, s, _ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
     return u[:, s > 1e-10 * max(s[0], 1e-300)]
-
-
-def _shapes(effect: type[AbstractEffect], scales: RecordScales) -> list[dict[str, float]]:
-    """Starting values of an effect's shapes, place by place."""
-    grid = null(effect).grid(scales)
-    return [dict(zip(grid, row, strict=True)) for row in zip(*grid.values(), strict=True)]
-
-
-def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
-    """Whether an effect does no more than to add a friction term."""
-    after = null(effect).embed(before)
-    a, b = before.friction, after.friction
-    if not (isinstance(a, ExtendedLaw) and isinstance(b, ExtendedLaw)):
-        return False
-    same = all(
-        x is y
-        for x, y in zip(
-            jax.tree.leaves((a, before.machine, before.drive, before.sensor)),
-            jax.tree.leaves(
-                (ExtendedLaw(b.base, b.terms[:-1]), after.machine, after.drive, after.sensor)
-            ),
-            strict=False,
-        )
-    )
-    return same and len(b.terms) == len(a.terms) + 1
-
-
-def _shaped_columns(engine: Engine, rig: Rig, response, id, shapes, place: int):
-    """Columns of all shapes of an effect, and what they are."""
-    effect = _named(engine, id)
-    problem, names = engine.problem, engine.names
-    amplitudes = tuple(engine.model.amplitudes(id))
-    terms = []
-    for shape in shapes:
-        for at in amplitudes:
-            field = names[at].split(".")[1]
-            law = effect(**{**shape, field: 1.0}).embed(rig).friction  # pyright: ignore[reportArgumentType]
-            assert isinstance(law, ExtendedLaw)
-            terms.append(law.terms[-1])
-    batch = jax.tree.map(lambda *x: np.stack([np.asarray(one) for one in x]), *terms)
-    forces = np.asarray(term_forces(response, batch))
-    found, own, begin = [], [names.index(f"{id}.{n}") for n in shapes[0]], place
-    for shape in shapes:
-        at = tuple(range(begin, begin + len(amplitudes)))
-        begin += len(amplitudes)
-        free = {
-            i: float(engine.model.quantity(names[i]).to_free(jnp.asarray(value)))
-            for i, value in zip(own, shape.values(), strict=True)
-        }
-        found.append(_Column(id, free, amplitudes, at))
-    scale = np.asarray([float(problem._scale(names[i])) for i in amplitudes])
-    friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
-    return found, friction / float(problem.noise_scale), _extra_rows(engine, slip)
-
-
-def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The response to many forces, a number at a time for which it is compiled."""
-    parts = []
-    for begin in range(0, forces.shape[1], _FORCES):
-        part = forces[:, begin : begin + _FORCES]
-        seen = response(padded_columns(part, size=_FORCES))
-        parts.append([np.asarray(x)[:, : part.shape[1]] for x in seen])
-    friction, slip = (np.concatenate(x, axis=1) for x in zip(*parts, strict=True))
-    return friction, slip
-
-
-def _extra_rows(engine: Engine, slip: np.ndarray) -> np.ndarray:
-    """What a change of slip does to the extra rows; friction terms move no load point."""
-    rows = []
-    for channel in engine.problem.channels:
-        anchor = np.asarray(channel.anchor)
-        change = slip if channel.kind == "slip" else np.zeros_like(slip)
-        change = change - anchor @ change / anchor.sum()
-        rows.append(change * engine.weight[:, None] / float(channel.noise))
-    return np.concatenate([*rows, np.zeros((len(engine.problem.hold), slip.shape[1]))])
-
-
-def _named(engine: Engine, id: str) -> type[AbstractEffect]:
-    return next(e for e in engine.model.effects if e.id == id)
 
 
 def _row(columns: tuple[int, ...], width: int) -> list[int]:

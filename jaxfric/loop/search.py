@@ -6,7 +6,7 @@ get worse and its parameters are possible. 5. Again, up to three effects; then d
 longer needed, and try in place of each what is easily taken for it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,6 @@ ALIAS = 0.95
 _REFITS = 4
 _WORSE = 1.02
 _CHANCE = 0.01
-_OTHER_STARTS = ((1.3, 1.3, 1.3),)
 _AGREE = 1.0
 
 
@@ -41,15 +40,16 @@ class Search(NamedTuple):
 
 def search(
     engine: Engine,
-    z: np.ndarray,
+    starts: Sequence[np.ndarray],
     scales: RecordScales,
     *,
     most: int,
     progress: Callable[[str], None],
 ) -> Search:
-    """Find what the base model lacks. `z` are the superset's parameters at the base fit."""
+    """Find what the base model lacks. `starts` are superset parameters to start the base from,
+    the likeliest first."""
     progress("base fit of the train block")
-    base, agree = _base(engine, z)
+    base, agree = _base(engine, starts)
     current, tried = base, [base]
     rounds: list[tuple[Screened, ...]] = []
     accepted: list[tuple[str, ...]] = [()]
@@ -77,20 +77,15 @@ def search(
     return Search(base, current, tuple(tried), tuple(accepted), tuple(rounds), ids, cosines, agree)
 
 
-def _base(engine: Engine, z: np.ndarray) -> tuple[Candidate, bool]:
+def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool]:
     """The best base fit of several starts, and whether they agree."""
-    starts = [z]
-    for factors in _OTHER_STARTS:
-        other = np.array(z)
-        for name, factor in zip("ABL", factors, strict=True):
-            other[engine.names.index(name)] += np.log(factor)
-        starts.append(other)
     found = [engine.refit((), start, exact=True) for start in starts]
     good = [c for c in found if not c.failed]
     if not good:
         return found[0], False
     best = min(good, key=lambda c: c.bic)
-    return best, sum(c.bic - best.bic < _AGREE for c in good) > 1
+    agree = sum(c.bic - best.bic < _AGREE for c in good) > 1
+    return best, agree or len(starts) == 1
 
 
 def _refits(engine, current: Candidate, found, tried, progress) -> Candidate | None:

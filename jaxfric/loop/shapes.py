@@ -1,0 +1,99 @@
+"""Sensitivities of every shape of an effect: its force sent through the linearised slider."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..effects import AbstractEffect, RecordScales, null
+from ..rig import Rig
+from ..rig.friction.extended import ExtendedLaw
+from .engine import Column, Engine, ShapedColumns, columns_of, padded_columns
+from .response import Response, linear_response, term_forces
+
+_FORCES = 64
+
+
+def friction_shapes(engine: Engine, z: np.ndarray, missing, scales: RecordScales) -> ShapedColumns:
+    """Columns of those missing effects that have shapes and are friction terms."""
+    rig = engine.problem.rig(jnp.asarray(z))
+    response = linear_response(engine.problem, jnp.asarray(z))
+    shaped = {e: starts for e in missing if (starts := shapes_of(e, scales)) and _is_term(e, rig)}
+    n, more = engine.problem.time.shape[0], len(engine.weight) * len(engine.problem.channels)
+    more += len(engine.problem.hold)
+    columns: list[Column] = []
+    blocks, extras, place = [np.zeros((n, 0))], [np.zeros((more, 0))], 0
+    for effect, starts in shaped.items():
+        found, block, extra = _shaped_columns(engine, rig, response, effect, starts, place)
+        columns += found
+        blocks.append(block)
+        extras.append(extra)
+        place += block.shape[1]
+    return ShapedColumns(
+        tuple(columns), np.concatenate(blocks, axis=1), np.concatenate(extras, axis=1)
+    )
+
+
+def shapes_of(effect: type[AbstractEffect], scales: RecordScales) -> list[dict[str, float]]:
+    """Starting values of an effect's shapes, place by place."""
+    grid = null(effect).grid(scales)
+    return [dict(zip(grid, row, strict=True)) for row in zip(*grid.values(), strict=True)]
+
+
+def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
+    """Whether an effect does no more than to add a friction term."""
+    after = null(effect).embed(before)
+    a, b = before.friction, after.friction
+    if not (isinstance(a, ExtendedLaw) and isinstance(b, ExtendedLaw)):
+        return False
+    same = all(
+        x is y
+        for x, y in zip(
+            jax.tree.leaves((a, before.machine, before.drive, before.sensor)),
+            jax.tree.leaves(
+                (ExtendedLaw(b.base, b.terms[:-1]), after.machine, after.drive, after.sensor)
+            ),
+            strict=False,
+        )
+    )
+    return same and len(b.terms) == len(a.terms) + 1
+
+
+def _shaped_columns(engine: Engine, rig: Rig, response, effect, shapes, place: int):
+    """Columns of all shapes of an effect, and what they are."""
+    problem, names, id = engine.problem, engine.names, effect.id
+    amplitudes = tuple(engine.model.amplitudes(id))
+    terms = []
+    for shape in shapes:
+        for at in amplitudes:
+            field = names[at].split(".")[1]
+            law = effect(**{**shape, field: 1.0}).embed(rig).friction  # pyright: ignore[reportArgumentType]
+            assert isinstance(law, ExtendedLaw)
+            terms.append(law.terms[-1])
+    batch = jax.tree.map(lambda *x: np.stack([np.asarray(one) for one in x]), *terms)
+    forces = np.asarray(term_forces(response, batch))
+    found = columns_of(engine, id, shapes, place)
+    scale = np.asarray([float(problem._scale(names[i])) for i in amplitudes])
+    friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
+    return found, friction / float(problem.noise_scale), _extra_rows(engine, slip)
+
+
+def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The response to many forces, a number at a time for which it is compiled."""
+    parts = []
+    for begin in range(0, forces.shape[1], _FORCES):
+        part = forces[:, begin : begin + _FORCES]
+        seen = response(padded_columns(part, size=_FORCES))
+        parts.append([np.asarray(x)[:, : part.shape[1]] for x in seen])
+    friction, slip = (np.concatenate(x, axis=1) for x in zip(*parts, strict=True))
+    return friction, slip
+
+
+def _extra_rows(engine: Engine, slip: np.ndarray) -> np.ndarray:
+    """What a change of slip does to the extra rows; friction terms move no load point."""
+    rows = []
+    for channel in engine.problem.channels:
+        anchor = np.asarray(channel.anchor)
+        change = slip if channel.kind == "slip" else np.zeros_like(slip)
+        change = change - anchor @ change / anchor.sum()
+        rows.append(change * engine.weight[:, None] / float(channel.noise))
+    return np.concatenate([*rows, np.zeros((len(engine.problem.hold), slip.shape[1]))])
