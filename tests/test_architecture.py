@@ -27,6 +27,7 @@ FLOORS = {
     "fitting": 3,
     "effects": 3,
     "loop": 4,
+    "axis": 4,
     "study": 5,
     "plot": 5,
     "report": 5,
@@ -40,6 +41,7 @@ WITHIN_A_FLOOR = {
     ("units", "errors"),
     ("rig", "motion"),
     ("gains", "effects"),
+    ("axis", "loop"),
 }
 
 

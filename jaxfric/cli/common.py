@@ -45,13 +45,38 @@ def read_record(file: Path, columns: list[str] | None, drop_bad: bool):
     """The record, with columns given as ROLE=NAME texts."""
     from ..records import read
 
+    return read(file, columns=_roles(columns, "friction=mu"), drop_bad=drop_bad)
+
+
+def read_axis_record(
+    file: Path,
+    columns: list[str] | None,
+    drive_gain: str | None,
+    rated_torque: str | None,
+    flip: bool,
+    drop_bad: bool,
+):
+    """The record of an axis, with columns given as ROLE=NAME texts."""
+    from ..records import read_axis
+
+    return read_axis(
+        file,
+        columns=_roles(columns, "motor_force=F"),
+        drive_gain=drive_gain,
+        rated_torque=rated_torque,
+        flip=flip,
+        drop_bad=drop_bad,
+    )
+
+
+def _roles(columns: list[str] | None, example: str) -> dict[str, str] | None:
     roles = {}
     for text in columns or []:
         role, equals, name = text.partition("=")
         if not equals or not name.strip():
-            raise InputError(f"--column '{text}' is not ROLE=NAME, as in --column friction=mu")
+            raise InputError(f"--column '{text}' is not ROLE=NAME, as in --column {example}")
         roles[role.strip()] = name.strip()
-    return read(file, columns=roles or None, drop_bad=drop_bad)
+    return roles or None
 
 
 def prepare_jax() -> None:

@@ -17,6 +17,7 @@ from .common import (
     Steps,
     effect_ids,
     prepare_jax,
+    read_axis_record,
     read_record,
     told,
 )
@@ -33,7 +34,16 @@ def loop(
             help="Stiffness of the machine with unit: 1.6e-3/um, or 2e6 N/m for a force.",
         ),
     ] = None,
-    law: Annotated[Literal["slip", "ageing"], Parameter(help="Law of the base model.")] = "slip",
+    rig: Annotated[
+        Literal["slider", "axis"],
+        Parameter(
+            help="slider: velocity steps of a press. axis: a servo axis that moves back and forth,"
+            " from its motor force and encoder."
+        ),
+    ] = "slider",
+    law: Annotated[
+        Literal["slip", "ageing"], Parameter(help="Law of the base model of a slider.")
+    ] = "slip",
     with_: Annotated[
         list[str] | None,
         Parameter(
@@ -48,6 +58,19 @@ def loop(
     ] = None,
     most: Annotated[int, Parameter(help="Largest number of effects that may be added.")] = 3,
     steps: Steps = None,
+    drive_gain: Annotated[
+        str | None,
+        Parameter(
+            help='Of an axis: motor force per control signal, as in "35.15 N/V".',
+        ),
+    ] = None,
+    rated_torque: Annotated[
+        str | None,
+        Parameter(help='Of an axis whose torque is recorded in per cent of it: "9.84 mN m".'),
+    ] = None,
+    flip: Annotated[
+        bool, Parameter(negative=(), help="Of an axis: turn the sign of motion and force.")
+    ] = False,
     column: Columns = None,
     drop_bad: DropBad = False,
     out: Out = None,
@@ -63,38 +86,59 @@ def loop(
     """
     import json as text
 
-    if stiffness is None:
-        raise InputError(
-            "--stiffness is missing; give the stiffness of the machine: --stiffness 1.6e-3/um"
-        )
     if most < 1:
         raise InputError(f"--most is {most}; it must be 1 or more")
-    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
+    _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip)
+    declared = effect_ids(with_, "--with")
+    excluded = effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
-        measured = read_record(file, column, drop_bad)
+        axis = slider = None
+        if rig == "axis":
+            axis = read_axis_record(file, column, drive_gain, rated_torque, flip, drop_bad)
+        else:
+            slider = read_record(file, column, drop_bad)
         prepare_jax()
-        from ..loop import close_loop
         from ..report.output import output_folder
 
         with output_folder(destination):
             pass  # a folder that cannot be written is better known before the search
-        result = close_loop(
-            measured,
-            stiffness=stiffness,
-            law=law,
-            steps=steps,
-            with_=declared,
-            without=excluded,
-            most=most,
-            progress=progress,
-        )
+        if axis is not None:
+            from ..axis import close_axis_loop
+
+            result = close_axis_loop(
+                axis, with_=declared, without=excluded, most=most, progress=progress
+            )
+        else:
+            from ..loop import close_loop
+
+            assert slider is not None and stiffness is not None
+            result = close_loop(
+                slider,
+                stiffness=stiffness,
+                law=law,
+                steps=steps,
+                with_=declared,
+                without=excluded,
+                most=most,
+                progress=progress,
+            )
         progress("drawing figures")
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-        command = _command(
-            file, stiffness, law, declared, excluded, most, steps, column, drop_bad, out
-        )
+        given = {
+            "--stiffness": stiffness,
+            "--rig": None if rig == "slider" else rig,
+            "--law": None if law == "slip" else law,
+            "--with": ",".join(declared),
+            "--without": ",".join(excluded),
+            "--most": None if most == 3 else str(most),
+            "--steps": steps,
+            "--drive-gain": drive_gain,
+            "--rated-torque": rated_torque,
+            "--out": out and str(out),
+        }
+        command = _command(file, given, column or [], {"--flip": flip, "--drop-bad": drop_bad})
         with output_folder(destination) as folder:
             names = _write(result, folder, content, command)
     if json:
@@ -123,19 +167,41 @@ def _write(result, folder: Path, content: str, command: str) -> list[str]:
     return ["loop.html", "loop.json", *figures]
 
 
-def _command(file, stiffness, law, declared, excluded, most, steps, column, drop_bad, out) -> str:
+def _command(file: Path, given: dict[str, str | None], columns, flags: dict[str, bool]) -> str:
     """The command that makes this report again."""
-    parts = ["jaxfric", "loop", str(file), "--stiffness", stiffness]
-    parts += ["--law", law] if law != "slip" else []
-    parts += ["--with", ",".join(declared)] if declared else []
-    parts += ["--without", ",".join(excluded)] if excluded else []
-    parts += ["--most", str(most)] if most != 3 else []
-    parts += ["--steps", steps] if steps else []
-    for role in column or []:
+    parts = ["jaxfric", "loop", str(file)]
+    for option, value in given.items():
+        parts += [option, value] if value else []
+    for role in columns:
         parts += ["--column", role]
-    parts += ["--drop-bad"] if drop_bad else []
-    parts += ["--out", str(out)] if out else []
+    parts += [flag for flag, on in flags.items() if on]
     return shlex.join(parts)
+
+
+def _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip) -> None:
+    """A slider needs a stiffness, and neither takes options of the other."""
+    if rig == "slider":
+        if stiffness is None:
+            raise InputError(
+                "--stiffness is missing; give the stiffness of the machine: --stiffness 1.6e-3/um"
+            )
+        unused = {
+            "--drive-gain": drive_gain is not None,
+            "--rated-torque": rated_torque is not None,
+            "--flip": flip,
+        }
+    else:
+        unused = {
+            "--stiffness": stiffness is not None,
+            "--law": law != "slip",
+            "--steps": steps is not None,
+        }
+    wrong = [option for option, given in unused.items() if given]
+    if wrong:
+        raise InputError(
+            f"{' and '.join(wrong)} would not be used with --rig {rig}; leave it out, or choose"
+            f" --rig {'axis' if rig == 'slider' else 'slider'}"
+        )
 
 
 def _print(result, destination: Path, names: list[str]) -> None:

@@ -76,7 +76,7 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
 
 def _base(loop: Loop) -> str:
     """The base model in words: its law, and effects that were declared from the start."""
-    return " with ".join([f"{loop.base_fit.model.law} law", *loop.before.effects])
+    return " with ".join([loop.base_name, *loop.before.effects])
 
 
 def _noise(loop: Loop) -> str:
@@ -102,7 +102,7 @@ def _reach(loop: Loop) -> float:
     means = np.concatenate(
         [_bins(loop, s.residual / loop.sigma)[1] for s in (loop.before, loop.after)]
     )
-    return float(max(4.0, 1.1 * np.quantile(sizes, 0.998), 1.25 * np.nanmax(np.abs(means))))
+    return float(max(4.0, 1.1 * np.nanquantile(sizes, 0.998), 1.25 * np.nanmax(np.abs(means))))
 
 
 def _velocities(axis: Axes, loop: Loop, along: np.ndarray, marks: np.ndarray) -> None:
@@ -125,7 +125,9 @@ def _velocities(axis: Axes, loop: Loop, along: np.ndarray, marks: np.ndarray) ->
             f"{shown[k]:.3g}", at, (0, 3), textcoords="offset points", ha="center", fontsize=8
         )
     axis.set_ylabel(f"velocity\n[{unit}]")
-    tidy(axis, f"Commanded velocity [{unit}]; dashed lines: velocity steps")
+    what = "Mean velocity" if loop.is_axis else "Commanded velocity"
+    marks_are = "stops and reversals" if loop.is_axis else "velocity steps"
+    tidy(axis, f"{what} [{unit}]; dashed lines: {marks_are}")
 
 
 def _slowest(velocities: np.ndarray) -> float:
@@ -166,7 +168,7 @@ def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray,
     noise, time = loop.after.noise, loop.record.relative_time
     groups: list[np.ndarray] = []
     for step in np.unique(loop.blocks.step):
-        rows = np.flatnonzero(loop.blocks.step == step)
+        rows = np.flatnonzero((loop.blocks.step == step) & np.isfinite(values))
         number = int(np.clip(len(rows) // _BIN_ROWS, 1, _MOST_BINS))
         share = np.linspace(0, 1, number + 1) ** 1.5
         cuts = np.unique(np.round(len(rows) * share).astype(int))
@@ -221,6 +223,9 @@ _VARIABLES = {
     "slip": ("slip", "slip since the first row"),
     "log_velocity": ("velocity", "velocity"),
     "state": ("state", "θ − θ_ss, state from its steady value"),
+    "position": ("position", "position"),
+    "velocity": ("velocity", "velocity"),
+    "since_reversal": ("distance since the stop", "distance since the last stop or reversal"),
     "time": ("time", "time since the first row"),
     "time_since_step": ("time since the step", "time since the last velocity step"),
     "relaxation_length": ("relaxation", "slip over which friction relaxes after a step"),
@@ -262,7 +267,7 @@ def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:
     """Velocity [m/s] from its logarithm, of m/s or of V0: whichever is a velocity of the record."""
     V = np.abs(loop.base_fit.steps.velocities)
     middle = float(np.mean(np.log(V[V > 0]))) if np.any(V > 0) else 0.0
-    V0 = loop.base_fit.values()["V0"]
+    V0 = loop.base_fit.values().get("V0", 1.0)
     of = min(1.0, V0, key=lambda unit: abs(np.mean(logarithm) + np.log(unit) - middle))
     return of * np.exp(logarithm)
 

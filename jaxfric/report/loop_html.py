@@ -4,9 +4,18 @@ import base64
 from collections.abc import Mapping
 from html import escape
 
-from ..effects import CATALOGUE
 from ..loop.result import Loop
-from .loop_text import Table, apart, candidates, headline, numeric, splitting, tables
+from .loop_text import (
+    Table,
+    apart,
+    candidates,
+    catalogue,
+    headline,
+    numeric,
+    splitting,
+    spoken,
+    tables,
+)
 
 FIGURES = {
     "residual": (
@@ -126,11 +135,11 @@ def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str
         _warnings(loop),
         f"<h2>Before and after</h2>{_table(error)}{_paragraph(splitting(loop), 'note')}",
         _details("Error at every velocity", _table(velocities)),
-        _figure("residual", figures),
+        _figure(loop, "residual", figures),
         f"<h2>What the model is now</h2>{_added(loop)}{_table(parameters)}{_table(tests)}",
-        _figure("location", figures),
-        _figure("aliasing", figures, _list(apart(loop))),
-        _figure("candidates", figures),
+        _figure(loop, "location", figures),
+        _figure(loop, "aliasing", figures, _list(apart(loop))),
+        _figure(loop, "candidates", figures),
         _details(
             "All models that were fitted", _table(candidates(loop, most=len(loop.candidates)))
         ),
@@ -171,7 +180,7 @@ def _details(title: str, content: str) -> str:
 
 
 def _head(loop: Loop, name: str) -> str:
-    law = f"{loop.base_fit.model.law} law"
+    law = loop.base_name
     declared = " and ".join(loop.before.effects)
     asked = f"{name}: what does the {law}{' with ' + declared if declared else ''} lack?"
     return (
@@ -209,7 +218,7 @@ def _added(loop: Loop) -> str:
     """Room and equation of the effects that were added."""
     items = []
     for id in loop.effects:
-        effect = CATALOGUE.get(id)
+        effect = catalogue(loop).get(id)
         items.append(f"{id} ({effect.room}): {effect.equation}" if effect else id)
     if not items:
         return _paragraph(
@@ -240,8 +249,8 @@ def _table(table: Table) -> str:
     )
 
 
-def _figure(name: str, figures: Mapping[str, bytes], more: str = "") -> str:
-    title, caption = FIGURES[name]
+def _figure(loop: Loop, name: str, figures: Mapping[str, bytes], more: str = "") -> str:
+    title, caption = (spoken(loop, text) for text in FIGURES[name])
     data = base64.b64encode(figures[name]).decode("ascii")
     return (
         f"<h2>{_text(title)}</h2>{more}<figure><figcaption>{_text(caption)}</figcaption>"
@@ -262,14 +271,15 @@ def _meaning(loop: Loop) -> str:
 def _provenance(loop: Loop, name: str, version: str, command: str) -> str:
     origin, steps = loop.record.provenance, loop.base_fit.steps
     dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
-    unit = "coefficient" if loop.record.friction_unit == "1" else "force in newtons"
+    unit = loop.record.friction_unit
+    unit = "coefficient" if unit == "1" else f"force in {unit}"
     rows = [
         ("record", name),
         ("sha256", origin.sha256 or "not from a file"),
         ("rows", f"{len(loop.record)} used of {origin.rows_read} (dropped: {dropped})"),
         ("sampling", str(loop.record.sampling())),
         ("friction", unit),
-        ("velocity steps", steps.text()),
+        (spoken(loop, "velocity steps"), steps.text("mm/s" if loop.is_axis else "um/s", 4)),
         ("made by", f"jaxfric {version} in {loop.seconds:.1f} s"),
         ("command", command),
     ]

@@ -1,10 +1,13 @@
 """A closed loop as tables and lines of text, for the terminal and for the page."""
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from ..axis.effects import AXIS_CATALOGUE
+from ..axis.problem import BaseLaw
 from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
@@ -45,6 +48,21 @@ class Table(NamedTuple):
     rows: list[tuple[str, ...]]
     note: str = ""
     marked: tuple[int, ...] = ()
+
+
+def spoken(loop: Loop, text: str) -> str:
+    """A text about velocity steps, as it is said of an axis."""
+    if not loop.is_axis:
+        return text
+    for step, stop in (
+        ("the velocity steps", "stops and reversals"),
+        ("every velocity step", "every stop or reversal"),
+        ("velocity steps", "motion segments"),
+        ("velocity step", "motion segment"),
+        ("no step is", "no segment is"),
+    ):
+        text = text.replace(step, stop)
+    return text
 
 
 def headline(loop: Loop) -> str:
@@ -155,7 +173,8 @@ def by_velocity(loop: Loop) -> Table:
         both = [s.per_step[k] / loop.sigma for s in (loop.before, loop.after)]
         rows.append((f"{time:.4g} s", shown, blocks, *(_finite(v, "{:.3f}") for v in both)))
     head = ("from", "velocity", "block", "before [σ]", "after [σ]")
-    return Table("Error at every velocity", head, rows)
+    title = "Error in every motion segment" if loop.is_axis else "Error at every velocity"
+    return Table(title, head, rows)
 
 
 def moved(loop: Loop) -> Table:
@@ -169,7 +188,7 @@ def moved(loop: Loop) -> Table:
         shift = f"{shifts[name]:+.1f}".replace("-", "−") if name in shifts else ""
         if after.free and after.determined:
             value = f"{value} ± {std}"
-        rows.append((name, _meaning(name), old, value, interval, shift, unit))
+        rows.append((name, _meaning(loop, name), old, value, interval, shift, unit))
     marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
     head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
     note = "shift: after minus before, in standard deviations of the fit after"
@@ -197,15 +216,20 @@ def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
     return value_text, std_text, f"{low} to {high}"
 
 
-def _meaning(name: str) -> str:
+def catalogue(loop: Loop) -> Mapping[str, type]:
+    """The effects that a loop considers, but for the user's own."""
+    return AXIS_CATALOGUE if loop.is_axis else CATALOGUE
+
+
+def _meaning(loop: Loop, name: str) -> str:
     """What a parameter is; nothing for one of an effect that is not of the catalogue."""
     if "." not in name:
         try:
-            return quantity_of(name).text
-        except KeyError:
+            return (BaseLaw().quantity(name) if loop.is_axis else quantity_of(name)).text
+        except (KeyError, StopIteration):
             return "reference velocity" if name == "V0" else ""
     effect, field = name.split(".", 1)
-    known = parameters(CATALOGUE[effect]) if effect in CATALOGUE else {}
+    known = parameters(catalogue(loop)[effect]) if effect in catalogue(loop) else {}
     return known[field].text if field in known else ""
 
 
@@ -214,7 +238,7 @@ def significance(loop: Loop) -> Table:
     rows = []
     for name, before in loop.before.tests.items():
         both = (before, loop.after.tests.get(name, math.nan))
-        rows.append((TESTS.get(name, name), *(p_value(p) for p in both)))
+        rows.append((spoken(loop, TESTS.get(name, name)), *(p_value(p) for p in both)))
     head = ("is it left in the residual?", "p before", "p after")
     note = f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block, corrected)"
     return Table("Tests for structure", head, rows, note)
@@ -300,7 +324,7 @@ def _nearest(loop: Loop, id: str) -> tuple[str, float]:
 def splitting(loop: Loop) -> str:
     """How the record was split, and what that means."""
     if loop.blocks.by_step:
-        return "split by velocity step: no step is both fitted and held out"
+        return spoken(loop, "split by velocity step: no step is both fitted and held out")
     count = len(alias_pairs(loop))
     return (
         "the record has too few velocity steps to hold whole ones out: it was split by displacement"

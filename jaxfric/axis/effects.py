@@ -1,0 +1,339 @@
+"""What an axis may have beyond mass, Coulomb and viscous friction and an offset.
+
+As in `jaxfric.effects`: an effect at its null changes nothing. They enter an `AxisRig`.
+"""
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..effects import RecordScales
+from ..errors import InputError
+from ..quantity import quantity
+from .rig import AbstractAxisTerm, AxisRig, Bristle, Point
+
+_ALWAYS = np.asarray(True)
+
+
+class AbstractAxisEffect(eqx.Module):
+    """One effect of an axis; see `jaxfric.effects.AbstractEffect` for the fields."""
+
+    id: eqx.AbstractClassVar[str]
+    room: eqx.AbstractClassVar[str]
+    equation: eqx.AbstractClassVar[str]
+    confused_with: eqx.AbstractClassVar[tuple[str, ...]]
+    separated_by: eqx.AbstractClassVar[str]
+    channel: eqx.AbstractClassVar[str | None]
+
+    @abc.abstractmethod
+    def embed(self, rig: AxisRig) -> AxisRig:
+        """The rig with this effect in it."""
+
+    @abc.abstractmethod
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
+        """Starting values of every shape by field name; empty where there is none."""
+
+    @abc.abstractmethod
+    def physical(self) -> Bool[Array, ""]:
+        """True where the parameters are physically possible."""
+
+
+def _with(rig: AxisRig, term: AbstractAxisTerm) -> AxisRig:
+    return eqx.tree_at(lambda r: r.terms, rig, (*rig.terms, term))
+
+
+class _Even(AbstractAxisTerm):
+    d: Array
+
+    def force(self, at: Point):
+        return self.d * at.velocity * at.sign
+
+
+class DirectionAsymmetry(AbstractAxisEffect):
+    """+ d |v|: viscous friction F_v + d forwards and F_v - d backwards.
+
+    Coulomb friction that differs by direction is the offset of the base law.
+    """
+
+    id: ClassVar[str] = "direction_asymmetry"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ d |v|"
+    confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
+    separated_by: ClassVar[str] = "several speeds in both directions over the same travel"
+    channel: ClassVar[str | None] = None
+    d: Float[Array, ""] = quantity("d", "F s/m", "half the difference by direction", default=0.0)
+
+    def embed(self, rig):
+        return _with(rig, _Even(self.d))
+
+    def grid(self, scales):
+        return {}
+
+    def physical(self):
+        return jnp.asarray(_ALWAYS)
+
+
+class _Cubic(AbstractAxisTerm):
+    c: Array
+
+    def force(self, at: Point):
+        return self.c * at.velocity**3
+
+
+class Cubic(AbstractAxisEffect):
+    """+ c v^3."""
+
+    id: ClassVar[str] = "cubic"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ c v^3"
+    confused_with: ClassVar[tuple[str, ...]] = ("stribeck",)
+    separated_by: ClassVar[str] = "four speeds, the slowest well below the others"
+    channel: ClassVar[str | None] = None
+    c: Float[Array, ""] = quantity("c", "F s^3/m^3", "cubic friction", default=0.0)
+
+    def embed(self, rig):
+        return _with(rig, _Cubic(self.c))
+
+    def grid(self, scales):
+        return {}
+
+    def physical(self):
+        return jnp.asarray(_ALWAYS)
+
+
+class _Stribeck(AbstractAxisTerm):
+    fs: Array
+    vs: Array
+
+    def force(self, at: Point):
+        return self.fs * jnp.exp(-((at.velocity / self.vs) ** 2)) * at.sign
+
+
+class Stribeck(AbstractAxisEffect):
+    """+ fs exp(-(v/vs)^2) sgn v."""
+
+    id: ClassVar[str] = "stribeck"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ fs exp(-(v/vs)^2) sgn v"
+    confused_with: ClassVar[tuple[str, ...]] = ("cubic", "presliding")
+    separated_by: ClassVar[str] = "steady speeds around vs, apart from reversals"
+    channel: ClassVar[str | None] = None
+    fs: Float[Array, ""] = quantity("fs", "F", "more friction at low speed", default=0.0)
+    vs: Float[Array, ""] = quantity("vs", "m/s", "Stribeck velocity", lower=0.0, default=1.0)
+
+    def embed(self, rig):
+        return _with(rig, _Stribeck(self.fs, self.vs))
+
+    def grid(self, scales):
+        return {"vs": tuple(np.geomspace(0.3 * scales.slowest, 0.7 * scales.fastest, 14))}
+
+    def physical(self):
+        return self.fs > 0
+
+
+class _Ripple(AbstractAxisTerm):
+    c: Array
+    s: Array
+    wavelength: Array
+
+    def force(self, at: Point):
+        phase = 2 * jnp.pi * at.position / self.wavelength
+        return self.c * jnp.cos(phase) + self.s * jnp.sin(phase)
+
+
+class PositionPeriodic(AbstractAxisEffect):
+    """+ c cos(2 pi q/wavelength) + s sin(...): the pitch of a screw, the teeth of a belt, cogging.
+
+    The pitch is looked for from twice the travel down to what the decimated rows resolve at the
+    median speed.
+    """
+
+    id: ClassVar[str] = "position_periodic"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ c cos(2 pi q/wavelength) + s sin(2 pi q/wavelength)"
+    confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
+    separated_by: ClassVar[str] = "more travel"
+    channel: ClassVar[str | None] = None
+    c: Float[Array, ""] = quantity("c", "F", "cosine amplitude", default=0.0)
+    s: Float[Array, ""] = quantity("s", "F", "sine amplitude", default=0.0)
+    wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1.0)
+
+    def embed(self, rig):
+        return _with(rig, _Ripple(self.c, self.s, self.wavelength))
+
+    def grid(self, scales):
+        travel = scales.total_slip
+        shortest = max(scales.step_slip, travel / 500)
+        # waves half a period apart over the travel differ
+        number = 2 * int(np.ceil(2 * travel / shortest))
+        waves = np.arange(1, number + 1) / (2 * 2 * travel)
+        return {"wavelength": tuple(1 / waves[waves * shortest < 1])}
+
+    def physical(self):
+        return jnp.asarray(_ALWAYS)
+
+
+class _Along(AbstractAxisTerm):
+    k: Array
+    m: Array
+    centre: Array
+
+    def force(self, at: Point):
+        return (self.k + self.m * at.sign) * (at.position - self.centre)
+
+
+class PositionDependence(AbstractAxisEffect):
+    """+ (k + m sgn v) q: a spring or a slope, and friction that grows along the travel."""
+
+    id: ClassVar[str] = "position_dependence"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ (k + m sgn v) q"
+    confused_with: ClassVar[tuple[str, ...]] = ("direction_asymmetry", "time_drift")
+    separated_by: ClassVar[str] = "several passes over the same travel in both directions"
+    channel: ClassVar[str | None] = None
+    k: Float[Array, ""] = quantity("k", "F/m", "stiffness along the travel", default=0.0)
+    m: Float[Array, ""] = quantity("m", "F/m", "growth of friction along the travel", default=0.0)
+
+    def embed(self, rig):
+        return _with(rig, _Along(self.k, self.m, jnp.zeros_like(self.k)))
+
+    def grid(self, scales):
+        return {}
+
+    def physical(self):
+        return jnp.asarray(_ALWAYS)
+
+
+class _Drift(AbstractAxisTerm):
+    r: Array
+    s: Array
+
+    def force(self, at: Point):
+        return (self.r + self.s * at.sign) * at.time
+
+
+class TimeDrift(AbstractAxisEffect):
+    """+ (r + s sgn v) t: an offset or friction that drifts, as with warming up."""
+
+    id: ClassVar[str] = "time_drift"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ (r + s sgn v) t"
+    confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
+    separated_by: ClassVar[str] = "the first motion repeated at the end"
+    channel: ClassVar[str | None] = None
+    r: Float[Array, ""] = quantity("r", "F/s", "drift of the offset", default=0.0)
+    s: Float[Array, ""] = quantity("s", "F/s", "drift of Coulomb friction", default=0.0)
+
+    def embed(self, rig):
+        return _with(rig, _Drift(self.r, self.s))
+
+    def grid(self, scales):
+        return {}
+
+    def physical(self):
+        return jnp.asarray(_ALWAYS)
+
+
+class Presliding(AbstractAxisEffect):
+    """+ a (z/x_c - sgn v), z' = v - |v| z/x_c: Coulomb friction comes back over a distance."""
+
+    id: ClassVar[str] = "presliding"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ a (z/x_c - sgn v), z' = v - |v| z/x_c"
+    confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "stribeck")
+    separated_by: ClassVar[str] = "slow reversals, smaller than the presliding distance"
+    channel: ClassVar[str | None] = None
+    a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction on a bristle", default=0.0)
+    x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0, default=1.0)
+
+    def embed(self, rig):
+        return eqx.tree_at(
+            lambda r: r.bristle, rig, Bristle(self.a, self.x_c), is_leaf=lambda x: x is None
+        )
+
+    def grid(self, scales):
+        return {"x_c": tuple(np.geomspace(1e-6, 0.05, 16) * scales.total_slip)}
+
+    def physical(self):
+        return self.a > 0
+
+
+class ServoLag(AbstractAxisEffect):
+    """The motor force lags the recorded one: tau F_m' = F - F_m."""
+
+    id: ClassVar[str] = "servo_lag"
+    room: ClassVar[str] = "drive"
+    equation: ClassVar[str] = "tau F_m' = F - F_m"
+    confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "presliding")
+    separated_by: ClassVar[str] = "the motor's current"
+    channel: ClassVar[str | None] = None
+    tau: Float[Array, ""] = quantity("tau", "s", "time constant of the motor", default=0.0)
+
+    def embed(self, rig):
+        return eqx.tree_at(lambda r: r.lag, rig, self.tau)
+
+    def physical(self):
+        return self.tau > 0
+
+    def grid(self, scales):
+        return {}
+
+
+class SensorDelay(AbstractAxisEffect):
+    """The recorded position is late by d."""
+
+    id: ClassVar[str] = "sensor_delay"
+    room: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "q_recorded(t) = q(t - d)"
+    confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "presliding")
+    separated_by: ClassVar[str] = "the motor's current"
+    channel: ClassVar[str | None] = None
+    d: Float[Array, ""] = quantity("d", "s", "delay of the encoder", default=0.0)
+
+    def embed(self, rig):
+        return eqx.tree_at(lambda r: r.delay, rig, self.d)
+
+    def physical(self):
+        return self.d > 0
+
+    def grid(self, scales):
+        return {}
+
+
+AXIS_CATALOGUE: dict[str, type[AbstractAxisEffect]] = {
+    e.id: e
+    for e in (
+        DirectionAsymmetry,
+        Cubic,
+        Stribeck,
+        PositionPeriodic,
+        PositionDependence,
+        TimeDrift,
+        Presliding,
+        ServoLag,
+        SensorDelay,
+    )
+}
+"""The effects of an axis by id."""
+
+
+def axis_effect_of(id: str) -> type[AbstractAxisEffect]:
+    """The effect of an id.
+
+    Raises
+    ------
+    InputError : no effect of an axis has that id; the nearest is suggested.
+    """
+    import difflib
+
+    if id in AXIS_CATALOGUE:
+        return AXIS_CATALOGUE[id]
+    near = difflib.get_close_matches(id, AXIS_CATALOGUE, n=1, cutoff=0.4)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    raise InputError(
+        f"no effect of an axis is called '{id}'{hint} There are: {', '.join(AXIS_CATALOGUE)}"
+    )

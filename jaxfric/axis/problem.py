@@ -1,0 +1,186 @@
+"""The least-squares problem of an axis record by inverse dynamics: motor force from motion.
+
+Residual of every decimated row: (predicted - recorded force)/noise scale. It has the face that
+`jaxfric.loop` fits: parameters in one vector of unbounded variables, rows with weights.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..effects import parameters
+from ..fitting.noise import Noise, whiten
+from ..fitting.problem import FAILED_MISFIT
+from ..loop.superset import Superset
+from ..quantity import Quantity, quantities
+from .prepare import Decimator, Motion, Prepared
+from .rig import AxisRig
+
+_BASE = quantities(AxisRig)
+
+
+class BaseLaw(NamedTuple):
+    """Mass, viscous and Coulomb friction, offset."""
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(about.symbol for about in _BASE.values())
+
+    def quantity(self, name: str) -> Quantity:
+        """Symbol, unit and bounds of a parameter."""
+        return next(about for about in _BASE.values() if about.symbol == name)
+
+
+class Sizes(NamedTuple):
+    """Typical sizes, for the scale of unbounded parameters."""
+
+    force: Array
+    velocity: Array
+    acceleration: Array
+    travel: Array
+    duration: Array
+
+
+class AxisProblem(eqx.Module):
+    """A prepared record and a `Superset` of axis effects."""
+
+    time: Float[Array, " n"]
+    friction: Float[Array, " n"]
+    """Recorded motor force; the name is that of `jaxfric.fitting.Problem`."""
+    weight: Float[Array, " n"]
+    clock: Float[Array, " n"]
+    motion: Motion
+    decimator: Decimator
+    noise_scale: Float[Array, ""]
+    width: Float[Array, ""]
+    lead: Float[Array, ""]
+    """By which the recorded force precedes its effect [s]."""
+    sizes: Sizes
+    noise: Noise | None
+    hold: Float[Array, "0"]
+    channels: tuple[()]
+    model: Superset = eqx.field(static=True)
+
+    @property
+    def force_scale(self) -> Array:
+        """A typical force."""
+        return self.sizes.force
+
+    def to_free(self, values: Float[Array, " p"]) -> Float[Array, " p"]:
+        """Unbounded variables of natural (SI) values."""
+        pairs = zip(self.model.names(), values, strict=True)
+        return jnp.stack(
+            [self.model.quantity(n).to_free(v, scale=self._scale(n)) for n, v in pairs]
+        )
+
+    def from_free(self, z: Float[Array, " p"]) -> Float[Array, " p"]:
+        """Natural (SI) values of unbounded variables."""
+        pairs = zip(self.model.names(), z, strict=True)
+        return jnp.stack(
+            [self.model.quantity(n).from_free(v, scale=self._scale(n)) for n, v in pairs]
+        )
+
+    def _scale(self, name: str) -> Array:
+        """A typical size of an unbounded parameter, from its unit."""
+        force, v, _, travel, duration = self.sizes
+        return {
+            "F": force,
+            "F s/m": force / v,
+            "F s^3/m^3": force / v**3,
+            "F/m": force / travel,
+            "F/s": force / duration,
+            "s": 1e-2 * travel / v,
+        }.get(self.model.quantity(name).unit, jnp.ones_like(force))
+
+    def rig(self, z: Float[Array, " p"]) -> AxisRig:
+        """The axis with the parameters `z`."""
+        values = self.from_free(z)
+        n = len(self.model.base.names())
+        rig = AxisRig(*values[:n], width=self.width)
+        for effect in self.model.effects:
+            fields = list(parameters(effect))
+            chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))
+            rig = effect(**chosen).embed(rig)  # pyright: ignore[reportArgumentType]
+            n += len(fields)
+        return rig  # pyright: ignore[reportReturnType]
+
+    def whitened(self, noise: Noise) -> "AxisProblem":
+        """The same problem with residuals in units of `noise` and uncorrelated under it."""
+        return dataclasses.replace(self, noise=noise)
+
+    def predict(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
+        """Motor force at the decimated rows."""
+        rig = self.rig(z)
+        return self.decimator(rig.force(self.motion), lag=rig.lag, lead=rig.delay + self.lead)
+
+    def residual(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
+        """(predicted - recorded)/noise_scale, whitened if a noise is set; 0 without weight."""
+        residual = (self.predict(z) - self.friction) / self.noise_scale
+        if self.noise is not None:
+            residual = whiten(self.clock, self.weight, residual[:, None], self.noise)[:, 0]
+        return jnp.where(jnp.isfinite(residual), residual, FAILED_MISFIT) * self.weight
+
+
+def make_problem(
+    prepared: Prepared,
+    weight: np.ndarray,
+    model: Superset,
+    *,
+    width: float,
+    noise_scale: float,
+    lead: float = 0.0,
+) -> AxisProblem:
+    """A problem whose rows have the given weights (0 or 1)."""
+    motion, used = prepared.motion, weight > 0
+    at = slice(None, None, prepared.decimator.every)
+    v, a = np.asarray(motion.velocity)[at][used], np.asarray(motion.acceleration)[at][used]
+    sizes = Sizes(
+        *(
+            jnp.asarray(max(float(x), 1e-300))
+            for x in (
+                np.sqrt(np.mean(prepared.force[used] ** 2)),
+                np.max(np.abs(v)),
+                np.max(np.abs(a)),
+                np.ptp(np.asarray(motion.position)),
+                prepared.time[prepared.rows - 1],
+            )
+        )
+    )
+    return AxisProblem(
+        time=jnp.asarray(prepared.time),
+        friction=jnp.asarray(prepared.force),
+        weight=jnp.asarray(weight),
+        clock=jnp.arange(len(weight), dtype=float),
+        motion=motion,
+        decimator=prepared.decimator,
+        noise_scale=jnp.asarray(noise_scale),
+        width=jnp.asarray(width),
+        lead=jnp.asarray(lead),
+        sizes=sizes,
+        noise=None,
+        hold=jnp.zeros(0),
+        channels=(),
+        model=model,
+    )
+
+
+@eqx.filter_jit
+def shape_columns(
+    problem: AxisProblem, zs: Float[Array, "c p"], amplitudes: tuple[int, ...]
+) -> Float[Array, "n k"]:
+    """Derivatives of the prediction by some amplitudes, at every row of `zs`, in noise units."""
+
+    def one(z):
+        def push(i):
+            tangent = jnp.zeros_like(z).at[i].set(1.0)
+            return jax.jvp(problem.predict, (z,), (tangent,))[1] / problem.noise_scale
+
+        return jnp.stack([push(i) for i in amplitudes])
+
+    columns = jax.lax.map(one, zs, batch_size=8)
+    return columns.reshape(-1, columns.shape[-1]).T
