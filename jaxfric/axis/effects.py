@@ -17,6 +17,7 @@ from ..quantity import quantity
 from .rig import AbstractAxisTerm, AxisRig, Bristle, Point
 
 _ALWAYS = np.asarray(True)
+_TINY = 1e-12
 
 
 class AbstractAxisEffect(eqx.Module):
@@ -108,28 +109,34 @@ class Cubic(AbstractAxisEffect):
 class _Stribeck(AbstractAxisTerm):
     fs: Array
     vs: Array
+    n: Array
 
     def force(self, at: Point):
-        return self.fs * jnp.exp(-((at.velocity / self.vs) ** 2)) * at.sign
+        # the speed stays off 0, where its power has no derivative
+        share = jnp.maximum(jnp.abs(at.velocity) / self.vs, _TINY)
+        return self.fs * jnp.exp(-(share**self.n)) * at.sign
 
 
 class Stribeck(AbstractAxisEffect):
-    """+ fs exp(-(v/vs)^2) sgn v."""
+    """+ fs exp(-(|v|/vs)^n) sgn v; n = 1 (Bo and Pavelescu 1982) and 2 are starts."""
 
     id: ClassVar[str] = "stribeck"
     room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ fs exp(-(v/vs)^2) sgn v"
+    equation: ClassVar[str] = "+ fs exp(-(|v|/vs)^n) sgn v"
     confused_with: ClassVar[tuple[str, ...]] = ("cubic", "presliding")
     separated_by: ClassVar[str] = "steady speeds around vs, apart from reversals"
     channel: ClassVar[str | None] = None
     fs: Float[Array, ""] = quantity("fs", "F", "more friction at low speed", default=0.0)
     vs: Float[Array, ""] = quantity("vs", "m/s", "Stribeck velocity", lower=0.0, default=1.0)
 
+    n: Float[Array, ""] = quantity("n", "1", "exponent", lower=0.3, upper=3.0, default=1.0)
+
     def embed(self, rig):
-        return _with(rig, _Stribeck(self.fs, self.vs))
+        return _with(rig, _Stribeck(self.fs, self.vs, self.n))
 
     def grid(self, scales):
-        return {"vs": tuple(np.geomspace(0.3 * scales.slowest, 0.7 * scales.fastest, 14))}
+        speeds = np.geomspace(0.3 * scales.slowest, 0.7 * scales.fastest, 14)
+        return {"vs": (*speeds, *speeds), "n": (1.0,) * 14 + (2.0,) * 14}
 
     def physical(self):
         return self.fs > 0

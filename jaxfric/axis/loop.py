@@ -4,6 +4,7 @@ Inverse dynamics: the motor force that a measured motion takes, against the reco
 evidence, tests and verdict are those of `jaxfric.loop`.
 """
 
+import dataclasses
 import time
 from collections.abc import Callable, Sequence
 
@@ -26,9 +27,11 @@ from ..loop.superset import Superset
 from ..loop.verdict import conclude, innovations, noise_floor
 from ..records.axis_record import AxisRecord
 from .effects import AXIS_CATALOGUE, AbstractAxisEffect, axis_effect_of
+from .fit import AxisFit, inverse_dynamics, output_error
+from .gains import axis_gains
 from .prepare import Preparation, Prepared, prepare
 from .problem import AxisProblem, BaseLaw, make_problem, shape_columns
-from .result import AxisBase, AxisRows
+from .result import AxisBase, AxisDetails, AxisRows
 from .split import segments, split
 
 _MOST = 3
@@ -147,7 +150,37 @@ def close_axis_loop(
         alias_ids=found.ids,
         alias_cosines=found.cosines,
         warnings=rows.warnings(record),
+        details=_details(record, prepared, rows, problem, engine, found, progress),
         seconds=time.monotonic() - begun,
+    )
+
+
+def _details(record, prepared, rows: AxisRows, problem, engine, found: Search, progress):
+    """Both fits of the base and of the final model, over all rows."""
+    # as it is usual, and as published fits of an axis did it: the force acts at once
+    usual_force = dataclasses.replace(problem, lead=jnp.zeros_like(problem.lead))
+    fits: list[tuple[str, AxisFit]] = []
+    models = [("before", found.base)]
+    models += [] if found.final is found.base else [("after", found.final)]
+    for when, candidate in models:
+        free = np.asarray(engine.free(candidate.effects), int)
+        progress("inverse dynamics of all rows")
+        fits.append((when, inverse_dynamics(usual_force, candidate.z, free)))
+        progress("closed-loop output error")
+        simulated = output_error(problem, candidate.z, free, record)
+        fits += [] if simulated is None else [(when, simulated)]
+    rig = fits[-1][1].rig
+    moving = np.abs(rows.velocity[rows.used])
+    middle = jnp.asarray(float(np.median(rows.position)))
+
+    def steady(speed: np.ndarray) -> np.ndarray:
+        v = jnp.asarray(speed)
+        return np.asarray(rig.friction(middle, v, jnp.zeros_like(v), jnp.sign(v)))
+
+    slow = max(4 * rows.width, float(np.quantile(moving, 0.02)))
+    gains = axis_gains(steady, slow, float(moving.max()), drive=record.drive)
+    return AxisDetails(
+        tuple(fits), prepared.preparation, rows.width, float(problem.lead), record, gains
     )
 
 

@@ -4,8 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..loop.result import Table
 from ..records import Provenance, Sampling, VelocitySteps
 from ..records.axis_record import AxisRecord
+from .fit import AxisFit
+from .gains import AxisGains
 from .prepare import Preparation
 
 LAW = "coulomb_viscous"
@@ -89,3 +92,116 @@ class AxisBase:
     def values(self) -> dict[str, float]:
         """Constants that are not fitted."""
         return {"width": self.width}
+
+
+@dataclass(frozen=True, eq=False)
+class AxisDetails:
+    """The two fits of base and final model, over all rows that move."""
+
+    fits: tuple[tuple[str, AxisFit], ...]
+    """With "before" or "after"."""
+    preparation: Preparation
+    width: float
+    """Of the smoothed sign of the velocity [m/s]."""
+    lead: float
+    """By which the recorded force precedes its effect [s]."""
+    record: AxisRecord
+    gains: AxisGains
+
+    def tables(self) -> list[Table]:
+        """Parameters and errors of the fits, side by side."""
+        fits = [fit for _, fit in self.fits]
+        names = list(dict.fromkeys(name for fit in fits for name in fit.values))
+        rows = [
+            (name, *(_shown(fit.values.get(name), fit.std.get(name)) for fit in fits))
+            for name in names
+        ]
+        unit = "m" if self.record.coordinate == "linear" else "rad"
+        units = {"inverse dynamics": self.record.force_unit}
+        rows.append(("relative error", *(f"{100 * fit.relative_error:.4g} %" for fit in fits)))
+        rows.append(("rms", *(f"{fit.rms:.3g} {units.get(fit.method, unit)}" for fit in fits)))
+        heads = [f"{when}: {fit.method}" for when, fit in self.fits]
+        note = (
+            "SI. Inverse dynamics: relative to the prepared motor force; output error: relative to"
+            f" the position. Cutoff {self.preparation.cutoff:.3g} Hz, one row in"
+            f" {self.preparation.decimation}; the sign of the velocity is smoothed over"
+            f" {self.width:.2g} {unit}/s"
+            + (
+                f". The loop lets the recorded force act {1e3 * self.lead:.2g} ms late, half as"
+                " long as the controller holds it; inverse dynamics, as is usual, at once"
+                if self.lead
+                else ""
+            )
+        )
+        both = "The two fits" if len({fit.method for fit in fits}) > 1 else "The fit"
+        fitted = Table(f"{both}, over all rows", ("parameter", *heads), rows, note)
+        return [fitted, self._gains(unit)]
+
+    def _gains(self, unit: str) -> Table:
+        """Gains in force, and the least damping that friction asks for, in both units."""
+        force, drive, gains = self.record.force_unit, self.record.drive, self.gains
+        damping = f"{force} s/{unit}"
+        rows = [
+            ("worst velocity", f"{gains.worst_velocity:.4g} {unit}/s", ""),
+            ("slope of friction there", f"{gains.slope:.4g} {damping}", ""),
+            (
+                "least k_v",
+                f"{gains.least_damping:.4g} {damping}",
+                _drive(gains.velocity_gain, unit),
+            ),
+        ]
+        if drive is not None and drive.K_d is not None:
+            rows.append(
+                ("k_v in force", f"{drive.K_d:.4g} {damping}", _drive(drive.velocity_gain, unit))
+            )
+        if drive is not None and drive.K_p is not None:
+            own = f"{drive.position_gain:.4g} 1/s times {_drive(drive.velocity_gain, unit)}"
+            rows.append(("k_p in force", f"{drive.K_p:.4g} {force}/{unit}", own))
+        note = (
+            "with k_v above the least any k_p > 0 holds the axis at every speed of the record:"
+            " (16)-(17), friction without memory"
+        )
+        return Table("Gains", ("", "in force", "at the drive"), rows, note)
+
+    def to_json(self) -> dict:
+        """Under "axis": what was prepared how, and the fits."""
+        return {
+            "axis": {
+                "coordinate": self.record.coordinate,
+                "cutoff": self.preparation.cutoff,
+                "decimation": self.preparation.decimation,
+                "width": self.width,
+                "lead": self.lead,
+                "gains": {
+                    "worst_velocity": self.gains.worst_velocity,
+                    "slope": self.gains.slope,
+                    "least_damping": self.gains.least_damping,
+                    "velocity_gain": self.gains.velocity_gain,
+                },
+                "fits": [
+                    {
+                        "model": when,
+                        "method": fit.method,
+                        "values": fit.values,
+                        "std": {k: v if np.isfinite(v) else None for k, v in fit.std.items()},
+                        "relative_error": fit.relative_error,
+                        "rms": fit.rms,
+                        "converged": fit.converged,
+                    }
+                    for when, fit in self.fits
+                ],
+            }
+        }
+
+
+def _drive(gain: float | None, unit: str) -> str:
+    return "" if gain is None else f"{gain:.4g} V s/{unit}"
+
+
+def _shown(value: float | None, std: float | None) -> str:
+    if value is None or std is None:
+        return ""
+    if not (np.isfinite(std) and std > 0):
+        return f"{value:.4g}"
+    digits = max(0, int(np.floor(np.log10(abs(value) / std)) + 2)) if value else 2
+    return f"{value:.{max(digits, 2)}g} ± {std:.2g}"

@@ -69,6 +69,27 @@ def read_axis_record(
     )
 
 
+def read_steady_runs(
+    folder: Path,
+    columns: list[str] | None,
+    drive_gain: str | None,
+    rated_torque: str | None,
+    flip: bool,
+    drop_bad: bool,
+):
+    """The curve of a folder of steady speeds; options as of `read_axis_record`."""
+    from ..records import read_steady
+
+    return read_steady(
+        folder,
+        columns=_roles(columns, "motor_force=F"),
+        drive_gain=drive_gain,
+        rated_torque=rated_torque,
+        flip=flip,
+        drop_bad=drop_bad,
+    )
+
+
 def _roles(columns: list[str] | None, example: str) -> dict[str, str] | None:
     roles = {}
     for text in columns or []:

@@ -19,6 +19,7 @@ from .common import (
     prepare_jax,
     read_axis_record,
     read_record,
+    read_steady_runs,
     told,
 )
 
@@ -35,10 +36,10 @@ def loop(
         ),
     ] = None,
     rig: Annotated[
-        Literal["slider", "axis"],
+        Literal["slider", "axis", "steady"],
         Parameter(
             help="slider: velocity steps of a press. axis: a servo axis that moves back and forth,"
-            " from its motor force and encoder."
+            " from its motor force and encoder. steady: a folder of runs at steady speeds."
         ),
     ] = "slider",
     law: Annotated[
@@ -92,6 +93,10 @@ def loop(
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
+    if rig == "steady":
+        options = (column, drive_gain, rated_torque, flip, drop_bad)
+        _steady(file, options, declared, excluded, destination, json)
+        return
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
         axis = slider = None
@@ -165,6 +170,40 @@ def _write(result, folder: Path, content: str, command: str) -> list[str]:
     (folder / "loop.html").write_text(html, encoding="utf-8")
     (folder / "loop.json").write_text(content + "\n", encoding="utf-8")
     return ["loop.html", "loop.json", *figures]
+
+
+def _steady(folder: Path, options, declared, excluded, destination: Path, as_json: bool) -> None:
+    """The loop on a folder of steady speeds."""
+    import json as text
+
+    from rich.console import Console
+
+    from ..axis.steady import close_steady_loop
+    from ..plot.steady import draw_steady
+    from ..report.loop_text import print_tables
+    from ..report.output import output_folder
+    from ..report.steady_text import damping, tables, to_json
+
+    curve = read_steady_runs(folder, *options)
+    result = close_steady_loop(curve, with_=declared, without=excluded)
+    content = text.dumps(to_json(result), indent=1, allow_nan=False)
+    with output_folder(destination) as target:
+        draw_steady(result, target)
+        (target / "steady.json").write_text(content + "\n", encoding="utf-8")
+    if as_json:
+        print(content)
+        return
+    console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    console.print(f"{result.verdict}: {result.sentence}", markup=False)
+    for note in curve.provenance.notes:
+        console.print(f"  - {note}", markup=False)
+    print_tables(console, tables(result))
+    _, speed, _ = result.units()
+    unit = f"{curve.force_unit}/({speed})"
+    console.print(f"\nGains: {damping(result).sentence(unit, speed)}", markup=False)
+    console.print(
+        f"written: {destination}/steady.json, curve (.png, .svg)", markup=False, soft_wrap=True
+    )
 
 
 def _command(file: Path, given: dict[str, str | None], columns, flags: dict[str, bool]) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -107,6 +107,23 @@ class LoopBase(Protocol):
     def values(self) -> dict[str, float]: ...
 
 
+class Table(NamedTuple):
+    """A table of text: its title, column heads, rows, a remark, the rows that matter most."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    note: str = ""
+    marked: tuple[int, ...] = ()
+
+
+class LoopDetails(Protocol):
+    """More tables and more of `loop.json`."""
+
+    def tables(self) -> list[Table]: ...
+    def to_json(self) -> dict: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Loop:
     """The loop closed over one record."""
@@ -142,6 +159,8 @@ class Loop:
     out."""
     warnings: tuple[str, ...]
     seconds: float
+    details: "LoopDetails | None" = None
+    """What else a kind of rig has to tell."""
 
     @property
     def is_axis(self) -> bool:
@@ -263,6 +282,7 @@ class Loop:
                 "by_step": self.blocks.by_step,
                 **{name: int(self.blocks.of(name).sum()) for name in NAMES},
             },
+            **({} if self.details is None else self.details.to_json()),
             "warnings": list(self.warnings),
             "seconds": float(self.seconds),
         }

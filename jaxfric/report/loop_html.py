@@ -127,16 +127,17 @@ summary { cursor: pointer; color: var(--soft); }
 
 def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str) -> str:
     """The page, with the SVG `figures` of `FIGURES` in it; `command` is what made it."""
-    error, velocities, parameters, tests, _ = tables(loop)
+    error, velocities, parameters, tests, _, *more = tables(loop)
     name = _shown(loop.record.provenance.path)
     parts = [
         _head(loop, name),
         _cards(loop),
         _warnings(loop),
         f"<h2>Before and after</h2>{_table(error)}{_paragraph(splitting(loop), 'note')}",
-        _details("Error at every velocity", _table(velocities)),
+        _details(velocities.title, _table(velocities)),
         _figure(loop, "residual", figures),
-        f"<h2>What the model is now</h2>{_added(loop)}{_table(parameters)}{_table(tests)}",
+        f"<h2>What the model is now</h2>{_added(loop)}{_table(parameters)}{_table(tests)}"
+        + "".join(_table(table) for table in more),
         _figure(loop, "location", figures),
         _figure(loop, "aliasing", figures, _list(apart(loop))),
         _figure(loop, "candidates", figures),

@@ -1,8 +1,7 @@
 """A closed loop as tables and lines of text, for the terminal and for the page."""
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
 from ..fitting.table import decimals
-from ..loop.result import CandidateScore, Loop
+from ..loop.result import CandidateScore, Loop, Table
 from ..loop.split import NAMES
 from ..units import factor, format_si
 
@@ -38,16 +37,6 @@ SIGNIFICANT = 0.01
 _ALIAS = 0.95
 _MOST_CANDIDATES = 10
 _WIDE = 105
-
-
-class Table(NamedTuple):
-    """A table of text: its title, column heads, rows, a remark, the rows that matter most."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-    note: str = ""
-    marked: tuple[int, ...] = ()
 
 
 def spoken(loop: Loop, text: str) -> str:
@@ -79,6 +68,7 @@ def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[Table]:
         moved(loop),
         significance(loop),
         candidates(loop, most=most),
+        *([] if loop.details is None else loop.details.tables()),
     ]
 
 
@@ -93,12 +83,20 @@ def _reasons(loop: Loop) -> list[str]:
 
 def print_loop(loop: Loop, console) -> None:
     """Print verdict, tables and aliases to a rich console."""
-    from rich.table import Table as RichTable
-
     for line in lines(loop):
         console.print(line, markup=False)
     console.print(splitting(loop), markup=False)
-    for table in tables(loop):
+    print_tables(console, tables(loop))
+    console.print("\nWhat can be told apart", markup=False)
+    for line in apart(loop):
+        console.print(f"  {line}", markup=False)
+
+
+def print_tables(console, shown_tables: Sequence[Table]) -> None:
+    """Tables one below the other; a narrow console leaves out meanings."""
+    from rich.table import Table as RichTable
+
+    for table in shown_tables:
         shown = RichTable(title=table.title, title_justify="left", box=None, pad_edge=False)
         narrow = console.width < _WIDE
         columns = [k for k, head in enumerate(table.head) if not (narrow and head == "meaning")]
@@ -113,9 +111,6 @@ def print_loop(loop: Loop, console) -> None:
         console.print(shown)
         if table.note:
             console.print(table.note, markup=False)
-    console.print("\nWhat can be told apart", markup=False)
-    for line in apart(loop):
-        console.print(f"  {line}", markup=False)
 
 
 def _plain(text: str):

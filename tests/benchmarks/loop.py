@@ -5,7 +5,7 @@
 By default a blind record of 12 velocity steps with a second state hidden in it (SciPy,
 `fits/blind/generate.py`), the whole catalogue offered. Prints: a fresh process with an empty
 compilation cache, a fresh one with that cache filled, and records of that length, one after the
-other, in a running process.
+other and then again, in a running process.
 """
 
 import argparse
@@ -83,7 +83,7 @@ def main() -> None:
         for words in ("empty", "filled"):
             spent = command(*records[0], cache, place / "out")
             print(f"a process, {words} cache: {spent:6.1f} s", flush=True)
-        running(records, cache)
+        running(2 * records, cache)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,106 @@
+"""An axis under the sampled controller of two nested loops, simulated from its reference.
+
+    u_k = k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)),   F = g_tau u_k  held until sample k + 1
+
+k_p [1/s] and k_v [V s/m] are the gains of the position and the velocity loop, g_tau [N/V] the gain
+of the drive, h the sampling interval; the velocity is the first difference of a two-sample average
+of the encoder (as on the EMPS bench: Janot, Gautier, Brunot 2019). Between two samples the axis is
+integrated by steps of diffrax's Tsit5.
+"""
+
+import math
+from typing import NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .rig import AxisRig
+
+_STABLE = 2.0
+
+
+class Controller(NamedTuple):
+    """Gains in the machine's own units."""
+
+    position_gain: Float[Array, ""]
+    """k_p [1/s]."""
+    K_d: Float[Array, ""]
+    """g_tau k_v, force per velocity [N s/m]."""
+    interval: Float[Array, ""]
+    """h [s]."""
+
+    def force(self, reference, position, before_last) -> Array:
+        """F at a sample, from the position there and two samples earlier."""
+        velocity = (position - before_last) / (2 * self.interval)
+        return self.K_d * (self.position_gain * (reference - position) - velocity)
+
+
+class ClosedLoop(NamedTuple):
+    """Sampled motion, shape (N,)."""
+
+    position: Float[Array, " N"]
+    velocity: Float[Array, " N"]
+    force: Float[Array, " N"]
+    """Motor force from that sample on."""
+
+
+def substeps(rig: AxisRig, interval: float) -> int:
+    """Steps per sample that keep an explicit method stable at the smoothed sign's steepest: a
+    power of two."""
+    rate = abs(float(rig.coulomb)) / (float(rig.mass) * float(rig.width))
+    number = max(1.0, interval * rate / _STABLE)
+    return 2 ** math.ceil(math.log2(number))
+
+
+def closed_loop(
+    rig: AxisRig,
+    controller: Controller,
+    reference: Float[Array, " N"],
+    first: Float[Array, "3"],
+    *,
+    substeps: int = 1,
+) -> ClosedLoop:
+    """Simulate an axis that follows `reference` [m or rad].
+
+    `first` are the first three positions: the axis starts at the first with their mean velocity,
+    its bristle unbent. Friction's kink at rest is smoothed over `rig.width`. Lag and delay of the
+    rig are not simulated.
+    """
+    h = controller.interval / substeps
+    solver = diffrax.Tsit5(scan_kind="lax")  # which forward mode needs
+
+    def rate(t, y, force):
+        q, v, bristle = y
+        resisted = rig.friction(q, v, t, bristle)
+        bend = jnp.zeros_like(v) if rig.bristle is None else rig.bristle.rate(bristle, v)
+        return v, (force - resisted) / rig.mass, bend
+
+    term = diffrax.ODETerm(rate)
+
+    def sample(carry, row):
+        y, last, before_last = carry
+        t, target = row
+        force = controller.force(target, y[0], before_last)
+
+        def piece(k, y):
+            t0 = t + k * h
+            state = solver.init(term, t0, t0 + h, y, force)
+            return solver.step(term, t0, t0 + h, y, force, state, made_jump=True)[0]
+
+        after = y
+        for k in range(substeps):
+            after = piece(k, after)
+        return (after, y[0], last), (y[0], y[1], force)
+
+    speed = (first[2] - first[0]) / (2 * controller.interval)
+    start = (first[0], speed, jnp.zeros_like(speed))
+    back = first[0] - controller.interval * speed
+    times = jnp.arange(reference.shape[0]) * controller.interval
+    _, seen = jax.lax.scan(sample, (start, back, back - (first[0] - back)), (times, reference))
+    return ClosedLoop(*seen)
+
+
+simulate_closed_loop = eqx.filter_jit(closed_loop)

@@ -1,0 +1,103 @@
+"""The friction of steady speeds as text and as steady.json."""
+
+import numpy as np
+
+from ..axis.gains import AxisGains, axis_gains
+from ..axis.steady import SteadyLoop, SteadyModel
+from ..loop.result import Table
+
+SCHEMA = "jaxfric.steady/1"
+
+
+def damping(loop: SteadyLoop) -> AxisGains:
+    """The least damping over the speeds of the curve."""
+    speeds = np.abs(loop.curve.speed)
+    return axis_gains(loop.final.force, float(speeds.min()), float(speeds.max()))
+
+
+def tables(loop: SteadyLoop) -> list[Table]:
+    """Models that were fitted, and parameters of base and final model."""
+    unit, speed, size = loop.units()
+    rows = [
+        (
+            " + ".join(m.effects) or "base",
+            f"{m.rms / size:.4g}",
+            f"{m.heldout / size:.4g}",
+            f"{m.spread / size:.3g}",
+            f"{loop.base.bic - m.bic:+.1f}".replace("-", "−"),
+            "taken" if m is loop.final else "base" if m is loop.base else "",
+        )
+        for m in loop.candidates
+    ]
+    head = ("effects", f"rms [{unit}]", f"held out [{unit}]", f"spread [{unit}]", "ΔBIC", "")
+    note = (
+        "held out: every run predicted without it and its neighbours in speed. spread: how runs"
+        " differ beyond the error of their means"
+    )
+    models = [Table("Models that were fitted", head, rows, note)]
+    names = list(dict.fromkeys([*loop.base.values, *loop.final.values]))
+    shown = [
+        (
+            name,
+            _value(loop.base, name, size),
+            _value(loop.final, name, size),
+            _unit(name, unit, speed),
+        )
+        for name in names
+    ]
+    return [Table("Parameters", ("name", "before", "after", "unit"), shown), *models]
+
+
+def _value(model: SteadyModel, name: str, size: float) -> str:
+    if name not in model.values:
+        return "–"
+    value, std = model.values[name], model.std.get(name)
+    size = 1.0 if name in ("vs", "n") else size
+    return f"{value / size:.4g}" + ("" if std is None else f" ± {std / size:.2g}")
+
+
+def _unit(name: str, force: str, speed: str) -> str:
+    return {"vs": speed, "n": "", "F_v": f"{force}/({speed})", "d": f"{force}/({speed})"}.get(
+        name, f"{force}/({speed})^3" if name == "c" else force
+    )
+
+
+def to_json(loop: SteadyLoop) -> dict:
+    """The content of `steady.json`, schema "jaxfric.steady/1"; SI or % of the rated torque."""
+    curve, gains = loop.curve, damping(loop)
+
+    def model(m: SteadyModel) -> dict:
+        return {
+            "effects": list(m.effects),
+            "parameters": {k: {"value": v, "std": m.std.get(k)} for k, v in m.values.items()},
+            "rms": m.rms,
+            "heldout_rms": m.heldout,
+            "spread": m.spread,
+            "delta_bic": loop.base.bic - m.bic,
+        }
+
+    return {
+        "schema": SCHEMA,
+        "curve": {
+            "path": curve.provenance.path,
+            "runs": list(curve.names),
+            "force_unit": curve.force_unit,
+            "coordinate": curve.coordinate,
+            "speed": curve.speed.tolist(),
+            "force": curve.force.tolist(),
+            "error": curve.error.tolist(),
+            "effective_samples": curve.effective.tolist(),
+            "notes": list(curve.provenance.notes),
+        },
+        "verdict": loop.verdict,
+        "sentence": loop.sentence,
+        "effects": list(loop.final.effects),
+        "before": model(loop.base),
+        "after": model(loop.final),
+        "candidates": [model(m) for m in loop.candidates],
+        "gains": {
+            "worst_velocity": gains.worst_velocity,
+            "slope": gains.slope,
+            "least_damping": gains.least_damping,
+        },
+    }
