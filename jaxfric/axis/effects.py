@@ -275,7 +275,7 @@ class ServoLag(AbstractAxisEffect):
     id: ClassVar[str] = "servo_lag"
     room: ClassVar[str] = "drive"
     equation: ClassVar[str] = "tau F_m' = F - F_m"
-    confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "presliding")
+    confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lag", "presliding")
     separated_by: ClassVar[str] = "the motor's current"
     channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the motor", default=0.0)
@@ -290,22 +290,43 @@ class ServoLag(AbstractAxisEffect):
         return {}
 
 
+class SensorLag(AbstractAxisEffect):
+    """The recorded force lags: tau y' = F - y."""
+
+    id: ClassVar[str] = "sensor_lag"
+    room: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "tau y' = F - y"
+    confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "servo_lag")
+    separated_by: ClassVar[str] = "a force step into a blocked axis"
+    channel: ClassVar[str | None] = None
+    tau: Float[Array, ""] = quantity("tau", "s", "time constant of the force channel", default=0.0)
+
+    def embed(self, rig):
+        return eqx.tree_at(lambda r: r.late, rig, self.tau)
+
+    def physical(self):
+        return self.tau > 0
+
+    def grid(self, scales):
+        return {}
+
+
 class SensorDelay(AbstractAxisEffect):
-    """The recorded position is late by d."""
+    """The recorded position is d later than the recorded force; d < 0: earlier."""
 
     id: ClassVar[str] = "sensor_delay"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "q_recorded(t) = q(t - d)"
-    confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "presliding")
+    confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_lag", "presliding")
     separated_by: ClassVar[str] = "the motor's current"
     channel: ClassVar[str | None] = None
-    d: Float[Array, ""] = quantity("d", "s", "delay of the encoder", default=0.0)
+    d: Float[Array, ""] = quantity("d", "s", "delay of the position behind the force", default=0.0)
 
     def embed(self, rig):
         return eqx.tree_at(lambda r: r.delay, rig, self.d)
 
     def physical(self):
-        return self.d > 0
+        return jnp.asarray(_ALWAYS)
 
     def grid(self, scales):
         return {}
@@ -322,6 +343,7 @@ AXIS_CATALOGUE: dict[str, type[AbstractAxisEffect]] = {
         TimeDrift,
         Presliding,
         ServoLag,
+        SensorLag,
         SensorDelay,
     )
 }

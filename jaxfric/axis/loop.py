@@ -69,8 +69,8 @@ def close_axis_loop(
     held : the force is a command that a sampled controller holds until the next row, so that it
         acts half a row later; by default true where the drive of the record is known.
 
-    Rows at rest (slower than two widths for more than 50 ms) do not count: friction there is
-    whatever the force is. Whole motion segments are held back.
+    Rows slower than two widths, those where the axis turns, and their neighbours do not count: at
+    rest friction is whatever the force is. Whole motion segments are held back.
 
     Raises
     ------
@@ -89,6 +89,7 @@ def close_axis_loop(
         record.velocity,
         record.motor_force,
         preparation=preparation,
+        held=record.drive is not None if held is None else held,
     )
     rows = _rows(record, prepared, width)
     blocks = split(rows.segment, rows.used, rows.velocity, record.provenance.path)
@@ -101,7 +102,6 @@ def close_axis_loop(
         Superset(BaseLaw(), effects),  # pyright: ignore[reportArgumentType]
         width=rows.width,
         noise_scale=noise_scale,
-        lead=0.5 * prepared.interval * (record.drive is not None if held is None else held),
     )
     none = np.zeros(0, int)
     engine = Engine(problem, blocks, none, shapes=axis_shapes, longest=_NOISE_ROWS)  # pyright: ignore[reportArgumentType]
@@ -157,8 +157,15 @@ def close_axis_loop(
 
 def _details(record, prepared, rows: AxisRows, problem, engine, found: Search, progress):
     """Both fits of the base and of the final model, over all rows."""
-    # as it is usual, and as published fits of an axis did it: the force acts at once
-    usual_force = dataclasses.replace(problem, lead=jnp.zeros_like(problem.lead))
+    # as published fits of an axis did it: other rows, and the force acts at once
+    weight = np.zeros(len(prepared.time))
+    weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
+    usual_force = dataclasses.replace(
+        problem,
+        sampler=prepared.usual,
+        friction=jnp.asarray(prepared.usual_force),
+        weight=jnp.asarray(weight),
+    )
     fits: list[tuple[str, AxisFit]] = []
     models = [("before", found.base)]
     models += [] if found.final is found.base else [("after", found.final)]
@@ -179,9 +186,7 @@ def _details(record, prepared, rows: AxisRows, problem, engine, found: Search, p
 
     slow = max(4 * rows.width, float(np.quantile(moving, 0.02)))
     gains = axis_gains(steady, slow, float(moving.max()), drive=record.drive)
-    return AxisDetails(
-        tuple(fits), prepared.preparation, rows.width, float(problem.lead), record, gains
-    )
+    return AxisDetails(tuple(fits), prepared.preparation, rows.width, record, gains)
 
 
 def _effects(with_, without, own) -> tuple[type[AbstractAxisEffect], ...]:
@@ -200,8 +205,10 @@ def _effects(with_, without, own) -> tuple[type[AbstractAxisEffect], ...]:
 
 def _rows(record: AxisRecord, prepared: Prepared, width: float | None) -> AxisRows:
     """The decimated rows of a record, which of them count, and their motion segments."""
-    n, every = prepared.rows, prepared.decimator.every
-    velocity = np.asarray(prepared.motion.velocity)[::every][:n]
+    n, motion = prepared.rows, prepared.motion
+    velocity, position, path = (
+        np.asarray(prepared.means(x))[:n] for x in (motion.velocity, motion.position, motion.path)
+    )
     fastest = float(np.max(np.abs(velocity)))
     if width is None:
         width = max(_WIDTH_IN_NOISE * prepared.velocity_noise, _WIDTH_SHARE * fastest)
@@ -209,37 +216,52 @@ def _rows(record: AxisRecord, prepared: Prepared, width: float | None) -> AxisRo
         raise InputError(
             f"width {width:g} m/s: the axis moves at up to {fastest:g} m/s; choose less"
         )
-    step = float(prepared.time[1])
-    slow = np.abs(velocity) < 2 * width
-    long = max(2, round(_STUCK / step))
-    stuck = np.zeros(n, bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], slow.astype(int), [0]])))
-    for begin, end in edges.reshape(-1, 2):
-        stuck[begin:end] = end - begin >= long
+    every = prepared.means.every
+    samples = np.asarray(motion.velocity).reshape(-1, every)[:n]
+    slow = np.min(np.abs(samples), axis=1) < 2 * width
+    slow |= np.ptp(np.sign(samples), axis=1) > 0
+    step = float(prepared.time[1] - prepared.time[0])
     return AxisRows(
         time=prepared.time[:n],
-        position=np.asarray(prepared.motion.position)[::every][:n],
+        position=position,
         velocity=velocity,
-        path=np.asarray(prepared.motion.path)[::every][:n],
-        used=prepared.inside[:n] & ~stuck,
-        stuck=stuck,
-        segment=segments(velocity, 2 * width),
+        path=path,
+        used=prepared.inside[:n] & ~_widened(slow),
+        stuck=_long(slow, max(2, round(_STUCK / step))),
+        segment=segments(slow),
         width=width,
     )
+
+
+def _widened(slow: np.ndarray) -> np.ndarray:
+    """With the rows beside them, into which the filter of the position reaches."""
+    wide = slow.copy()
+    wide[1:] |= slow[:-1]
+    wide[:-1] |= slow[1:]
+    return wide
+
+
+def _long(slow: np.ndarray, rows: int) -> np.ndarray:
+    """Those of the slow rows that are at least so many together."""
+    long = np.zeros(len(slow), bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], slow.astype(int), [0]])))
+    for begin, end in edges.reshape(-1, 2):
+        long[begin:end] = end - begin >= rows
+    return long
 
 
 def _scales(rows: AxisRows, prepared: Prepared, blocks) -> RecordScales:
     speed = np.abs(rows.velocity[blocks.train])
     moving = speed[speed > 2 * rows.width]
     # twice the distance between two rows at the median speed, within the filter's pass band
-    resolved = 2.5 * float(np.median(moving)) * float(prepared.time[1])
+    resolved = 2.5 * float(np.median(moving)) * float(prepared.time[1] - prepared.time[0])
     return RecordScales(
         slip_length=float("nan"),
         step_slip=resolved,
         total_slip=float(np.ptp(rows.position)),
         slowest=float(np.quantile(moving, 0.02)),
         fastest=float(moving.max()),
-        interval=float(prepared.time[1]),
+        interval=float(prepared.time[1] - prepared.time[0]),
         duration=float(rows.time[-1]),
     )
 
@@ -254,7 +276,7 @@ def _start(problem: AxisProblem, train: np.ndarray) -> np.ndarray:
         jnp.tanh(motion.velocity / problem.width),
         jnp.ones_like(motion.velocity),
     ]
-    matrix = np.stack([np.asarray(problem.decimator(c))[at] for c in columns], axis=1)
+    matrix = np.stack([np.asarray(problem.sampler(c))[at] for c in columns], axis=1)
     found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
     found[0] = max(found[0], 1e-6 * float(problem.sizes.force / problem.sizes.acceleration))
     values = jnp.asarray([*found, *problem.model.nulls()])

@@ -1,12 +1,14 @@
-"""Preparation of an axis record as it is usual in robotics: filtered motion, decimated rows.
+"""Preparation of an axis record: filtered motion at the full rate, fewer rows to compare.
 
-The position is low-passed without phase (Butterworth, 4th order, forwards and backwards),
-differenced centrally, and every regressor is decimated like the force: low-passed without phase
-(Chebyshev, 8th order, forwards and backwards) and sampled. The decimation is linear, so it is
-applied to a predicted force as well as to a recorded one, in the frequency domain, where lags and
-delays are factors.
+The position is low-passed without phase (Butterworth, 4th order, forwards and backwards) and
+differenced centrally. Forces, recorded and predicted alike, are then taken to fewer rows, by one of
+
+- `Means`: means of consecutive samples. White noise stays white, so the loop uses these rows.
+- `Decimator`: low-passed without phase (Chebyshev, 8th order, forwards and backwards) and sampled,
+  as is usual in robotics; published errors are of these rows.
 """
 
+import abc
 from typing import NamedTuple
 
 import equinox as eqx
@@ -61,45 +63,77 @@ class Motion(eqx.Module):
     """Distance travelled."""
 
 
-class Decimator(eqx.Module):
-    """Zero-phase low-pass and sampling of a signal at the full rate, and time shifts of it."""
+class AbstractSampler(eqx.Module):
+    """Takes a signal at the full rate to fewer rows."""
+
+    every: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
+        """One row for `every` samples."""
+
+
+class Means(AbstractSampler):
+    """Means of `every` samples."""
+
+    every: int = eqx.field(static=True)
+
+    def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
+        """The row of samples k..k+every-1 stands at their middle."""
+        return jnp.mean(signal.reshape(-1, self.every), axis=1)
+
+
+class Decimator(AbstractSampler):
+    """Zero-phase low-pass, then every n-th sample."""
 
     gain: Float[Array, " f"]
-    """Squared magnitude of the filter at the frequencies of the padded signal."""
-    frequency: Float[Array, " f"]
-    """Angular frequency [rad/s]."""
+    """Squared magnitude of the filter at the frequencies of the extended signal."""
     margin: int = eqx.field(static=True)
     after: int = eqx.field(static=True)
     every: int = eqx.field(static=True)
 
-    def __call__(
-        self, signal: Float[Array, " N"], *, lag: ArrayLike = 0.0, lead: ArrayLike = 0.0
-    ) -> Float[Array, " n"]:
-        """Every n-th row of the signal low-passed, of signal + lag d(signal)/dt advanced by
-        lead [s]."""
+    def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
+        """The row of sample k is at that sample."""
         m, more = self.margin, self.after
         before = 2 * signal[0] - signal[m:0:-1]
         after = 2 * signal[-1] - signal[-2 : -more - 2 : -1]
         extended = jnp.concatenate([before, signal, after])
-        spectrum = jnp.fft.rfft(extended) * self.gain
-        shift = (1 + 1j * self.frequency * lag) * jnp.exp(1j * self.frequency * lead)
-        smooth = jnp.fft.irfft(spectrum * shift, extended.shape[0])
+        smooth = jnp.fft.irfft(jnp.fft.rfft(extended) * self.gain, extended.shape[0])
         return smooth[m : m + signal.shape[0] : self.every]
 
 
+def shifted(
+    signal: Float[Array, " N"],
+    interval: ArrayLike,
+    *,
+    lag: Float[Array, ""],
+    lead: Float[Array, ""],
+    late: Float[Array, ""],
+) -> Float[Array, " N"]:
+    """signal + lag signal', advanced by `lead`, lagging by `late`; to second order in the times.
+
+    Differences telescope in `Means`, so a jump of the signal does no harm.
+    """
+    slope = jnp.asarray(jnp.gradient(signal)) / interval
+    bend = jnp.asarray(jnp.gradient(slope)) / interval
+    second = lag * (lead - late) + 0.5 * lead**2 + late**2 - lead * late
+    return signal + (lag + lead - late) * slope + second * bend
+
+
 class Prepared(NamedTuple):
-    """A prepared record; `rows` of it are real, the others padding."""
+    """A prepared record; `rows` of its rows are real, the others padding."""
 
     motion: Motion
-    decimator: Decimator
+    means: Means
+    usual: Decimator
     interval: float
-    """Between rows at the full rate [s]."""
-    samples: int
-    """Rows at the full rate."""
+    """Between samples [s]."""
     time: np.ndarray
-    """Of the decimated rows (n), from 0 [s]."""
+    """Of the rows (n), from 0 [s]."""
     force: np.ndarray
-    """Recorded, decimated."""
+    """Recorded, by `means` (n)."""
+    usual_force: np.ndarray
+    """Recorded, by `usual` (n)."""
     rows: int
     inside: np.ndarray
     """Rows that are not at an end."""
@@ -115,10 +149,12 @@ def prepare(
     force: np.ndarray,
     *,
     preparation: Preparation | None = None,
+    held: bool = False,
 ) -> Prepared:
     """Filter and pad a record; all SI, time from 0, one of position and velocity may be missing.
 
-    Uneven sampling is interpolated to its median interval.
+    Uneven sampling is interpolated to its median interval. A force that is `held` from sample to
+    sample acts half a sample late: `force` is then of the mean of every two neighbours.
 
     Raises
     ------
@@ -149,7 +185,8 @@ def prepare(
         v = smooth
         q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * interval)])
     a = np.gradient(v, interval)
-    size = bucket(len(time), 1024)
+    every = chosen.decimation
+    size = -(-bucket(len(time), 1024) // every) * every
     more = (0, size - len(time))
     motion = Motion(
         jnp.asarray(np.arange(size) * interval),
@@ -158,14 +195,24 @@ def prepare(
         jnp.asarray(np.pad(a, more)),
         jnp.asarray(np.pad(np.cumsum(np.abs(v)) * interval, more, mode="edge")),
     )
-    decimator = _decimator(size, interval, chosen.decimation)
-    decimated = np.asarray(decimator(jnp.asarray(np.pad(recorded, more, "edge"))))
-    rows = -(-len(time) // chosen.decimation)
-    at = np.arange(len(decimated)) * interval * chosen.decimation
+    means, usual_rows = Means(every), _decimator(size, interval, every)
+    padded = np.pad(recorded, more, "edge")
+    acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
+    at = (np.arange(size // every) * every + 0.5 * (every - 1)) * interval
     inside = (at >= chosen.edge) & (at <= time[-1] - chosen.edge)
     noise = _velocity_noise(raw, smooth, interval, chosen.cutoff, position is not None)
     return Prepared(
-        motion, decimator, interval, len(time), at, decimated, rows, inside, noise, chosen
+        motion,
+        means,
+        usual_rows,
+        interval,
+        at,
+        np.asarray(means(jnp.asarray(acting))),
+        np.asarray(usual_rows(jnp.asarray(padded))),
+        len(time) // every,
+        inside,
+        noise,
+        chosen,
     )
 
 
@@ -197,7 +244,7 @@ def _decimator(size: int, interval: float, every: int) -> Decimator:
         _, response = signal.sosfreqz(low, worN=frequency * interval)
         level = np.abs(np.asarray(response))
         gain = (level / level[0]) ** 2
-    return Decimator(jnp.asarray(gain), jnp.asarray(frequency), margin, n - size - margin, every)
+    return Decimator(gain=jnp.asarray(gain), margin=margin, after=n - size - margin, every=every)
 
 
 def _velocity_noise(raw, smooth, interval, cutoff, is_position: bool) -> float:

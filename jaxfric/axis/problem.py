@@ -18,7 +18,7 @@ from ..fitting.noise import Noise, whiten
 from ..fitting.problem import FAILED_MISFIT
 from ..loop.superset import Superset
 from ..quantity import Quantity, quantities
-from .prepare import Decimator, Motion, Prepared
+from .prepare import AbstractSampler, Motion, Prepared, shifted
 from .rig import AxisRig
 
 _BASE = quantities(AxisRig)
@@ -55,11 +55,10 @@ class AxisProblem(eqx.Module):
     weight: Float[Array, " n"]
     clock: Float[Array, " n"]
     motion: Motion
-    decimator: Decimator
+    sampler: AbstractSampler
+    interval: Float[Array, ""]
     noise_scale: Float[Array, ""]
     width: Float[Array, ""]
-    lead: Float[Array, ""]
-    """By which the recorded force precedes its effect [s]."""
     sizes: Sizes
     noise: Noise | None
     hold: Float[Array, "0"]
@@ -116,7 +115,10 @@ class AxisProblem(eqx.Module):
     def predict(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
         """Motor force at the decimated rows."""
         rig = self.rig(z)
-        return self.decimator(rig.force(self.motion), lag=rig.lag, lead=rig.delay + self.lead)
+        force = shifted(
+            rig.force(self.motion), self.interval, lag=rig.lag, lead=rig.delay, late=rig.late
+        )
+        return self.sampler(force)
 
     def residual(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
         """(predicted - recorded)/noise_scale, whitened if a noise is set; 0 without weight."""
@@ -133,12 +135,11 @@ def make_problem(
     *,
     width: float,
     noise_scale: float,
-    lead: float = 0.0,
 ) -> AxisProblem:
     """A problem whose rows have the given weights (0 or 1)."""
     motion, used = prepared.motion, weight > 0
-    at = slice(None, None, prepared.decimator.every)
-    v, a = np.asarray(motion.velocity)[at][used], np.asarray(motion.acceleration)[at][used]
+    v = np.asarray(prepared.means(motion.velocity))[used]
+    a = np.asarray(prepared.means(motion.acceleration))[used]
     sizes = Sizes(
         *(
             jnp.asarray(max(float(x), 1e-300))
@@ -157,10 +158,10 @@ def make_problem(
         weight=jnp.asarray(weight),
         clock=jnp.arange(len(weight), dtype=float),
         motion=motion,
-        decimator=prepared.decimator,
+        sampler=prepared.means,
+        interval=jnp.asarray(prepared.interval),
         noise_scale=jnp.asarray(noise_scale),
         width=jnp.asarray(width),
-        lead=jnp.asarray(lead),
         sizes=sizes,
         noise=None,
         hold=jnp.zeros(0),

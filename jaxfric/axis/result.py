@@ -103,8 +103,6 @@ class AxisDetails:
     preparation: Preparation
     width: float
     """Of the smoothed sign of the velocity [m/s]."""
-    lead: float
-    """By which the recorded force precedes its effect [s]."""
     record: AxisRecord
     gains: AxisGains
 
@@ -126,12 +124,6 @@ class AxisDetails:
             f" the position. Cutoff {self.preparation.cutoff:.3g} Hz, one row in"
             f" {self.preparation.decimation}; the sign of the velocity is smoothed over"
             f" {self.width:.2g} {unit}/s"
-            + (
-                f". The loop lets the recorded force act {1e3 * self.lead:.2g} ms late, half as"
-                " long as the controller holds it; inverse dynamics, as is usual, at once"
-                if self.lead
-                else ""
-            )
         )
         both = "The two fits" if len({fit.method for fit in fits}) > 1 else "The fit"
         fitted = Table(f"{both}, over all rows", ("parameter", *heads), rows, note)
@@ -171,7 +163,6 @@ class AxisDetails:
                 "cutoff": self.preparation.cutoff,
                 "decimation": self.preparation.decimation,
                 "width": self.width,
-                "lead": self.lead,
                 "gains": {
                     "worst_velocity": self.gains.worst_velocity,
                     "slope": self.gains.slope,

@@ -79,6 +79,8 @@ class AxisRig(eqx.Module):
     """Of the motor force behind the recorded one [s]."""
     delay: Float[Array, ""]
     """Of the recorded position [s]."""
+    late: Float[Array, ""]
+    """Time constant by which the recorded force lags [s]."""
     mass: Float[Array, ""] = quantity("M", "kg", "moving mass", lower=0.0)
     viscous: Float[Array, ""] = quantity("F_v", "F s/m", "viscous friction")
     coulomb: Float[Array, ""] = quantity("F_c", "F", "Coulomb friction")
@@ -88,7 +90,7 @@ class AxisRig(eqx.Module):
         self.mass, self.viscous = jnp.asarray(mass), jnp.asarray(viscous)
         self.coulomb, self.offset = jnp.asarray(coulomb), jnp.asarray(offset)
         self.width, self.terms, self.bristle = jnp.asarray(width), (), None
-        self.lag = self.delay = jnp.zeros_like(self.mass)
+        self.lag = self.delay = self.late = jnp.zeros_like(self.mass)
 
     def sign(self, velocity: Array) -> Array:
         """sgn(v), smoothed."""

@@ -4,8 +4,6 @@ A segment is a piece of motion in one direction between two stops or reversals. 
 samples share noise and structure, so whole segments are held back, never samples.
 """
 
-import itertools
-
 import numpy as np
 
 from ..errors import InputError
@@ -13,33 +11,24 @@ from ..loop.split import NAMES, Blocks
 
 _FEWEST = 4
 _ROWS = 20
-_SHORT = 5
+_SHARE = 1 / 6
 
 
-def segments(velocity: np.ndarray, slow: float) -> np.ndarray:
-    """Index of the segment of each row; rows between two segments belong to the earlier one.
+def segments(slow: np.ndarray) -> np.ndarray:
+    """Index of the motion segment of each row; `slow` marks rows that stop or turn.
 
-    A stop is a velocity below `slow`, a reversal a change of sign; segments of fewer than 5 rows
-    are joined to the one before.
+    Those belong to the segment before them.
     """
-    sign = np.where(np.abs(velocity) > slow, np.sign(velocity), 0)
-    begins, last = [0], 0
-    moving = np.flatnonzero(sign)
-    if not len(moving):
-        return np.zeros(len(velocity), int)
-    for a, b in itertools.pairwise(moving):
-        if (sign[a] != sign[b] or b - a > 1) and b - last >= _SHORT:
-            begins.append(int(b))
-            last = b
-    index = np.zeros(len(velocity), int)
-    index[begins[1:]] = 1
-    return np.cumsum(index)
+    begins = ~slow & np.concatenate([[False], slow[:-1]])
+    begins[: int(np.argmax(~slow)) + 1] = False  # the first motion is segment 0
+    return np.cumsum(begins)
 
 
 def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
-    """Blocks of whole segments: every sixth to report, every sixth to select, the others train.
+    """Blocks of whole segments: the last that hold a sixth of the rows report, as many before them
+    select, the others train.
 
-    Neighbours in speed and direction are then in all blocks; `used` marks the rows that count.
+    `used` marks the rows that count, `path` names the record in messages.
 
     Raises
     ------
@@ -51,21 +40,28 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
             f"{path}: the axis moves in one direction only; Coulomb friction cannot be told from an"
             " offset without a reversal. Record motion back and forth"
         )
-    count = int(segment.max()) + 1
+    rows = np.bincount(segment[used], minlength=int(segment.max()) + 1)
+    count = int(np.sum(rows > 0))
     if count < _FEWEST:
         raise InputError(
             f"{path}: {count} motion segments between stops or reversals; {_FEWEST} are needed."
             " Record more strokes"
         )
-    last = max(1, round(count / 6))
-    report = used & (segment >= count - last)
-    select = used & (segment >= count - 2 * last) & ~report & used
-    blocks = Blocks(used & ~(report | select), select, report, segment, True)
+    after = np.cumsum(rows[::-1])[::-1] / rows.sum()  # share of the rows from a segment on
+    report = int(np.flatnonzero(after >= _SHARE)[-1])
+    select = int(np.flatnonzero(after >= after[report] + _SHARE)[-1]) if report else 0
+    blocks = Blocks(
+        used & (segment < select),
+        used & (segment >= select) & (segment < report),
+        used & (segment >= report),
+        segment,
+        True,
+    )
     for name in NAMES:
-        rows = int(blocks.of(name).sum())
-        if rows < _ROWS:
+        found = int(blocks.of(name).sum())
+        if found < _ROWS:
             raise InputError(
-                f"{path}: the {name} block would have {rows} rows and needs {_ROWS}; record more"
+                f"{path}: the {name} block would have {found} rows and needs {_ROWS}; record more"
                 " or longer strokes"
             )
     return blocks
