@@ -18,7 +18,7 @@ def pytest_configure(config):
     folder = Path(config.rootpath) / ".pytest_cache" / "jax"
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)  # the command leaves it then
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 

@@ -421,6 +421,7 @@ def test_empty_intervals_have_no_nan_in_their_derivatives():
     assert not np.isnan(jax.jit(jax.vmap(edges))(jnp.array(values))).any()
 
 
+@pytest.mark.long
 def test_jit_vmap_and_eager_agree():
     case = CASES[:, 5]
     eager = rightmost_roots(*case, number=3)

@@ -121,6 +121,7 @@ def test_describes_itself(id):
     assert all(len(v) > 1 and np.all(np.asarray(v) > 0) for v in grid.values())
 
 
+@pytest.mark.long
 def test_ageing_base_is_kept():
     """Embedding an effect of evolution in an ageing law leaves it one."""
     ageing = rig(jf.AgeingEvolution())

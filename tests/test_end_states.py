@@ -220,6 +220,7 @@ def test_a_light_slider_does_not_sit_on_its_unstable_motion():
     assert counts(ends)["limit_cycle"] == 4
 
 
+@pytest.mark.long
 def test_stick_slip_disappears_with_stiffness_and_with_damping():
     rig = rig_of("slip", 1.0, 1e2, regularised=True)
     k_p = K_MASSLESS * np.asarray([0.5, 1.5, 4.0])[:, None]
@@ -247,6 +248,7 @@ def runs_away(ratio):
     return bool(V.max() > 1e4 * ratio * V0)
 
 
+@pytest.mark.long
 def test_the_slip_law_has_a_finite_basin_above_the_critical_stiffness():
     found = slip_basin()
     assert 10.0 < found.size < 11.0  # a tenfold step is just survived
@@ -272,6 +274,7 @@ def scanned():
     return scan(jnp.asarray(k), jnp.asarray(np.append(RATIOS, 2.0)))
 
 
+@pytest.mark.long
 def test_basin_against_a_scan():
     found, survived = slip_basin(), each(scanned(), ENDS.steady)[:40]
     size, lost = float(found.size), float(found.lost)
@@ -296,6 +299,7 @@ def test_no_basin_below_and_all_of_it_far_above():
     assert name_of(every.reason) == "steady"
 
 
+@pytest.mark.long
 def test_basin_of_load_point_jumps():
     """Without mass and dashpot a jump by F ln(r)/K multiplies the velocity by r at once."""
     found = basin(

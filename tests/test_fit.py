@@ -37,7 +37,9 @@ def synthetic(seed: int, **options) -> tuple[jaxfric.Record, VelocitySteps, obje
         (dict(stiffness="1e-3/um"), 3.23e-4),
         (dict(stiffness="1e-3/um", law="ageing"), 3.54e-4),
         (dict(stiffness="1.6e-3/um", states=2), 782 * 3.0e-4**2),
-        (dict(fit_stiffness=True, slip_trend=True), 782 * 3.4e-4**2),
+        pytest.param(
+            dict(fit_stiffness=True, slip_trend=True), 782 * 3.4e-4**2, marks=pytest.mark.long
+        ),
     ],
 )
 def test_p655_misfits(options, most):
@@ -46,6 +48,7 @@ def test_p655_misfits(options, most):
     assert fit.sum_of_squares <= most
 
 
+@pytest.mark.long
 def test_p655_published_parameters_with_the_step_where_that_fit_had_it():
     record = jaxfric.read(public_record("p655_step1.csv"))
     steps = "0 s: 2.289 um/s, 23.37 s: 22.86 um/s"
@@ -93,10 +96,11 @@ def test_gouge_and_basalt(name, most):
             dict(A=0.008, B=0.012, L=15e-6),
             marks=pytest.mark.long,
         ),
-        (
+        pytest.param(
             "ageing_steps.csv",
             dict(stiffness="6e-3/um", law="ageing"),
             dict(A=0.007, B=0.011, L=8e-6),
+            marks=pytest.mark.long,
         ),
         pytest.param(
             "force_step.csv",

@@ -131,6 +131,7 @@ def test_infeasible_says_which_scenario_and_by_how_much():
     assert reached == pytest.approx(100 / critical(10.0, **GOLDEN), rel=1e-2)
 
 
+@pytest.mark.long
 def test_margins_that_contradict_each_other():
     """A delay margin of 10 s allows no gains as large as the decay rate needs."""
     with pytest.raises(InputError, match=r"(decay|delay)=.* is missed at velocity"):

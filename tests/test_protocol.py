@@ -53,6 +53,7 @@ def cosine(outlook, a, b):
 # ---- against what was measured and what is known ---------------------------------------------
 
 
+@pytest.mark.long
 def test_the_catalogue_s_cosines(twelve):
     """Of slip_trend and time_drift 0.995 was measured; of the lags 0.966 to 0.998.
 
@@ -212,6 +213,7 @@ def test_a_wrong_plant_is_noticed(five):
 # ---- what is concluded -----------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_changes_of_the_plan(twelve):
     keys = [c.key for c in twelve.changes]
     assert keys == [
@@ -230,6 +232,7 @@ def test_changes_of_the_plan(twelve):
     assert "a slip channel" in advice(twelve)
 
 
+@pytest.mark.long
 def test_the_recommendation_is_the_first_of_the_fewest(twelve):
     def outlook(*pairs):
         ids = ("a", "b", "c")
@@ -285,6 +288,7 @@ def test_near_the_edge(monkeypatch):
 # ---- what the user sees ----------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_tables(twelve):
     assert {row[0] for row in effects(twelve).rows} == set(twelve.outlook.ids)
     assert len(changes(twelve).rows) == 7
@@ -292,6 +296,7 @@ def test_tables(twelve):
     assert set(twelve.outlook.ids) == set(CATALOGUE) - {"inertia", "normal_stress"}
 
 
+@pytest.mark.long
 def test_the_command(twelve, monkeypatch, tmp_path):
     asked = {}
 

@@ -134,6 +134,7 @@ def test_a_step_start_is_a_step_of_the_command(mass, ratio):
     np.testing.assert_allclose(whole.force[1:], started.force[1:], atol=1e-7)
 
 
+@pytest.mark.long
 def test_massless_velocity_start_has_that_velocity():
     for change in (0.5, -0.5):
         rig = rig_of("slip", 0.0)
@@ -277,6 +278,7 @@ def test_a_light_slider_that_turns_round_is_a_massless_one(kind):
         np.testing.assert_allclose(found.force, massless.force, atol=2e-6)
 
 
+@pytest.mark.long
 def test_recording_at_steps_is_the_same_motion():
     rig = rig_of("ageing", k=200.0)
     start = rest_start(rig, V0)

@@ -198,6 +198,7 @@ def test_ends_are_told_apart() -> None:
     assert abs(table("stiff")[4][-1] - 2e-3) < 1e-5
 
 
+@pytest.mark.long
 def test_a_delay_grows_at_the_rate_of_its_root() -> None:
     code, out, _ = run("simulate", *DELAY, "--kp", "400 N/m", "--duration", "6 s")
     assert code == 0 and "oscillation" in out

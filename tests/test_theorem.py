@@ -188,6 +188,7 @@ def test_generic_search_agrees_with_25():
     np.testing.assert_allclose(k[found], np.asarray(k_cr)[found], rtol=1e-8)
 
 
+@pytest.mark.long
 def test_a_callable_kernel_agrees_with_25():
     batched = eqx.filter_jit(eqx.filter_vmap(eager_theorem, in_axes=(None, 0, 0)))
     for seed in range(3):
@@ -206,6 +207,7 @@ def test_a_callable_kernel_agrees_with_25():
         assert np.all(found.holds)
 
 
+@pytest.mark.long
 def test_tables_too_rough_to_interpolate_are_refined_exactly():
     """A kernel that is a box: G = (1 - exp(-s T))/s oscillates for ever along the axis."""
     kernel = SampledKernel.from_function(lambda t: 1.0 + 0 * t, 3.0)

@@ -115,7 +115,6 @@ def close_axis_loop(
         blocks,
         none,
         tuple(with_),
-        tuple(without),
         shapes=axis_shapes,
         longest=_NOISE_ROWS,
     )
@@ -200,7 +199,7 @@ def _effects(with_, without, own) -> tuple[type[AbstractAxisEffect], ...]:
             f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
             " (--without)"
         )
-    return tuple(known.values())
+    return tuple(e for id, e in known.items() if id not in without)
 
 
 def _rows(record: AxisRecord, prepared: Prepared, width: float | None) -> AxisRows:

@@ -197,6 +197,8 @@ def _damage(content: dict) -> str | None:
     )
     if problem:
         return problem
+    if content["law"] == "coulomb_viscous":
+        return "it is of an axis without memory of friction; its report gives the least damping"
     if content["law"] not in EVOLUTIONS:
         return f"law '{content['law']}' is not known"
     ids = content["effects"]
