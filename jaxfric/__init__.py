@@ -8,6 +8,8 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .axis import close_axis_loop as close_axis_loop
+    from .axis import close_steady_loop as close_steady_loop
     from .errors import InputError as InputError
     from .fitting import Estimate as Estimate
     from .fitting import Fit as Fit
@@ -20,11 +22,14 @@ if TYPE_CHECKING:
     from .loop import Loop as Loop
     from .loop import close_loop as close_loop
     from .motion import PiecewiseVelocity as PiecewiseVelocity
+    from .records import AxisRecord as AxisRecord
     from .records import Record as Record
     from .records import VelocitySteps as VelocitySteps
     from .records import find_steps as find_steps
     from .records import from_arrays as from_arrays
     from .records import read as read
+    from .records import read_axis as read_axis
+    from .records import read_steady as read_steady
     from .records import read_table as read_table
     from .rig import FirstOrderDrive as FirstOrderDrive
     from .rig import IdealDrive as IdealDrive
@@ -59,6 +64,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "close_axis_loop": "axis",
+    "close_steady_loop": "axis",
     "InputError": "errors",
     "Estimate": "fitting",
     "Fit": "fitting",
@@ -71,11 +78,14 @@ _HOMES = {
     "Loop": "loop",
     "close_loop": "loop",
     "PiecewiseVelocity": "motion",
+    "AxisRecord": "records",
     "Record": "records",
     "VelocitySteps": "records",
     "find_steps": "records",
     "from_arrays": "records",
     "read": "records",
+    "read_axis": "records",
+    "read_steady": "records",
     "read_table": "records",
     "FirstOrderDrive": "rig",
     "IdealDrive": "rig",

@@ -11,6 +11,7 @@ import jax
 import pytest
 
 jax.config.update("jax_enable_x64", True)
+gc.disable()  # the heap of a worker is large: its collection took 6 % of the time
 
 
 def pytest_configure(config):

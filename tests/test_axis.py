@@ -396,5 +396,5 @@ def test_bad_input(tmp_path, monkeypatch):
     assert_refused(run(*given, "--stiffness", "1/um"), "--stiffness", "--rig axis")
     assert_refused(run(*given, "--with", "stribek"), "stribek", "did you mean stribeck")
     assert_refused(run("loop", "one.csv", "--flip", "--stiffness", "1/um"), "--flip", "slider")
-    assert_refused(run("loop", ".", "--rig", "steady", "--json"), "needed")
+    assert_refused(run("loop", ".", "--rig", "steady", "--json"), "needs at least 4")
     assert not list(tmp_path.glob("*-loop*"))

@@ -35,8 +35,10 @@ def synthetic(seed: int, **options) -> tuple[jaxfric.Record, VelocitySteps, obje
     [
         (dict(stiffness="1.6e-3/um"), 1.290e-4),
         (dict(stiffness="1e-3/um"), 3.23e-4),
-        (dict(stiffness="1e-3/um", law="ageing"), 3.54e-4),
-        (dict(stiffness="1.6e-3/um", states=2), 782 * 3.0e-4**2),
+        pytest.param(dict(stiffness="1e-3/um", law="ageing"), 3.54e-4, marks=pytest.mark.long),
+        pytest.param(
+            dict(stiffness="1.6e-3/um", states=2), 782 * 3.0e-4**2, marks=pytest.mark.long
+        ),
         pytest.param(
             dict(fit_stiffness=True, slip_trend=True), 782 * 3.4e-4**2, marks=pytest.mark.long
         ),

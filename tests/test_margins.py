@@ -220,7 +220,7 @@ def wide(n, seed):
         pytest.param("one", marks=pytest.mark.long),
         pytest.param("two", marks=pytest.mark.long),
         "one, massless",
-        "memoryless",
+        pytest.param("memoryless", marks=pytest.mark.long),
     ],
 )
 def test_wide_ranges_give_no_nan_in_values_and_derivatives(shape):
@@ -273,7 +273,8 @@ def test_routh_against_roots():
 
 @pytest.mark.parametrize(
     "shape",
-    [pytest.param("one", marks=pytest.mark.long), "two", "one, massless", "memoryless", "delay"],
+    [pytest.param("one", marks=pytest.mark.long), "two", "one, massless", "memoryless"]
+    + [pytest.param("delay", marks=pytest.mark.long)],
 )
 def test_every_margin_against_central_differences(shape):
     sets = typical(shape, 12, 7)

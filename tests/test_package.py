@@ -12,6 +12,7 @@ import jaxfric
 
 NAMES = [
     "AgeingEvolution",
+    "AxisRecord",
     "Dahl",
     "Estimate",
     "FirstOrderDrive",
@@ -38,7 +39,9 @@ NAMES = [
     "Trajectory",
     "VelocitySteps",
     "check_gains",
+    "close_axis_loop",
     "close_loop",
+    "close_steady_loop",
     "critical_stiffness",
     "find_gains",
     "find_steps",
@@ -50,6 +53,8 @@ NAMES = [
     "linearise",
     "margin",
     "read",
+    "read_axis",
+    "read_steady",
     "read_table",
     "rest_start",
     "schedule",

@@ -114,7 +114,10 @@ def truth_of(name):
 
 
 @pytest.mark.parametrize("rtol", RTOLS)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.long] if n.startswith("ageing,") else []) for n in CASES],
+)
 def test_error_is_within_ten_rtol(name, rtol):
     trajectory = simulated(CASES[name], rtol)
     assert trajectory.result == jf.RESULTS.successful

@@ -79,7 +79,10 @@ def random_record(rng: np.random.Generator, kind: str):
     return t, y, truth, sigma, bool((height * UM > 35 * sigma).all())
 
 
-@pytest.mark.parametrize("kind", NOISES)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(k, marks=[] if k == "white" else [pytest.mark.long]) for k in NOISES],
+)
 def test_random_sequences(kind: str) -> None:
     """Every resolvable sequence is found whole: as many steps, each in its place."""
     rng = np.random.default_rng(20)

@@ -369,7 +369,10 @@ KERNELS = {
 }
 
 
-@pytest.mark.parametrize("name", KERNELS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.long] if n == "sampled" else []) for n in KERNELS],
+)
 def test_derivatives_of_the_critical_point(name):
     def function(p):
         found = eager_theorem(KERNELS[name](p), p[2], p[3])
