@@ -273,8 +273,13 @@ def test_routh_against_roots():
 
 @pytest.mark.parametrize(
     "shape",
-    [pytest.param("one", marks=pytest.mark.long), "two", "one, massless", "memoryless"]
-    + [pytest.param("delay", marks=pytest.mark.long)],
+    [
+        pytest.param("one", marks=pytest.mark.long),
+        "two",
+        "one, massless",
+        "memoryless",
+        pytest.param("delay", marks=pytest.mark.long),
+    ],
 )
 def test_every_margin_against_central_differences(shape):
     sets = typical(shape, 12, 7)

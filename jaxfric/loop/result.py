@@ -1,8 +1,9 @@
 """What closing the loop returns: a verdict, the fit before and after, and all that was tried."""
 
+import typing
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class LocationProfile:
     p_value: float
 
 
-class LoopRecord(Protocol):
+class LoopRecord(typing.Protocol):
     """What is told of a record: a `Record`, or the prepared rows of an axis."""
 
     @property
@@ -97,7 +98,7 @@ class LoopRecord(Protocol):
     def __len__(self) -> int: ...
 
 
-class LoopBase(Protocol):
+class LoopBase(typing.Protocol):
     """What is told of a base model: a `Fit`, or that of an axis."""
 
     @property
@@ -117,7 +118,7 @@ class Table(NamedTuple):
     marked: tuple[int, ...] = ()
 
 
-class LoopDetails(Protocol):
+class LoopDetails(typing.Protocol):
     """More tables and more of `loop.json`."""
 
     def tables(self) -> list[Table]: ...
