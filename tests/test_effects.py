@@ -55,6 +55,7 @@ def jacobian():
     return np.asarray(push(jnp.eye(len(NAMES))))
 
 
+@pytest.mark.long
 def test_null_of_all_effects_changes_nothing():
     base = jf.simulate(rig(), MOTION, TS, rtol=1e-8).recorded
     np.testing.assert_allclose(predict(NULLS), base, rtol=0, atol=1e-13)

@@ -289,7 +289,7 @@ def test_a_load_point_that_stops_or_turns_is_refused(after):
 # ---- the slice of the blind study ------------------------------------------------------------
 
 QUICK = (
-    "null-ar1-0.9/2", "one-rho0.5/161", "one-rho1/81",
+    "null-ar1-0.9/2", "one-rho0.5/161",
 )  # fmt: skip
 """Those of the slice that are not left to -m long: what they compile is there already."""
 SLICE = study.selected(part="ci")

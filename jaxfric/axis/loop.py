@@ -16,9 +16,10 @@ from ..errors import InputError
 from ..fitting import NoiseEstimate
 from ..fitting.start import noise_from_differences
 from ..loop.engine import Candidate, Column, Engine, ShapedColumns, columns_of
-from ..loop.estimates import estimates
+from ..loop.estimates import candidate_scores, estimates
 from ..loop.location import Bumps, locate
-from ..loop.result import CandidateScore, Loop, Score, ScreenedEffect
+from ..loop.loop import refuse_both
+from ..loop.result import Loop, Score, ScreenedEffect
 from ..loop.screen import screen
 from ..loop.search import Search, refit_safely, search
 from ..loop.shapes import shapes_of
@@ -140,7 +141,7 @@ def close_axis_loop(
         effects=found.final.effects,
         alias_groups=told.alias_groups,
         separations=told.separations,
-        candidates=_candidates(engine, found),
+        candidates=candidate_scores(engine, found),
         screened=tuple(ScreenedEffect(s.id, s.delta_bic) for r in found.screened[:1] for s in r),
         before=before,
         after=after,
@@ -193,12 +194,7 @@ def _effects(with_, without, own) -> tuple[type[AbstractAxisEffect], ...]:
     for id in (*with_, *without):
         if id not in known:
             axis_effect_of(id)
-    both = sorted(set(with_) & set(without))
-    if both:
-        raise InputError(
-            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
-            " (--without)"
-        )
+    refuse_both(with_, without)
     return tuple(e for id, e in known.items() if id not in without)
 
 
@@ -318,7 +314,7 @@ def _bumps(engine: Engine, rows: AxisRows) -> list[Bumps]:
         ("time", "s", rows.time),
         ("since_reversal", "m", np.sqrt(since)),
     ):
-        centres = np.unique(np.quantile(x[train], np.linspace(0, 1, _COARSE)))
+        centres = np.linspace(x[train].min(), x[train].max(), _COARSE)
         hats = np.zeros((len(engine.weight), len(centres)))
         for k, centre in enumerate(centres):
             hats[: len(x), k] = np.interp(x, centres, np.arange(len(centres)) == k)
@@ -335,6 +331,8 @@ def _bumps(engine: Engine, rows: AxisRows) -> list[Bumps]:
 
 def _score(engine: Engine, candidate: Candidate, record: AxisRecord, rows: AxisRows) -> Score:
     found, free, covariance = estimates(engine, candidate, record.force_unit)
+    if record.coordinate == "rotary":
+        found = {n: dataclasses.replace(e, unit=rotary_unit(e.unit)) for n, e in found.items()}
     scale = float(engine.problem.noise_scale)
     used, noise = rows.used, candidate.noise
     residual = np.where(used, scale * candidate.residual[: len(rows.time)], np.nan)
@@ -361,21 +359,9 @@ def _score(engine: Engine, candidate: Candidate, record: AxisRecord, rows: AxisR
     )
 
 
-def _candidates(engine: Engine, found: Search) -> tuple[CandidateScore, ...]:
-    out = []
-    for c in found.tried:
-        values = engine.values(c.z)
-        free = {engine.names[i] for i in engine.free(c.effects)}
-        out.append(
-            CandidateScore(
-                effects=c.effects,
-                delta_bic=found.base.bic - c.bic,
-                train_rms=c.rms["train"],
-                heldout_rms=c.rms["select"],
-                parameters={name: value for name, value in values.items() if name in free},
-                physical=c.physical,
-                converged=not c.failed,
-                accepted=c.effects in found.accepted,
-            )
-        )
-    return tuple(sorted(out, key=lambda c: -c.delta_bic))
+def rotary_unit(unit: str) -> str:
+    """The unit of a rotary axis for that of a linear one: rad for m, kg m^2 for kg."""
+    if unit == "kg":
+        return "kg m^2"
+    force = next((f for f in ("N m", "%") if unit.startswith(f)), "")
+    return force + unit[len(force) :].replace("m", "rad")

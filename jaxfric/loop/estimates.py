@@ -8,6 +8,8 @@ from ..fitting.problem import natural
 from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
 from .engine import Candidate, Engine
+from .result import CandidateScore
+from .search import Search
 
 _ROWS = 32
 
@@ -63,3 +65,24 @@ def _natural(engine: Engine, z, named, std):
     lower = values[range(1, m + 1), named]
     upper = values[range(m + 1, 2 * m + 1), named]
     return values[0, named], slopes[0, named], np.minimum(lower, upper), np.maximum(lower, upper)
+
+
+def candidate_scores(engine: Engine, found: Search) -> tuple[CandidateScore, ...]:
+    """All that was tried, best Delta BIC first."""
+    out = []
+    for c in found.tried:
+        values = engine.values(c.z)
+        free = {engine.names[i] for i in engine.free(c.effects) if i < len(engine.names)}
+        out.append(
+            CandidateScore(
+                effects=c.effects,
+                delta_bic=found.base.bic - c.bic,
+                train_rms=c.rms["train"],
+                heldout_rms=c.rms["select"],
+                parameters={name: value for name, value in values.items() if name in free},
+                physical=c.physical,
+                converged=not c.failed,
+                accepted=c.effects in found.accepted,
+            )
+        )
+    return tuple(sorted(out, key=lambda c: -c.delta_bic))

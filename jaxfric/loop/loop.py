@@ -18,9 +18,9 @@ from ..fitting.start import noise_from_differences
 from ..records import Record
 from ..rig.normal_stress import NormalStress, recorded_stress
 from .engine import Candidate, Engine
-from .estimates import estimates
+from .estimates import candidate_scores, estimates
 from .location import friction_bumps, locate
-from .result import CandidateScore, LocationProfile, Loop, Score, ScreenedEffect
+from .result import LocationProfile, Loop, Score, ScreenedEffect
 from .screen import screen
 from .search import Search, refit_safely, search
 from .shapes import friction_shapes
@@ -113,7 +113,7 @@ def close_loop(
         effects=found.final.effects,
         alias_groups=told.alias_groups,
         separations=told.separations,
-        candidates=_candidates(engine, found),
+        candidates=candidate_scores(engine, found),
         screened=tuple(ScreenedEffect(s.id, s.delta_bic) for r in found.screened[:1] for s in r),
         before=before,
         after=after,
@@ -126,6 +126,16 @@ def close_loop(
     )
 
 
+def refuse_both(with_: Sequence[str], without: Sequence[str]) -> None:
+    """Raises `InputError` for an effect that is both in the base and left out."""
+    both = sorted(set(with_) & set(without))
+    if both:
+        raise InputError(
+            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
+            " (--without)"
+        )
+
+
 def _effects(
     record: Record, with_, without, own, *, stress: bool
 ) -> tuple[type[AbstractEffect], ...]:
@@ -133,12 +143,7 @@ def _effects(
     for id in (*with_, *without):
         if id not in known:
             effect_of(id)
-    both = sorted(set(with_) & set(without))
-    if both:
-        raise InputError(
-            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
-            " (--without)"
-        )
+    refuse_both(with_, without)
     columns = {name for name in record.columns if name != "normal_stress" or stress}
     for id in with_:
         channel = known[id].channel
@@ -274,26 +279,6 @@ def _score(engine: Engine, candidate: Candidate, record: Record, base: Fit, test
         ),
         tests=tests,
     )
-
-
-def _candidates(engine: Engine, found: Search) -> tuple[CandidateScore, ...]:
-    out = []
-    for c in found.tried:
-        values = engine.values(c.z)
-        free = {engine.names[i] for i in engine.free(c.effects) if i < len(engine.names)}
-        out.append(
-            CandidateScore(
-                effects=c.effects,
-                delta_bic=found.base.bic - c.bic,
-                train_rms=c.rms["train"],
-                heldout_rms=c.rms["select"],
-                parameters={name: value for name, value in values.items() if name in free},
-                physical=c.physical,
-                converged=not c.failed,
-                accepted=c.effects in found.accepted,
-            )
-        )
-    return tuple(sorted(out, key=lambda c: -c.delta_bic))
 
 
 def _where(location: tuple[LocationProfile, ...]) -> str:

@@ -240,9 +240,8 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
         x, unit = _velocity_of(x, loop), "m/s"
     if unit in ("m", "m/s", "s"):
         largest = float(np.max(np.abs(x)))
-        factor, unit = prefixed(
-            min(largest, 9e-3 if unit == "m" else 9e-4 if "m" in unit else 1), unit
-        )
+        most = np.inf if loop.is_axis else {"m": 9e-3, "m/s": 9e-4, "s": 1.0}[unit]
+        factor, unit = prefixed(min(largest, most), unit)
         x = factor * x
     if unit == "F":
         x, unit = size * x, loop.readable()[1]
@@ -255,7 +254,8 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
         x[known], amplitude[known], error[known], fmt="o-", color=BLUE, ecolor=ORANGE, ms=4,
         lw=0.8, elinewidth=1.6, capsize=2.5,
     )  # fmt: skip
-    many = {"log_velocity": 3, "wavelength": 5}.get(profile.variable, 30)
+    even = dict.fromkeys(("position", "velocity", "time"), np.inf)
+    many = {"log_velocity": 3, "wavelength": 5, **even}.get(profile.variable, 30)
     if np.all(x > 0) and np.max(x) > many * np.min(x):
         plain_log(axis, "x")
     axis.set_xlabel(label if unit in ("", "1") else f"{label} [{unit}]")
