@@ -72,6 +72,14 @@ def loop(
     flip: Annotated[
         bool, Parameter(negative=(), help="Of an axis: turn the sign of motion and force.")
     ] = False,
+    held: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            help="Of an axis: the force is a command that the controller holds until the next row."
+            " Known without it where the gain of the drive is.",
+        ),
+    ] = False,
     column: Columns = None,
     drop_bad: DropBad = False,
     out: Out = None,
@@ -89,7 +97,7 @@ def loop(
 
     if most < 1:
         raise InputError(f"--most is {most}; it must be 1 or more")
-    _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip)
+    _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip, held)
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
@@ -113,7 +121,12 @@ def loop(
             from ..axis import close_axis_loop
 
             result = close_axis_loop(
-                axis, with_=declared, without=excluded, most=most, progress=progress
+                axis,
+                with_=declared,
+                without=excluded,
+                most=most,
+                held=held or None,
+                progress=progress,
             )
         else:
             from ..loop import close_loop
@@ -143,7 +156,9 @@ def loop(
             "--rated-torque": rated_torque,
             "--out": out and str(out),
         }
-        command = _command(file, given, column or [], {"--flip": flip, "--drop-bad": drop_bad})
+        command = _command(
+            file, given, column or [], {"--flip": flip, "--held": held, "--drop-bad": drop_bad}
+        )
         with output_folder(destination) as folder:
             names = _write(result, folder, content, command)
     if json:
@@ -217,7 +232,7 @@ def _command(file: Path, given: dict[str, str | None], columns, flags: dict[str,
     return shlex.join(parts)
 
 
-def _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip) -> None:
+def _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip, held) -> None:
     """A slider needs a stiffness, and neither takes options of the other."""
     if rig == "slider":
         if stiffness is None:
@@ -228,6 +243,7 @@ def _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip) -
             "--drive-gain": drive_gain is not None,
             "--rated-torque": rated_torque is not None,
             "--flip": flip,
+            "--held": held,
         }
     else:
         unused = {
