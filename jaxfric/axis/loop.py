@@ -39,7 +39,7 @@ _MOST = 3
 _WIDTH_IN_NOISE = 2.0
 _WIDTH_SHARE = 1e-3
 _STUCK = 0.05
-# What a controller makes of encoder noise lasts for a few decimated rows; what lasts longer is
+# What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.
 _NOISE_ROWS = 1.0
 _COARSE, _WAVES = 16, 60
@@ -174,7 +174,9 @@ def _details(record, prepared, rows: AxisRows, problem, engine, found: Search, p
         progress("inverse dynamics of all rows")
         fits.append((when, inverse_dynamics(usual_force, candidate.z, free)))
         progress("closed-loop output error")
-        simulated = output_error(problem, candidate.z, free, record)
+        acting = [e.id for e in engine.model.effects if e.room == "friction"]
+        simulated_free = engine.free(tuple(id for id in candidate.effects if id in acting))
+        simulated = output_error(problem, candidate.z, simulated_free, record)
         fits += [] if simulated is None else [(when, simulated)]
     rig = fits[-1][1].rig
     moving = np.abs(rows.velocity[rows.used])
@@ -316,9 +318,8 @@ def _bumps(engine: Engine, rows: AxisRows) -> list[Bumps]:
     ):
         centres = np.linspace(x[train].min(), x[train].max(), _COARSE)
         hats = np.zeros((len(engine.weight), len(centres)))
-        for k, centre in enumerate(centres):
+        for k in range(len(centres)):
             hats[: len(x), k] = np.interp(x, centres, np.arange(len(centres)) == k)
-            del centre
         shown = centres**2 if variable == "since_reversal" else centres
         found.append(Bumps(variable, unit, shown, hats))
     travel = float(np.ptp(rows.position))
