@@ -14,8 +14,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.optimize import least_squares
 
+from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.uncertainty import normal_inverse
 from ..records.axis_record import AxisRecord
 from .closed_loop import Controller, closed_loop, substeps
@@ -51,9 +51,9 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
     The error is relative to the recorded force of these rows, as is usual. `free` are the indices
     of the parameters that are fitted, from `z`.
     """
-    solved, jacobian, ok = _solve(lambda y: _force_error(problem, y), z, free)
+    solved, jacobian, ok = _solve(lambda z: _force_error(problem, z, free), z, free)
     used = np.asarray(problem.weight) > 0
-    residual = np.asarray(_force_error(problem, jnp.asarray(solved))[0])[used]
+    residual = np.asarray(_force_error(problem, jnp.asarray(solved), free)[0])[used]
     recorded = np.asarray(problem.friction)[used]
     return _fit("inverse dynamics", problem, solved, free, jacobian, residual, recorded, ok)
 
@@ -78,8 +78,8 @@ def output_error(
     number = substeps(problem.rig(jnp.asarray(z)), interval)
     measured = jnp.asarray(record.position)
     setting = _Setting(controller, jnp.asarray(reference), measured, number)
-    solved, jacobian, ok = _solve(lambda y: _position_error(problem, setting, y), z, free)
-    residual = np.asarray(_position_error(problem, setting, jnp.asarray(solved))[0])
+    solved, jacobian, ok = _solve(lambda z: _position_error(problem, setting, z, free), z, free)
+    residual = np.asarray(_position_error(problem, setting, jnp.asarray(solved), free)[0])
     recorded = np.asarray(measured)[::_COMPARED]
     return _fit("closed-loop output error", problem, solved, free, jacobian, residual, recorded, ok)
 
@@ -92,32 +92,24 @@ class _Setting(NamedTuple):
 
 
 def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Levenberg-Marquardt (MINPACK) over some of the parameters."""
+    """Least squares over the parameters `free`: all parameters, the Jacobian there, success.
+
+    `both` gives residual and Jacobian by those parameters.
+    """
     z = np.array(z)
-    seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def at(y):
-        key = y.tobytes()
-        if key not in seen:
-            z[free] = y
-            seen.clear()
-            residual, jacobian = both(jnp.asarray(z))
-            seen[key] = np.asarray(residual), np.asarray(jacobian)[:, free]
-        return seen[key]
+        z[free] = y
+        return tuple(np.asarray(x) for x in both(jnp.asarray(z)))
 
     scale = float(np.sqrt(np.mean(at(z[free])[0] ** 2))) or 1.0
-    found = least_squares(
-        lambda y: at(y)[0] / scale,
-        z[free],
-        jac=lambda y: at(y)[1] / scale,  # pyright: ignore[reportArgumentType]
-        method="lm",
-        x_scale="jac",
-        ftol=_TOLERANCE,
-        xtol=_TOLERANCE,
-        max_nfev=_TRIALS,
-    )
-    z[free] = found.x
-    return z, at(found.x)[1], bool(found.success)
+
+    def scaled(y):
+        residual, jacobian = at(y)
+        return residual / scale, jacobian / scale
+
+    found, ok = levenberg_marquardt(scaled, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
+    return z, at(found)[1], ok
 
 
 def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> AxisFit:
@@ -138,22 +130,23 @@ def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> Ax
 
 
 @eqx.filter_jit
-def _force_error(problem: AxisProblem, z):
-    """Residual of the used rows (0 on the others) and its Jacobian."""
+def _force_error(problem: AxisProblem, z, free):
+    """Residual of the used rows (0 on the others) and its Jacobian by the free parameters."""
 
-    def error(z):
-        return (problem.predict(z) - problem.friction) * problem.weight
+    def error(y):
+        z_free = z.at[free].set(y)
+        return (problem.predict(z_free) - problem.friction) * problem.weight
 
-    return error(z), jax.jacfwd(error)(z)
+    return error(z[free]), jax.jacfwd(error)(z[free])
 
 
 @eqx.filter_jit
-def _position_error(problem: AxisProblem, setting: _Setting, z):
-    """Simulated minus measured position at every tenth sample, and its Jacobian."""
+def _position_error(problem: AxisProblem, setting: _Setting, z, free):
+    """Simulated minus measured position at every tenth sample; its Jacobian as above."""
 
-    def error(z):
+    def error(y):
         run = closed_loop(
-            problem.rig(z),
+            problem.rig(z.at[free].set(y)),
             setting.controller,
             setting.reference,
             setting.measured[:3],
@@ -161,4 +154,4 @@ def _position_error(problem: AxisProblem, setting: _Setting, z):
         )
         return (run.position - setting.measured)[::_COMPARED]
 
-    return error(z), jax.jacfwd(error)(z)
+    return error(z[free]), jax.jacfwd(error)(z[free])

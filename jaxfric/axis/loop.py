@@ -18,10 +18,9 @@ from ..fitting.start import noise_from_differences
 from ..loop.engine import Candidate, Column, Engine, ShapedColumns, columns_of
 from ..loop.estimates import candidate_scores, estimates
 from ..loop.location import Bumps, locate
-from ..loop.loop import refuse_both
+from ..loop.loop import declared, refuse_both, where_it_sits
 from ..loop.result import Loop, Score, ScreenedEffect
-from ..loop.screen import screen
-from ..loop.search import Search, refit_safely, search
+from ..loop.search import Search, search
 from ..loop.shapes import shapes_of
 from ..loop.split import NAMES
 from ..loop.superset import Superset
@@ -92,7 +91,7 @@ def close_axis_loop(
         preparation=preparation,
         held=record.drive is not None if held is None else held,
     )
-    rows = _rows(record, prepared, width)
+    rows = _rows(prepared, width)
     blocks = split(rows.segment, rows.used, rows.velocity, record.provenance.path)
     noise_scale = noise_from_differences(prepared.force[: prepared.rows][rows.used])
     weight = np.zeros(len(prepared.time))
@@ -107,10 +106,7 @@ def close_axis_loop(
     none = np.zeros(0, int)
     engine = Engine(problem, blocks, none, shapes=axis_shapes, longest=_NOISE_ROWS)  # pyright: ignore[reportArgumentType]
     scales = _scales(rows, prepared, blocks)
-    z = _start(problem, blocks.train)
-    for id in with_:
-        one = next(s for s in screen(engine, engine.refit((), z), scales) if s.id == id)
-        z = refit_safely(engine, (id,), one, engine.refit((), z)).z
+    z = declared(engine, _start(problem, blocks.train), scales, tuple(with_))
     engine = Engine(
         problem,  # pyright: ignore[reportArgumentType]
         blocks,
@@ -125,11 +121,7 @@ def close_axis_loop(
     location = locate(engine, found.base, floor.noise, _bumps(engine, rows))
     before = _score(engine, found.base, record, rows)
     after = before if found.final is found.base else _score(engine, found.final, record, rows)
-    where = ""
-    if location and location[0].p_value < 0.01:
-        best = location[0]
-        name = best.variable.replace("_", " ")
-        where = f"The structure sits in {name} ({100 * best.explained:.0f} % of it)."
+    where = where_it_sits(location)
     told = conclude(engine, found, floor, dict(after.tests), edge=None, located=where)
     return Loop(
         record=rows.as_record(record),
@@ -149,7 +141,7 @@ def close_axis_loop(
         location=location,
         alias_ids=found.ids,
         alias_cosines=found.cosines,
-        warnings=rows.warnings(record),
+        warnings=rows.warnings(),
         details=_details(record, prepared, rows, problem, engine, found, progress),
         seconds=time.monotonic() - begun,
     )
@@ -200,7 +192,7 @@ def _effects(with_, without, own) -> tuple[type[AbstractAxisEffect], ...]:
     return tuple(e for id, e in known.items() if id not in without)
 
 
-def _rows(record: AxisRecord, prepared: Prepared, width: float | None) -> AxisRows:
+def _rows(prepared: Prepared, width: float | None) -> AxisRows:
     """The decimated rows of a record, which of them count, and their motion segments."""
     n, motion = prepared.rows, prepared.motion
     velocity, position, path = (

@@ -34,7 +34,7 @@ class AxisRows:
         mean = [float(np.mean(self.velocity[self.segment == k])) for k in range(count)]
         return VelocitySteps(self.time[first] - self.time[0], np.asarray(mean))
 
-    def warnings(self, record: AxisRecord) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """What a user should know of the preparation."""
         share = float(np.mean(self.stuck))
         if share > 0.5:
@@ -65,14 +65,7 @@ class PreparedRecord:
 
     def sampling(self) -> Sampling:
         """Rows, duration and intervals after decimation."""
-        steps = np.diff(self.relative_time)
-        return Sampling(
-            len(self),
-            float(self.relative_time[-1]),
-            float(steps.min()),
-            float(np.median(steps)),
-            float(steps.max()),
-        )
+        return Sampling.of(self.relative_time)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from cyclopts import Parameter
 
@@ -29,6 +29,7 @@ Steps = Annotated[
     str | None,
     Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),
 ]
+Measured = TypeVar("Measured")
 Out = Annotated[Path | None, Parameter(help="Output folder.")]
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option that may begin with a minus sign: a negative quantity is then refused as such."""
@@ -48,40 +49,18 @@ def read_record(file: Path, columns: list[str] | None, drop_bad: bool):
     return read(file, columns=_roles(columns, "friction=mu"), drop_bad=drop_bad)
 
 
-def read_axis_record(
-    file: Path,
+def read_axis_file(
+    reader: Callable[..., Measured],
+    path: Path,
     columns: list[str] | None,
     drive_gain: str | None,
     rated_torque: str | None,
     flip: bool,
     drop_bad: bool,
-):
-    """The record of an axis, with columns given as ROLE=NAME texts."""
-    from ..records import read_axis
-
-    return read_axis(
-        file,
-        columns=_roles(columns, "motor_force=F"),
-        drive_gain=drive_gain,
-        rated_torque=rated_torque,
-        flip=flip,
-        drop_bad=drop_bad,
-    )
-
-
-def read_steady_runs(
-    folder: Path,
-    columns: list[str] | None,
-    drive_gain: str | None,
-    rated_torque: str | None,
-    flip: bool,
-    drop_bad: bool,
-):
-    """The curve of a folder of steady speeds; options as of `read_axis_record`."""
-    from ..records import read_steady
-
-    return read_steady(
-        folder,
+) -> Measured:
+    """What `read_axis` or `read_steady` reads, with columns given as ROLE=NAME texts."""
+    return reader(
+        path,
         columns=_roles(columns, "motor_force=F"),
         drive_gain=drive_gain,
         rated_torque=rated_torque,

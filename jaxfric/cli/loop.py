@@ -17,9 +17,8 @@ from .common import (
     Steps,
     effect_ids,
     prepare_jax,
-    read_axis_record,
+    read_axis_file,
     read_record,
-    read_steady_runs,
     told,
 )
 
@@ -101,15 +100,17 @@ def loop(
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
+    options = (column, drive_gain, rated_torque, flip, drop_bad)
     if rig == "steady":
-        options = (column, drive_gain, rated_torque, flip, drop_bad)
         _steady(file, options, declared, excluded, destination, json)
         return
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
         axis = slider = None
         if rig == "axis":
-            axis = read_axis_record(file, column, drive_gain, rated_torque, flip, drop_bad)
+            from ..records import read_axis
+
+            axis = read_axis_file(read_axis, file, *options)
         else:
             slider = read_record(file, column, drop_bad)
         prepare_jax()
@@ -195,11 +196,12 @@ def _steady(folder: Path, options, declared, excluded, destination: Path, as_jso
 
     from ..axis.steady import close_steady_loop
     from ..plot.steady import draw_steady
+    from ..records import read_steady
     from ..report.loop_text import print_tables
     from ..report.output import output_folder
     from ..report.steady_text import damping, tables, to_json
 
-    curve = read_steady_runs(folder, *options)
+    curve = read_axis_file(read_steady, folder, *options)
     result = close_steady_loop(curve, with_=declared, without=excluded)
     content = text.dumps(to_json(result), indent=1, allow_nan=False)
     with output_folder(destination) as target:

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.optimize import least_squares
 
 from ..effects import RecordScales
+from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, estimate_noise, whiten
 from ..fitting.problem import FAILED_MISFIT, Problem
 from .evidence import log_determinant
@@ -228,30 +228,12 @@ class Engine:
         Driven from here, it needs no more compiled than the Jacobian that screening needs too.
         """
         problem, z = self.problem.whitened(noise), np.array(z)
-        last: dict[bytes, tuple] = {}
 
         def both(y):
-            key = y.tobytes()
-            if key not in last:
-                z[index] = y
-                last.clear()
-                last[key] = _in_parts(problem, z, index)
-            return last[key]
+            z[index] = y
+            return _in_parts(problem, z, index)
 
-        def slopes(y):
-            return both(y)[1]
-
-        found = least_squares(
-            lambda y: both(y)[0],
-            z[index],
-            jac=slopes,  # pyright: ignore[reportArgumentType]
-            method="lm",
-            x_scale="jac",
-            ftol=tolerance,
-            xtol=_EXACT,
-            max_nfev=_TRIALS,
-        )
-        z[index] = found.x
+        z[index], _ = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
         return z
 
     def candidate(self, effects: tuple[str, ...], z: np.ndarray, rows: "Rows") -> Candidate:

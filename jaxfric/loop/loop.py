@@ -88,7 +88,7 @@ def close_loop(
     engine = Engine(problem, blocks, felt, shapes=friction_shapes)
     slip = np.asarray(base_fit.steps.displacement(record.relative_time))
     scales = _scales(base_fit, record, slip)
-    z = _declared(engine, _start(engine, base_fit), scales, tuple(with_))
+    z = declared(engine, _start(engine, base_fit), scales, tuple(with_))
     engine = Engine(problem, blocks, felt, tuple(with_), tuple(without), shapes=friction_shapes)
     found = search(engine, [z, _other(engine, z)], scales, most=most, progress=progress)
     progress("where the structure sits")
@@ -102,7 +102,7 @@ def close_loop(
         else _score(engine, found.final, record, base_fit, tests)
     )
     edge = _edge(base_fit)
-    told = conclude(engine, found, floor, tests, edge=edge, located=_where(location))
+    told = conclude(engine, found, floor, tests, edge=edge, located=where_it_sits(location))
     return Loop(
         record=record,
         base_fit=base_fit,
@@ -243,7 +243,7 @@ def _other(engine: Engine, z: np.ndarray) -> np.ndarray:
     return other
 
 
-def _declared(engine: Engine, z: np.ndarray, scales, with_: tuple[str, ...]) -> np.ndarray:
+def declared(engine: Engine, z: np.ndarray, scales, with_: tuple[str, ...]) -> np.ndarray:
     """Parameters of the base with its declared effects, each started from its best shape."""
     if not with_:
         return z
@@ -281,7 +281,8 @@ def _score(engine: Engine, candidate: Candidate, record: Record, base: Fit, test
     )
 
 
-def _where(location: tuple[LocationProfile, ...]) -> str:
+def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
+    """The most telling variable in words; nothing where it is no more than chance."""
     if not location or location[0].p_value > 0.01:
         return ""
     best = location[0]

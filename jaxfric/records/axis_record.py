@@ -8,10 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .axis_header import FORCE_UNITS, si_units
-from .record import MIN_ROWS, Provenance, Sampling
-
-_LARGEST, _SMALLEST = 1e30, 1e-30
-"""No measured quantity is larger, in SI; what is smaller is 0."""
+from .record import LARGEST, MIN_ROWS, SMALLEST, Provenance, Sampling, cut, frozen, vector
 
 _LEAST_STEPS = 20
 """A position takes at least this many values over a record, and a force, before it is judged."""
@@ -90,31 +87,14 @@ class AxisRecord:
 
     def sampling(self) -> Sampling:
         """Rows, duration and intervals."""
-        steps = np.diff(self.time)
-        return Sampling(
-            rows=len(self),
-            duration=float(self.time[-1] - self.time[0]),
-            shortest=float(steps.min()),
-            median=float(np.median(steps)),
-            longest=float(steps.max()),
-        )
+        return Sampling.of(self.time)
 
     def window(self, start: float, stop: float) -> "AxisRecord":
         """The rows of relative time start..stop [s], as a record of its own.
 
         Raises `InputError` where fewer than 20 rows are left.
         """
-        inside = (self.relative_time >= start) & (self.relative_time <= stop)
-        count = int(inside.sum())
-        if count < MIN_ROWS:
-            raise InputError(
-                f"the window {start:g} to {stop:g} s holds {count} rows of a record of"
-                f" {self.time[-1] - self.time[0]:g} s; {MIN_ROWS} are needed"
-            )
-        cut = {role: _frozen(values[inside]) for role, values in self.columns.items()}
-        note = f"rows from {start:g} to {stop:g} s"
-        origin = replace(self.provenance, notes=(*self.provenance.notes, note))
-        return replace(self, **cut, provenance=origin)
+        return replace(self, **cut(self.time, self.columns, self.provenance, start, stop))
 
 
 def axis_from_arrays(
@@ -152,7 +132,7 @@ def axis_from_arrays(
         "velocity": velocity,
         "reference_position": reference_position,
     }
-    columns = {role: _vector(values, role) for role, values in given.items() if values is not None}
+    columns = {role: vector(values, role) for role, values in given.items() if values is not None}
     units = {role: si_units(coordinate)[role] for role in columns} | {"motor_force": force_unit}
     rows = Rows(np.arange(1, len(columns["time"]) + 1), np.zeros(len(columns["time"]), bool))
     return build(columns, coordinate, force_unit, drive, units, Provenance("arrays"), rows, False)
@@ -197,10 +177,10 @@ def build(
             f"{origin.path}: columns of different length: {sizes}; cut them to the same rows"
         )
     columns = {
-        role: np.where(np.abs(values) < _SMALLEST, 0.0, values) for role, values in columns.items()
+        role: np.where(np.abs(values) < SMALLEST, 0.0, values) for role, values in columns.items()
     }
     keep, dropped = _good_rows(columns, origin.path, rows, drop_bad)
-    kept = {role: _frozen(values[keep]) for role, values in columns.items()}
+    kept = {role: frozen(values[keep]) for role, values in columns.items()}
     count = int(keep.sum())
     if count < MIN_ROWS:
         raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
@@ -221,7 +201,7 @@ def _good_rows(
     columns: Mapping[str, np.ndarray], path: str, rows: Rows, drop_bad: bool
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Rows to keep, and the count of the others by reason."""
-    finite = {role: np.abs(values) < _LARGEST for role, values in columns.items()}
+    finite = {role: np.abs(values) < LARGEST for role, values in columns.items()}
     bad = ~np.all(list(finite.values()), axis=0) & ~rows.malformed
     if not drop_bad:
         _refuse_malformed(path, rows)
@@ -314,19 +294,3 @@ def _check_saturation(force: np.ndarray, unit: str, path: str) -> None:
             f" exactly {levels[-1]:.6g} {unit}, its largest magnitude; the true force is not known"
             " there: record with a slower motion or a higher limit, or cut those rows out"
         )
-
-
-def _vector(values: ArrayLike, role: str) -> np.ndarray:
-    try:
-        vector = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{role}: not an array of numbers") from None
-    if vector.ndim != 1:
-        raise InputError(f"{role}: one dimension is needed, not {vector.ndim}")
-    return vector
-
-
-def _frozen(values: np.ndarray) -> np.ndarray:
-    values = np.ascontiguousarray(values, dtype=np.float64)
-    values.setflags(write=False)
-    return values

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from .header import ROLES
 
-_LARGEST, _SMALLEST = 1e30, 1e-30
+LARGEST, SMALLEST = 1e30, 1e-30
 """No measured quantity is larger, in SI; what is smaller is 0."""
 
 MIN_ROWS = 20
@@ -39,6 +39,18 @@ class Sampling:
     shortest: float
     median: float
     longest: float
+
+    @classmethod
+    def of(cls, time: np.ndarray) -> "Sampling":
+        """Of rows at `time` [s]."""
+        steps = np.diff(time)
+        return cls(
+            rows=len(time),
+            duration=float(time[-1] - time[0]),
+            shortest=float(steps.min()),
+            median=float(np.median(steps)),
+            longest=float(steps.max()),
+        )
 
     def __str__(self) -> str:
         return (
@@ -87,31 +99,38 @@ class Record:
 
     def sampling(self) -> Sampling:
         """Rows, duration and intervals."""
-        steps = np.diff(self.time)
-        return Sampling(
-            rows=len(self),
-            duration=float(self.time[-1] - self.time[0]),
-            shortest=float(steps.min()),
-            median=float(np.median(steps)),
-            longest=float(steps.max()),
-        )
+        return Sampling.of(self.time)
 
     def window(self, start: float, stop: float) -> "Record":
         """The rows of relative time start..stop [s], as a record of its own.
 
         Raises `InputError` where fewer than 20 rows are left.
         """
-        inside = (self.relative_time >= start) & (self.relative_time <= stop)
-        count = int(inside.sum())
-        if count < MIN_ROWS:
-            raise InputError(
-                f"the window {start:g} to {stop:g} s holds {count} rows of a record of"
-                f" {self.time[-1] - self.time[0]:g} s; {MIN_ROWS} are needed"
-            )
-        cut = {role: _frozen(values[inside]) for role, values in self.columns.items()}
-        note = f"rows from {start:g} to {stop:g} s"
-        origin = replace(self.provenance, notes=(*self.provenance.notes, note))
-        return replace(self, **cut, provenance=origin)
+        return replace(self, **cut(self.time, self.columns, self.provenance, start, stop))
+
+
+def cut(
+    time: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+    origin: Provenance,
+    start: float,
+    stop: float,
+) -> dict:
+    """The fields of a record cut to relative time start..stop [s], its provenance with a note.
+
+    Raises `InputError` where fewer than 20 rows are left.
+    """
+    relative = time - time[0]
+    inside = (relative >= start) & (relative <= stop)
+    count = int(inside.sum())
+    if count < MIN_ROWS:
+        raise InputError(
+            f"the window {start:g} to {stop:g} s holds {count} rows of a record of"
+            f" {relative[-1]:g} s; {MIN_ROWS} are needed"
+        )
+    kept = {role: frozen(values[inside]) for role, values in columns.items()}
+    note = f"rows from {start:g} to {stop:g} s"
+    return {**kept, "provenance": replace(origin, notes=(*origin.notes, note))}
 
 
 def from_arrays(
@@ -144,7 +163,7 @@ def from_arrays(
     columns: dict[str, np.ndarray] = {}
     for role, values in given.items():
         if values is not None:
-            columns[role] = _vector(values, role)
+            columns[role] = vector(values, role)
     units = {role: ROLES[role] for role in columns} | {"friction": friction_unit}
     lines = np.arange(1, len(columns["time"]) + 1)
     bad = np.zeros(len(lines), bool)
@@ -171,10 +190,10 @@ def build(
         sizes = ", ".join(f"{role} {len(values)}" for role, values in columns.items())
         raise InputError(f"{origin.path}: columns of unequal length: {sizes}")
     columns = {
-        role: np.where(np.abs(values) < _SMALLEST, 0.0, values) for role, values in columns.items()
+        role: np.where(np.abs(values) < SMALLEST, 0.0, values) for role, values in columns.items()
     }
     keep, dropped = _good_rows(columns, origin.path, lines, malformed, drop_bad)
-    kept = {role: _frozen(values[keep]) for role, values in columns.items()}
+    kept = {role: frozen(values[keep]) for role, values in columns.items()}
     count = int(keep.sum())
     if count < MIN_ROWS:
         raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
@@ -190,7 +209,7 @@ def _good_rows(
     drop_bad: bool,
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Rows to keep, and the count of the others by reason."""
-    finite = np.stack([np.abs(values) < _LARGEST for values in columns.values()])
+    finite = np.stack([np.abs(values) < LARGEST for values in columns.values()])
     bad = ~finite.all(axis=0) & ~malformed
     if malformed.any() and not drop_bad:
         raise InputError(
@@ -223,17 +242,19 @@ def _good_rows(
     return keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
 
 
-def _vector(values: ArrayLike, role: str) -> np.ndarray:
+def vector(values: ArrayLike, role: str) -> np.ndarray:
+    """One dimension of numbers; `role` names it in the error."""
     try:
-        vector = np.array(values, dtype=np.float64)
+        found = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{role}: not an array of numbers") from None
-    if vector.ndim != 1:
-        raise InputError(f"{role}: one dimension is needed, not {vector.ndim}")
-    return vector
+    if found.ndim != 1:
+        raise InputError(f"{role}: one dimension is needed, not {found.ndim}")
+    return found
 
 
-def _frozen(values: np.ndarray) -> np.ndarray:
+def frozen(values: np.ndarray) -> np.ndarray:
+    """Read-only and contiguous."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     values.setflags(write=False)
     return values
