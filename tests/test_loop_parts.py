@@ -14,6 +14,7 @@ from jaxfric.loop.evidence import evidence, log_determinant
 from jaxfric.loop.screen import Screening, _best_of, alias_cosines, orthonormal, project
 from jaxfric.loop.split import split
 from jaxfric.loop.structure import chi_square_tail, holm, structure
+from jaxfric.loop.verdict import _groups, _rivals
 
 
 def steps(count):
@@ -374,3 +375,42 @@ def test_an_orthonormal_basis_leaves_out_what_is_there_twice():
     assert found.shape[1] == 3
     scaled = columns / np.linalg.norm(columns, axis=0)
     np.testing.assert_allclose(found @ (found.T @ scaled), scaled, atol=1e-9)
+
+
+def searched(found, cosines, *tried):
+    """A search that found `found`; `tried`: effects, BIC above it."""
+
+    def candidate(effects, bic, **more):
+        return SimpleNamespace(
+            effects=effects, bic=bic, **{"physical": True, "failed": False, **more}
+        )
+
+    final = candidate(found, 100.0)
+    others = [candidate(effects, 100.0 + bic, **more) for effects, bic, more in tried]
+    return SimpleNamespace(
+        ids=("a", "b", "c", "d"), cosines=cosines, final=final, tried=[final, *others]
+    )
+
+
+def test_what_cannot_be_told_apart():
+    """By the cosine, or by a refit in its place that is as good; not by one with more effects."""
+    cosines = np.eye(4)
+    cosines[0, 2] = cosines[2, 0] = 0.97
+    search = searched(
+        ("a",),
+        cosines,
+        (("b",), 9.0, {}),
+        (("d",), 11.0, {}),
+        (("c",), 40.0, {}),
+        (("b", "d"), -5.0, {}),
+    )
+    assert _groups(search) == (("a", "c", "b"),)  # c looks alike, b fits as well
+    assert _rivals(search) == [("a", "b")]  # c was refitted, and is worse
+    for bad in ({"physical": False}, {"failed": True}):
+        assert _rivals(searched(("a",), cosines, (("b",), 1.0, bad))) == []
+
+
+def test_a_rival_of_one_of_two():
+    search = searched(("a", "b"), np.eye(4), (("c", "b"), 3.0, {}), (("c",), 3.0, {}))
+    assert _groups(search) == (("a", "c"), ("b",))
+    assert _rivals(search) == [("a", "c")]

@@ -286,6 +286,20 @@ def test_a_load_point_that_stops_or_turns_is_refused(after):
         _check(plain([UM, 10 * UM]), base)
 
 
+def test_step_times_that_followed_the_friction_do_not_hide_a_lag():
+    """The base fit moves the steps 3 to 6 standard errors from where the load point shows them."""
+    request = Request(415165, ("sensor_lag",), 0.5, "white", "inertial")
+    record, stiffness, truth = blind(request)
+    declared_starts = np.asarray(make(request).declared["starts [s]"])
+    loop = close_loop(record, stiffness=stiffness, **offering("sensor_lag", "aging"))
+    moved = loop.base_fit.steps.times[1:] - declared_starts[1:]
+    assert np.max(moved / loop.base_fit.steps.time_errors[1:]) > 4
+    assert loop.verdict == "effects" and loop.effects == ("sensor_lag",)
+    lag = loop.after.parameters["sensor_lag.tau"]
+    assert abs(lag.value - truth["parameters"]["sensor_lag"]["tau"]) < 3 * lag.std
+    assert lag.value > 3 * lag.std
+
+
 # ---- the slice of the blind study ------------------------------------------------------------
 
 QUICK = (

@@ -141,7 +141,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]]) -> Fit:
         said.append(
             f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "
             f"{'before' if sigmas < 0 else 'after'} the time that the load point shows: "
-            "the stiffness may be wrong, or the step not sharp"
+            "the stiffness may be wrong, the step not sharp, or something lags"
         )
     K, critical = fit.parameters["K"].value, fit.critical_stiffness()
     if critical > 0 and critical > K:

@@ -85,7 +85,7 @@ def fit(
     _require_float64()
     model = _model(law, states, fit_stiffness, slip_trend, weighting)
     K = _stiffness(stiffness, record, fit_stiffness)
-    steps = _steps(record, steps)
+    steps = steps_of(record, steps)
     V0 = _reference(reference_velocity, steps)
     forward, sign = _forward(record, steps)
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
@@ -121,7 +121,11 @@ def _model(law, states, fit_stiffness, slip_trend, weighting) -> Model:
     return Model(law, int(states), bool(fit_stiffness), bool(slip_trend))
 
 
-def _steps(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps:
+def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps:
+    """The velocity steps to fit: as given, or found in the load-point motion.
+
+    Raises `InputError` where there is none, or where the record is no step test.
+    """
     if isinstance(steps, str):
         steps = VelocitySteps.parse(steps)
     found = steps is None

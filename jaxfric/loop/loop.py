@@ -12,10 +12,10 @@ import numpy as np
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of
 from ..errors import InputError
 from ..fitting import Fit, NoiseEstimate, fit
-from ..fitting.fit import prepare
+from ..fitting.fit import prepare, steps_of
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
-from ..records import Record
+from ..records import Record, VelocitySteps
 from ..rig.normal_stress import NormalStress, recorded_stress
 from .engine import Candidate, Engine
 from .estimates import candidate_scores, estimates
@@ -80,15 +80,16 @@ def close_loop(
     if not 0 <= most <= _MOST:
         raise InputError(f"most is {most}; choose 0 to {_MOST}")
     progress("base fit of the whole record")
-    base_fit = fit(record, stiffness=stiffness, law=law, steps=steps)
+    found_steps = steps_of(record, steps)
+    base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps)
     _check(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
-    problem, felt = _problem(record, base_fit, blocks, effects)
+    problem, felt = _problem(record, base_fit, found_steps, blocks, effects)
     problem = dataclasses.replace(problem, normal_stress=stress)
     engine = Engine(problem, blocks, felt, shapes=friction_shapes)
     slip = np.asarray(base_fit.steps.displacement(record.relative_time))
     scales = _scales(base_fit, record, slip)
-    z = declared(engine, _start(engine, base_fit), scales, tuple(with_))
+    z = declared(engine, _start(engine, base_fit, found_steps), scales, tuple(with_))
     engine = Engine(problem, blocks, felt, tuple(with_), tuple(without), shapes=friction_shapes)
     found = search(engine, [z, _other(engine, z)], scales, most=most, progress=progress)
     progress("where the structure sits")
@@ -184,13 +185,16 @@ def _check(record: Record, base: Fit) -> None:
         )
 
 
-def _problem(record: Record, base: Fit, blocks: Blocks, effects) -> tuple[Problem, np.ndarray]:
+def _problem(
+    record: Record, base: Fit, steps: VelocitySteps, blocks: Blocks, effects
+) -> tuple[Problem, np.ndarray]:
     """The superset's problem, and which shifts of step times are felt.
 
     It has a shift for every step, felt or not, so that records differ in numbers only and share
-    what is compiled.
+    what is compiled. The shifts are from the times that the load point shows: those of the base
+    fit have followed the friction, and hide a lag.
     """
-    values, steps = base.values(), base.steps
+    values = base.values()
     problem = prepare(
         record,
         steps,
@@ -229,10 +233,16 @@ def _channels(record: Record, blocks: Blocks, size: int) -> tuple[Channel, ...]:
     return tuple(found)
 
 
-def _start(engine: Engine, base: Fit) -> np.ndarray:
+def _start(engine: Engine, base: Fit, steps: VelocitySteps) -> np.ndarray:
     values = base.values()
     natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-    return np.asarray(to_free(engine.problem, jnp.asarray(natural)[None]))[0]
+    z = np.array(to_free(engine.problem, jnp.asarray(natural)[None]))[0]
+    if steps.time_errors is None:
+        return z
+    for index in engine.shifts:
+        step = index - len(engine.names) + 1
+        z[index] = (base.steps.times - steps.times)[step] / steps.time_errors[step]
+    return z
 
 
 def _other(engine: Engine, z: np.ndarray) -> np.ndarray:

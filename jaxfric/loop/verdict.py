@@ -119,7 +119,7 @@ def conclude(
         )
         return Conclusion("ambiguous", text, (f"{why}: the verdict is withheld",), (), {})
     reasons = _reasons(engine, final, floor, tests)
-    rivals = _rivals(search, groups)
+    rivals = _rivals(search)
     verdict = _verdict(search, reasons, rivals, floor, engine)
     sentence = _sentence(engine, search, verdict, groups, rivals, floor, located)
     return Conclusion(verdict, sentence, tuple(reasons), groups, separations)
@@ -167,26 +167,36 @@ def _verdict(search: Search, reasons, rivals, floor: Floor, engine) -> str:
 
 
 def _groups(search: Search) -> tuple[tuple[str, ...], ...]:
-    """For every effect found: it, and those that it cannot be told from."""
+    """For every effect found: it, and those that it cannot be told from.
+
+    Those are its aliases, most alike first, and the effects whose refit in its place is no more
+    than `ACCEPT` of BIC worse.
+    """
     ids, found = search.ids, []
     for id in search.final.effects:
-        i = ids.index(id)
-        like = (b for j, b in enumerate(ids) if j != i and search.cosines[i, j] > ALIAS)
-        found.append((id, *sorted(like, key=lambda b: -search.cosines[i, ids.index(b)])))
+        alike = search.cosines[ids.index(id)]
+        order = sorted(range(len(ids)), key=lambda j: -alike[j])
+        like = [ids[j] for j in order if ids[j] != id and alike[j] > ALIAS]
+        as_good = [e for e in _swapped(search, id) if e not in like]
+        found.append((id, *like, *as_good))
     return tuple(found)
 
 
-def _rivals(search: Search, groups) -> list[tuple[str, str]]:
-    """Pairs (found, rival): refits with an alias in place of an effect that fit about as well."""
-    rivals = []
-    for id, *like in groups:
-        for other in like:
-            swapped = {other if e == id else e for e in search.final.effects}
-            for c in search.tried:
-                close = c.bic - search.final.bic < ACCEPT
-                if set(c.effects) == swapped and c.physical and not c.failed and close:
-                    rivals.append((id, other))
-    return sorted(set(rivals))
+def _rivals(search: Search) -> list[tuple[str, str]]:
+    """Pairs (found, rival): refits with another effect in place of one that fit about as well."""
+    return sorted({(id, other) for id in search.final.effects for other in _swapped(search, id)})
+
+
+def _swapped(search: Search, id: str) -> list[str]:
+    """Effects that fit about as well in place of `id`, best first."""
+    kept = {e for e in search.final.effects if e != id}
+    found = {}
+    for c in sorted(search.tried, key=lambda c: c.bic):
+        new = set(c.effects) - kept
+        close = c.bic - search.final.bic < ACCEPT and c.physical and not c.failed
+        if close and kept < set(c.effects) and len(new) == 1 and id not in new:
+            found[new.pop()] = None
+    return list(found)
 
 
 def _sentence(engine, search, verdict, groups, rivals, floor, located) -> str:
