@@ -25,6 +25,7 @@ from .rig import AxisRig
 _TOLERANCE = 1e-9
 _TRIALS = 60
 _COMPARED = 10
+_AT_ONCE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +52,10 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
     The error is relative to the recorded force of these rows, as is usual. `free` are the indices
     of the parameters that are fitted, from `z`.
     """
-    solved, jacobian, ok = _solve(lambda z: _force_error(problem, z, free), z, free)
+    index = _padded(free, len(z))
+    solved, jacobian, ok = _solve(lambda z: _force_error(problem, z, index), z, free)
     used = np.asarray(problem.weight) > 0
-    residual = np.asarray(_force_error(problem, jnp.asarray(solved), free)[0])[used]
+    residual = np.asarray(_force_error(problem, jnp.asarray(solved), index)[0])[used]
     recorded = np.asarray(problem.friction)[used]
     return _fit("inverse dynamics", problem, solved, free, jacobian, residual, recorded, ok)
 
@@ -78,8 +80,9 @@ def output_error(
     number = substeps(problem.rig(jnp.asarray(z)), interval)
     measured = jnp.asarray(record.position)
     setting = _Setting(controller, jnp.asarray(reference), measured, number)
-    solved, jacobian, ok = _solve(lambda z: _position_error(problem, setting, z, free), z, free)
-    residual = np.asarray(_position_error(problem, setting, jnp.asarray(solved), free)[0])
+    index = _padded(free, len(z))
+    solved, jacobian, ok = _solve(lambda z: _position_error(problem, setting, z, index), z, free)
+    residual = np.asarray(_position_error(problem, setting, jnp.asarray(solved), index)[0])
     recorded = np.asarray(measured)[::_COMPARED]
     return _fit("closed-loop output error", problem, solved, free, jacobian, residual, recorded, ok)
 
@@ -100,7 +103,8 @@ def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> tuple[np.ndarray,
 
     def at(y):
         z[free] = y
-        return tuple(np.asarray(x) for x in both(jnp.asarray(z)))
+        residual, jacobian = both(jnp.asarray(z))
+        return np.asarray(residual), np.asarray(jacobian)[:, : len(free)]
 
     scale = float(np.sqrt(np.mean(at(z[free])[0] ** 2))) or 1.0
 
@@ -110,6 +114,11 @@ def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> tuple[np.ndarray,
 
     found, ok = levenberg_marquardt(scaled, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
     return z, at(found)[1], ok
+
+
+def _padded(free: np.ndarray, beyond: int) -> np.ndarray:
+    """Indices filled up with one that does not exist: few numbers of parameters are compiled."""
+    return np.pad(free, (0, -len(free) % _AT_ONCE), constant_values=beyond)
 
 
 def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> AxisFit:
@@ -131,13 +140,17 @@ def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> Ax
 
 @eqx.filter_jit
 def _force_error(problem: AxisProblem, z, free):
-    """Residual of the used rows (0 on the others) and its Jacobian by the free parameters."""
+    """Residual of the used rows (0 on the others) and its Jacobian by the parameters `free`.
+
+    An index that does not exist gives a column of zeros.
+    """
 
     def error(y):
-        z_free = z.at[free].set(y)
+        z_free = z.at[free].set(y, mode="drop")
         return (problem.predict(z_free) - problem.friction) * problem.weight
 
-    return error(z[free]), jax.jacfwd(error)(z[free])
+    y = z.at[free].get(mode="clip")
+    return error(y), jax.jacfwd(error)(y)
 
 
 @eqx.filter_jit
@@ -146,7 +159,7 @@ def _position_error(problem: AxisProblem, setting: _Setting, z, free):
 
     def error(y):
         run = closed_loop(
-            problem.rig(z.at[free].set(y)),
+            problem.rig(z.at[free].set(y, mode="drop")),
             setting.controller,
             setting.reference,
             setting.measured[:3],
@@ -154,4 +167,5 @@ def _position_error(problem: AxisProblem, setting: _Setting, z, free):
         )
         return (run.position - setting.measured)[::_COMPARED]
 
-    return error(z[free]), jax.jacfwd(error)(z[free])
+    y = z.at[free].get(mode="clip")
+    return error(y), jax.jacfwd(error)(y)

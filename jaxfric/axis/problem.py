@@ -5,6 +5,7 @@ Residual of every decimated row: (predicted - recorded force)/noise scale. It ha
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -79,10 +80,11 @@ class AxisProblem(eqx.Module):
 
     def from_free(self, z: Float[Array, " p"]) -> Float[Array, " p"]:
         """Natural (SI) values of unbounded variables."""
+        return jnp.stack(self._natural(list(z)))
+
+    def _natural(self, z: Sequence[Array]) -> list[Array]:
         pairs = zip(self.model.names(), z, strict=True)
-        return jnp.stack(
-            [self.model.quantity(n).from_free(v, scale=self._scale(n)) for n, v in pairs]
-        )
+        return [self.model.quantity(n).from_free(v, scale=self._scale(n)) for n, v in pairs]
 
     def _scale(self, name: str) -> Array:
         """A typical size of an unbounded parameter, from its unit."""
@@ -96,9 +98,9 @@ class AxisProblem(eqx.Module):
             "s": 1e-2 * travel / v,
         }.get(self.model.quantity(name).unit, jnp.ones_like(force))
 
-    def rig(self, z: Float[Array, " p"]) -> AxisRig:
-        """The axis with the parameters `z`."""
-        values = self.from_free(z)
+    def rig(self, z: Float[Array, " p"] | Sequence[Array]) -> AxisRig:
+        """The axis with the parameters `z`, an array or one by one."""
+        values = self._natural(list(z))
         n = len(self.model.base.names())
         rig = AxisRig(*values[:n], width=self.width)
         for effect in self.model.effects:
@@ -112,8 +114,9 @@ class AxisProblem(eqx.Module):
         """The same problem with residuals in units of `noise` and uncorrelated under it."""
         return dataclasses.replace(self, noise=noise)
 
-    def predict(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
-        """Motor force at the decimated rows."""
+    def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
+        """Motor force at the decimated rows. A derivative by one of the parameters is cheaper where
+        they come one by one: it leaves out what the others do."""
         rig = self.rig(z)
         force = shifted(
             rig.force(self.motion), self.interval, lag=rig.lag, lead=rig.delay, late=rig.late
@@ -178,8 +181,10 @@ def shape_columns(
 
     def one(z):
         def push(i):
-            tangent = jnp.zeros_like(z).at[i].set(1.0)
-            return jax.jvp(problem.predict, (z,), (tangent,))[1] / problem.noise_scale
+            def by(amplitude):
+                return problem.predict([*z[:i], amplitude, *z[i + 1 :]])
+
+            return jax.jvp(by, (z[i],), (jnp.ones_like(z[i]),))[1] / problem.noise_scale
 
         return jnp.stack([push(i) for i in amplitudes])
 
