@@ -143,6 +143,16 @@ def test_segments_and_blocks():
         split(np.minimum(segment, 1), ~slow, velocity, "x.csv")
 
 
+def test_the_fastest_segments_train():
+    """Wherever they are; the last of the others report."""
+    speed = np.array([1, -1, 2, -2, 1, -1, 1, -9, 1, -1, 8.0, -1])
+    velocity = np.repeat(speed, 30)
+    segment = np.repeat(np.arange(12), 30)
+    blocks = split(segment, np.ones(360, bool), velocity, "x.csv")
+    assert set(segment[blocks.train]) == {0, 1, 2, 3, 4, 5, 7, 10}
+    assert set(segment[blocks.select]) == {6, 8} and set(segment[blocks.report]) == {9, 11}
+
+
 # ---- effects ---------------------------------------------------------------------------------
 
 

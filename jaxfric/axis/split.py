@@ -26,7 +26,7 @@ def segments(slow: np.ndarray) -> np.ndarray:
 
 def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
     """Blocks of whole segments: the last that hold a sixth of the rows report, as many before them
-    select, the others train.
+    select, the others train; so do the fastest segment of either direction.
 
     `used` marks the rows that count, `path` names the record in messages.
 
@@ -47,13 +47,17 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
             f"{path}: {count} motion segments between stops or reversals; {_FEWEST} are needed."
             " Record more strokes"
         )
-    after = np.cumsum(rows[::-1])[::-1] / rows.sum()  # share of the rows from a segment on
-    report = int(np.flatnonzero(after >= _SHARE)[-1])
-    select = int(np.flatnonzero(after >= after[report] + _SHARE)[-1]) if report else 0
+    # what is held back is predicted within the velocities that were trained
+    fastest = {int(segment[used][np.argmax(sign * moving)]) for sign in (1, -1)}
+    rows[list(fastest)] = 0
+    after = np.cumsum(rows[::-1])[::-1] / int(used.sum())  # share of the rows from a segment on
+    report = _from(after, _SHARE)
+    select = _from(after, after[report] + _SHARE)
+    held = used & ~np.isin(segment, list(fastest))
     blocks = Blocks(
-        used & (segment < select),
-        used & (segment >= select) & (segment < report),
-        used & (segment >= report),
+        used & ~(held & (segment >= select)),
+        held & (segment >= select) & (segment < report),
+        held & (segment >= report),
         segment,
         True,
     )
@@ -65,3 +69,9 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
                 " or longer strokes"
             )
     return blocks
+
+
+def _from(after: np.ndarray, share: float) -> int:
+    """The last segment from which on there is that share of the rows; the first where none is."""
+    enough = np.flatnonzero(after >= share)
+    return int(enough[-1]) if len(enough) else 0
