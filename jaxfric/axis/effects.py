@@ -246,20 +246,26 @@ class TimeDrift(AbstractAxisEffect):
 
 
 class Presliding(AbstractAxisEffect):
-    """+ a (z/x_c - sgn v), z' = v - |v| z/x_c: Coulomb friction comes back over a distance."""
+    """+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c: Coulomb friction comes back over a
+    distance. Dahl's bristle, and LuGre's with its damping.
+    """
 
     id: ClassVar[str] = "presliding"
     room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ a (z/x_c - sgn v), z' = v - |v| z/x_c"
+    equation: ClassVar[str] = "+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c"
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "stribeck")
     separated_by: ClassVar[str] = "slow reversals, smaller than the presliding distance"
     channel: ClassVar[str | None] = None
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction on a bristle", default=0.0)
+    sigma_1: Float[Array, ""] = quantity("sigma_1", "F s/m", "damping of the bristle", default=0.0)
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0, default=1.0)
 
     def embed(self, rig):
         return eqx.tree_at(
-            lambda r: r.bristle, rig, Bristle(self.a, self.x_c), is_leaf=lambda x: x is None
+            lambda r: r.bristle,
+            rig,
+            Bristle(self.a, self.sigma_1, self.x_c),
+            is_leaf=lambda x: x is None,
         )
 
     def grid(self, scales):

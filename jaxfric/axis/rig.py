@@ -38,19 +38,22 @@ class AbstractAxisTerm(eqx.Module):
 
 
 class Bristle(eqx.Module):
-    """Presliding: after a reversal friction comes back over a distance (Dahl 1968).
+    """Presliding: after a reversal friction comes back over a distance.
 
-        z' = q' - |q'| z/x_c,   force a (z/x_c - sgn q')
+        z' = q' - |q'| z/x_c,   force a (z/x_c - sgn q') + sigma_1 z'
 
-    With a = F_c friction is Dahl's, F_c z/x_c; with a = 0 there is no presliding.
+    With a = F_c friction is Dahl's (1968), F_c z/x_c, and with sigma_1 LuGre's at a constant level
+    (Canudas de Wit et al. 1995); with both 0 there is no presliding.
     """
 
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction that a bristle carries")
+    sigma_1: Float[Array, ""] = quantity("sigma_1", "F s/m", "damping of the bristle")
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0)
 
-    def force(self, bristle: Array, sign: Array) -> Array:
+    def force(self, bristle: Array, sign: Array, velocity: Array) -> Array:
         """The force of a bristle bent by `bristle`, in units of x_c."""
-        return self.a * (bristle - sign)
+        bend = self.x_c * self.rate(bristle, velocity)
+        return self.a * (bristle - sign) + self.sigma_1 * bend
 
     def along(self, motion: Motion) -> Float[Array, " N"]:
         """z/x_c along a measured motion, unbent at first: exact for motion from row to row."""
@@ -104,7 +107,7 @@ class AxisRig(eqx.Module):
         for term in self.terms:
             force = force + term.force(at)
         if self.bristle is not None and bristle is not None:
-            force = force + self.bristle.force(bristle, sign)
+            force = force + self.bristle.force(bristle, sign, velocity)
         return force
 
     def force(self, motion: Motion) -> Float[Array, " N"]:
