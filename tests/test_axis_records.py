@@ -124,6 +124,30 @@ def test_emps_names_need_no_telling(tmp_path: Path, shape: tuple[int, int]) -> N
     np.testing.assert_allclose(other.motor_force, 2 * m["F"], rtol=1e-14)
 
 
+def test_gains_of_the_loops_are_told(tmp_path: Path) -> None:
+    """In force where the file has a force, in volts where it has a control signal."""
+    m = motion()
+    both = {"position_gain": "160 1/s", "velocity_gain": "8.4 kN s/m"}
+    names = {"time": "t [s]", "position": "x [m]", "reference_position": "r [m]"}
+    motions = {"t": m["t"], "x": m["x"], "r": m["x"]}
+    path = mat(tmp_path / "force.mat", **motions, F=m["F"])
+    driven = mat(tmp_path / "signal.mat", **motions, u=m["F"] / 5)
+    force, signal = {**names, "motor_force": "F [N]"}, {**names, "control_signal": "u [V]"}
+    record = read_axis(path, columns=force, **both)
+    assert record.drive is not None and record.drive.position_gain == 160.0
+    assert record.drive.K_d == pytest.approx(8400.0) and record.drive.K_p == pytest.approx(1.344e6)
+    volts = {**both, "velocity_gain": "1680 V s/m"}
+    other = read_axis(driven, columns=signal, drive_gain="5 N/V", **volts)
+    assert other.drive == Drive(5.0, 160.0, 1680.0) and other.drive.K_d == pytest.approx(8400.0)
+    refusal(driven, "velocity gain", "V*s/m", columns=signal, drive_gain="5 N/V", **both)
+    refusal(path, "velocity gain", "N*s/m", columns=force, **volts)
+    refusal(path, "--velocity-gain is missing", columns=force, position_gain="160 1/s")
+    refusal(path, "--position-gain is missing", columns=force, velocity_gain="8.4 kN s/m")
+    refusal(path, "not positive", columns=force, **{**both, "position_gain": "0 1/s"})
+    del force["reference_position"]
+    refusal(path, "no reference position", columns=force, **both)
+
+
 def test_any_names_by_column(tmp_path: Path) -> None:
     m = motion()
     path = mat(tmp_path / "run.mat", clock=m["t"], x=1e3 * m["x"], F=m["F"], u=m["F"] / 5, note="a")

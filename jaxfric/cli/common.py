@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -29,7 +29,6 @@ Steps = Annotated[
     str | None,
     Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),
 ]
-Measured = TypeVar("Measured")
 Out = Annotated[Path | None, Parameter(help="Output folder.")]
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option that may begin with a minus sign: a negative quantity is then refused as such."""
@@ -49,24 +48,9 @@ def read_record(file: Path, columns: list[str] | None, drop_bad: bool):
     return read(file, columns=_roles(columns, "friction=mu"), drop_bad=drop_bad)
 
 
-def read_axis_file(
-    reader: Callable[..., Measured],
-    path: Path,
-    columns: list[str] | None,
-    drive_gain: str | None,
-    rated_torque: str | None,
-    flip: bool,
-    drop_bad: bool,
-) -> Measured:
-    """What `read_axis` or `read_steady` reads, with columns given as ROLE=NAME texts."""
-    return reader(
-        path,
-        columns=_roles(columns, "motor_force=F"),
-        drive_gain=drive_gain,
-        rated_torque=rated_torque,
-        flip=flip,
-        drop_bad=drop_bad,
-    )
+def axis_roles(columns: list[str] | None) -> dict[str, str] | None:
+    """Columns of an axis, given as ROLE=NAME texts."""
+    return _roles(columns, "motor_force=F")
 
 
 def _roles(columns: list[str] | None, example: str) -> dict[str, str] | None:

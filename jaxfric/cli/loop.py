@@ -15,9 +15,9 @@ from .common import (
     File,
     Out,
     Steps,
+    axis_roles,
     effect_ids,
     prepare_jax,
-    read_axis_file,
     read_record,
     told,
 )
@@ -64,6 +64,14 @@ def loop(
             help='Of an axis: motor force per control signal, as in "35.15 N/V".',
         ),
     ] = None,
+    position_gain: Annotated[
+        str | None,
+        Parameter(help='Of an axis under two nested loops: kp of the outer one, "160 1/s".'),
+    ] = None,
+    velocity_gain: Annotated[
+        str | None,
+        Parameter(help='Of an axis: kv of the inner loop, "240 V s/m", or in force "8436 N s/m".'),
+    ] = None,
     rated_torque: Annotated[
         str | None,
         Parameter(help='Of an axis whose torque is recorded in per cent of it: "9.84 mN m".'),
@@ -76,7 +84,7 @@ def loop(
         Parameter(
             negative=(),
             help="Of an axis: the force is a command that the controller holds until the next row."
-            " Known without it where the gain of the drive is.",
+            " Known without it where the gains of its loops are.",
         ),
     ] = False,
     column: Columns = None,
@@ -96,13 +104,28 @@ def loop(
 
     if most < 1:
         raise InputError(f"--most is {most}; it must be 1 or more")
-    _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip, held)
+    own = {
+        "--drive-gain": drive_gain,
+        "--position-gain": position_gain,
+        "--velocity-gain": velocity_gain,
+        "--rated-torque": rated_torque,
+    }
+    _refuse_unused(rig, stiffness, law, steps, {**own, "--flip": flip, "--held": held})
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
-    options = (column, drive_gain, rated_torque, flip, drop_bad)
     if rig == "steady":
-        _steady(file, options, declared, excluded, destination, json)
+        from ..records import read_steady
+
+        curve = read_steady(
+            file,
+            columns=axis_roles(column),
+            drive_gain=drive_gain,
+            rated_torque=rated_torque,
+            flip=flip,
+            drop_bad=drop_bad,
+        )
+        _steady(curve, declared, excluded, destination, json)
         return
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
@@ -110,7 +133,16 @@ def loop(
         if rig == "axis":
             from ..records import read_axis
 
-            axis = read_axis_file(read_axis, file, *options)
+            axis = read_axis(
+                file,
+                columns=axis_roles(column),
+                drive_gain=drive_gain,
+                position_gain=position_gain,
+                velocity_gain=velocity_gain,
+                rated_torque=rated_torque,
+                flip=flip,
+                drop_bad=drop_bad,
+            )
         else:
             slider = read_record(file, column, drop_bad)
         prepare_jax()
@@ -153,8 +185,7 @@ def loop(
             "--without": ",".join(excluded),
             "--most": None if most == 3 else str(most),
             "--steps": steps,
-            "--drive-gain": drive_gain,
-            "--rated-torque": rated_torque,
+            **own,
             "--out": out and str(out),
         }
         command = _command(
@@ -188,7 +219,7 @@ def _write(result, folder: Path, content: str, command: str) -> list[str]:
     return ["loop.html", "loop.json", *figures]
 
 
-def _steady(folder: Path, options, declared, excluded, destination: Path, as_json: bool) -> None:
+def _steady(curve, declared, excluded, destination: Path, as_json: bool) -> None:
     """The loop on a folder of steady speeds."""
     import json as text
 
@@ -196,12 +227,10 @@ def _steady(folder: Path, options, declared, excluded, destination: Path, as_jso
 
     from ..axis.steady import close_steady_loop
     from ..plot.steady import draw_steady
-    from ..records import read_steady
     from ..report.loop_text import print_tables
     from ..report.output import output_folder
     from ..report.steady_text import damping, tables, to_json
 
-    curve = read_axis_file(read_steady, folder, *options)
     result = close_steady_loop(curve, with_=declared, without=excluded)
     content = text.dumps(to_json(result), indent=1, allow_nan=False)
     with output_folder(destination) as target:
@@ -234,30 +263,23 @@ def _command(file: Path, given: dict[str, str | None], columns, flags: dict[str,
     return shlex.join(parts)
 
 
-def _refuse_unused(rig, stiffness, law, steps, drive_gain, rated_torque, flip, held) -> None:
+def _refuse_unused(rig, stiffness, law, steps, of_an_axis: dict) -> None:
     """A slider needs a stiffness, and neither takes options of the other."""
     if rig == "slider":
         if stiffness is None:
             raise InputError(
                 "--stiffness is missing; give the stiffness of the machine: --stiffness 1.6e-3/um"
             )
-        unused = {
-            "--drive-gain": drive_gain is not None,
-            "--rated-torque": rated_torque is not None,
-            "--flip": flip,
-            "--held": held,
-        }
+        wrong = [option for option, given in of_an_axis.items() if given]
     else:
-        unused = {
-            "--stiffness": stiffness is not None,
-            "--law": law != "slip",
-            "--steps": steps is not None,
-        }
-    wrong = [option for option, given in unused.items() if given]
+        of_a_slider = {"--stiffness": stiffness, "--law": law != "slip", "--steps": steps}
+        loops = ("--position-gain", "--velocity-gain", "--held")
+        of_a_stroke = {o: of_an_axis[o] for o in loops if rig == "steady"}
+        wrong = [option for option, given in (of_a_slider | of_a_stroke).items() if given]
     if wrong:
         raise InputError(
             f"{' and '.join(wrong)} would not be used with --rig {rig}; leave it out, or choose"
-            f" --rig {'axis' if rig == 'slider' else 'slider'}"
+            f" --rig {'slider' if rig == 'axis' else 'axis'}"
         )
 
 

@@ -16,6 +16,7 @@ from .record import Provenance
 from .table import read_table
 
 _SIGNALS = {"control_signal": ("control signal", "V"), "motor_current": ("motor current", "A")}
+_LENGTHS = {"linear": "m", "rotary": "rad"}
 _EMPS_GAINS = {"gtau": "gain", "kp": "position_gain", "kv": "velocity_gain"}
 
 
@@ -39,6 +40,8 @@ def read_axis(
     *,
     columns: Mapping[str, str] | None = None,
     drive_gain: str | None = None,
+    position_gain: str | None = None,
+    velocity_gain: str | None = None,
     rated_torque: str | None = None,
     flip: bool = False,
     drop_bad: bool = False,
@@ -54,6 +57,9 @@ def read_axis(
       `NAME [unit]`: `{"position": "x [mm]", "control_signal": "u [V]"}`. Roles: time, position,
       reference_position, velocity, motor_force, control_signal, motor_current.
     - `drive_gain`: motor force per control signal, "35.15 N/V" ("0.05 N m/A" for a current).
+    - `position_gain`, `velocity_gain`: kp [1/s] and kv of two nested loops, force = kv (kp
+      (reference - position) - velocity), "160 1/s" and, of a control signal, "240 V s/m", of a
+      motor force "8436 N s/m". With them, and a reference, the closed loop is simulated.
     - `rated_torque`: what 100 % of torque are, "9.84 mN m"; without it force stays in "%".
     - `flip`: change the sign of motion and force together.
     - `drop_bad`: leave out rows that are not whole instead of refusing the file.
@@ -71,6 +77,7 @@ def read_axis(
     with np.errstate(all="ignore"):  # what overflows is refused with its row
         values = {role: scale(source.columns[use.index], use.size) for role, use in uses.items()}
         drive, signal_notes = _force_from_signal(source, values, uses, coordinate, drive_gain)
+        drive = _controlled(source, uses, coordinate, drive, position_gain, velocity_gain)
         force_unit = _force_unit(source, values, uses, coordinate, rated_torque)
     for role in ("position", "reference_position", "velocity", "motor_force"):
         if flip and role in values:
@@ -195,6 +202,42 @@ def _force_from_signal(
     values["motor_force"] = gains["gain"] * signals[role]
     note = f"motor force is {gains['gain']:.7g} {force}/{unit} times the {what}"
     return Drive(**gains), [note]
+
+
+def _controlled(
+    source: _Source,
+    uses: Mapping[str, Use],
+    coordinate: str,
+    drive: Drive | None,
+    position_gain: str | None,
+    velocity_gain: str | None,
+) -> Drive | None:
+    """The drive with the gains of its loops, where they are given."""
+    if position_gain is None and velocity_gain is None:
+        return drive
+    if position_gain is None or velocity_gain is None:
+        missing = "--position-gain" if position_gain is None else "--velocity-gain"
+        raise InputError(f"{source.path}: {missing} is missing; both gains of the loops are needed")
+    if "reference_position" not in uses:
+        raise InputError(
+            f"{source.path} has no reference position, without which the gains of the loops are of"
+            " no use; add the column, or leave out --position-gain and --velocity-gain"
+        )
+    force, length = FORCE_UNITS[coordinate].replace(" ", "*"), _LENGTHS[coordinate]
+    unit, gain = force, 1.0  # kv in force per velocity
+    if "motor_force" not in uses and drive is not None:
+        unit = next(signal for role, (_, signal) in _SIGNALS.items() if role in uses)
+        gain = drive.gain
+    elif uses["motor_force"].si_unit == "%":
+        raise InputError(
+            f"{source.path} has its force in per cent; gains of the loops need it in {force}: give"
+            " the column's force, or leave out --position-gain and --velocity-gain"
+        )
+    return Drive(
+        gain,
+        quantity_of(position_gain, "1/s", "position gain"),
+        quantity_of(velocity_gain, f"{unit}*s/{length}", "velocity gain"),
+    )
 
 
 def _force_unit(

@@ -12,7 +12,7 @@ from . import delimited, xlook
 _MAGIC = {
     b"PK\x03\x04": "a zip or Excel file; save the sheet as CSV",
     b"\x1f\x8b": "a gzip file; unpack it",
-    b"MATLAB": "a MATLAB file; export the columns as CSV",
+    b"MATLAB": "a MATLAB file; read it with --rig axis if an axis made it, else save it as CSV",
     b"\x89HDF": "an HDF5 file; export the columns as CSV",
     b"%PDF": "a PDF file",
 }
