@@ -197,9 +197,12 @@ def _cards(loop: Loop) -> str:
 
     noise = loop.after.noise
     share = 100 * noise.correlated_share
-    colour = (
-        "white" if share < 5 else f"{share:.0f} % correlated over {noise.correlation_time:.2g} s"
-    )
+    if share < 5:
+        colour = "white"
+    elif noise.correlation_time <= 1.05 * loop.record.sampling().median:
+        colour = "correlated from row to row only"
+    else:
+        colour = f"{share:.0f} % correlated over {noise.correlation_time:.2g} s"
     before, after = loop.before.rms, loop.after.rms
     cards = [
         (pair(before["report"], after["report"]), "error on the report block, seen only once"),
