@@ -107,7 +107,7 @@ def engine_of(plant: plants.Base, friction, slip) -> Engine:
 def case_of(ratio: float) -> Case:
     plant = plant_of(ratio)
     path = plants.simulate(plant, PROTOCOL, {}, TIMES)
-    engine = engine_of(plant, path.record, path.slip)
+    engine = engine_of(plant, path.record, path.slip - PROTOCOL.displacement(TIMES))
     return Case(plant, engine, start(engine))
 
 
@@ -275,7 +275,7 @@ def noisy(case: Case, seed: int = 1) -> Engine:
     e[0] = rng.standard_normal()
     for i in range(1, len(e)):
         e[i] = 0.6 * e[i - 1] + 0.8 * rng.standard_normal()
-    slip = path.slip + SLIP_NOISE * rng.standard_normal(len(TIMES))
+    slip = path.slip - PROTOCOL.displacement(TIMES) + SLIP_NOISE * rng.standard_normal(len(TIMES))
     return engine_of(case.plant, path.record + SIGMA * e, slip)
 
 

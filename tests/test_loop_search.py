@@ -300,6 +300,21 @@ def test_step_times_that_followed_the_friction_do_not_hide_a_lag():
     assert lag.value > 3 * lag.std
 
 
+@pytest.mark.long
+def test_a_slip_channel_tells_a_servo_lag_from_a_sensor_lag():
+    """The found steps add up to 0.1 um beside the load point, five times the noise of the slip."""
+    made = make(Request(90210, ("servo_lag",), 1.0, channels=("slip",)))
+    time, displacement, friction, slip = made.columns.values()
+    record = jf.from_arrays(
+        time, friction, load_point_displacement=UM * displacement, slip=UM * slip
+    )
+    few = offering("servo_lag", "sensor_lag", "run_in", "slip_trend")
+    loop = close_loop(record, stiffness=made.declared["stiffness [1/m]"], **few)
+    assert loop.verdict == "effects" and loop.alias_groups == (("servo_lag",),)
+    tau = loop.after.parameters["servo_lag.tau"]
+    assert abs(tau.value - made.truth["parameters"]["servo_lag"]["tau"]) < 4 * tau.std
+
+
 # ---- the slice of the blind study ------------------------------------------------------------
 
 QUICK = (

@@ -102,9 +102,12 @@ class Model(NamedTuple):
 
 
 class Channel(eqx.Module):
-    """A second recorded quantity: "slip" of the slider or position of the "load_point" [m].
+    """A second recorded quantity: "slip" of the slider or measured position of the "load_point",
+    less the commanded position [m].
 
-    Its noise is white; its zero is unknown, so only changes from the mean under `anchor` count.
+    Errors of the steps add up to a position that nothing corrects; in the difference to the
+    command as recorded they cancel. Its noise is white; its zero is unknown, so only changes
+    from the mean under `anchor` count.
     """
 
     values: Float[Array, " n"]
@@ -233,10 +236,12 @@ class Problem(eqx.Module):
         return out.recorded, seen, out.result == RESULTS.successful
 
     def _channel(self, kind: str, rig: Rig, slip: Float[Array, " n"]) -> Float[Array, " n"]:
-        if kind == "slip":
-            return slip
-        commanded = jax.vmap(self.motion.displacement)(self.time)
-        return commanded - jax.vmap(lambda t: rig.drive.lag(self.motion, t))(self.time)
+        drive = rig.drive.drive if isinstance(rig.drive, LateSteps) else rig.drive
+        lag = jax.vmap(lambda t: drive.lag(self.motion, t))(self.time)
+        if kind != "slip":
+            return -lag
+        late = jax.vmap(lambda t: rig.drive.lag(self.motion, t))(self.time) - lag
+        return slip - (jax.vmap(self.motion.displacement)(self.time) - late)
 
     def residual(self, z: Float[Array, " q"]) -> Float[Array, " r"]:
         """(predicted - recorded)/noise_scale, then the same of every channel by its own noise,

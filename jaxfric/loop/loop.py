@@ -212,15 +212,20 @@ def _problem(
     shifts = (jnp.arange(1, size + 1), jnp.asarray(errors), jnp.ones(size))
     where = lambda p: (p.shifted, p.shift_scale, p.hold)  # noqa: E731
     problem = eqx.tree_at(where, problem, shifts)
-    channels = _channels(record, blocks, len(problem.time))
+    channels = _channels(record, steps, blocks, len(problem.time))
     return dataclasses.replace(problem, channels=channels), np.flatnonzero(felt)
 
 
-def _channels(record: Record, blocks: Blocks, size: int) -> tuple[Channel, ...]:
+def _channels(
+    record: Record, steps: VelocitySteps, blocks: Blocks, size: int
+) -> tuple[Channel, ...]:
     """Slip and load-point encoder where the record has them, padded to `size` rows."""
-    found = []
-    for kind, values in (("slip", record.slip), ("load_point", record.load_point_encoder)):
-        if values is not None:
+    found, commanded = [], record.load_point_displacement
+    if commanded is None:
+        commanded = steps.displacement(record.relative_time)
+    for kind, column in (("slip", record.slip), ("load_point", record.load_point_encoder)):
+        if column is not None:
+            values = column - commanded
             pad = (0, size - len(values))
             found.append(
                 Channel(

@@ -214,7 +214,9 @@ def _sentence(engine, search, verdict, groups, rivals, floor, located) -> str:
             f" than {ACCEPT:g} of BIC (held-out {before:.2f} sigma)."
         )
     if verdict == "outside_catalogue":
-        tried = f" {named} helps ({change}) but does not explain it." if named else ""
+        one = len(search.final.effects) == 1
+        verb, but = ("helps", "does") if one else ("help", "do")
+        tried = f" {named} {verb} ({change}) but {but} not explain it." if named else ""
         return f"What is missing is not in the catalogue.{tried} {located}".strip()
     gain = search.base.bic - search.final.bic
     text = f"The model lacks {named}: {change}, BIC {gain:.0f} lower."
