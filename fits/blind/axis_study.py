@@ -39,10 +39,10 @@ FIRST_SEED = 1000
 _RECORDS_PER_PROCESS = 25
 
 
-def requests(count: int) -> list[Request]:
-    """All records of the study, level by level."""
+def requests(count: int, first: int = FIRST_SEED) -> list[Request]:
+    """All records of the study, level by level; the first seed is 1000."""
     return [
-        Request(FIRST_SEED + k, (effect,), RHO[noise], noise)
+        Request(first + k, (effect,), RHO[noise], noise)
         for k in range(count)
         for noise in RHO
         for effect in (*NOTHING, *EFFECTS)
@@ -173,12 +173,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--count", type=int, default=10, help="records of each kind and level")
+    parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed to begin with")
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args(arguments)
     (given.out / "loops").mkdir(parents=True, exist_ok=True)
     todo = [
         (request, given.out)
-        for request in requests(given.count)
+        for request in requests(given.count, given.first)
         if not (given.out / "loops" / f"{label(request)}.json").exists()
     ]
     context = multiprocessing.get_context("spawn")
