@@ -9,7 +9,14 @@ import pytest
 from scipy.linalg import cholesky, null_space
 from scipy.stats import multivariate_normal
 
-from jaxfric.fitting.noise import Noise, _restricted, estimate_noise, sandwich, whiten
+from jaxfric.fitting.noise import (
+    Noise,
+    _restricted,
+    estimate_noise,
+    limit_of_share,
+    sandwich,
+    whiten,
+)
 
 N, P = 60, 3
 
@@ -44,6 +51,8 @@ def padded(rng, time, columns, extra=17):
     return np.where(np.arange(n) < n - 5, between, time[-1]), weight, values
 
 
+NEGATIVE = (0.7, -1.4, 0.6)
+"""Rows 1 s apart: correlated by -1.4 exp(-1/0.6) from one to the next."""
 PARAMETERS = [(0.3, 0.7, 2.0), (5e-4, 0.05, 0.1), (2.0, 0.999, 30.0), (1.0, 1e-4, 1.0)]
 
 
@@ -231,3 +240,39 @@ def test_a_wrong_correlation_time_is_seen():
     jacobian = rng.normal(size=(N, P))
     a, b = (sandwich(time, jacobian, as_noise(0.3, 0.7, tau)) for tau in (2.0, 2.0002))
     assert jax.tree.all(jnp.abs(a - b).max() > 1e-8 * jnp.abs(a).max())
+
+
+def test_negative_correlation_against_dense_algebra():
+    """Whitened by rows that are passed over too; the limit of the share is where it ends."""
+    time, weight = np.arange(40.0), np.ones(40)
+    weight[[7, 8, 20]] = 0
+    white = np.asarray(whiten(time, weight, np.eye(40), as_noise(*NEGATIVE)))
+    kept = weight > 0
+    inverse = np.linalg.inv(covariance(time[kept], *NEGATIVE))
+    found = white[np.ix_(kept, kept)]
+    np.testing.assert_allclose(found.T @ found, inverse, atol=1e-8 * np.abs(inverse).max())
+    for tau in (0.5, 1.0):
+        limit = float(limit_of_share(np.exp(-1 / tau))) / 0.98
+        least = [
+            np.linalg.eigvalsh(covariance(np.arange(400.0), 1.0, -part * limit, tau))[0]
+            for part in (0.97, 1.03)
+        ]
+        assert least[0] > 0 > least[1]
+
+
+def test_differentiated_noise_is_known_as_such():
+    """White noise of a position, twice differenced over rows, beside white noise of a force."""
+    rng = np.random.default_rng(6)
+    time, one = np.arange(1500.0), np.ones(1500)
+    white, position = rng.standard_normal((2, 1501))
+    made = white[1:] + 1.5 * np.diff(position)
+    column = np.ones((1500, 1))
+    found = estimate_noise(time, one, made, column, jnp.asarray(1.0), True)
+    rho = float(found.share) * np.exp(-1 / float(found.correlation_time))
+    # variance 1 + 2 1.5^2, covariance of neighbours -1.5^2
+    assert float(found.sigma) == pytest.approx(np.sqrt(5.5), rel=0.05)
+    assert rho == pytest.approx(-2.25 / 5.5, abs=0.06)
+    left = np.asarray(whiten(time, one, made[:, None], found))[:, 0]
+    assert abs(np.mean(left[1:] * left[:-1])) < 3 / np.sqrt(1500) + 0.03
+    positive = estimate_noise(time, one, made, column, jnp.asarray(1.0))
+    assert float(found.log_likelihood) > float(positive.log_likelihood) + 50

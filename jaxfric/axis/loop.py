@@ -104,7 +104,14 @@ def close_axis_loop(
         noise_scale=noise_scale,
     )
     none = np.zeros(0, int)
-    engine = Engine(problem, blocks, none, shapes=axis_shapes, longest=_NOISE_ROWS)  # pyright: ignore[reportArgumentType]
+    engine = Engine(
+        problem,  # pyright: ignore[reportArgumentType]
+        blocks,
+        none,
+        shapes=axis_shapes,
+        longest=_NOISE_ROWS,
+        either_sign=True,
+    )
     scales = _scales(rows, prepared, blocks)
     z = declared(engine, _start(problem, blocks.train), scales, tuple(with_))
     engine = Engine(
@@ -114,6 +121,7 @@ def close_axis_loop(
         tuple(with_),
         shapes=axis_shapes,
         longest=_NOISE_ROWS,
+        either_sign=True,
     )
     found = search(engine, [z], scales, most=most, progress=progress)
     progress("where the structure sits")

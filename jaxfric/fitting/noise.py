@@ -3,10 +3,13 @@
     r = e + s,   var e = sigma^2 (1 - c),   cov s(t), s(t') = sigma^2 c exp(-|t - t'|/tau)
 
 s is an Ornstein-Uhlenbeck process, so a scalar Kalman filter gives the likelihood at uneven
-sampling in one pass. The likelihood is the restricted one (REML): the residual of a fit has lost
-the directions of its parameters, and without correcting for that a long correlation time is
-under-estimated. sigma is profiled out; (c, tau) are found on a grid that zooms in. Source:
-Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), 2.7 and appendix B.
+sampling in one pass. Nothing in that pass needs c to be positive: with c < 0 neighbouring rows
+differ by more than chance, as where the noise of a position is differentiated. That is a covariance
+while |c| < (1 - a)/(2 a), a = exp(-gap/tau). The likelihood is the restricted one (REML): the
+residual of a fit has lost the directions of its parameters, and without correcting for that a long
+correlation time is under-estimated. sigma is profiled out; (c, tau) are found on a grid that zooms
+in. Source: Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), 2.7 and
+appendix B.
 """
 
 from typing import NamedTuple
@@ -72,6 +75,11 @@ def whiten(
     return white * (weight > 0)[:, None] / noise.sigma
 
 
+def limit_of_share(keep):
+    """Largest -c of a covariance whose rows are correlated by `keep` from one to the next."""
+    return 0.98 * (1 - keep) / (2 * keep)
+
+
 def _restricted(time, weight, columns, share, correlation_time):
     """Restricted log-likelihood and sigma of every noise model; column 0 is the residual."""
     start, rows = _filter_inputs(time, weight, columns, share, correlation_time)
@@ -112,16 +120,18 @@ def estimate_noise(
     residual: Float[Array, " n"],
     jacobian: Float[Array, "n p"],
     longest: Float[Array, ""] | None = None,
+    either_sign: bool = False,
 ) -> Noise:
     """Restricted maximum-likelihood noise of a residual with the given Jacobian.
 
     `correlation_time` is searched from half the median sampling interval to `longest`, by
-    default half the record.
+    default half the record; with `either_sign` also negative correlation, of even sampling.
     """
     columns = jnp.concatenate([residual[:, None], jacobian], axis=1)
     gaps = jnp.where(weight[1:] > 0, jnp.diff(time), jnp.nan)
     span = time[-1] - time[0]
-    low = jnp.log(0.5 * jnp.nanmedian(gaps))
+    gap = jnp.nanmedian(gaps)
+    low = jnp.log(0.5 * gap)
     high = jnp.log(0.5 * span if longest is None else longest)
     offsets = jnp.linspace(-1.0, 1.0, _GRID)
 
@@ -131,6 +141,9 @@ def estimate_noise(
         log_tau = jnp.clip(centre[1] + half[1] * offsets, low, high)
         logit, log_tau = (g.ravel() for g in jnp.meshgrid(logit, log_tau))
         share, tau = jax.nn.sigmoid(logit), jnp.exp(log_tau)
+        if either_sign:
+            part = jnp.tanh(0.5 * logit)
+            share = jnp.where(part > 0, part, part * limit_of_share(jnp.exp(-gap / tau)))
         likelihood, sigma = _restricted(time, weight, columns, share, tau)
         i = jnp.argmax(jnp.where(jnp.isfinite(likelihood), likelihood, -jnp.inf))
         best = Noise(sigma[i], share[i], tau[i], likelihood[i])

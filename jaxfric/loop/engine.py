@@ -104,7 +104,7 @@ class Engine:
 
     Noise is correlated from sample to sample, over no more than a tenth of the rows of a velocity:
     what lasts longer is structure, which a slow noise would explain away. `longest` sets another
-    limit, in rows.
+    limit, in rows; with `either_sign` neighbouring rows may also be correlated negatively.
     """
 
     def __init__(
@@ -117,10 +117,12 @@ class Engine:
         *,
         shapes: Shapes,
         longest: float | None = None,
+        either_sign: bool = False,
     ):
         assert isinstance(problem.model, Superset)
         self.model: Superset = problem.model
         self.blocks, self.always, self.shapes = blocks, always, shapes
+        self.either_sign = either_sign
         self.offered = tuple(e for e in self.model.effects if e.id not in without)
         self.rows = len(blocks.train)
         clock = jnp.arange(problem.time.shape[0], dtype=problem.time.dtype)
@@ -163,6 +165,7 @@ class Engine:
             jnp.asarray(residual),
             padded_columns(columns),
             jnp.asarray(self.longest),
+            self.either_sign,
         )
 
     def bic(self, rows: "Rows", parameters: int) -> tuple[float, Noise]:

@@ -13,9 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fitting.noise import Noise, whiten
+from ..fitting.noise import Noise, limit_of_share, whiten
 
 _LOGITS = (-9.0, -3.0, -1.0, 0.5, 2.0, 4.0)
+_NEGATIVE = (0.3, 0.65, 0.95)
 _TIMES = 6
 _AT_ONCE = 8
 _PASSES = 4
@@ -85,11 +86,13 @@ def evidence(
     extra: np.ndarray,
     extra_columns: np.ndarray,
     longest: float,
+    *,
+    either_sign: bool = False,
 ) -> Evidence:
     """Products of the residual and some columns (rows of zero weight are passed over).
 
     The extra rows are data of unit variance, uncorrelated with the others. `longest` is the
-    longest correlation of noise, in units of `clock`.
+    longest correlation of noise, in units of `clock`; with `either_sign` it may be negative.
     """
     n, m = columns.shape
     pad = -(m + 2) % 32
@@ -100,6 +103,11 @@ def evidence(
     keep = (logits.ravel() > _LOGITS[0]) | (taus.ravel() == taus.ravel()[0])
     share = 1 / (1 + np.exp(-logits.ravel()[keep]))
     tau = np.exp(taus.ravel()[keep])
+    if either_sign:
+        times = np.tile(np.exp(taus[:, 0]), len(_NEGATIVE))
+        parts_of_limit = np.repeat(_NEGATIVE, _TIMES)
+        share = np.append(share, -parts_of_limit * limit_of_share(np.exp(-gap / times)))
+        tau = np.append(tau, times)
     all_columns = jnp.asarray(np.concatenate(parts, axis=1))
     products, log_det = _products(clock, weight, all_columns, jnp.asarray(share), jnp.asarray(tau))
     products = np.array(products)

@@ -82,6 +82,7 @@ def screen(
         seen.rows.extra,
         seen.extra,
         engine.longest,
+        either_sign=engine.either_sign,
     )
     width = len(seen.base) + max(len(c.places) for c in seen.columns)
     rows = [(), *(c.places for c in seen.columns)]

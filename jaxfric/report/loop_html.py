@@ -197,7 +197,9 @@ def _cards(loop: Loop) -> str:
 
     noise = loop.after.noise
     share = 100 * noise.correlated_share
-    if share < 5:
+    if share < -5:
+        colour = "alternating: neighbouring rows differ by more than chance"
+    elif share < 5:
         colour = "white"
     elif noise.correlation_time <= 1.05 * loop.record.sampling().median:
         colour = "correlated from row to row only"
