@@ -31,9 +31,10 @@ FLOORS = {
     "study": 5,
     "plot": 5,
     "report": 5,
-    "cli": 6,
-    "__main__": 7,
-    "": 7,
+    "members": 6,
+    "cli": 7,
+    "__main__": 8,
+    "": 8,
 }
 # One floor, but one is built from the other (never the other way).
 WITHIN_A_FLOOR = {
@@ -234,7 +235,7 @@ def test_nothing_overrides():
         ("records.x", "def f():\n    from ..simulation import simulate", "records.x (floor 2)"),
         ("motion", "from jaxfric.rig import Rig", "motion (floor 1) imports rig"),
         ("motion", "from . import rig", "motion (floor 1) imports rig"),
-        ("errors", "import jaxfric", "imports  (floor 7)"),
+        ("errors", "import jaxfric", "imports  (floor 8)"),
         ("wobble.x", "", "jaxfric/wobble has no floor: list it in FLOORS"),
         ("cli", "from .wobble import x", "list it in FLOORS"),
     ],

@@ -1,0 +1,12 @@
+"""What `jaxfric study` asks of every rig: margins, end states, gains, fits, verdicts.
+
+    parameters   names, units and bounds of what can be set and varied
+    sliders      margins and simulations of many sliders at once
+    ends         how massless sliders end, told while they move
+    one_by_one   gains, fits and loops: Python, member by member
+    spec         study.toml
+    make         from a study.toml to a running study
+"""
+
+from .make import make as make
+from .make import run_study as run_study

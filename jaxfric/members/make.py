@@ -1,0 +1,138 @@
+"""From a study.toml to the function, grid and outputs of a study, and running it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..study import Output, Progress, run
+from ..units import parse_quantity
+from .sliders import ENDINGS, MARGINS, Sliders, traces
+from .spec import Spec, choose_outputs, read_spec
+
+# Members of a block: as many as compute in about a second, and their traces fit into memory.
+_CHUNK, _CHUNK_WITH_TRACES, _CHUNK_SLOW, _CHUNK_ONE_BY_ONE = 65536, 16384, 1024, 16
+# Members that share a loop: what fits into a core's cache; a stiff solver's are held by the slowest.
+_BATCH, _BATCH_SLOW = 512, 16
+_SAMPLES = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A study, ready to run."""
+
+    spec: Spec
+    function: Callable
+    outputs: tuple[Output, ...]
+    kind: Any
+    cost: Callable | None
+    chunk: int
+    batch: int
+
+
+def make(path: str | Path) -> Made:
+    """Read a study.toml and make its function.
+
+    Raises
+    ------
+    InputError : see `spec.read_spec`.
+    """
+    spec = read_spec(path)
+    if spec.compute[0] in ("gains", "fit", "loop"):
+        from .one_by_one import one_by_one
+
+        function, known = one_by_one(spec)
+        outputs = choose_outputs(spec, known, tuple(o.name for o in known))
+        chunk = spec.chunk or _CHUNK_ONE_BY_ONE
+        return Made(spec, function, outputs, "host", None, chunk, 1)
+    return _sliders(spec)
+
+
+def _sliders(spec: Spec) -> Made:
+    known: tuple[Output, ...] = ()
+    usual: list[str] = []
+    table = spec.options.get("simulate", {})
+    samples = table.get("samples", _SAMPLES)
+    if "margins" in spec.compute:
+        known += MARGINS
+        usual += [output.name for output in MARGINS]
+    if "simulate" in spec.compute:
+        known += ENDINGS + traces(samples)
+        usual += [output.name for output in ENDINGS]
+        usual += [output.name for output in traces(samples)] if "samples" in table else []
+    outputs = choose_outputs(spec, known, tuple(usual))
+    wanted = tuple(output.name for output in outputs)
+    law, inertia = _law(spec), table.get("inertia", False)
+    traced = bool({"force", "velocity"} & set(wanted))
+    if traced and (inertia or not isinstance(law, str)):
+        raise InputError(
+            f"{spec.path.name}: force and velocity in time are for massless sliders under the slip"
+            " or ageing law; leave these outputs out"
+        )
+    duration = table.get("duration")
+    function = Sliders(
+        law,
+        spec.states,
+        spec.fixed,
+        wanted,
+        samples,
+        None if duration is None else parse_quantity(duration, "s", "duration"),
+        float(table.get("rtol", 1e-6)),
+        table.get("max_steps", 16384),
+        inertia,
+    )
+    slow = "end" in wanted and (inertia or not isinstance(law, str))
+    chunk = _CHUNK_SLOW if slow else _CHUNK_WITH_TRACES if traced else _CHUNK
+    simulated = {"end", "force", "velocity"} & set(wanted)
+    return Made(
+        spec,
+        function,
+        outputs,
+        "batch",
+        function.cost if simulated else None,
+        spec.chunk or chunk,
+        _BATCH_SLOW if slow else _BATCH,
+    )
+
+
+def _law(spec: Spec):
+    if spec.law is not None:
+        return spec.law
+    from ..gains.loop_source import law_from_file
+
+    assert spec.source is not None
+    return law_from_file(spec.source, normal_force=spec.normal_force, samples=0).law
+
+
+def run_study(
+    path: str | Path,
+    out: str | Path,
+    *,
+    scheduler: str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Any:
+    """Run, or go on with, the study of a study.toml; its store as an xarray Dataset.
+
+    Raises
+    ------
+    InputError : see `spec.read_spec` and `study.run`.
+    """
+    made = make(path)
+    return run(
+        made.function,
+        made.spec.grid,
+        out,
+        outputs=made.outputs,
+        kind=made.kind,
+        cost=made.cost,
+        chunk=made.chunk,
+        batch=made.batch,
+        dtype=made.spec.dtype,
+        scheduler=scheduler,
+        description=made.spec.description(),
+        toml=made.spec.text,
+        progress=progress,
+        tell=tell,
+    )

@@ -1,0 +1,473 @@
+"""study.toml: what varies, what is computed, what is kept; read, checked, made a study.
+
+    compute = ["margins", "simulate"]
+    outputs = ["modulus", "end"]        # all of what is computed where not given
+    chunk = 65536
+    dtype = "float64"
+
+    [rig]                               # what does not vary
+    law = "slip"                        # or from = "fit.json" and normal_force = "500 N"
+    A = "4.5 N"
+    m = "2 kg"
+
+    [axes]
+    k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 60 }
+    V0 = { values = ["1 um/s", "10 um/s"] }
+    B = { sobol = ["4 N", "10 N"], log = true }
+    law = { from = "fit.json", normal_force = "500 N" }      # draws from the posterior of a fit
+
+    [samples]                           # of the axes sobol, latin, random and from
+    number = 4096
+    seed = 0
+
+    [simulate]
+    ratio = 10                          # the command steps from V0/ratio to V0
+    samples = 100                       # of the outputs force and velocity
+"""
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..study import Axis, Grid, Normal, Output, Samples, Uniform, linspace, logspace, values
+from ..study.grid import KINDS
+from .parameters import LAW, nearest, needed, number, parameter, read_value, states_of
+
+COMPUTE = ("margins", "simulate", "gains", "fit", "loop")
+_ONE_BY_ONE = ("gains", "fit", "loop")
+_TOP = ("compute", "outputs", "chunk", "dtype", "rig", "axes", "samples")
+_RIG = ("law", "from", "normal_force", "A", "B", "L", "f0", "V_ref", "m", "k_p", "k_v", "V0")
+_AXIS = ("linspace", "logspace", "values", *KINDS, "from")
+_SIMULATE = ("ratio", "samples", "duration", "rtol", "max_steps", "inertia")
+
+
+@dataclass(frozen=True, eq=False)
+class Spec:
+    """A study.toml, read and checked."""
+
+    path: Path
+    text: str
+    content: dict[str, Any]
+    compute: tuple[str, ...]
+    outputs: tuple[str, ...] | None
+    chunk: int | None
+    dtype: str
+    law: str | None
+    """"slip" or "ageing"; None where the law is taken whole from a file."""
+    source: Path | None
+    """The fit.json or loop.json of the law, and the normal force [N] that goes with it."""
+    normal_force: float | None
+    fixed: dict[str, float]
+    states: int
+    grid: Grid
+    options: dict[str, dict[str, Any]]
+    """The tables of what is computed, by name."""
+    files: dict[str, str]
+    """Files that the study reads, and a checksum of each."""
+
+    def description(self) -> dict[str, Any]:
+        """What tells this study from another."""
+        return {**self.content, **({"files": self.files} if self.files else {})}
+
+
+def read_spec(path: str | Path) -> Spec:
+    """Read and check a study.toml.
+
+    Raises
+    ------
+    InputError : anything that is not understood: what, in which table, and the nearest that is.
+    """
+    path = Path(path)
+    text, content = _parsed(path)
+    where = path.name
+    compute = _compute(content, where)
+    _refuse_unknown(content, (*_TOP, *COMPUTE), where)
+    options = {name: _table(content, name, where) for name in COMPUTE if name in content}
+    for name in options:
+        if name not in compute:
+            raise InputError(
+                f"{where}: [{name}] would not be used: compute has no '{name}'; add it or leave"
+                " the table out"
+            )
+    files: dict[str, str] = {}
+    law, source, force, fixed = _rig(_table(content, "rig", where), path, files)
+    grid = _grid(content, path, files)
+    _check_simulate(options, f"{where} [simulate]", fixed, grid)
+    law, fixed = _posterior(content, path, law, fixed, grid)
+    if source is not None:
+        law, fixed = _law_of_file(source, force, fixed, f"{where} [rig]")
+    both = [name for name in grid.names if name in fixed and name in _table(content, "rig", where)]
+    if both:
+        raise InputError(f"{where}: {both[0]} is in [rig] and in [axes]; leave one out")
+    fixed = {name: value for name, value in fixed.items() if name not in grid.names}
+    states = states_of((*fixed, *grid.names))
+    spec = Spec(
+        path,
+        text,
+        content,
+        compute,
+        _names(content, "outputs", where),
+        _whole(content, "chunk", where),
+        _dtype(content, where),
+        law,
+        source,
+        force,
+        fixed,
+        states,
+        grid,
+        options,
+        files,
+    )
+    _refuse_missing(spec, where)
+    return spec
+
+
+def choose_outputs(spec: Spec, known: tuple[Output, ...], usual: tuple[str, ...]) -> tuple:
+    """The outputs that are kept, in the order of `known`.
+
+    Raises
+    ------
+    InputError : one that nothing computes; the nearest is named.
+    """
+    names = [output.name for output in known]
+    for name in spec.outputs or ():
+        if name not in names:
+            raise InputError(
+                f"{spec.path.name}: no output '{name}' of {' and '.join(spec.compute)}"
+                f"{nearest(name, names)}"
+            )
+    wanted = spec.outputs or usual
+    return tuple(output for output in known if output.name in wanted)
+
+
+def _parsed(path: Path) -> tuple[str, dict[str, Any]]:
+    try:
+        text = path.read_bytes().decode("utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is no text; a study is described in TOML") from None
+    try:
+        return text, tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: is not TOML: {error}") from None
+
+
+def _compute(content: Mapping[str, Any], where: str) -> tuple[str, ...]:
+    found = _names(content, "compute", where)
+    if not found:
+        raise InputError(f"{where}: compute is missing; say what, as in compute = ['margins']")
+    for name in found:
+        if name not in COMPUTE:
+            raise InputError(f"{where}: compute: no '{name}'{nearest(name, COMPUTE)}")
+    alone = [name for name in found if name in _ONE_BY_ONE]
+    if alone and len(found) > 1:
+        raise InputError(
+            f"{where}: compute: '{alone[0]}' is computed member by member and stands alone; make a"
+            " study of its own for it"
+        )
+    return found
+
+
+def _names(content: Mapping[str, Any], key: str, where: str) -> tuple[str, ...] | None:
+    if key not in content:
+        return None
+    found = content[key]
+    if not isinstance(found, list) or not all(isinstance(x, str) for x in found) or not found:
+        raise InputError(f"{where}: {key} is a list of names, as in {key} = ['margins']")
+    return tuple(dict.fromkeys(found))
+
+
+def _whole(content: Mapping[str, Any], key: str, where: str, least: int = 1) -> int | None:
+    if key not in content:
+        return None
+    found = content[key]
+    if isinstance(found, bool) or not isinstance(found, int) or found < least:
+        raise InputError(f"{where}: {key} is {found!r}; it is a whole number from {least}")
+    return found
+
+
+def _dtype(content: Mapping[str, Any], where: str) -> str:
+    found = content.get("dtype", "float64")
+    if found not in ("float64", "float32"):
+        raise InputError(f"{where}: dtype is {found!r}; it is 'float64' or 'float32'")
+    return found
+
+
+def _table(content: Mapping[str, Any], name: str, where: str) -> dict[str, Any]:
+    found = content.get(name, {})
+    if not isinstance(found, dict):
+        raise InputError(f"{where}: {name} is a table, [{name}]")
+    return found
+
+
+def _refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise InputError(f"{where}: no key '{key}'{nearest(key, known)}")
+
+
+def _rig(rig: dict[str, Any], path: Path, files: dict[str, str]):
+    where = f"{path.name} [rig]"
+    fixed: dict[str, float] = {}
+    law = rig.get("law")
+    for key in rig:
+        if key in ("law", "from", "normal_force"):
+            continue
+        known = tuple(name for name in _RIG if name not in ("law", "from", "normal_force"))
+        if key not in known:
+            try:
+                parameter(key, where, known=known)
+            except InputError:
+                raise InputError(f"{where}: no key '{key}'{nearest(key, _RIG)}") from None
+        fixed[key] = read_value(rig[key], key, f"{where} {key}")
+    if law is not None and law not in ("slip", "ageing"):
+        raise InputError(f"{where}: no law {law!r} in studies; there are: slip, ageing")
+    if ("from" in rig) and law is not None:
+        raise InputError(f"{where}: law and from exclude each other; give one")
+    force = None
+    if "normal_force" in rig:
+        force = number(rig["normal_force"], "N", f"{where} normal_force")
+        if not force > 0:
+            raise InputError(f"{where}: normal_force is {force:g} N; it must be positive")
+    source = None
+    if "from" in rig:
+        source = _file(rig["from"], path, f"{where} from", files)
+    elif force is not None:
+        raise InputError(f"{where}: normal_force goes with from; give parameters in newtons")
+    return law, source, force, fixed
+
+
+def _file(name: Any, path: Path, where: str, files: dict[str, str]) -> Path:
+    """A file named in the study, taken from the folder of the study.toml."""
+    if not isinstance(name, str):
+        raise InputError(f"{where}: {name!r} is no name of a file")
+    found = path.parent / name
+    try:
+        files[name] = hashlib.sha256(found.read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise InputError(f"{where}: {found}: {error.strerror}") from None
+    return found
+
+
+def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
+    """The evolution and the parameters of a file; None and only a velocity for another law."""
+    from ..gains.loop_source import law_from_file
+    from ..rig.friction import AgeingEvolution, RateState
+
+    found = law_from_file(source, normal_force=force, samples=0).law
+    if not isinstance(found, RateState) or float(found.slip_trend) != 0:
+        given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
+        if given:
+            raise InputError(f"{where}: {given[0]} cannot be set: the law of {source} is whole")
+        return None, fixed
+    states = found.B.shape[0]
+    own = {"f0": float(found.f0), "A": float(found.A), "V_ref": float(found.V0)}
+    for i in range(states):
+        own |= {f"{letter}{i + 1 if i else ''}": 0.0 for letter in "BL"}
+        own["B" if i == 0 else f"B{i + 1}"] = float(found.B[i])
+        own["L" if i == 0 else f"L{i + 1}"] = float(found.L[i])
+    kind = "ageing" if isinstance(found.evolution, AgeingEvolution) else "slip"
+    return kind, {**own, **fixed}
+
+
+def _grid(content: dict[str, Any], path: Path, files: dict[str, str]) -> Grid:
+    where = f"{path.name} [axes]"
+    table = _table(content, "axes", path.name)
+    if not table:
+        raise InputError(f"{path.name}: [axes] is missing or empty; vary a parameter or more")
+    axes: list[Axis] = []
+    columns: list[Uniform | Normal] = []
+    for name, axis in table.items():
+        if not isinstance(axis, dict):
+            raise InputError(f"{where} {name}: write it as {{ linspace = [...], points = 20 }}")
+        kind = _kind(axis, f"{where} {name}")
+        if kind == "from":
+            columns.append(_draws(axis, path, f"{where} {name}", files))
+        elif kind in KINDS:
+            columns.append(_column(name, kind, axis, where))
+        else:
+            axes.append(_axis(name, kind, axis, where))
+    samples = _table(content, "samples", path.name)
+    _refuse_unknown(samples, ("number", "seed"), f"{path.name} [samples]")
+    count = _whole(samples, "number", f"{path.name} [samples]")
+    seed = _whole(samples, "seed", f"{path.name} [samples]", 0) or 0
+    if columns and count is None:
+        raise InputError(f"{path.name}: [samples] number is missing; say how many, number = 1024")
+    if count is not None and not columns:
+        raise InputError(f"{path.name}: [samples] would not be used: no axis is sampled")
+    return Grid(tuple(axes), Samples(count, tuple(columns), seed) if count and columns else None)
+
+
+def _kind(axis: dict[str, Any], where: str) -> str:
+    kinds = [key for key in axis if key in _AXIS]
+    extras = {"from": ("normal_force",), "linspace": ("points",), "logspace": ("points",)}
+    if len(kinds) != 1:
+        unknown = [key for key in axis if key not in (*_AXIS, "points", "log", "normal_force")]
+        if unknown:
+            raise InputError(f"{where}: no key '{unknown[0]}'{nearest(unknown[0], _AXIS)}")
+        raise InputError(f"{where}: give one of {', '.join(_AXIS)}")
+    kind = kinds[0]
+    allowed = extras.get(kind, ("log",) if kind in KINDS else ())
+    _refuse_unknown(axis, (kind, *allowed), where)
+    return kind
+
+
+def _axis(name: str, kind: str, axis: dict[str, Any], where: str) -> Axis:
+    about = parameter(name, where)
+    given = axis[kind]
+    place = f"{where} {name}"
+    if not isinstance(given, list):
+        raise InputError(f"{place}: {kind} is a list, as in {kind} = ['1 um/s', '10 um/s']")
+    if not given:
+        raise InputError(f"{place}: {kind} is empty; give a value or more")
+    numbers = [read_value(x, name, place) for x in given]
+    labels = {"unit": about.unit, "long_name": about.text}
+    if kind == "values":
+        if len(set(numbers)) < len(numbers):
+            raise InputError(f"{place}: a value is given twice")
+        return values(name, numbers, **labels)
+    if len(numbers) != 2:
+        raise InputError(f"{place}: {kind} takes two ends, not {len(numbers)} values")
+    points = axis.get("points")
+    if isinstance(points, bool) or not isinstance(points, int):
+        raise InputError(f"{place}: points is missing; say how many values, points = 20")
+    if points < 1:
+        raise InputError(f"{place} is empty: {points} points; give 1 or more")
+    if points > 1 and numbers[0] == numbers[1]:
+        raise InputError(f"{place} is empty: both ends are {given[0]}")
+    make = linspace if kind == "linspace" else logspace
+    if kind == "logspace" and not min(numbers) > 0:
+        raise InputError(f"{place}: logspace needs positive ends; use linspace")
+    return make(name, *numbers, points, **labels)
+
+
+def _column(name: str, kind: str, axis: dict[str, Any], where: str) -> Uniform:
+    about = parameter(name, where)
+    given, place, log = axis[kind], f"{where} {name}", axis.get("log", False)
+    if not isinstance(given, list) or len(given) != 2:
+        raise InputError(f"{place}: {kind} takes two ends, as in {kind} = ['1 N', '2 N']")
+    if not isinstance(log, bool):
+        raise InputError(f"{place}: log is {log!r}; it is true or false")
+    low, high = (read_value(x, name, place) for x in given)
+    if not low < high:
+        raise InputError(f"{place} is empty: from {given[0]} to {given[1]}")
+    if log and not low > 0:
+        raise InputError(f"{place}: with log the range begins above 0")
+    return Uniform(name, low, high, about.unit, about.text, log, kind)
+
+
+def _draws(axis: dict[str, Any], path: Path, where: str, files: dict[str, str]) -> Normal:
+    """Columns from the covariance of a fit.json, those with a lower bound by their logarithm."""
+    from ..gains.saved import FIT, read_saved, values_of
+    from ..gains.source import force_of_unit
+
+    source = _file(axis["from"], path, where, files)
+    content = read_saved(source, FIT)
+    force = None
+    if "normal_force" in axis:
+        force = number(axis["normal_force"], "N", f"{where} normal_force")
+    scale = force_of_unit(content["friction_unit"], force, source)
+    found = values_of(content)
+    names = [n for n in content["free"] if n in ("A", "f0") or n[0] in "BL"]
+    index = [content["free"].index(n) for n in names]
+    loose = [n for n in names if not content["parameters"][n].get("determined", True)]
+    covariance = np.asarray(content["covariance"], float)[np.ix_(index, index)]
+    if not names or loose or not np.all(np.isfinite(covariance)):
+        what = ", ".join(loose) or "a parameter"
+        raise InputError(f"{where}: {source}: the fit leaves {what} undetermined; nothing to draw")
+    abouts = [parameter(n, where) for n in names]
+    size = np.asarray([scale if a.unit == "N" else 1.0 for a in abouts])
+    mean = size * [found[n] for n in names]
+    log = np.asarray([a.lower == 0.0 for a in abouts])
+    spread = np.where(log, size / mean, size)
+    lowered, vectors = np.linalg.eigh(covariance * np.outer(spread, spread))
+    root = vectors * np.sqrt(np.maximum(lowered, 0.0))
+    labels = tuple(a.unit for a in abouts), tuple(a.text for a in abouts)
+    return Normal(tuple(names), mean, root, tuple(bool(x) for x in log), *labels)
+
+
+def _posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
+    """What the fit of an axis `from` says of the parameters that it does not draw."""
+    table = _table(content, "axes", path.name)
+    sources = [axis["from"] for axis in table.values() if "from" in axis]
+    if not sources:
+        return law, fixed
+    if len(sources) > 1:
+        raise InputError(f"{path.name} [axes]: two axes with from; a member has one law")
+    from ..gains.saved import FIT, read_saved, values_of
+    from ..gains.source import force_of_unit
+
+    content = read_saved(path.parent / sources[0], FIT)
+    axis = next(axis for axis in table.values() if "from" in axis)
+    force = number(axis["normal_force"], "N", "normal_force") if "normal_force" in axis else None
+    scale = force_of_unit(content["friction_unit"], force, path.parent / sources[0])
+    own = {}
+    for name, value in values_of(content).items():
+        if name == "V0":
+            own["V_ref"] = value
+        elif name in ("A", "f0") or name[0] == "B":
+            own[name] = value * scale
+        elif name[0] == "L":
+            own[name] = value
+    kept = {name: value for name, value in own.items() if name not in grid.names}
+    return law or content["law"], {**kept, **fixed}
+
+
+def _check_simulate(options, where: str, fixed: dict[str, float], grid: Grid) -> None:
+    """[simulate]: its keys; the ratio of the step is a parameter like others."""
+    table = options.get("simulate", {})
+    _refuse_unknown(table, _SIMULATE, where)
+    if "ratio" in table:
+        fixed["ratio"] = read_value(table["ratio"], "ratio", f"{where} ratio")
+    elif "ratio" not in grid.names:
+        fixed["ratio"] = 10.0
+    if "inertia" in table and not isinstance(table["inertia"], bool):
+        raise InputError(f"{where}: inertia is {table['inertia']!r}; it is true or false")
+    if "duration" in table:
+        table["duration_s"] = number(table["duration"], "s", f"{where} duration")
+        if not table.pop("duration_s") > 0:
+            raise InputError(f"{where}: duration must be positive")
+    for key, least in (("samples", 1), ("max_steps", 16)):
+        _whole(table, key, where, least)
+    rtol = table.get("rtol", 1e-6)
+    if isinstance(rtol, bool) or not isinstance(rtol, float | int) or not 1e-10 <= rtol <= 1e-2:
+        raise InputError(f"{where}: rtol is {rtol!r}; it is a number from 1e-10 to 1e-2")
+
+
+def _refuse_missing(spec: Spec, where: str) -> None:
+    """Every parameter of a rig must be set or vary."""
+    given = {*spec.fixed, *spec.grid.names}
+    wanted = ["V0"]
+    if "gains" not in spec.compute:
+        wanted += ["k_p"]
+    if spec.law is not None:
+        wanted += needed(spec.states)
+    elif spec.source is None:
+        raise InputError(f"{where} [rig]: law is missing; law = 'slip', or from = 'fit.json'")
+    else:
+        odd = [n for n in spec.grid.names if n in LAW or n[:-1] in ("B", "L")]
+        if odd:
+            raise InputError(
+                f"{where} [axes] {odd[0]}: the law of {spec.source} is whole; vary m, k_p, k_v, V0"
+            )
+    for name in wanted:
+        if name not in given:
+            unit = parameter(name, where).unit
+            raise InputError(
+                f"{where}: {name} is missing; set it in [rig], {name} = '1 {unit}', or vary it"
+                " in [axes]"
+            )
+    if "k_v" not in given:
+        spec.fixed["k_v"] = 0.0
+    inertia = spec.options.get("simulate", {}).get("inertia", False)
+    if inertia and "m" not in given:
+        raise InputError(f"{where} [simulate]: inertia needs a mass, m = '2 kg' in [rig]")

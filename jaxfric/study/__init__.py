@@ -1,0 +1,26 @@
+"""Parameter studies: any pure function over a grid, in chunks that survive a kill.
+
+    grid      what varies: axes and samples, cut into blocks
+    function  what is evaluated, and what it gives
+    local     a block on the devices of this process
+    cluster   blocks on the workers of a Dask scheduler
+    store     Zarr, written block by block, with checksums
+    run       the entry point
+
+No physics is imported here; `jaxfric.members` has the functions of `jaxfric study`.
+"""
+
+from .function import Output as Output
+from .function import Stopped as Stopped
+from .function import Task as Task
+from .grid import Axis as Axis
+from .grid import Grid as Grid
+from .grid import Normal as Normal
+from .grid import Samples as Samples
+from .grid import Uniform as Uniform
+from .grid import linspace as linspace
+from .grid import logspace as logspace
+from .grid import values as values
+from .run import Progress as Progress
+from .run import load as load
+from .run import run as run

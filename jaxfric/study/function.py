@@ -1,0 +1,75 @@
+"""What a study evaluates: a pure function of one member, or of many at once."""
+
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from ..errors import InputError
+from .grid import Axis, Blocks, Grid
+
+OUTCOME = "outcome"
+"""The output that every study has: whether a member has numbers at all."""
+OUTCOMES = {
+    "computed": "All numbers of this member were computed.",
+    "not_a_number": "A number of this member is not one; its other codes may say why.",
+    "error": "The function failed for this member; the study went on without it.",
+}
+
+
+class Stopped(InputError):
+    """The run ended before its study did; the store is sound and the same command goes on."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """Unit, meaning and dimensions of one output; `codes` are the texts of 0, 1, 2, ..."""
+
+    name: str
+    unit: str = "1"
+    long_name: str = ""
+    dims: tuple[Axis, ...] = ()
+    """Dimensions beyond those of the grid."""
+    codes: Mapping[str, str] | None = None
+
+    @property
+    def dtype(self) -> str:
+        """Type in the store; numbers take that of the study."""
+        return "int8" if self.codes is not None else "float"
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A function, its grid cut into blocks, and how its members are computed.
+
+    kind "member": a JAX function of one member's parameters, mapped by `vmap`;
+    "batch": a JAX function of arrays of them; "host": any Python function of one member's floats.
+    All return a dict of outputs.
+    """
+
+    function: Callable[[dict[str, Any]], Mapping[str, Any]]
+    grid: Grid
+    blocks: Blocks
+    outputs: tuple[Output, ...]
+    kind: Literal["member", "batch", "host"] = "member"
+    cost: Callable[[dict[str, Any]], Any] | None = None
+    """Of arrays of parameters: what each member will take, in any unit; sorted by it."""
+    batch: int = 512
+    dtype: str = "float64"
+    token: str = field(default_factory=lambda: uuid.uuid4().hex)
+    """A name by which a process knows what it has compiled; it travels with the task."""
+
+
+def check_outputs(found: Mapping[str, Any], outputs: tuple[Output, ...]) -> None:
+    """Raise `InputError` for an output that the function does not give, or in another shape."""
+    for output in outputs:
+        if output.name not in found:
+            raise InputError(
+                f"the function gives no output '{output.name}'; it gives: {', '.join(found)}"
+            )
+        shape = tuple(len(dim.values) for dim in output.dims)
+        if tuple(found[output.name].shape) != shape:
+            raise InputError(
+                f"output '{output.name}' has shape {tuple(found[output.name].shape)} for one"
+                f" member, not {shape}; give its dimensions with Output(dims=...)"
+            )

@@ -1,0 +1,263 @@
+"""What a study varies: axes whose product is taken, and columns sampled together.
+
+    Grid(axes=(logspace("k_p", 1e4, 1e6, 60, unit="N/m"), values("V0", [1e-6, 1e-5])),
+         samples=Samples(1024, (Uniform("A", 3.0, 6.0), Uniform("B", 4.0, 10.0))))
+
+has the dimensions (sample, k_p, V0). The values of any part of it follow from its place alone, so
+neither the grid nor its coordinates ever have to be held whole.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import InputError
+from . import sampling
+
+SAMPLE = "sample"
+"""The dimension that all sampled columns share."""
+KINDS = ("sobol", "latin", "random")
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """One dimension: its values, ascending or not, their unit and what they are."""
+
+    name: str
+    values: np.ndarray
+    unit: str = "1"
+    long_name: str = ""
+    log: bool = False
+    """Evenly spaced in the logarithm; matters to a figure only."""
+
+    def __post_init__(self):
+        found = np.asarray(self.values, float).reshape(-1)
+        if found.size == 0:
+            raise InputError(f"axis '{self.name}' is empty; give it a value or more")
+        if not np.all(np.isfinite(found)):
+            raise InputError(f"axis '{self.name}' has a value that is not a finite number")
+        object.__setattr__(self, "values", found)
+
+
+def linspace(name, low, high, number, *, unit="1", long_name="") -> Axis:
+    """`number` values from `low` to `high`, evenly spaced."""
+    _refuse_number(name, number)
+    return Axis(name, np.linspace(low, high, number), unit, long_name)
+
+
+def logspace(name, low, high, number, *, unit="1", long_name="") -> Axis:
+    """`number` values from `low` to `high`, both positive, evenly spaced in the logarithm."""
+    _refuse_number(name, number)
+    if not (low > 0 and high > 0):
+        raise InputError(f"axis '{name}': logspace needs positive ends, not {low:g} and {high:g}")
+    return Axis(name, np.geomspace(low, high, number), unit, long_name, log=True)
+
+
+def values(name, numbers, *, unit="1", long_name="") -> Axis:
+    """The given values."""
+    return Axis(name, np.asarray(numbers, float), unit, long_name)
+
+
+def _refuse_number(name: str, number: int) -> None:
+    if number < 1:
+        raise InputError(f"axis '{name}' is empty: {number} points; give 1 or more")
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """A column sampled between `low` and `high`, evenly or evenly in the logarithm."""
+
+    name: str
+    low: float
+    high: float
+    unit: str = "1"
+    long_name: str = ""
+    log: bool = False
+    kind: str = "sobol"
+
+    def __post_init__(self):
+        if self.kind not in KINDS:
+            raise InputError(f"axis '{self.name}': no way to sample '{self.kind}'; one of {KINDS}")
+        if not self.low < self.high:
+            raise InputError(f"axis '{self.name}' is empty: from {self.low:g} to {self.high:g}")
+        if self.log and not self.low > 0:
+            raise InputError(f"axis '{self.name}': a logarithmic range begins above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Columns drawn together from a normal distribution, as of the posterior of a fit.
+
+    Those of `log` are drawn by their logarithm: `mean` is then the median, and `root` that of
+    the covariance of the logarithm. x = mean + root z, or mean exp(root z).
+    """
+
+    names: tuple[str, ...]
+    mean: np.ndarray
+    root: np.ndarray
+    log: tuple[bool, ...]
+    units: tuple[str, ...]
+    long_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """`number` members, each with a value of every column."""
+
+    number: int
+    columns: tuple[Uniform | Normal, ...]
+    seed: int = 0
+
+    def __post_init__(self):
+        if self.number < 1:
+            raise InputError(f"the number of samples is {self.number}; give 1 or more")
+
+    def described(self) -> list[tuple[str, str, str]]:
+        """Name, unit and meaning of every column, in order."""
+        found = []
+        for column in self.columns:
+            if isinstance(column, Uniform):
+                found.append((column.name, column.unit, column.long_name))
+            else:
+                found += list(zip(column.names, column.units, column.long_names, strict=True))
+        return found
+
+    def draw(self, begin: int, end: int) -> dict[str, np.ndarray]:
+        """The values of members begin..end-1."""
+        index = np.arange(begin, end)
+        quasi = [c for c in self.columns if isinstance(c, Uniform) and c.kind == "sobol"]
+        points = iter(())
+        if quasi:
+            points = iter(sampling.sobol(begin, end - begin, len(quasi), self.seed).T)
+        found: dict[str, np.ndarray] = {}
+        for place, column in enumerate(self.columns):
+            if isinstance(column, Normal):
+                found |= self._normal(column, index, 100 * (place + 1))
+                continue
+            if column.kind == "sobol":
+                u = next(points)
+            elif column.kind == "latin":
+                u = sampling.latin(index, self.number, self.seed, place)
+            else:
+                u = sampling.uniform(index, self.seed, place)
+            found[column.name] = _spread(column, u)
+        return found
+
+    def _normal(self, of: Normal, index: np.ndarray, place: int) -> dict[str, np.ndarray]:
+        z = [sampling.normal(index, self.seed, place + i) for i in range(of.root.shape[1])]
+        moved = of.root @ np.stack(z) if z else np.zeros((len(of.names), len(index)))
+        return {
+            name: of.mean[i] * np.exp(moved[i]) if of.log[i] else of.mean[i] + moved[i]
+            for i, name in enumerate(of.names)
+        }
+
+
+def _spread(column: Uniform, u: np.ndarray) -> np.ndarray:
+    if column.log:
+        return column.low * np.exp(u * math.log(column.high / column.low))
+    return column.low + u * (column.high - column.low)
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """The product of all axes, and of the sampled members as one more dimension, the first."""
+
+    axes: tuple[Axis, ...] = ()
+    samples: Samples | None = None
+    names: tuple[str, ...] = field(init=False)
+    """Every varied parameter."""
+
+    def __post_init__(self):
+        sampled = [] if self.samples is None else [name for name, _, _ in self.samples.described()]
+        names = (*sampled, *(axis.name for axis in self.axes))
+        if not names:
+            raise InputError("the study varies nothing; give it an axis")
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(f"axis '{twice[0]}' is given twice")
+        object.__setattr__(self, "names", names)
+
+    @property
+    def dims(self) -> dict[str, int]:
+        """Length of every dimension, in order."""
+        first = {} if self.samples is None else {SAMPLE: self.samples.number}
+        return first | {axis.name: len(axis.values) for axis in self.axes}
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the dimensions."""
+        return tuple(self.dims.values())
+
+    @property
+    def size(self) -> int:
+        """Number of members."""
+        return math.prod(self.shape)
+
+    def members(self, where: Sequence[slice]) -> dict[str, np.ndarray]:
+        """The parameters of a block, in the order of its array laid flat; needs no other block."""
+        lengths = [part.stop - part.start for part in where]
+        found: dict[str, np.ndarray] = {}
+        for i, (dim, part) in enumerate(zip(self.dims, where, strict=True)):
+            if dim == SAMPLE and self.samples is not None:
+                columns = self.samples.draw(part.start, part.stop)
+            else:
+                axis = next(a for a in self.axes if a.name == dim)
+                columns = {dim: axis.values[part]}
+            for name, column in columns.items():
+                spread = column.reshape([-1 if j == i else 1 for j in range(len(lengths))])
+                found[name] = np.broadcast_to(spread, lengths).reshape(-1)
+        return {name: found[name] for name in self.names}
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A grid cut into blocks of at most `chunk` members: trailing dimensions stay whole."""
+
+    shape: tuple[int, ...]
+    block: tuple[int, ...]
+
+    @staticmethod
+    def of(shape: Sequence[int], chunk: int) -> "Blocks":
+        """Blocks as even as they can be.
+
+        Raises
+        ------
+        InputError : `chunk` below 1.
+        """
+        if chunk < 1:
+            raise InputError(f"chunk is {chunk}; give 1 member or more")
+        block = [1] * len(shape)
+        room = chunk
+        for i in reversed(range(len(shape))):
+            pieces = math.ceil(shape[i] / max(room, 1))
+            block[i] = math.ceil(shape[i] / pieces)
+            room //= block[i]
+            if pieces > 1:
+                break
+        return Blocks(tuple(shape), tuple(block))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Number of blocks along each dimension."""
+        return tuple(math.ceil(n / b) for n, b in zip(self.shape, self.block, strict=True))
+
+    @property
+    def largest(self) -> int:
+        """Members of a whole block."""
+        return math.prod(self.block)
+
+    def __len__(self) -> int:
+        return math.prod(self.counts)
+
+    def index(self, number: int) -> tuple[int, ...]:
+        """Place of a block among the blocks."""
+        return tuple(int(i) for i in np.unravel_index(number, self.counts))
+
+    def where(self, number: int) -> tuple[slice, ...]:
+        """The part of the grid that a block is."""
+        return tuple(
+            slice(i * b, min((i + 1) * b, n))
+            for i, b, n in zip(self.index(number), self.block, self.shape, strict=True)
+        )

@@ -1,0 +1,168 @@
+"""The members of one block, computed on the devices of this process.
+
+A block is filled up to one fixed size, so that one compilation serves the whole study. Its members
+are sorted by what they will cost, where that can be told, dealt to the devices in turn,
+and each device takes them `batch` at a time. Every device runs loops of its own (`shard_map`): with
+`vmap` over everything, and shared loops, the slowest member of all would hold every other.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from .function import OUTCOME, OUTCOMES, Output, Task, check_outputs
+from .grid import Axis, Grid
+
+_OUTCOMES = list(OUTCOMES)
+_compiled: dict[str, Callable[[dict[str, np.ndarray]], dict[str, jax.Array]]] = {}
+
+
+def compute(task: Task, number: int) -> dict[str, np.ndarray]:
+    """Every output of a block, shaped as its part of the grid, and its sampled parameters."""
+    where = task.blocks.where(number)
+    members = task.grid.members(where)
+    if task.kind == "host":
+        found = _one_by_one(task, members)
+    else:
+        found = finish(dispatch(task, members), len(next(iter(members.values()))))
+    lengths = tuple(part.stop - part.start for part in where)
+    return {name: x.reshape(*lengths, *x.shape[1:]) for name, x in found.items()}
+
+
+def dispatch(task: Task, members: dict[str, np.ndarray]) -> dict[str, jax.Array]:
+    """Begin to compute members; the arrays are as long as a whole block."""
+    with jax.enable_x64(task.dtype == "float64"):
+        if task.token not in _compiled:
+            _compiled.clear()
+            _compiled[task.token] = _compile(task)
+        filled = {name: _filled(task, column) for name, column in members.items()}
+        return _compiled[task.token](filled)
+
+
+def finish(found: dict[str, jax.Array], number: int) -> dict[str, np.ndarray]:
+    """The first `number` rows, when they are there."""
+    return {name: np.asarray(x)[:number] for name, x in found.items()}
+
+
+def _filled(task: Task, column: np.ndarray) -> np.ndarray:
+    column = column.astype(task.dtype)
+    more = _whole(task) - len(column)
+    return np.concatenate([column, np.full(more, column[-1])]) if more else column
+
+
+def _whole(task: Task) -> int:
+    """Members of a filled block: a whole number of batches for every device."""
+    parts = len(jax.devices()) * _batch(task)
+    return -(-task.blocks.largest // parts) * parts
+
+
+def _batch(task: Task) -> int:
+    return max(min(task.batch, -(-task.blocks.largest // len(jax.devices()))), 1)
+
+
+def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], dict[str, jax.Array]]:
+    devices, size = jax.devices(), _batch(task)
+    mesh = Mesh(np.asarray(devices), ("device",))
+    split = PartitionSpec("device")
+    rows = _batched(task)
+
+    def on_device(members):
+        parts = {name: x.reshape(-1, size) for name, x in members.items()}
+        found = jax.lax.map(rows, parts)
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
+
+    mapped = jax.shard_map(on_device, mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
+
+    def block(members):
+        order = _order(task, members, len(devices), size)
+        if order is None:
+            return mapped(members)
+        found = mapped({name: x[order] for name, x in members.items()})
+        back = jnp.argsort(order)
+        return jax.tree.map(lambda x: x[back], found)
+
+    return jax.jit(block, in_shardings=NamedSharding(mesh, PartitionSpec()))
+
+
+def _order(task: Task, members, devices: int, size: int) -> jax.Array | None:
+    """Members sorted by cost, whose batches are dealt to the devices in turn."""
+    if task.cost is None:
+        return None
+    cost = task.cost(members)
+    order = jnp.argsort(jnp.where(jnp.isfinite(cost), cost, jnp.inf))
+    return order.reshape(-1, devices, size).swapaxes(0, 1).reshape(-1)
+
+
+def _batched(task: Task) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """The function of a batch, its outputs in the types of the store, and their outcome."""
+    function = task.function if task.kind == "batch" else jax.vmap(task.function)
+
+    def rows(members):
+        found = function(members)
+        one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), dict(found))
+        check_outputs(one, task.outputs)
+        kept = {o.name: jnp.asarray(found[o.name], _dtype(task, o)) for o in task.outputs}
+        return kept | {OUTCOME: _outcome(task.outputs, kept)}
+
+    return rows
+
+
+def _dtype(task: Task, output: Output) -> str:
+    return task.dtype if output.dtype == "float" else output.dtype
+
+
+def _outcome(outputs: tuple[Output, ...], found) -> jax.Array:
+    numbers = [found[o.name] for o in outputs if o.dtype == "float"]
+    some = next(iter(found.values()))
+    bad = jnp.zeros(some.shape[:1], bool)
+    for x in numbers:
+        bad = bad | jnp.any(jnp.isnan(x).reshape(x.shape[0], -1), axis=1)
+    return bad.astype(jnp.int8)
+
+
+def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A Python function, member by member; one that raises is a row with the code "error"."""
+    number = len(next(iter(members.values())))
+    shapes = {o.name: tuple(len(dim.values) for dim in o.dims) for o in task.outputs}
+    found = {
+        o.name: np.full(
+            (number, *shapes[o.name]), np.nan if o.dtype == "float" else -1, _dtype(task, o)
+        )
+        for o in task.outputs
+    }
+    outcome = np.full(number, _OUTCOMES.index("error"), np.int8)
+    with jax.enable_x64(task.dtype == "float64"):
+        for i in range(number):
+            try:
+                given = task.function({name: float(x[i]) for name, x in members.items()})
+                row = {o.name: np.asarray(given[o.name], _dtype(task, o)) for o in task.outputs}
+            except (KeyboardInterrupt, MemoryError):
+                raise
+            except Exception:  # a member never stops a study
+                continue
+            for name, value in row.items():
+                found[name][i] = value
+            bad = [np.isnan(row[o.name]).any() for o in task.outputs if o.dtype == "float"]
+            outcome[i] = any(bad)
+    return found | {OUTCOME: outcome}
+
+
+def infer_outputs(function, grid: Grid, kind: str, dtype: str) -> tuple[Output, ...]:
+    """Outputs of a JAX function that says nothing of them: names, and a dimension a size."""
+    one = {name: jax.ShapeDtypeStruct((), dtype) for name in grid.names}
+    with jax.enable_x64(dtype == "float64"):
+        if kind == "batch":
+            one = {name: jax.ShapeDtypeStruct((1,), dtype) for name in grid.names}
+        found = jax.eval_shape(function, one)
+    outputs = []
+    for name, x in found.items():
+        shape = x.shape[1:] if kind == "batch" else x.shape
+        dims = tuple(
+            Axis(f"{name}_{i}", np.arange(length, dtype=float)) for i, length in enumerate(shape)
+        )
+        outputs.append(Output(name, dims=dims))
+    return tuple(outputs)

@@ -1,0 +1,207 @@
+"""One entry point: `run(function, grid, out)`."""
+
+import contextlib
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..errors import InputError
+from .function import OUTCOME, Output, Stopped, Task
+from .grid import Blocks, Grid
+from .store import DONE, Store, open_store, other_versions
+
+CHUNK = 65536
+DTYPES = ("float64", "float32")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is."""
+
+    blocks: int
+    """Blocks of the study, and how many of them are written."""
+    written: int
+    members: int
+    """Members that this run computed."""
+    seconds: float
+    left: float
+    """Seconds to go, at the rate so far."""
+
+    @property
+    def rate(self) -> float:
+        """Members per second."""
+        return self.members / self.seconds if self.seconds > 0 else 0.0
+
+
+def run(
+    function: Callable[[dict[str, Any]], Mapping[str, Any]],
+    grid: Grid,
+    out: str | Path,
+    *,
+    outputs: Sequence[Output] | None = None,
+    kind: Literal["member", "batch", "host"] = "member",
+    cost: Callable[[dict[str, Any]], Any] | None = None,
+    chunk: int = CHUNK,
+    batch: int = 512,
+    dtype: str = "float64",
+    scheduler: str | None = None,
+    description: Mapping[str, Any] | None = None,
+    toml: str = "",
+    progress: Callable[[Progress], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Any:
+    """Evaluate a pure function over a grid, into a Zarr store; the store as an xarray Dataset.
+
+    The same call goes on with a store that was begun; blocks that are there are checked by
+    their checksum and not computed again.
+
+    Parameters
+    ----------
+    function : of the parameters of one member, by name, as a dict of outputs. See `kind`.
+    outputs : units, meanings and further dimensions; by default whatever the function gives.
+    kind : "member": written with JAX, for one member; "batch": for arrays of members;
+        "host": any Python, called with floats member by member (`outputs` must be given).
+    cost : what members will take, of arrays of parameters, in any unit: those alike are
+        computed together, so that one slow member does not hold a whole batch.
+    chunk : members of a block, which is computed, held and written at once.
+    batch : members that share a loop on a device.
+    dtype : "float64" or "float32", of the computation and of the store.
+    scheduler : address of a Dask scheduler whose workers compute the blocks.
+    description : plain values that tell this study from another; a store that has others is
+        refused. By default the grid, the outputs, and the name of the function.
+    toml : a text that is kept in the store's attributes.
+
+    Raises
+    ------
+    InputError : a bad argument; `out` is no store, or of another study.
+    Stopped : the disk is full or the scheduler is lost; the same call goes on.
+    """
+    if dtype not in DTYPES:
+        raise InputError(f"dtype is '{dtype}'; it is float64 or float32")
+    if outputs is None:
+        if kind == "host":
+            raise InputError("a function of kind 'host' needs its outputs listed")
+        from .local import infer_outputs
+
+        outputs = infer_outputs(function, grid, kind, dtype)
+    _refuse_names(grid, outputs)
+    blocks = Blocks.of(grid.shape, chunk)
+    task = Task(function, grid, blocks, tuple(outputs), kind, cost, batch, dtype)
+    path = Path(out)
+    description = description or _described(task)
+    with open_store(path, task, description, toml) as store:
+        _go_on(store, scheduler, progress, tell or (lambda text: None))
+    return load(path)
+
+
+def load(path: str | Path) -> Any:
+    """A store as an xarray Dataset, read as it is used. Members not yet computed are nan or -1."""
+    from .store import attributes, require_packages
+
+    require_packages()
+    attributes(Path(path))
+    import xarray
+
+    return xarray.open_zarr(str(path), chunks=None, mask_and_scale=False, consolidated=True)
+
+
+def _refuse_names(grid: Grid, outputs: Sequence[Output]) -> None:
+    names = [*grid.names, *(output.name for output in outputs)]
+    for name in (*names, *grid.dims):
+        if name in (OUTCOME, DONE, "block"):
+            raise InputError(f"'{name}' is a name that every store has; choose another")
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"'{twice[0]}' is both a parameter and an output; rename one")
+
+
+def _described(task: Task) -> dict[str, Any]:
+    name = getattr(task.function, "__qualname__", type(task.function).__qualname__)
+    axes = {a.name: [float(x) for x in a.values] for a in task.grid.axes}
+    samples = task.grid.samples
+    found = {"function": name, "axes": axes, "outputs": [o.name for o in task.outputs]}
+    found |= {"block": list(task.blocks.block), "dtype": task.dtype}
+    return found | ({} if samples is None else {"samples": repr(samples)})
+
+
+def _go_on(store: Store, scheduler: str | None, progress, tell) -> None:
+    """Compute and write what is missing."""
+    task = store.task
+    sound = store.sound()
+    todo = [int(i) for i in np.flatnonzero(~sound)]
+    if sound.any():
+        tell(f"{int(sound.sum())} of {len(sound)} chunks are written and sound")
+        changed = other_versions(store.path)
+        if changed and todo:
+            tell(f"warning: begun with other versions: {', '.join(changed)}")
+    if not todo:
+        return
+    clock = _Clock(task, len(sound), int(sound.sum()), progress)
+    try:
+        if scheduler is None:
+            source: Iterable = _local(task, todo)
+        else:
+            from .cluster import distributed
+
+            source = distributed(task, todo, scheduler)
+        with contextlib.closing(source) as found:  # pyright: ignore[reportArgumentType]
+            _write_all(store, found, clock)
+    except Stopped as stopped:
+        raise Stopped(f"{stopped}; {clock.text()}") from None
+    except OSError as error:
+        if not error.strerror:
+            raise
+        raise Stopped(
+            f"cannot write {store.path}: {error.strerror}; {clock.text()}"
+        ) from None
+
+
+def _local(task: Task, todo: Sequence[int]) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+    from .local import compute
+
+    for number in todo:
+        yield number, compute(task, number)
+
+
+def _write_all(store: Store, found: Iterable, clock: "_Clock") -> None:
+    """Write blocks as they come, one behind the computation."""
+    pending: Future | None = None
+    with ThreadPoolExecutor(1) as writer:
+        for number, values in found:
+            if pending is not None:
+                pending.result()
+            pending = writer.submit(_write, store, number, values, clock)
+        if pending is not None:
+            pending.result()
+
+
+def _write(store: Store, number: int, values, clock: "_Clock") -> None:
+    store.write(number, values)
+    clock.count(values[OUTCOME].size)
+
+
+class _Clock:
+    def __init__(self, task: Task, blocks: int, written: int, progress):
+        self.total, self.written, self.progress = blocks, written, progress
+        self.size = task.grid.size
+        self.members, self.begun = 0, time.monotonic()
+        self.first = written
+
+    def count(self, members: int) -> None:
+        self.written += 1
+        self.members += members
+        if self.progress is not None:
+            spent = time.monotonic() - self.begun
+            left = spent / (self.written - self.first) * (self.total - self.written)
+            self.progress(Progress(self.total, self.written, self.members, spent, left))
+
+    def text(self) -> str:
+        return (
+            f"{self.written} of {self.total} chunks are written, and the same command goes on"
+            " from there"
+        )
