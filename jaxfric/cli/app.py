@@ -19,6 +19,7 @@ from .protocol import protocol
 from .record import record
 from .simulate import simulate
 from .stability import stability
+from .study import study
 
 app = cyclopts.App(
     name="jaxfric",
@@ -26,7 +27,7 @@ app = cyclopts.App(
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
-for verb in (record, fit, loop, protocol, gains, stability, simulate):
+for verb in (record, fit, loop, protocol, gains, stability, simulate, study):
     app.command(verb)
 
 

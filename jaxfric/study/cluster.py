@@ -1,13 +1,16 @@
 """Blocks on the workers of a Dask scheduler, a bounded number of them under way.
 
 Workers compute and send back; this process alone writes, so every block is written once whatever
-happens to a worker. A block whose worker died is computed by another one. A scheduler that goes
-away ends the run, not the store.
+becomes of a worker. A block whose worker died is computed by another. A scheduler that goes away
+ends the run, not the store: the same command goes on.
 """
 
+import asyncio
 import contextlib
+import logging
 import os
 from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from typing import Any
 
 import numpy as np
@@ -18,8 +21,9 @@ from .function import Stopped, Task
 # Blocks under way for each thread of the cluster: one computed, one waiting.
 _AHEAD = 2
 # How often a block may be lost with its worker before it is taken for the cause.
-_LOSSES = 30
-_PATIENCE = 20.0
+_LOSSES = 20
+# Seconds for a scheduler to answer, and without workers before that is told.
+_PATIENCE = 15.0
 
 
 def distributed(
@@ -30,14 +34,31 @@ def distributed(
     Raises
     ------
     InputError : Dask is not installed, or no scheduler answers at `address`.
-    Stopped : the scheduler is lost, or one block loses every worker it is given to.
+    Stopped : the scheduler is lost, or one block loses every worker that it is given to.
     """
     client = _connect(address)
     try:
-        yield from _collect(client, task, list(todo), address)
+        yield from _Pool(client, task, address).blocks(list(todo))
     finally:
-        with contextlib.suppress(Exception):
-            client.close(timeout=2)
+        _close(client)
+
+
+def compute_block(task: Task, number: int) -> dict[str, np.ndarray]:
+    """What a worker does: one block, with as many threads as Dask counts for it."""
+    from distributed import get_worker
+
+    _limit_threads(get_worker().state.nthreads)
+    from .local import compute
+
+    return compute(task, number)
+
+
+def _limit_threads(number: int) -> None:
+    """XLA takes all cores for itself unless told before its first use."""
+    from jax._src import xla_bridge
+
+    if not xla_bridge.backends_are_initialized():
+        os.environ.setdefault("NPROC", str(number))
 
 
 def _connect(address: str) -> Any:
@@ -47,52 +68,101 @@ def _connect(address: str) -> Any:
         raise InputError(
             'a Dask cluster needs the package distributed: pip install "jaxfric[study]"'
         ) from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
-        return Client(address, timeout=_PATIENCE, set_as_default=False, direct_to_workers=False)
-    except (OSError, ValueError, TimeoutError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        return Client(address, timeout=_PATIENCE, set_as_default=True)
+    except (OSError, ValueError, TypeError, TimeoutError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(
             f"--scheduler {address}: no Dask scheduler answers there ({reason}); start one with"
-            " 'dask scheduler', or leave the option out for this machine"
+            " 'dask scheduler', or leave the option out to use this machine"
         ) from None
 
 
-def _collect(client, task: Task, todo: list[int], address: str):
-    from distributed import as_completed
+def _close(client: Any) -> None:
+    """Without waiting for a scheduler that is gone."""
+    with contextlib.suppress(Exception, CancelledError, asyncio.CancelledError):
+        client.close(timeout=2)
 
-    losses = dict.fromkeys(todo, 0)
-    waiting = iter(todo)
-    numbers: dict[str, int] = {}
-    try:
-        ready = as_completed(with_results=False, loop=client.loop)
-        remote = client.scatter(task, broadcast=False, hash=False)
 
-        def submit(number: int) -> None:
-            key = f"block-{task.token}-{number}-{losses[number]}"
-            future = client.submit(compute_block, remote, number, key=key, pure=False)
-            numbers[future.key] = number
-            ready.add(future)
+class _Pool:
+    """The blocks that are under way."""
 
-        def fill() -> None:
-            while len(numbers) < max(_AHEAD * _threads(client), _AHEAD):
-                number = next(waiting, None)
-                if number is None:
-                    return
-                submit(number)
+    def __init__(self, client: Any, task: Task, address: str):
+        self.client, self.task, self.address = client, task, address
+        self.futures: dict[Any, int] = {}
+        self.losses: dict[int, int] = {}
 
-        fill()
-        while numbers:
-            future = _next(client, ready, address)
-            number = numbers.pop(future.key)
-            if future.status == "finished":
-                yield number, future.result(timeout=_PATIENCE)
-            else:
-                losses[number] += 1
-                _refuse_hopeless(future, losses[number], number)
-                submit(number)
-            del future
-            fill()
-    except (OSError, TimeoutError, RuntimeError) as error:
-        if isinstance(error, Stopped):
-            raise
-        raise Stopped(f"the scheduler at {address} is lost ({type(error).__name__})") from None
+    def blocks(self, todo: list[int]) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+        """Finished blocks; each of `todo` once."""
+        todo.reverse()
+        while todo or self.futures:
+            self._fill(todo)
+            for future in self._finished():
+                number = self.futures.pop(future)
+                if future.status == "finished":
+                    yield number, self._result(future)
+                    continue
+                self._lost(future, number)
+                todo.append(number)
+
+    def _fill(self, todo: list[int]) -> None:
+        room = max(_AHEAD * self._threads(), _AHEAD) - len(self.futures)
+        for _ in range(min(room, len(todo))):
+            number = todo.pop()
+            key = f"block-{self.task.token}-{number}-{self.losses.get(number, 0)}"
+            future = self._ask(
+                lambda key=key, number=number: self.client.submit(
+                    compute_block, self.task, number, key=key, pure=False, retries=0
+                )
+            )
+            self.futures[future] = number
+
+    def _threads(self) -> int:
+        """Threads of the workers that are there; 0 where there are none."""
+        info = self.client.scheduler_info(n_workers=-1)
+        return sum(worker["nthreads"] for worker in info["workers"].values())
+
+    def _finished(self) -> list[Any]:
+        """Futures that are done, waiting for one; a lost scheduler is noticed meanwhile."""
+        from distributed import wait
+
+        while True:
+            if self.client.status != "running":
+                raise self._gone()
+            try:
+                done = wait(list(self.futures), timeout=1.0, return_when="FIRST_COMPLETED").done
+                return list(done)
+            except (TimeoutError, asyncio.TimeoutError):
+                continue
+            except (OSError, RuntimeError, CancelledError, asyncio.CancelledError):
+                raise self._gone() from None
+
+    def _result(self, future: Any) -> dict[str, np.ndarray]:
+        return self._ask(lambda: future.result(timeout=10 * _PATIENCE))
+
+    def _ask(self, what: Any) -> Any:
+        try:
+            return what()
+        except (OSError, RuntimeError, CancelledError, asyncio.CancelledError):
+            raise self._gone() from None
+
+    def _lost(self, future: Any, number: int) -> None:
+        """A block that came to nothing: try again, unless it is to blame."""
+        from distributed import KilledWorker
+
+        if self.client.status != "running" or future.status == "cancelled":
+            raise self._gone()
+        error = future.exception(timeout=_PATIENCE)
+        if not isinstance(error, KilledWorker):
+            assert error is not None
+            raise error
+        self.losses[number] = self.losses.get(number, 0) + 1
+        if self.losses[number] > _LOSSES:
+            raise Stopped(
+                f"chunk {number} lost its worker {_LOSSES} times; give the workers more memory, or"
+                " take a smaller chunk"
+            )
+
+    def _gone(self) -> Stopped:
+        return Stopped(f"the scheduler at {self.address} is lost")

@@ -1,0 +1,155 @@
+"""`jaxfric study`: the same question of a great many sliders, in a store that survives a kill."""
+
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from .common import prepare_jax, told
+
+# Without a terminal progress is told once in so many seconds.
+_EVERY = 10.0
+
+
+def study(
+    file: Annotated[Path | None, Parameter(help="The study: a TOML file.")] = None,
+    /,
+    *,
+    out: Annotated[
+        Path | None,
+        Parameter(help="The store, a folder; by default NAME.zarr. With --plot: of the figures."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        Parameter(help="Address of a Dask scheduler whose workers compute: tcp://HOST:8786."),
+    ] = None,
+    plot: Annotated[
+        Path | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
+    ] = None,
+) -> None:
+    """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
+
+    Results go to a Zarr store, chunk by chunk. A study that was stopped, or killed, goes on
+    with the same command; chunks are checked by their checksums, and damaged ones computed again.
+    """
+    _require()
+    if plot is not None:
+        if file is not None or scheduler is not None:
+            raise InputError("--plot takes a store and no study; leave the study.toml out")
+        _draw(plot, out)
+        return
+    if file is None:
+        raise InputError("no study: give a TOML file, or a store to draw with --plot study.zarr")
+    destination = out or Path(f"{file.stem}.zarr")
+    command = ["jaxfric", "study", str(file)]
+    command += ["--out", str(out)] if out else []
+    command += ["--scheduler", scheduler] if scheduler else []
+    _use_all_cores()
+    prepare_jax()
+    from ..members import run_study
+
+    begun = time.monotonic()
+    with told(quiet=False) as say:
+        say(f"reading {file.name}")
+        teller = _Teller(say)
+        try:
+            found = run_study(
+                file, destination, scheduler=scheduler, progress=teller.progress, tell=teller.note
+            )
+        except KeyboardInterrupt:
+            message = f"jaxfric: stopped: {teller.state}; to go on: {shlex.join(command)}"
+            print(message, file=sys.stderr, flush=True)
+            raise
+    for line in _summary(found, time.monotonic() - begun, teller.members):
+        print(line)
+    print(f"written: {destination} (draw it: jaxfric study --plot {destination})")
+
+
+def _require() -> None:
+    from ..study.store import require_packages
+
+    require_packages()
+
+
+def _use_all_cores() -> None:
+    """A device of JAX for every core, unless there is a say in it: loops do not share one."""
+    import os
+
+    import jax
+
+    if "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
+        return
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    try:
+        jax.config.update("jax_num_cpu_devices", cores or 1)
+    except RuntimeError:  # devices are there already
+        return
+
+
+class _Teller:
+    """Tells how far a run is: always on a terminal, seldom elsewhere."""
+
+    def __init__(self, say):
+        self.say, self.last, self.members = say, time.monotonic(), 0
+        self.state = "no chunk is written yet"
+
+    def note(self, text: str) -> None:
+        self.state = text
+        self.say(text)
+
+    def progress(self, now) -> None:
+        self.members = now.members
+        self.state = f"{now.written} of {now.blocks} chunks are written"
+        whole = now.written == now.blocks
+        if not (sys.stderr.isatty() or whole or time.monotonic() - self.last > _EVERY):
+            return
+        self.last = time.monotonic()
+        left = "" if whole else f", {_duration(now.left)} left"
+        self.say(f"chunk {now.written} of {now.blocks}, {now.rate:.3g} members/s{left}")
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def _summary(found, seconds: float, members: int) -> list[str]:
+    """What was computed, and how often each code occurs."""
+    import numpy as np
+
+    dims = found["outcome"].dims
+    shape = " x ".join(f"{found.sizes[d]} {d}" for d in dims)
+    done = f"{members} computed in {_duration(seconds)}" if members else "nothing left to compute"
+    lines = [f"{found['outcome'].size} members ({shape}); {done}"]
+    for name in found.data_vars:
+        about = found[name].attrs
+        if "flag_meanings" not in about or found[name].ndim != len(dims):
+            continue
+        values, counts = np.unique(found[name].values, return_counts=True)
+        names = about["flag_meanings"].split()
+        shares = [
+            f"{count} {names[value].replace('_', ' ') if value >= 0 else 'without'}"
+            for value, count in zip(values, counts, strict=True)
+        ]
+        if name != "outcome" or len(values) > 1 or values[0] != 0:
+            lines.append(f"{name}: {', '.join(shares)}")
+    return lines
+
+
+def _draw(store: Path, out: Path | None) -> None:
+    from ..plot.study import draw_study
+    from ..report.output import output_folder
+    from ..study import load
+
+    found = load(store)
+    destination = out or Path(f"{store.name.removesuffix('.zarr')}-figures")
+    with output_folder(destination) as folder:
+        names = draw_study(found, folder)
+    print(f"written: {destination}/{', '.join(n for n in names if n.endswith('.png'))} (and .svg)")
