@@ -1,0 +1,307 @@
+"""Gains, fits and loops of a study: Python functions of one member's numbers.
+
+These are searches that decide as they go, so they cannot be mapped; a member takes from a
+twentieth of a second (gains) to minutes (a loop). They go through the same store, and a Dask
+cluster computes many at once. `fit` and `loop` ask what a measurement would tell: they simulate the
+member's record, add noise that depends on the member alone, and fit it.
+"""
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..study import Output
+from ..units import parse_quantity
+from .parameters import nearest, number, rate_state
+from .spec import Spec
+
+GAINS_CODES = {
+    "found": "Gains were found that meet the requirement.",
+    "none": "No gains within the limits meet the requirement.",
+}
+FIT_CODES = {
+    "converged": "The fit converged and the record fixes all parameters.",
+    "undetermined": "The fit converged, but the record does not fix every parameter.",
+    "not_converged": "The fit did not converge.",
+    "ran_away": "The slider runs away or takes too many steps: there is no record.",
+}
+_GAINS = ("margin", "max_k_p", "max_k_v", "scale_k_p", "scale_k_v")
+_RECORD = ("ratio", "noise", "rows", "distance", "seed")
+_LOOP = (*_RECORD, "steps", "most", "with", "without")
+
+
+def one_by_one(spec: Spec) -> tuple[Any, tuple[Output, ...]]:
+    """The function of [gains], [fit] or [loop], and all of its outputs.
+
+    Raises
+    ------
+    InputError : a key that is not known, a value that cannot be used.
+    """
+    name = spec.compute[0]
+    if spec.law is None:
+        raise InputError(f"{spec.path.name}: {name} in a study takes the slip or the ageing law")
+    make = {"gains": _gains, "fit": _fit, "loop": _loop}[name]
+    return make(spec, spec.options.get(name, {}), f"{spec.path.name} [{name}]")
+
+
+def _gains(spec: Spec, table: Mapping[str, Any], where: str):
+    from ..stability.margins import UNITS
+
+    _refuse(table, _GAINS, where)
+    margin = table.get("margin")
+    if not isinstance(margin, dict) or not margin:
+        raise InputError(f"{where}: margin is missing; say which, margin = {{ stiffness = 1.2 }}")
+    for key, value in margin.items():
+        if key not in UNITS:
+            raise InputError(f"{where}: no margin '{key}'{nearest(key, UNITS)}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{where}: margin {key} is {value!r}; it is a number")
+    units = ("N/m", "N*s/m")
+    limits = tuple(_optional(table, f"max_{n}", u, where) for n, u in zip(("k_p", "k_v"), units))
+    scales = tuple(_optional(table, f"scale_{n}", u, where) for n, u in zip(("k_p", "k_v"), units))
+    outputs = (
+        Output("gains", long_name="whether there are gains", codes=GAINS_CODES),
+        Output("least_k_p", "N/m", "position gain of least norm"),
+        Output("least_k_v", "N*s/m", "velocity gain of least norm"),
+        Output("norm", "1", "norm of the gains"),
+    )
+    return Gains(spec.law or "slip", spec.states, spec.fixed, margin, limits, scales), outputs
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """The smallest gains of one member (`jaxfric.find_gains`)."""
+
+    law: str
+    states: int
+    fixed: Mapping[str, float]
+    margin: Mapping[str, float]
+    upper: tuple[float | None, ...]
+    scale: tuple[float | None, ...]
+
+    def __call__(self, varied: Mapping[str, float]) -> dict[str, Any]:
+        """Outputs of a member."""
+        from ..gains import find_gains
+
+        p = {**self.fixed, **varied}
+        mass = [p["m"]] if "m" in p else None
+        try:
+            found = find_gains(
+                rate_state(self.law, p, self.states),
+                velocity=[p["V0"]],
+                mass=mass,
+                margin=self.margin,
+                upper=(self.upper[0], self.upper[1]),
+                scale=(self.scale[0], self.scale[1]),
+            )
+        except InputError:
+            return {"gains": 1, "least_k_p": np.inf, "least_k_v": np.inf, "norm": np.inf}
+        return {"gains": 0, "least_k_p": found.kp, "least_k_v": found.kv, "norm": found.norm}
+
+
+def _fit(spec: Spec, table: Mapping[str, Any], where: str):
+    _refuse(table, _RECORD, where)
+    maker = _record(spec, table, where)
+    names = ["A", *(n for i in range(1, spec.states + 1) for n in _state(i))]
+    units = dict.fromkeys(names, "N") | {n: "m" for n in names if n[0] == "L"}
+    outputs = [Output("fit", long_name="how the fit ended", codes=FIT_CODES)]
+    outputs += [Output(f"fitted_{n}", units[n], f"{n} of the fit") for n in names]
+    outputs += [Output(f"std_{n}", units[n], f"standard deviation of {n}") for n in names]
+    return Fit(maker, tuple(names)), (*outputs, Output("rms", "N", "rms of the residual"))
+
+
+def _state(i: int) -> tuple[str, str]:
+    return ("B", "L") if i == 1 else (f"B{i}", f"L{i}")
+
+
+def _record(spec: Spec, table: Mapping[str, Any], where: str) -> "Recorder":
+    ratio = table.get("ratio", 10.0)
+    rows = table.get("rows", 400)
+    seed = table.get("seed", 0)
+    noise = number(table.get("noise", "0 N"), "N", f"{where} noise")
+    distance = table.get("distance")
+    if isinstance(ratio, bool) or not isinstance(ratio, int | float) or not ratio > 0 or ratio == 1:
+        raise InputError(f"{where}: ratio is {ratio!r}; it is a positive number, not 1")
+    for key, value, least in (("rows", rows, 40), ("seed", seed, 0)):
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise InputError(f"{where}: {key} is {value!r}; it is a whole number from {least}")
+    if not noise >= 0:
+        raise InputError(f"{where}: noise is {noise:g} N; it must not be negative")
+    metres = None if distance is None else number(distance, "m", f"{where} distance")
+    steps = table.get("steps", 1)
+    if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= 20:
+        raise InputError(f"{where}: steps is {steps!r}; it is a whole number from 1 to 20")
+    return Recorder(
+        spec.law or "slip", spec.states, spec.fixed, float(ratio), rows, noise, metres, seed, steps
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Recorder:
+    """The record of one member: `steps` steps of the command, up and down by `ratio`, to V0."""
+
+    law: str
+    states: int
+    fixed: Mapping[str, float]
+    ratio: float
+    rows: int
+    noise: float
+    distance: float | None
+    seed: int
+    steps: int
+
+    def __call__(self, varied: Mapping[str, float]):
+        """Record, stiffness [N/m] and text of its steps; None where the simulation failed."""
+        import jax.numpy as jnp
+
+        from ..records import from_arrays
+
+        p = {**self.fixed, **varied}
+        L = max(p[_state(i)[1]] for i in range(1, self.states + 1))
+        far = 15 * L if self.distance is None else self.distance
+        V = [p["V0"] / self.ratio if i % 2 == 0 else p["V0"] for i in range(self.steps + 1)]
+        times = np.concatenate([[0.0], np.cumsum([far / v for v in V])])
+        per = self.rows // len(V)
+        ts = np.concatenate(
+            [np.linspace(a, b, per, endpoint=False) for a, b in zip(times, times[1:], strict=False)]
+        )
+        force, ok = _simulator()(
+            rate_state(self.law, p, self.states),
+            p["k_p"],
+            jnp.asarray(times[:-1]),
+            jnp.asarray(V),
+            jnp.asarray(ts),
+        )
+        if not bool(ok):
+            return None
+        load = np.interp(ts, times, np.concatenate([[0.0], np.cumsum(np.full(len(V), far))]))
+        noisy = np.asarray(force) + self.noise * self._noise(p, len(ts))
+        record = from_arrays(ts, noisy, load_point_displacement=load, friction_unit="N")
+        text = ", ".join(f"{t:.17g} s: {v:.17g} m/s" for t, v in zip(times, V, strict=False))
+        return record, p["k_p"], text
+
+    def _noise(self, p: Mapping[str, float], number: int) -> np.ndarray:
+        """White, and the member's own: seeded by its parameters."""
+        text = repr((self.seed, sorted(p.items()))).encode()
+        seed = int.from_bytes(hashlib.sha256(text).digest()[:8], "little")
+        return np.random.default_rng(seed).standard_normal(number)
+
+
+def _simulator():
+    """`simulate` of a massless slider, compiled once for each shape."""
+    global _compiled
+    if _compiled is None:
+        import equinox as eqx
+
+        from ..motion import PiecewiseVelocity
+        from ..rig import QuasiStatic, Rig
+        from ..simulation import RESULTS, simulate
+
+        @eqx.filter_jit
+        def run(law, stiffness, times, velocities, ts):
+            rig = Rig(QuasiStatic(stiffness), law)
+            found = simulate(rig, PiecewiseVelocity(times, velocities), ts)
+            return found.force, found.result == RESULTS.successful
+
+        _compiled = run
+    return _compiled
+
+
+_compiled: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The fit of one member's record (`jaxfric.fit`)."""
+
+    record: Recorder
+    names: tuple[str, ...]
+
+    def __call__(self, varied: Mapping[str, float]) -> dict[str, Any]:
+        """Outputs of a member."""
+        from ..fitting import fit
+
+        made = self.record(varied)
+        columns = [f"{kind}_{n}" for kind in ("fitted", "std") for n in self.names]
+        if made is None:
+            return {"fit": 3, "rms": math.nan, **dict.fromkeys(columns, math.nan)}
+        record, stiffness, steps = made
+        law, states = self.record.law, self.record.states
+        found = fit(record, stiffness=stiffness, law=law, states=states, steps=steps)
+        known = [found.parameters[n] for n in self.names]
+        code = 2 if not found.converged else 0 if all(e.determined for e in known) else 1
+        values = [e.value for e in known] + [e.std for e in known]
+        return {"fit": code, "rms": float(found.rms), **dict(zip(columns, values, strict=True))}
+
+
+def _loop(spec: Spec, table: Mapping[str, Any], where: str):
+    from ..loop import VERDICTS
+
+    _refuse(table, _LOOP, where)
+    codes = {name: name.replace("_", " ") for name in VERDICTS}
+    codes |= {"no_record": "The slider runs away or takes too many steps: there is no record."}
+    outputs = (
+        Output("verdict", long_name="verdict of the loop", codes=codes),
+        Output("effects", "1", "number of effects that were added"),
+    )
+    most = table.get("most", 1)
+    if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= 3:
+        raise InputError(f"{where}: most is {most!r}; it is 1, 2 or 3")
+    lists = []
+    for key in ("with", "without"):
+        found = table.get(key, [])
+        if not isinstance(found, list) or not all(isinstance(x, str) for x in found):
+            raise InputError(f"{where}: {key} is a list of effects, as in {key} = ['viscous']")
+        lists.append(tuple(found))
+    recorder = _record(spec, {"steps": 6, **table}, where)
+    return Loop(recorder, tuple(codes), most, *lists), outputs
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The verdict of the loop on one member's record (`jaxfric.close_loop`), base of one state."""
+
+    record: Recorder
+    verdicts: tuple[str, ...]
+    most: int
+    declared: tuple[str, ...]
+    excluded: tuple[str, ...]
+
+    def __call__(self, varied: Mapping[str, float]) -> dict[str, Any]:
+        """Outputs of a member."""
+        from ..loop import close_loop
+
+        made = self.record(varied)
+        if made is None:
+            return {"verdict": len(self.verdicts) - 1, "effects": 0}
+        record, stiffness, steps = made
+        found = close_loop(
+            record,
+            stiffness=stiffness,
+            law=self.record.law,
+            steps=steps,
+            with_=self.declared,
+            without=self.excluded,
+            most=self.most,
+        )
+        return {"verdict": self.verdicts.index(found.verdict), "effects": len(found.effects)}
+
+
+def _refuse(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise InputError(f"{where}: no key '{key}'{nearest(key, known)}")
+
+
+def _optional(table: Mapping[str, Any], key: str, unit: str, where: str) -> float | None:
+    if key not in table:
+        return None
+    value = parse_quantity(str(table[key]), unit, f"{where} {key}")
+    if not value > 0:
+        raise InputError(f"{where}: {key} is {value:g} {unit}; it must be positive")
+    return value
