@@ -1,11 +1,11 @@
 """What `jaxfric study` asks of every rig: margins, end states, gains, fits, verdicts.
 
-    parameters   names, units and bounds of what can be set and varied
-    sliders      margins and simulations of many sliders at once
-    ends         how massless sliders end, told while they move
-    one_by_one   gains, fits and loops: Python, member by member
-    spec         study.toml
-    make         from a study.toml to a running study
+parameters   names, units and bounds of what can be set and varied
+sliders      margins and simulations of many sliders at once
+ends         how massless sliders end, told while they move
+one_by_one   gains, fits and loops: Python, member by member
+spec         study.toml
+make         from a study.toml to a running study
 """
 
 from .make import make as make

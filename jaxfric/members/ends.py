@@ -138,9 +138,7 @@ def ends(
         no,
         _Cycle(nothing, nothing, none - jnp.inf, nothing, nothing, none, none, no),
     )
-    done = integrate(
-        of, start, stops, observe=observe, seen=seen, rtol=rtol, max_steps=max_steps
-    )
+    done = integrate(of, start, stops, observe=observe, seen=seen, rtol=rtol, max_steps=max_steps)
     return _ended(of, done.seen, done.reached, done.steps, horizon, decay)
 
 
@@ -159,7 +157,7 @@ def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
     agree = jnp.where(whole, jnp.where(agrees, of.agree + 1, 0), of.agree)
 
     def choose(new, old):
-        return tuple(jnp.where(rises, a, b) for a, b in zip(new, old, strict=True))
+        return jnp.where(rises, new[0], old[0]), jnp.where(rises, new[1], old[1])
 
     return _Cycle(
         choose((u, u), _widened(of.speeds, u, step.accepted)),
@@ -183,7 +181,8 @@ def _settled(size, step: Step, command) -> Array:
 
 def _widened(ends: tuple[Array, Array], x: Array, inside: Array) -> tuple[Array, Array]:
     low, high = ends
-    return jnp.where(inside, jnp.minimum(low, x), low), jnp.where(inside, jnp.maximum(high, x), high)
+    wider = jnp.minimum(low, x), jnp.maximum(high, x)
+    return jnp.where(inside, wider[0], low), jnp.where(inside, wider[1], high)
 
 
 def _ended(of: Lanes, seen: _Seen, reached, steps, horizon, decay) -> Ends:
@@ -201,10 +200,10 @@ def _ended(of: Lanes, seen: _Seen, reached, steps, horizon, decay) -> Ends:
     code = jnp.where(reached, code, FAILED)
     code = jnp.where(seen.cycle.repeats, LIMIT_CYCLE, code)
     code = jnp.where(seen.escaped, ESCAPE, code)
-    return Ends(code.astype(jnp.int8), *_numbers(of, seen, code), steps)
+    return _numbers(of, seen, code.astype(jnp.int8), steps)
 
 
-def _numbers(of: Lanes, seen: _Seen, code) -> tuple[Array, ...]:
+def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
     """Amplitudes, least velocity and period, of the last cycle or of the last half."""
     cycle = seen.cycle
 
@@ -222,11 +221,13 @@ def _numbers(of: Lanes, seen: _Seen, code) -> tuple[Array, ...]:
     def number(x, otherwise, steady):
         return jnp.where(known, x, jnp.where(at_end, steady, otherwise))
 
-    return (
+    return Ends(
+        code,
         number(0.5 * (high - low), jnp.inf, 0.0),
         number(0.5 * (springs[1] - springs[0]), jnp.inf, 0.0),
         number(low, -jnp.inf, of.velocity),
         jnp.where(code == LIMIT_CYCLE, period, jnp.inf),
+        steps,
     )
 
 
@@ -241,5 +242,3 @@ def stretched(horizon, decay) -> Array:
     known = jnp.isfinite(decay) & (decay > 0)
     settle = jnp.where(known, 8.0 / jnp.where(known, decay, 1.0), 0.0)
     return jnp.clip(settle, horizon, 10.0 * horizon)
-
-

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..rig.friction import AbstractLaw
 from ..study import Output, Progress, run
 from ..units import parse_quantity
 from .sliders import ENDINGS, MARGINS, Sliders, traces
@@ -13,7 +14,7 @@ from .spec import Spec, choose_outputs, read_spec
 
 # Members of a block: as many as compute in about a second, and their traces fit into memory.
 _CHUNK, _CHUNK_WITH_TRACES, _CHUNK_SLOW, _CHUNK_ONE_BY_ONE = 65536, 16384, 1024, 16
-# Members that share a loop: what fits into a core's cache; a stiff solver's are held by the slowest.
+# Members that share a loop: what fits into a cache; a stiff solver's are held by the slowest.
 _BATCH, _BATCH_SLOW = 512, 16
 _SAMPLES = 100
 
@@ -102,7 +103,10 @@ def _law(spec: Spec):
     from ..gains.loop_source import law_from_file
 
     assert spec.source is not None
-    return law_from_file(spec.source, normal_force=spec.normal_force, samples=0).law
+    law = law_from_file(spec.source, normal_force=spec.normal_force, samples=0).law
+    if not isinstance(law, AbstractLaw):
+        raise InputError(f"{spec.source}: a delay law has no states; a study cannot take it")
+    return law
 
 
 def run_study(

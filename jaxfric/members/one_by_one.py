@@ -7,6 +7,7 @@ member's record, add noise that depends on the member alone, and fit it.
 """
 
 import hashlib
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -61,9 +62,9 @@ def _gains(spec: Spec, table: Mapping[str, Any], where: str):
             raise InputError(f"{where}: no margin '{key}'{nearest(key, UNITS)}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{where}: margin {key} is {value!r}; it is a number")
-    units = ("N/m", "N*s/m")
-    limits = tuple(_optional(table, f"max_{n}", u, where) for n, u in zip(("k_p", "k_v"), units))
-    scales = tuple(_optional(table, f"scale_{n}", u, where) for n, u in zip(("k_p", "k_v"), units))
+    units = {"k_p": "N/m", "k_v": "N*s/m"}
+    limits = tuple(_optional(table, f"max_{n}", u, where) for n, u in units.items())
+    scales = tuple(_optional(table, f"scale_{n}", u, where) for n, u in units.items())
     outputs = (
         Output("gains", long_name="whether there are gains", codes=GAINS_CODES),
         Output("least_k_p", "N/m", "position gain of least norm"),
@@ -89,11 +90,11 @@ class Gains:
         from ..gains import find_gains
 
         p = {**self.fixed, **varied}
-        mass = [p["m"]] if "m" in p else None
+        mass = np.asarray([p["m"]]) if "m" in p else None
         try:
             found = find_gains(
                 rate_state(self.law, p, self.states),
-                velocity=[p["V0"]],
+                velocity=np.asarray([p["V0"]]),
                 mass=mass,
                 margin=self.margin,
                 upper=(self.upper[0], self.upper[1]),
@@ -168,7 +169,7 @@ class Recorder:
         times = np.concatenate([[0.0], np.cumsum([far / v for v in V])])
         per = self.rows // len(V)
         ts = np.concatenate(
-            [np.linspace(a, b, per, endpoint=False) for a, b in zip(times, times[1:], strict=False)]
+            [np.linspace(a, b, per, endpoint=False) for a, b in itertools.pairwise(times)]
         )
         force, ok = _simulator()(
             rate_state(self.law, p, self.states),

@@ -51,7 +51,7 @@ def parameter(name: str, where: str, *, known: Iterable[str] | None = None) -> Q
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """"; did you mean 'x'?", or the list of names where none is like it."""
+    """ "; did you mean 'x'?", or the list of names where none is like it."""
     names = list(names)
     folded = {known.lower(): known for known in names}
     close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=0.5)
@@ -100,7 +100,7 @@ def needed(states: int) -> list[str]:
 
 
 def rate_state(kind: str, p: Mapping[str, Any], states: int) -> RateState:
-    """The law of one member or, where the parameters are arrays, of all: states along the last axis.
+    """The law of one member or, where parameters are arrays, of all: states along the last axis.
 
     The reference velocity matters to f0 only, and f0 to a start at rest only: by default they are
     the commanded velocity and 50 A.

@@ -119,7 +119,7 @@ class Sliders:
         """About the number of steps that a member will take, to sort by.
 
         To its end: of a stable one, as long as its slowest mode lasts; of an unstable one, as many
-        as ten cycles have. Of a motion in time: more the nearer k_p is to k_cr, or the further below.
+        as ten cycles have. Of a motion in time: more, the smaller k_p over k_cr.
         """
         p = self._parameters(varied)
         if set(self.wanted) & {output.name for output in ENDINGS}:

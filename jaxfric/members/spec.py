@@ -1,28 +1,28 @@
 """study.toml: what varies, what is computed, what is kept; read, checked, made a study.
 
-    compute = ["margins", "simulate"]
-    outputs = ["modulus", "end"]        # all of what is computed where not given
-    chunk = 65536
-    dtype = "float64"
+compute = ["margins", "simulate"]
+outputs = ["modulus", "end"]        # all of what is computed where not given
+chunk = 65536
+dtype = "float64"
 
-    [rig]                               # what does not vary
-    law = "slip"                        # or from = "fit.json" and normal_force = "500 N"
-    A = "4.5 N"
-    m = "2 kg"
+[rig]                               # what does not vary
+law = "slip"                        # or from = "fit.json" and normal_force = "500 N"
+A = "4.5 N"
+m = "2 kg"
 
-    [axes]
-    k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 60 }
-    V0 = { values = ["1 um/s", "10 um/s"] }
-    B = { sobol = ["4 N", "10 N"], log = true }
-    law = { from = "fit.json", normal_force = "500 N" }      # draws from the posterior of a fit
+[axes]
+k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 60 }
+V0 = { values = ["1 um/s", "10 um/s"] }
+B = { sobol = ["4 N", "10 N"], log = true }
+law = { from = "fit.json", normal_force = "500 N" }      # draws from the posterior of a fit
 
-    [samples]                           # of the axes sobol, latin, random and from
-    number = 4096
-    seed = 0
+[samples]                           # of the axes sobol, latin, random and from
+number = 4096
+seed = 0
 
-    [simulate]
-    ratio = 10                          # the command steps from V0/ratio to V0
-    samples = 100                       # of the outputs force and velocity
+[simulate]
+ratio = 10                          # the command steps from V0/ratio to V0
+samples = 100                       # of the outputs force and velocity
 """
 
 import hashlib
@@ -344,10 +344,11 @@ def _axis(name: str, kind: str, axis: dict[str, Any], where: str) -> Axis:
         raise InputError(f"{place} is empty: {points} points; give 1 or more")
     if points > 1 and numbers[0] == numbers[1]:
         raise InputError(f"{place} is empty: both ends are {given[0]}")
-    make = linspace if kind == "linspace" else logspace
+    low, high = numbers
     if kind == "logspace" and not min(numbers) > 0:
         raise InputError(f"{place}: logspace needs positive ends; use linspace")
-    return make(name, *numbers, points, **labels)
+    make = linspace if kind == "linspace" else logspace
+    return make(name, low, high, points, **labels)
 
 
 def _column(name: str, kind: str, axis: dict[str, Any], where: str) -> Uniform:

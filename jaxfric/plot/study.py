@@ -98,7 +98,7 @@ def _map(found: Any, name: str, dims: tuple[str, ...], coded: bool) -> Figure | 
     panels: list[dict[str, int]] = [picked]
     if rest:
         some = np.linspace(0, found.sizes[rest[0]] - 1, min(_PANELS, found.sizes[rest[0]]))
-        panels = [picked | {rest[0]: int(round(i))} for i in some]
+        panels = [picked | {rest[0]: int(i + 0.5)} for i in some]
     values = [_part(found[name].isel(panel).transpose(y, x)) for panel in panels]
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
@@ -106,7 +106,7 @@ def _map(found: Any, name: str, dims: tuple[str, ...], coded: bool) -> Figure | 
     figure = new_figure(width, 3.2 * rows + 0.6)
     axes = np.ravel(np.asarray(figure.subplots(rows, columns, sharex=True, sharey=True)))
     sides = _side(found, x), _side(found, y)
-    for axis, panel, part in zip(axes, panels, values, strict=False):
+    for axis, panel in zip(axes, panels, strict=False):
         held = [_shown_at(found, d, i) for d, i in panel.items() if found.sizes[d] > 1]
         _panel(axis, sides, ", ".join(held))
     for axis in axes[len(panels) :]:

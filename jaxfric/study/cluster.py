@@ -133,7 +133,7 @@ class _Pool:
             try:
                 done = wait(list(self.futures), timeout=1.0, return_when="FIRST_COMPLETED").done
                 return list(done)
-            except (TimeoutError, asyncio.TimeoutError):
+            except TimeoutError:
                 continue
             except (OSError, RuntimeError, CancelledError, asyncio.CancelledError):
                 raise self._gone() from None

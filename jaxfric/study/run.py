@@ -156,9 +156,7 @@ def _go_on(store: Store, scheduler: str | None, progress, tell) -> None:
     except OSError as error:
         if not error.strerror:
             raise
-        raise Stopped(
-            f"cannot write {store.path}: {error.strerror}; {clock.text()}"
-        ) from None
+        raise Stopped(f"cannot write {store.path}: {error.strerror}; {clock.text()}") from None
 
 
 def _local(task: Task, todo: Sequence[int]) -> Iterator[tuple[int, dict[str, np.ndarray]]]:

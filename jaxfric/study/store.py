@@ -272,7 +272,9 @@ def _create(path: Path, task: Task, description: Mapping[str, Any], toml: str) -
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot write {path}: {reason}; give another with --out") from None
     try:
-        group = zarr.create_group(str(work / "store"), attributes=_attributes(task, description, toml))
+        group = zarr.create_group(
+            str(work / "store"), attributes=_attributes(task, description, toml)
+        )
         _variables(group, task)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that not every reader knows them: xarray does
