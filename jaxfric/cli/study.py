@@ -1,5 +1,6 @@
 """`jaxfric study`: the same question of a great many sliders, in a store that survives a kill."""
 
+import math
 import shlex
 import sys
 import time
@@ -108,8 +109,9 @@ class _Teller:
         if not (sys.stderr.isatty() or whole or time.monotonic() - self.last > _EVERY):
             return
         self.last = time.monotonic()
-        left = "" if whole else f", {_duration(now.left)} left"
-        self.say(f"chunk {now.written} of {now.blocks}, {now.rate:.3g} members/s{left}")
+        rate = "" if math.isnan(now.rate) else f", {now.rate:.3g} members/s"
+        left = "" if whole or math.isnan(now.left) else f", {_duration(now.left)} left"
+        self.say(f"chunk {now.written} of {now.blocks}{rate}{left}")
 
 
 def _duration(seconds: float) -> str:

@@ -1,6 +1,7 @@
 """One entry point: `run(function, grid, out)`."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -28,14 +29,10 @@ class Progress:
     written: int
     members: int
     """Members that this run computed."""
-    seconds: float
+    rate: float
+    """Members per second since the first block, which compiles; nan until there is a second."""
     left: float
-    """Seconds to go, at the rate so far."""
-
-    @property
-    def rate(self) -> float:
-        """Members per second."""
-        return self.members / self.seconds if self.seconds > 0 else 0.0
+    """Seconds to go at that rate."""
 
 
 def run(
@@ -187,16 +184,22 @@ class _Clock:
     def __init__(self, task: Task, blocks: int, written: int, progress):
         self.total, self.written, self.progress = blocks, written, progress
         self.size = task.grid.size
-        self.members, self.begun = 0, time.monotonic()
-        self.first = written
+        self.members = 0
+        self.compiled: tuple[float, int, int] | None = None
 
     def count(self, members: int) -> None:
         self.written += 1
         self.members += members
         if self.progress is not None:
-            spent = time.monotonic() - self.begun
-            left = spent / (self.written - self.first) * (self.total - self.written)
-            self.progress(Progress(self.total, self.written, self.members, spent, left))
+            now = time.monotonic()
+            if self.compiled is None:
+                self.compiled = now, self.written, self.members
+            since, written, members = self.compiled
+            todo = self.total - self.written
+            fresh = self.written - written
+            left = (now - since) / fresh * todo if fresh else (0.0 if todo == 0 else math.nan)
+            rate = (self.members - members) / (now - since) if fresh else math.nan
+            self.progress(Progress(self.total, self.written, self.members, rate, left))
 
     def text(self) -> str:
         return (

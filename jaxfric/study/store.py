@@ -52,9 +52,11 @@ class Store:
         self._group = zarr.open_group(str(path), mode="r+")
         self._columns = _sampled(task.grid)
         self._outputs = [*(output.name for output in task.outputs), OUTCOME]
-        self._arrays: dict[str, Any] = {
-            name: self._group[name] for name in (*self._columns, *self._outputs)
-        }
+        # a chunk of nothing but nan is a chunk too: its file must be there
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            self._arrays: dict[str, Any] = {
+                name: self._group[name] for name in (*self._columns, *self._outputs)
+            }
 
     def write(self, number: int, found: Mapping[str, np.ndarray]) -> None:
         """All variables of a block, and then that it is done."""
@@ -280,6 +282,12 @@ def _create(path: Path, task: Task, description: Mapping[str, Any], toml: str) -
             warnings.simplefilter("ignore")  # that not every reader knows them: xarray does
             zarr.consolidate_metadata(str(work / "store"))
         os.replace(work / "store", path)
+    except OSError as error:
+        if not error.strerror:
+            raise
+        raise InputError(
+            f"cannot write {path}: {error.strerror}; give another with --out"
+        ) from None
     finally:
         shutil.rmtree(work, ignore_errors=True)
 
@@ -357,5 +365,4 @@ def _array(group, name, shape, chunks, dtype, dims, attributes, *, plain: bool =
         compressors=None if plain else BloscCodec(cname="lz4", clevel=5, shuffle="shuffle"),
         dimension_names=list(dims),
         attributes=attributes,
-        config={"write_empty_chunks": True},
     )

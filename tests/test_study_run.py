@@ -1,0 +1,287 @@
+"""Studies on one machine: what a store holds, and that it survives whatever happens to a run."""
+
+import errno
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import study_functions as f
+
+pytest.importorskip("zarr")
+pytest.importorskip("xarray")
+
+from jaxfric import InputError, study
+from jaxfric.study.store import Store, attributes
+
+SCRIPT = str(Path(f.__file__))
+
+
+def process(*arguments, **environment):
+    return subprocess.Popen(
+        [sys.executable, SCRIPT, *map(str, arguments)],
+        env=os.environ | environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+
+
+def by_hand(x, y):
+    with np.errstate(all="ignore"):
+        ratio = np.divide(x, y)
+    return {"sum": x + 2 * y, "ratio": ratio, "sign": x > y, "row": np.stack([x, y, x * y])}
+
+
+def assert_same_as_a_loop(found):
+    for i, x in enumerate(found.x.values):
+        for j, y in enumerate(found.y.values):
+            for name, value in by_hand(x, y).items():
+                np.testing.assert_array_equal(found[name].values[i, j], value)
+            assert found.outcome.values[i, j] == (x == y == 0)
+
+
+@pytest.mark.parametrize("chunk", [3, 10, 1000])
+def test_equals_a_plain_loop(tmp_path, chunk):
+    found = study.run(f.waves, f.grid(), tmp_path / "a", outputs=f.OUTPUTS, chunk=chunk, batch=4)
+    assert dict(found.sizes) == {"x": 7, "y": 5, "third": 3, "block": found.done.size}
+    assert_same_as_a_loop(found)
+    assert found["sum"].attrs["units"] == "m" and found.x.attrs["units"] == "m"
+    assert found.sign.attrs["flag_meanings"] == "below above"
+    assert found.attrs["versions"]["jax"] and "revision" in found.attrs
+
+
+def test_sorting_changes_nothing(tmp_path):
+    plain = study.run(f.waves, f.grid(), tmp_path / "a", outputs=f.OUTPUTS, batch=4)
+    sorted_ = study.run(
+        f.waves, f.grid(), tmp_path / "b", outputs=f.OUTPUTS, batch=4, cost=lambda p: -p["y"]
+    )
+    for name in ("sum", "ratio", "sign", "row", "outcome"):
+        np.testing.assert_array_equal(plain[name], sorted_[name])
+
+
+def test_outputs_are_inferred_and_batches_taken_whole(tmp_path):
+    def many(p):
+        return {"size": p["x"] * 0 + p["x"].shape[0], "pair": jnp.stack([p["x"], p["y"]], axis=1)}
+
+    found = study.run(many, f.grid(), tmp_path / "a", kind="batch", batch=8)
+    assert np.all(found["size"] == 8) and found.pair.dims == ("x", "y", "pair_0")
+    np.testing.assert_array_equal(found.pair[..., 1], np.broadcast_to(found.y, (7, 5)))
+
+
+def test_samples_are_in_the_store(tmp_path):
+    g = f.grid(3, 2, samples=11)
+    found = study.run(lambda p: {"echo": p["z"] + 0 * p["x"]}, g, tmp_path / "a", chunk=10)
+    expected = g.samples.draw(0, 11)["z"]
+    np.testing.assert_array_equal(found.z, expected)
+    np.testing.assert_array_equal(found.echo[:, 1, 1], expected)
+    assert found.echo.dims == ("sample", "x", "y")
+
+
+def test_single_precision(tmp_path):
+    found = study.run(f.waves, f.grid(), tmp_path / "a", outputs=f.OUTPUTS, dtype="float32")
+    assert found["sum"].dtype == np.float32
+    np.testing.assert_allclose(found["sum"][1], 0.5 + 2 * found.y.values, rtol=1e-6)
+
+
+def test_a_failing_member_is_a_row(tmp_path):
+    g = study.Grid((study.values("x", [0.0, 2.0, 4.0]), study.values("y", [np.pi])))
+    found = study.run(f.slowly, g, tmp_path / "a", outputs=f.SLOWLY, kind="host", chunk=2)
+    assert found.outcome.values.ravel().tolist() == [0, 2, 0]
+    np.testing.assert_array_equal(found.value[:, 0], [np.pi, np.nan, 2 + np.pi])
+
+
+def test_memory_is_that_of_a_chunk():
+    """A study of 1e12 members begins at once, anywhere."""
+    g = study.Grid(
+        (study.linspace("y", 0, 1, 10**6),), study.Samples(10**6, f.grid(2, 2, 2).samples.columns)
+    )
+    part = g.members((slice(999_990, 999_999), slice(3, 5)))
+    assert g.size == 10**12 and len(part["z"]) == 18
+
+
+def test_two_devices_give_what_one_gives(tmp_path):
+    flags = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+    two = process("waves", tmp_path / "two", XLA_FLAGS=flags, JAX_ENABLE_X64="1")
+    assert two.wait(100) == 0, two.stderr.read()
+    one = study.run(
+        f.waves, f.grid(101, 53), tmp_path / "one", outputs=f.OUTPUTS, chunk=1000, batch=64
+    )
+    found = study.load(tmp_path / "two")
+    for name in ("sum", "ratio", "sign", "row", "outcome"):
+        np.testing.assert_array_equal(found[name], one[name])
+
+
+# ---- what may happen to a run ---------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    path = tmp_path_factory.mktemp("undisturbed") / "a"
+    f.run_slowly(path)
+    return f.contents(path)
+
+
+def marks(path):
+    folder = path / "done" / "c"
+    return len(list(folder.iterdir())) if folder.exists() else 0
+
+
+def killed(path, after, how=signal.SIGKILL):
+    """Run, wait for a chunk to be written, and then `after` [s] more."""
+    before = marks(path)
+    run = process("slowly", path)
+    while marks(path) == before and run.poll() is None:
+        time.sleep(0.002)
+    time.sleep(after)
+    run.send_signal(how)
+    code = run.wait(30)
+    return code, run.stderr.read().decode()
+
+
+def test_a_killed_run_goes_on(tmp_path, undisturbed):
+    path = tmp_path / "a"
+    assert killed(path, 0.2)[0] == -signal.SIGKILL
+    assert 0 < marks(path) < 84
+    told = []
+    f.run_slowly(path, tell=told.append)
+    assert "of 84 chunks are written and sound" in told[0]
+    assert f.contents(path) == undisturbed
+
+
+@pytest.mark.long
+def test_twenty_kills(tmp_path, undisturbed):
+    rng = random.Random(1)
+    path = tmp_path / "a"
+    written = [0]
+    for _ in range(20):
+        assert killed(path, 0.02 * rng.random())[0] == -signal.SIGKILL
+        written.append(marks(path))
+    assert written == sorted(written) and written[-1] < 84  # nothing is lost, none is idle
+    f.run_slowly(path)
+    assert f.contents(path) == undisturbed
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "gone", "no mark", "half a mark", "partial"])
+def test_damaged_chunks_are_computed_again(tmp_path, undisturbed, damage):
+    path = tmp_path / "a"
+    f.run_slowly(path)
+    chunk, mark = path / "value" / "c" / "3" / "1", path / "done" / "c" / "7"
+    content = chunk.read_bytes()
+    if damage == "flip":
+        chunk.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    elif damage == "cut":
+        chunk.write_bytes(content[: len(content) // 2])
+    elif damage == "gone":
+        chunk.unlink()
+    elif damage == "no mark":
+        mark.unlink()
+    elif damage == "half a mark":
+        mark.write_bytes(mark.read_bytes()[:3])
+    else:
+        (chunk.parent / "1.0123.partial").write_bytes(content)
+    calls = []
+    f.run_slowly(path, progress=calls.append)
+    assert len(calls) == (0 if damage == "partial" else 1)
+    assert f.contents(path) == undisturbed
+
+
+def test_an_interrupt_leaves_a_store(tmp_path, undisturbed):
+    path = tmp_path / "a"
+    code, error = killed(path, 0.1, signal.SIGINT)
+    assert code != 0 and "KeyboardInterrupt" in error
+    f.run_slowly(path)
+    assert f.contents(path) == undisturbed
+
+
+def test_a_full_disk(tmp_path, undisturbed, monkeypatch):
+    path = tmp_path / "a"
+    write, count = Store.write, [0]
+
+    def full(self, number, found):
+        count[0] += 1
+        if count[0] > 9:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "x")
+        write(self, number, found)
+
+    monkeypatch.setattr(Store, "write", full)
+    with pytest.raises(study.Stopped, match=r"No space left.*9 of 84 chunks.*same command"):
+        f.run_slowly(path)
+    monkeypatch.undo()
+    f.run_slowly(path)
+    assert f.contents(path) == undisturbed
+
+
+def test_a_disk_that_is_truly_full(tmp_path, undisturbed):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    made = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", disk], capture_output=True
+    )
+    if made.returncode:
+        pytest.skip("no file system can be mounted here")
+    try:
+        with pytest.raises(study.Stopped, match="No space left"):
+            f.run_slowly(disk / "a")
+        subprocess.run(["mount", "-o", "remount,size=8m", disk], check=True)
+        f.run_slowly(disk / "a")
+        assert f.contents(disk / "a") == undisturbed
+    finally:
+        subprocess.run(["umount", disk], check=False)
+
+
+def test_other_stores_are_refused(tmp_path):
+    g = f.grid()
+    study.run(f.waves, g, tmp_path / "a", outputs=f.OUTPUTS)
+    before = f.contents(tmp_path / "a")
+    with pytest.raises(InputError, match=r"another study, which differs in axes\.x"):
+        study.run(f.waves, f.grid(6), tmp_path / "a", outputs=f.OUTPUTS)
+    with pytest.raises(InputError, match="differs in block, dtype"):
+        study.run(f.waves, g, tmp_path / "a", outputs=f.OUTPUTS, dtype="float32", chunk=9)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "c").write_text("no store")
+    for name in "bc":
+        with pytest.raises(InputError, match="is not the store of a study"):
+            study.run(f.waves, g, tmp_path / name, outputs=f.OUTPUTS)
+    with pytest.raises(InputError, match="no such store"):
+        study.load(tmp_path / "nothing")
+    assert f.contents(tmp_path / "a") == before and not list((tmp_path / "b").iterdir())
+
+
+def test_one_writer_at_a_time(tmp_path):
+    path = tmp_path / "a"
+    run = process("slowly", path)
+    while not (path / "done" / "c").exists():
+        time.sleep(0.02)
+    with pytest.raises(InputError, match="written by another run"):
+        f.run_slowly(path)
+    run.kill()
+    run.wait(30)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"chunk": 0}, "chunk is 0"),
+        ({"dtype": "float16"}, "float16"),
+        ({"outputs": (study.Output("summ"),)}, "no output 'summ'"),
+        ({"outputs": (study.Output("row"),)}, "has shape"),
+        ({"outputs": (study.Output("x"),)}, "both a parameter and an output"),
+        ({"outputs": (study.Output("done"),)}, "every store has"),
+        ({"kind": "host"}, "outputs listed"),
+    ],
+)
+def test_refused(tmp_path, arguments, words):
+    with pytest.raises(InputError, match=words):
+        study.run(f.waves, f.grid(), tmp_path / "a", **arguments)
+
+
+def test_what_a_store_says_of_itself(tmp_path):
+    study.run(f.waves, f.grid(), tmp_path / "a", outputs=f.OUTPUTS, toml="a = 1\n")
+    found = attributes(tmp_path / "a")
+    assert found["toml"] == "a = 1\n" and found["members"] == 35
