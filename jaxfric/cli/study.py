@@ -55,7 +55,6 @@ def study(
 
     begun = time.monotonic()
     with told(quiet=False) as say:
-        say(f"reading {file.name}")
         teller = _Teller(say)
         try:
             found = run_study(

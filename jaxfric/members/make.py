@@ -30,6 +30,7 @@ class Made:
     cost: Callable | None
     chunk: int
     batch: int
+    separate: bool = True
 
 
 def make(path: str | Path) -> Made:
@@ -94,6 +95,7 @@ def _sliders(spec: Spec) -> Made:
         function.cost if simulated else None,
         spec.chunk or chunk,
         _BATCH_SLOW if slow else _BATCH,
+        not slow,
     )
 
 
@@ -134,6 +136,7 @@ def run_study(
         chunk=made.chunk,
         batch=made.batch,
         dtype=made.spec.dtype,
+        separate=made.separate,
         scheduler=scheduler,
         description=made.spec.description(),
         toml=made.spec.text,

@@ -75,10 +75,17 @@ def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], dict[str, jax.Arra
         found = jax.lax.map(rows, parts)
         return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
 
-    mapped = jax.shard_map(on_device, mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
+    if len(devices) == 1:
+        mapped = on_device
+    elif task.separate:
+        mapped = jax.shard_map(
+            on_device, mesh=mesh, in_specs=split, out_specs=split, check_vma=False
+        )
+    else:
+        mapped = _together(rows, size * len(devices), mesh)
 
     def block(members):
-        order = _order(task, members, len(devices), size)
+        order = _order(task, members, len(devices) if task.separate else 1, size)
         if order is None:
             return mapped(members)
         found = mapped({name: x[order] for name, x in members.items()})
@@ -86,6 +93,21 @@ def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], dict[str, jax.Arra
         return jax.tree.map(lambda x: x[back], found)
 
     return jax.jit(block, in_shardings=NamedSharding(mesh, PartitionSpec()))
+
+
+def _together(rows, size: int, mesh: Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """All devices in one loop, each with its part of every batch."""
+    lanes = NamedSharding(mesh, PartitionSpec(None, "device"))
+
+    def mapped(members):
+        parts = {
+            name: jax.lax.with_sharding_constraint(x.reshape(-1, size), lanes)
+            for name, x in members.items()
+        }
+        found = jax.lax.map(rows, parts)
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
+
+    return mapped
 
 
 def _order(task: Task, members, devices: int, size: int) -> jax.Array | None:

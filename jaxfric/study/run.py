@@ -46,6 +46,7 @@ def run(
     chunk: int = CHUNK,
     batch: int = 512,
     dtype: str = "float64",
+    separate: bool = True,
     scheduler: str | None = None,
     description: Mapping[str, Any] | None = None,
     toml: str = "",
@@ -68,6 +69,8 @@ def run(
     chunk : members of a block, which is computed, held and written at once.
     batch : members that share a loop on a device.
     dtype : "float64" or "float32", of the computation and of the store.
+    separate : each device runs loops of its own (`shard_map`). False for a function with implicit
+        solvers (lineax), which cannot be traced there.
     scheduler : address of a Dask scheduler whose workers compute the blocks.
     description : plain values that tell this study from another; a store that has others is
         refused. By default the grid, the outputs, and the name of the function.
@@ -88,7 +91,7 @@ def run(
         outputs = infer_outputs(function, grid, kind, dtype)
     _refuse_names(grid, outputs)
     blocks = Blocks.of(grid.shape, chunk)
-    task = Task(function, grid, blocks, tuple(outputs), kind, cost, batch, dtype)
+    task = Task(function, grid, blocks, tuple(outputs), kind, cost, batch, dtype, separate)
     path = Path(out)
     description = description or _described(task)
     with open_store(path, task, description, toml) as store:

@@ -1,0 +1,119 @@
+"""Studies on a Dask cluster: the store is that of one machine, whatever becomes of the cluster."""
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import study_functions as f
+from command import run, written
+
+pytest.importorskip("zarr")
+distributed = pytest.importorskip("distributed")
+
+from jaxfric import InputError, study
+
+GOOD = """
+compute = ["margins"]
+outputs = ["k_cr", "stability"]
+chunk = 8
+[rig]
+law = "slip"
+A = "4.5 N"
+B = "6 N"
+L = "5 um"
+V0 = "10 um/s"
+[axes]
+k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 6 }
+k_v = { linspace = ["0 N*s/m", "100 kN*s/m"], points = 3 }
+"""
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two workers in processes of their own, one thread each."""
+    folder = str(Path(__file__).parent)
+    os.environ["PYTHONPATH"] = os.pathsep.join([folder, os.environ.get("PYTHONPATH", "")])
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None
+    ) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    path = tmp_path_factory.mktemp("undisturbed") / "a"
+    f.run_slowly(path)
+    return f.contents(path)
+
+
+def test_the_store_is_that_of_one_machine(cluster, tmp_path, undisturbed):
+    f.run_slowly(tmp_path / "a", scheduler=cluster.scheduler_address)
+    assert f.contents(tmp_path / "a") == undisturbed
+
+
+def test_the_command_on_a_cluster(cluster, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    written(Path("study.toml"), GOOD)
+    here = run("study", "study.toml", "--out", "here.zarr")
+    there = run(
+        "study", "study.toml", "--out", "there.zarr", "--scheduler", cluster.scheduler_address
+    )
+    assert (here.code, there.code) == (0, 0), here.err + there.err
+    a, b = study.load("here.zarr"), study.load("there.zarr")
+    np.testing.assert_allclose(a.k_cr, b.k_cr, rtol=1e-12)
+    np.testing.assert_array_equal(a.stability, b.stability)
+
+
+def test_killed_workers_lose_nothing(cluster, tmp_path, undisturbed):
+    stop = threading.Event()
+
+    def kill():
+        while not stop.wait(0.4):
+            workers = list(cluster.workers.values())
+            for worker in workers[:1]:
+                if worker.process is not None and worker.process.pid:
+                    os.kill(worker.process.pid, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    written_once = []
+    try:
+        f.run_slowly(
+            tmp_path / "a", scheduler=cluster.scheduler_address, progress=written_once.append
+        )
+    finally:
+        stop.set()
+        killer.join()
+    assert len(written_once) == 84  # each block once
+    assert f.contents(tmp_path / "a") == undisturbed
+
+
+def test_a_lost_scheduler_leaves_a_store(tmp_path, undisturbed):
+    """The scheduler goes away in the middle; the study goes on without it."""
+    made = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None
+    )
+    path = tmp_path / "a"
+
+    def close_after(count):
+        while not (path / "done" / "c").exists() or len(os.listdir(path / "done" / "c")) < count:
+            time.sleep(0.01)
+        made.close()
+
+    closer = threading.Thread(target=close_after, args=(10,))
+    closer.start()
+    with pytest.raises(study.Stopped, match=r"scheduler at tcp.* is lost; \d+ of 84 chunks"):
+        f.run_slowly(path, scheduler=made.scheduler_address)
+    closer.join()
+    f.run_slowly(path)
+    assert f.contents(path) == undisturbed
+
+
+def test_no_scheduler(tmp_path, monkeypatch):
+    monkeypatch.setattr("jaxfric.study.cluster._PATIENCE", 1.0)
+    with pytest.raises(InputError, match="no Dask scheduler answers there"):
+        f.run_slowly(tmp_path / "a", scheduler="tcp://127.0.0.1:9")

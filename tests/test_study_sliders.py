@@ -1,0 +1,253 @@
+"""What `jaxfric study` computes, against the functions it stands for and against SciPy."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+pytest.importorskip("zarr")
+pytest.importorskip("xarray")
+
+import jaxfric as jf
+from jaxfric.gains.ends import ENDS
+from jaxfric.gains.settle import end_state
+from jaxfric.members import run_study
+from jaxfric.simulation import ensemble
+from jaxfric.stability.closed_form import critical_rate_state
+from jaxfric.stability.margins import UNITS, is_stable, margins, poles
+
+RIG = """
+[rig]
+law = "{law}"
+A = "4.5 N"
+B = "6 N"
+L = "5 um"
+m = "2 kg"
+"""
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def batch(law: str, number: int, seed: int = 0):
+    """Lanes over wide ranges, after a tenfold step up, and their parameters."""
+    rng = np.random.default_rng(seed)
+    low = np.asarray([3.0, 4.0, 3e-6, 3e5, 1e2, 1e-6])
+    high = np.asarray([6.0, 10.0, 4e-5, 5e6, 1e5, 1e-4])
+    p = np.exp(rng.uniform(np.log(low), np.log(high), (number, 6)))
+    A, B, L, k_p, k_v, V0 = (jnp.asarray(x) for x in p.T)
+    evolution = jf.AgeingEvolution() if law == "ageing" else jf.SlipEvolution()
+    V_ref = jnp.full(number, 1e-6)
+    laws = jf.RateState(50 * A, A, B[:, None], L[:, None], V_ref, evolution, slip_trend=0 * A)
+    return ensemble.lanes(laws, k_p, k_v, V0), p
+
+
+def scipy_response(law, A, B, L, k_p, k_v, V0, ratio, times):
+    """Friction by SciPy, in the elongation and the state: another equation, another solver."""
+    V_ref = 1e-6
+
+    def velocity(e, theta):
+        """By bisection: f0 + A ln(V/V_ref) + theta + k_v V = k_p e + k_v V0."""
+        low, high = -60.0, 60.0
+        for _ in range(70):
+            u = 0.5 * (low + high)
+            over = A * u + theta + k_v * V_ref * np.exp(u) > k_p * e + k_v * V0
+            low, high = (low, u) if over else (u, high)
+        return V_ref * np.exp(0.5 * (low + high))
+
+    def rate(_, y):
+        V = velocity(*y)
+        if law == "ageing":
+            slope = B * V_ref / L * (np.exp(-y[1] / B) - V / V_ref)
+        else:
+            slope = -(V / L) * (y[1] + B * np.log(V / V_ref))
+        return [V0 - V, slope]
+
+    u = np.log(V0 / ratio / V_ref)
+    start = [(A - B) * u / k_p, -B * u]
+    done = solve_ivp(
+        rate, (0, times[-1]), start, "LSODA", times, rtol=1e-9, atol=[1e-14, 1e-10], max_step=1e9
+    )
+    V = np.asarray([velocity(*y) for y in done.y.T])
+    return A * np.log(V / V_ref) + done.y[1], V
+
+
+@pytest.mark.parametrize("law", ["slip", "ageing"])
+@pytest.mark.parametrize("ratio", [10.0, 0.2])
+def test_response_is_that_of_scipy(law, ratio):
+    of, p = batch(law, 4, seed=3)
+    p[:, 3] *= 2
+    of = of._replace(stiffness=2 * of.stiffness)
+    times = np.linspace(0.02, 1, 40)[:, None] * 15 * p[:, 2] / p[:, 5]
+    start = ensemble.stepped(of, jnp.full(4, ratio))
+    found = jax.jit(ensemble.response)(of, start, jnp.asarray(times))
+    assert np.all(found.reached)
+    for i in range(4):
+        force, V = scipy_response(law, *p[i], ratio, times[:, i])
+        force = force + 50 * p[i, 0]
+        scale = np.ptp(force)
+        np.testing.assert_allclose(found.force[:, i], force, atol=1e-5 * scale, rtol=0)
+        np.testing.assert_allclose(found.velocity[:, i], V, rtol=1e-4)
+
+
+def test_response_is_that_of_simulate_and_runs_away_where_it_does():
+    of, p = batch("slip", 64)
+    times = jnp.asarray(np.linspace(0.05, 1, 20)[:, None] * 20 * p[:, 2] / p[:, 5])
+    found = jax.jit(ensemble.response)(of, ensemble.stepped(of, jnp.full(64, 10.0)), times)
+
+    def one(law, k_p, k_v, V0, ts):
+        rig = jf.Rig(jf.QuasiStatic(k_p, k_v), law)
+        ts = jnp.concatenate([jnp.zeros(1), ts])
+        motion = jf.PiecewiseVelocity(jnp.zeros(1), V0[None])
+        start = jf.step_start(rig, V0, 10.0)
+        done = jf.simulate(rig, motion, ts, start=start, rtol=1e-8)
+        return done.force[1:], done.result == jf.RESULTS.successful
+
+    force, reached = jax.jit(jax.vmap(one))(*of, times.T)
+    np.testing.assert_array_equal(found.reached, reached)
+    kept = np.asarray(reached)
+    error = np.abs(found.force.T - force)[kept] / np.ptp(force[kept], axis=1, keepdims=True)
+    assert kept.sum() > 50 and error.max() < 1e-5
+    assert np.all(np.isfinite(found.force))
+
+
+def test_a_runaway_and_too_few_steps_are_told():
+    of, p = batch("slip", 8)
+    of = of._replace(stiffness=of.stiffness * 1e-2, damping=0 * of.damping)
+    times = jnp.asarray([[1.0]]) * 40 * p[:, 2] / p[:, 5]
+    start = ensemble.stepped(of, jnp.full(8, 10.0))
+    found = ensemble.response(of, start, times)
+    assert np.any(found.escaped) and not np.any(found.reached & found.escaped)
+    assert np.all(found.velocity[:, found.escaped] > 1e3 * of.velocity[found.escaped])
+    few = ensemble.response(of, start, times, max_steps=20)
+    assert not np.any(few.reached) and np.all(np.isfinite(few.velocity))
+
+
+def test_margins_of_a_study_are_those_of_the_package(tmp_path):
+    axes = """
+    [axes]
+    k_p = { logspace = ["100 kN/m", "2 MN/m"], points = 5 }
+    k_v = { linspace = ["0 N*s/m", "200 kN*s/m"], points = 3 }
+    V0 = { values = ["1 um/s", "10 um/s"] }
+    """
+    text = 'compute = ["margins"]' + RIG.format(law="slip") + axes
+    found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
+
+    @jax.jit
+    def one(k_p, k_v, V0):
+        law = jf.RateState(225.0, 4.5, [6.0], [5e-6], 1e-6)
+        slider = jf.linearise(jf.Rig(jf.Inertial(2.0, k_p, k_v), law), V0)
+        return margins(slider), is_stable(slider)
+
+    for i, k_p in enumerate(found.k_p.values):
+        for j, k_v in enumerate(found.k_v.values):
+            for k, V0 in enumerate(found.V0.values):
+                here = found.isel(k_p=i, k_v=j, V0=k)
+                expected, stable = one(k_p, k_v, V0)
+                for name, value in expected.items():
+                    np.testing.assert_allclose(here[name], value, rtol=1e-9, err_msg=name)
+                assert (here.stability == 0) == bool(stable)
+                w_cr, k_cr = critical_rate_state(4.5, 6.0, 5e-6, V0, k_v, 2.0)
+                np.testing.assert_allclose([here.w_cr, here.k_cr], [w_cr, k_cr], rtol=1e-9)
+    assert {name: found[name].attrs["units"] for name in UNITS} == UNITS
+    assert found.k_p.attrs["units"] == "N/m" and float(found.V0[0]) == 1e-6
+
+
+@pytest.fixture(scope="module")
+def ends(tmp_path_factory):
+    """A study of ends, and what `end_state` says of the same members."""
+    folder = tmp_path_factory.mktemp("ends")
+    axes = """
+    [simulate]
+    ratio = 5
+    [axes]
+    k_p = { logspace = ["60 kN/m", "1 MN/m"], points = 6 }
+    k_v = { values = ["1 kN*s/m", "100 kN*s/m"] }
+    V0 = { values = ["1 um/s", "10 um/s"] }
+    """
+    text = 'compute = ["simulate"]' + RIG.format(law="slip") + axes
+    found = run_study(written(folder / "s.toml", text), folder / "a")
+    law = jf.RateState(225.0, 4.5, [6.0], [5e-6], 1e-6)
+
+    def one(k_p, k_v, V0):
+        rig = jf.Rig(jf.QuasiStatic(k_p, k_v), law)
+        s = poles(jf.linearise(rig, V0))
+        horizon = 30 * jnp.maximum(2 * jnp.pi / jnp.min(jnp.abs(s)), 9.0 / (k_p * V0))
+        start = jf.step_start(rig, V0, 5.0)
+        return end_state(rig, V0, start, horizon=horizon, decay=-jnp.max(s.real))
+
+    grid = np.meshgrid(found.k_p, found.k_v, found.V0, indexing="ij")
+    columns = [jnp.asarray(x.ravel()) for x in grid]
+    expected = jax.jit(jax.vmap(one))(*columns)
+    return found, jax.tree.map(lambda x: np.asarray(x).reshape(found.end.shape), expected)
+
+
+def test_ends_of_a_study_are_those_of_the_package(ends):
+    found, expected = ends
+    names = found.end.attrs["flag_meanings"].split()
+    for code, name in enumerate(names):
+        there = np.asarray(expected.code == getattr(ENDS, name.replace("failed", "unresolved")))
+        np.testing.assert_array_equal(found.end == code, there, err_msg=name)
+    cycle = found.end.values == 1
+    assert cycle.sum() > 5 and (found.end.values == 0).sum() > 5
+    for name in ("velocity_amplitude", "slip_amplitude", "period", "least_velocity"):
+        ratio = found[name].values[cycle] / getattr(expected, name)[cycle]
+        np.testing.assert_allclose(ratio, 1.0, atol=0.02, err_msg=name)
+    assert np.all(np.isinf(found.period.values[~cycle]))
+
+
+def test_ends_agree_with_the_linear_theory(ends):
+    """With one state and no mass (25) divides them; this step is small enough for the basin."""
+    found, _ = ends
+    k_cr = (6 - 4.5 - found.k_v * found.V0) / 5e-6
+    np.testing.assert_array_equal(found.end == 0, found.k_p > k_cr)
+
+
+def test_motions_in_time_are_kept(tmp_path):
+    text = 'compute = ["simulate"]\noutputs = ["force", "trace", "duration"]' + RIG.format(
+        law="ageing"
+    )
+    text += """
+    [simulate]
+    samples = 10
+    duration = "20 s"
+    [axes]
+    k_p = { values = ["2 MN/m", "4 MN/m"] }
+    V0 = { values = ["10 um/s"] }
+    """
+    found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
+    assert found.force.dims == ("k_p", "V0", "phase") and float(found.duration[0, 0]) == 20.0
+    times = 20.0 * found.phase.values
+    for i, k_p in enumerate(found.k_p.values):
+        force, _ = scipy_response("ageing", 4.5, 6.0, 5e-6, k_p, 0.0, 1e-5, 10.0, times)
+        # f0 is 50 A at V_ref, here V0
+        at_V0 = 225.0 + force + (6.0 - 4.5) * np.log(10.0)
+        np.testing.assert_allclose(found.force[i, 0], at_V0, atol=2e-5)
+
+
+@pytest.mark.long
+def test_ends_with_mass(tmp_path):
+    """The paper's sample, at half and twice its critical stiffness."""
+    text = """
+    compute = ["simulate"]
+    [rig]
+    law = "slip"
+    A = "1 N"
+    B = "3 N"
+    L = "1 mm"
+    m = "2 kg"
+    k_v = "0.5 N*s/m"
+    V0 = "2 mm/s"
+    [simulate]
+    inertia = true
+    ratio = 1.1
+    [axes]
+    k_p = { values = ["1 kN/m", "4 kN/m"] }
+    """
+    found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
+    assert found.end.values.tolist() == [1, 0]

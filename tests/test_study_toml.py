@@ -1,0 +1,214 @@
+"""study.toml and the command: what is understood, and what is refused in one line."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import assert_refused, run, written
+
+pytest.importorskip("zarr")
+pytest.importorskip("xarray")
+
+from jaxfric import study
+from jaxfric.members import make
+
+GOOD = """
+compute = ["margins"]
+chunk = 8
+[rig]
+law = "slip"
+A = "4.5 N"
+B = "6 N"
+L = "5 um"
+V0 = "10 um/s"
+[axes]
+k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 6 }
+k_v = { linspace = ["0 N*s/m", "100 kN*s/m"], points = 3 }
+"""
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def refused(text: str, *words: str) -> None:
+    written(Path("study.toml"), text)
+    assert_refused(run("study", "study.toml"), *words)
+    assert sorted(os.listdir()) == ["study.toml"]
+
+
+BAD = {
+    "no text": ("", ["compute is missing"]),
+    "no TOML": ("compute = [", ["not TOML"]),
+    "unknown verb": (GOOD.replace("margins", "margin"), ["'margin'", "did you mean 'margins'"]),
+    "unknown key": (GOOD.replace("chunk", "chunks"), ["'chunks'", "did you mean 'chunk'"]),
+    "chunk": (GOOD.replace("= 8", "= 0"), ["chunk is 0"]),
+    "dtype": ("dtype = 'float16'\n" + GOOD, ["float16", "float64"]),
+    "output": ("outputs = ['moduls']\n" + GOOD, ["'moduls'", "did you mean 'modulus'"]),
+    "outputs": ("outputs = 'modulus'\n" + GOOD, ["list of names"]),
+    "rig key": (GOOD.replace("\nL =", "\nLength ="), ["[rig]", "Length"]),
+    "law": (GOOD.replace('"slip"', '"slipp"'), ["slipp", "slip, ageing"]),
+    "no law": (GOOD.replace('law = "slip"', ""), ["law is missing", "from"]),
+    "missing": (GOOD.replace('B = "6 N"', ""), ["B is missing"]),
+    "no V0": (GOOD.replace('V0 = "10 um/s"', ""), ["V0 is missing"]),
+    "unit": (GOOD.replace('"6 N"', '"6 m"'), ["[rig] B", "unit of N"]),
+    "no unit": (GOOD.replace('"6 N"', "6"), ["[rig] B", "no unit"]),
+    "bounds": (GOOD.replace('"5 um"', '"-5 um"'), ["slip length", "must lie"]),
+    "unknown axis": (GOOD.replace("k_p =", "kp ="), ["'kp'", "did you mean 'k_p'"]),
+    "units of ends": (GOOD.replace('"1 MN/m"', '"1 MN"'), ["[axes] k_p", "'MN'", "N/m"]),
+    "kind of axis": (GOOD.replace("logspace", "logspac"), ["'logspac'", "logspace"]),
+    "two kinds": (GOOD.replace("points = 6", "values = ['1 N/m']"), ["give one of"]),
+    "no points": (GOOD.replace(", points = 6", ""), ["points is missing"]),
+    "empty axis": (GOOD.replace("points = 6", "points = 0"), ["k_p is empty"]),
+    "empty list": (
+        GOOD.replace('logspace = ["100 kN/m", "1 MN/m"], points = 6', "values = []"),
+        ["values is empty"],
+    ),
+    "empty range": (GOOD.replace('"1 MN/m"', '"100 kN/m"'), ["is empty"]),
+    "twice": (
+        GOOD.replace(
+            'logspace = ["100 kN/m", "1 MN/m"], points = 6', "values = ['1 N/m', '1 N/m']"
+        ),
+        ["given twice"],
+    ),
+    "log of zero": (GOOD.replace("linspace", "logspace"), ["k_v", "positive ends"]),
+    "no axes": (GOOD.partition("[axes]")[0], ["[axes] is missing"]),
+    "no table": (GOOD.partition("[axes]")[0] + "[axes]\nk_p = 3\n", ["write it as"]),
+    "fixed too": (GOOD.replace("[axes]", 'k_p = "1 N/m"\n[axes]'), ["in [rig] and in [axes]"]),
+    "no samples": (
+        GOOD.replace("linspace", "sobol").replace(", points = 3", ""),
+        ["[samples] number is missing"],
+    ),
+    "idle samples": (GOOD + "[samples]\nnumber = 3\n", ["would not be used"]),
+    "idle table": (GOOD + "[simulate]\nratio = 3\n", ["[simulate] would not be used"]),
+    "no file": (GOOD + 'B2 = { from = "fit.json" }\n', ["fit.json", "No such file"]),
+    "alone": (GOOD.replace('"margins"', '"margins", "gains"'), ["'gains'", "stands alone"]),
+    "gains": (GOOD.replace("margins", "gains"), ["[gains]", "margin is missing"]),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_study(name: str) -> None:
+    text, words = BAD[name]
+    refused(text, "study.toml", *words)
+
+
+def test_bad_options() -> None:
+    assert_refused(run("study"), "no study")
+    assert_refused(run("study", "nothing.toml"), "nothing.toml", "no such file")
+    assert_refused(run("study", "--plot", "nothing.zarr"), "nothing.zarr", "no such store")
+    written(Path("study.toml"), GOOD)
+    assert_refused(run("study", "study.toml", "--plot", "a.zarr"), "--plot")
+    Path("a.zarr").mkdir()
+    assert_refused(run("study", "study.toml", "--out", "a.zarr"), "a.zarr", "not the store")
+    written(Path("b.zarr"), "text")
+    assert_refused(run("study", "study.toml", "--out", "b.zarr"), "b.zarr", "a file")
+    outcome = run("study", "study.toml", "--out", "c.zarr", "--scheduler", "nonsense://x")
+    assert_refused(outcome, "--scheduler nonsense://x", "no Dask scheduler")
+
+
+def test_study_runs_goes_on_and_is_drawn() -> None:
+    path = written(Path("study.toml"), GOOD)
+    outcome = run("study", path)
+    assert outcome.code == 0, outcome.err
+    assert "18 members (6 k_p x 3 k_v); 18 computed" in outcome.out
+    assert "stability: " in outcome.out and "written: study.zarr" in outcome.out
+    again = run("study", path)
+    assert again.code == 0 and "nothing left to compute" in again.out
+    assert "3 of 3 chunks are written and sound" in again.err
+    written(
+        path,
+        GOOD + "m = { values = ['1 kg', '2 kg'] }\n",
+    )
+    assert_refused(run("study", path), "another study", "axes.m")
+    drawn = run("study", "--plot", "study.zarr", "--out", "figures")
+    assert drawn.code == 0, drawn.err
+    names = sorted(os.listdir("figures"))
+    assert {"map_stability.png", "map_modulus.svg", "marginals.png"} <= set(names)
+
+
+def test_an_unfinished_study_is_drawn() -> None:
+    made = make(written(Path("study.toml"), GOOD))
+    with pytest.raises(KeyboardInterrupt):
+        study.run(
+            made.function,
+            made.spec.grid,
+            "a.zarr",
+            outputs=made.outputs,
+            kind=made.kind,
+            chunk=made.chunk,
+            progress=stop,
+        )
+    assert np.any(study.load("a.zarr").outcome.values == -1)
+    outcome = run("study", "--plot", "a.zarr")
+    assert outcome.code == 0, outcome.err
+    assert "a-figures/" in outcome.out and "map_modulus.png" in outcome.out
+
+
+def stop(progress: study.Progress) -> None:
+    raise KeyboardInterrupt
+
+
+def test_samples_and_posterior_draws() -> None:
+    fitted = Path(__file__).parents[1] / "fits" / "undeclared_effect" / "base" / "fit.json"
+    text = f"""
+    compute = ["margins"]
+    outputs = ["stability", "k_cr"]
+    [rig]
+    V0 = "5 um/s"
+    [samples]
+    number = 64
+    [axes]
+    law = {{ from = "{fitted}", normal_force = "500 N" }}
+    k_p = {{ latin = ["100 kN/m", "1 MN/m"], log = true }}
+    """
+    written(Path("study.toml"), text)
+    outcome = run("study", "study.toml", "--out", "a.zarr")
+    assert outcome.code == 0, outcome.err
+    found = study.load("a.zarr")
+    import json
+
+    about = json.loads(fitted.read_text())
+    A, B, L = (about["parameters"][n] for n in "ABL")
+    assert abs(np.log(found.A.values).mean() - np.log(500 * A["value"])) < 3 * A["std"] / A["value"]
+    k_cr = (found.B - found.A) / found.L  # no mass, no damping
+    np.testing.assert_allclose(found.k_cr, k_cr, rtol=1e-9)
+    np.testing.assert_array_equal(found.stability == 0, found.k_p > found.k_cr)
+    assert abs(found.B.values.std() / (500 * B["std"]) - 1) < 0.4 and found.L.attrs["units"] == "m"
+    assert L
+
+
+def test_an_interrupt_says_how_to_go_on() -> None:
+    text = GOOD.replace("chunk = 8", "chunk = 500").replace("points = 6", "points = 1000")
+    written(Path("study.toml"), text.replace("points = 3", "points = 400"))
+    command = [sys.executable, "-m", "jaxfric", "study", "study.toml", "--out", "a b.zarr"]
+    run = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    marks = Path("a b.zarr/done/c")
+    begun = time.monotonic()
+    while not (marks.exists() and os.listdir(marks)) and time.monotonic() - begun < 60:
+        time.sleep(0.02)
+    run.send_signal(signal.SIGINT)
+    error = run.communicate(timeout=60)[1].decode()
+    assert run.returncode == 130, error
+    last = error.strip().splitlines()[-1]
+    assert "of 1000 chunks are written" in last
+    assert last.endswith("to go on: jaxfric study study.toml --out 'a b.zarr'")
+    assert "Traceback" not in error
+
+
+def test_without_the_packages_one_line_says_what_to_install() -> None:
+    code = (
+        "import sys\n"
+        "sys.modules['zarr'] = None\n"
+        "sys.argv = ['jaxfric', 'study', 'x.toml']\n"
+        "from jaxfric.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert 'pip install "jaxfric[study]"' in done.stderr
