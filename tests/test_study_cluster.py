@@ -12,7 +12,9 @@ import study_functions as f
 from command import run, written
 
 pytest.importorskip("zarr")
-distributed = pytest.importorskip("distributed")
+pytest.importorskip("distributed")
+
+import distributed
 
 from jaxfric import InputError, study
 
