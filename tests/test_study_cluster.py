@@ -119,3 +119,4 @@ def test_no_scheduler(tmp_path, monkeypatch):
     monkeypatch.setattr("jaxfric.study.cluster._PATIENCE", 1.0)
     with pytest.raises(InputError, match="no Dask scheduler answers there"):
         f.run_slowly(tmp_path / "a", scheduler="tcp://127.0.0.1:9")
+    assert not list(tmp_path.iterdir())

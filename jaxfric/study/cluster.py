@@ -26,21 +26,33 @@ _LOSSES = 20
 _PATIENCE = 15.0
 
 
+@contextlib.contextmanager
+def connected(address: str) -> Iterator[Any]:
+    """A client of the scheduler at `address`; what Dask logs of a lost one is not shown.
+
+    Raises
+    ------
+    InputError : Dask is not installed, or no scheduler answers.
+    """
+    client = _connect(address)
+    with _silent():
+        try:
+            yield client
+        finally:
+            with contextlib.suppress(Exception, CancelledError, asyncio.CancelledError):
+                client.close(timeout=2)  # without waiting for a scheduler that is gone
+
+
 def distributed(
-    task: Task, todo: Sequence[int], address: str
+    client: Any, task: Task, todo: Sequence[int], address: str
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
     """Blocks as they are finished, in any order.
 
     Raises
     ------
-    InputError : Dask is not installed, or no scheduler answers at `address`.
     Stopped : the scheduler is lost, or one block loses every worker that it is given to.
     """
-    client = _connect(address)
-    try:
-        yield from _Pool(client, task, address).blocks(list(todo))
-    finally:
-        _close(client)
+    yield from _Pool(client, task, address).blocks(list(todo))
 
 
 def compute_block(task: Task, number: int) -> dict[str, np.ndarray]:
@@ -68,9 +80,9 @@ def _connect(address: str) -> Any:
         raise InputError(
             'a Dask cluster needs the package distributed: pip install "jaxfric[study]"'
         ) from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
-        return Client(address, timeout=_PATIENCE, set_as_default=True)
+        with _silent():
+            return Client(address, timeout=_PATIENCE, set_as_default=True)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(
@@ -79,10 +91,18 @@ def _connect(address: str) -> Any:
         ) from None
 
 
-def _close(client: Any) -> None:
-    """Without waiting for a scheduler that is gone."""
-    with contextlib.suppress(Exception, CancelledError, asyncio.CancelledError):
-        client.close(timeout=2)
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """The loggers of Dask have levels of their own."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
 
 
 class _Pool:

@@ -94,9 +94,25 @@ def run(
     task = Task(function, grid, blocks, tuple(outputs), kind, cost, batch, dtype, separate)
     path = Path(out)
     description = description or _described(task)
-    with open_store(path, task, description, toml) as store:
-        _go_on(store, scheduler, progress, tell or (lambda text: None))
+    with _cluster(scheduler) as client, open_store(path, task, description, toml) as store:
+        source = _local if client is None else _on(client, scheduler or "")
+        _go_on(store, source, progress, tell or (lambda text: None))
     return load(path)
+
+
+def _cluster(scheduler: str | None) -> contextlib.AbstractContextManager[Any]:
+    """A client of the scheduler, or None where there is none; before anything is written."""
+    if scheduler is None:
+        return contextlib.nullcontext()
+    from .cluster import connected
+
+    return connected(scheduler)
+
+
+def _on(client: Any, scheduler: str) -> Callable[[Task, Sequence[int]], Iterator]:
+    from .cluster import distributed
+
+    return lambda task, todo: distributed(client, task, todo, scheduler)
 
 
 def load(path: str | Path) -> Any:
@@ -129,7 +145,7 @@ def _described(task: Task) -> dict[str, Any]:
     return found | ({} if samples is None else {"samples": repr(samples)})
 
 
-def _go_on(store: Store, scheduler: str | None, progress, tell) -> None:
+def _go_on(store: Store, source: Callable[[Task, Sequence[int]], Iterator], progress, tell) -> None:
     """Compute and write what is missing."""
     task = store.task
     sound = store.sound()
@@ -143,13 +159,7 @@ def _go_on(store: Store, scheduler: str | None, progress, tell) -> None:
         return
     clock = _Clock(task, len(sound), int(sound.sum()), progress)
     try:
-        if scheduler is None:
-            source: Iterable = _local(task, todo)
-        else:
-            from .cluster import distributed
-
-            source = distributed(task, todo, scheduler)
-        with contextlib.closing(source) as found:  # pyright: ignore[reportArgumentType]
+        with contextlib.closing(source(task, todo)) as found:  # pyright: ignore[reportArgumentType]
             _write_all(store, found, clock)
     except Stopped as stopped:
         raise Stopped(f"{stopped}; {clock.text()}") from None
