@@ -27,6 +27,8 @@ STEADY, LIMIT_CYCLE, ESCAPE, FAILED = range(4)
 _CLEAR, _LINEAR, _CYCLES, _SMALL = -0.22, 0.3, 4, 1e-3
 # This much closer than `_SMALL` a linearly stable slider is at the end of its way.
 _CLOSE = 1e-2
+# A slider this much faster than its command, for which no step is small enough, runs away.
+_FAST = 1e3
 # Cycles repeat where ln V of the fastest and slowest point changes by less than this, and by less
 # than this part of what the linear growth would make of it, so many times in a row.
 _REPEATS, _PART_OF_GROWTH, _IN_A_ROW = 1e-2, 0.2, 3
@@ -139,7 +141,11 @@ def ends(
         _Cycle(nothing, nothing, none - jnp.inf, nothing, nothing, none, none, no),
     )
     done = integrate(of, start, stops, observe=observe, seen=seen, rtol=rtol, max_steps=max_steps)
-    return _ended(of, done.seen, done.reached, done.steps, horizon, decay)
+    # a massless slider may run away in a finite time: no step is then small enough
+    stopped = ~done.reached & (done.steps < max_steps)
+    lost = stopped & (done.point.y[0] - command > np.log(_FAST))
+    gathered = done.seen._replace(escaped=done.seen.escaped | lost)
+    return _ended(of, gathered, done.reached, done.steps, horizon, decay)
 
 
 def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
