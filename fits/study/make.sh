@@ -6,4 +6,4 @@ store=$(mktemp -d)
 trap 'rm -rf "$store"' EXIT
 jaxfric study study.toml --out "$store/study.zarr"
 jaxfric study --plot "$store/study.zarr" --out "$store/figures"
-cp "$store"/figures/{map_end,map_slip_amplitude,map_modulus,marginals}.png .
+cp "$store"/figures/{map_end,map_slip_amplitude}.png .

@@ -29,9 +29,9 @@ _CLEAR, _LINEAR, _CYCLES, _SMALL = -0.22, 0.3, 4, 1e-3
 _CLOSE = 1e-2
 # A slider this much faster than its command, for which no step is small enough, runs away.
 _FAST = 1e3
-# Cycles repeat where ln V of the fastest and slowest point changes by less than this, and by less
-# than this part of what the linear growth would make of it, so many times in a row.
-_REPEATS, _PART_OF_GROWTH, _IN_A_ROW = 1e-2, 0.2, 3
+# Cycles repeat where ln V of the fastest and slowest point of so many in a row stays this close to
+# the first of them, and closer than this part of what the linear growth would make of one.
+_REPEATS, _PART_OF_GROWTH, _IN_A_ROW = 1e-2, 0.2, 6
 
 
 class Ends(NamedTuple):
@@ -65,8 +65,9 @@ class _Cycle(NamedTuple):
     speeds: tuple[Array, Array]
     springs: tuple[Array, Array]
     begun: Array
-    before: tuple[Array, Array]  # speeds of the last whole cycle, and so are the following
-    springs_before: tuple[Array, Array]
+    first: tuple[Array, Array]  # speeds of the first cycle of those that agree with it
+    last: tuple[Array, Array]  # speeds of the last whole cycle, and so are the following
+    springs_last: tuple[Array, Array]
     period: Array
     agree: Array
     repeats: Bool[Array, " n"]
@@ -138,7 +139,7 @@ def ends(
         none,
         no,
         no,
-        _Cycle(nothing, nothing, none - jnp.inf, nothing, nothing, none, none, no),
+        _Cycle(nothing, nothing, none - jnp.inf, nothing, nothing, nothing, none, none, no),
     )
     done = integrate(of, start, stops, observe=observe, seen=seen, rtol=rtol, max_steps=max_steps)
     # a massless slider may run away in a finite time: no step is then small enough
@@ -158,19 +159,20 @@ def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
     period = jnp.where(whole, time - of.begun, of.period)
     growth = jnp.where(decay < 0, -decay, 0.0) * period
     allowed = jnp.minimum(_REPEATS, _PART_OF_GROWTH * growth)
-    low, high = (jnp.abs(now - then) for now, then in zip(of.speeds, of.before, strict=True))
+    low, high = (jnp.abs(now - then) for now, then in zip(of.speeds, of.first, strict=True))
     agrees = (low < allowed) & (high < allowed)
     agree = jnp.where(whole, jnp.where(agrees, of.agree + 1, 0), of.agree)
 
-    def choose(new, old):
-        return jnp.where(rises, new[0], old[0]), jnp.where(rises, new[1], old[1])
+    def choose(new, old, when=rises):
+        return jnp.where(when, new[0], old[0]), jnp.where(when, new[1], old[1])
 
     return _Cycle(
         choose((u, u), _widened(of.speeds, u, step.accepted)),
         choose((spring, spring), _widened(of.springs, spring, step.accepted)),
         jnp.where(rises, time, of.begun),
-        choose(of.speeds, of.before),
-        choose(of.springs, of.springs_before),
+        choose(of.speeds, of.first, whole & ~agrees),
+        choose(of.speeds, of.last),
+        choose(of.springs, of.springs_last),
         period,
         agree,
         of.repeats | (agree >= _IN_A_ROW),
@@ -216,8 +218,8 @@ def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
     def chosen(last, half):
         return tuple(jnp.where(cycle.repeats, a, b) for a, b in zip(last, half, strict=True))
 
-    speeds = chosen(cycle.before, seen.speeds)
-    springs = chosen(cycle.springs_before, seen.springs)
+    speeds = chosen(cycle.last, seen.speeds)
+    springs = chosen(cycle.springs_last, seen.springs)
     low, high = (of.law.V0 * jnp.exp(jnp.clip(u, -700.0, 600.0)) for u in speeds)
     known = (code == LIMIT_CYCLE) | ((code == STEADY) & jnp.isfinite(speeds[0]))
     at_end = (code == STEADY) & ~known  # not followed to its last half: it is steady
