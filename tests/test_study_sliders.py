@@ -251,3 +251,44 @@ def test_ends_with_mass(tmp_path):
     """
     found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
     assert found.end.values.tolist() == [1, 0]
+
+
+@pytest.mark.long
+def test_gains_and_fits_one_by_one(tmp_path):
+    """The smallest gains of (25), and parameters found again within their errors."""
+    text = """
+    compute = ["gains"]
+    [rig]
+    law = "slip"
+    A = "1 N"
+    L = "1 mm"
+    m = "2 kg"
+    V0 = "2 mm/s"
+    [axes]
+    B = { values = ["0.5 N", "3 N"] }
+    [gains]
+    margin = { stiffness = 1.5 }
+    max_k_v = "1e-3 N*s/m"
+    """
+    found = run_study(written(tmp_path / "g.toml", text), tmp_path / "g")
+    assert found.gains.values.tolist() == [0, 0]
+    _, k_cr = critical_rate_state(1.0, 3.0, 1e-3, 2e-3, found.least_k_v[1], 2.0)
+    np.testing.assert_allclose(found.least_k_p[1], 1.5 * k_cr, rtol=1e-6)
+    text = """
+    compute = ["fit"]
+    [rig]
+    law = "slip"
+    A = "5 N"
+    L = "20 um"
+    V0 = "10 um/s"
+    k_p = "2 MN/m"
+    [axes]
+    B = { values = ["6 N", "8 N"] }
+    [fit]
+    noise = "0.05 N"
+    """
+    found = run_study(written(tmp_path / "f.toml", text), tmp_path / "f")
+    assert found.fit.values.tolist() == [0, 0]
+    assert np.all(np.abs(found.fitted_B - found.B) < 4 * found.std_B)
+    assert np.all(np.abs(found.fitted_A - 5) < 4 * found.std_A)
+    assert np.all(np.abs(found.rms / 0.05 - 1) < 0.2)

@@ -98,7 +98,8 @@ class _Teller:
         self.state = "no chunk is written yet"
 
     def note(self, text: str) -> None:
-        self.state = text
+        if "chunks are written" in text:
+            self.state = text
         self.say(text)
 
     def progress(self, now) -> None:

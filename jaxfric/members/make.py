@@ -65,6 +65,8 @@ def _sliders(spec: Spec) -> Made:
         usual += [output.name for output in traces(samples)] if "samples" in table else []
     outputs = choose_outputs(spec, known, tuple(usual))
     wanted = tuple(output.name for output in outputs)
+    if "simulate" in spec.compute and spec.dtype != "float64":
+        raise InputError(f"{spec.path.name}: dtype float32 is for margins; simulate needs float64")
     law, inertia = _law(spec), table.get("inertia", False)
     traced = bool({"force", "velocity"} & set(wanted))
     if traced and (inertia or not isinstance(law, str)):

@@ -8,8 +8,10 @@ ends the run, not the store: the same command goes on.
 import asyncio
 import contextlib
 import logging
+import math
 import os
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
 
@@ -44,15 +46,15 @@ def connected(address: str) -> Iterator[Any]:
 
 
 def distributed(
-    client: Any, task: Task, todo: Sequence[int], address: str
+    client: Any, task: Task, todo: Sequence[int], address: str, tell: Callable[[str], None]
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
-    """Blocks as they are finished, in any order.
+    """Blocks as they are finished, in any order; `tell` hears where there is no worker.
 
     Raises
     ------
     Stopped : the scheduler is lost, or one block loses every worker that it is given to.
     """
-    yield from _Pool(client, task, address).blocks(list(todo))
+    yield from _Pool(client, task, address, tell).blocks(list(todo))
 
 
 def compute_block(task: Task, number: int) -> dict[str, np.ndarray]:
@@ -108,8 +110,9 @@ def _silent() -> Iterator[None]:
 class _Pool:
     """The blocks that are under way."""
 
-    def __init__(self, client: Any, task: Task, address: str):
-        self.client, self.task, self.address = client, task, address
+    def __init__(self, client: Any, task: Task, address: str, tell: Callable[[str], None]):
+        self.client, self.task, self.address, self.tell = client, task, address, tell
+        self.alone: float | None = None
         self.futures: dict[Any, int] = {}
         self.losses: dict[int, int] = {}
 
@@ -140,7 +143,7 @@ class _Pool:
 
     def _threads(self) -> int:
         """Threads of the workers that are there; 0 where there are none."""
-        info = self.client.scheduler_info(n_workers=-1)
+        info = self._ask(lambda: self.client.scheduler_info(n_workers=-1))
         return sum(worker["nthreads"] for worker in info["workers"].values())
 
     def _finished(self) -> list[Any]:
@@ -154,9 +157,24 @@ class _Pool:
                 done = wait(list(self.futures), timeout=1.0, return_when="FIRST_COMPLETED").done
                 return list(done)
             except TimeoutError:
-                continue
+                self._mind_workers()
             except (OSError, RuntimeError, CancelledError, asyncio.CancelledError):
                 raise self._gone() from None
+
+    def _mind_workers(self) -> None:
+        """Tell, once, that there has been no worker for a while."""
+        if self._threads():
+            self.alone = None
+            return
+        now = time.monotonic()
+        if self.alone is None:
+            self.alone = now
+        if now - self.alone > _PATIENCE:
+            self.alone = math.inf
+            self.tell(
+                f"the scheduler at {self.address} has no workers; start some with:"
+                f" dask worker {self.address} --nthreads 1"
+            )
 
     def _result(self, future: Any) -> dict[str, np.ndarray]:
         return self._ask(lambda: future.result(timeout=10 * _PATIENCE))

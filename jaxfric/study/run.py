@@ -94,9 +94,10 @@ def run(
     task = Task(function, grid, blocks, tuple(outputs), kind, cost, batch, dtype, separate)
     path = Path(out)
     description = description or _described(task)
+    tell = tell or (lambda text: None)
     with _cluster(scheduler) as client, open_store(path, task, description, toml) as store:
-        source = _local if client is None else _on(client, scheduler or "")
-        _go_on(store, source, progress, tell or (lambda text: None))
+        source = _local if client is None else _on(client, scheduler or "", tell)
+        _go_on(store, source, progress, tell)
     return load(path)
 
 
@@ -109,10 +110,10 @@ def _cluster(scheduler: str | None) -> contextlib.AbstractContextManager[Any]:
     return connected(scheduler)
 
 
-def _on(client: Any, scheduler: str) -> Callable[[Task, Sequence[int]], Iterator]:
+def _on(client: Any, scheduler: str, tell) -> Callable[[Task, Sequence[int]], Iterator]:
     from .cluster import distributed
 
-    return lambda task, todo: distributed(client, task, todo, scheduler)
+    return lambda task, todo: distributed(client, task, todo, scheduler, tell)
 
 
 def load(path: str | Path) -> Any:
