@@ -25,25 +25,22 @@ ratio = 10                          # the command steps from V0/ratio to V0
 samples = 100                       # of the outputs force and velocity
 """
 
-import hashlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..errors import InputError
-from ..study import Axis, Grid, Normal, Output, Samples, Uniform, linspace, logspace, values
-from ..study.grid import KINDS
+from ..study import Grid, Output
+from .axes import posterior, read_grid
 from .parameters import LAW, nearest, needed, number, parameter, read_value, states_of
+from .tables import file_of, names_of, refuse_unknown, table_of, whole
 
 COMPUTE = ("margins", "simulate", "gains", "fit", "loop")
 _ONE_BY_ONE = ("gains", "fit", "loop")
 _TOP = ("compute", "outputs", "chunk", "dtype", "rig", "axes", "samples")
 _RIG = ("law", "from", "normal_force", "A", "B", "L", "f0", "V_ref", "m", "k_p", "k_v", "V0")
-_AXIS = ("linspace", "logspace", "values", *KINDS, "from")
 _SIMULATE = ("ratio", "samples", "duration", "rtol", "max_steps", "inertia")
 
 
@@ -87,8 +84,8 @@ def read_spec(path: str | Path) -> Spec:
     text, content = _parsed(path)
     where = path.name
     compute = _compute(content, where)
-    _refuse_unknown(content, (*_TOP, *COMPUTE), where)
-    options = {name: _table(content, name, where) for name in COMPUTE if name in content}
+    refuse_unknown(content, (*_TOP, *COMPUTE), where)
+    options = {name: table_of(content, name, where) for name in COMPUTE if name in content}
     for name in options:
         if name not in compute:
             raise InputError(
@@ -96,15 +93,17 @@ def read_spec(path: str | Path) -> Spec:
                 " the table out"
             )
     files: dict[str, str] = {}
-    law, source, force, fixed = _rig(_table(content, "rig", where), path, files)
-    grid = _grid(content, path, files)
+    law, source, force, fixed = _rig(table_of(content, "rig", where), path, files)
+    grid = read_grid(content, path, files)
     _check_simulate(options, f"{where} [simulate]", fixed, grid)
-    law, fixed = _posterior(content, path, law, fixed, grid)
+    law, fixed = posterior(content, path, law, fixed, grid)
     if source is not None:
         law, fixed = _law_of_file(source, force, fixed, f"{where} [rig]")
-    both = [name for name in grid.names if name in fixed and name in _table(content, "rig", where)]
-    if both:
-        raise InputError(f"{where}: {both[0]} is in [rig] and in [axes]; leave one out")
+    in_both = [
+        name for name in grid.names if name in fixed and name in table_of(content, "rig", where)
+    ]
+    if in_both:
+        raise InputError(f"{where}: {in_both[0]} is in [rig] and in [axes]; leave one out")
     fixed = {name: value for name, value in fixed.items() if name not in grid.names}
     states = states_of((*fixed, *grid.names))
     spec = Spec(
@@ -112,8 +111,8 @@ def read_spec(path: str | Path) -> Spec:
         text,
         content,
         compute,
-        _names(content, "outputs", where),
-        _whole(content, "chunk", where),
+        names_of(content, "outputs", where),
+        whole(content, "chunk", where),
         _dtype(content, where),
         law,
         source,
@@ -162,7 +161,7 @@ def _parsed(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def _compute(content: Mapping[str, Any], where: str) -> tuple[str, ...]:
-    found = _names(content, "compute", where)
+    found = names_of(content, "compute", where)
     if not found:
         raise InputError(f"{where}: compute is missing; say what, as in compute = ['margins']")
     for name in found:
@@ -177,42 +176,11 @@ def _compute(content: Mapping[str, Any], where: str) -> tuple[str, ...]:
     return found
 
 
-def _names(content: Mapping[str, Any], key: str, where: str) -> tuple[str, ...] | None:
-    if key not in content:
-        return None
-    found = content[key]
-    if not isinstance(found, list) or not all(isinstance(x, str) for x in found) or not found:
-        raise InputError(f"{where}: {key} is a list of names, as in {key} = ['margins']")
-    return tuple(dict.fromkeys(found))
-
-
-def _whole(content: Mapping[str, Any], key: str, where: str, least: int = 1) -> int | None:
-    if key not in content:
-        return None
-    found = content[key]
-    if isinstance(found, bool) or not isinstance(found, int) or found < least:
-        raise InputError(f"{where}: {key} is {found!r}; it is a whole number from {least}")
-    return found
-
-
 def _dtype(content: Mapping[str, Any], where: str) -> str:
     found = content.get("dtype", "float64")
     if found not in ("float64", "float32"):
         raise InputError(f"{where}: dtype is {found!r}; it is 'float64' or 'float32'")
     return found
-
-
-def _table(content: Mapping[str, Any], name: str, where: str) -> dict[str, Any]:
-    found = content.get(name, {})
-    if not isinstance(found, dict):
-        raise InputError(f"{where}: {name} is a table, [{name}]")
-    return found
-
-
-def _refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in known:
-            raise InputError(f"{where}: no key '{key}'{nearest(key, known)}")
 
 
 def _rig(rig: dict[str, Any], path: Path, files: dict[str, str]):
@@ -240,22 +208,10 @@ def _rig(rig: dict[str, Any], path: Path, files: dict[str, str]):
             raise InputError(f"{where}: normal_force is {force:g} N; it must be positive")
     source = None
     if "from" in rig:
-        source = _file(rig["from"], path, f"{where} from", files)
+        source = file_of(rig["from"], path, f"{where} from", files)
     elif force is not None:
         raise InputError(f"{where}: normal_force goes with from; give parameters in newtons")
     return law, source, force, fixed
-
-
-def _file(name: Any, path: Path, where: str, files: dict[str, str]) -> Path:
-    """A file named in the study, taken from the folder of the study.toml."""
-    if not isinstance(name, str):
-        raise InputError(f"{where}: {name!r} is no name of a file")
-    found = path.parent / name
-    try:
-        files[name] = hashlib.sha256(found.read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise InputError(f"{where}: {found}: {error.strerror}") from None
-    return found
 
 
 def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
@@ -279,154 +235,10 @@ def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], whe
     return kind, {**own, **fixed}
 
 
-def _grid(content: dict[str, Any], path: Path, files: dict[str, str]) -> Grid:
-    where = f"{path.name} [axes]"
-    table = _table(content, "axes", path.name)
-    if not table:
-        raise InputError(f"{path.name}: [axes] is missing or empty; vary a parameter or more")
-    axes: list[Axis] = []
-    columns: list[Uniform | Normal] = []
-    for name, axis in table.items():
-        if not isinstance(axis, dict):
-            raise InputError(f"{where} {name}: write it as {{ linspace = [...], points = 20 }}")
-        kind = _kind(axis, f"{where} {name}")
-        if kind == "from":
-            columns.append(_draws(axis, path, f"{where} {name}", files))
-        elif kind in KINDS:
-            columns.append(_column(name, kind, axis, where))
-        else:
-            axes.append(_axis(name, kind, axis, where))
-    samples = _table(content, "samples", path.name)
-    _refuse_unknown(samples, ("number", "seed"), f"{path.name} [samples]")
-    count = _whole(samples, "number", f"{path.name} [samples]")
-    seed = _whole(samples, "seed", f"{path.name} [samples]", 0) or 0
-    if columns and count is None:
-        raise InputError(f"{path.name}: [samples] number is missing; say how many, number = 1024")
-    if count is not None and not columns:
-        raise InputError(f"{path.name}: [samples] would not be used: no axis is sampled")
-    return Grid(tuple(axes), Samples(count, tuple(columns), seed) if count and columns else None)
-
-
-def _kind(axis: dict[str, Any], where: str) -> str:
-    kinds = [key for key in axis if key in _AXIS]
-    extras = {"from": ("normal_force",), "linspace": ("points",), "logspace": ("points",)}
-    if len(kinds) != 1:
-        unknown = [key for key in axis if key not in (*_AXIS, "points", "log", "normal_force")]
-        if unknown:
-            raise InputError(f"{where}: no key '{unknown[0]}'{nearest(unknown[0], _AXIS)}")
-        raise InputError(f"{where}: give one of {', '.join(_AXIS)}")
-    kind = kinds[0]
-    allowed = extras.get(kind, ("log",) if kind in KINDS else ())
-    _refuse_unknown(axis, (kind, *allowed), where)
-    return kind
-
-
-def _axis(name: str, kind: str, axis: dict[str, Any], where: str) -> Axis:
-    about = parameter(name, where)
-    given = axis[kind]
-    place = f"{where} {name}"
-    if not isinstance(given, list):
-        raise InputError(f"{place}: {kind} is a list, as in {kind} = ['1 um/s', '10 um/s']")
-    if not given:
-        raise InputError(f"{place}: {kind} is empty; give a value or more")
-    numbers = [read_value(x, name, place) for x in given]
-    labels = {"unit": about.unit, "long_name": about.text}
-    if kind == "values":
-        if len(set(numbers)) < len(numbers):
-            raise InputError(f"{place}: a value is given twice")
-        return values(name, numbers, **labels)
-    if len(numbers) != 2:
-        raise InputError(f"{place}: {kind} takes two ends, not {len(numbers)} values")
-    points = axis.get("points")
-    if isinstance(points, bool) or not isinstance(points, int):
-        raise InputError(f"{place}: points is missing; say how many values, points = 20")
-    if points < 1:
-        raise InputError(f"{place} is empty: {points} points; give 1 or more")
-    if points > 1 and numbers[0] == numbers[1]:
-        raise InputError(f"{place} is empty: both ends are {given[0]}")
-    low, high = numbers
-    if kind == "logspace" and not min(numbers) > 0:
-        raise InputError(f"{place}: logspace needs positive ends; use linspace")
-    make = linspace if kind == "linspace" else logspace
-    return make(name, low, high, points, **labels)
-
-
-def _column(name: str, kind: str, axis: dict[str, Any], where: str) -> Uniform:
-    about = parameter(name, where)
-    given, place, log = axis[kind], f"{where} {name}", axis.get("log", False)
-    if not isinstance(given, list) or len(given) != 2:
-        raise InputError(f"{place}: {kind} takes two ends, as in {kind} = ['1 N', '2 N']")
-    if not isinstance(log, bool):
-        raise InputError(f"{place}: log is {log!r}; it is true or false")
-    low, high = (read_value(x, name, place) for x in given)
-    if not low < high:
-        raise InputError(f"{place} is empty: from {given[0]} to {given[1]}")
-    if log and not low > 0:
-        raise InputError(f"{place}: with log the range begins above 0")
-    return Uniform(name, low, high, about.unit, about.text, log, kind)
-
-
-def _draws(axis: dict[str, Any], path: Path, where: str, files: dict[str, str]) -> Normal:
-    """Columns from the covariance of a fit.json, those with a lower bound by their logarithm."""
-    from ..gains.saved import FIT, read_saved, values_of
-    from ..gains.source import force_of_unit
-
-    source = _file(axis["from"], path, where, files)
-    content = read_saved(source, FIT)
-    force = None
-    if "normal_force" in axis:
-        force = number(axis["normal_force"], "N", f"{where} normal_force")
-    scale = force_of_unit(content["friction_unit"], force, source)
-    found = values_of(content)
-    names = [n for n in content["free"] if n in ("A", "f0") or n[0] in "BL"]
-    index = [content["free"].index(n) for n in names]
-    loose = [n for n in names if not content["parameters"][n].get("determined", True)]
-    covariance = np.asarray(content["covariance"], float)[np.ix_(index, index)]
-    if not names or loose or not np.all(np.isfinite(covariance)):
-        what = ", ".join(loose) or "a parameter"
-        raise InputError(f"{where}: {source}: the fit leaves {what} undetermined; nothing to draw")
-    abouts = [parameter(n, where) for n in names]
-    size = np.asarray([scale if a.unit == "N" else 1.0 for a in abouts])
-    mean = size * [found[n] for n in names]
-    log = np.asarray([a.lower == 0.0 for a in abouts])
-    spread = np.where(log, size / mean, size)
-    lowered, vectors = np.linalg.eigh(covariance * np.outer(spread, spread))
-    root = vectors * np.sqrt(np.maximum(lowered, 0.0))
-    labels = tuple(a.unit for a in abouts), tuple(a.text for a in abouts)
-    return Normal(tuple(names), mean, root, tuple(bool(x) for x in log), *labels)
-
-
-def _posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
-    """What the fit of an axis `from` says of the parameters that it does not draw."""
-    table = _table(content, "axes", path.name)
-    sources = [axis["from"] for axis in table.values() if "from" in axis]
-    if not sources:
-        return law, fixed
-    if len(sources) > 1:
-        raise InputError(f"{path.name} [axes]: two axes with from; a member has one law")
-    from ..gains.saved import FIT, read_saved, values_of
-    from ..gains.source import force_of_unit
-
-    content = read_saved(path.parent / sources[0], FIT)
-    axis = next(axis for axis in table.values() if "from" in axis)
-    force = number(axis["normal_force"], "N", "normal_force") if "normal_force" in axis else None
-    scale = force_of_unit(content["friction_unit"], force, path.parent / sources[0])
-    own = {}
-    for name, value in values_of(content).items():
-        if name == "V0":
-            own["V_ref"] = value
-        elif name in ("A", "f0") or name[0] == "B":
-            own[name] = value * scale
-        elif name[0] == "L":
-            own[name] = value
-    kept = {name: value for name, value in own.items() if name not in grid.names}
-    return law or content["law"], {**kept, **fixed}
-
-
 def _check_simulate(options, where: str, fixed: dict[str, float], grid: Grid) -> None:
     """[simulate]: its keys; the ratio of the step is a parameter like others."""
     table = options.get("simulate", {})
-    _refuse_unknown(table, _SIMULATE, where)
+    refuse_unknown(table, _SIMULATE, where)
     if "ratio" in table:
         fixed["ratio"] = read_value(table["ratio"], "ratio", f"{where} ratio")
     elif "ratio" not in grid.names:
@@ -438,7 +250,7 @@ def _check_simulate(options, where: str, fixed: dict[str, float], grid: Grid) ->
         if not table.pop("duration_s") > 0:
             raise InputError(f"{where}: duration must be positive")
     for key, least in (("samples", 1), ("max_steps", 16)):
-        _whole(table, key, where, least)
+        whole(table, key, where, least)
     rtol = table.get("rtol", 1e-6)
     if isinstance(rtol, bool) or not isinstance(rtol, float | int) or not 1e-10 <= rtol <= 1e-2:
         raise InputError(f"{where}: rtol is {rtol!r}; it is a number from 1e-10 to 1e-2")

@@ -1,0 +1,159 @@
+"""[axes] and [samples] of a study.toml: what varies."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
+from ..study.grid import KINDS
+from .parameters import nearest, number, parameter, read_value
+from .tables import file_of, refuse_unknown, table_of, whole
+
+_AXIS = ("linspace", "logspace", "values", *KINDS, "from")
+
+
+def read_grid(content: dict[str, Any], path: Path, files: dict[str, str]) -> Grid:
+    """[axes] and [samples]: what varies."""
+    where = f"{path.name} [axes]"
+    table = table_of(content, "axes", path.name)
+    if not table:
+        raise InputError(f"{path.name}: [axes] is missing or empty; vary a parameter or more")
+    axes: list[Axis] = []
+    columns: list[Uniform | Normal] = []
+    for name, axis in table.items():
+        if not isinstance(axis, dict):
+            raise InputError(f"{where} {name}: write it as {{ linspace = [...], points = 20 }}")
+        kind = _kind(axis, f"{where} {name}")
+        if kind == "from":
+            columns.append(_draws(axis, path, f"{where} {name}", files))
+        elif kind in KINDS:
+            columns.append(_column(name, kind, axis, where))
+        else:
+            axes.append(_axis(name, kind, axis, where))
+    samples = table_of(content, "samples", path.name)
+    refuse_unknown(samples, ("number", "seed"), f"{path.name} [samples]")
+    count = whole(samples, "number", f"{path.name} [samples]")
+    seed = whole(samples, "seed", f"{path.name} [samples]", 0) or 0
+    if columns and count is None:
+        raise InputError(f"{path.name}: [samples] number is missing; say how many, number = 1024")
+    if count is not None and not columns:
+        raise InputError(f"{path.name}: [samples] would not be used: no axis is sampled")
+    return Grid(tuple(axes), Samples(count, tuple(columns), seed) if count and columns else None)
+
+
+def _kind(axis: dict[str, Any], where: str) -> str:
+    kinds = [key for key in axis if key in _AXIS]
+    extras = {"from": ("normal_force",), "linspace": ("points",), "logspace": ("points",)}
+    if len(kinds) != 1:
+        unknown = [key for key in axis if key not in (*_AXIS, "points", "log", "normal_force")]
+        if unknown:
+            raise InputError(f"{where}: no key '{unknown[0]}'{nearest(unknown[0], _AXIS)}")
+        raise InputError(f"{where}: give one of {', '.join(_AXIS)}")
+    kind = kinds[0]
+    allowed = extras.get(kind, ("log",) if kind in KINDS else ())
+    refuse_unknown(axis, (kind, *allowed), where)
+    return kind
+
+
+def _axis(name: str, kind: str, axis: dict[str, Any], where: str) -> Axis:
+    about = parameter(name, where)
+    given = axis[kind]
+    place = f"{where} {name}"
+    if not isinstance(given, list):
+        raise InputError(f"{place}: {kind} is a list, as in {kind} = ['1 um/s', '10 um/s']")
+    if not given:
+        raise InputError(f"{place}: {kind} is empty; give a value or more")
+    numbers = [read_value(x, name, place) for x in given]
+    labels = {"unit": about.unit, "long_name": about.text}
+    if kind == "values":
+        if len(set(numbers)) < len(numbers):
+            raise InputError(f"{place}: a value is given twice")
+        return values(name, numbers, **labels)
+    if len(numbers) != 2:
+        raise InputError(f"{place}: {kind} takes two ends, not {len(numbers)} values")
+    points = axis.get("points")
+    if isinstance(points, bool) or not isinstance(points, int):
+        raise InputError(f"{place}: points is missing; say how many values, points = 20")
+    if points < 1:
+        raise InputError(f"{place} is empty: {points} points; give 1 or more")
+    if points > 1 and numbers[0] == numbers[1]:
+        raise InputError(f"{place} is empty: both ends are {given[0]}")
+    low, high = numbers
+    if kind == "logspace" and not min(numbers) > 0:
+        raise InputError(f"{place}: logspace needs positive ends; use linspace")
+    make = linspace if kind == "linspace" else logspace
+    return make(name, low, high, points, **labels)
+
+
+def _column(name: str, kind: str, axis: dict[str, Any], where: str) -> Uniform:
+    about = parameter(name, where)
+    given, place, log = axis[kind], f"{where} {name}", axis.get("log", False)
+    if not isinstance(given, list) or len(given) != 2:
+        raise InputError(f"{place}: {kind} takes two ends, as in {kind} = ['1 N', '2 N']")
+    if not isinstance(log, bool):
+        raise InputError(f"{place}: log is {log!r}; it is true or false")
+    low, high = (read_value(x, name, place) for x in given)
+    if not low < high:
+        raise InputError(f"{place} is empty: from {given[0]} to {given[1]}")
+    if log and not low > 0:
+        raise InputError(f"{place}: with log the range begins above 0")
+    return Uniform(name, low, high, about.unit, about.text, log, kind)
+
+
+def _draws(axis: dict[str, Any], path: Path, where: str, files: dict[str, str]) -> Normal:
+    """Columns from the covariance of a fit.json, those with a lower bound by their logarithm."""
+    from ..gains.saved import FIT, read_saved, values_of
+    from ..gains.source import force_of_unit
+
+    source = file_of(axis["from"], path, where, files)
+    content = read_saved(source, FIT)
+    force = None
+    if "normal_force" in axis:
+        force = number(axis["normal_force"], "N", f"{where} normal_force")
+    scale = force_of_unit(content["friction_unit"], force, source)
+    found = values_of(content)
+    names = [n for n in content["free"] if n in ("A", "f0") or n[0] in "BL"]
+    index = [content["free"].index(n) for n in names]
+    loose = [n for n in names if not content["parameters"][n].get("determined", True)]
+    covariance = np.asarray(content["covariance"], float)[np.ix_(index, index)]
+    if not names or loose or not np.all(np.isfinite(covariance)):
+        what = ", ".join(loose) or "a parameter"
+        raise InputError(f"{where}: {source}: the fit leaves {what} undetermined; nothing to draw")
+    abouts = [parameter(n, where) for n in names]
+    size = np.asarray([scale if a.unit == "N" else 1.0 for a in abouts])
+    mean = size * [found[n] for n in names]
+    log = np.asarray([a.lower == 0.0 for a in abouts])
+    spread = np.where(log, size / mean, size)
+    lowered, vectors = np.linalg.eigh(covariance * np.outer(spread, spread))
+    root = vectors * np.sqrt(np.maximum(lowered, 0.0))
+    labels = tuple(a.unit for a in abouts), tuple(a.text for a in abouts)
+    return Normal(tuple(names), mean, root, tuple(bool(x) for x in log), *labels)
+
+
+def posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
+    """What the fit of an axis `from` says of the parameters that it does not draw."""
+    table = table_of(content, "axes", path.name)
+    sources = [axis["from"] for axis in table.values() if "from" in axis]
+    if not sources:
+        return law, fixed
+    if len(sources) > 1:
+        raise InputError(f"{path.name} [axes]: two axes with from; a member has one law")
+    from ..gains.saved import FIT, read_saved, values_of
+    from ..gains.source import force_of_unit
+
+    content = read_saved(path.parent / sources[0], FIT)
+    axis = next(axis for axis in table.values() if "from" in axis)
+    force = number(axis["normal_force"], "N", "normal_force") if "normal_force" in axis else None
+    scale = force_of_unit(content["friction_unit"], force, path.parent / sources[0])
+    own = {}
+    for name, value in values_of(content).items():
+        if name == "V0":
+            own["V_ref"] = value
+        elif name in ("A", "f0") or name[0] == "B":
+            own[name] = value * scale
+        elif name[0] == "L":
+            own[name] = value
+    kept = {name: value for name, value in own.items() if name not in grid.names}
+    return law or content["law"], {**kept, **fixed}
