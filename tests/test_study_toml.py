@@ -128,6 +128,8 @@ def test_study_runs_goes_on_and_is_drawn() -> None:
         GOOD + "m = { values = ['1 kg', '2 kg'] }\n",
     )
     assert_refused(run("study", path), "another study", "axes.m")
+    written(path, GOOD.replace("chunk = 8", "chunk = 9"))
+    assert_refused(run("study", path), "which differs in chunk;")
     drawn = run("study", "--plot", "study.zarr", "--out", "figures")
     assert drawn.code == 0, drawn.err
     names = sorted(os.listdir("figures"))

@@ -93,7 +93,7 @@ def run(
     blocks = Blocks.of(grid.shape, chunk)
     task = Task(function, grid, blocks, tuple(outputs), kind, cost, batch, dtype, separate)
     path = Path(out)
-    description = description or _described(task)
+    description = _described(task) if description is None else _with_layout(description, task)
     tell = tell or (lambda text: None)
     with _cluster(scheduler) as client, open_store(path, task, description, toml) as store:
         source = _local if client is None else _on(client, scheduler or "", tell)
@@ -144,6 +144,12 @@ def _described(task: Task) -> dict[str, Any]:
     found = {"function": name, "axes": axes, "outputs": [o.name for o in task.outputs]}
     found |= {"block": list(task.blocks.block), "dtype": task.dtype}
     return found | ({} if samples is None else {"samples": repr(samples)})
+
+
+def _with_layout(description: Mapping[str, Any], task: Task) -> dict[str, Any]:
+    """What follows from a description by defaults, which another version may have changed."""
+    outputs = [output.name for output in task.outputs]
+    return {**description, "layout": {"block": list(task.blocks.block), "outputs": outputs}}
 
 
 def _go_on(store: Store, source: Callable[[Task, Sequence[int]], Iterator], progress, tell) -> None:

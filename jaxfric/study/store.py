@@ -210,6 +210,7 @@ def refuse_other(path: Path, description: Mapping[str, Any]) -> None:
     kept = json.loads(attributes(path)["study"])
     differing = sorted(_differences(kept, json.loads(json.dumps(description)), ""))
     if differing:
+        differing = [key for key in differing if not key.startswith("layout.")] or differing
         shown = ", ".join(differing[:6]) + (" and others" if len(differing) > 6 else "")
         raise InputError(
             f"{path} belongs to another study, which differs in {shown}; give another with --out,"
