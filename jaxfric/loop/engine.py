@@ -256,6 +256,15 @@ class Engine:
         natural = np.asarray(_natural(self.problem, jnp.asarray(z)))
         return dict(zip(self.names, natural.tolist(), strict=True))
 
+    def moderate(self, z: np.ndarray, start: np.ndarray) -> bool:
+        """Whether no positive parameter of the base changes by more than a factor of ten.
+
+        A first-order start that does so is none: two sensitivities are nearly one there, as that
+        of a second state whose length is that of the first, and their amplitudes run away.
+        """
+        positive = [i for i in self.base if np.isfinite(self.model.quantity(self.names[i]).lower)]
+        return bool(np.all(np.abs(start - z)[positive] < np.log(10)))
+
     def physical(self, effects: tuple[str, ...], z: np.ndarray) -> bool:
         """Whether the parameters of some effects are physically possible."""
         values = self.values(z)

@@ -100,7 +100,8 @@ def screen(
     for id, found in gains.items():
         starts = [_start(current.z, free, column, weights[i]) for _, column, i in found]
         possible = [k for k, z in enumerate(starts) if engine.physical((id,), z)]
-        chosen = max(possible or range(len(found)), key=lambda k: found[k][0])
+        near = [k for k in possible if engine.moderate(current.z, starts[k])]
+        chosen = max(near or possible or range(len(found)), key=lambda k: found[k][0])
         (gain, _, i), z = found[chosen], starts[chosen]
         if not possible:  # the record asks for the opposite of the effect
             gain = 0.0

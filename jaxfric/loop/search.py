@@ -16,6 +16,8 @@ from ..fitting.noise import Noise
 from .engine import Candidate, Engine
 from .screen import Screened, aliases, screen
 
+_PARTS = (0.1, 0.01, 1e-3)
+_TIE = 2.0
 ACCEPT = 10.0
 ALIAS = 0.95
 _REFITS = 4
@@ -89,7 +91,10 @@ def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool
 
 
 def _refits(engine, current: Candidate, found, tried, progress) -> Candidate | None:
-    """The best acceptable joint refit of the most promising effects, or None."""
+    """The best acceptable joint refit of the most promising effects, or None.
+
+    Of those whose BIC is within `_TIE`, which is no evidence, the first of the catalogue.
+    """
     accepted: list[Candidate] = []
     for one in found[:_REFITS]:
         hopeless = one.delta_bic < 0 or one.p_value > _CHANCE
@@ -104,7 +109,12 @@ def _refits(engine, current: Candidate, found, tried, progress) -> Candidate | N
             and one.p_value <= _CHANCE
         ):
             accepted.append(candidate)
-    return min(accepted, key=lambda c: c.bic) if accepted else None
+    if not accepted:
+        return None
+    least = min(c.bic for c in accepted)
+    tied = [c for c in accepted if c.bic - least < _TIE]
+    order = [e.id for e in engine.model.effects]
+    return min(tied, key=lambda c: order.index(c.effects[-1]))
 
 
 def _exact(engine: Engine, candidate: Candidate, tried: list[Candidate]) -> Candidate:
@@ -119,13 +129,19 @@ def _exact(engine: Engine, candidate: Candidate, tried: list[Candidate]) -> Cand
 def refit_safely(
     engine: Engine, effects: tuple[str, ...], one: Screened, current: Candidate
 ) -> Candidate:
-    """Refit from the first-order start or, if that runs away, from a tenth of the effect."""
+    """Refit from the first-order start or, while that runs away, from a part of the effect.
+
+    Where two sensitivities are nearly one (a second state whose length is that of the first), their
+    amplitudes to first order are opposite and a hundred times what they can be.
+    """
     candidate = engine.refit(effects, one.z)
-    if candidate.failed:
+    for part in _PARTS:
+        if not candidate.failed:
+            break
         start = np.array(current.z)
         shapes = engine.model.columns((one.id,))
         start[shapes] = one.z[shapes]
-        start[engine.model.amplitudes(one.id)] *= 0.1
+        start[engine.model.amplitudes(one.id)] *= part
         candidate = engine.refit(effects, start)
     return candidate
 
@@ -192,6 +208,6 @@ def _swapped(engine, current: Candidate, ids, cosines, rounds, tried, progress) 
             progress("refitting with " + ", ".join(effects))
             candidate = engine.refit(effects, start)
             tried.append(candidate)
-            if not candidate.failed and candidate.physical and candidate.bic < best.bic:
+            if not candidate.failed and candidate.physical and best.bic - candidate.bic > _TIE:
                 best = candidate
     return best

@@ -214,9 +214,7 @@ def _sentence(engine, search, verdict, groups, rivals, floor, located) -> str:
             f" than {ACCEPT:g} of BIC (held-out {before:.2f} sigma)."
         )
     if verdict == "outside_catalogue":
-        one = len(search.final.effects) == 1
-        verb, but = ("helps", "does") if one else ("help", "do")
-        tried = f" {named} {verb} ({change}) but {but} not explain it." if named else ""
+        tried = f" {_in_vain(search, named, change, after > before)}" if named else ""
         return f"What is missing is not in the catalogue.{tried} {located}".strip()
     gain = search.base.bic - search.final.bic
     text = f"The model lacks {named}: {change}, BIC {gain:.0f} lower."
@@ -224,6 +222,16 @@ def _sentence(engine, search, verdict, groups, rivals, floor, located) -> str:
         pairs = "; ".join(f"{a} or {b}" for a, b in rivals)
         text = f"The model lacks {named}, or what looks like it ({pairs}): {change}."
     return text
+
+
+def _in_vain(search: Search, named: str, change: str, worse: bool) -> str:
+    """What was added and explains too little."""
+    one = len(search.final.effects) == 1
+    if worse:
+        verb, then = ("fits", "predicts") if one else ("fit", "predict")
+        return f"{named} {verb} the train block but {then} the others worse ({change})."
+    verb, but = ("helps", "does") if one else ("help", "do")
+    return f"{named} {verb} ({change}) but {but} not explain it."
 
 
 def _bumps(slip: np.ndarray, step: np.ndarray, *, number: int = 24) -> np.ndarray:
