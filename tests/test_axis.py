@@ -26,8 +26,9 @@ from jaxfric.axis.gains import axis_gains
 from jaxfric.axis.loop import rotary_unit
 from jaxfric.axis.prepare import Motion, prepare, shifted
 from jaxfric.axis.problem import BaseLaw, make_problem
-from jaxfric.axis.rig import AxisRig, Bristle
+from jaxfric.axis.rig import AxisRig
 from jaxfric.axis.split import segments, split
+from jaxfric.axis.state import Bristle
 from jaxfric.axis.steady import close_steady_loop
 from jaxfric.effects import parameters
 from jaxfric.loop.superset import Superset
@@ -42,7 +43,7 @@ generate = importlib.import_module("fits.blind.axis_generate")
 BASE = plants.Base(M=95.0, Fv=203.0, Fc=20.0, offset=-3.0)
 DRIVE = plants.Controller(kp=160.18, kv=243.45, gtau=35.15)
 H = 1e-3
-SHAPES = {"vs": 0.03, "n": 1.5, "wavelength": 7e-3, "x_c": 1e-4}
+SHAPES = {"vs": 0.03, "n": 1.5, "wavelength": 7e-3, "x_c": 1e-4, "L": 2e-3, "v_c": 2e-3}
 
 
 def reference(seconds=5.0):

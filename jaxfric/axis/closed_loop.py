@@ -9,6 +9,7 @@ integrated by steps of diffrax's Tsit5.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import diffrax
@@ -50,7 +51,9 @@ class ClosedLoop(NamedTuple):
 def substeps(rig: AxisRig, interval: float) -> int:
     """Steps per sample that keep an explicit method stable at the smoothed sign's steepest: a
     power of two."""
-    rate = abs(float(rig.coulomb)) / (float(rig.mass) * float(rig.width))
+    slope = abs(float(rig.coulomb)) / float(rig.width)
+    slope += sum(float(state.steepest(rig.width)) for state in rig.states)
+    rate = slope / float(rig.mass)
     number = max(1.0, interval * rate / _STABLE)
     return 2 ** math.ceil(math.log2(number))
 
@@ -62,21 +65,24 @@ def closed_loop(
     first: Float[Array, "3"],
     *,
     substeps: int = 1,
+    states: Sequence[Array] | None = None,
 ) -> ClosedLoop:
     """Simulate an axis that follows `reference` [m or rad].
 
     `first` are the first three positions: the axis starts at the first with their mean velocity,
-    its bristle unbent. Friction's kink at rest is smoothed over `rig.width`. Lag and delay of the
-    rig are not simulated.
+    its states at their rest or, where given, at `states`. Friction's kink at rest is smoothed over
+    `rig.width`. A state relaxes in no less than half a step, so that none is too quick for an
+    explicit method. Lag and delay of the rig are not simulated.
     """
     h = controller.interval / substeps
     solver = diffrax.Tsit5(scan_kind="lax")  # which forward mode needs
 
     def rate(t, y, force):
-        q, v, bristle = y
-        resisted = rig.friction(q, v, t, bristle)
-        bend = jnp.zeros_like(v) if rig.bristle is None else rig.bristle.rate(bristle, v)
-        return v, (force - resisted) / rig.mass, bend
+        q, v, values = y
+        resisted = rig.friction(q, v, t, tuple(values))
+        pairs = zip(rig.states, values, strict=True)
+        rates = [state.rate(value, v, shortest=0.5 * h) for state, value in pairs]
+        return v, (force - resisted) / rig.mass, _vector(rates)
 
     term = diffrax.ODETerm(rate)
 
@@ -96,11 +102,16 @@ def closed_loop(
         return (after, y[0], last), (y[0], y[1], force)
 
     speed = (first[2] - first[0]) / (2 * controller.interval)
-    start = (first[0], speed, jnp.zeros_like(speed))
+    begun = [state.rest() for state in rig.states] if states is None else states
+    start = (first[0], speed, _vector(begun))
     back = first[0] - controller.interval * speed
     times = jnp.arange(reference.shape[0]) * controller.interval
     _, seen = jax.lax.scan(sample, (start, back, back - (first[0] - back)), (times, reference))
     return ClosedLoop(*seen)
+
+
+def _vector(values: Sequence[Array]) -> Float[Array, " s"]:
+    return jnp.stack(values) if values else jnp.zeros(0)
 
 
 simulate_closed_loop = eqx.filter_jit(closed_loop)

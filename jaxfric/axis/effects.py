@@ -14,7 +14,8 @@ from jaxtyping import Array, Bool, Float
 from ..effects import RecordScales
 from ..errors import InputError
 from ..quantity import quantity
-from .rig import AbstractAxisTerm, AxisRig, Bristle, Point
+from .rig import AbstractAxisTerm, AxisRig, Point
+from .state import AbstractAxisState, Bristle, RateState
 
 _ALWAYS = np.asarray(True)
 _TINY = 1e-12
@@ -45,6 +46,10 @@ class AbstractAxisEffect(eqx.Module):
 
 def _with(rig: AxisRig, term: AbstractAxisTerm) -> AxisRig:
     return eqx.tree_at(lambda r: r.terms, rig, (*rig.terms, term))
+
+
+def _remembering(rig: AxisRig, state: AbstractAxisState) -> AxisRig:
+    return eqx.tree_at(lambda r: r.states, rig, (*rig.states, state))
 
 
 class _Even(AbstractAxisTerm):
@@ -261,18 +266,56 @@ class Presliding(AbstractAxisEffect):
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0, default=1.0)
 
     def embed(self, rig):
-        return eqx.tree_at(
-            lambda r: r.bristle,
-            rig,
-            Bristle(self.a, self.sigma_1, self.x_c),
-            is_leaf=lambda x: x is None,
-        )
+        return _remembering(rig, Bristle(self.a, self.sigma_1, self.x_c))
 
     def grid(self, scales):
         return {"x_c": tuple(np.geomspace(1e-6, 0.05, 16) * scales.total_slip)}
 
     def physical(self):
         return self.a > 0
+
+
+class RateAndState(AbstractAxisEffect):
+    """+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L) (-B ln(1 + |v|/v_c) - theta).
+
+    Friction answers a change of velocity at once by A and, over the slip length L, by -B (the slip
+    law of Ruina 1983, doi:10.1029/JB088iB12p10359, levelled off below v_c). Physical where A > 0
+    and B > 0: the direct effect has its cause in creep at the contacts, and without it sliding is
+    ill-posed (Rice, Lapusta & Ranjith 2001, doi:10.1016/S0022-5096(01)00042-4); the state is the
+    strength that contacts gain with age and lose by slip (Dieterich 1979,
+    doi:10.1029/JB084iB05p02161). B < 0 is friction that bends with velocity, not a memory of that
+    kind.
+
+    L is no less than the distance between two rows where the axis is slowest: below it a
+    record tells A - B and B L, and a fit wanders to A and B beyond all friction. v_c is no less
+    than the width of the smoothed sign, below which friction is not described.
+    """
+
+    id: ClassVar[str] = "rate_and_state"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = (
+        "+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L)(-B ln(1 + |v|/v_c) - theta)"
+    )
+    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "presliding", "cubic")
+    separated_by: ClassVar[str] = "steps of velocity within a stroke, and reversals"
+    channel: ClassVar[str | None] = None
+    A: Float[Array, ""] = quantity("A", "F", "direct effect", default=0.0)
+    B: Float[Array, ""] = quantity("B", "F", "evolution effect", default=0.0)
+    L: Float[Array, ""] = quantity("L", "m", "characteristic slip length", lower=0.0, default=1.0)
+    v_c: Float[Array, ""] = quantity("v_c", "m/s", "cut-off velocity", lower=0.0, default=1.0)
+
+    def embed(self, rig):
+        L, v_c = jnp.maximum(self.L, rig.reach), jnp.maximum(self.v_c, rig.width)
+        return _remembering(rig, RateState(self.A, self.B, L, v_c))
+
+    def grid(self, scales):
+        longest = 0.1 * scales.total_slip
+        lengths = np.geomspace(min(scales.slowest * scales.interval, 0.1 * longest), longest, 7)
+        speeds = np.geomspace(0.1 * scales.slowest, 0.5 * scales.fastest, 5)
+        return {"L": tuple(np.repeat(lengths, 5)), "v_c": tuple(np.tile(speeds, 7))}
+
+    def physical(self):
+        return (self.A > 0) & (self.B > 0)
 
 
 class ServoLag(AbstractAxisEffect):
@@ -348,6 +391,7 @@ AXIS_CATALOGUE: dict[str, type[AbstractAxisEffect]] = {
         PositionDependence,
         TimeDrift,
         Presliding,
+        RateAndState,
         ServoLag,
         SensorLag,
         SensorDelay,

@@ -184,7 +184,7 @@ def _details(record, prepared, rows: AxisRows, problem, engine, found: Search, p
 
     def steady(speed: np.ndarray) -> np.ndarray:
         v = jnp.asarray(speed)
-        return np.asarray(rig.friction(middle, v, jnp.zeros_like(v), jnp.sign(v)))
+        return np.asarray(rig.friction(middle, v, jnp.zeros_like(v), rig.steady(v)))
 
     slow = max(4 * rows.width, float(np.quantile(moving, 0.02)))
     gains = axis_gains(steady, slow, float(moving.max()), drive=record.drive)

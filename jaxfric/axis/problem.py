@@ -23,6 +23,7 @@ from .prepare import AbstractSampler, Motion, Prepared, shifted
 from .rig import AxisRig
 
 _BASE = quantities(AxisRig)
+_SLOWEST = 0.02
 
 
 class BaseLaw(NamedTuple):
@@ -60,6 +61,7 @@ class AxisProblem(eqx.Module):
     interval: Float[Array, ""]
     noise_scale: Float[Array, ""]
     width: Float[Array, ""]
+    reach: Float[Array, ""]
     sizes: Sizes
     noise: Noise | None
     hold: Float[Array, "0"]
@@ -102,7 +104,7 @@ class AxisProblem(eqx.Module):
         """The axis with the parameters `z`, an array or one by one."""
         values = self._natural(list(z))
         n = len(self.model.base.names())
-        rig = AxisRig(*values[:n], width=self.width)
+        rig = AxisRig(*values[:n], width=self.width, reach=self.reach)
         for effect in self.model.effects:
             fields = list(parameters(effect))
             chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))
@@ -155,6 +157,7 @@ def make_problem(
             )
         )
     )
+    slowest = float(np.quantile(np.abs(v), _SLOWEST))
     return AxisProblem(
         time=jnp.asarray(prepared.time),
         friction=jnp.asarray(prepared.force),
@@ -165,6 +168,7 @@ def make_problem(
         interval=jnp.asarray(prepared.interval),
         noise_scale=jnp.asarray(noise_scale),
         width=jnp.asarray(width),
+        reach=jnp.asarray(slowest * float(prepared.time[1] - prepared.time[0])),
         sizes=sizes,
         noise=None,
         hold=jnp.zeros(0),

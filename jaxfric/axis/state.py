@@ -1,0 +1,162 @@
+"""States of friction on an axis: what it remembers of the distance travelled.
+
+A state relaxes to a steady value as the axis moves, in either direction, and is kept at rest:
+
+    state' = (|v|/length) (steady(v) - state)
+
+So it is exact along a measured motion from row to row, one row after the other by an associative
+scan.
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from ..quantity import quantity
+from .prepare import Motion
+
+_TINY = 1e-300
+
+
+class AbstractAxisState(eqx.Module):
+    """A state of one number, and the force that it takes part in."""
+
+    @abc.abstractmethod
+    def along(self, motion: Motion) -> Float[Array, " N"]:
+        """The state along a measured motion."""
+
+    @abc.abstractmethod
+    def rate(self, state: Array, velocity: Array, *, shortest: ArrayLike = 0.0) -> Array:
+        """Its derivative by time; it takes no less than `shortest` [s] to relax."""
+
+    @abc.abstractmethod
+    def force(self, state: Array, sign: Array, velocity: Array) -> Array:
+        """The force [F] that resists positive motion; `sign` is the smoothed one of the
+        velocity."""
+
+    @abc.abstractmethod
+    def steady(self, velocity: Array) -> Array:
+        """The state of a steady velocity."""
+
+    @abc.abstractmethod
+    def rest(self) -> Array:
+        """The state of an axis that has not moved yet."""
+
+    @abc.abstractmethod
+    def steepest(self, width: Array) -> Array:
+        """A bound of the force's slope near rest [F s/m], the sign smoothed over `width`."""
+
+
+class Bristle(AbstractAxisState):
+    """Presliding: after a reversal friction comes back over a distance.
+
+        z' = q' - |q'| z/x_c,   force a (z/x_c - sgn q') + sigma_1 z'
+
+    The state is z/x_c. With a = F_c friction is Dahl's (1968), F_c z/x_c, and with sigma_1 LuGre's
+    at a constant level (Canudas de Wit et al. 1995); with both 0 there is no presliding.
+    """
+
+    a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction that a bristle carries")
+    sigma_1: Float[Array, ""] = quantity("sigma_1", "F s/m", "damping of the bristle")
+    x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0)
+
+    def along(self, motion):
+        """z/x_c, unbent at first: exact for motion of one direction from row to row."""
+        moved = jnp.diff(motion.position, prepend=motion.position[:1])
+        keep = jnp.exp(-jnp.abs(moved) / self.x_c)
+        return _carried(keep, jnp.sign(moved) * (1 - keep))
+
+    def rate(self, state, velocity, *, shortest=0.0):
+        speed = jnp.abs(velocity)
+        return (velocity - speed * state) / jnp.maximum(self.x_c, speed * shortest)
+
+    def force(self, state, sign, velocity):
+        bend = self.x_c * self.rate(state, velocity)
+        return self.a * (state - sign) + self.sigma_1 * bend
+
+    def steady(self, velocity):
+        return jnp.sign(velocity)
+
+    def rest(self):
+        return jnp.zeros_like(self.a)
+
+    def steepest(self, width):
+        return jnp.zeros_like(self.a * width)
+
+
+class RateState(AbstractAxisState):
+    """Rate-and-state friction with a cut-off at low velocity, through rest and reversal.
+
+        force sgn(v) [A ln(1 + |v|/v_c) + theta]
+        theta' = (|v|/L) (theta_ss - theta),   theta_ss = -B ln(1 + |v|/v_c)
+
+    theta [F] is the state. Far above v_c these are (3)-(5) of the 1994 note with V0 = v_c and
+    Coulomb friction for f0: the slip law of Ruina (1983, doi:10.1029/JB088iB12p10359). Below v_c
+    friction levels off, where ln(V/V0) has no limit. Here theta evolves with slip in
+    either direction and keeps its value at rest.
+    """
+
+    A: Float[Array, ""] = quantity("A", "F", "direct effect")
+    B: Float[Array, ""] = quantity("B", "F", "evolution effect")
+    L: Float[Array, ""] = quantity("L", "m", "characteristic slip length", lower=0.0)
+    v_c: Float[Array, ""] = quantity("v_c", "m/s", "cut-off velocity", lower=0.0)
+
+    def along(self, motion):
+        """theta, steady at first.
+
+        Velocity is linear in time from row to row, and theta_ss in the distance between two rows
+        or between a row and the reversal: exact then.
+        """
+        v = motion.velocity
+        last = jnp.concatenate([v[:1], v[:-1]])
+        begun, speed = jnp.abs(last), jnp.abs(v)
+        half = 0.5 * jnp.diff(motion.time, prepend=motion.time[:1])
+        turned, both = last * v < 0, begun + speed
+        share = half / jnp.maximum(both, _TINY)
+        first = jnp.where(turned, share * begun**2, half * both)
+        second = jnp.where(turned, share * speed**2, 0.0)
+        steady = self.steady(v)
+        before = jnp.concatenate([steady[:1], steady[:-1]])
+        keep_1, add_1 = self._leg(first, before, jnp.where(turned, 0.0, steady))
+        keep_2, add_2 = self._leg(second, jnp.zeros_like(steady), steady)
+        add = keep_2 * add_1 + add_2
+        return _carried(keep_1 * keep_2, add.at[0].set(steady[0]))
+
+    def _leg(self, path: Array, begin: Array, end: Array) -> tuple[Array, Array]:
+        """What is kept of theta over a path along which theta_ss is linear, and what is added."""
+        x = path / self.L
+        keep = jnp.exp(-x)
+        moved = x > 0
+        mean = jnp.where(moved, -jnp.expm1(-x) / jnp.where(moved, x, 1.0), 1.0)
+        return keep, (1 - mean) * end + (mean - keep) * begin
+
+    def rate(self, state, velocity, *, shortest=0.0):
+        speed = jnp.abs(velocity)
+        return speed / jnp.maximum(self.L, speed * shortest) * (self.steady(velocity) - state)
+
+    def force(self, state, sign, velocity):
+        return sign * (self.A * self._logarithm(velocity) + state)
+
+    def steady(self, velocity):
+        return -self.B * self._logarithm(velocity)
+
+    def rest(self):
+        return jnp.zeros_like(self.A)
+
+    def steepest(self, width):
+        return jnp.abs(self.A) * (1 + self._logarithm(width)) / width
+
+    def _logarithm(self, velocity: Array) -> Array:
+        return jnp.log1p(jnp.abs(velocity) / self.v_c)
+
+
+def _carried(keep: Float[Array, " N"], add: Float[Array, " N"]) -> Float[Array, " N"]:
+    """state_k = keep_k state_(k-1) + add_k, from 0."""
+
+    def join(first, second):
+        return first[0] * second[0], second[0] * first[1] + second[1]
+
+    return jax.lax.associative_scan(join, (keep, add))[1]
