@@ -1,17 +1,53 @@
-"""Gains that hold an axis steady, from its friction curve: equations (16) and (17) of the paper.
+"""Gains that hold an axis steady: equations (16) and (17) of the paper, and its theorem.
 
 Friction without memory, F(V), is linearised about a steady velocity: f_v = dF/dV. Any k_p > 0 holds
 an axis that moves at V if k_v + f_v(V) > 0; the worst velocity is where f_v is least.
+
+Friction with memory of the distance (rate-and-state) has two basins: damping that needs no
+stiffness, and stiffness that needs no damping, above k_cr of (18)-(20): of (25) for one state.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..records.axis_record import Drive
+from ..rig.friction.law import AbstractLaw
+from ..stability.analysis import study
+from .rig import AxisRig
 
 _SPEEDS = 4001
+_FEWER = 501
+_SHARP = 1e-12
+
+
+@dataclass(frozen=True)
+class StiffBasin:
+    """Stiffness that holds an axis at every speed of a range without any damping added. SI."""
+
+    worst_velocity: float
+    """Where k_cr is largest [m/s]; signed."""
+    critical_stiffness: float
+    """k_cr there: k_p must be larger [N/m]; 0: any k_p > 0 will do, inf: none suffices."""
+    frequency: float
+    """At which the axis swings at k_p = k_cr [rad/s]."""
+    position_gain: float | None
+    """The same in the drive's unit at its k_v, k_cr/(k_v g_tau) [1/s]; None where not known."""
+
+    def sentence(self, unit: str = "N s/m", velocity: str = "m/s") -> str:
+        """What it says, with units; `unit` is that of damping."""
+        at = f"at {self.worst_velocity:.4g} {velocity}"
+        if not np.isfinite(self.critical_stiffness):
+            return f"Without k_v no k_p suffices {at}."
+        stiffness = unit.replace(" s/", "/")
+        return (
+            f"Without k_v the axis needs k_p above {self.critical_stiffness:.4g} {stiffness}"
+            f" ({at}, where it swings at {self.frequency:.4g} rad/s)."
+        )
 
 
 @dataclass(frozen=True)
@@ -26,6 +62,8 @@ class AxisGains:
     """max(0, -slope): k_v must be larger [N s/m]."""
     velocity_gain: float | None
     """The same in the drive's unit, k_v/g_tau [V s/m]; None where its gain is not known."""
+    stiff: StiffBasin | None = None
+    """The other basin; None where friction has no memory."""
 
     def sentence(self, unit: str = "N s/m", velocity: str = "m/s") -> str:
         """What it says, with units."""
@@ -38,10 +76,11 @@ class AxisGains:
         drive = (
             "" if self.velocity_gain is None else f" ({self.velocity_gain:.4g} V s/m at the drive)"
         )
-        return (
+        text = (
             f"Friction falls most steeply {at}, by {-self.slope:.4g} {unit}: with k_v above that"
             f"{drive} any k_p > 0 holds the axis at every speed."
         )
+        return text if self.stiff is None else f"{text} {self.stiff.sentence(unit, velocity)}"
 
 
 def axis_gains(
@@ -54,8 +93,8 @@ def axis_gains(
     """The least damping over the speeds `slowest` to `fastest` [m/s] in both directions.
 
     `force` is the friction of a steady velocity. Slopes are central differences on a logarithmic
-    grid of 4001 speeds. Not tried: memory of friction (a law with a state has a critical stiffness;
-    see `jaxfric gains`), compliance between motor and load.
+    grid of 4001 speeds. Of friction without memory; for an axis with states see `state_gains`. Not
+    tried: compliance between motor and load.
     """
     speed = np.geomspace(slowest, fastest, _SPEEDS)
     best: tuple[float, float] | None = None
@@ -68,3 +107,78 @@ def axis_gains(
     least = max(0.0, -best[0])
     gain = None if drive is None or not drive.gain else least / drive.gain
     return AxisGains(best[1], best[0], least, gain)
+
+
+class AxisLaw(AbstractLaw):
+    """Friction of an axis about steady motion of one direction, as `jaxfric.stability` takes it.
+
+    The axis stands still at `position` as far as friction depends on it; speeds V > 0.
+    """
+
+    rig: AxisRig
+    position: Float[Array, ""]
+    direction: Float[Array, ""]
+    """1 or -1."""
+
+    def force(self, V, state, at):
+        velocity, time = self.direction * V, jnp.zeros_like(V)
+        return self.direction * self.rig.friction(self.position, velocity, time, tuple(state))
+
+    def rate(self, V, state, at):
+        velocity = self.direction * V
+        pairs = zip(self.rig.states, state, strict=True)
+        return jnp.stack([one.rate(value, velocity) for one, value in pairs])
+
+    def steady_state(self, V):
+        return jnp.stack(self.rig.steady(self.direction * V))
+
+    def force_scale(self):
+        return jnp.abs(self.rig.coulomb)
+
+
+def axis_law(rig: AxisRig, position: float, direction: float) -> AxisLaw:
+    """The friction of a rig with states, about motion forwards (1) or backwards (-1)."""
+    sharp = eqx.tree_at(lambda r: r.width, rig, jnp.full_like(rig.width, _SHARP))
+    return AxisLaw(sharp, jnp.asarray(position, float), jnp.asarray(direction, float))
+
+
+def state_gains(
+    rig: AxisRig, position: float, slowest: float, fastest: float, *, drive: Drive | None = None
+) -> AxisGains | None:
+    """Both basins over the speeds `slowest` to `fastest` [m/s] in both directions.
+
+    Friction at `position` [m] is linearised about 501 speeds each way by `jaxfric.stability`:
+    f_v and the memory G(s). Least damping: k_v > max_w Re G(i w) - f_v, any k_p > 0. Critical
+    stiffness: (18)-(20) with no damping but that of friction, the axis' mass and an ideal drive.
+
+    None where friction has no memory about steady motion (a bristle has none). Not tried: lags
+    and sampling of the drive, which ask for more; how friction changes with position.
+    """
+    if not rig.states:
+        return None
+    speed = np.geomspace(slowest, fastest, _FEWER)
+    damped: tuple[float, float, float] | None = None
+    stiff: tuple[float, float, float] | None = None
+    memory = False
+    for sign in (1.0, -1.0):
+        found = study(axis_law(rig, position, sign), speed, mass=float(rig.mass))
+        points = found.points
+        memory |= bool(np.any(np.asarray(points.memory) != 0))
+        slope = -np.asarray(points.needed_damping)
+        slope = np.where(slope < 0, slope, np.asarray(points.steady_slope))
+        k = int(np.argmin(slope))
+        if damped is None or slope[k] < damped[0]:
+            needed = float(points.needed_damping[k])
+            damped = float(slope[k]), sign * float(speed[k]), needed
+        critical = np.asarray(found.theorems.critical_stiffness)
+        k = int(np.argmax(critical))
+        if stiff is None or critical[k] > stiff[0]:
+            frequency = float(found.theorems.critical_frequency[k])
+            stiff = float(critical[k]), sign * float(speed[k]), frequency
+    assert damped is not None and stiff is not None
+    if not memory:
+        return None
+    gain = None if drive is None or not drive.gain else damped[2] / drive.gain
+    own = None if drive is None or not drive.K_d else stiff[0] / drive.K_d
+    basin = StiffBasin(stiff[1], stiff[0], stiff[2], own)
+    return AxisGains(damped[1], damped[0], damped[2], gain, basin)

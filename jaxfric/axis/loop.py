@@ -28,7 +28,7 @@ from ..loop.verdict import conclude, innovations, noise_floor
 from ..records.axis_record import AxisRecord
 from .effects import AXIS_CATALOGUE, AbstractAxisEffect, axis_effect_of
 from .fit import AxisFit, inverse_dynamics, output_error
-from .gains import axis_gains
+from .gains import axis_gains, state_gains
 from .prepare import Preparation, Prepared, prepare
 from .problem import AxisProblem, BaseLaw, make_problem, shape_columns
 from .result import AxisBase, AxisDetails, AxisRows
@@ -187,7 +187,9 @@ def _details(record, prepared, rows: AxisRows, problem, engine, found: Search, p
         return np.asarray(rig.friction(middle, v, jnp.zeros_like(v), rig.steady(v)))
 
     slow = max(4 * rows.width, float(np.quantile(moving, 0.02)))
-    gains = axis_gains(steady, slow, float(moving.max()), drive=record.drive)
+    fast = float(moving.max())
+    gains = state_gains(rig, float(middle), slow, fast, drive=record.drive)
+    gains = gains or axis_gains(steady, slow, fast, drive=record.drive)
     return AxisDetails(tuple(fits), prepared.preparation, rows.width, record, gains)
 
 

@@ -1,5 +1,6 @@
 """The rows of an axis record that a loop works on, and its base model."""
 
+import dataclasses
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,7 +9,7 @@ from ..loop.result import Table
 from ..records import Provenance, Sampling, VelocitySteps
 from ..records.axis_record import AxisRecord
 from .fit import AxisFit
-from .gains import AxisGains
+from .gains import AxisGains, StiffBasin
 from .prepare import Preparation
 
 LAW = "coulomb_viscous"
@@ -134,6 +135,7 @@ class AxisDetails:
                 f"{gains.least_damping:.4g} {damping}",
                 _drive(gains.velocity_gain, unit),
             ),
+            *_stiff_rows(gains, force, unit),
         ]
         if drive is not None and drive.K_d is not None:
             rows.append(
@@ -146,6 +148,13 @@ class AxisDetails:
             "with k_v above the least any k_p > 0 holds the axis at every speed of the record:"
             " (16)-(17), friction without memory"
         )
+        if gains.stiff is not None:
+            note = (
+                "two ways to hold the axis at every speed of the record: k_v above the least and"
+                " any k_p > 0, or k_p above the critical one and no k_v, (18)-(20) and (25). Both"
+                " are linear, and of an ideal drive: lags and sampling ask for more. The critical"
+                " k_p at the drive is in 1/s at its k_v"
+            )
         return Table("Gains", ("", "in force", "at the drive"), rows, note)
 
     def to_json(self) -> dict:
@@ -161,6 +170,7 @@ class AxisDetails:
                     "slope": self.gains.slope,
                     "least_damping": self.gains.least_damping,
                     "velocity_gain": self.gains.velocity_gain,
+                    "stiff": _stiff_json(self.gains.stiff),
                 },
                 "fits": [
                     {
@@ -176,6 +186,29 @@ class AxisDetails:
                 ],
             }
         }
+
+
+def _stiff_rows(gains: AxisGains, force: str, unit: str) -> list[tuple[str, str, str]]:
+    """The basin of stiffness, where there is one."""
+    stiff = gains.stiff
+    if stiff is None:
+        return []
+    if not np.isfinite(stiff.critical_stiffness):
+        return [("critical k_p without k_v", f"none at {stiff.worst_velocity:.4g} {unit}/s", "")]
+    own = "" if stiff.position_gain is None else f"{stiff.position_gain:.4g} 1/s"
+    return [
+        ("critical k_p without k_v", f"{stiff.critical_stiffness:.4g} {force}/{unit}", own),
+        ("its worst velocity", f"{stiff.worst_velocity:.4g} {unit}/s", ""),
+        ("its frequency", f"{stiff.frequency:.4g} rad/s", ""),
+    ]
+
+
+def _stiff_json(stiff: StiffBasin | None) -> dict | None:
+    """Values that are not finite are null: no stiffness suffices."""
+    if stiff is None:
+        return None
+    values = dataclasses.asdict(stiff)
+    return {k: v if v is not None and np.isfinite(v) else None for k, v in values.items()}
 
 
 def _drive(gain: float | None, unit: str) -> str:

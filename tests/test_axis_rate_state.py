@@ -1,0 +1,273 @@
+"""Rate-and-state friction on a servo axis: its state, the closed loop, gains, and its name.
+
+Against SciPy's integration of the equations written again here, the golden numbers of the theory,
+NumPy's roots of the characteristic equation, and records made from a prescribed motion.
+"""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
+from jaxfric.axis.closed_loop import Controller, simulate_closed_loop, substeps
+from jaxfric.axis.gains import axis_gains, state_gains
+from jaxfric.axis.prepare import Motion
+from jaxfric.axis.rig import AxisRig
+from jaxfric.axis.state import RateState
+from jaxfric.records import Drive, axis_from_arrays
+
+H = 1e-3
+M, FV, FC, F0 = 60.0, 150.0, 20.0, -2.0
+A, B, L, VC = 4.0, 7.0, 5e-4, 1e-3
+
+
+def rig_of(A=A, B=B, L=L, v_c=VC, *, M=M, Fv=FV, width=1e-4, presliding=None):
+    rig = AxisRig(M, Fv, FC, F0, width=width)
+    if presliding is not None:
+        rig = AXIS_CATALOGUE["presliding"](**presliding).embed(rig)
+    return AXIS_CATALOGUE["rate_and_state"](A=A, B=B, L=L, v_c=v_c).embed(rig)
+
+
+# ---- the state -------------------------------------------------------------------------------
+
+
+def test_the_state_along_a_motion_with_reversals():
+    speed = lambda t: 0.02 * np.sin(2 * np.pi * 1.1 * t) + 0.01 * np.sin(2 * np.pi * 3.3 * t)  # noqa: E731
+    t = np.arange(1501) * H
+    found = solve_ivp(
+        lambda t, y: abs(speed(t)) / L * (-B * np.log1p(abs(speed(t)) / VC) - y), (0, 1.5), [0.0],
+        t_eval=t, rtol=1e-9, atol=1e-10, max_step=1e-3,
+    ).y[0]  # fmt: skip
+    motion = Motion(*(jnp.asarray(x) for x in (t, 0 * t, speed(t), 0 * t, 0 * t)))
+    along = lambda L: RateState(A, B, L, VC).along(motion)  # noqa: E731
+    assert np.max(np.abs(along(L) - found)) < 2e-3 * B
+    assert np.max(np.abs(along(1.1 * L) - found)) > 0.1
+    # coarser rows: of second order
+    rough = Motion(*(x[::4] for x in (t, 0 * t, speed(t), 0 * t, 0 * t)))
+    assert np.max(np.abs(RateState(A, B, L, VC).along(rough) - found[::4])) < 3e-2 * B
+
+
+def test_a_state_that_begins_in_motion_is_steady_and_one_at_rest_stays():
+    t = np.arange(50) * H
+    moving = Motion(*(jnp.asarray(x) for x in (t, 0 * t, 0.01 + 0 * t, 0 * t, 0 * t)))
+    law = RateState(A, B, L, VC)
+    np.testing.assert_allclose(law.along(moving), -B * np.log1p(10.0), rtol=1e-12)
+    still = Motion(*(jnp.asarray(x) for x in (t, 0 * t, 0.01 * (t < 0.02), 0 * t, 0 * t)))
+    theta = law.along(still)
+    assert float(theta[-1]) == float(theta[25]) < 0
+
+
+# ---- the closed loop -------------------------------------------------------------------------
+
+
+def sampled(reference, controller, width, L=L):
+    """The closed loop by SciPy, sample after sample."""
+    kp, K = float(controller.position_gain), float(controller.K_d)
+
+    def rates(t, y, force):
+        _, v, theta = y
+        u = np.log1p(abs(v) / VC)
+        resisted = FV * v + F0 + np.tanh(v / width) * (FC + A * u + theta)
+        return [v, (force - resisted) / M, abs(v) / L * (-B * u - theta)]
+
+    y, last, before_last = np.array([reference[0], 0.0, 0.0]), reference[0], reference[0]
+    rows = []
+    for r in reference:
+        rows.append(y.copy())
+        force = K * (kp * (r - y[0]) - (y[0] - before_last) / (2 * H))
+        before_last, last = last, y[0]
+        y = solve_ivp(rates, (0, H), y, "DOP853", args=(force,), rtol=1e-9, atol=1e-13).y[:, -1]
+    return np.array(rows)
+
+
+def test_the_closed_loop_is_that_of_an_adaptive_solver():
+    t = np.arange(400) * H
+    reference = 2e-3 * (1 - np.cos(2 * np.pi * 4 * t))
+    controller = Controller(*(jnp.asarray(x) for x in (120.0, 5000.0, H)))
+    truth = sampled(reference, controller, 5e-4)
+    rig = rig_of(width=5e-4)
+    first = jnp.full(3, reference[0])
+    made = simulate_closed_loop(
+        rig, controller, jnp.asarray(reference), first, substeps=substeps(rig, H)
+    )
+    error = np.max(np.abs(made.position - truth[:, 0]))
+    other = np.max(np.abs(sampled(reference, controller, 5e-4, 2 * L)[:, 0] - truth[:, 0]))
+    assert error < 1e-3 * other
+    assert np.max(np.abs(made.velocity - truth[:, 1])) < 1e-5
+    # a slip length far below what a step resolves: the steady curve, and no blow-up
+    quick = simulate_closed_loop(
+        rig_of(L=1e-8, width=5e-4), controller, jnp.asarray(reference), first
+    )
+    slow = simulate_closed_loop(
+        rig_of(A=A - B, B=0.0, width=5e-4), controller, jnp.asarray(reference), first
+    )
+    assert np.max(np.abs(quick.position - slow.position)) < 0.05 * np.max(
+        np.abs(made.position - slow.position)
+    )
+
+
+# ---- gains -----------------------------------------------------------------------------------
+
+
+def test_the_golden_critical_stiffness():
+    """(25) at m = 2, k_v = .5, A = 1, B = 3, L = 1 mm, V0 = 2 mm/s."""
+    rig = rig_of(1.0, 3.0, 1e-3, 1e-12, M=2.0, Fv=0.5, width=1e-15)
+    found = state_gains(rig, 0.0, 2e-3, 2e-3)
+    assert found is not None and found.stiff is not None
+    # 1 + V/v_c for V/v_c
+    assert found.stiff.critical_stiffness == pytest.approx(2014.976023976024, rel=1e-8)
+    assert found.stiff.frequency == pytest.approx(2.826307129101859, rel=1e-8)
+    assert found.least_damping == pytest.approx(1000 - 0.5, rel=1e-8)
+
+
+def closed_form(V):
+    """Steady slope and k_cr of (25) for one state and a cut-off."""
+    damping, memory = FV + A / (V + VC), B / (V + VC)
+    X, Y = damping * V, memory * V
+    return damping - memory, np.where(Y > X, (Y - X) / L * (M * V**2 / (X * L) + 1), 0.0)
+
+
+def test_both_basins_at_the_worst_velocity():
+    drive = Drive(gain=35.0, position_gain=160.0, velocity_gain=243.0)
+    found = state_gains(rig_of(), 0.1, 1e-3, 0.1, drive=drive)
+    assert found is not None and found.stiff is not None
+    V = np.geomspace(1e-3, 0.1, 20001)
+    slope, stiffness = closed_form(V)
+    assert found.least_damping == pytest.approx(-slope.min(), rel=1e-4)
+    assert abs(found.worst_velocity) == pytest.approx(V[np.argmin(slope)], rel=0.02)
+    assert found.velocity_gain == pytest.approx(-slope.min() / 35.0, rel=1e-4)
+    assert found.stiff.critical_stiffness == pytest.approx(stiffness.max(), rel=1e-4)
+    assert abs(found.stiff.worst_velocity) == pytest.approx(V[np.argmax(stiffness)], rel=0.02)
+    assert found.stiff.position_gain == pytest.approx(stiffness.max() / (35 * 243), rel=1e-4)
+    # the steady curve alone gives the same damping, (16)-(17)
+    curve = lambda v: FV * v + np.sign(v) * (FC + (A - B) * np.log1p(np.abs(v) / VC))  # noqa: E731
+    assert axis_gains(curve, 1e-3, 0.1).least_damping == pytest.approx(
+        found.least_damping, rel=1e-3
+    )
+    assert "Without k_v the axis needs k_p above" in found.sentence()
+
+
+def test_gains_of_other_rigs():
+    """A bristle has no memory about steady motion; the worse direction is found; no k_p suffices
+    without a direct effect."""
+    bent = {"a": 15.0, "sigma_1": 900.0, "x_c": 2e-5}
+    plain = AXIS_CATALOGUE["presliding"](**bent).embed(AxisRig(M, FV, FC, F0, width=1e-4))
+    assert state_gains(plain, 0.0, 1e-3, 0.1) is None
+    assert state_gains(AxisRig(M, FV, FC, F0, width=1e-4), 0.0, 1e-3, 0.1) is None
+    one, two = (state_gains(rig_of(presliding=p), 0.0, 1e-3, 0.1) for p in (None, bent))
+    assert one is not None and two is not None and one.stiff is not None and two.stiff is not None
+    assert two.stiff.critical_stiffness == pytest.approx(one.stiff.critical_stiffness, rel=1e-8)
+    assert two.least_damping == pytest.approx(one.least_damping, rel=1e-8)
+    askew = AXIS_CATALOGUE["direction_asymmetry"](d=50.0).embed(rig_of())
+    found = state_gains(askew, 0.0, 1e-3, 0.1)
+    assert found is not None and found.stiff is not None
+    assert found.worst_velocity < 0 and found.stiff.worst_velocity < 0
+    assert found.stiff.critical_stiffness > 1.1 * one.stiff.critical_stiffness
+    none = state_gains(rig_of(A=0.0, Fv=-1.0), 0.0, 1e-3, 0.1)
+    assert none is not None and none.stiff is not None
+    assert none.stiff.critical_stiffness == np.inf and "no k_p suffices" in none.sentence()
+
+
+def growth(V, k_p, k_v):
+    """Real part of the rightmost root of m s^2 + (k_v + f_v) s + k_p - s G(s) = 0."""
+    r, damping, memory = V / L, k_v + FV + A / (V + VC), B / (V + VC)
+    cubic = np.polyadd(np.polymul([M, damping, k_p], [1, r]), [-memory * r, 0])
+    return np.roots(cubic).real.max()
+
+
+def swings(V, k_p, k_v, seconds, interval):
+    """Amplitude of the velocity about V in the second and the last third, for a batch of gains."""
+    t = np.arange(round(seconds / interval)) * interval
+    reference = jnp.asarray(V * t)
+    friction = FV * V + FC + F0 + (A - B) * np.log1p(V / VC)
+
+    def run(k_p, k_v):
+        controller = Controller(k_p / k_v, k_v, jnp.asarray(interval))
+        back = (friction + k_v * V) / k_p
+        first = reference[:3] * (1 + 1e-3) - back
+        state = [jnp.asarray(-B * np.log1p(V / VC))]
+        return simulate_closed_loop(rig_of(), controller, reference, first, states=state).velocity
+
+    v = np.asarray(jax.vmap(run)(jnp.asarray(k_p), jnp.asarray(k_v)))
+    thirds = np.abs(v - V).reshape(len(k_p), 3, -1).max(axis=2)
+    return thirds[:, 1], thirds[:, 2]
+
+
+def test_a_simulated_axis_decays_above_and_grows_below_the_critical_gains():
+    found = state_gains(rig_of(), 0.0, 1e-3, 0.1)
+    assert found is not None and found.stiff is not None
+    parts = np.array([0.9, 1.1])
+    V = abs(found.stiff.worst_velocity)
+    # of the controller only the stiffness; it samples every 0.2 ms
+    k_p, k_v = parts * found.stiff.critical_stiffness, np.full(2, 1e-6)
+    begin, end = swings(V, k_p, k_v, 27.0, 2e-4)
+    # a force that is held for a period acts half a period late
+    expected = np.exp(9.0 * np.array([growth(V, k, -0.5 * 2e-4 * k) for k in k_p]))
+    assert end[0] > 1.5 * begin[0] and end[1] < 0.7 * begin[1]
+    np.testing.assert_allclose(end / begin, expected, rtol=0.1)
+    V = abs(found.worst_velocity)
+    k_p, k_v = np.full(2, 30.0), parts * found.least_damping
+    begin, end = swings(V, k_p, k_v, 90.0, 1e-3)
+    assert end[0] > 1.5 * begin[0] and end[1] < 0.7 * begin[1]
+
+
+# ---- the loop --------------------------------------------------------------------------------
+
+
+def record(seed, strokes=20, A=A, B=B, L=L, v_c=VC, noise=0.5, encoder=5e-8):
+    """An axis along a prescribed motion: strokes of three speeds each, friction by SciPy."""
+    rng = np.random.default_rng(seed)
+    parts = [np.zeros(200)]
+    for k in range(strokes):
+        for _ in range(3):
+            speed = np.exp(rng.uniform(np.log(1.5e-3), np.log(60e-3)))
+            parts.append(np.full(int(rng.uniform(150, 350)), (-1) ** k * speed))
+    v = gaussian_filter1d(np.concatenate([*parts, np.zeros(200)]), 8.0)
+    t = np.arange(len(v)) * H
+    speed = CubicSpline(t, v)
+    theta = solve_ivp(
+        lambda t, y: abs(speed(t)) / L * (-B * np.log1p(abs(speed(t)) / v_c) - y), (0, t[-1]),
+        [0.0], "LSODA", t_eval=t, rtol=1e-8, atol=1e-9, max_step=5e-3,
+    ).y[0]  # fmt: skip
+    sliding = FC + A * np.log1p(np.abs(v) / v_c) + theta
+    force = M * speed(t, 1) + FV * v + F0 + np.sign(v) * sliding
+    force += noise * rng.standard_normal(len(t))
+    position = speed.antiderivative()(t) + encoder * rng.standard_normal(len(t))
+    return axis_from_arrays(t, force, position=position)
+
+
+def check_named(loop):
+    assert loop.verdict in ("effects", "ambiguous") and loop.effects == ("rate_and_state",)
+    assert loop.heldout(loop.after) < 1.1 * loop.sigma < 0.2 * loop.heldout(loop.before)
+    found, names = loop.after.parameters, list(loop.after.free)
+    pick = [names.index(f"rate_and_state.{n}") for n in "AB"]
+    (a, ab), (_, b) = loop.after.covariance[np.ix_(pick, pick)]
+    weakening = found["rate_and_state.A"].value - found["rate_and_state.B"].value
+    assert abs(weakening - (A - B)) < 3 * np.sqrt(a + b - 2 * ab) < 0.5
+    for name, true in (("A", A), ("B", B), ("L", L), ("v_c", VC)):
+        assert found[f"rate_and_state.{name}"].value == pytest.approx(true, rel=0.1), name
+
+
+def test_the_loop_names_rate_and_state_and_finds_its_weakening():
+    offered = {"stribeck", "rate_and_state"}
+    without = sorted(set(AXIS_CATALOGUE) - offered)
+    loop = close_axis_loop(record(0, 12), held=False, without=without, most=1)
+    check_named(loop)
+    text = json.loads(json.dumps(loop.details.to_json()))["axis"]["gains"]
+    V = np.geomspace(1e-3, 0.06, 4001)
+    _, stiffness = closed_form(V)
+    assert text["stiff"]["critical_stiffness"] == pytest.approx(stiffness.max(), rel=0.1)
+    assert text["stiff"]["position_gain"] is None
+    shown = [row[0] for row in loop.details.tables()[1].rows]
+    assert "critical k_p without k_v" in shown
+
+
+@pytest.mark.long
+def test_among_all_effects():
+    check_named(close_axis_loop(record(1), held=False))
