@@ -35,6 +35,7 @@ CASES = {
     "position_periodic": {"a": 3.0, "lambda": 2e-3, "phase": 0.7},
     "position_dependence": {"p": 60.0, "centre": 0.125},
     "presliding": {"length": 10e-6, "sigma1": 5000.0},
+    "rate_and_state": {"A": 2.0, "B": 3.5, "L": 2e-4, "v_c": 1e-3},
     "time_drift": {"r": 2.0},
     "sensor_lag": {"tau": 2.3e-3},
     "sensor_delay": {"d": 1.7e-3},
@@ -42,7 +43,10 @@ CASES = {
 NULLS = {
     name: {key: 0.0 if i == 0 else CASES[name][key] for i, key in enumerate(keys)}
     for name, keys in plants.EFFECTS.items()
-} | {"direction_asymmetry": {"dFc": 0.0, "dFv": 0.0}}
+} | {
+    "direction_asymmetry": {"dFc": 0.0, "dFv": 0.0},
+    "rate_and_state": CASES["rate_and_state"] | {"A": 0.0, "B": 0.0},
+}
 
 
 def short():
@@ -55,7 +59,7 @@ def short():
     return np.concatenate(out)
 
 
-def friction(base, effects, t, q, v, z):
+def friction(base, effects, t, q, v, z, theta=0.0):
     """Force that opposes the motor, the offset included; z: bristle, or sign of sliding."""
 
     def p(effect, name, null=0.0):
@@ -65,6 +69,7 @@ def friction(base, effects, t, q, v, z):
     coulomb = base.Fc * (1 + p("direction_asymmetry", "dFc") * back)
     coulomb += p("position_dependence", "p") * (q - p("position_dependence", "centre"))
     coulomb += p("stribeck", "fs") * np.exp(-((v / p("stribeck", "vs", 1.0)) ** 2))
+    coulomb += p("rate_and_state", "A") * np.log1p(abs(v) / p("rate_and_state", "v_c", 1.0)) + theta
     viscous = base.Fv * (1 + p("direction_asymmetry", "dFv") * (v < 0 or (v == 0 and z < 0)))
     angle = 2 * np.pi * q / p("position_periodic", "lambda", 1.0)
     ripple = p("position_periodic", "a") * np.cos(angle + p("position_periodic", "phase"))
@@ -88,16 +93,18 @@ class Halt:
 
 
 def rates(t, y, base, effects, force, sign):
-    """Of q, v and z; without a bristle `sign` is that of sliding, and z is idle."""
+    """Of q, v, z and theta; without a bristle `sign` is that of sliding, and z is idle."""
     length = effects.get("presliding", {}).get("length")
-    a = (force - friction(base, effects, t, y[0], y[1], y[2] if length else sign)) / base.M
-    return [y[1], a, (y[1] - abs(y[1]) * y[2]) / length if length else 0.0]
+    a = (force - friction(base, effects, t, y[0], y[1], y[2] if length else sign, y[3])) / base.M
+    bend, p = (y[1] - abs(y[1]) * y[2]) / length if length else 0.0, effects.get("rate_and_state")
+    aged = -abs(y[1]) / p["L"] * (y[3] + p["B"] * np.log1p(abs(y[1]) / p["v_c"])) if p else 0.0
+    return [y[1], a, bend, aged]
 
 
 def reference_motion(base, effects, reference, rtol=1e-10):
     """q and v at the samples, and the force, by `solve_ivp` with events."""
     soft = "presliding" in effects
-    q, v, z, sign = reference[0], 0.0, 0.0, 0
+    q, v, z, theta, sign = reference[0], 0.0, 0.0, 0.0, 0
     if soft:  # at rest without motor force; 3 N of offset pull forwards, where dFc is not
         z = -base.offset / base.Fc
     rows, seen = [], []
@@ -111,7 +118,8 @@ def reference_motion(base, effects, reference, rtol=1e-10):
         while t < end - 1e-15:
             if v == 0.0:
                 ahead, behind = (
-                    force - friction(base, effects, t, q, 0.0, z if soft else s) for s in (1, -1)
+                    force - friction(base, effects, t, q, 0.0, z if soft else s, theta)
+                    for s in (1, -1)
                 )
                 sign = 1 if ahead > 0 else -1 if behind < 0 else 0
                 if sign == 0:  # a drift, 2e-3 N in an interval, may break it loose inside: ignored
@@ -119,8 +127,8 @@ def reference_motion(base, effects, reference, rtol=1e-10):
 
             stop = Halt(-sign)
             options: Any = {"args": (base, effects, force, sign), "rtol": rtol, "atol": 1e-15}
-            done = solve_ivp(rates, (t, end), [q, v, z], "DOP853", events=stop, **options)
-            t, (q, v, z) = done.t[-1], done.y[:, -1]
+            done = solve_ivp(rates, (t, end), [q, v, z, theta], "DOP853", events=stop, **options)
+            t, (q, v, z, theta) = done.t[-1], done.y[:, -1]
             if done.status == 1:
                 v = 0.0
     return np.array(rows).T
@@ -135,6 +143,7 @@ def reference_motion(base, effects, reference, rtol=1e-10):
         ("position_dependence", "time_drift"),
         ("presliding",),
         ("presliding", "direction_asymmetry"),
+        ("rate_and_state",),
     ],
     ids="+".join,
 )
@@ -290,6 +299,7 @@ def truth_of(blind):
         (("stribeck",), 0.5),
         (("coulomb", "sensor_lag"), 0.2),
         (("presliding",), 1.0),
+        (("rate_and_state",), 1.0),
         (("time_drift", "position_periodic"), 1.0),
     ],
 )

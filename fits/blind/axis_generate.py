@@ -190,6 +190,9 @@ class Recipe:
     least: float = 0.0
 
     def parameters(self, strength: float, shape: dict[str, float]) -> dict[str, float]:
+        if "B/A" in shape:
+            rest = {name: value for name, value in shape.items() if name != "B/A"}
+            return {"A": strength, "B": strength * shape["B/A"], **rest}
         if "dFc/dFv" in shape:
             return {"dFc": strength * shape["dFc/dFv"], "dFv": strength}
         return {self.name: strength, **shape}
@@ -206,6 +209,13 @@ def _none(rng: np.random.Generator, draw: Draw) -> dict[str, float]:
 def _stribeck_limit(draw: Draw, shape: dict[str, float]) -> float:
     """Below Fc, and of a slope that the drive holds."""
     return min(draw.base.Fc, 0.4 * shape["vs"] * draw.controller.kv * draw.controller.gtau)
+
+
+def _state_limit(draw: Draw, shape: dict[str, float]) -> float:
+    """Friction stays positive where the axis slows down suddenly, of a slope that is held."""
+    most = draw.base.Fc / (shape["B/A"] * math.log1p(draw.fastest / shape["v_c"]))
+    slope = 0.4 * shape["v_c"] * draw.controller.kv * draw.controller.gtau
+    return min(most, slope / (shape["B/A"] - 1.0))
 
 
 RECIPES: dict[str, Recipe] = {
@@ -248,6 +258,16 @@ RECIPES: dict[str, Recipe] = {
         lambda w: 15 * UM,
         lambda w, _: (50 * UM, None),
         least=2 * UM,
+    ),
+    "rate_and_state": Recipe(
+        lambda rng, w: {
+            "B/A": float(rng.uniform(1.3, 2.2)),
+            "L": _log(rng, 0.1 * MM, 1 * MM),
+            "v_c": _log(rng, 0.5 * MM, 3 * MM),
+        },
+        "A",
+        lambda w: 1.0,
+        lambda w, shape: (_state_limit(w, shape), None),
     ),
     "time_drift": Recipe(
         _none,

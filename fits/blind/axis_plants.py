@@ -17,6 +17,9 @@ What an effect changes (`EFFECTS`: its id and its parameters)
     presliding           A z + sigma1 length dz/dt in place of A s, with    length [m]
                          dz/dt = (v - |v| z)/length, |z| <= 1 (Dahl;        sigma1 [N s/m]
                          LuGre of constant level where sigma1 > 0)
+    rate_and_state       A + Ad ln(1 + |v|/v_c) + theta                     A, B [N], L [m],
+                         (Ad is its parameter A) with dtheta/dt =           v_c [m/s]
+                         -(|v|/L) (theta + B ln(1 + |v|/v_c))
     time_drift           o + r t                                            r [N/s]
     sensor_lag           tau dy/dt = F - y                                  tau [s]
     sensor_delay         y(t) = F(t - d)                                    d [s]
@@ -46,6 +49,7 @@ EFFECTS: dict[str, tuple[str, ...]] = {
     "position_periodic": ("a", "lambda", "phase"),
     "position_dependence": ("p", "centre"),
     "presliding": ("length", "sigma1"),
+    "rate_and_state": ("A", "B", "L", "v_c"),
     "time_drift": ("r",),
     "sensor_lag": ("tau",),
     "sensor_delay": ("d",),
@@ -186,10 +190,14 @@ class _Axis:
         self.centre = number("position_dependence", "centre")
         self.length = number("presliding", "length")
         self.sigma1 = number("presliding", "sigma1")
+        self.Ad, self.B = number("rate_and_state", "A"), number("rate_and_state", "B")
+        self.L, self.v_c = number("rate_and_state", "L"), number("rate_and_state", "v_c", 1.0)
+        self.theta = 0.0
         self.q, self.v, self.s, self.F = start, 0.0, 0, 0.0
         self.q0 = start
         net = -self.o - self.ripple(start)
-        self.z0 = max(-1.0, min(1.0, net / self.amplitude(start, 0.0, 1 if net > 0 else -1)))
+        level = self.amplitude(start, 0.0, 1 if net > 0 else -1, 0.0)
+        self.z0 = max(-1.0, min(1.0, net / level))
         if self.length:
             omega = math.sqrt((max(self.Fc.values()) + abs(self.fs)) / (self.length * self.M))
             self.shortest = 0.04 / max(omega, self.sigma1 / self.M)
@@ -200,9 +208,11 @@ class _Axis:
     def ripple(self, q: float) -> float:
         return self.a * math.cos(self.wave * q + self.phase) if self.a else 0.0
 
-    def amplitude(self, q: float, v: float, s: int) -> float:
+    def amplitude(self, q: float, v: float, s: int, theta: float) -> float:
         """A: what multiplies the sign of sliding, or the bristle."""
         level = self.Fc[s] + self.p * (q - self.centre)
+        if self.L:
+            level += self.Ad * math.log1p(abs(v) / self.v_c) + theta
         return level + self.fs * math.exp(-((v / self.vs) ** 2)) if self.fs else level
 
     def bristle(self, q: float) -> float:
@@ -212,29 +222,41 @@ class _Axis:
         x = self.s * (q - self.q0) / self.length
         return self.s + (self.z0 - self.s) * math.exp(-x) if x < _SATURATED else float(self.s)
 
-    def acceleration(self, q: float, v: float, t: float) -> float:
+    def ageing(self, v: float, theta: float) -> float:
+        """dtheta/dt."""
+        if not self.L:
+            return 0.0
+        return -abs(v) / self.L * (theta + self.B * math.log1p(abs(v) / self.v_c))
+
+    def acceleration(self, q: float, v: float, theta: float, t: float) -> float:
         """dv/dt while sliding with the sign s."""
         s = self.s
         if self.length:
             z = self.bristle(q)
-            held = self.amplitude(q, v, 1 if z > 0 else -1) * z + self.sigma1 * v * (1.0 - s * z)
+            level = self.amplitude(q, v, 1 if z > 0 else -1, theta)
+            held = level * z + self.sigma1 * v * (1.0 - s * z)
         else:
-            held = s * self.amplitude(q, v, s)
+            held = s * self.amplitude(q, v, s, theta)
         force = self.F - self.o - self.r * t - held - (self.Fv[s] + self.c * v * v) * v
         return (force - self.ripple(q)) / self.M
 
-    def step(self, q: float, v: float, t: float, h: float) -> tuple[float, float]:
-        """The classical Runge-Kutta formula."""
-        half = 0.5 * h
-        a1 = self.acceleration(q, v, t)
-        v2 = v + half * a1
-        a2 = self.acceleration(q + half * v, v2, t + half)
-        v3 = v + half * a2
-        a3 = self.acceleration(q + half * v2, v3, t + half)
-        v4 = v + h * a3
-        a4 = self.acceleration(q + h * v3, v4, t + h)
+    def step(self, t: float, h: float) -> tuple[float, float, float]:
+        """q, v and theta after h: the classical Runge-Kutta formula."""
+        half, q, v, theta = 0.5 * h, self.q, self.v, self.theta
+        a1, b1 = self.acceleration(q, v, theta, t), self.ageing(v, theta)
+        v2, theta2 = v + half * a1, theta + half * b1
+        a2, b2 = self.acceleration(q + half * v, v2, theta2, t + half), self.ageing(v2, theta2)
+        v3, theta3 = v + half * a2, theta + half * b2
+        a3, b3 = self.acceleration(q + half * v2, v3, theta3, t + half), self.ageing(v3, theta3)
+        v4, theta4 = v + h * a3, theta + h * b3
+        a4, b4 = self.acceleration(q + h * v3, v4, theta4, t + h), self.ageing(v4, theta4)
         q_next = q + h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
-        return q_next, v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+        v_next = v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+        return q_next, v_next, theta + h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4)
+
+    def pull(self, t: float) -> float:
+        """The acceleration now."""
+        return self.acceleration(self.q, self.v, self.theta, t)
 
     def longest(self, left: float, t: float) -> float:
         """The step that ripple, Stribeck peak and bristle allow, at most `left` [s]."""
@@ -242,7 +264,10 @@ class _Axis:
         if self.a:
             h = min(h, 0.1 / (self.wave * (speed + 1e-3)))
         if self.fs and speed < 6.0 * self.vs + 5e-3:
-            h = min(h, 0.06 * self.vs / (abs(self.acceleration(self.q, self.v, t)) + 1e-9))
+            h = min(h, 0.06 * self.vs / (abs(self.pull(t)) + 1e-9))
+        if self.L:
+            h = min(h, 0.04 * self.L / (speed + 1e-12))
+            h = min(h, 0.06 * (self.v_c + speed) / (abs(self.pull(t)) + 1e-9))
         if self.length and abs(self.q - self.q0) < _SATURATED * self.length:
             h = min(h, self.shortest, 0.04 * self.length / (speed + 1e-12))
         return left / math.ceil(left / h - 1e-9) if h < left else left
@@ -265,12 +290,12 @@ class _Axis:
         """At v = 0: stay for the returned time, then slide with the sign that is left in s."""
         net = self.F - self.o - self.r * t - self.ripple(self.q)
         if self.length:
-            net -= self.amplitude(self.q, 0.0, 1 if self.z0 > 0 else -1) * self.z0
+            net -= self.amplitude(self.q, 0.0, 1 if self.z0 > 0 else -1, self.theta) * self.z0
             if abs(net) < _QUIET:
                 return left
             self.s = 1 if net > 0 else -1
             return 0.0
-        forward, back = self.amplitude(self.q, 0.0, 1), self.amplitude(self.q, 0.0, -1)
+        forward, back = (self.amplitude(self.q, 0.0, s, self.theta) for s in (1, -1))
         if -back <= net <= forward:
             if not self.r:
                 return left
@@ -285,31 +310,32 @@ class _Axis:
     def slide(self, left: float, t: float) -> float:
         """One step with the sign s, cut short where v = 0; the time it took."""
         h = self.longest(left, t)
-        q, v = self.step(self.q, self.v, t, h)
+        q, v, theta = self.step(t, h)
         if v * self.s > 0:
-            self.q, self.v = q, v
+            self.q, self.v, self.theta = q, v, theta
             return h
         if self.v == 0.0:  # the force in excess is lost in rounding
-            self.rest(self.q)
+            self.rest(self.q, self.theta)
             return left
-        h, q = self.stop(t, h, v)
-        self.rest(q)
+        h = self.stop(t, h, v)
+        q, _, theta = self.step(t, h)
+        self.rest(q, theta)
         return h
 
-    def rest(self, q: float) -> None:
+    def rest(self, q: float, theta: float) -> None:
         if self.length:
             self.z0 = self.bristle(q)
-        self.q, self.v, self.s, self.q0 = q, 0.0, 0, q
+        self.q, self.v, self.s, self.q0, self.theta = q, 0.0, 0, q, theta
 
-    def stop(self, t: float, h: float, v: float) -> tuple[float, float]:
-        """When, after t, and where v vanishes: regula falsi (Illinois) on the step's length."""
+    def stop(self, t: float, h: float, v: float) -> float:
+        """When, after t, v vanishes: regula falsi (Illinois) on the step's length."""
         low, high, at_low, at_high = 0.0, h, self.v, v
         if v == 0.0:
-            return h, self.step(self.q, self.v, t, h)[0]
+            return h
         middle = h
         for _ in range(80):
             middle = (low * at_high - high * at_low) / (at_high - at_low)
-            here = self.step(self.q, self.v, t, middle)[1]
+            here = self.step(t, middle)[1]
             if abs(here) < 1e-17 or abs(high - low) < 1e-18:
                 break
             if here * at_high < 0:
@@ -317,4 +343,4 @@ class _Axis:
             else:
                 at_low *= 0.5
             high, at_high = middle, here
-        return middle, self.step(self.q, self.v, t, middle)[0]
+        return middle

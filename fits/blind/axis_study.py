@@ -1,10 +1,10 @@
 """How often is the loop right on servo axes? `python -m fits.blind.axis_study --out DIR`.
 
-Every effect of `axis_generate` and two axes that lack nothing, `--count` records of each at three
-noise levels. The structure of an effect is as large at every level, 1 N rms beyond the base fit:
-rho is 2, 1 and 0.5 where the noise is 0.5, 1 and 2 N. Seeds are 1000, 1001, ..., fixed before
-the first run. A run that was stopped goes on where it was; DIR/loops/NAME.json holds one record,
-DIR/axis_results.md and .json the numbers.
+Every effect of `axis_generate` but rate_and_state, and two axes that lack nothing, `--count`
+records of each at three noise levels. The structure of an effect is as large at every level, 1 N
+rms beyond the base fit: rho is 2, 1 and 0.5 where the noise is 0.5, 1 and 2 N. Seeds are 1000,
+1001, ..., fixed before the first run. A run that was stopped goes on where it was;
+DIR/loops/NAME.json holds one record, DIR/axis_results.md and .json the numbers.
 """
 
 import argparse
