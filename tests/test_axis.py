@@ -312,7 +312,8 @@ def blind(seed, *effects, without=()):
 
 
 @pytest.mark.parametrize(
-    "effect", [None, "cubic", "stribeck", "direction_asymmetry", "position_dependence"]
+    "effect",
+    [None, "cubic", "stribeck", "direction_asymmetry", "position_dependence", "rate_and_state"],
 )
 @pytest.mark.long
 def test_blind_records(effect):

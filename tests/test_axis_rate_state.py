@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
 from jaxfric.axis.closed_loop import Controller, simulate_closed_loop, substeps
+from jaxfric.axis.effects import DirectionAsymmetry, Presliding, RateAndState
 from jaxfric.axis.gains import axis_gains, state_gains
 from jaxfric.axis.prepare import Motion
 from jaxfric.axis.rig import AxisRig
@@ -30,11 +31,21 @@ A, B, L, VC = 4.0, 7.0, 5e-4, 1e-3
 def rig_of(A=A, B=B, L=L, v_c=VC, *, M=M, Fv=FV, width=1e-4, presliding=None):
     rig = AxisRig(M, Fv, FC, F0, width=width)
     if presliding is not None:
-        rig = AXIS_CATALOGUE["presliding"](**presliding).embed(rig)
-    return AXIS_CATALOGUE["rate_and_state"](A=A, B=B, L=L, v_c=v_c).embed(rig)
+        rig = Presliding(**presliding).embed(rig)
+    return RateAndState(A=A, B=B, L=L, v_c=v_c).embed(rig)
 
 
 # ---- the state -------------------------------------------------------------------------------
+
+
+@jax.jit
+def along(L, t, v):
+    return RateState(A, B, L, VC).along(Motion(t, 0 * t, v, 0 * t, 0 * t))
+
+
+def along_of(t, v):
+    """theta along a motion, of a slip length."""
+    return lambda L: along(L, jnp.asarray(t), jnp.asarray(v))
 
 
 def test_the_state_along_a_motion_with_reversals():
@@ -44,22 +55,17 @@ def test_the_state_along_a_motion_with_reversals():
         lambda t, y: abs(speed(t)) / L * (-B * np.log1p(abs(speed(t)) / VC) - y), (0, 1.5), [0.0],
         t_eval=t, rtol=1e-9, atol=1e-10, max_step=1e-3,
     ).y[0]  # fmt: skip
-    motion = Motion(*(jnp.asarray(x) for x in (t, 0 * t, speed(t), 0 * t, 0 * t)))
-    along = lambda L: RateState(A, B, L, VC).along(motion)  # noqa: E731
-    assert np.max(np.abs(along(L) - found)) < 2e-3 * B
-    assert np.max(np.abs(along(1.1 * L) - found)) > 0.1
+    motion = along_of(t, speed(t))
+    assert np.max(np.abs(motion(L) - found)) < 2e-3 * B
+    assert np.max(np.abs(motion(1.1 * L) - found)) > 0.1
     # coarser rows: of second order
-    rough = Motion(*(x[::4] for x in (t, 0 * t, speed(t), 0 * t, 0 * t)))
-    assert np.max(np.abs(RateState(A, B, L, VC).along(rough) - found[::4])) < 3e-2 * B
+    assert np.max(np.abs(along_of(t[::4], speed(t[::4]))(L) - found[::4])) < 3e-2 * B
 
 
 def test_a_state_that_begins_in_motion_is_steady_and_one_at_rest_stays():
     t = np.arange(50) * H
-    moving = Motion(*(jnp.asarray(x) for x in (t, 0 * t, 0.01 + 0 * t, 0 * t, 0 * t)))
-    law = RateState(A, B, L, VC)
-    np.testing.assert_allclose(law.along(moving), -B * np.log1p(10.0), rtol=1e-12)
-    still = Motion(*(jnp.asarray(x) for x in (t, 0 * t, 0.01 * (t < 0.02), 0 * t, 0 * t)))
-    theta = law.along(still)
+    np.testing.assert_allclose(along_of(t, 0.01 + 0 * t)(L), -B * np.log1p(10.0), rtol=1e-12)
+    theta = along_of(t, 0.01 * (t < 0.02))(L)
     assert float(theta[-1]) == float(theta[25]) < 0
 
 
@@ -157,14 +163,14 @@ def test_gains_of_other_rigs():
     """A bristle has no memory about steady motion; the worse direction is found; no k_p suffices
     without a direct effect."""
     bent = {"a": 15.0, "sigma_1": 900.0, "x_c": 2e-5}
-    plain = AXIS_CATALOGUE["presliding"](**bent).embed(AxisRig(M, FV, FC, F0, width=1e-4))
+    plain = Presliding(**bent).embed(AxisRig(M, FV, FC, F0, width=1e-4))
     assert state_gains(plain, 0.0, 1e-3, 0.1) is None
     assert state_gains(AxisRig(M, FV, FC, F0, width=1e-4), 0.0, 1e-3, 0.1) is None
     one, two = (state_gains(rig_of(presliding=p), 0.0, 1e-3, 0.1) for p in (None, bent))
     assert one is not None and two is not None and one.stiff is not None and two.stiff is not None
     assert two.stiff.critical_stiffness == pytest.approx(one.stiff.critical_stiffness, rel=1e-8)
     assert two.least_damping == pytest.approx(one.least_damping, rel=1e-8)
-    askew = AXIS_CATALOGUE["direction_asymmetry"](d=50.0).embed(rig_of())
+    askew = DirectionAsymmetry(d=50.0).embed(rig_of())
     found = state_gains(askew, 0.0, 1e-3, 0.1)
     assert found is not None and found.stiff is not None
     assert found.worst_velocity < 0 and found.stiff.worst_velocity < 0
@@ -259,6 +265,7 @@ def test_the_loop_names_rate_and_state_and_finds_its_weakening():
     without = sorted(set(AXIS_CATALOGUE) - offered)
     loop = close_axis_loop(record(0, 12), held=False, without=without, most=1)
     check_named(loop)
+    assert loop.details is not None
     text = json.loads(json.dumps(loop.details.to_json()))["axis"]["gains"]
     V = np.geomspace(1e-3, 0.06, 4001)
     _, stiffness = closed_form(V)

@@ -8,7 +8,7 @@ stiffness, and stiffness that needs no damping, above k_cr of (18)-(20): of (25)
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -157,28 +157,30 @@ def state_gains(
     if not rig.states:
         return None
     speed = np.geomspace(slowest, fastest, _FEWER)
-    damped: tuple[float, float, float] | None = None
-    stiff: tuple[float, float, float] | None = None
-    memory = False
-    for sign in (1.0, -1.0):
-        found = study(axis_law(rig, position, sign), speed, mass=float(rig.mass))
-        points = found.points
-        memory |= bool(np.any(np.asarray(points.memory) != 0))
-        slope = -np.asarray(points.needed_damping)
-        slope = np.where(slope < 0, slope, np.asarray(points.steady_slope))
-        k = int(np.argmin(slope))
-        if damped is None or slope[k] < damped[0]:
-            needed = float(points.needed_damping[k])
-            damped = float(slope[k]), sign * float(speed[k]), needed
-        critical = np.asarray(found.theorems.critical_stiffness)
-        k = int(np.argmax(critical))
-        if stiff is None or critical[k] > stiff[0]:
-            frequency = float(found.theorems.critical_frequency[k])
-            stiff = float(critical[k]), sign * float(speed[k]), frequency
-    assert damped is not None and stiff is not None
-    if not memory:
+    parts = [_both_basins(rig, position, sign * speed) for sign in (1.0, -1.0)]
+    if not any(memory for *_, memory in parts):
         return None
-    gain = None if drive is None or not drive.gain else damped[2] / drive.gain
-    own = None if drive is None or not drive.K_d else stiff[0] / drive.K_d
-    basin = StiffBasin(stiff[1], stiff[0], stiff[2], own)
-    return AxisGains(damped[1], damped[0], damped[2], gain, basin)
+    velocity, slope, least = min((damped for damped, _, _ in parts), key=lambda d: d[1])
+    stiff = max((stiff for _, stiff, _ in parts), key=lambda b: b.critical_stiffness)
+    gain = None if drive is None or not drive.gain else least / drive.gain
+    if drive is not None and drive.K_d:
+        stiff = replace(stiff, position_gain=stiff.critical_stiffness / drive.K_d)
+    return AxisGains(velocity, slope, least, gain, stiff)
+
+
+def _both_basins(
+    rig: AxisRig, position: float, velocity: np.ndarray
+) -> tuple[tuple[float, float, float], StiffBasin, bool]:
+    """Of one direction: where damping is needed most, the slope there and what is needed; the
+    basin of stiffness; whether there is any memory."""
+    law = axis_law(rig, position, float(np.sign(velocity[0])))
+    found = study(law, np.abs(velocity), mass=float(rig.mass))
+    points, theorems = found.points, found.theorems
+    needed = np.asarray(points.needed_damping)
+    slope = np.where(needed > 0, -needed, np.asarray(points.steady_slope))
+    k = int(np.argmin(slope))
+    damped = float(velocity[k]), float(slope[k]), float(needed[k])
+    j = int(np.argmax(np.asarray(theorems.critical_stiffness)))
+    critical, frequency = theorems.critical_stiffness[j], theorems.critical_frequency[j]
+    basin = StiffBasin(float(velocity[j]), float(critical), float(frequency), None)
+    return damped, basin, bool(np.any(np.asarray(points.memory) != 0))
