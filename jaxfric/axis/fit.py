@@ -5,6 +5,7 @@ Output error simulates axis and controller from the reference alone and compares
 measured position would tell about a friction law that is wrong, it tells here.
 """
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,8 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..effects import null
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.uncertainty import normal_inverse
+from ..loop.superset import Superset
 from ..records.axis_record import AxisRecord
 from .closed_loop import Controller, closed_loop, substeps
 from .problem import AxisProblem
@@ -73,6 +76,8 @@ def output_error(
         return None
     if drive.K_p is None or drive.K_d is None or drive.position_gain is None:
         return None
+    problem, kept = _moving_states(problem, free)
+    z, free = z[kept], np.searchsorted(kept, free)
     interval = float(np.median(np.diff(record.time)))
     controller = Controller(
         jnp.asarray(drive.position_gain), jnp.asarray(drive.K_d), jnp.asarray(interval)
@@ -85,6 +90,23 @@ def output_error(
     residual = np.asarray(_position_error(problem, setting, jnp.asarray(solved), index)[0])
     recorded = np.asarray(measured)[::_COMPARED]
     return _fit("closed-loop output error", problem, solved, free, jacobian, residual, recorded, ok)
+
+
+def _moving_states(problem: AxisProblem, free: np.ndarray) -> tuple[AxisProblem, np.ndarray]:
+    """The problem without states of effects that are not fitted, and the parameters it keeps.
+
+    At their null they do nothing, but a simulation would step them.
+    """
+    model, one = problem.model, jnp.ones(())
+    plain = AxisRig(one, one, one, one, width=one)
+    idle = tuple(
+        e.id
+        for e in model.effects
+        if null(e).embed(plain).states and not set(model.columns((e.id,))) & set(free.tolist())  # pyright: ignore[reportArgumentType, reportAttributeAccessIssue]
+    )
+    effects = tuple(e for e in model.effects if e.id not in idle)
+    kept = np.setdiff1d(np.arange(len(model.names())), model.columns(idle))
+    return dataclasses.replace(problem, model=Superset(model.base, effects)), kept
 
 
 class _Setting(NamedTuple):

@@ -154,14 +154,13 @@ def state_gains(
     None where friction has no memory about steady motion (a bristle has none). Not tried: lags
     and sampling of the drive, which ask for more; how friction changes with position.
     """
-    if not rig.states:
-        return None
     speed = np.geomspace(slowest, fastest, _FEWER)
-    parts = [_both_basins(rig, position, sign * speed) for sign in (1.0, -1.0)]
-    if not any(memory for *_, memory in parts):
+    # what is the same at all speeds answers to none
+    if not any(np.ptp(np.asarray(values)) > 0 for values in rig.steady(jnp.asarray(speed))):
         return None
-    velocity, slope, least = min((damped for damped, _, _ in parts), key=lambda d: d[1])
-    stiff = max((stiff for _, stiff, _ in parts), key=lambda b: b.critical_stiffness)
+    parts = [_both_basins(rig, position, sign * speed) for sign in (1.0, -1.0)]
+    velocity, slope, least = min((damped for damped, _ in parts), key=lambda d: d[1])
+    stiff = max((stiff for _, stiff in parts), key=lambda b: b.critical_stiffness)
     gain = None if drive is None or not drive.gain else least / drive.gain
     if drive is not None and drive.K_d:
         stiff = replace(stiff, position_gain=stiff.critical_stiffness / drive.K_d)
@@ -170,9 +169,9 @@ def state_gains(
 
 def _both_basins(
     rig: AxisRig, position: float, velocity: np.ndarray
-) -> tuple[tuple[float, float, float], StiffBasin, bool]:
+) -> tuple[tuple[float, float, float], StiffBasin]:
     """Of one direction: where damping is needed most, the slope there and what is needed; the
-    basin of stiffness; whether there is any memory."""
+    basin of stiffness."""
     law = axis_law(rig, position, float(np.sign(velocity[0])))
     found = study(law, np.abs(velocity), mass=float(rig.mass))
     points, theorems = found.points, found.theorems
@@ -183,4 +182,4 @@ def _both_basins(
     j = int(np.argmax(np.asarray(theorems.critical_stiffness)))
     critical, frequency = theorems.critical_stiffness[j], theorems.critical_frequency[j]
     basin = StiffBasin(float(velocity[j]), float(critical), float(frequency), None)
-    return damped, basin, bool(np.any(np.asarray(points.memory) != 0))
+    return damped, basin

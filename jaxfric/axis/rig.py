@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..quantity import quantity
 from .prepare import Motion
@@ -58,7 +58,7 @@ class AxisRig(eqx.Module):
     coulomb: Float[Array, ""] = quantity("F_c", "F", "Coulomb friction")
     offset: Float[Array, ""] = quantity("F_0", "F", "offset of the force")
 
-    def __init__(self, mass, viscous, coulomb, offset, *, width, reach=0.0):
+    def __init__(self, mass, viscous, coulomb, offset, *, width, reach: ArrayLike = 0.0):
         self.mass, self.viscous = jnp.asarray(mass), jnp.asarray(viscous)
         self.coulomb, self.offset = jnp.asarray(coulomb), jnp.asarray(offset)
         self.width, self.reach = jnp.asarray(width), jnp.asarray(reach)
