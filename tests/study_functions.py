@@ -1,6 +1,7 @@
 """Functions that the tests of studies evaluate, here and in processes of their own."""
 
 import hashlib
+import signal
 import sys
 import time
 from pathlib import Path
@@ -9,6 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxfric import study
+
+
+def heed_interrupts():
+    """For `preexec_fn`: a job in the background hands down that SIGINT is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def waves(p):

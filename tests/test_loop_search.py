@@ -317,9 +317,7 @@ def test_a_slip_channel_tells_a_servo_lag_from_a_sensor_lag():
 
 # ---- the slice of the blind study ------------------------------------------------------------
 
-QUICK = (
-    "null-ar1-0.9/2", "one-rho0.5/161",
-)  # fmt: skip
+QUICK = ("null-ar1-0.9/2",)
 """Those of the slice that are not left to -m long: what they compile is there already."""
 SLICE = study.selected(part="ci")
 

@@ -29,6 +29,7 @@ def process(*arguments, **environment):
         env=os.environ | environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
+        preexec_fn=f.heed_interrupts,
     )
 
 

@@ -95,6 +95,7 @@ def test_response_is_that_of_scipy(law, ratio):
         np.testing.assert_allclose(found.velocity[:, i], V, rtol=1e-4)
 
 
+@pytest.mark.long
 def test_response_is_that_of_simulate_and_runs_away_where_it_does():
     of, p = batch("slip", 64)
     times = jnp.asarray(np.linspace(0.05, 1, 20)[:, None] * 20 * p[:, 2] / p[:, 5])

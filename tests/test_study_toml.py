@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import assert_refused, run, written
+from study_functions import heed_interrupts
 
 pytest.importorskip("zarr")
 pytest.importorskip("xarray")
@@ -190,11 +191,17 @@ def test_samples_and_posterior_draws() -> None:
     assert L
 
 
+@pytest.mark.long
 def test_an_interrupt_says_how_to_go_on() -> None:
     text = GOOD.replace("chunk = 8", "chunk = 500").replace("points = 6", "points = 1000")
     written(Path("study.toml"), text.replace("points = 3", "points = 400"))
     command = [sys.executable, "-m", "jaxfric", "study", "study.toml", "--out", "a b.zarr"]
-    run = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    run = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        preexec_fn=heed_interrupts,
+    )
     marks = Path("a b.zarr/done/c")
     begun = time.monotonic()
     while not (marks.exists() and os.listdir(marks)) and time.monotonic() - begun < 60:
