@@ -13,8 +13,9 @@ from jaxfric import study
 
 
 def heed_interrupts():
-    """For `preexec_fn`: a job in the background hands down that SIGINT is ignored."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    """Hand no ignored SIGINT down to a process: a job in the background has it so."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def waves(p):

@@ -24,12 +24,12 @@ SCRIPT = str(Path(f.__file__))
 
 
 def process(*arguments, **environment):
+    f.heed_interrupts()
     return subprocess.Popen(
         [sys.executable, SCRIPT, *map(str, arguments)],
         env=os.environ | environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
-        preexec_fn=f.heed_interrupts,
     )
 
 

@@ -196,11 +196,11 @@ def test_an_interrupt_says_how_to_go_on() -> None:
     text = GOOD.replace("chunk = 8", "chunk = 500").replace("points = 6", "points = 1000")
     written(Path("study.toml"), text.replace("points = 3", "points = 400"))
     command = [sys.executable, "-m", "jaxfric", "study", "study.toml", "--out", "a b.zarr"]
+    heed_interrupts()
     run = subprocess.Popen(
         command,
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        preexec_fn=heed_interrupts,
     )
     marks = Path("a b.zarr/done/c")
     begun = time.monotonic()
