@@ -11,6 +11,21 @@ import numpy as np
 
 from jaxfric import study
 
+MARGINS = """
+compute = ["margins"]
+chunk = 8
+[rig]
+law = "slip"
+A = "4.5 N"
+B = "6 N"
+L = "5 um"
+V0 = "10 um/s"
+[axes]
+k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 6 }
+k_v = { linspace = ["0 N*s/m", "100 kN*s/m"], points = 3 }
+"""
+"""A good study.toml, of 18 members in three chunks."""
+
 
 def heed_interrupts():
     """Hand no ignored SIGINT down to a process: a job in the background has it so."""

@@ -18,20 +18,7 @@ import distributed
 
 from jaxfric import InputError, study
 
-GOOD = """
-compute = ["margins"]
-outputs = ["k_cr", "stability"]
-chunk = 8
-[rig]
-law = "slip"
-A = "4.5 N"
-B = "6 N"
-L = "5 um"
-V0 = "10 um/s"
-[axes]
-k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 6 }
-k_v = { linspace = ["0 N*s/m", "100 kN*s/m"], points = 3 }
-"""
+GOOD = 'outputs = ["k_cr", "stability"]\n' + f.MARGINS
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import assert_refused, run, written
+from study_functions import MARGINS as GOOD
 from study_functions import heed_interrupts
 
 pytest.importorskip("zarr")
@@ -17,21 +18,6 @@ pytest.importorskip("xarray")
 
 from jaxfric import study
 from jaxfric.members import make
-
-GOOD = """
-compute = ["margins"]
-chunk = 8
-[rig]
-law = "slip"
-A = "4.5 N"
-B = "6 N"
-L = "5 um"
-V0 = "10 um/s"
-[axes]
-k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 6 }
-k_v = { linspace = ["0 N*s/m", "100 kN*s/m"], points = 3 }
-"""
-
 
 FEW = 'outputs = ["stability", "modulus"]\n'
 
