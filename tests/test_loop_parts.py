@@ -30,6 +30,20 @@ def test_blocks_are_whole_steps():
     assert np.array_equal(np.unique(blocks.step[blocks.select]), [8, 9])
 
 
+def test_the_fastest_and_the_slowest_velocity_train():
+    # found velocities of one command differ a little; the fastest comes last but one and last
+    V = np.asarray([3.0, 10, 3, 10.1, 3, 9.9, 10, 3, 10, 1.0, 30.5, 30.0]) * 1e-6
+    blocks = split(np.linspace(0, 119.9, 1200), jf.VelocitySteps(np.arange(12) * 10.0, V))
+    assert np.array_equal(np.unique(blocks.step[blocks.report]), [8, 11])
+    assert np.array_equal(np.unique(blocks.step[blocks.select]), [6, 7])
+
+
+def test_three_steps_are_held_back_by_order_where_two_of_them_are_extreme():
+    V = np.asarray([3.0, 10, 1, 3]) * 1e-6
+    blocks = split(np.linspace(0, 39.9, 400), jf.VelocitySteps(np.arange(4) * 10.0, V))
+    assert [set(blocks.step[blocks.of(b)]) for b in ("select", "report")] == [{2}, {3}]
+
+
 def test_one_step_is_cut_by_displacement():
     time = np.linspace(0, 19.9, 400)
     blocks = split(time, steps(2))

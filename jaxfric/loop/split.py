@@ -15,6 +15,8 @@ NAMES = ("train", "select", "report")
 _TAIL = (0.6, 0.8)
 _QUARTER = 0.75
 _FEWEST = 20
+# Two found velocities are one commanded velocity from this ratio on.
+_SAME = 0.9
 
 
 class Blocks(NamedTuple):
@@ -37,9 +39,10 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     """Blocks of a record with rows at `time` (from 0) [s].
 
     With three steps or more: about the last sixth of the steps is the report block, as much
-    before it the select block. With two, the second is the report block and the last quarter of
-    the first, by displacement, the select block. A single step is cut into before and transient
-    (the first 60 %), which train, and tail, whose halves select and report.
+    before it the select block; where there are steps enough, the first at the fastest and the
+    first at the slowest velocity train. With two, the second is the report block and the last
+    quarter of the first, by displacement, the select block. A single step is cut into before and
+    transient (the first 60 %), which train, and tail, whose halves select and report.
 
     Raises
     ------
@@ -50,8 +53,8 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     last = len(steps) - 1
     if last >= 3:
         size = max(1, round(last / 6))
-        report, select = segment > last - size, (segment > last - 2 * size)
-        select = select & ~report
+        held = _held_out(steps, 2 * size)
+        report, select = np.isin(segment, held[-size:]), np.isin(segment, held[:-size])
         blocks = Blocks(~(select | report), select, report, segment, True)
     elif last == 2:
         select = (segment == 1) & (_share(time, steps, 1) >= _QUARTER)
@@ -69,6 +72,18 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
                 f" needs {_FEWEST}; record longer steps, more of them, or sample faster"
             )
     return blocks
+
+
+def _held_out(steps: VelocitySteps, number: int) -> np.ndarray:
+    """The last `number` of the steps that lie within velocities which train, in order."""
+    # what is held back is predicted within the velocities that were trained
+    speed = np.abs(steps.velocities)
+    first = {
+        int(np.argmax(speed >= _SAME * speed.max())),
+        int(np.argmax(speed <= speed.min() / _SAME)),
+    }
+    within = np.setdiff1d(np.arange(1, len(speed)), list(first))
+    return within[-number:] if len(within) >= number else np.arange(len(speed))[-number:]
 
 
 def _share(time: np.ndarray, steps: VelocitySteps, k: int) -> np.ndarray:
