@@ -210,8 +210,9 @@ def _save_location(loop: Loop, folder: Path) -> list[str]:
     if number == 0:
         panels[0].text(0.5, 0.5, "no structure was searched for", ha="center", va="center")
     figure.suptitle(
-        "Where friction differs from the base model, most telling variable first: points several"
-        " bars away from 0 are real.\nBars: standard error. Dotted: ± 1 σ of the noise of a row.",
+        "Where friction differs from the base model: the variable that explains most of the"
+        " structure first.\nPoints several bars away from 0 are real. Bars: standard error."
+        " Dotted: ± 1 σ of the noise of a row.",
         x=0.01,
         ha="left",
         fontsize=10.5,
@@ -260,7 +261,7 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
         plain_log(axis, "x")
     axis.set_xlabel(label if unit in ("", "1") else f"{label} [{unit}]")
     share = f"{100 * profile.explained:.0f} %" if np.isfinite(profile.explained) else "unknown"
-    tidy(axis, f"{name}: explains {share} of the structure\n{_p(profile.p_value)}")
+    tidy(axis, f"{name}: {share} of the structure\n{_p(profile.p_value)}")
 
 
 def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:
@@ -313,8 +314,8 @@ def save_aliasing(
                 text.set(color=ORANGE, fontweight="bold")
     axis.tick_params(length=0)
     axis.spines[:].set_visible(False)
-    notes = [f"0: nothing alike, {what} tells them apart; 1: the same, no fit can tell"]
-    notes.append(f"framed: {ALIAS:.2f} or more, not told apart by {what}")
+    notes = [f"0: nothing alike, {what} tells them apart", "1: the same, no fit can tell"]
+    notes.append(f"framed: {ALIAS:.2f} or more, not told apart")
     if added:
         notes.append("orange names: effects that were added")
     if np.any(~np.isfinite(cosines[np.tri(number, k=-1, dtype=bool)])):
@@ -387,7 +388,7 @@ def _bars(axis: Axes, names: list[str], values: list[float], colours: list[str])
     low, high = min(0.0, *lengths, -1.0), max(1.5 * ACCEPT, *lengths, 0.0)
     if high > 40 * ACCEPT:
         axis.set_xscale("symlog", linthresh=ACCEPT, linscale=0.7)
-        axis.set_xlim(3 * min(low, -4.0), 12 * high)
+        axis.set_xlim(8 * min(low, -4.0), 12 * high)
         axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))
     else:
         room = 0.16 * (high - low)
@@ -439,7 +440,7 @@ def _key(axis: Axes) -> None:
     colours = (
         (BLUE, "taken into the model"),
         (_LIGHT, "tried, not taken"),
-        ("0.82", "impossible parameters, or no convergence"),
+        ("0.82", "impossible, or not converged"),
     )
     handles: list = [Patch(fc=colour, label=text) for colour, text in colours]
     handles += axis.plot(
