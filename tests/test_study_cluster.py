@@ -5,6 +5,8 @@ import signal
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ pytest.importorskip("distributed")
 import distributed
 
 from jaxfric import InputError, study
+from jaxfric.study.cluster import _Pool
 
 GOOD = 'outputs = ["k_cr", "stability"]\n' + f.MARGINS
 
@@ -100,6 +103,23 @@ def test_a_lost_scheduler_leaves_a_store(tmp_path, undisturbed):
     closer.join()
     f.run_slowly(path)
     assert f.contents(path) == undisturbed
+
+
+@pytest.mark.parametrize(
+    ("status", "outcome"),
+    [("finished", {"value": 1}), ("lost", None), ("cancelled", study.Stopped)],
+)
+def test_a_future_may_change_after_it_was_done(status, outcome):
+    """A scheduler or worker that goes away between two questions: `exception` is None for all."""
+    future = SimpleNamespace(
+        status=status, exception=lambda timeout: None, result=lambda timeout: {"value": 1}
+    )
+    pool = _Pool(SimpleNamespace(status="running"), cast(Any, None), "tcp://x:1", print)
+    if outcome is study.Stopped:
+        with pytest.raises(study.Stopped, match="the scheduler at tcp://x:1 is lost"):
+            pool._result(future)
+    else:
+        assert pool._result(future) == outcome
 
 
 def test_no_scheduler(tmp_path, monkeypatch):

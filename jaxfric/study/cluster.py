@@ -123,11 +123,12 @@ class _Pool:
             self._fill(todo)
             for future in self._finished():
                 number = self.futures.pop(future)
-                if future.status == "finished":
-                    yield number, self._result(future)
-                    continue
-                self._lost(future, number)
-                todo.append(number)
+                block = self._result(future)
+                if block is None:
+                    self._lost(number)
+                    todo.append(number)
+                else:
+                    yield number, block
 
     def _fill(self, todo: list[int]) -> None:
         room = max(_AHEAD * self._threads(), _AHEAD) - len(self.futures)
@@ -176,8 +177,26 @@ class _Pool:
                 f" dask worker {self.address} --nthreads 1"
             )
 
-    def _result(self, future: Any) -> dict[str, np.ndarray]:
-        return self._ask(lambda: future.result(timeout=10 * _PATIENCE))
+    def _result(self, future: Any) -> dict[str, np.ndarray] | None:
+        """What a future that is done came to; None where that went with a worker.
+
+        Its status may change between any two lines: it is taken for done only by its result.
+        """
+        from distributed import KilledWorker
+
+        error = self._ask(lambda: future.exception(timeout=_PATIENCE))
+        status = future.status
+        if self.client.status != "running" or status == "cancelled":
+            raise self._gone()
+        if isinstance(error, KilledWorker):
+            return None
+        if error is not None:
+            raise error
+        if status != "finished":
+            return None
+        with contextlib.suppress(KilledWorker):
+            return self._ask(lambda: future.result(timeout=10 * _PATIENCE))
+        return None
 
     def _ask(self, what: Any) -> Any:
         try:
@@ -185,16 +204,8 @@ class _Pool:
         except (OSError, RuntimeError, CancelledError, asyncio.CancelledError):
             raise self._gone() from None
 
-    def _lost(self, future: Any, number: int) -> None:
-        """A block that came to nothing: try again, unless it is to blame."""
-        from distributed import KilledWorker
-
-        if self.client.status != "running" or future.status == "cancelled":
-            raise self._gone()
-        error = future.exception(timeout=_PATIENCE)
-        if not isinstance(error, KilledWorker):
-            assert error is not None
-            raise error
+    def _lost(self, number: int) -> None:
+        """A block that went with its worker: to be tried again, unless it is to blame."""
         self.losses[number] = self.losses.get(number, 0) + 1
         if self.losses[number] > _LOSSES:
             raise Stopped(
