@@ -349,13 +349,14 @@ def _save_candidates(loop: Loop, folder: Path) -> list[str]:
     tried = loop.ranked()[:_MOST_CANDIDATES]
     screened = [s for s in loop.screened if np.isfinite(s.delta_bic)]
     rows = len(tried), len(screened)
-    figure = new_figure(10.5, 2.7 + 0.27 * sum(rows))
+    names = [_candidate_name(c) for c in tried]
+    longest = max(map(len, names), default=0)
+    figure = new_figure(10.5 + 0.07 * max(longest - 25, 0), 2.7 + 0.27 * sum(rows))
     heights = [max(n, 1) + 1.5 for n in rows]
     grid = figure.add_gridspec(2, 2, width_ratios=[1.6, 1], height_ratios=heights)
     first, beside, second = (
         figure.add_subplot(place) for place in (grid[0, 0], grid[0, 1], grid[1, 0])
     )
-    names = [_candidate_name(c) for c in tried]
     _bars(first, names, [c.delta_bic for c in tried], [_colour(c) for c in tried])
     tidy(first, "Models that were fitted: ΔBIC against the base")
     _held_out(beside, loop, tried)
