@@ -3,7 +3,7 @@
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -114,67 +114,49 @@ def loop(
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
+    reading: dict[str, Any] = {
+        "columns": axis_roles(column),
+        "drive_gain": drive_gain,
+        "rated_torque": rated_torque,
+        "flip": flip,
+        "drop_bad": drop_bad,
+    }
     if rig == "steady":
         from ..records import read_steady
 
-        curve = read_steady(
-            file,
-            columns=axis_roles(column),
-            drive_gain=drive_gain,
-            rated_torque=rated_torque,
-            flip=flip,
-            drop_bad=drop_bad,
-        )
-        _steady(curve, declared, excluded, destination, json)
+        _steady(read_steady(file, **reading), declared, excluded, destination, json)
         return
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
-        axis = slider = None
+        record: Any
         if rig == "axis":
             from ..records import read_axis
 
-            axis = read_axis(
-                file,
-                columns=axis_roles(column),
-                drive_gain=drive_gain,
-                position_gain=position_gain,
-                velocity_gain=velocity_gain,
-                rated_torque=rated_torque,
-                flip=flip,
-                drop_bad=drop_bad,
+            record = read_axis(
+                file, position_gain=position_gain, velocity_gain=velocity_gain, **reading
             )
         else:
-            slider = read_record(file, column, drop_bad)
+            record = read_record(file, column, drop_bad)
         prepare_jax()
         from ..report.output import output_folder
 
         with output_folder(destination):
             pass  # a folder that cannot be written is better known before the search
-        if axis is not None:
+        search: dict[str, Any] = {
+            "with_": declared,
+            "without": excluded,
+            "most": most,
+            "progress": progress,
+        }
+        if rig == "axis":
             from ..axis import close_axis_loop
 
-            result = close_axis_loop(
-                axis,
-                with_=declared,
-                without=excluded,
-                most=most,
-                held=held or None,
-                progress=progress,
-            )
+            result = close_axis_loop(record, held=held or None, **search)
         else:
             from ..loop import close_loop
 
-            assert slider is not None and stiffness is not None
-            result = close_loop(
-                slider,
-                stiffness=stiffness,
-                law=law,
-                steps=steps,
-                with_=declared,
-                without=excluded,
-                most=most,
-                progress=progress,
-            )
+            assert stiffness is not None
+            result = close_loop(record, stiffness=stiffness, law=law, steps=steps, **search)
         progress("drawing figures")
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
         given = {
