@@ -104,16 +104,8 @@ def _column(name: str, kind: str, axis: dict[str, Any], where: str) -> Uniform:
 
 def _draws(axis: dict[str, Any], path: Path, where: str, files: dict[str, str]) -> Normal:
     """Columns from the covariance of a fit.json, those with a lower bound by their logarithm."""
-    from ..gains.saved import FIT, read_saved, values_of
-    from ..gains.source import force_of_unit
-
     source = file_of(axis["from"], path, where, files)
-    content = read_saved(source, FIT)
-    force = None
-    if "normal_force" in axis:
-        force = number(axis["normal_force"], "N", f"{where} normal_force")
-    scale = force_of_unit(content["friction_unit"], force, source)
-    found = values_of(content)
+    content, scale, found = _fitted(axis, source, where)
     names = [n for n in content["free"] if n in ("A", "f0") or n[0] in "BL"]
     index = [content["free"].index(n) for n in names]
     loose = [n for n in names if not content["parameters"][n].get("determined", True)]
@@ -135,20 +127,15 @@ def _draws(axis: dict[str, Any], path: Path, where: str, files: dict[str, str]) 
 def posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
     """What the fit of an axis `from` says of the parameters that it does not draw."""
     table = table_of(content, "axes", path.name)
-    sources = [axis["from"] for axis in table.values() if "from" in axis]
+    sources = [axis for axis in table.values() if "from" in axis]
     if not sources:
         return law, fixed
     if len(sources) > 1:
         raise InputError(f"{path.name} [axes]: two axes with from; a member has one law")
-    from ..gains.saved import FIT, read_saved, values_of
-    from ..gains.source import force_of_unit
-
-    content = read_saved(path.parent / sources[0], FIT)
-    axis = next(axis for axis in table.values() if "from" in axis)
-    force = number(axis["normal_force"], "N", "normal_force") if "normal_force" in axis else None
-    scale = force_of_unit(content["friction_unit"], force, path.parent / sources[0])
+    (axis,) = sources
+    fit, scale, found = _fitted(axis, path.parent / axis["from"], f"{path.name} [axes]")
     own = {}
-    for name, value in values_of(content).items():
+    for name, value in found.items():
         if name == "V0":
             own["V_ref"] = value
         elif name in ("A", "f0") or name[0] == "B":
@@ -156,4 +143,15 @@ def posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
         elif name[0] == "L":
             own[name] = value
     kept = {name: value for name, value in own.items() if name not in grid.names}
-    return law or content["law"], {**kept, **fixed}
+    return law or fit["law"], {**kept, **fixed}
+
+
+def _fitted(axis: dict[str, Any], source: Path, where: str):
+    """A fit.json: its content, friction to force [N per its unit], values of its parameters."""
+    from ..gains.saved import FIT, read_saved, values_of
+    from ..gains.source import force_of_unit
+
+    content, force = read_saved(source, FIT), None
+    if "normal_force" in axis:
+        force = number(axis["normal_force"], "N", f"{where} normal_force")
+    return content, force_of_unit(content["friction_unit"], force, source), values_of(content)
