@@ -1,6 +1,7 @@
 """What `jaxfric study` computes, against the functions it stands for and against SciPy."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -293,3 +294,64 @@ def test_gains_and_fits_one_by_one(tmp_path):
     assert np.all(np.abs(found.fitted_B - found.B) < 4 * found.std_B)
     assert np.all(np.abs(found.fitted_A - 5) < 4 * found.std_A)
     assert np.all(np.abs(found.rms / 0.05 - 1) < 0.2)
+
+
+LOOP = """
+compute = ["loop"]
+[rig]
+law = "slip"
+A = "5 N"
+B = "8 N"
+L = "3 um"
+L2 = "40 um"
+V0 = "10 um/s"
+k_p = "10 MN/m"
+[axes]
+B2 = { values = ["0 N", "4 N", "-1000 N"] }
+[loop]
+noise = "0.15 N"
+rows = 1400
+distance = "200 um"
+"""
+
+
+@pytest.mark.long
+def test_loops_name_the_second_state_where_there_is_one(tmp_path):
+    """The base has one state; the last member strengthens with a thousand newtons: no record."""
+    found = run_study(written(tmp_path / "l.toml", LOOP), tmp_path / "l")
+    assert names(found.verdict) == ["no_missing_effect", "effects", "no_record"]
+    assert names(found.first_effect) == ["none", "second_state", "none"]
+    assert found.effects.values.tolist() == [0, 1, 0]
+    before, after = found.held_out_before.values, found.held_out_after.values
+    assert before[0] == after[0] < 1.06 and before[1] > 5 and after[1] < 1.06
+    assert np.isnan(before[2]) and found.outcome.values.tolist()[:2] == [0, 0]
+
+
+def names(codes):
+    texts = codes.attrs["flag_meanings"].split()
+    return [texts[int(code)] for code in codes.values]
+
+
+def test_what_a_loop_of_a_study_is_asked(tmp_path, monkeypatch):
+    """The record of six steps that it gets, and what becomes of its answer."""
+    asked = []
+
+    def close_loop(record, **options):
+        asked.append((record, options))
+        return SimpleNamespace(
+            verdict="effects", effects=("gain",), before=2.0, after=1.0, sigma=0.5, heldout=float
+        )
+
+    monkeypatch.setattr("jaxfric.loop.close_loop", close_loop)
+    text = LOOP.replace('"0 N", "4 N", "-1000 N"', '"4 N"') + 'most = 2\nwithout = ["thermal"]\n'
+    found = run_study(written(tmp_path / "l.toml", text), tmp_path / "l")
+    assert names(found.verdict) == ["effects"] and names(found.first_effect) == ["gain"]
+    assert [float(found[f"held_out_{when}"][0]) for when in ("before", "after")] == [4.0, 2.0]
+    ((record, options),) = asked
+    assert options["stiffness"] == 1e7 and options["most"] == 2 and options["law"] == "slip"
+    assert (options["with_"], options["without"]) == ((), ("thermal",))
+    assert options["steps"].count("m/s") == 7 and record.friction_unit == "N"
+    # steady at the same velocity before the first step and, but for exp(-5) of 9 N, at the end
+    np.testing.assert_allclose(record.load_point_displacement[-1], 7 * 200e-6, rtol=0.01)
+    assert abs(record.friction[-20:].mean() - record.friction[:200].mean()) < 0.3
+    assert abs(record.friction[380:400].mean() - record.friction[:200].mean()) > 5

@@ -241,14 +241,19 @@ class Fit:
 
 
 def _loop(spec: Spec, table: Mapping[str, Any], where: str):
+    from ..effects import CATALOGUE
     from ..loop import VERDICTS
 
     _refuse(table, _LOOP, where)
     codes = {name: name.replace("_", " ") for name in VERDICTS}
     codes |= {"no_record": "The slider runs away or takes too many steps: there is no record."}
+    ids = {"none": "No effect was added."} | {id: id.replace("_", " ") for id in CATALOGUE}
     outputs = (
         Output("verdict", long_name="verdict of the loop", codes=codes),
         Output("effects", "1", "number of effects that were added"),
+        Output("first_effect", long_name="effect that was added first", codes=ids),
+        Output("held_out_before", "1", "held-out error of the base, in sigma of the noise"),
+        Output("held_out_after", "1", "held-out error with the effects, in sigma of the noise"),
     )
     most = table.get("most", 1)
     if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= 3:
@@ -260,7 +265,7 @@ def _loop(spec: Spec, table: Mapping[str, Any], where: str):
             raise InputError(f"{where}: {key} is a list of effects, as in {key} = ['viscous']")
         lists.append(tuple(found))
     recorder = _record(spec, {"steps": 6, **table}, where)
-    return Loop(recorder, tuple(codes), most, *lists), outputs
+    return Loop(recorder, tuple(codes), tuple(ids), most, *lists), outputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,6 +274,7 @@ class Loop:
 
     record: Recorder
     verdicts: tuple[str, ...]
+    ids: tuple[str, ...]
     most: int
     declared: tuple[str, ...]
     excluded: tuple[str, ...]
@@ -279,7 +285,8 @@ class Loop:
 
         made = self.record(varied)
         if made is None:
-            return {"verdict": len(self.verdicts) - 1, "effects": 0}
+            errors = {"held_out_before": math.nan, "held_out_after": math.nan}
+            return {"verdict": len(self.verdicts) - 1, "effects": 0, "first_effect": 0, **errors}
         record, stiffness, steps = made
         found = close_loop(
             record,
@@ -290,7 +297,13 @@ class Loop:
             without=self.excluded,
             most=self.most,
         )
-        return {"verdict": self.verdicts.index(found.verdict), "effects": len(found.effects)}
+        return {
+            "verdict": self.verdicts.index(found.verdict),
+            "effects": len(found.effects),
+            "first_effect": self.ids.index(found.effects[0]) if found.effects else 0,
+            "held_out_before": found.heldout(found.before) / found.sigma,
+            "held_out_after": found.heldout(found.after) / found.sigma,
+        }
 
 
 def _refuse(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
