@@ -91,7 +91,7 @@ _STYLE = """
 * { box-sizing: border-box; }
 body { margin: 0; background: #fff; color: var(--ink);
   font: 16px/1.55 system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
-main { max-width: 66rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
+main { max-width: 74rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
 header { border-left: .4rem solid var(--verdict); padding: .2rem 0 .2rem 1.1rem; }
 h1 { font-size: 1.9rem; line-height: 1.2; margin: .1rem 0 .5rem; color: var(--verdict);
   overflow-wrap: anywhere; }
@@ -105,9 +105,9 @@ h2 { font-size: 1.25rem; margin: 2.6rem 0 .6rem; padding-top: .9rem;
 .cards b { display: block; font-size: 1.35rem; font-variant-numeric: tabular-nums; }
 .cards span { color: var(--soft); font-size: .88rem; }
 .scroll { overflow-x: auto; margin: .8rem 0; }
-table { border-collapse: collapse; font-size: .93rem; font-variant-numeric: tabular-nums; }
+table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
-th, td { padding: .28rem .7rem .28rem 0; border-bottom: 1px solid var(--line); text-align: left;
+th, td { padding: .28rem .6rem .28rem 0; border-bottom: 1px solid var(--line); text-align: left;
   white-space: nowrap; vertical-align: top; }
 th { color: var(--soft); font-weight: 500; }
 .n { text-align: right; }
