@@ -11,20 +11,20 @@ import numpy as np
 
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of
 from ..errors import InputError
-from ..fitting import Fit, NoiseEstimate, fit
+from ..fitting import Fit, fit
 from ..fitting.fit import prepare, steps_of
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
 from ..records import Record, VelocitySteps
 from ..rig.normal_stress import NormalStress, recorded_stress
+from .assemble import declared, loop_of, refuse_both, score_of, where_it_sits
 from .engine import Candidate, Engine
-from .estimates import candidate_scores, estimates
+from .estimates import estimates
 from .location import friction_bumps, locate
-from .result import LocationProfile, Loop, Score, ScreenedEffect
-from .screen import screen
-from .search import Search, refit_safely, search
+from .result import Loop, Score
+from .search import Search, search
 from .shapes import friction_shapes
-from .split import NAMES, Blocks, split
+from .split import Blocks, split
 from .superset import Superset
 from .verdict import conclude, innovations, noise_floor
 
@@ -95,46 +95,25 @@ def close_loop(
     progress("where the structure sits")
     floor = noise_floor(engine, found.final, slip)
     location = locate(engine, found.base, floor.noise, friction_bumps(engine, found.base))
-    before = _score(engine, found.base, record, base_fit, innovations(engine, found.base, slip))
-    tests = innovations(engine, found.final, slip)
-    after = (
-        before
-        if found.final is found.base
-        else _score(engine, found.final, record, base_fit, tests)
-    )
+    tests = innovations(engine, found.base, slip)
+    before = after = _score(engine, found.base, record, base_fit, tests)
+    if found.final is not found.base:
+        tests = innovations(engine, found.final, slip)
+        after = _score(engine, found.final, record, base_fit, tests)
     edge = _edge(base_fit)
-    told = conclude(engine, found, floor, tests, edge=edge, located=where_it_sits(location))
-    return Loop(
+    return loop_of(
+        engine,
+        found,
+        conclude(engine, found, floor, tests, edge=edge, located=where_it_sits(location)),
+        before,
+        after,
+        location,
         record=record,
         base_fit=base_fit,
-        blocks=blocks,
-        verdict=told.verdict,
-        sentence=told.sentence,
-        reasons=told.reasons,
-        effects=found.final.effects,
-        alias_groups=told.alias_groups,
-        separations=told.separations,
-        candidates=candidate_scores(engine, found),
-        screened=tuple(ScreenedEffect(s.id, s.delta_bic) for r in found.screened[:1] for s in r),
-        before=before,
-        after=after,
         sigma=floor.sigma,
-        location=location,
-        alias_ids=found.ids,
-        alias_cosines=found.cosines,
         warnings=_warnings(engine, found, base_fit, edge),
         seconds=time.monotonic() - begun,
     )
-
-
-def refuse_both(with_: Sequence[str], without: Sequence[str]) -> None:
-    """Raises `InputError` for an effect that is both in the base and left out."""
-    both = sorted(set(with_) & set(without))
-    if both:
-        raise InputError(
-            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
-            " (--without)"
-        )
 
 
 def _effects(
@@ -258,51 +237,19 @@ def _other(engine: Engine, z: np.ndarray) -> np.ndarray:
     return other
 
 
-def declared(engine: Engine, z: np.ndarray, scales, with_: tuple[str, ...]) -> np.ndarray:
-    """Parameters of the base with its declared effects, each started from its best shape."""
-    if not with_:
-        return z
-    current = engine.refit((), z)
-    for id in with_:
-        one = next(s for s in screen(engine, current, scales) if s.id == id)
-        current = refit_safely(engine, (*current.effects, id), one, current)
-    return current.z
-
-
 def _score(engine: Engine, candidate: Candidate, record: Record, base: Fit, tests) -> Score:
     found, free, covariance = estimates(engine, candidate, record.friction_unit)
-    scale = float(engine.problem.noise_scale)
-    residual = scale * candidate.residual
-    steps = engine.blocks.step
-    K, V0 = base.parameters["K"], base.parameters["V0"]
-    noise = candidate.noise
-    return Score(
-        effects=candidate.effects,
-        rms={name: candidate.rms[name] for name in NAMES},
-        per_step=tuple(
-            float(np.sqrt(np.mean(residual[steps == k] ** 2))) if np.any(steps == k) else np.nan
-            for k in range(len(base.steps))
-        ),
-        residual=residual,
-        parameters={**found, "K": K, "V0": V0},
-        free=free,
-        covariance=covariance,
-        noise=NoiseEstimate(
-            scale * float(noise.sigma),
-            float(noise.share),
-            float(noise.correlation_time) * float(np.median(np.diff(record.relative_time))),
-        ),
-        tests=tests,
+    found = {**found, "K": base.parameters["K"], "V0": base.parameters["V0"]}
+    return score_of(
+        engine,
+        candidate,
+        (found, free, covariance),
+        float(engine.problem.noise_scale) * candidate.residual,
+        tests,
+        step=engine.blocks.step,
+        count=len(base.steps),
+        interval=float(np.median(np.diff(record.relative_time))),
     )
-
-
-def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
-    """The most telling variable in words; nothing where it is no more than chance."""
-    if not location or location[0].p_value > 0.01:
-        return ""
-    best = location[0]
-    name = best.variable.replace("_", " ")
-    return f"The structure sits in {name} ({100 * best.explained:.0f} % of it)."
 
 
 def _edge(base: Fit) -> float | None:

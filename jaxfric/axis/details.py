@@ -1,0 +1,49 @@
+"""What is reported of an axis beside the loop: both fits of its models, and its gains."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..loop.search import Search
+from .fit import AxisFit, inverse_dynamics, output_error
+from .gains import axis_gains, state_gains
+from .result import AxisDetails, AxisRows
+
+
+def details_of(record, prepared, rows: AxisRows, problem, engine, found: Search, progress):
+    """Both fits of the base and of the final model, over all rows."""
+    # as published fits of an axis did it: other rows, and the force acts at once
+    weight = np.zeros(len(prepared.time))
+    weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
+    usual_force = dataclasses.replace(
+        problem,
+        sampler=prepared.usual,
+        friction=jnp.asarray(prepared.usual_force),
+        weight=jnp.asarray(weight),
+    )
+    fits: list[tuple[str, AxisFit]] = []
+    models = [("before", found.base)]
+    models += [] if found.final is found.base else [("after", found.final)]
+    for when, candidate in models:
+        free = np.asarray(engine.free(candidate.effects), int)
+        progress("inverse dynamics of all rows")
+        fits.append((when, inverse_dynamics(usual_force, candidate.z, free)))
+        progress("closed-loop output error")
+        acting = [e.id for e in engine.model.effects if e.room == "friction"]
+        simulated_free = engine.free(tuple(id for id in candidate.effects if id in acting))
+        simulated = output_error(problem, candidate.z, simulated_free, record)
+        fits += [] if simulated is None else [(when, simulated)]
+    rig = fits[-1][1].rig
+    moving = np.abs(rows.velocity[rows.used])
+    middle = jnp.asarray(float(np.median(rows.position)))
+
+    def steady(speed: np.ndarray) -> np.ndarray:
+        v = jnp.asarray(speed)
+        return np.asarray(rig.friction(middle, v, jnp.zeros_like(v), rig.steady(v)))
+
+    slow = max(4 * rows.width, float(np.quantile(moving, 0.02)))
+    fast = float(moving.max())
+    gains = state_gains(rig, float(middle), slow, fast, drive=record.drive)
+    gains = gains or axis_gains(steady, slow, fast, drive=record.drive)
+    return AxisDetails(tuple(fits), prepared.preparation, rows.width, record, gains)

@@ -1,0 +1,63 @@
+"""What an axis's missing friction may depend on: shapes of effects, and hats over its variables."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..effects import RecordScales
+from ..loop.engine import Column, Engine, ShapedColumns, columns_of
+from ..loop.location import Bumps
+from ..loop.shapes import shapes_of
+from .problem import AxisProblem, shape_columns
+from .result import AxisRows
+
+_COARSE, _WAVES = 16, 60
+
+
+def axis_shapes(engine: Engine, z: np.ndarray, missing, scales: RecordScales) -> ShapedColumns:
+    """Columns of the missing effects that have shapes: derivatives at every shape."""
+    problem: AxisProblem = engine.problem  # pyright: ignore[reportAssignmentType]
+    columns: list[Column] = []
+    blocks, place = [np.zeros((len(engine.weight), 0))], 0
+    for effect in missing:
+        shapes = shapes_of(effect, scales)
+        if not shapes:
+            continue
+        found = columns_of(engine, effect.id, shapes, place)
+        zs = np.tile(z, (len(shapes), 1))
+        for row, column in zip(zs, found, strict=True):
+            for i, value in column.shape.items():
+                row[i] = value
+        block = np.asarray(shape_columns(problem, jnp.asarray(zs), found[0].amplitudes))
+        columns += found
+        blocks.append(block)
+        place += block.shape[1]
+    matrix = np.concatenate(blocks, axis=1)
+    return ShapedColumns(tuple(columns), matrix, np.zeros((0, matrix.shape[1])))
+
+
+def friction_bumps(engine: Engine, rows: AxisRows) -> list[Bumps]:
+    """Hats over position, velocity, time and distance since the reversal."""
+    since = rows.path.copy()
+    for k in np.unique(rows.segment):
+        here = rows.segment == k
+        since[here] -= since[here][0]
+    train = engine.blocks.train
+    found = []
+    for variable, unit, x in (
+        ("position", "m", rows.position),
+        ("velocity", "m/s", rows.velocity),
+        ("time", "s", rows.time),
+        ("since_reversal", "m", np.sqrt(since)),
+    ):
+        centres = np.linspace(x[train].min(), x[train].max(), _COARSE)
+        hats = np.zeros((len(engine.weight), len(centres)))
+        for k in range(len(centres)):
+            hats[: len(x), k] = np.interp(x, centres, np.arange(len(centres)) == k)
+        shown = centres**2 if variable == "since_reversal" else centres
+        found.append(Bumps(variable, unit, shown, hats))
+    travel = float(np.ptp(rows.position))
+    waves = np.geomspace(travel / 100, travel, _WAVES)
+    phase = 2 * np.pi * rows.position[:, None] / waves
+    pairs = np.zeros((len(engine.weight), 2 * _WAVES))
+    pairs[: len(phase), 0::2], pairs[: len(phase), 1::2] = np.cos(phase), np.sin(phase)
+    return [*found, Bumps("wavelength", "m", waves, pairs)]

@@ -1,0 +1,126 @@
+"""What the loops of sliders and of axes share around the search: its start and its outcome."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..fitting import NoiseEstimate
+from .engine import Candidate, Engine
+from .estimates import candidate_scores
+from .result import LocationProfile, Loop, Score, ScreenedEffect
+from .screen import screen
+from .search import Search, refit_safely
+from .split import NAMES
+from .verdict import Conclusion
+
+
+def refuse_both(with_: Sequence[str], without: Sequence[str]) -> None:
+    """Raises `InputError` for an effect that is both in the base and left out."""
+    both = sorted(set(with_) & set(without))
+    if both:
+        raise InputError(
+            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
+            " (--without)"
+        )
+
+
+def declared(engine: Engine, z: np.ndarray, scales, with_: tuple[str, ...]) -> np.ndarray:
+    """Parameters of the base with its declared effects, each started from its best shape."""
+    if not with_:
+        return z
+    current = engine.refit((), z)
+    for id in with_:
+        one = next(s for s in screen(engine, current, scales) if s.id == id)
+        current = refit_safely(engine, (*current.effects, id), one, current)
+    return current.z
+
+
+def score_of(
+    engine: Engine,
+    candidate: Candidate,
+    estimated: tuple[dict, tuple[str, ...], np.ndarray],
+    residual: np.ndarray,
+    tests: dict,
+    *,
+    step: np.ndarray,
+    count: int,
+    interval: float,
+) -> Score:
+    """Errors of a model, in all and for each of `count` velocities or strokes.
+
+    `estimated` are its parameters, the names of the free ones, and their covariance; `residual`
+    is nan in rows that do not count, `step` the part of each row, `interval` that of rows [s].
+    """
+    scale, noise = float(engine.problem.noise_scale), candidate.noise
+    parameters, free, covariance = estimated
+    return Score(
+        effects=candidate.effects,
+        rms={name: candidate.rms[name] for name in NAMES},
+        per_step=tuple(_rms(residual[step == k]) for k in range(count)),
+        residual=residual,
+        parameters=parameters,
+        free=free,
+        covariance=covariance,
+        noise=NoiseEstimate(
+            scale * float(noise.sigma),
+            float(noise.share),
+            float(noise.correlation_time) * interval,
+        ),
+        tests=tests,
+    )
+
+
+def _rms(residual: np.ndarray) -> float:
+    known = residual[np.isfinite(residual)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def loop_of(
+    engine: Engine,
+    found: Search,
+    told: Conclusion,
+    before: Score,
+    after: Score,
+    location: tuple[LocationProfile, ...],
+    *,
+    record: Any,
+    base_fit: Any,
+    sigma: float,
+    warnings: tuple[str, ...],
+    seconds: float,
+    details: Any = None,
+) -> Loop:
+    """The result of a search and of what was concluded from it."""
+    return Loop(
+        record=record,
+        base_fit=base_fit,
+        blocks=engine.blocks,
+        verdict=told.verdict,
+        sentence=told.sentence,
+        reasons=told.reasons,
+        effects=found.final.effects,
+        alias_groups=told.alias_groups,
+        separations=told.separations,
+        candidates=candidate_scores(engine, found),
+        screened=tuple(ScreenedEffect(s.id, s.delta_bic) for r in found.screened[:1] for s in r),
+        before=before,
+        after=after,
+        sigma=sigma,
+        location=location,
+        alias_ids=found.ids,
+        alias_cosines=found.cosines,
+        warnings=warnings,
+        details=details,
+        seconds=seconds,
+    )
+
+
+def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
+    """The most telling variable in words; nothing where it is no more than chance."""
+    if not location or location[0].p_value > 0.01:
+        return ""
+    best = location[0]
+    name = best.variable.replace("_", " ")
+    return f"The structure sits in {name} ({100 * best.explained:.0f} % of it)."
