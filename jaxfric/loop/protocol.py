@@ -401,7 +401,7 @@ def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     if not np.all(np.isfinite(columns)):
         return None
     smallest = _smallest(engine, seen, columns, setup)
-    found, cosines = alias_cosines(engine, current, seen, columns)
+    found, cosines = alias_cosines(engine, current, seen, columns, {})
     order = [found.index(e.id) for e in engine.offered if e.id in found]
     ids = tuple(found[i] for i in order)
     cosines = cosines[np.ix_(order, order)]

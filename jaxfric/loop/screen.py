@@ -6,12 +6,14 @@ likelihood is profiled over the base's parameters, the amplitudes and the noise.
 """
 
 import itertools
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
 from ..effects import RecordScales
+from ..fitting.problem import FAILED_MISFIT
 from .engine import Candidate, Column, Engine, Rows
 from .evidence import Evidence, evidence
 from .structure import chi_square_tail
@@ -187,10 +189,32 @@ def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[t
     combination counts; of an effect with shapes the one nearest to the other effect. Effects in
     the fit stand for themselves.
     """
+    here = _whitened(engine, current, scales)
+    assert here is not None
+    absent = {id: _without(engine, current, scales, id) or here for id in current.effects}
+    return alias_cosines(engine, current, *here, absent)
+
+
+def _whitened(
+    engine: Engine, current: Candidate, scales: RecordScales
+) -> tuple[Screening, np.ndarray] | None:
+    """Sensitivities, as they are and whitened by the noise of the fit; None of a failed motion."""
     seen = _thinned(sensitivities(engine, current, scales))
+    if not np.all(np.isfinite(seen.matrix)) or np.all(seen.rows.residual == FAILED_MISFIT):
+        return None
     white = engine.whiten(seen.matrix * engine.weight[:, None], current.noise)
-    white = np.concatenate([white, seen.extra])
-    return alias_cosines(engine, current, seen, white)
+    return seen, np.concatenate([white, seen.extra])
+
+
+def _without(engine: Engine, current: Candidate, scales: RecordScales, id: str):
+    """The same with an effect of the fit at its null.
+
+    Whether another can stand in its place is asked where it is absent: beside it the other also
+    changes what the effect does, as a gain of the sensor does, and is alike for that alone.
+    """
+    z = np.array(current.z)
+    z[engine.model.amplitudes(id)] = 0.0
+    return _whitened(engine, current._replace(z=z), scales)
 
 
 def _thinned(seen: Screening) -> Screening:
@@ -205,38 +229,38 @@ def _thinned(seen: Screening) -> Screening:
     return seen._replace(columns=tuple(columns))
 
 
-def alias_cosines(engine, current, seen: Screening, white) -> tuple[tuple[str, ...], np.ndarray]:
+def alias_cosines(
+    engine, current, seen: Screening, white, absent: Mapping[str, tuple[Screening, np.ndarray]]
+) -> tuple[tuple[str, ...], np.ndarray]:
     """Ids, and how alike the whitened sensitivities of every two effects are, shape (e, e): the
     cosine between them beyond the base, of the least principal angle where an effect has several
-    amplitudes, the largest over all shapes.
+    amplitudes, the largest over all shapes. `absent` has the sensitivities without an effect.
     """
     free = list(engine.free(current.effects))
     parts: dict[str, list[np.ndarray]] = {}
+    alone: dict[str, dict[str, list[np.ndarray]]] = {}
     for id in current.effects:
         own = [free.index(i) for i in engine.model.columns((id,))]
-        rest = orthonormal(white[:, [i for i in seen.base if i not in own]])
+        others = [i for i in seen.base if i not in own]
         amplitudes = [free.index(i) for i in engine.model.amplitudes(id)]
-        parts[id] = [_beyond(white[:, amplitudes], rest)]
+        parts[id] = [_beyond(white[:, amplitudes], orthonormal(white[:, others]))]
+        # what is to be told from an effect in the fit is projected without that effect
+        there, columns = absent[id]
+        rest = orthonormal(columns[:, others])
+        alone[id] = {id: [_beyond(columns[:, amplitudes], rest)]}
+        for one in there.columns:
+            alone[id].setdefault(one.id, []).append(_beyond(columns[:, list(one.places)], rest))
     everything = orthonormal(white[:, list(seen.base)])
-    # what is to be told from an effect in the fit is projected without that effect
     for column in seen.columns:
         parts.setdefault(column.id, []).append(_beyond(white[:, list(column.places)], everything))
-    alone = {}
-    for id in current.effects:
-        own = [free.index(i) for i in engine.model.columns((id,))]
-        rest = orthonormal(white[:, [i for i in seen.base if i not in own]])
-        alone[id] = {
-            c.id: [_beyond(white[:, list(o.places)], rest) for o in seen.columns if o.id == c.id]
-            for c in seen.columns
-        }
     ids = tuple(parts)
     matrix = np.eye(len(ids))
     for i, a in enumerate(ids):
         for j, b in enumerate(ids[:i]):
-            left = alone[b][a] if b in alone and a not in alone else parts[a]
-            right = alone[a][b] if a in alone and b not in alone else parts[b]
-            largest = max((_cosine(p, q) for p, q in itertools.product(left, right)), default=0.0)
-            matrix[i, j] = matrix[j, i] = largest
+            # b is in the fit wherever one of the two is: those come first
+            where = alone[b] if b in alone and a not in alone else parts
+            pairs = itertools.product(where[a], where[b])
+            matrix[i, j] = matrix[j, i] = max((_cosine(p, q) for p, q in pairs), default=0.0)
     return ids, matrix
 
 
