@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import (
     STEPS,
@@ -215,13 +216,46 @@ def broken_figure(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None
     monkeypatch.setattr("jaxfric.plot.fit.draw_fit", draw)
 
 
-def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     broken_figure(monkeypatch, KeyboardInterrupt())
     monkeypatch.setattr(sys, "argv", ["jaxfric", "fit", "run.csv", *STIFFNESS])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 130
+    assert capsys.readouterr().err == "jaxfric: interrupted; nothing was written\n"
     assert names(".") == ["run.csv"]
+
+
+def test_ids_of_effects_in_help_are_those_of_the_catalogues() -> None:
+    from jaxfric.axis import AXIS_CATALOGUE
+    from jaxfric.cli.common import AXIS_EFFECTS, EFFECTS
+    from jaxfric.effects import CATALOGUE
+
+    assert EFFECTS.split(", ") == list(CATALOGUE)
+    assert AXIS_EFFECTS.split(", ") == list(AXIS_CATALOGUE)
+
+
+def test_a_gross_misfit_points_to_the_loop() -> None:
+    from types import SimpleNamespace
+
+    from jaxfric.cli.fit import _misfit
+
+    friction = np.random.default_rng(0).standard_normal(4000)
+    of = {"record": SimpleNamespace(friction=friction), "converged": True}
+    assert _misfit(SimpleNamespace(rms=1.5, **of)) == []
+    (text,) = _misfit(SimpleNamespace(rms=7.0, **of))
+    assert text.startswith("the fit leaves 7") and "jaxfric loop" in text
+
+
+def test_steps_after_the_end_are_refused_by_record_too() -> None:
+    outcome = run("record", "run.csv", "--steps", "0 s: 1 um/s, 1e6 s: 10 um/s")
+    assert_refused(outcome, "the last begins at 1e+06 s", "the record ends at")
+
+
+def test_an_axis_without_memory_has_no_critical_stiffness() -> None:
+    emps = Path(__file__).parents[1] / "fits" / "emps" / "loop" / "loop.json"
+    outcome = run("stability", "--from", str(emps), "--velocity", "10 mm/s")
+    assert_refused(outcome, "friction has no memory", "the least damping under Gains")
 
 
 def test_a_full_disk_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:

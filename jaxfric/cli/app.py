@@ -43,6 +43,7 @@ def main() -> None:
     try:
         code = _run(sys.argv[1:])
     except KeyboardInterrupt:
+        print("jaxfric: interrupted; nothing was written", file=sys.stderr)
         code = 130
     except BrokenPipeError:
         sys.stdout = None

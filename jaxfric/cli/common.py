@@ -39,6 +39,11 @@ EFFECTS = (
     "inertia, servo_lag, sensor_lag, sensor_delay, time_drift, gain"
 )
 """The ids of the catalogue, written here too so that --help need not load it."""
+AXIS_EFFECTS = (
+    "direction_asymmetry, cubic, stribeck, position_periodic, position_dependence, time_drift, "
+    "presliding, rate_and_state, servo_lag, sensor_lag, sensor_delay"
+)
+"""Those of an axis."""
 
 
 def read_record(file: Path, columns: list[str] | None, drop_bad: bool):

@@ -8,6 +8,8 @@ from cyclopts import Parameter
 
 from .common import Columns, DropBad, File, Out, Steps, prepare_jax, read_record
 
+_MISFIT = 2.0
+
 
 def fit(
     file: File,
@@ -89,8 +91,21 @@ def fit(
         print(content)
     else:
         _print_fit(result, destination)
-    for warning in result.warnings:
+    for warning in (*result.warnings, *_misfit(result)):
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
+
+
+def _misfit(result) -> list[str]:
+    """A pointer to the loop, where the residual is far above the scatter of neighbouring rows."""
+    from ..fitting.start import noise_from_differences
+
+    excess = result.rms / noise_from_differences(result.record.friction)
+    if not result.converged or excess < _MISFIT:
+        return []
+    return [
+        f"the fit leaves {excess:.2g} times the scatter of neighbouring rows: the model lacks an"
+        " effect, or the noise is correlated over many rows; jaxfric loop asks which"
+    ]
 
 
 def _print_fit(result, destination: Path) -> None:

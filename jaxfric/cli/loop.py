@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from .common import (
+    AXIS_EFFECTS,
     EFFECTS,
     Columns,
     DropBad,
@@ -54,7 +55,11 @@ def loop(
     ] = None,
     without: Annotated[
         list[str] | None,
-        Parameter(negative=(), help=f"Effects that are not considered. All ids: {EFFECTS}."),
+        Parameter(
+            negative=(),
+            help=f"Effects that are not considered. Ids of a slider: {EFFECTS}; of an axis:"
+            f" {AXIS_EFFECTS}.",
+        ),
     ] = None,
     most: Annotated[int, Parameter(help="Largest number of effects that may be added.")] = 3,
     steps: Steps = None,

@@ -20,6 +20,8 @@ from .common import (
     read_masses,
 )
 
+_FIGURES = ("friction", "gain_map", "velocity", "root_locus", "delay_chart")
+
 
 def stability(
     *,
@@ -72,7 +74,7 @@ def stability(
     from ..report.stability_text import content, describe
 
     written = text.dumps(content(found, source.text), indent=1, allow_nan=False)
-    with output_folder(destination) as folder:
+    with output_folder(destination, replaces=_FIGURES) as folder:
         (folder / "stability.json").write_text(written + "\n")
         figures = draw_stability(found, folder)
         if found.delayed:

@@ -63,7 +63,7 @@ def study(
         except KeyboardInterrupt:
             message = f"jaxfric: stopped: {teller.state}; to go on: {shlex.join(command)}"
             print(message, file=sys.stderr, flush=True)
-            raise
+            raise SystemExit(130) from None
     for line in _summary(found, time.monotonic() - begun, teller.members):
         print(line)
     print(f"written: {destination} (draw it: jaxfric study --plot {destination})")

@@ -98,6 +98,11 @@ def law_from_loop(
     """
     path = Path(path)
     content = read_saved(path, LOOP)
+    if content.get("law") == "coulomb_viscous":
+        raise InputError(
+            f"{path}: it is of an axis whose friction has no memory: no stiffness is critical,"
+            " and its loop.html and loop.json give the least damping under Gains"
+        )
     refuse_damage(path, LOOP, _damage(content))
     scale = force_of_unit(content["friction_unit"], normal_force, path)
     after = content["after"]
@@ -197,8 +202,6 @@ def _damage(content: dict) -> str | None:
     )
     if problem:
         return problem
-    if content["law"] == "coulomb_viscous":
-        return "it is of an axis without memory of friction; its report gives the least damping"
     if content["law"] not in EVOLUTIONS:
         return f"law '{content['law']}' is not known"
     ids = content["effects"]

@@ -26,7 +26,9 @@ def read_saved(path: Path, *schemas: str) -> dict:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; make one with: {verbs}") from None
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}; name a file of {verbs}, NAME/fit.json say"
+        ) from None
     except ValueError as error:
         place = f" (line {error.lineno})" if isinstance(error, json.JSONDecodeError) else ""
         raise InputError(f"{path}: not a JSON file, or damaged{place}; make it again") from None

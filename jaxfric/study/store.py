@@ -200,7 +200,7 @@ def attributes(path: Path) -> dict[str, Any]:
     if not known:
         raise InputError(
             f"{path} is not the store of a study ({'a file' if path.is_file() else 'its zarr.json'}"
-            f"{'' if path.is_file() else ' is missing or says otherwise'}); give another with --out"
+            f"{'' if path.is_file() else ' is missing or says otherwise'}); name that of a study"
         )
     return found
 
