@@ -11,6 +11,7 @@ import jax
 import pytest
 
 jax.config.update("jax_enable_x64", True)
+_LARGE = 2.5e9
 gc.disable()  # the heap of a worker is large: its collection took 6 % of the time
 
 
@@ -19,7 +20,7 @@ def pytest_configure(config):
     folder = Path(config.rootpath) / ".pytest_cache" / "jax"
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)  # the command leaves it then
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
@@ -27,5 +28,15 @@ def pytest_configure(config):
 def forget_compiled():
     """A worker that keeps all that every file compiled grows to 5 GB and slows down."""
     yield
-    jax.clear_caches()
-    gc.collect()
+    if _resident() > _LARGE:
+        jax.clear_caches()
+        gc.collect()
+
+
+def _resident() -> float:
+    """Memory of this process [bytes]; more than any where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return float("inf")
+    return pages * os.sysconf("SC_PAGE_SIZE")

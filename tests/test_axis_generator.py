@@ -298,8 +298,8 @@ def truth_of(blind):
     [
         (("stribeck",), 0.5),
         (("coulomb", "sensor_lag"), 0.2),
-        (("presliding",), 1.0),
-        (("rate_and_state",), 1.0),
+        pytest.param(("presliding",), 1.0, marks=pytest.mark.long),
+        pytest.param(("rate_and_state",), 1.0, marks=pytest.mark.long),
         (("time_drift", "position_periodic"), 1.0),
     ],
 )

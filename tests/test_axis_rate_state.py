@@ -260,6 +260,7 @@ def check_named(loop):
         assert found[f"rate_and_state.{name}"].value == pytest.approx(true, rel=0.1), name
 
 
+@pytest.mark.long
 def test_the_loop_names_rate_and_state_and_finds_its_weakening():
     offered = {"stribeck", "rate_and_state"}
     without = sorted(set(AXIS_CATALOGUE) - offered)

@@ -283,9 +283,17 @@ def test_no_file_breaks_record(content: bytes, drop_bad: bool) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(MUTATION, max_examples=16)
+@settings(MUTATION, max_examples=6)
 @given(mutated_files(), st.booleans())
 @example(record_text().encode(), False)
 def test_no_file_breaks_fit(content: bytes, drop_bad: bool) -> None:
     """With given steps, so that all examples share their compiled functions."""
+    survives(content, "fit", *STIFFNESS, *STEPS, *["--drop-bad"] * drop_bad)
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("error")
+@settings(MUTATION, max_examples=60)
+@given(mutated_files(), st.booleans())
+def test_no_file_of_many_breaks_fit(content: bytes, drop_bad: bool) -> None:
     survives(content, "fit", *STIFFNESS, *STEPS, *["--drop-bad"] * drop_bad)

@@ -213,6 +213,7 @@ def test_a_record_cut_before_the_evolution_leaves_L_undetermined():
     assert fit.to_json()["parameters"]["L"]["std"] is None
 
 
+@pytest.mark.long
 def test_a_mirrored_record_gives_the_same_parameters():
     record = jaxfric.read(DATA / "force_step.csv")
     mirrored = jaxfric.from_arrays(

@@ -395,6 +395,7 @@ def test_slack_of_the_stiffness_margin_is_that_of_25():
     np.testing.assert_allclose(found, (gains[:, 0] - 1.5 * k_cr) / 2000.0, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
     source = golden_source()
     chain = schedule(

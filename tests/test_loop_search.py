@@ -287,6 +287,7 @@ def test_a_load_point_that_stops_or_turns_is_refused(after):
         _check(plain([UM, 10 * UM]), base)
 
 
+@pytest.mark.long
 def test_step_times_that_followed_the_friction_do_not_hide_a_lag():
     """The base fit moves the steps 3 to 6 standard errors from where the load point shows them."""
     request = Request(415165, ("sensor_lag",), 0.5, "white", "inertial")

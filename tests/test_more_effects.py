@@ -106,6 +106,7 @@ def test_normal_stress_needs_the_channel():
 
 
 # K L/A, size of the effect, largest relative error: the ranges that the effects promise
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stiffness", "a", "worst"), [(1.0, 0.1, 0.06), (1.0, 0.3, 0.2), (3.0, 0.1, 0.2)]
 )
@@ -113,6 +114,7 @@ def test_delay_in_its_range(stiffness, a, worst):
     assert relative_error("frictional_delay", stiffness, alpha=a * CROSSING) < worst
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stiffness", "w", "worst"), [(1.0, 0.1, 0.05), (1.0, 0.3, 0.3), (3.0, 0.1, 0.5)]
 )

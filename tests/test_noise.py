@@ -184,9 +184,9 @@ def test_rows_of_weight_zero_change_no_estimate():
     found = estimate_noise(t, weight, values[:, 0], values[:, 1:])
     # The grid of correlation times follows the median interval, which the rows between change.
     _assert_as_likely(found, plain, columns, time)
-    at_end = np.append(time, np.full(8, time[-1]))
-    rows = np.concatenate([columns, np.full((8, 4), 7.0)])
-    found = estimate_noise(at_end, np.append(np.ones(150), np.zeros(8)), rows[:, 0], rows[:, 1:])
+    at_end = np.append(time, np.full(30, time[-1]))
+    rows = np.concatenate([columns, np.full((30, 4), 7.0)])
+    found = estimate_noise(at_end, np.append(np.ones(150), np.zeros(30)), rows[:, 0], rows[:, 1:])
     np.testing.assert_allclose(found.sigma, plain.sigma, rtol=1e-6)
     np.testing.assert_allclose(found.share, plain.share, rtol=1e-6)
     np.testing.assert_allclose(found.correlation_time, plain.correlation_time, rtol=1e-6)

@@ -264,6 +264,7 @@ def test_delay_laws_have_a_simulation_of_their_own():
 _FRAGILE = pytest.mark.xfail(strict=False, reason="the implicit solver can stall near sticking")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["slip", pytest.param("ageing", marks=_FRAGILE)])
 def test_a_light_slider_that_turns_round_is_a_massless_one(kind):
     motion = jf.PiecewiseVelocity([0.0, 10.0, 60.0, 100.0], [UM, -UM, 0.0, 2 * UM])
