@@ -164,7 +164,15 @@ def at_shapes(effect, amplitude):
     return effect(**values)
 
 
-@pytest.mark.parametrize("id", AXIS_CATALOGUE)
+@pytest.mark.parametrize(
+    "id",
+    [
+        pytest.param(
+            id, marks=[pytest.mark.long] * (id in ("direction_asymmetry", "stribeck", "cubic"))
+        )
+        for id in AXIS_CATALOGUE
+    ],
+)
 def test_null_changes_nothing_and_has_a_derivative(id, recorded):
     problem = problem_of(recorded, (id,))
     z = start(problem)
@@ -190,6 +198,7 @@ def test_null_changes_nothing_and_has_a_derivative(id, recorded):
         assert np.max(np.abs(slope - difference)) < 1e-5 * np.max(np.abs(slope))
 
 
+@pytest.mark.long
 def test_a_bristle_along_a_motion():
     t = np.linspace(0, 0.6, 1201)
     q = lambda t: 3e-4 * np.sin(2 * np.pi * t) + 1e-4 * np.sin(2 * np.pi * 3.3 * t)  # noqa: E731

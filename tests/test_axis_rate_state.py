@@ -159,6 +159,7 @@ def test_both_basins_at_the_worst_velocity():
     assert "Without k_v the axis needs k_p above" in found.sentence()
 
 
+@pytest.mark.long
 def test_gains_of_other_rigs():
     """A bristle has no memory about steady motion; the worse direction is found; no k_p suffices
     without a direct effect."""

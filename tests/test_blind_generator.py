@@ -238,7 +238,13 @@ def truth_of(blind):
 
 
 @pytest.mark.parametrize(
-    "effects", [("second_state",), ("sensor_lag",), ("stribeck",), ("gain", "slip_trend")]
+    "effects",
+    [
+        ("second_state",),
+        pytest.param(("sensor_lag",), marks=pytest.mark.long),
+        pytest.param(("stribeck",), marks=pytest.mark.long),
+        ("gain", "slip_trend"),
+    ],
 )
 def test_rho_is_what_a_refit_leaves(effects):
     blind = record(effects)

@@ -138,6 +138,7 @@ def test_margins_that_contradict_each_other():
         single(GOLDEN, {"decay": 5.0, "delay": 10.0})
 
 
+@pytest.mark.long
 def test_two_local_minima_are_both_found():
     """A decay rate beyond V/L is met by stiffness with little damping, or with much of both."""
     p = dict(A=1.0, B=10.3746, L=1.0677944e-3, V=2e-3, m=116.23403)

@@ -348,7 +348,7 @@ def synthetic_screening(parts):
     matrix = np.concatenate(blocks, axis=1)
     seen = Screening(None, matrix, matrix[:0], (0, 1, 2), tuple(columns))  # pyright: ignore
     engine = SimpleNamespace(free=lambda effects: np.arange(3))
-    return alias_cosines(engine, SimpleNamespace(effects=()), seen, matrix)
+    return alias_cosines(engine, SimpleNamespace(effects=()), seen, matrix, {})
 
 
 def test_cosines_of_effects():

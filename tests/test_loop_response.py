@@ -216,6 +216,7 @@ def test_a_wrong_response_is_caught(soft):
     assert error(seen(soft, reset)["position_periodic"][0], wave) > 6e-3
 
 
+@pytest.mark.long
 def test_late_steps_are_steps_moved_in_time(soft):
     """Derivative of friction by every step time, against SciPy with the step moved.
 

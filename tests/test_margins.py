@@ -296,7 +296,7 @@ def test_routh_against_roots():
     "shape",
     [
         pytest.param("one", marks=pytest.mark.long),
-        "two",
+        pytest.param("two", marks=pytest.mark.long),
         "one, massless",
         "memoryless",
         pytest.param("delay", marks=pytest.mark.long),

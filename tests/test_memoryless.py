@@ -90,6 +90,7 @@ _batch = jax.jit(jax.vmap(force))
 _forward, _reverse = jax.jit(jax.vmap(jax.jacfwd(force))), jax.jit(jax.vmap(jax.jacrev(force)))
 
 
+@pytest.mark.long
 def test_derivatives_are_finite_differences():
     rng = np.random.default_rng(20)
     V = rng.uniform(0.2, 3.0, 40) * 0.05 * rng.choice([-1, 1], 40)

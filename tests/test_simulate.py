@@ -236,7 +236,7 @@ def differences(name):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=[pytest.mark.long] if "slow" in n else []) for n in RIGS],
+    [pytest.param(n, marks=[] if n == "mass and dashpot" else pytest.mark.long) for n in RIGS],
 )
 def test_forward_derivative_is_a_finite_difference(name):
     truth, scale = differences(name)
@@ -261,7 +261,9 @@ def test_reverse_derivative_is_a_finite_difference(name="quasi-static"):
     assert_close_to_largest(value, truth @ weight, 1e-5, what=name)
 
 
-@pytest.mark.parametrize("name", ["quasi-static", "mass and dashpot"])
+@pytest.mark.parametrize(
+    "name", ["quasi-static", pytest.param("mass and dashpot", marks=pytest.mark.long)]
+)
 def test_compiled_batch_is_the_same_as_one_by_one(name):
     """A member of a compiled batch against its own simulation, not compiled as a whole."""
     n = 2 * len(typical(name))

@@ -90,6 +90,7 @@ def test_the_golden_slider() -> None:
     assert_figures(Path("stability"), ["friction", "gain_map", "velocity", "root_locus"])
 
 
+@pytest.mark.long
 def test_a_range_of_velocities_without_mass() -> None:
     outcome = run("stability", *SLIP, "--velocity", "0.1..10 mm/s", "--out", "here")
     code, out, _ = outcome

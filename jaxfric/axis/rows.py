@@ -61,6 +61,7 @@ def _long(slow: np.ndarray, rows: int) -> np.ndarray:
 
 
 def scales_of(rows: AxisRows, prepared: Prepared, blocks) -> RecordScales:
+    """Lengths, velocities and times of the rows that train, which shapes of effects follow."""
     speed = np.abs(rows.velocity[blocks.train])
     moving = speed[speed > 2 * rows.width]
     # twice the distance between two rows at the median speed, within the filter's pass band

@@ -155,3 +155,5 @@ def _draw(store: Path, out: Path | None) -> None:
     with output_folder(destination) as folder:
         names = draw_study(found, folder)
     print(f"written: {destination}/{', '.join(n for n in names if n.endswith('.png'))} (and .svg)")
+    if not any(name.startswith("map_") for name in names):
+        print("no map: these are of two grid axes or more, without samples")

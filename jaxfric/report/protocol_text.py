@@ -62,7 +62,7 @@ def advice(plan: Protocol) -> str:
     best = plan.recommended()
     left = plan.outlook if best is None else best.outlook
     assert left is not None
-    stay = _stay(left)
+    stay = _stay(left, "" if best is None else best.text)
     if best is None:
         return f"None of these changes leaves fewer pairs. What would help: {stay}."
     text = (
@@ -131,16 +131,21 @@ def _list(pairs) -> str:
     return ", ".join(f"{a}/{b}" for a, b in pairs)
 
 
-def _stay(outlook: Outlook) -> str:
-    """Pairs that are not told apart, and what would separate them, as the catalogue says."""
+def _stay(outlook: Outlook, made: str) -> str:
+    """Pairs that are not told apart, and what would separate them, as the catalogue says.
+
+    What is in the change `made` already is not said again.
+    """
     texts = []
     for a, b, value in outlook.pairs():
         hints = [
-            CATALOGUE[id].separated_by
+            hint
             for id, other in ((a, b), (b, a))
             if id in CATALOGUE and other in CATALOGUE[id].confused_with
+            for hint in CATALOGUE[id].separated_by.split(", ")
+            if hint not in made
         ]
-        hints += ["the same as long as they are small"] if value > _SAME else []
+        hints += ["they differ only where they are large"] if value > _SAME else []
         texts.append(f"{a} or {b}" + (f" ({', or '.join(dict.fromkeys(hints))})" if hints else ""))
     return "; ".join(texts)
 
