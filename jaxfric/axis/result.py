@@ -117,7 +117,8 @@ class AxisDetails:
             "SI. Inverse dynamics: relative to the prepared motor force; output error: relative to"
             f" the position. Cutoff {self.preparation.cutoff:.3g} Hz, one row in"
             f" {self.preparation.decimation}; the sign of the velocity is smoothed over"
-            f" {self.width:.2g} {unit}/s"
+            f" {self.width:.2g} {unit}/s. Rows are all but those at rest, and the force acts at"
+            " once, as in published fits: so these numbers differ from those of the loop above"
         )
         both = "The two fits" if len({fit.method for fit in fits}) > 1 else "The fit"
         fitted = Table(f"{both}, over all rows", ("parameter", *heads), rows, note)

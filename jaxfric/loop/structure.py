@@ -9,6 +9,13 @@ import math
 import numpy as np
 from jax.scipy.special import gammaincc
 
+TESTS = {
+    "ljung_box": "neighbouring rows are alike (Ljung-Box)",
+    "block_means": "slow changes along the record",
+    "step_locked": "the same shape after every velocity step",
+    "spread_after_step": "larger or smaller just after the velocity steps",
+}
+"""What the tests look for."""
 _LAGS = 20
 _BLOCKS = 24
 _BINS = 12

@@ -184,9 +184,10 @@ def _head(loop: Loop, name: str) -> str:
     law = loop.base_name
     declared = " and ".join(loop.before.effects)
     asked = f"{name}: what does the {law}{' with ' + declared if declared else ''} lack?"
+    reasons = _list([spoken(loop, reason) for reason in loop.reasons])
     return (
         f"<header>{_paragraph(asked, 'of')}<h1>{_text(headline(loop))}</h1>"
-        f"{_paragraph(loop.sentence, 'sentence')}{_list(loop.reasons)}</header>"
+        f"{_paragraph(loop.sentence, 'sentence')}{reasons}</header>"
     )
 
 

@@ -13,6 +13,7 @@ from ..fitting.problem import quantity_of
 from ..fitting.table import decimals
 from ..loop.result import CandidateScore, Loop, Table
 from ..loop.split import NAMES
+from ..loop.structure import TESTS
 from ..units import factor, format_si
 
 HEADLINES = {
@@ -21,12 +22,6 @@ HEADLINES = {
     "ambiguous": "An effect is missing, but this record cannot say which",
     "outside_catalogue": "Something is missing that the catalogue does not explain",
     "too_weak": "There may be a missing effect, too weak to be named",
-}
-TESTS = {
-    "ljung_box": "neighbouring rows are alike (Ljung-Box)",
-    "block_means": "slow changes along the record",
-    "step_locked": "the same shape after every velocity step",
-    "spread_after_step": "larger or smaller just after the velocity steps",
 }
 BLOCKS = {
     "train": "fitted here",
@@ -78,7 +73,7 @@ def lines(loop: Loop) -> list[str]:
 
 
 def _reasons(loop: Loop) -> list[str]:
-    return [f"  - {reason}" for reason in loop.reasons]
+    return [f"  - {spoken(loop, reason)}" for reason in loop.reasons]
 
 
 def print_loop(loop: Loop, console) -> None:
