@@ -17,7 +17,9 @@ Columns = Annotated[
     Parameter(
         name="--column",
         help="Say which column is what, as ROLE=NAME or 'ROLE=NAME [UNIT]'. Roles: time, friction, "
-        "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress. "
+        "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress; of "
+        "an axis time, position, motor_force, control_signal, motor_current, reference_position, "
+        "velocity. "
         "May be repeated.",
         negative=(),
     ),

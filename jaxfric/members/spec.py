@@ -83,8 +83,8 @@ def read_spec(path: str | Path) -> Spec:
     path = Path(path)
     text, content = _parsed(path)
     where = path.name
-    compute = _compute(content, where)
     refuse_unknown(content, (*_TOP, *COMPUTE), where)
+    compute = _compute(content, where)
     options = {name: table_of(content, name, where) for name in COMPUTE if name in content}
     for name in options:
         if name not in compute:

@@ -53,7 +53,9 @@ def _first_numbers(lines: list[str], path: str) -> tuple[int, str | None]:
                 return index, delimiter
         if index > 200:
             break
-    raise InputError(f"{path} has no rows of two or more numbers; it is not a table of columns")
+    raise InputError(
+        f"{path} has no rows of two or more numbers; it is not a table of columns with rows"
+    )
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
