@@ -7,6 +7,7 @@ import numpy as np
 import optimistix as optx
 
 from ..records import Record, VelocitySteps
+from ..units import format_si
 from .noise import Noise
 from .problem import FAILED_MISFIT, Model, Problem, natural, residual_and_jacobian
 from .result import Estimate, Fit, NoiseEstimate, unit_of
@@ -20,6 +21,7 @@ from .uncertainty import (
 
 _NEAR_EDGE = 2.0
 _FAR = 3.0
+_OTHER, _ROWS = 1.5, 20
 
 
 def assemble(
@@ -124,9 +126,29 @@ def _estimates(record, problem: Problem, solution: Solution, spread, failed: boo
         return estimates, spread[:p, :p] * np.outer(slope, slope)
 
 
+def _contradicted(record: Record, steps: VelocitySteps) -> list[str]:
+    """Where the steps that were given are not those of the load point."""
+    time, motion = record.relative_time, record.load_point_displacement
+    if motion is None:
+        return []
+    segment = np.searchsorted(steps.times, time, side="right") - 1
+    for k, stated in enumerate(steps.velocities):
+        rows = np.flatnonzero(segment == k)
+        if len(rows) < _ROWS:
+            continue
+        found = np.polyfit(time[rows] - time[rows[0]], motion[rows], 1)[0]
+        if stated and not 1 / _OTHER < found / stated < _OTHER:
+            return [
+                f"from {steps.times[k]:.4g} s on the steps say {format_si(stated, 'm/s', 'um/s')},"
+                f" but the load point moves at {format_si(found, 'm/s', 'um/s')}: are they those of"
+                " this record?"
+            ]
+    return []
+
+
 def _warn(fit: Fit, moved: list[tuple[int, float]]) -> Fit:
     """The fit with what its user should know; `moved` are steps far from where they were found."""
-    said = []
+    said = _contradicted(fit.record, fit.steps)
     if not fit.converged:
         said.append(f"the fit did not converge ({fit.result}): do not use its parameters")
     open_ = [name for name, estimate in fit.parameters.items() if not estimate.determined]
