@@ -190,31 +190,32 @@ def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[t
     the fit stand for themselves.
     """
     here = _whitened(engine, current, scales)
-    assert here is not None
     absent = {id: _without(engine, current, scales, id) or here for id in current.effects}
     return alias_cosines(engine, current, *here, absent)
 
 
 def _whitened(
     engine: Engine, current: Candidate, scales: RecordScales
-) -> tuple[Screening, np.ndarray] | None:
-    """Sensitivities, as they are and whitened by the noise of the fit; None of a failed motion."""
+) -> tuple[Screening, np.ndarray]:
+    """Sensitivities, as they are and whitened by the noise of the fit."""
     seen = _thinned(sensitivities(engine, current, scales))
-    if not np.all(np.isfinite(seen.matrix)) or np.all(seen.rows.residual == FAILED_MISFIT):
-        return None
     white = engine.whiten(seen.matrix * engine.weight[:, None], current.noise)
     return seen, np.concatenate([white, seen.extra])
 
 
-def _without(engine: Engine, current: Candidate, scales: RecordScales, id: str):
-    """The same with an effect of the fit at its null.
+def _without(
+    engine: Engine, current: Candidate, scales: RecordScales, id: str
+) -> tuple[Screening, np.ndarray] | None:
+    """The same with an effect of the fit at its null; None where the motion then fails.
 
     Whether another can stand in its place is asked where it is absent: beside it the other also
     changes what the effect does, as a gain of the sensor does, and is alike for that alone.
     """
     z = np.array(current.z)
     z[engine.model.amplitudes(id)] = 0.0
-    return _whitened(engine, current._replace(z=z), scales)
+    seen, white = _whitened(engine, current._replace(z=z), scales)
+    failed = np.any(np.abs(seen.rows.residual) >= FAILED_MISFIT)
+    return None if failed or not np.all(np.isfinite(white)) else (seen, white)
 
 
 def _thinned(seen: Screening) -> Screening:
