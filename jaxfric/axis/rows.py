@@ -64,14 +64,15 @@ def scales_of(rows: AxisRows, prepared: Prepared, blocks) -> RecordScales:
     """Lengths, velocities and times of the rows that train, which shapes of effects follow."""
     speed = np.abs(rows.velocity[blocks.train])
     moving = speed[speed > 2 * rows.width]
+    interval = float(prepared.time[1] - prepared.time[0])
     # twice the distance between two rows at the median speed, within the filter's pass band
-    resolved = 2.5 * float(np.median(moving)) * float(prepared.time[1] - prepared.time[0])
+    resolved = 2.5 * float(np.median(moving)) * interval
     return RecordScales(
         slip_length=float("nan"),
         step_slip=resolved,
         total_slip=float(np.ptp(rows.position)),
         slowest=float(np.quantile(moving, 0.02)),
         fastest=float(moving.max()),
-        interval=float(prepared.time[1] - prepared.time[0]),
+        interval=interval,
         duration=float(rows.time[-1]),
     )

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from ..errors import InputError
 from .common import Columns, DropBad, File, Out, Steps, read_record
 
 
@@ -26,11 +25,7 @@ def record(
 
     measured = read_record(file, column, drop_bad)
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
-    end = float(measured.relative_time[-1])
-    if found.times[-1] >= end:
-        raise InputError(
-            f"steps: the last begins at {found.times[-1]:g} s, but the record ends at {end:g} s"
-        )
+    found.refuse_end(measured.relative_time[-1])
     destination = out or Path(f"{file.stem}-record")
     with output_folder(destination) as folder:
         draw_record(measured, found, folder / "record.png")

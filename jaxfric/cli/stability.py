@@ -20,8 +20,6 @@ from .common import (
     read_masses,
 )
 
-_FIGURES = ("friction", "gain_map", "velocity", "root_locus", "delay_chart")
-
 
 def stability(
     *,
@@ -70,16 +68,16 @@ def stability(
     from ..stability.analysis import study
 
     found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
-    from ..plot.stability import draw_stability
+    from ..plot.delay import FIGURES as OF_DELAY
+    from ..plot.delay import draw_delay
+    from ..plot.stability import FIGURES, draw_stability
     from ..report.stability_text import content, describe
 
     written = text.dumps(content(found, source.text), indent=1, allow_nan=False)
-    with output_folder(destination, replaces=_FIGURES) as folder:
+    with output_folder(destination, replaces=(*FIGURES, *OF_DELAY)) as folder:
         (folder / "stability.json").write_text(written + "\n")
         figures = draw_stability(found, folder)
         if found.delayed:
-            from ..plot.delay import draw_delay
-
             figures += draw_delay(found, folder)
     if json:
         print(written)

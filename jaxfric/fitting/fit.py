@@ -130,11 +130,7 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
         steps = VelocitySteps.parse(steps)
     found = steps is None
     steps = record_steps(record) if steps is None else steps
-    span = record.relative_time[-1]
-    if steps.times[-1] >= span:
-        raise InputError(
-            f"steps: the last begins at {steps.times[-1]:g} s, but the record ends at {span:g} s"
-        )
+    steps.refuse_end(record.relative_time[-1])
     if len(steps) < 2 or np.ptp(steps.velocities) == 0:
         how = "none was found in the load-point motion" if found else "none was given"
         raise InputError(

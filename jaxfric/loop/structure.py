@@ -40,6 +40,13 @@ def structure(innovations: np.ndarray, step: np.ndarray, slip: np.ndarray) -> di
     return holm(raw)
 
 
+def p_text(p: float) -> str:
+    """A p-value in words: "p = 0.03", a tiny one as a bound."""
+    if not math.isfinite(p):
+        return "p unknown"
+    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
+
+
 def holm(raw: dict[str, float]) -> dict[str, float]:
     """Holm's correction of several p-values."""
     corrected, least = {}, 0.0

@@ -11,11 +11,10 @@ from ..fitting.uncertainty import normal_inverse
 from .engine import Candidate, Engine, Rows, padded_columns
 from .screen import orthonormal
 from .search import ACCEPT, ALIAS, Search, rms_error
-from .structure import TESTS, structure
+from .structure import TESTS, p_text, structure
 
 _HELD_OUT = 1.06
 _TRAIN = 1.04
-_FAINT = 1e-12
 _SIGNIFICANT = 0.01
 _QUANTILE = 2.326
 """Standard errors that noise exceeds once in a hundred."""
@@ -139,13 +138,9 @@ def held_out(engine: Engine, candidate: Candidate) -> float:
     return scale * float(np.sqrt(np.mean(candidate.residual[rows] ** 2)))
 
 
-def _below(p: float) -> str:
-    return f"= {p:.2g}" if p >= _FAINT else f"< {_FAINT:g}"
-
-
 def _reasons(engine, final: Candidate, floor: Floor, tests) -> list[str]:
     reasons = []
-    left = [f"{TESTS[name]}, p {_below(p)}" for name, p in tests.items() if p < _SIGNIFICANT]
+    left = [f"{TESTS[name]}, {p_text(p)}" for name, p in tests.items() if p < _SIGNIFICANT]
     if left:
         reasons.append("structure is left in the residual: " + "; ".join(left))
     for name, value, most in (

@@ -32,6 +32,8 @@ from .stability import (
 
 _CHART, _BRANCHES = 241, 10
 
+FIGURES: tuple[str, ...] = ("delay_chart",)
+
 
 def draw_delay(found: Study, folder: Path) -> list[str]:
     """Write the charts over (k_p, k_v) and over (k_p, alpha); the names written."""

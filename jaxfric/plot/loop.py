@@ -11,6 +11,7 @@ from matplotlib.ticker import FuncFormatter
 
 from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
+from ..loop.structure import p_text
 from .label import printable
 from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, plain_log, prefixed, save, tidy
 
@@ -274,10 +275,8 @@ def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:
 
 
 def _p(value: float) -> str:
-    if not np.isfinite(value):
-        return "p unknown"
-    text = "p < 1e-12" if value < 1e-12 else f"p = {value:.2g}"
-    return text if value < SIGNIFICANT else f"{text}: no more than chance"
+    chance = ": no more than chance" if value >= SIGNIFICANT else ""
+    return p_text(value) + chance
 
 
 # ---- aliasing --------------------------------------------------------------------------------

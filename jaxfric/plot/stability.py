@@ -113,6 +113,10 @@ def legend_below(axis: Axes, *, columns: int = 2) -> None:
     )
 
 
+FIGURES: tuple[str, ...] = ("friction", "gain_map", "velocity", "root_locus")
+"""Names that `draw_stability` writes, some for some laws only."""
+
+
 def draw_stability(found: Study, folder: Path) -> list[str]:
     """Write the figures of a study to `folder`; their names. Those of a delay: `plot.delay`."""
     names = []

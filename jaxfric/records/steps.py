@@ -62,6 +62,13 @@ class VelocitySteps:
             raise InputError("steps: nothing given; write them as in '0 s: 2 um/s, 60 s: 20 um/s'")
         return cls(np.array(times), np.array(velocities))
 
+    def refuse_end(self, end: float) -> None:
+        """Raises `InputError` where the last velocity begins at the record's end [s] or later."""
+        if self.times[-1] >= end:
+            raise InputError(
+                f"steps: the last begins at {self.times[-1]:g} s, but the record ends at {end:g} s"
+            )
+
     def text(self, unit: str = "um/s", digits: int = 6) -> str:
         """The steps as text that `parse` reads back."""
         return ", ".join(

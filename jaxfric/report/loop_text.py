@@ -13,7 +13,7 @@ from ..fitting.problem import quantity_of
 from ..fitting.table import decimals
 from ..loop.result import CandidateScore, Loop, Table
 from ..loop.split import NAMES
-from ..loop.structure import TESTS
+from ..loop.structure import TESTS, p_text
 from ..units import factor, format_si
 
 HEADLINES = {
@@ -351,10 +351,8 @@ def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
 
 
 def p_value(p: float) -> str:
-    """A p-value as text; tiny ones as a bound."""
-    if not np.isfinite(p):
-        return "unknown"
-    return "< 1e-12" if p < 1e-12 else f"{p:.2g}"
+    """A p-value without its symbol, for a table."""
+    return p_text(p).removeprefix("p ").removeprefix("= ")
 
 
 def _finite(value: float, form: str) -> str:
