@@ -4,7 +4,6 @@ Coefficients ascend: c[k] multiplies s^k. All functions take one polynomial; bat
 """
 
 import functools
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,41 +16,23 @@ _MAX_ITERATIONS = 60
 _NEARLY = 0.02
 # A root of a polynomial in w^2 counts as real below this ratio of its imaginary part.
 _REAL = 1e-6
-
-
-class Limits(NamedTuple):
-    """What a floating-point type can hold, squares of polynomials included."""
-
-    spread: float
-    """Decades, over n, that roots may spread on either side of the middle one."""
-    largest: float
-    """Crossings beyond this square of a frequency are at infinity."""
-    infinite: float
-    """What stands for infinity: its square is still a number."""
-    tiny: float
-    """Less than any number that counts."""
-    coefficient: float
-    """Size of the largest coefficient: values at the farthest root then have squares."""
-
-
-_LIMITS = {8: Limits(140.0, 1e40, 1e150, 1e-300, 1.0), 4: Limits(32.0, 1e16, 1e18, 1e-37, 1e-14)}
-
-
-def limits(x: Array) -> Limits:
-    """Those of the type of x, by its bytes."""
-    return _LIMITS[jnp.finfo(x.dtype).bits // 8]
+# Decades, over n, that roots may spread on either side of the middle one: squares of polynomials
+# must be numbers.
+_SPREAD = 140.0
+# Crossings beyond this square of a frequency are at infinity.
+_LARGEST = 1e40
+# What stands for infinity: its square is still a number.
+_INFINITE = 1e150
 
 
 @jax.custom_jvp
 def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
-    """All roots of sum_k c[k] s^k; a root at infinity (c[n] = 0) is 1e150, not nan
-    (1e18 in single precision).
+    """All roots of sum_k c[k] s^k; a root at infinity (c[n] = 0) is 1e150, not nan.
 
     Up to the second degree in closed form, above by the simultaneous iteration of Aberth and
     Ehrlich from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694): no
     matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(140/n) on both
-    sides of the middle one, 10^(32/n) in single precision. Derivatives by
-    ds = -sum dc[k] s^k / p'(s); 0 at infinity.
+    sides of the middle one. Derivatives by ds = -sum dc[k] s^k / p'(s); 0 at infinity.
     """
     n = c.shape[0] - 1
     if n == 0:
@@ -77,7 +58,7 @@ def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Ar
     """Real parts of all roots, and which of them are real and positive (the others read 1)."""
     s = roots(c)
     real = (jnp.abs(s.imag) <= _REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
-    real = real & (s.real < limits(c).largest)
+    real = real & (s.real < _LARGEST)
     return jnp.where(real, s.real, 1.0), real
 
 
@@ -164,7 +145,7 @@ def _complex(x: Array) -> Array:
 
 def _away_from_zero(x: Array, other: Array) -> Array:
     """x, or what makes other/x infinite for this module."""
-    least = (jnp.abs(other) + (other == 0)) / limits(x).infinite
+    least = (jnp.abs(other) + (other == 0)) / _INFINITE
     return jnp.where(jnp.abs(x) < least, jnp.where(x < 0, -least, least), x)
 
 
@@ -181,13 +162,13 @@ def _quadratic(c: Float[Array, " 3"]) -> Complex[Array, " 2"]:
 def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     """The iteration, root by root in real arithmetic: a batch then is long plain loops."""
     scaled, unit, x, y = _start(c)
-    n, known = len(x), limits(unit)
+    n = len(x)
     nearly = _NEARLY * float(jnp.finfo(unit.dtype).eps) ** (1 / 3)
 
     def step(state):
         x, y, change, _, k = state
         u, v = zip(*(_correction(scaled, x, y, i) for i in range(n)), strict=True)
-        sizes = [(u[i] ** 2 + v[i] ** 2) / (x[i] ** 2 + y[i] ** 2 + known.tiny) for i in range(n)]
+        sizes = [(u[i] ** 2 + v[i] ** 2) / (x[i] ** 2 + y[i] ** 2 + 1e-300) for i in range(n)]
         x = tuple(x[i] - u[i] for i in range(n))
         y = tuple(y[i] - v[i] for i in range(n))
         return x, y, functools.reduce(jnp.maximum, sizes), change, k + 1
@@ -198,8 +179,8 @@ def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     infinite = jnp.full_like(unit, jnp.inf)
     x, y, *_ = jax.lax.while_loop(unfinished, step, (x, y, infinite, infinite, 0))
     x, y = jnp.stack(x), jnp.stack(y)
-    far = jnp.abs(x) + jnp.abs(y) > 0.1 * 10 ** (known.spread / n)
-    x = jnp.where(far, jnp.where(x > 0, known.infinite, -known.infinite), unit * x)
+    far = jnp.abs(x) + jnp.abs(y) > 0.1 * 10 ** (_SPREAD / n)
+    x = jnp.where(far, jnp.where(x > 0, _INFINITE, -_INFINITE), unit * x)
     return jax.lax.complex(x, jnp.where(far, 0.0, unit * y))
 
 
@@ -243,7 +224,7 @@ def _start(c: Float[Array, " n+1"]):
     n = c.shape[0] - 1
     slopes = _newton_polygon(c)
     middle = slopes[n // 2]
-    most = limits(c).spread / n * float(np.log(10.0))
+    most = _SPREAD / n * float(np.log(10.0))
     radii = [jnp.exp(jnp.clip(middle - slope, -most, most)) for slope in slopes]
     angle = 2 * np.pi * np.arange(n) / n + 0.7
     x = tuple(radii[k] * float(np.cos(angle[k])) for k in range(n))
@@ -253,16 +234,14 @@ def _start(c: Float[Array, " n+1"]):
     # no root farther out than `most`: a root at infinity is one there
     level[n] = functools.reduce(jnp.maximum, [level[k] - (n - k) * most for k in range(n + 1)])
     top = functools.reduce(jnp.maximum, level)
-    largest = limits(c).coefficient
-    sign = [jnp.where(c[k] < 0, -largest, largest) for k in range(n + 1)]
-    scaled = [sign[k] * jnp.exp(level[k] - top) for k in range(n + 1)]
+    scaled = [jnp.where(c[k] < 0, -1.0, 1.0) * jnp.exp(level[k] - top) for k in range(n + 1)]
     return scaled, jnp.exp(-middle), x, y
 
 
 def _heights(c: Float[Array, " n+1"]) -> list[Array]:
     """log|c[k]|, for a zero a number far below the others."""
     size = jnp.abs(c)
-    top = jnp.log(jnp.max(size) + limits(c).tiny)
+    top = jnp.log(jnp.max(size) + 1e-300)
     logs = jnp.log(jnp.where(size == 0, 1.0, size))
     return list(jnp.where(size == 0, top - 1e3, logs))
 
