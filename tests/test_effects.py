@@ -16,7 +16,14 @@ MOTION = jf.PiecewiseVelocity([0.0, 40.0, 50.0], [1 * UM, 10 * UM, 3 * UM])
 TS = jnp.concatenate([jnp.linspace(0, 40, 40), jnp.linspace(40.05, 80, 160)])
 SCALES = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 100.0)
 # Where one side of the null is no physics (a lag that leads), the difference is taken on the other.
-ONE_SIDED = ("servo_lag", "sensor_lag", "damping", "evolution_cutoff", "inertia")
+ONE_SIDED = (
+    "servo_lag",
+    "sensor_lag",
+    "damping",
+    "evolution_cutoff",
+    "inertia",
+    "frictional_delay",
+)
 STRESS = recorded_stress(np.linspace(0, 80, 200), 10 + 0.05 * np.sin(np.linspace(0, 20, 200)))
 
 

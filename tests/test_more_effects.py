@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import jaxfric as jf
 from fits.blind.plants import Base, Protocol, Stress
 from fits.blind.plants import simulate as plant
-from jaxfric.effects import effect_of
+from jaxfric.effects import CATALOGUE, effect_of, near_null
 from jaxfric.rig import recorded_stress
 
 UM = 1e-6
@@ -108,7 +109,17 @@ def test_normal_stress_needs_the_channel():
 # K L/A, size of the effect, largest relative error: the ranges that the effects promise
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("stiffness", "a", "worst"), [(1.0, 0.1, 0.06), (1.0, 0.3, 0.2), (3.0, 0.1, 0.2)]
+    ("stiffness", "a", "worst"),
+    [
+        (1.0, 0.1, 0.01),
+        (1.0, 1.0, 0.025),
+        (3.0, 0.1, 0.035),
+        (3.0, 0.3, 0.04),
+        (3.0, 1.0, 0.035),
+        (3.0, 3.0, 0.1),
+        (6.0, 0.3, 0.06),
+        (20.0, 0.3, 0.08),
+    ],
 )
 def test_delay_in_its_range(stiffness, a, worst):
     assert relative_error("frictional_delay", stiffness, alpha=a * CROSSING) < worst
@@ -135,10 +146,47 @@ def test_error_is_of_second_order(id):
     assert 0.4 < errors[1] / errors[0] < 0.62
 
 
-@pytest.mark.parametrize("a", [1.0, 3.0])
-def test_delay_stays_finite(a):
-    found = predict(made("frictional_delay", alpha=a * CROSSING).embed(rig(base(3.0))))
-    assert np.all(np.isfinite(found))
+@pytest.mark.parametrize(("stiffness", "a"), [(3.0, 0.1), (20.0, 3.0)])
+def test_delay_stays_finite(stiffness, a):
+    found = jf.simulate(
+        made("frictional_delay", alpha=a * CROSSING).embed(rig(base(stiffness))), MOTION, TS
+    )
+    assert found.result == jf.RESULTS.successful
+
+
+@pytest.mark.parametrize("velocity", [0.0, -10 * UM])
+def test_delay_through_a_stop(velocity):
+    """In a hold and a reversal the friction of a small delay is that without one, nearly."""
+    motion, ts = jf.PiecewiseVelocity((0.0, 6.0, 18.0), (10 * UM, velocity, 10 * UM)), TS[:80] / 2
+    without = jf.simulate(rig(base(3.0)), motion, ts)
+    delayed = made("frictional_delay", alpha=0.005).embed(rig(base(3.0)))
+    found = jf.simulate(delayed, motion, ts)
+    assert found.result == jf.RESULTS.successful
+    change = np.max(np.abs(np.asarray(found.recorded - without.recorded)))
+    assert 1e-6 < change < 2e-3
+
+
+def test_first_order_is_the_same_at_the_null():
+    """Value and derivatives of the effect that takes the place of a delay at its null."""
+
+    def recorded(effect, values):
+        law = rig(base(3.0))
+        law = eqx.tree_at(lambda r: r.friction.A, law, values[1])
+        built = effect(alpha=values[0]).embed(law)
+        return jf.simulate(built, MOTION, jnp.asarray(TS), rtol=1e-6).recorded
+
+    whole, cheap = effect_of("frictional_delay"), near_null(effect_of("frictional_delay"))
+    assert cheap is not whole
+    at = jnp.asarray([0.0, 0.01])
+    for of in (recorded, jax.jacfwd(recorded, 1)):
+        found = jax.jit(of, static_argnums=0)(cheap, at)
+        np.testing.assert_allclose(found, jax.jit(of, static_argnums=0)(whole, at), atol=1e-10)
+
+
+def test_most_effects_have_nothing_cheaper():
+    assert [e for e in CATALOGUE.values() if near_null(e) is not e] == [
+        effect_of("frictional_delay")
+    ]
 
 
 def test_inertia_stays_finite():

@@ -2,6 +2,7 @@
 
 from .catalogue import CATALOGUE as CATALOGUE
 from .catalogue import effect_of as effect_of
+from .catalogue import near_null as near_null
 from .effect import AbstractEffect as AbstractEffect
 from .effect import AbstractLinearEffect as AbstractLinearEffect
 from .effect import RecordScales as RecordScales

@@ -3,12 +3,12 @@
 import difflib
 
 from ..errors import InputError
+from .delay import FirstOrderDelay, FrictionalDelay
 from .drive import ServoLag
 from .effect import AbstractEffect
 from .friction import (
     Ageing,
     EvolutionCutoff,
-    FrictionalDelay,
     NormalStressState,
     PositionPeriodic,
     RunIn,
@@ -45,6 +45,13 @@ _ALL: tuple[type[AbstractEffect], ...] = (
     Gain,
 )
 CATALOGUE: dict[str, type[AbstractEffect]] = {effect.id: effect for effect in _ALL}
+_FIRST_ORDER: dict[type[AbstractEffect], type[AbstractEffect]] = {FrictionalDelay: FirstOrderDelay}
+
+
+def near_null(effect: type[AbstractEffect]) -> type[AbstractEffect]:
+    """What has the value and the first derivatives of `effect` at its null, and is cheaper; itself
+    where there is nothing cheaper."""
+    return _FIRST_ORDER.get(effect, effect)
 
 
 def effect_of(name: str) -> type[AbstractEffect]:

@@ -12,8 +12,6 @@ from .effect import AbstractEffect, AbstractLinearEffect, with_evolution, with_t
 
 _TRUE = np.asarray(True)
 _LOG_MAX = 40.0
-# A frictional delay answers as one of no more than this, over L/V.
-_LATEST = 4.0
 
 
 class _SecondStateTerm(AbstractTerm):
@@ -319,56 +317,6 @@ class NormalStressState(AbstractLinearEffect):
 
     def embed(self, rig):
         return with_term(rig, _LinkerTerm(self.alpha))
-
-    def physical(self):
-        return self.alpha > 0
-
-
-class _DelayTerm(AbstractTerm):
-    moves: ClassVar[bool] = True
-    states: ClassVar[int] = 0
-    alpha: Float[Array, ""]
-
-    def force(self, at: Contact):
-        b = self.alpha * at.V / (_LATEST * at.base.L[0])
-        return _LATEST * at.base.B[0] * jnp.log1p(jnp.maximum(b, -0.9))
-
-    def rate(self, at: Contact, force):
-        del force
-        return at.state
-
-    def steady_state(self, V, base):
-        del base
-        return jnp.zeros((0,), V.dtype)
-
-    def shift(self, at: Contact):
-        return self.force(at)
-
-
-class FrictionalDelay(AbstractLinearEffect):
-    """theta_ss = -B ln(V(t - alpha)/V0), slip law, to first order in alpha.
-
-    With u = ln V and a = alpha V/L, u(t - alpha) is taken as u - alpha u'/(1 + a/c), c = 4: a
-    is bounded in what it does. u' is not computed: that term is the rate of
-
-        G(V) = c B ln(1 + a/c)
-
-    in theta, and theta - G is integrated. So it needs neither a state nor the machine, and nothing
-    is stiff as alpha vanishes. The error is of the second order: over the effect, 6, 14 and 16 % at
-    a = 0.1 of the fastest velocity for K L/A = 1, 3 and 6, and 15, 29 and 35 % at a = 0.3; at
-    a = 1 it is half the effect, and at 3 all of it.
-    """
-
-    id: ClassVar[str] = "frictional_delay"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "theta_ss at V(t - alpha)"
-    confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "inertia")
-    separated_by: ClassVar[str] = "fast sampling, oscillating velocity"
-    channel: ClassVar[str | None] = None
-    alpha: Float[Array, ""] = quantity("alpha", "s", "delay of friction", default=0.0)
-
-    def embed(self, rig):
-        return with_term(rig, _DelayTerm(self.alpha))
 
     def physical(self):
         return self.alpha > 0

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..effects import RecordScales
+from ..effects import RecordScales, near_null
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, estimate_noise, whiten
 from ..fitting.problem import FAILED_MISFIT, Problem
@@ -140,6 +140,17 @@ class Engine:
         self.names = self.model.names()
         self.base = list(range(len(self.model.base.names())))
         self.shifts = [len(self.names) + int(k) for k in shifted]
+        heavy = tuple(e.id for e in self.model.effects if near_null(e) is not e)
+        self._heavy = self.model.columns(heavy)
+
+    def at(self, z: np.ndarray, problem: Problem) -> Problem:
+        """`problem`, one of the engine's, as it is simulated at `z`: lighter where it can be.
+
+        That is another compilation, but most candidates lack the effects that are heavy.
+        """
+        if not self._heavy or np.any(np.asarray(z)[self._heavy]):
+            return problem
+        return problem.with_model(self.model._replace(lighter=True))
 
     def free(self, effects: tuple[str, ...]) -> np.ndarray:
         """Indices of the free parameters of a candidate, base and step times first."""
@@ -150,7 +161,7 @@ class Engine:
         """Residual (noise units) and its Jacobian by the parameters of `index` (default all)."""
         index = np.arange(len(z)) if index is None else index
         n = self.problem.time.shape[0]
-        residual, jacobian = _in_parts(self.everywhere, z, index)
+        residual, jacobian = _in_parts(self.at(z, self.everywhere), z, index)
         extra = np.concatenate(
             [np.tile(self.weight, len(self.problem.channels)), np.ones(len(self.problem.hold))]
         )
@@ -234,7 +245,7 @@ class Engine:
 
         def both(y):
             z[index] = y
-            return _in_parts(problem, z, index)
+            return _in_parts(self.at(z, problem), z, index)
 
         z[index], _ = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
         return z

@@ -59,7 +59,7 @@ def locate(
 
 def friction_bumps(engine: Engine, base: Candidate) -> list[Bumps]:
     """Bumps of friction, sent through the linearised slider."""
-    response = linear_response(engine.problem, jnp.asarray(base.z))
+    response = linear_response(engine.at(base.z, engine.problem), jnp.asarray(base.z))
     bumps = _variables(engine, response)
     forces = np.concatenate([columns for _, _, _, columns in bumps], axis=1)
     seen = respond(response, forces)[0] / float(engine.problem.noise_scale)

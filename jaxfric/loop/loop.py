@@ -277,7 +277,7 @@ def _warnings(engine: Engine, found: Search, base: Fit, edge) -> tuple[str, ...]
 def _finer(engine: Engine, base: Candidate) -> float:
     """How far a ten times finer solver moves the prediction, in sigma of the noise."""
     if engine.always:
-        problem, z = engine.everywhere, base.z
+        problem, z = engine.at(base.z, engine.everywhere), base.z
     else:  # the base alone is quicker to compile
         problem = engine.everywhere.with_model(engine.model.base)
         z = np.concatenate([base.z[engine.base], base.z[len(engine.names) :]])

@@ -15,8 +15,9 @@ _FORCES = 64
 
 def friction_shapes(engine: Engine, z: np.ndarray, missing, scales: RecordScales) -> ShapedColumns:
     """Columns of those missing effects that have shapes and are friction terms."""
-    rig = engine.problem.rig(jnp.asarray(z))
-    response = linear_response(engine.problem, jnp.asarray(z))
+    problem = engine.at(z, engine.problem)
+    rig = problem.rig(jnp.asarray(z))
+    response = linear_response(problem, jnp.asarray(z))
     shaped = {e: starts for e in missing if (starts := shapes_of(e, scales)) and _is_term(e, rig)}
     n, more = engine.problem.time.shape[0], len(engine.weight) * len(engine.problem.channels)
     more += len(engine.problem.hold)

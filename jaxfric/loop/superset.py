@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
-from ..effects import AbstractEffect, null, parameters
+from ..effects import AbstractEffect, near_null, null, parameters
 from ..fitting.problem import Model
 from ..quantity import Quantity
 from ..rig import Rig
@@ -20,6 +20,8 @@ class Superset(NamedTuple):
 
     base: Model
     effects: tuple[type[AbstractEffect], ...]
+    lighter: bool = False
+    """Effects as `near_null`: only where those that it changes are at their null."""
 
     def names(self) -> tuple[str, ...]:
         """The base's names, then those of the effects in order."""
@@ -41,7 +43,8 @@ class Superset(NamedTuple):
         for effect in self.effects:
             fields = list(parameters(effect))
             chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))
-            rig = effect(**chosen).embed(rig)
+            made = (near_null(effect) if self.lighter else effect)(**chosen)
+            rig = made.embed(rig)
             n += len(fields)
         return rig
 

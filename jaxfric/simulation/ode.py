@@ -175,7 +175,8 @@ class SliderEquation(eqx.Module):
 
     def _at(self, slip, t) -> Conditions:
         moves = self.rig.normal_stress is not None
-        return Conditions(slip, t, self._stress(t) if moves else None)
+        stress = self._stress(t) if moves else None
+        return Conditions(slip, t, stress, self.motion.velocity(t))
 
     def _stress(self, t) -> Float[Array, ""]:
         """n, the normal stress over the one at the start."""

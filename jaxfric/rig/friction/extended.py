@@ -37,6 +37,8 @@ class Contact(NamedTuple):
     base: RateState
     stress: Float[Array, ""] | None = None
     """Normal stress over the one at the start; None: it does not move."""
+    load_velocity: Float[Array, ""] | None = None
+    """Velocity of the load point; None: that of the slider."""
 
 
 class AbstractTerm(eqx.Module):
@@ -138,7 +140,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
         return V
 
     def _contact(self, V, part, at: Conditions) -> Contact:
-        return Contact(V, at.slip, at.time, part, self.base, at.stress)
+        return Contact(V, at.slip, at.time, part, self.base, at.stress, at.load_velocity)
 
     def _seen(self, V, theta, parts, at: Conditions):
         """The base's states as their evolution sees them; shifts are the first one's."""

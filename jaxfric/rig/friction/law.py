@@ -16,11 +16,13 @@ class Conditions(NamedTuple):
     """Where and when the contact is: slip since the start [m] and time since the start [s].
 
     `stress` is the normal stress over the one at the start, n; None: it does not move.
+    `load_velocity` [m/s] is that of the load point; None: steady sliding, it is the slider's.
     """
 
     slip: Float[Array, ""]
     time: Float[Array, ""]
     stress: Float[Array, ""] | None = None
+    load_velocity: Float[Array, ""] | None = None
 
 
 class AbstractLaw(eqx.Module):
