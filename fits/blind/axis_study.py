@@ -106,13 +106,16 @@ def publish(out: Path) -> str:
     lines.append(
         f"{len(good)} records ({unreachable} could not be made, {len(failed)} failed), by"
         " `python -m fits.blind.axis_study`. Right group: the effect or one that no such record"
-        " tells from it was added, and nothing else."
+        " tells from it was added, and nothing else. Alone: exact, of those that no other effect"
+        " of the catalogue resembles so. Held-out: rms error over sigma of the noise, whose own"
+        " scatter is that of the records with nothing in them."
     )
     lines += [
         "",
-        "| noise | nothing: named | right group | exact | confirmed | held-out median, 90 % |",
+        "| noise | nothing: named | right group | exact | alone | confirmed |"
+        " held-out median, 90 % | of nothing |",
     ]
-    lines.append("|---|---|---|---|---|---|")
+    lines.append("|---|---|---|---|---|---|---|---|")
     numbers: dict[str, dict] = {}
     for noise in RHO:
         here = [r for r in good if r["noise"] == noise]
@@ -121,19 +124,24 @@ def publish(out: Path) -> str:
         right = [r for r in one if _right(r)]
         exact = [r for r in one if r["effects"] == [r["asked"]]]
         confirmed = [r for r in right if r["verdict"] in ("effects", "ambiguous")]
-        held = [r["heldout_after"] for r in one] or [np.nan]
+        alone = [r for r in one if not any(r["asked"] in group for group in GROUPS)]
+        found = [r for r in alone if r["effects"] == [r["asked"]]]
+        held, still = _heldout(one), _heldout(null)
         named = sum(bool(r["effects"]) for r in null)
         numbers[noise] = {
             "nothing named": [named, len(null)],
             "right group": [len(right), len(one)],
             "exact": [len(exact), len(one)],
             "confirmed": [len(confirmed), len(one)],
-            "held-out": [float(np.median(held)), float(np.quantile(held, 0.9))],
+            "alone": [len(found), len(alone)],
+            "held-out": list(held),
+            "held-out of nothing": list(still),
         }
         lines.append(
             f"| {noise} | {_share(named, len(null))} | {_share(len(right), len(one))} |"
-            f" {_share(len(exact), len(one))} | {_share(len(confirmed), len(one))} |"
-            f" {np.median(held):.3f}, {np.quantile(held, 0.9):.3f} |"
+            f" {_share(len(exact), len(one))} | {_share(len(found), len(alone))} |"
+            f" {_share(len(confirmed), len(one))} |"
+            f" {held[0]:.3f}, {held[1]:.3f} | {still[0]:.3f}, {still[1]:.3f} |"
         )
     lines += ["", "| asked | found (times) | verdicts |", "|---|---|---|"]
     for asked in (*NOTHING, *EFFECTS):
@@ -150,6 +158,12 @@ def publish(out: Path) -> str:
     content = {"numbers": numbers, "records": kept}
     (out / "axis_results.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return text
+
+
+def _heldout(rows: list[dict]) -> tuple[float, float]:
+    """Median and 90 % of the error on held-out strokes, over sigma."""
+    errors = [r["heldout_after"] for r in rows] or [np.nan]
+    return float(np.median(errors)), float(np.quantile(errors, 0.9))
 
 
 def _right(row: dict) -> bool:
