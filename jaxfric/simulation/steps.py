@@ -85,7 +85,7 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[Any, Any])
 
 
 def _spectral_radius(matrix: Float[Array, "n n"]) -> Float[Array, ""]:
-    """From the largest entry of the 64th power, from above.
+    """From the largest entry of the 64th power: right to some percent whatever the units of states.
 
     A state that is absent is a block of its own, and adds nothing unless it is the fastest.
     """
