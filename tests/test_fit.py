@@ -198,7 +198,9 @@ def test_profile_agrees_with_covariance_where_the_fit_is_nearly_linear():
         record.relative_time, record.load_point_displacement
     ).text(digits=9)
     plain = jaxfric.fit(record, **options)
-    profile = jaxfric.fit(record, **options, profile=True)
+    told: list[str] = []
+    profile = jaxfric.fit(record, **options, profile=True, progress=told.append)
+    assert told[-1] == "profile of L (4 of 4)"
     for name in "ABL":
         p, q = plain.parameters[name], profile.parameters[name]
         assert q.profiled

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from .common import Columns, DropBad, File, Out, Steps, prepare_jax, read_record
+from .common import Columns, DropBad, File, Out, Steps, prepare_jax, read_record, told
 
 _MISFIT = 2.0
 
@@ -70,19 +70,21 @@ def fit(
     destination = out or Path(f"{file.stem}-fit")
     with output_folder(destination):
         pass  # a folder that cannot be written is better known before the fit
-    result = run(
-        measured,
-        stiffness=stiffness,
-        law=law,
-        states=int(states),
-        fit_stiffness=fit_stiffness,
-        slip_trend=slip_trend,
-        steps=steps,
-        reference_velocity=reference_velocity,
-        start=starts,
-        weighting=weighting,
-        profile=profile,
-    )
+    with told(quiet=json or not profile) as progress:
+        result = run(
+            measured,
+            stiffness=stiffness,
+            law=law,
+            states=int(states),
+            fit_stiffness=fit_stiffness,
+            slip_trend=slip_trend,
+            steps=steps,
+            reference_velocity=reference_velocity,
+            start=starts,
+            weighting=weighting,
+            profile=profile,
+            progress=progress,
+        )
     content = text.dumps(result.to_json(), indent=1, allow_nan=False)
     with output_folder(destination) as folder:
         (folder / "fit.json").write_text(content + "\n")

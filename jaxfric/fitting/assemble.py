@@ -1,6 +1,7 @@
 """From a solution in unbounded variables to a `Fit` in SI, with errors and warnings."""
 
 import dataclasses
+from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
@@ -33,6 +34,7 @@ def assemble(
     noise: Noise,
     *,
     profile: bool,
+    progress: Callable[[str], None],
 ) -> Fit:
     """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit."""
     rows = len(record)
@@ -41,7 +43,8 @@ def assemble(
     misfit = np.asarray(plain)[:rows] * float(problem.noise_scale)
     predicted = record.friction + sign * misfit
     spread = covariance(problem, solution, noise)
-    estimates, matrix = _estimates(record, problem, solution, spread, failed, profile)
+    profiles = progress if profile else None
+    estimates, matrix = _estimates(record, problem, solution, spread, failed, profiles)
     names = problem.model.names()
     deviations = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     product = np.outer(deviations, deviations)
@@ -96,8 +99,18 @@ def _refined(
     return VelocitySteps(times, steps.velocities, errors, steps.velocity_errors)
 
 
-def _estimates(record, problem: Problem, solution: Solution, spread, failed: bool, profile: bool):
-    """Estimates by name, and the covariance of the free parameters in SI."""
+def _estimates(
+    record,
+    problem: Problem,
+    solution: Solution,
+    spread,
+    failed: bool,
+    profiles: Callable[[str], None] | None,
+):
+    """Estimates by name, and the covariance of the free parameters in SI.
+
+    `profiles` is told of every profile; None: there are none.
+    """
     z = np.asarray(solution.z)
     variance = np.diag(spread)
     std = np.sqrt(np.where(variance > 0, variance, np.nan))
@@ -105,8 +118,9 @@ def _estimates(record, problem: Problem, solution: Solution, spread, failed: boo
     known = [False] * len(std) if failed else determined(problem, std, span)
     p, estimates = len(problem.model.names()), {}
     ends = np.stack([z - QUANTILE * std, z + QUANTILE * std])
-    for i in range(p):
-        if profile and known[i]:
+    for i, name in enumerate(problem.model.names()):
+        if profiles is not None and known[i]:
+            profiles(f"profile of {name} ({i + 1} of {p})")
             ends[:, i] = profile_interval(problem, solution, i, float(std[i]))
     values, slopes = (
         np.asarray(x) for x in natural(problem, jnp.asarray(np.vstack([z[None], ends])))
@@ -120,7 +134,7 @@ def _estimates(record, problem: Problem, solution: Solution, spread, failed: boo
             upper=float(values[2, i]),
             unit=unit_of(name, record.friction_unit),
             determined=known[i],
-            profiled=profile and known[i],
+            profiled=profiles is not None and known[i],
         )
     with np.errstate(over="ignore", invalid="ignore"):  # a failed fit has no covariance
         return estimates, spread[:p, :p] * np.outer(slope, slope)

@@ -1,6 +1,6 @@
 """`fit(record, stiffness=...)`: rate-and-state parameters of a velocity-step record."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import jax
 import jax.numpy as jnp
@@ -46,6 +46,7 @@ def fit(
     start: Mapping[str, float] | None = None,
     weighting: str = "ordinary",
     profile: bool = False,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Fit:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
 
@@ -71,6 +72,7 @@ def fit(
         fits do; "whitened" weights by the estimated noise, which is more precise where noise is
         correlated. The errors are honest in both.
     profile : intervals from the profile likelihood instead of the covariance.
+    progress : told what is being done.
 
     Returns
     -------
@@ -85,10 +87,12 @@ def fit(
     _require_float64()
     model = _model(law, states, fit_stiffness, slip_trend, weighting)
     K = _stiffness(stiffness, record, fit_stiffness)
+    progress("velocity steps")
     steps = steps_of(record, steps)
     V0 = _reference(reference_velocity, steps)
     forward, sign = _forward(record, steps)
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
+    progress("fit")
     problem, solution = _solve_in_stages(record, sign, forward, model, K, V0, start)
     noise = _noise(problem, solution)
     if len(problem.hold) and weighting == "ordinary":
@@ -100,7 +104,9 @@ def fit(
         noise = _noise(problem, _evaluate(problem, solution))
         problem = problem.whitened(noise)
         solution = solve(problem, solution.z[None], refine=1)
-    return assemble(record, steps, sign, problem, solution, noise, profile=profile)
+    return assemble(
+        record, steps, sign, problem, solution, noise, profile=profile, progress=progress
+    )
 
 
 def _require_float64() -> None:
