@@ -21,6 +21,7 @@ from jaxfric.fitting.problem import Channel, Model, make_problem
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.estimates import estimates
 from jaxfric.loop.response import linear_response, term_forces
+from jaxfric.loop.sampling import seen_between
 from jaxfric.loop.shapes import friction_shapes
 from jaxfric.loop.split import split
 from jaxfric.loop.superset import Superset
@@ -297,6 +298,52 @@ def test_a_delay_at_its_null_is_simulated_without_states():
     assert [states(z), states(np.eye(len(z))[viscous]), states(np.eye(len(z))[alpha])] == [1, 1, 4]
     plain = engine_of(plant, rest + F0, rest)
     assert plain.at(start(plain), plain.problem) is plain.problem
+
+
+@pytest.mark.parametrize(
+    ("id", "name", "short"),
+    [
+        ("sensor_lag", "tau", True),
+        ("sensor_delay", "d", True),
+        ("sensor_lag", "tau", False),
+        ("sensor_delay", "d", False),
+    ],
+)
+def test_a_sensor_and_rows_far_apart(id, name, short):
+    """Rows as far apart as friction takes to bend, twice A/(K V): a lag of a tenth or all of that.
+
+    What the plant's sensor does to friction there is found to 10 %; with friction straight
+    between the rows half of it and more is wrong.
+    """
+    plant = plant_of(STIFF)
+    bends = A / (plant.K * VELOCITIES[3])
+    time = np.arange(0.0, PROTOCOL.starts[-1] + PROTOCOL.durations[-1], 2 * bends)
+    since = (time - PROTOCOL.starts[3]) / bends
+    time = time[(since > -10) & (since < 100)]
+    time = np.concatenate([[0.0], time])
+    value = (0.2 if short else 2.0) * bends
+    truth = plants.simulate(plant, PROTOCOL, {id: {name: value}}, time).record
+    size = truth - plants.simulate(plant, PROTOCOL, {}, time).record
+    problem = make_problem(
+        time,
+        truth,
+        jf.VelocitySteps(PROTOCOL.starts, np.asarray(VELOCITIES)),
+        V0=VELOCITIES[0],
+        stiffness=plant.K,
+        noise_scale=SIGMA,
+        force_scale=A,
+        model=Superset(Model(), (effect_of(id),)),
+        rtol=1e-7,
+    )
+    z = problem.to_free(jnp.asarray([F0, A, B, L, value]))
+
+    def wrong(problem):
+        error = np.asarray(problem.predict(z)[0])[: len(time)] - truth
+        return np.sqrt(np.mean(error**2) / np.mean(size**2))
+
+    fine = seen_between(problem, A / plant.K, L)
+    assert wrong(fine) < 0.1
+    assert wrong(fine) < 0.3 * wrong(problem)
 
 
 def test_refit_recovers_the_plant_of_a_clean_record(soft):

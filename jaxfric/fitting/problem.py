@@ -140,6 +140,9 @@ class Problem(eqx.Module):
     model: RigModel = eqx.field(static=True)
     rtol: float = eqx.field(static=True)
     max_steps: int = eqx.field(static=True)
+    seen: tuple[Float[Array, " m"], Int[Array, " n"]] | None = None
+    """Times at which the sensor sees friction, ascending, and which of them are the rows; None: it
+    sees the rows only. Between them it takes friction as straight."""
 
     def to_free(self, values: Float[Array, " p"]) -> Float[Array, " q"]:
         """Unbounded variables of natural (SI) parameter values; step times as found."""
@@ -224,16 +227,17 @@ class Problem(eqx.Module):
     ) -> tuple[Float[Array, " n"], tuple[Float[Array, " n"], ...], Bool[Array, ""]]:
         """Predicted friction and channels at the sample times, and whether that succeeded."""
         rig = self.rig(z)
+        times, rows = (self.time, slice(None)) if self.seen is None else self.seen
         out = simulate(
             rig,
             self.motion,
-            self.time,
+            times,
             rtol=self.rtol,
             max_steps=self.max_steps,
             runaway=1e4 if self.damping is None else 1e9,
         )
-        seen = tuple(self._channel(channel.kind, rig, out.slip) for channel in self.channels)
-        return out.recorded, seen, out.result == RESULTS.successful
+        seen = tuple(self._channel(channel.kind, rig, out.slip[rows]) for channel in self.channels)
+        return out.recorded[rows], seen, out.result == RESULTS.successful
 
     def _channel(self, kind: str, rig: Rig, slip: Float[Array, " n"]) -> Float[Array, " n"]:
         drive = rig.drive.drive if isinstance(rig.drive, LateSteps) else rig.drive

@@ -22,6 +22,7 @@ from .engine import Candidate, Engine
 from .estimates import estimates
 from .location import friction_bumps, locate
 from .result import Loop, Score
+from .sampling import seen_between
 from .search import Search, search
 from .shapes import friction_shapes
 from .split import Blocks, split
@@ -192,7 +193,8 @@ def _problem(
     where = lambda p: (p.shifted, p.shift_scale, p.hold)  # noqa: E731
     problem = eqx.tree_at(where, problem, shifts)
     channels = _channels(record, steps, blocks, len(problem.time))
-    return dataclasses.replace(problem, channels=channels), np.flatnonzero(felt)
+    problem = dataclasses.replace(problem, channels=channels)
+    return seen_between(problem, values["A"] / values["K"], values["L"]), np.flatnonzero(felt)
 
 
 def _channels(

@@ -1,0 +1,40 @@
+"""Where the sensor of a loop's problem sees friction between rows.
+
+A sensor takes friction as straight from one time to the next, and a lag shorter than the distance
+of rows needs the slope at the row. After a velocity step friction bends within the slip A/K, which
+a machine may cross in one row: with nothing in between, a lag of the sensor was found as one of the
+drive, which is part of the motion and exact.
+"""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..fitting.problem import Problem
+
+# Shares of the distance back to the row before.
+_BETWEEN = np.asarray((1 / 2, 1 / 8, 1 / 32))
+# Of the rows so many are coarse: those with the most slip since the last one, soon after a step.
+_SHARE = 0.25
+
+
+def seen_between(problem: Problem, bend: float, length: float) -> Problem:
+    """The same problem with times before its coarsest rows at which the sensor sees friction.
+
+    `bend` and `length` [m] are A/K and L; the coarse rows are a quarter of all, as many in every
+    problem of that size.
+    """
+    time = np.asarray(problem.time)
+    back = np.diff(time, prepend=time[0])
+    jumps, speeds = np.asarray(problem.motion.times), np.abs(problem.motion.velocities)
+    step = np.clip(np.searchsorted(jumps, time, side="right") - 1, 0, None)
+    since = speeds[step] * (time - jumps[step])
+    coarse = speeds[step] * back * np.exp(-0.5 * np.maximum(since, 0.0) / (bend + length))
+    chosen = np.argsort(-np.where(step > 0, coarse, 0.0), kind="stable")
+    chosen = chosen[: int(_SHARE * len(time))]
+    between = (time[chosen, None] - back[chosen, None] * _BETWEEN).ravel()
+    times = np.concatenate([time, between])
+    order = np.argsort(times, kind="stable")
+    rows = np.argsort(order)[: len(time)]
+    return dataclasses.replace(problem, seen=(jnp.asarray(times[order]), jnp.asarray(rows)))
