@@ -1,7 +1,6 @@
 """`jaxfric protocol`: sensitivities against a simulator in SciPy, changes of a plan, bad input.
 
-All plans have one size (2048 rows with auxiliary ones, 16 velocities), so they share what is
-compiled.
+All plans have one size (1024 rows, 16 velocities), so they share what is compiled.
 """
 
 import dataclasses
@@ -177,7 +176,7 @@ def sensitivities(five):
 
 @pytest.mark.parametrize("slip_noise", [None, 0.1 * UM])
 def test_cosines_and_sizes_against_scipy(five, sensitivities, slip_noise):
-    """Differences err by 4e-5, and the slope over a twentieth of an interval by as much."""
+    """Differences err by 4e-5, and the slope over a part of an interval by as much."""
     plant, base, columns = sensitivities
     out, n = five[slip_noise], len(plant.time)
     ids = list(columns)

@@ -38,6 +38,7 @@ from ..units import format_si
 from .engine import Candidate, Engine
 from .loop import ON_REQUEST
 from .outlook import Change, Outlook, Protocol, Smallest
+from .sampling import seen_between
 from .screen import Screening, alias_cosines, orthonormal, sensitivities
 from .search import ACCEPT
 from .shapes import friction_shapes
@@ -54,7 +55,6 @@ _MOST_ROWS = 65536
 _VELOCITIES, _ROWS = 16, 1024
 _SOLVER_STEPS = 65536
 _UNSEEN = 1e-6
-_BEFORE = 0.05
 _LONGER = ("dwell", "repeat")
 
 
@@ -322,17 +322,12 @@ def speed_text(V: float) -> str:
 
 
 def _times(variant: _Variant, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times of the rows, no row at a step, and the velocity of each.
-
-    Each row follows an auxiliary one, which has no weight: a sensor takes friction as straight
-    between rows, and the slope that a small lag needs is that at the row.
-    """
+    """Times of the rows, one at the start and none at a step, and the velocity of each."""
     steps = variant.steps()
     share = (np.arange(rows) + 0.5) / rows
-    share = np.stack([share - _BEFORE / rows, share], axis=1).ravel()
     times = (steps.times[:, None] + variant.durations[:, None] * share).ravel()
     times[0] = 0.0
-    return times, np.repeat(np.arange(len(steps)), 2 * rows)
+    return times, np.repeat(np.arange(len(steps)), rows)
 
 
 def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
@@ -352,11 +347,11 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
     )
     # as if one velocity more were planned: some variants have it
     planned = len(variant.velocities) - (variant.key in _LONGER)
-    size = bucket(2 * setup.rows * (planned + 1), _ROWS)
+    size = bucket(setup.rows * (planned + 1), _ROWS)
     pad = (0, size - n)
-    used = np.tile([0.0, 1.0], n // 2)
+    used = np.ones(n, bool)
     time = jnp.asarray(np.pad(times, pad, mode="edge"))
-    anchor = jnp.asarray(np.pad(used, pad))
+    anchor = jnp.asarray(np.pad(used, pad), float)
     channels = tuple(
         Channel(
             jnp.zeros(size), jnp.asarray(_ABSENT if noise is None else noise, float), anchor, kind
@@ -372,8 +367,9 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         motion=problem.motion.padded(bucket(planned + 1, _VELOCITIES)),
         channels=channels,
     )
-    none = np.zeros(n, bool)
-    return problem, Blocks(used > 0, none, none, step, True)
+    # every row: the slope that a small lag of the sensor needs is that at the row
+    problem = seen_between(problem, values["A"] / setup.stiffness, values["L"], share=1.0)
+    return problem, Blocks(used, ~used, ~used, step, True)
 
 
 # ---- sensitivities -------------------------------------------------------------------------

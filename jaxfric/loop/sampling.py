@@ -15,15 +15,13 @@ from ..fitting.problem import Problem
 
 # Shares of the distance back to the row before.
 _BETWEEN = np.asarray((1 / 2, 1 / 8, 1 / 32))
-# Of the rows so many are coarse: those with the most slip since the last one, soon after a step.
-_SHARE = 0.25
 
 
-def seen_between(problem: Problem, bend: float, length: float) -> Problem:
+def seen_between(problem: Problem, bend: float, length: float, share: float = 0.25) -> Problem:
     """The same problem with times before its coarsest rows at which the sensor sees friction.
 
-    `bend` and `length` [m] are A/K and L; the coarse rows are a quarter of all, as many in every
-    problem of that size.
+    `bend` and `length` [m] are A/K and L. The coarsest rows are those with the most slip since the
+    last one, soon after a step: a `share` of all, so as many in every problem of that size.
     """
     time = np.asarray(problem.time)
     back = np.diff(time, prepend=time[0])
@@ -32,7 +30,7 @@ def seen_between(problem: Problem, bend: float, length: float) -> Problem:
     since = speeds[step] * (time - jumps[step])
     coarse = speeds[step] * back * np.exp(-0.5 * np.maximum(since, 0.0) / (bend + length))
     chosen = np.argsort(-np.where(step > 0, coarse, 0.0), kind="stable")
-    chosen = chosen[: int(_SHARE * len(time))]
+    chosen = chosen[: int(share * len(time))]
     between = (time[chosen, None] - back[chosen, None] * _BETWEEN).ravel()
     times = np.concatenate([time, between])
     order = np.argsort(times, kind="stable")
