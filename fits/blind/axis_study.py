@@ -125,7 +125,7 @@ def publish(out: Path) -> str:
         exact = [r for r in one if r["effects"] == [r["asked"]]]
         confirmed = [r for r in right if r["verdict"] in ("effects", "ambiguous")]
         alone = [r for r in one if not any(r["asked"] in group for group in GROUPS)]
-        found = [r for r in alone if r["effects"] == [r["asked"]]]
+        found = [r for r in exact if r in alone]
         held, still = _heldout(one), _heldout(null)
         named = sum(bool(r["effects"]) for r in null)
         numbers[noise] = {

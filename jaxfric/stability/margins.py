@@ -175,7 +175,7 @@ def _modulus(of: _Analysis) -> Float[Array, ""]:
         if of.slider.mass is None:
             slope = slope[:-1]  # the leading terms cancel
         y = jnp.abs(jax.lax.stop_gradient(poly.roots(slope)))
-        y = jnp.where(y < 1e40, y, 0.0)
+        y = jnp.where(y < poly.LARGEST, y, 0.0)
         square = _square(whole, y) / _nonzero(_square(load, y))
         distances = [_root(jnp.min(jnp.where(y > 0, square, jnp.inf), initial=jnp.inf))]
     distances += [jnp.where(some, jnp.abs(1 + L), jnp.inf) for L, some in _ends(of.slider)]

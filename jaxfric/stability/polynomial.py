@@ -19,8 +19,8 @@ _REAL = 1e-6
 # Decades, over n, that roots may spread on either side of the middle one: squares of polynomials
 # must be numbers.
 _SPREAD = 140.0
-# Crossings beyond this square of a frequency are at infinity.
-_LARGEST = 1e40
+# Roots in w^2 from here on are crossings at infinity.
+LARGEST = 1e40
 # What stands for infinity: its square is still a number.
 _INFINITE = 1e150
 
@@ -58,7 +58,7 @@ def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Ar
     """Real parts of all roots, and which of them are real and positive (the others read 1)."""
     s = roots(c)
     real = (jnp.abs(s.imag) <= _REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
-    real = real & (s.real < _LARGEST)
+    real = real & (s.real < LARGEST)
     return jnp.where(real, s.real, 1.0), real
 
 
