@@ -31,6 +31,12 @@ _PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
 
 def normal_inverse(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
     """(J^T J)^-1, by scaled eigenvectors; directions that J does not see become very large."""
+    root = inverse_root(jacobian)
+    return root @ root.T
+
+
+def inverse_root(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
+    """R with R R^T = (J^T J)^-1; its columns are independent errors of the parameters."""
     jacobian = np.asarray(jacobian)
     gram = jacobian.T @ jacobian
     if not np.isfinite(gram).all():  # a failed trial sees nothing
@@ -39,7 +45,7 @@ def normal_inverse(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
     scale = 1 / np.sqrt(np.where(diagonal > _UNSEEN, diagonal, 1.0))
     values, vectors = np.linalg.eigh(gram * scale[:, None] * scale)
     values = np.maximum(values, 1e-14 * max(values[-1], 1.0))
-    return (vectors / values) @ vectors.T * scale[:, None] * scale
+    return vectors / np.sqrt(values) * scale[:, None]
 
 
 def data_part(problem: Problem, solution: Solution):

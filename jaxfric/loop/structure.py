@@ -1,5 +1,8 @@
 """Is there structure left in a residual? Four tests on innovations, corrected together.
 
+With the sizes of the train and of the held-out error, which a verdict also asks about, six: noise
+alone then fails one of them once in 1/p records.
+
 Innovations are the residual made white under its own noise model; if the model is all there is they
 are independent, of mean 0 and variance 1 (up to what the fit took away).
 """
@@ -16,13 +19,15 @@ TESTS = {
     "spread_after_step": "larger or smaller just after the velocity steps",
 }
 """What the tests look for."""
+ASKED = len(TESTS) + 2
+"""Questions that one verdict asks of a residual: these, and the sizes of two errors."""
 _LAGS = 20
 _BLOCKS = 24
 _BINS = 12
 
 
 def structure(innovations: np.ndarray, step: np.ndarray, slip: np.ndarray) -> dict[str, float]:
-    """p-values, corrected after Holm: small ones tell that there is structure.
+    """p-values, corrected after Holm for `ASKED` questions: small ones mean structure.
 
     ljung_box : autocorrelation up to 20 lags. block_means : means of 24 blocks of rows.
     step_locked : means over the velocity steps at equal slip since the step. spread_after_step :
@@ -37,7 +42,7 @@ def structure(innovations: np.ndarray, step: np.ndarray, slip: np.ndarray) -> di
         "step_locked": _means(e, since),
         "spread_after_step": _means(_ranks(np.abs(e[since > 0])), since[since > 0]),
     }
-    return holm(raw)
+    return holm(raw, ASKED)
 
 
 def p_text(p: float) -> str:
@@ -47,11 +52,11 @@ def p_text(p: float) -> str:
     return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
 
 
-def holm(raw: dict[str, float]) -> dict[str, float]:
-    """Holm's correction of several p-values."""
+def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
+    """Holm's correction of several p-values, the least of so many that were asked for."""
     corrected, least = {}, 0.0
     for i, name in enumerate(sorted(raw, key=lambda n: raw[n])):
-        least = max(least, min(1.0, (len(raw) - i) * raw[name]))
+        least = max(least, min(1.0, (asked - i) * raw[name]))
         corrected[name] = least
     return {name: corrected[name] for name in raw}
 

@@ -7,17 +7,16 @@ import numpy as np
 
 from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
-from ..fitting.uncertainty import normal_inverse
+from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
 from .screen import orthonormal
 from .search import ACCEPT, ALIAS, Search, rms_error
-from .structure import TESTS, p_text, structure
+from .structure import ASKED, TESTS, p_text, structure
 
 _HELD_OUT = 1.06
 _TRAIN = 1.04
 _SIGNIFICANT = 0.01
-_QUANTILE = 2.326
-"""Standard errors that noise exceeds once in a hundred."""
+"""Chance that noise alone leaves something at any of the questions of `ASKED`."""
 _MOST_PREDICTED = 0.1
 """Largest mean square of the prediction's own error, over sigma^2, that excuses a misfit."""
 _HINT = 2.0
@@ -67,26 +66,48 @@ def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
     taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth), alone))
     degrees = engine.weight.sum() - float(np.trace(taken))
     sigma = float(np.sqrt(left @ left / degrees)) * float(engine.problem.noise_scale)
-    predicted = 1 + min(_prediction_error(engine, rows, held, noise), _MOST_PREDICTED)
-    chance = 1 + _QUANTILE * float(np.hypot(later, train))
+    errors = _prediction_errors(engine, rows, held, noise)
+    errors = errors * min(1.0, _MOST_PREDICTED / max(float(errors.sum()), 1e-300))
     return Floor(
         noise,
         sigma,
-        max(_HELD_OUT, chance * float(np.sqrt(predicted))),
-        max(_TRAIN, 1 + _QUANTILE * train),
+        max(_HELD_OUT, largest_rms(float(np.hypot(later, train)), errors)),
+        max(_TRAIN, largest_rms(train, np.zeros(0))),
     )
 
 
-def _prediction_error(engine: Engine, rows: Rows, held: np.ndarray, noise: Noise) -> float:
-    """Mean square that errors of the parameters cause on the held-out rows, over sigma^2.
+def largest_rms(chance: float, errors: np.ndarray) -> float:
+    """rms over sigma that is exceeded as rarely as one question of `ASKED` may be answered wrongly.
 
-    J C J^T of these rows, C the covariance of the fit to the train block; the times of steps
-    that only the held-out rows see are known as well as the load point shows them.
+    `chance` is the relative standard error of the rms of noise. `errors` are mean squares over
+    sigma^2 that each of several independent errors of the prediction has on average; their sum is
+    taken as a multiple of chi-square with the same mean and variance (Satterthwaite 1946,
+    doi:10.2307/3002019). The two distances from the mean square are added in quadrature, which is
+    exact where one of them is alone.
+    """
+    from scipy.stats import chi2, norm
+
+    rare = _SIGNIFICANT / ASKED
+    noise = (1 + float(norm.isf(rare)) * chance) ** 2 - 1
+    mean = float(errors.sum())
+    if mean <= 0:
+        return float(np.sqrt(1 + noise))
+    unit = float(np.sum(errors**2)) / mean
+    beyond = unit * float(chi2.isf(rare, mean / unit)) - mean
+    return float(np.sqrt(1 + mean + np.hypot(noise, beyond)))
+
+
+def _prediction_errors(engine: Engine, rows: Rows, held: np.ndarray, noise: Noise) -> np.ndarray:
+    """Mean squares over sigma^2 that errors of the parameters cause on the held-out rows.
+
+    One for each independent error: squares of the singular values of J R, J of these rows and R R^T
+    the covariance of the fit to the train block; the times of steps that only the held-out rows see
+    are known as well as the load point shows them.
     """
     white = engine.whiten(rows.jacobian * engine.weight[:, None], noise)
-    covariance = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
-    seen = rows.jacobian[: engine.rows][held]
-    return float(np.mean(np.sum((seen @ covariance) * seen, axis=1)) / noise.sigma**2)
+    errors = inverse_root(np.concatenate([white, rows.extra_jacobian]))
+    seen = rows.jacobian[: engine.rows][held] @ errors / float(noise.sigma)
+    return np.linalg.svd(seen, compute_uv=False) ** 2 / int(held.sum())
 
 
 def innovations(engine: Engine, candidate: Candidate, slip: np.ndarray) -> dict[str, float]:
