@@ -70,8 +70,14 @@ def search(
     progress("what can be told apart")
     ids, cosines = aliases(engine, current, scales)
     before = current
-    current = _without_needless(engine, current, tried)
-    current = _swapped(engine, current, ids, cosines, rounds, tried, progress)
+    while True:
+        current = _without_needless(engine, current, tried)
+        other = _swapped(engine, current, ids, cosines, rounds, tried, progress)
+        if other is current:
+            break
+        # beside the right effect one that stood in for it is needless
+        current = other
+        ids, cosines = aliases(engine, current, scales)
     if current is not before:
         current = _exact(engine, current, tried)
         accepted.append(current.effects)
