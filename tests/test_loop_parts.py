@@ -8,10 +8,18 @@ import pytest
 from scipy import linalg, stats
 
 import jaxfric as jf
-from jaxfric.fitting.noise import estimate_noise
-from jaxfric.loop.engine import Column
+from jaxfric.fitting.noise import Noise, estimate_noise
+from jaxfric.loop import search as search_module
+from jaxfric.loop.engine import Candidate, Column
 from jaxfric.loop.evidence import evidence, log_determinant
-from jaxfric.loop.screen import Screening, _best_of, alias_cosines, orthonormal, project
+from jaxfric.loop.screen import (
+    Screened,
+    Screening,
+    _best_of,
+    alias_cosines,
+    orthonormal,
+    project,
+)
 from jaxfric.loop.split import split
 from jaxfric.loop.structure import chi_square_tail, holm, structure
 from jaxfric.loop.verdict import _groups, _rivals, largest_rms
@@ -444,3 +452,48 @@ def test_a_rival_of_one_of_two():
     search = searched(("a", "b"), np.eye(4), (("c", "b"), 3.0, {}), (("c",), 3.0, {}))
     assert _groups(search) == (("a", "c"), ("b",))
     assert _rivals(search) == [("a", "c")]
+
+
+WHITE = Noise(*map(jnp.asarray, (1.0, 1e-9, 1.0, 0.0)))
+
+
+class Fitted:
+    """Stands in for an engine: the BIC of every set of effects is given, nothing is fitted."""
+
+    always, ids = (), "abcd"
+    blocks = SimpleNamespace(select=np.ones(100, bool))
+
+    def __init__(self, bic):
+        self.bic = {frozenset(ids): value for ids, value in bic.items()}
+        self.offered = [SimpleNamespace(id=id) for id in self.ids]
+        self.model = SimpleNamespace(
+            effects=self.offered,
+            columns=lambda ids: [self.ids.index(id) for id in ids],
+            amplitudes=lambda id: [self.ids.index(id)],
+        )
+
+    def refit(self, effects, start, exact=False):
+        del exact
+        rms = dict.fromkeys(("train", "select", "report"), 1.0)
+        bic = self.bic.get(frozenset(effects), 0.0)
+        return Candidate(tuple(effects), start, np.zeros(100), WHITE, bic, rms, True, False)
+
+
+@pytest.mark.parametrize(("without_b", "kept"), [(-240.0, "cd"), (-220.0, "bcd")])
+def test_beside_the_right_effect_one_that_stood_in_for_it_goes(monkeypatch, without_b, kept):
+    """a and b imitate c; when c has taken the place of a, b is asked for once more."""
+
+    def screened(engine, current, scales):
+        del scales
+        left = [e.id for e in engine.offered if e.id not in current.effects]
+        return [Screened(id, 20.0, np.ones(4), 0.0) for id in left]
+
+    cosines = np.eye(4)
+    cosines[0, 2] = cosines[2, 0] = 0.99
+    monkeypatch.setattr(search_module, "screen", screened)
+    monkeypatch.setattr(search_module, "aliases", lambda *_: (tuple(Fitted.ids), cosines))
+    bic = {"a": -100.0, "c": -50.0, "ab": -150.0, "ad": -120.0, "abd": -200.0, "bcd": -230.0}
+    engine = Fitted({**bic, "cd": without_b})
+    found = search_module.search(engine, [np.zeros(4)], None, most=3, progress=lambda _: None)
+    assert found.accepted[:4] == ((), ("a",), ("a", "b"), ("a", "b", "d"))
+    assert set(found.final.effects) == set(kept)
