@@ -3,6 +3,7 @@
 The loops are made up: hand-written numbers, no fit.
 """
 
+import dataclasses
 import io
 import itertools
 import json
@@ -34,7 +35,7 @@ from jaxfric.plot.loop import FIGURES, draw_loop
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
-from jaxfric.report.loop_text import print_loop
+from jaxfric.report.loop_text import candidates, print_loop
 
 HOSTILE = "<b>&.csv"
 KEYS = (
@@ -112,8 +113,6 @@ def make_loop(
 
 
 def _of_file(record, path: str):
-    import dataclasses
-
     return dataclasses.replace(record, provenance=Provenance(path, "5f" * 32, len(record)))
 
 
@@ -340,9 +339,27 @@ def test_numbers_are_those_of_the_loop() -> None:
         assert re.search(rf"^{name}: .*{before:.3f} +{after:.3f}$", text, re.M)
     assert re.search(r"^L +.*18\.30 +17\.20 ± 0\.40 +16\.42 to 17\.99 +−2\.7 +µm *$", text, re.M)
     assert re.search(r"^second_state.L2 .* 61\.0 ± 4\.0 +53\.2 to 68\.8 +µm *$", text, re.M)
-    assert re.search(r"^second_state +\+1480\.0 .* taken *$", text, re.M)
+    assert re.search(r"^second_state +\+1480\.0 .* the model *$", text, re.M)
     assert "servo_lag or sensor_lag (0.998)" in text
     assert "split by velocity step" in text
+
+
+def test_the_table_of_models_says_what_each_was() -> None:
+    """Only the last is the model; those taken before it were on the way."""
+    loop = make_loop("effects")
+    (first,) = loop.effects
+    wider = (first, "velocity_dependent_L")
+    scores = [
+        dataclasses.replace(c, accepted=c.accepted or c.effects == wider) for c in loop.candidates
+    ]
+    after = dataclasses.replace(loop.after, effects=wider)
+    loop = dataclasses.replace(loop, candidates=tuple(scores), after=after, effects=wider)
+    table = candidates(loop, most=20)
+    said = {row[0]: row[-1] for row in table.rows}
+    assert said[" + ".join(wider)] == "the model"
+    assert (said[first], said["base"], said["run_in"]) == ("on the way", "the start", "not taken")
+    assert (said["thermal"], said["stribeck"]) == ("impossible parameters", "did not converge")
+    assert [table.rows[k][-1] for k in table.marked] == ["the model"]
 
 
 def test_aliases_say_what_would_separate_them() -> None:

@@ -15,6 +15,16 @@ from .split import NAMES, Blocks
 SCHEMA = "jaxfric.loop/1"
 VERDICTS = ("no_missing_effect", "effects", "ambiguous", "outside_catalogue", "too_weak")
 
+ROLES = {
+    "model": "the model",
+    "base": "the start",
+    "passed": "on the way",
+    "tried": "not taken",
+    "impossible": "impossible parameters",
+    "failed": "did not converge",
+}
+"""What a model that was fitted is in a search, in words."""
+
 
 @dataclass(frozen=True, eq=False)
 class Score:
@@ -198,6 +208,19 @@ class Loop:
         for candidate in sorted(self.candidates, key=rank):
             once.setdefault(frozenset(candidate.effects), candidate)
         return list(once.values())
+
+    def role(self, candidate: CandidateScore) -> str:
+        """One of `ROLES`: what a model that was fitted is in the search."""
+        effects = frozenset(candidate.effects)
+        if effects == frozenset(self.after.effects):
+            return "model"
+        if effects == frozenset(self.before.effects):
+            return "base"
+        if any(c.accepted and frozenset(c.effects) == effects for c in self.candidates):
+            return "passed"
+        if not candidate.converged:
+            return "failed"
+        return "tried" if candidate.physical else "impossible"
 
     def readable(self) -> tuple[float, str]:
         """Factor and unit that bring the noise of friction to a readable number."""

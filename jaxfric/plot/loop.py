@@ -28,7 +28,15 @@ _BLOCKS = {
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
-_LIGHT = "#a9c3da"
+_MIDDLE, _LIGHT, _PALE = "#5d8bb3", "#b9cfe2", "0.85"
+_ROLE_COLOURS = {
+    "model": BLUE,
+    "base": _MIDDLE,
+    "passed": _MIDDLE,
+    "tried": _LIGHT,
+    "impossible": _PALE,
+    "failed": _PALE,
+}
 
 
 def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
@@ -356,9 +364,10 @@ def _save_candidates(loop: Loop, folder: Path) -> list[str]:
     first, beside, second = (
         figure.add_subplot(place) for place in (grid[0, 0], grid[0, 1], grid[1, 0])
     )
-    _bars(first, names, [c.delta_bic for c in tried], [_colour(c) for c in tried])
+    colours = [_ROLE_COLOURS[loop.role(c)] for c in tried]
+    _bars(first, names, [c.delta_bic for c in tried], colours)
     tidy(first, "Models that were fitted: ΔBIC against the base")
-    _held_out(beside, loop, tried)
+    _held_out(beside, loop, tried, colours)
     beside.set_yticks(range(len(tried)), [""] * len(tried))
     beside.set_ylim(first.get_ylim())
     ids = [s.id for s in screened]
@@ -372,12 +381,6 @@ def _save_candidates(loop: Loop, folder: Path) -> list[str]:
 
 def _candidate_name(candidate: CandidateScore) -> str:
     return " + ".join(candidate.effects) or "base"
-
-
-def _colour(candidate: CandidateScore) -> str:
-    if candidate.accepted:
-        return BLUE
-    return _LIGHT if candidate.physical and candidate.converged else "0.82"
 
 
 def _bars(axis: Axes, names: list[str], values: list[float], colours: list[str]) -> None:
@@ -408,7 +411,7 @@ def _bars(axis: Axes, names: list[str], values: list[float], colours: list[str])
     axis.set_ylim(len(names) - 0.4 if names else 0.6, -0.6)
 
 
-def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore]) -> None:
+def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequence[str]) -> None:
     values = np.asarray([c.heldout_rms / loop.sigma for c in tried], float)
     known = np.isfinite(values)
     places = np.arange(len(tried))
@@ -416,7 +419,7 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore]) -> None:
     worst = 1.5 * max(base, 1.0)
     axis.scatter(
         np.minimum(values, worst)[known], places[known], s=42, zorder=3,
-        c=np.asarray([_colour(c) for c in tried], object)[known].tolist(), edgecolors=BLACK, lw=0.6,
+        c=np.asarray(colours, object)[known].tolist(), edgecolors=BLACK, lw=0.6,
     )  # fmt: skip
     axis.axvline(1, color=BLACK, lw=0.9)
     axis.axvline(base, color=GREY, lw=1.2, ls=":")
@@ -438,9 +441,10 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore]) -> None:
 def _key(axis: Axes) -> None:
     axis.set_axis_off()
     colours = (
-        (BLUE, "taken into the model"),
+        (BLUE, "the model that was chosen"),
+        (_MIDDLE, "the base, and models on the way"),
         (_LIGHT, "tried, not taken"),
-        ("0.82", "impossible, or not converged"),
+        (_PALE, "impossible, or not converged"),
     )
     handles: list = [Patch(fc=colour, label=text) for colour, text in colours]
     handles += axis.plot(

@@ -11,7 +11,7 @@ from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
 from ..fitting.table import decimals
-from ..loop.result import CandidateScore, Loop, Table
+from ..loop.result import ROLES, Loop, Table
 from ..loop.split import NAMES
 from ..loop.structure import TESTS, p_text
 from ..units import factor, format_si
@@ -243,7 +243,7 @@ def candidates(loop: Loop, *, most: int) -> Table:
             _finite(c.delta_bic, "{:+.1f}").replace("-", "−"),
             _finite(c.train_rms / loop.sigma, "{:.3f}"),
             _finite(c.heldout_rms / loop.sigma, "{:.3f}"),
-            _fate(c, loop),
+            ROLES[loop.role(c)],
         )
         for c in found[:most]
     ]
@@ -252,18 +252,8 @@ def candidates(loop: Loop, *, most: int) -> Table:
     if more > 0:
         note += f"; {more} more in loop.json"
     head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
-    marked = tuple(k for k, c in enumerate(found[:most]) if c.accepted)
+    marked = tuple(k for k, c in enumerate(found[:most]) if loop.role(c) == "model")
     return Table("Models that were fitted", head, rows, note, marked)
-
-
-def _fate(candidate: CandidateScore, loop: Loop) -> str:
-    if candidate.accepted:
-        return "taken"
-    if not candidate.converged:
-        return "did not converge"
-    if not candidate.physical:
-        return "impossible parameters"
-    return "the start" if set(candidate.effects) == set(loop.before.effects) else "not taken"
 
 
 # ---- aliases -------------------------------------------------------------------------------
