@@ -432,4 +432,20 @@ def test_bad_input(tmp_path, monkeypatch):
     assert_refused(run(*given, "--with", "stribek"), "stribek", "did you mean stribeck")
     assert_refused(run("loop", "one.csv", "--flip", "--stiffness", "1/um"), "--flip", "slider")
     assert_refused(run("loop", ".", "--rig", "steady", "--json"), "needs at least 4")
+    assert_refused(run(*given, "--cutoff", "50"), "--cutoff", "no unit")
+    assert_refused(run(*given, "--cutoff", "600 Hz"), "cutoff 600 Hz", "500 Hz")
+    assert_refused(run(*given, "--cutoff", "0 Hz"), "cutoff 0 Hz", "above 0")
+    for other in (("--rig", "steady"), ("--stiffness", "1/um")):
+        assert_refused(run("loop", "one.csv", *other, "--cutoff", "50 Hz"), "--cutoff", "--rig")
+    asked = {}
+
+    def made_up(record, **options):
+        asked.update(options)
+        raise jaxfric.InputError("no need to go on")
+
+    monkeypatch.setattr("jaxfric.axis.close_axis_loop", made_up)
+    assert_refused(run(*given, "--cutoff", "50 Hz"), "no need to go on")
+    assert asked["preparation"] == (50.0, 10, 0.2)
+    assert_refused(run(*given), "no need to go on")
+    assert asked["preparation"] is None
     assert not list(tmp_path.glob("*-loop*"))

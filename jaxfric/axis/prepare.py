@@ -43,13 +43,15 @@ class Preparation(NamedTuple):
     edge: float = _EDGE
 
 
-def usual(interval: float) -> Preparation:
+def usual(interval: float, cutoff: float | None = None) -> Preparation:
     """A tenth of the sampling rate for cutoff and rows (100 Hz and 10 of 1 kHz); records slower
-    than 200 Hz keep all rows, with a cutoff of a fifth."""
+    than 200 Hz keep all rows, with a cutoff of a fifth. A `cutoff` [Hz] that is given is that of
+    the same rows."""
     rate = 1 / interval
+    share, rows = _CUTOFF_SHARE, round(_ROWS_PER_CUTOFF / _CUTOFF_SHARE)
     if rate < _SLOW:
-        return Preparation(_SLOW_CUTOFF_SHARE * rate, 1)
-    return Preparation(_CUTOFF_SHARE * rate, round(_ROWS_PER_CUTOFF / _CUTOFF_SHARE))
+        share, rows = _SLOW_CUTOFF_SHARE, 1
+    return Preparation(share * rate if cutoff is None else cutoff, rows)
 
 
 class Motion(eqx.Module):
@@ -158,7 +160,8 @@ def prepare(
 
     Raises
     ------
-    InputError : a cutoff beyond half the sampling rate, or a record shorter than its edges.
+    InputError : a cutoff not between 0 and half the sampling rate; a record shorter than its
+        edges.
     """
     from scipy import signal
 
@@ -167,8 +170,8 @@ def prepare(
     chosen = preparation or usual(interval)
     if not 0 < chosen.cutoff * 2 * interval < 1:
         raise InputError(
-            f"cutoff {chosen.cutoff:g} Hz: half the sampling rate is {0.5 / interval:g} Hz; choose"
-            " less"
+            f"cutoff {chosen.cutoff:g} Hz: choose one above 0 and below half the sampling rate,"
+            f" {0.5 / interval:g} Hz"
         )
     if time[-1] < 4 * chosen.edge or len(time) < 100:
         raise InputError(

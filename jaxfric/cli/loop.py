@@ -92,6 +92,13 @@ def loop(
             " Known without it where the gains of its loops are.",
         ),
     ] = False,
+    cutoff: Annotated[
+        str | None,
+        Parameter(
+            help='Of an axis: low-pass of the position, "50 Hz"; by default a tenth of the sampling'
+            " rate. Less where the encoder's error, differentiated twice, drowns the force."
+        ),
+    ] = None,
     column: Columns = None,
     drop_bad: DropBad = False,
     out: Out = None,
@@ -115,7 +122,8 @@ def loop(
         "--velocity-gain": velocity_gain,
         "--rated-torque": rated_torque,
     }
-    _refuse_unused(rig, stiffness, law, steps, {**own, "--flip": flip, "--held": held})
+    strokes = {"--cutoff": cutoff, "--flip": flip, "--held": held}
+    _refuse_unused(rig, stiffness, law, steps, {**own, **strokes})
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
@@ -156,7 +164,8 @@ def loop(
         if rig == "axis":
             from ..axis import close_axis_loop
 
-            result = close_axis_loop(record, held=held or None, **search)
+            filtered = _filtered(record, cutoff)
+            result = close_axis_loop(record, held=held or None, preparation=filtered, **search)
         else:
             from ..loop import close_loop
 
@@ -173,6 +182,7 @@ def loop(
             "--most": None if most == 3 else str(most),
             "--steps": steps,
             **own,
+            "--cutoff": cutoff,
             "--out": out and str(out),
         }
         command = _command(
@@ -186,6 +196,19 @@ def loop(
         _print(result, destination, names)
     for warning in result.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
+
+
+def _filtered(record, cutoff: str | None):
+    """The usual preparation of an axis record, with a cutoff of the user's own."""
+    if cutoff is None:
+        return None
+    import numpy as np
+
+    from ..axis.prepare import usual
+    from ..units import parse_quantity
+
+    interval = float(np.median(np.diff(record.time)))
+    return usual(interval, parse_quantity(cutoff, "Hz", "--cutoff"))
 
 
 def _write(result, folder: Path, content: str, command: str) -> list[str]:
@@ -260,7 +283,7 @@ def _refuse_unused(rig, stiffness, law, steps, of_an_axis: dict) -> None:
         wrong = [option for option, given in of_an_axis.items() if given]
     else:
         of_a_slider = {"--stiffness": stiffness, "--law": law != "slip", "--steps": steps}
-        loops = ("--position-gain", "--velocity-gain", "--held")
+        loops = ("--position-gain", "--velocity-gain", "--cutoff", "--held")
         of_a_stroke = {o: of_an_axis[o] for o in loops if rig == "steady"}
         wrong = [option for option, given in (of_a_slider | of_a_stroke).items() if given]
     if wrong:
