@@ -121,9 +121,9 @@ def loop(
         "--position-gain": position_gain,
         "--velocity-gain": velocity_gain,
         "--rated-torque": rated_torque,
+        "--cutoff": cutoff,
     }
-    strokes = {"--cutoff": cutoff, "--flip": flip, "--held": held}
-    _refuse_unused(rig, stiffness, law, steps, {**own, **strokes})
+    _refuse_unused(rig, stiffness, law, steps, {**own, "--flip": flip, "--held": held})
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     destination = out or Path(f"{file.stem}-loop")
@@ -182,7 +182,6 @@ def loop(
             "--most": None if most == 3 else str(most),
             "--steps": steps,
             **own,
-            "--cutoff": cutoff,
             "--out": out and str(out),
         }
         command = _command(

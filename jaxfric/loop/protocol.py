@@ -403,9 +403,8 @@ def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     cosines = cosines[np.ix_(order, order)]
     shown = np.asarray([smallest[id].amplitude is not None for id in ids])
     cosines = np.where(np.outer(shown, shown) | np.eye(len(ids), dtype=bool), cosines, np.nan)
-    train = blocks.train
-    predicted = (setup.values["f0"] + setup.noise * residual)[train]
-    times = np.asarray(problem.time)[:rows][train]
+    predicted = setup.values["f0"] + setup.noise * residual
+    times = np.asarray(problem.time)[:rows]
     return Outlook(ids, cosines, tuple(smallest[id] for id in ids), times, predicted)
 
 
