@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,7 +30,13 @@ def run(*arguments: object) -> Outcome:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = cli._run([str(argument) for argument in arguments])
-    return Outcome(code, out.getvalue(), err.getvalue())
+    return Outcome(code, out.getvalue(), without_beats(err.getvalue()))
+
+
+def without_beats(err: str) -> str:
+    """What was said on stderr but for the lines that break the silence of long work, which come
+    where a machine is slow: "jaxfric: 15 s: searching"."""
+    return re.sub(r"(?m)^jaxfric: \d+ s: .*\n", "", err)
 
 
 def assert_refused(outcome: Outcome, *words: str) -> None:

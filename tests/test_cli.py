@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,12 @@ from command import (
     record_cells,
     record_text,
     run,
+    without_beats,
     written,
 )
 
 from jaxfric.cli import app as cli
+from jaxfric.cli.told import told
 
 FILES = ["fit.json", "fit.png", "fit.svg"]
 
@@ -52,7 +55,8 @@ def process(*arguments: str, stdout=subprocess.PIPE, **environment: str) -> Outc
         env=os.environ | environment,
         timeout=100,
     )
-    return Outcome(done.returncode, (done.stdout or b"").decode(), done.stderr.decode())
+    err = without_beats(done.stderr.decode())
+    return Outcome(done.returncode, (done.stdout or b"").decode(), err)
 
 
 @pytest.fixture(scope="module")
@@ -294,6 +298,21 @@ def test_as_a_process() -> None:
     assert code == 0 and err == "" and "characteristic slip length" in out
     assert names("run-fit") == FILES
     assert_refused(process("fit", "missing.csv", *STIFFNESS), "no such file")
+
+
+def test_silence_is_broken_and_what_was_said_last_is_said_again(monkeypatch, capsys) -> None:
+    monkeypatch.setattr("jaxfric.cli.told.BEAT", 0.05)
+    with told(quiet=True) as progress:
+        assert capsys.readouterr().err == ""
+        progress("trial 3 of at most 80")
+        time.sleep(0.12)
+        said = capsys.readouterr().err
+    assert said.splitlines()[0] == "jaxfric: 0 s: trial 3 of at most 80"
+    assert without_beats(said) == ""
+    time.sleep(0.1)
+    with told(quiet=False) as progress:
+        progress("drawing figures")
+    assert capsys.readouterr().err == "jaxfric: drawing figures\n"
 
 
 def test_a_reader_that_goes_away() -> None:

@@ -1,15 +1,14 @@
 """What several verbs share: options, reading a record, preparing JAX."""
 
-import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
+from .told import told as told
 
 File = Annotated[Path, Parameter(help="The record: a CSV or other table of columns.")]
 Columns = Annotated[
@@ -183,25 +182,3 @@ def effect_ids(texts: list[str] | None, option: str) -> tuple[str, ...]:
             f"{option} '{','.join(texts)}' has an empty id; write {option} viscous,gain"
         )
     return tuple(dict.fromkeys(found))
-
-
-@contextlib.contextmanager
-def told(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Tell on stderr what is being done: one changing line on a terminal, else a line for each.
-
-    With `quiet` only a terminal is told, which forgets it.
-    """
-    if not sys.stderr.isatty():
-
-        def say(message: str) -> None:
-            if not quiet:
-                print(f"jaxfric: {message}", file=sys.stderr, flush=True)
-
-        yield say
-        return
-    from rich.console import Console
-    from rich.markup import escape
-
-    console = Console(stderr=True, highlight=False)
-    with console.status("starting") as status:
-        yield lambda message: status.update(escape(message))

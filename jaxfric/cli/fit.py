@@ -70,7 +70,7 @@ def fit(
     destination = out or Path(f"{file.stem}-fit")
     with output_folder(destination):
         pass  # a folder that cannot be written is better known before the fit
-    with told(quiet=json or not profile) as progress:
+    with told(quiet=True) as progress:
         result = run(
             measured,
             stiffness=stiffness,
@@ -85,10 +85,11 @@ def fit(
             profile=profile,
             progress=progress,
         )
-    content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-    with output_folder(destination) as folder:
-        (folder / "fit.json").write_text(content + "\n")
-        draw_fit(result, folder / "fit.png", folder / "fit.svg")
+        progress("drawing the figure")
+        content = text.dumps(result.to_json(), indent=1, allow_nan=False)
+        with output_folder(destination) as folder:
+            (folder / "fit.json").write_text(content + "\n")
+            draw_fit(result, folder / "fit.png", folder / "fit.svg")
     if json:
         print(content)
     else:

@@ -1,6 +1,7 @@
 """`jaxfric gains`: the smallest PD gains that are safe over a set of situations."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +20,7 @@ from .common import (
     prepare_jax,
     read_law,
     read_masses,
+    told,
 )
 
 
@@ -108,33 +110,37 @@ def gains(
     destination = out or Path("gains")
     with output_folder(destination):
         pass  # a folder that cannot be written is better known before the search
-    result = find_gains(
-        source,
-        velocity=velocities,
-        mass=None if masses is None else np.asarray(masses),
-        margin=required,
-        confidence=confidence,
-        scale=(
-            optional_quantity(scale_kp, "N/m", "--scale-kp"),
-            optional_quantity(scale_kv, "N*s/m", "--scale-kv"),
-        ),
-        lower=(optional_quantity(min_kp, "N/m", "--min-kp"), None),
-        upper=(
-            optional_quantity(max_kp, "N/m", "--max-kp"),
-            optional_quantity(max_kv, "N*s/m", "--max-kv"),
-        ),
-        progress=_progress,
-    )
-    if check:
-        result = check_gains(result, basin=basin, progress=_progress)
-    elif basin is not None:
-        raise InputError("--basin needs the simulations that --no-check leaves out")
-    content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-    with output_folder(destination) as folder:
-        (folder / "gains.json").write_text(content + "\n")
-        figures = draw_gains(result, folder)
-        if map_:
-            figures += _draw_map(result, folder)
+    with told(quiet=True) as progress:
+        result = find_gains(
+            source,
+            velocity=velocities,
+            mass=None if masses is None else np.asarray(masses),
+            margin=required,
+            confidence=confidence,
+            scale=(
+                optional_quantity(scale_kp, "N/m", "--scale-kp"),
+                optional_quantity(scale_kv, "N*s/m", "--scale-kv"),
+            ),
+            lower=(optional_quantity(min_kp, "N/m", "--min-kp"), None),
+            upper=(
+                optional_quantity(max_kp, "N/m", "--max-kp"),
+                optional_quantity(max_kv, "N*s/m", "--max-kv"),
+            ),
+            progress=lambda text: progress(f"{text} (1 of 3)"),
+        )
+        if check:
+            result = check_gains(
+                result, basin=basin, progress=lambda text: progress(f"{text} (2 of 3)")
+            )
+        elif basin is not None:
+            raise InputError("--basin needs the simulations that --no-check leaves out")
+        progress("drawing figures (3 of 3)")
+        content = text.dumps(result.to_json(), indent=1, allow_nan=False)
+        with output_folder(destination) as folder:
+            (folder / "gains.json").write_text(content + "\n")
+            figures = draw_gains(result, folder)
+            if map_:
+                figures += _draw_map(result, folder, progress)
     if json:
         print(content)
     else:
@@ -145,12 +151,12 @@ def gains(
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
 
 
-def _draw_map(result, folder: Path) -> list[str]:
+def _draw_map(result, folder: Path, progress: Callable[[str], None]) -> list[str]:
     from ..gains.cycle_map import cycle_map
     from ..plot.gains import draw_end_map
     from ..stability.analysis import steady_point
 
-    _progress("mapping the ends from rest")
+    progress("mapping the ends from rest")
     found = cycle_map(result)
     where = result.scenarios.describe(found.scenario)
     return draw_end_map(
@@ -162,8 +168,3 @@ def _draw_map(result, folder: Path) -> list[str]:
         mass=where["mass"],
         optimum=(result.kp, result.kv),
     )
-
-
-def _progress(message: str) -> None:
-    if sys.stderr.isatty():
-        print(f"jaxfric: {message}", file=sys.stderr)

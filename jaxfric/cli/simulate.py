@@ -18,6 +18,7 @@ from .common import (
     Text,
     prepare_jax,
     read_law,
+    told,
 )
 from .stability import read_damping, read_one_mass, read_positive
 
@@ -95,13 +96,15 @@ def simulate(
     with output_folder(destination):
         pass  # a folder that cannot be written is better known before the work
     rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities)
-    run, lines = _run(rig, times, velocities, length, at_rest, jumped)
-    from ..plot.cycle import draw_simulation
+    with told(quiet=True) as progress:
+        run, lines = _run(rig, times, velocities, length, at_rest, jumped, progress)
+        progress("drawing figures")
+        from ..plot.cycle import draw_simulation
 
-    heading = [source.text, _machine(k_p, k_v, one_mass), *notes]
-    with output_folder(destination) as folder:
-        (folder / "trajectory.csv").write_text(_table(run, [*heading, *lines]))
-        figures = draw_simulation(run, folder)
+        heading = [source.text, _machine(k_p, k_v, one_mass), *notes]
+        with output_folder(destination) as folder:
+            (folder / "trajectory.csv").write_text(_table(run, [*heading, *lines]))
+            figures = draw_simulation(run, folder)
     for line in [*heading, *lines]:
         print(line)
     print(f"written: {destination}/{', '.join(['trajectory.csv', *figures])}")
@@ -152,7 +155,7 @@ def _rig(law, mass: float | None, k_p: float, k_v: float, velocities: list[float
     return Rig(machine, law), notes
 
 
-def _run(rig, times, velocities, length, at_rest: bool, jump: float | None):
+def _run(rig, times, velocities, length, at_rest: bool, jump: float | None, progress):
     """Simulate, longer and longer where nothing was asked for and no end is seen; what happened."""
     from ..rig.friction import AbstractDelayLaw
     from ..simulation import rest_start
@@ -172,7 +175,10 @@ def _run(rig, times, velocities, length, at_rest: bool, jump: float | None):
         start = _jumped(rig, V, jump, delayed)
         lines.append(f"start: steady sliding; then the load point jumps by {1e6 * jump:.4g} um")
     whole = length or _default_duration(rig, times, velocities, lead)
-    for _ in range(1 if length or not constant else _TRIES):
+    tries = 1 if length or not constant else _TRIES
+    for k in range(tries):
+        of = f", try {k + 1} of at most {tries}" if tries > 1 else ""
+        progress(f"simulating {whole:.4g} s{of}")
         run, lines_end, seen = _once(rig, times, velocities, whole, start, lead)
         if seen:
             break

@@ -18,6 +18,7 @@ from .common import (
     prepare_jax,
     read_law,
     read_masses,
+    told,
 )
 
 
@@ -67,18 +68,21 @@ def stability(
         pass  # a folder that cannot be written is better known before the work
     from ..stability.analysis import study
 
-    found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
-    from ..plot.delay import FIGURES as OF_DELAY
-    from ..plot.delay import draw_delay
-    from ..plot.stability import FIGURES, draw_stability
-    from ..report.stability_text import content, describe
+    with told(quiet=True) as progress:
+        progress("linear theory (1 of 2; then figures)")
+        found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
+        from ..plot.delay import FIGURES as OF_DELAY
+        from ..plot.delay import draw_delay
+        from ..plot.stability import FIGURES, draw_stability
+        from ..report.stability_text import content, describe
 
-    written = text.dumps(content(found, source.text), indent=1, allow_nan=False)
-    with output_folder(destination, replaces=(*FIGURES, *OF_DELAY)) as folder:
-        (folder / "stability.json").write_text(written + "\n")
-        figures = draw_stability(found, folder)
-        if found.delayed:
-            figures += draw_delay(found, folder)
+        progress("drawing figures (2 of 2)")
+        written = text.dumps(content(found, source.text), indent=1, allow_nan=False)
+        with output_folder(destination, replaces=(*FIGURES, *OF_DELAY)) as folder:
+            (folder / "stability.json").write_text(written + "\n")
+            figures = draw_stability(found, folder)
+            if found.delayed:
+                figures += draw_delay(found, folder)
     if json:
         print(written)
         return
