@@ -160,6 +160,50 @@ def test_margins_of_a_study_are_those_of_the_package(tmp_path):
     assert found.k_p.attrs["units"] == "N/m" and float(found.V0[0]) == 1e-6
 
 
+TWO_STATES = """
+compute = ["margins"]
+outputs = ["stability", "modulus", "phase", "delay"]
+dtype = "{dtype}"
+[rig]
+law = "slip"
+[samples]
+number = 512
+[axes]
+A = {{ sobol = ["0.5 N", "50 N"], log = true }}
+B = {{ sobol = ["0.5 N", "50 N"], log = true }}
+L = {{ sobol = ["1 um", "100 um"], log = true }}
+B2 = {{ sobol = ["0.5 N", "50 N"], log = true }}
+L2 = {{ sobol = ["1 um", "100 um"], log = true }}
+m = {{ sobol = ["0.1 kg", "100 kg"], log = true }}
+k_p = {{ sobol = ["1 kN/m", "10 MN/m"], log = true }}
+k_v = {{ sobol = ["1 N*s/m", "1 MN*s/m"], log = true }}
+V0 = {{ sobol = ["0.1 um/s", "1 mm/s"], log = true }}
+"""
+
+
+def test_numbers_kept_in_single_precision_are_those_of_double(tmp_path):
+    """Over random sliders of two states, whose polynomials spread over fifty decades."""
+    found = [
+        run_study(written(tmp_path / "s.toml", TWO_STATES.format(dtype=d)), tmp_path / d)
+        for d in ("float32", "float64")
+    ]
+    single, double = found
+    assert single.phase.dtype == np.float32 and double.phase.dtype == np.float64
+    assert (double.outcome == 0).all() and np.isfinite(double.phase).mean() > 0.5
+    for name in ("stability", "outcome", "modulus", "phase", "delay"):
+        np.testing.assert_allclose(single[name], double[name], rtol=2e-7, err_msg=name)
+
+
+@pytest.mark.parametrize("name", ["phase", "delay", "modulus", "gain"])
+def test_margins_in_single_precision_are_refused(name):
+    """In any function of one's own they would be wrong, and nothing would say so."""
+    with jax.enable_x64(False):
+        law = jf.RateState(225.0, 4.5, [6.0, 4.0], [3e-6, 4e-5], 1e-6)
+        slider = jf.linearise(jf.Rig(jf.Inertial(2.0, 3e5, 1e5), law), 1e-6)
+        with pytest.raises(jf.InputError, match="64-bit numbers"):
+            jf.margin(name, slider)
+
+
 @pytest.fixture(scope="module")
 def ends(tmp_path_factory):
     """A study of ends, and what `end_state` says of the same members."""

@@ -79,7 +79,6 @@ BAD = {
     "idle table": (GOOD + "[simulate]\nratio = 3\n", ["[simulate] would not be used"]),
     "no file": (GOOD + 'B2 = { from = "fit.json" }\n', ["fit.json", "No such file"]),
     "alone": (GOOD.replace('"margins"', '"margins", "gains"'), ["'gains'", "stands alone"]),
-    "single": ("dtype = 'float32'\n" + GOOD.replace("margins", "simulate"), ["needs float64"]),
     "gains": (GOOD.replace("margins", "gains"), ["[gains]", "margin is missing"]),
 }
 

@@ -65,8 +65,6 @@ def _sliders(spec: Spec) -> Made:
         usual += [output.name for output in traces(samples)] if "samples" in table else []
     outputs = choose_outputs(spec, known, tuple(usual))
     wanted = tuple(output.name for output in outputs)
-    if "simulate" in spec.compute and spec.dtype != "float64":
-        raise InputError(f"{spec.path.name}: dtype float32 is for margins; simulate needs float64")
     law, inertia = _law(spec), table.get("inertia", False)
     traced = bool({"force", "velocity"} & set(wanted))
     if traced and (inertia or not isinstance(law, str)):
@@ -138,6 +136,7 @@ def run_study(
         chunk=made.chunk,
         batch=made.batch,
         dtype=made.spec.dtype,
+        precision="float64",
         separate=made.separate,
         scheduler=scheduler,
         description=made.spec.description(),

@@ -3,7 +3,7 @@
 compute = ["margins", "simulate"]
 outputs = ["modulus", "end"]        # all of what is computed where not given
 chunk = 65536
-dtype = "float64"
+dtype = "float64"                   # of what is kept, or "float32"; computed in float64
 
 [rig]                               # what does not vary
 law = "slip"                        # or from = "fit.json" and normal_force = "500 N"

@@ -25,6 +25,9 @@ delay at all is survived: the delay margin is 0. A real actuator's mass removes 
 For rational kernels everything is exact, from roots of polynomials; other kernels (a delay, a
 table) are searched on a grid of frequencies and refined. Poles of a delay come from
 `stability.delay_roots` and need a mass; those of a table are not available.
+
+All need 64-bit numbers: squares of polynomials in SI units leave the range of single precision, and
+phase, delay and modulus would then be wrong without a sign of it.
 """
 
 import functools
@@ -71,7 +74,7 @@ def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
 
     Raises
     ------
-    InputError : no such margin, or one that is not available for the kernel.
+    InputError : no such margin, one that is not available for the kernel, or single precision.
     """
     if name not in UNITS:
         raise InputError(f"margin '{name}' does not exist; there are: {', '.join(UNITS)}")
@@ -79,7 +82,12 @@ def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
 
 
 def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
-    """All margins that are available for the slider's kernel, by name."""
+    """All margins that are available for the slider's kernel, by name.
+
+    Raises
+    ------
+    InputError : the slider is in single precision.
+    """
     rational = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
     names = [name for name in UNITS if rational or name not in ("decay", "damping")]
     analysis = _Analysis(slider)
@@ -118,6 +126,7 @@ class _Analysis:
     """What several margins of one slider need, computed once."""
 
     def __init__(self, slider: LinearSlider):
+        _require_float64(slider)
         self.slider = slider
 
     @functools.cached_property
@@ -135,6 +144,14 @@ class _Analysis:
     @functools.cached_property
     def unit(self) -> Crossing:
         return _unit_crossings(self.slider)
+
+
+def _require_float64(slider: LinearSlider) -> None:
+    if jnp.result_type(*jax.tree.leaves(slider)) != jnp.float64:
+        raise InputError(
+            "margins need 64-bit numbers: add jax.config.update('jax_enable_x64', True) after"
+            " 'import jax', before any array is made; in a study precision='float64'"
+        )
 
 
 def _stiffness(of: _Analysis) -> Float[Array, ""]:

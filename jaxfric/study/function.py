@@ -56,6 +56,9 @@ class Task:
     """Of arrays of parameters: what each member will take, in any unit; sorted by it."""
     batch: int = 512
     dtype: str = "float64"
+    """Of the numbers that are kept."""
+    precision: str = "float64"
+    """Of those that are computed with."""
     separate: bool = True
     """Each device runs loops of its own, by `shard_map`. What lineax solves cannot be traced
     there: False shares the loops, and every one of them waits for its slowest member."""

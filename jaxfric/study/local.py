@@ -35,7 +35,7 @@ def compute(task: Task, number: int) -> dict[str, np.ndarray]:
 
 def dispatch(task: Task, members: dict[str, np.ndarray]) -> dict[str, jax.Array]:
     """Begin to compute members; the arrays are as long as a whole block."""
-    with jax.enable_x64(task.dtype == "float64"):
+    with jax.enable_x64(task.precision == "float64"):
         if task.token not in _compiled:
             _compiled.clear()
             _compiled[task.token] = _compile(task)
@@ -49,7 +49,7 @@ def finish(found: dict[str, jax.Array], number: int) -> dict[str, np.ndarray]:
 
 
 def _filled(task: Task, column: np.ndarray) -> np.ndarray:
-    column = column.astype(task.dtype)
+    column = column.astype(task.precision)
     more = _whole(task) - len(column)
     return np.concatenate([column, np.full(more, column[-1])]) if more else column
 
@@ -157,7 +157,7 @@ def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, np.ndar
         for o in task.outputs
     }
     outcome = np.full(number, _OUTCOMES.index("error"), np.int8)
-    with jax.enable_x64(task.dtype == "float64"):
+    with jax.enable_x64(task.precision == "float64"):
         for i in range(number):
             try:
                 given = task.function({name: float(x[i]) for name, x in members.items()})
@@ -173,12 +173,12 @@ def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, np.ndar
     return found | {OUTCOME: outcome}
 
 
-def infer_outputs(function, grid: Grid, kind: str, dtype: str) -> tuple[Output, ...]:
+def infer_outputs(function, grid: Grid, kind: str, precision: str) -> tuple[Output, ...]:
     """Outputs of a JAX function that says nothing of them: names, and a dimension a size."""
-    one = {name: jax.ShapeDtypeStruct((), dtype) for name in grid.names}
-    with jax.enable_x64(dtype == "float64"):
+    one = {name: jax.ShapeDtypeStruct((), precision) for name in grid.names}
+    with jax.enable_x64(precision == "float64"):
         if kind == "batch":
-            one = {name: jax.ShapeDtypeStruct((1,), dtype) for name in grid.names}
+            one = {name: jax.ShapeDtypeStruct((1,), precision) for name in grid.names}
         found = jax.eval_shape(function, one)
     outputs = []
     for name, x in found.items():

@@ -46,6 +46,7 @@ def run(
     chunk: int = CHUNK,
     batch: int = 512,
     dtype: str = "float64",
+    precision: str | None = None,
     separate: bool = True,
     scheduler: str | None = None,
     description: Mapping[str, Any] | None = None,
@@ -68,7 +69,8 @@ def run(
         computed together, so that one slow member does not hold a whole batch.
     chunk : members of a block, which is computed, held and written at once.
     batch : members that share a loop on a device.
-    dtype : "float64" or "float32", of the computation and of the store.
+    dtype : "float64" or "float32", of the numbers in the store.
+    precision : the same of the computation; by default `dtype`.
     separate : each device runs loops of its own (`shard_map`). False for a function with implicit
         solvers (lineax), which cannot be traced there.
     scheduler : address of a Dask scheduler whose workers compute the blocks.
@@ -81,17 +83,21 @@ def run(
     InputError : a bad argument; `out` is no store, or of another study.
     Stopped : the disk is full or the scheduler is lost; the same call goes on.
     """
-    if dtype not in DTYPES:
-        raise InputError(f"dtype is '{dtype}'; it is float64 or float32")
+    precision = precision or dtype
+    for name, given in (("dtype", dtype), ("precision", precision)):
+        if given not in DTYPES:
+            raise InputError(f"{name} is '{given}'; it is float64 or float32")
     if outputs is None:
         if kind == "host":
             raise InputError("a function of kind 'host' needs its outputs listed")
         from .local import infer_outputs
 
-        outputs = infer_outputs(function, grid, kind, dtype)
+        outputs = infer_outputs(function, grid, kind, precision)
     _refuse_names(grid, outputs)
     blocks = Blocks.of(grid.shape, chunk)
-    task = Task(function, grid, blocks, tuple(outputs), kind, cost, batch, dtype, separate)
+    task = Task(
+        function, grid, blocks, tuple(outputs), kind, cost, batch, dtype, precision, separate
+    )
     path = Path(out)
     description = _described(task) if description is None else _with_layout(description, task)
     tell = tell or (lambda text: None)
@@ -142,7 +148,7 @@ def _described(task: Task) -> dict[str, Any]:
     axes = {a.name: [float(x) for x in a.values] for a in task.grid.axes}
     samples = task.grid.samples
     found = {"function": name, "axes": axes, "outputs": [o.name for o in task.outputs]}
-    found |= {"block": list(task.blocks.block), "dtype": task.dtype}
+    found |= {"block": list(task.blocks.block), "dtype": task.dtype, "precision": task.precision}
     return found | ({} if samples is None else {"samples": repr(samples)})
 
 

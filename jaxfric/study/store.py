@@ -315,7 +315,7 @@ def _variables(group: Any, task: Task) -> None:
     if grid.samples is not None:
         for name, unit, text in grid.samples.described():
             attributes = {"units": unit, "long_name": text or name}
-            _array(group, name, grid.shape[:1], blocks.block[:1], task.dtype, [SAMPLE], attributes)
+            _array(group, name, grid.shape[:1], blocks.block[:1], "float64", [SAMPLE], attributes)
     done = set()
     for output in (*task.outputs, Output(OUTCOME, codes=OUTCOMES, long_name="outcome")):
         more = [len(dim.values) for dim in output.dims]
