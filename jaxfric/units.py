@@ -14,6 +14,8 @@ from .errors import InputError
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NO_UNIT = {"", "1", "-", "--", "none", "dimensionless", "unitless", "n/a", "coefficient"}
+_NEWTON_PER_AMPERE = "N/A"
+"""Not available, too, where a number without a unit is wanted."""
 _MACHINE = {"bit", "bits", "count", "counts", "cts", "ticks", "lsb", "adu", "raw"}
 _EXAMPLES = {"s": "10 s", "m": "20 um", "m/s": "2 um/s", "1/m": "1.6e-3/um", "N": "5 N"}
 _EXAMPLES |= {"Pa": "25 MPa", "N/m": "1e6 N/m", "N*s/m": "10 N*s/m", "kg": "2 kg", "Hz": "100 Hz"}
@@ -136,7 +138,7 @@ def _split(text: str, what: str = "unit") -> tuple[float | None, str]:
 def _spelling(unit: str) -> str:
     """Field spellings in pint's: micro signs, `s-1`, a dot or a middle dot for times."""
     unit = unit.strip().replace("µ", "u").replace("μ", "u").replace("·", "*").replace("−", "-")
-    if unit.lower() in _NO_UNIT:
+    if unit.lower() in _NO_UNIT and unit != _NEWTON_PER_AMPERE:
         return ""
     unit = re.sub(r"\bmicrons\b", "micron", unit)
     return re.sub(r"(?<=[A-Za-z])(-?\d)\b", r"^\1", unit)
@@ -150,6 +152,8 @@ def _unit_factor(unit: str, si_unit: str, what: str) -> float:
             f"{what}: '{unit}' is a machine unit; give what one of it is,"
             f" as in '[0.01 {_EXAMPLES.get(si_unit, '1 N').split()[-1]}]'"
         )
+    if unit == _NEWTON_PER_AMPERE and si_unit == "1":
+        unit = ""
     quantity = _parse(unit, what)
     try:
         return float(quantity.to(_registry().Unit("" if si_unit == "1" else si_unit)).magnitude)

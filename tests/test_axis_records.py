@@ -235,6 +235,73 @@ def test_matlab_files_refused(tmp_path: Path) -> None:
     refusal(mat(path, t=m["t"], qm=m["x"], vir=bad, gtau=1.0), "row 8", "motor_force", "finite")
 
 
+# ---- disturbances -------------------------------------------------------------------------
+
+
+def test_a_disturbance_of_an_emps_file(tmp_path: Path) -> None:
+    """Pulses in newtons, volts or per cent of torque are a force of their own, flipped with it."""
+    m = motion()
+    pulses = np.where(m["t"] > 1.5, 12.0, 0.0)
+    emps = {"t": m["t"], "qm": m["x"], "qg": m["x"], "vir": m["F"] / 35, "gtau": 35.0}
+    record = read_axis(mat(tmp_path / "a.mat", **emps, pulses_N=pulses))
+    assert record.disturbance_force is not None
+    np.testing.assert_array_equal(record.disturbance_force, pulses)
+    np.testing.assert_array_equal(record.columns["disturbance_force"], pulses)
+    assert record.units["disturbance_force"] == "N"
+    assert any("disturbance is added" in note for note in record.provenance.notes)
+    flipped = read_axis(tmp_path / "a.mat", flip=True)
+    assert flipped.disturbance_force is not None and flipped.disturbance_force.min() == -12
+    assert (record.window(0.5, 1.8).disturbance_force == pulses[50:181]).all()
+    volts = mat(tmp_path / "v.mat", **emps, pulses=pulses / 35)
+    refusal(volts, "'pulses' (disturbance) has no unit", "'disturbance=pulses [N]'", "=none")
+    again = read_axis(volts, columns={"disturbance": "pulses [V]"})
+    assert again.disturbance_force is not None
+    np.testing.assert_allclose(again.disturbance_force, pulses, rtol=1e-14)
+    without = read_axis(volts, columns={"disturbance": "none"})
+    assert without.disturbance_force is None
+    assert "ignored columns: pulses" in without.provenance.notes
+
+
+@pytest.mark.parametrize(
+    ("force", "added", "options", "size"),
+    [
+        ("N", "kN", {}, 1e3),
+        ("N", "V", {"drive_gain": "5 N/V"}, 5.0),
+        ("N", "A", {"drive_gain": "7 N/A"}, 7.0),
+        ("mN m", "%", {"rated_torque": RATED}, 9.84e-5),
+        ("%", "N m", {"rated_torque": RATED}, 1.0),
+        ("%", "%", {}, 1.0),
+    ],
+)
+def test_units_of_a_disturbance(tmp_path: Path, force: str, added: str, options, size) -> None:
+    length = "mm" if force == "N" else "deg"
+    m = motion(60)
+    rows = [
+        f"{t:.2f},{1e4 * x:.3f},{f:.4f},{i % 7}"
+        for i, (t, x, f) in enumerate(zip(m["t"], m["x"], m["F"], strict=True))
+    ]
+    header = f"time [s],position [{length}],motor_force [{force}],disturbance [{added}]"
+    path = written(tmp_path / "a.csv", "\n".join([header, *rows]))
+    record = read_axis(path, **options)
+    assert record.disturbance_force is not None
+    np.testing.assert_allclose(record.disturbance_force, size * (np.arange(60) % 7), rtol=1e-13)
+    if options:
+        refusal(path, "--drive-gain" if "drive_gain" in options else "--rated-torque")
+
+
+def test_names_that_are_no_disturbance(tmp_path: Path) -> None:
+    """Counts of an encoder are none; with one that is there the gain of a drive is refused."""
+    text = csv_text().replace("velocity [mm/s]", "pulses [counts]")
+    record = read_axis(written(tmp_path / "a.csv", text))
+    assert record.disturbance_force is None
+    assert "ignored columns: pulses" in record.provenance.notes
+    refusal(tmp_path / "a.csv", "leave out --drive-gain", drive_gain="5 N/V")
+    refusal(tmp_path / "a.csv", "'positoin' is no role", columns={"positoin": "none"})
+    m = motion()
+    made = axis_from_arrays(m["t"], m["F"], position=m["x"], disturbance_force=0 * m["t"])
+    assert made.units["disturbance_force"] == "N"
+
+
 # ---- EPOS ---------------------------------------------------------------------------------
 
 

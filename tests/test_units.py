@@ -30,6 +30,9 @@ from jaxfric.units import factor, format_si, has_dimension, is_unit, parse_quant
         ("0.6 -", "1", 0.6),
         ("5 %", "1", 0.05),
         ("10 N*s/m", "N*s/m", 10.0),
+        ("0.05 N/A", "N/A", 0.05),  # newtons per ampere, not "not available"
+        ("0.6 N/A", "1", 0.6),
+        ("0.6 n/a", "1", 0.6),
     ],
 )
 def test_quantities(text: str, si_unit: str, value: float) -> None:

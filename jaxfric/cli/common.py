@@ -18,7 +18,7 @@ Columns = Annotated[
         help="Say which column is what, as ROLE=NAME or 'ROLE=NAME [UNIT]'. Roles: time, friction, "
         "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress; of "
         "an axis time, position, motor_force, control_signal, motor_current, reference_position, "
-        "velocity. "
+        "velocity, disturbance (added to the controller's output); ROLE=none: no column has it. "
         "May be repeated.",
         negative=(),
     ),
@@ -67,6 +67,12 @@ def _roles(columns: list[str] | None, example: str) -> dict[str, str] | None:
             raise InputError(f"--column '{text}' is not ROLE=NAME, as in --column {example}")
         roles[role.strip()] = name.strip()
     return roles or None
+
+
+def tell_reading(record) -> None:
+    """What was assumed of the columns of a record, and which are not used, on stderr."""
+    for note in record.provenance.notes:
+        print(f"jaxfric: note: {note}", file=sys.stderr)
 
 
 def prepare_jax() -> None:

@@ -20,6 +20,7 @@ from .common import (
     effect_ids,
     prepare_jax,
     read_record,
+    tell_reading,
     told,
 )
 
@@ -148,6 +149,8 @@ def loop(
             record = read_axis(
                 file, position_gain=position_gain, velocity_gain=velocity_gain, **reading
             )
+            if not json:
+                tell_reading(record)
         else:
             record = read_record(file, column, drop_bad)
         prepare_jax()

@@ -9,6 +9,9 @@ from ..errors import InputError
 from ..units import factor, has_dimension, parse_quantity
 from .header import key, split_name_unit
 
+NO_COLUMN = "none"
+"""Stands for the column of a role that no column is to have."""
+
 FORCE_UNITS = {"linear": "N", "rotary": "N m"}
 """Unit of the motor force by coordinate; "%" where the rated torque is not known."""
 
@@ -20,6 +23,7 @@ ROLES = (
     "motor_force",
     "control_signal",
     "motor_current",
+    "disturbance",
 )
 
 _SYNONYMS = {
@@ -41,6 +45,9 @@ _SYNONYMS = {
     " voltage vir u",
     "motor_current": "motorcurrent currentactualvalueaveraged currentactualvalue actualcurrent"
     " currentactual torquecurrent current iq i",
+    "disturbance": "disturbance disturbanceforce disturbancetorque forcedisturbance"
+    " torquedisturbance inputdisturbance loaddisturbance motordisturbance addedforce addedtorque"
+    " forcepulses torquepulses pulsesn pulses pulse perturbation excitationforce excitationtorque",
 }
 _RANKS = {
     name: (role, rank)
@@ -56,7 +63,10 @@ _SI = {
     "motor_force": ("N", "N*m"),
     "control_signal": ("V", "V"),
     "motor_current": ("A", "A"),
+    "disturbance": ("N", "N*m"),
 }
+SIGNAL_UNITS = ("V", "A")
+"""A disturbance may also be recorded as a control signal or a current, which the gain turns."""
 _SHOWN = {"s": "s", "m": "mm", "m/s": "mm/s", "N": "N", "V": "V", "A": "A"}
 _ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
 _MACHINE = re.compile(r"(?i)(inc|increments?|qc|pulses?|counts?|cts|ticks?|lsb|bits?|steps|raw)")
@@ -127,21 +137,25 @@ def assign(
 ) -> tuple[dict[str, Use], list[str]]:
     """The column of every role that there is, and notes on what was assumed.
 
-    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`; all other
-    roles are found by their names.
+    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`, or to `none`
+    where no column has that role; all other roles are found by their names.
 
     Raises `InputError` for a role or column that does not exist, time, motion or force without
     a column, and a unit that is missing, unknown or of another dimension.
     """
     cells = [split(name, unit) for name, unit in zip(names, units, strict=True)]
-    found = {role: _named(path, names, cells, role, text) for role, text in columns.items()}
+    named, without = _told(path, names, cells, columns)
+    found = dict(named)
     taken = {index for index, _ in found.values()}
     for role in ROLES:
-        if role not in found and (index := _by_name(path, cells, role, taken)) is not None:
+        if (
+            role not in {*found, *without}
+            and (index := _by_name(path, cells, role, taken)) is not None
+        ):
             found[role] = (index, cells[index][1])
             taken.add(index)
     _require(path, cells, found)
-    for role in _not_needed(found, set(columns)):
+    for role in _not_needed(found, set(named)):
         taken.remove(found.pop(role)[0])
     uses = {
         role: _with_unit(path, cells[found[role][0]][0], role, *found[role])
@@ -162,7 +176,7 @@ def coordinate_of(path: str, uses: Mapping[str, Use]) -> str:
     kinds: dict[str, str] = {}
     for role, use in uses.items():
         linear, rotary = _SI[role]
-        if linear != rotary and use.si_unit != "%":
+        if linear != rotary and use.si_unit in (linear, rotary):
             kinds[role] = "linear" if use.si_unit == linear else "rotary"
     if len(set(kinds.values())) > 1:
         shown = ", ".join(f"{role} [{uses[role].unit}] is {kind}" for role, kind in kinds.items())
@@ -182,6 +196,25 @@ def quantity_of(text: str, si_unit: str, what: str) -> float:
     return value
 
 
+def _told(
+    path: str,
+    names: tuple[str, ...],
+    cells: list[tuple[str, str | None]],
+    columns: Mapping[str, str],
+) -> tuple[dict[str, tuple[int, str | None]], set[str]]:
+    """Columns and units that the user names by role, and the roles that no column has."""
+    for role in columns:
+        if role not in ROLES:
+            raise InputError(f"'{role}' is no role of a column{_nearest(role, list(ROLES))}")
+    without = {
+        role
+        for role, text in columns.items()
+        if text.strip() == NO_COLUMN and NO_COLUMN not in names
+    }
+    kept = {role: text for role, text in columns.items() if role not in without}
+    return {role: _named(path, names, cells, role, text) for role, text in kept.items()}, without
+
+
 def _named(
     path: str,
     names: tuple[str, ...],
@@ -190,8 +223,6 @@ def _named(
     text: str,
 ) -> tuple[int, str | None]:
     """Column and unit that the user names for a role."""
-    if role not in ROLES:
-        raise InputError(f"'{role}' is no role of a column{_nearest(role, list(ROLES))}")
     name, unit = split(text, None)
     for wanted, override in ((text, None), (name, unit)):
         for have in (list(names), [cell for cell, _ in cells]):
@@ -219,11 +250,19 @@ def _by_name(
 
 
 def _not_needed(found: Mapping[str, tuple[int, str | None]], named: set[str]) -> list[str]:
-    """Roles that a file can do without, found by a name alone: no unit tells what they are."""
+    """Roles that a file can do without, found by a name alone: no unit tells what they are.
+
+    A disturbance is not among them, for a fit without it would be wrong: it needs a unit, or the
+    word that there is none.
+    """
     spare = {"reference_position"}
     spare |= {"velocity"} if "position" in found else set()
     spare |= {"control_signal", "motor_current"} if "motor_force" in found else set()
-    return [role for role in found if role in spare - named and found[role][1] is None]
+    unknown = [role for role in found if role in spare - named and found[role][1] is None]
+    added = found.get("disturbance", (0, None))[1]
+    if "disturbance" not in named and added is not None and not _is_drive_unit(added):
+        unknown.append("disturbance")  # pulses that an encoder counts, a speed of a load
+    return unknown
 
 
 def _require(
@@ -251,23 +290,35 @@ def _with_unit(path: str, name: str, role: str, index: int, unit: str | None) ->
     what = f"{path}, column '{name}' ({role})"
     linear, rotary = _SI[role]
     if not unit:
+        leave = f", or leave it out: --column {role}={NO_COLUMN}" if role == "disturbance" else ""
         raise InputError(
-            f"{what} has no unit; give it, as in --column '{role}={name} [{_SHOWN[linear]}]'"
+            f"{what} has no unit; give it, as in --column '{role}={name} [{_SHOWN[linear]}]'{leave}"
         )
     spelt = spelling(unit)
-    if role == "motor_force" and spelt.lower() in _PER_CENT:
+    if role in ("motor_force", "disturbance") and spelt.lower() in _PER_CENT:
         return Use(index, unit, "%", _PER_CENT[spelt.lower()])
+    signal = next((one for one in SIGNAL_UNITS if has_dimension(spelt, one)), None)
+    if role == "disturbance" and signal is not None:
+        return Use(index, unit, signal, factor(spelt, signal, what))
     if _MACHINE.fullmatch(spelt):
         example = {"m": "0.09 deg", "m/s": "0.1 rpm"}.get(linear, f"0.01 {linear}")
         raise InputError(
             f"{what}: '{unit}' is a machine unit; give what one of it is, as in"
             f" --column '{role}={name} [{example}]'"
         )
-    if linear != rotary and role != "motor_force":
+    if linear != rotary and role not in ("motor_force", "disturbance"):
         si_unit = rotary if _ANGLE.search(spelt) else linear
     else:
         si_unit = rotary if has_dimension(spelt, rotary) else linear
     return Use(index, unit, si_unit, factor(spelt, si_unit, what))
+
+
+def _is_drive_unit(unit: str) -> bool:
+    """Whether a unit is of a force, torque, control signal or per cent of a rated torque."""
+    spelt = spelling(unit)
+    return spelt.lower() in _PER_CENT or any(
+        has_dimension(spelt, one) for one in (*_SI["disturbance"], *SIGNAL_UNITS)
+    )
 
 
 def _nearest(name: str, known: list[str], listed: bool = True) -> str:

@@ -10,6 +10,16 @@ from ..errors import InputError
 from .axis_header import FORCE_UNITS, si_units
 from .record import LARGEST, MIN_ROWS, SMALLEST, Provenance, Sampling, cut, frozen, vector
 
+COLUMNS = (
+    "time",
+    "motor_force",
+    "position",
+    "velocity",
+    "reference_position",
+    "disturbance_force",
+)
+"""The columns that a record may have."""
+
 _LEAST_STEPS = 20
 """A position takes at least this many values over a record, and a force, before it is judged."""
 
@@ -54,6 +64,9 @@ class AxisRecord:
     - `motor_force`, in `force_unit`: "N", "N m", or "%" of a rated torque that is not known.
     - `position` [m or rad], `velocity` [m/s or rad/s]: at least one of them.
     - `reference_position` [m or rad] where the file has it.
+    - `disturbance_force`, in `force_unit`: what was added to the controller's output at the motor
+      (pulses, an excitation), where the file has it; its sign is that of the motor force. Whether
+      the recorded motor force contains it already, the file does not tell.
     - `coordinate`: "linear" (m, N) or "rotary" (rad, N m).
     - `drive`: the gains of the controller, where they are known.
     - `units`: the unit of each role in the file.
@@ -64,6 +77,7 @@ class AxisRecord:
     position: np.ndarray | None = None
     velocity: np.ndarray | None = None
     reference_position: np.ndarray | None = None
+    disturbance_force: np.ndarray | None = None
     coordinate: str = "linear"
     force_unit: str = "N"
     drive: Drive | None = None
@@ -81,8 +95,7 @@ class AxisRecord:
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """The columns that there are, by role."""
-        roles = ("time", "motor_force", "position", "velocity", "reference_position")
-        found = {role: getattr(self, role) for role in roles}
+        found = {role: getattr(self, role) for role in COLUMNS}
         return {role: values for role, values in found.items() if values is not None}
 
     def sampling(self) -> Sampling:
@@ -104,6 +117,7 @@ def axis_from_arrays(
     position: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
     reference_position: ArrayLike | None = None,
+    disturbance_force: ArrayLike | None = None,
     coordinate: str = "linear",
     force_unit: str | None = None,
     drive: Drive | None = None,
@@ -131,9 +145,11 @@ def axis_from_arrays(
         "position": position,
         "velocity": velocity,
         "reference_position": reference_position,
+        "disturbance_force": disturbance_force,
     }
     columns = {role: vector(values, role) for role, values in given.items() if values is not None}
-    units = {role: si_units(coordinate)[role] for role in columns} | {"motor_force": force_unit}
+    forces = {role: force_unit for role in columns if role.endswith("_force")}
+    units = {role: si_units(coordinate).get(role, "") for role in columns} | forces
     rows = Rows(np.arange(1, len(columns["time"]) + 1), np.zeros(len(columns["time"]), bool))
     return build(columns, coordinate, force_unit, drive, units, Provenance("arrays"), rows, False)
 
