@@ -13,12 +13,18 @@ from jaxfric.records import read, read_table
 ROWS = 50
 
 
-def xlook_bytes(columns: dict[tuple[str, str], np.ndarray], dtype: str) -> bytes:
+def xlook_bytes(
+    columns: dict[tuple[str, str], np.ndarray], dtype: str, slots: int = 32, gap: int = 0
+) -> bytes:
+    """A file as the format is described; `gap` unused slots stand before the last column."""
     rows = len(next(iter(columns.values())))
-    data = struct.pack(">20s4i", b"made here", rows, len(columns), 0, 0)
-    for name, unit in columns:
-        data += struct.pack(">13s13sf50si", name.encode(), unit.encode(), 1.0, b"", rows)
-    data += struct.pack(">13s13sf50si", b"no_val", b"no_val", 0.0, b"none", 0) * (32 - len(columns))
+    unused = struct.pack(">13s13sf50si", b"no_val", b"no_val", 0.0, b"none", 0)
+    used = [
+        struct.pack(">13s13sf50si", name.encode(), unit.encode(), 1.0, b"", rows)
+        for name, unit in columns
+    ]
+    header = [*used[:-1], *[unused] * gap, used[-1], *[unused] * (slots - len(used) - gap)]
+    data = struct.pack(">20s4i", b"made here", rows, len(columns), 0, 0) + b"".join(header)
     return data + b"".join(values.astype(dtype).tobytes() for values in columns.values())
 
 
@@ -32,10 +38,14 @@ def raw_columns() -> dict[tuple[str, str], np.ndarray]:
     }
 
 
+@pytest.mark.parametrize(("slots", "gap"), [(3, 0), (16, 0), (16, 5), (32, 0), (48, 0)])
 @pytest.mark.parametrize("dtype", [">f4", "<f4", ">f8", "<f8"])
-def test_precision_and_byte_order_are_found(tmp_path: Path, dtype: str) -> None:
+def test_slots_precision_and_byte_order_are_found(
+    tmp_path: Path, dtype: str, slots: int, gap: int
+) -> None:
     path = tmp_path / "run"
-    path.write_bytes(xlook_bytes(raw_columns(), dtype))
+    path.write_bytes(xlook_bytes(raw_columns(), dtype, slots, gap))
+    assert path.stat().st_size == 36 + 84 * slots + int(dtype[-1]) * 3 * ROWS
     table = read_table(path)
     assert table.format == "xlook"
     assert table.names == ("Time", "Vert_Disp", "Mu", "sampling_period")
@@ -57,10 +67,13 @@ def test_a_raw_file_is_read_with_a_factor(tmp_path: Path) -> None:
         read(path, columns={"load_point_displacement": "Vert_Disp"})
 
 
-def test_a_file_cut_off(tmp_path: Path) -> None:
+@pytest.mark.parametrize("slots", [16, 32])
+@pytest.mark.parametrize("lost", [7, 84, 168, 84 * 5, 600])
+def test_a_file_cut_off(tmp_path: Path, slots: int, lost: int) -> None:
+    """Also by whole slots: fewer of them would fit the size, and numbers would be names."""
     path = tmp_path / "run"
-    path.write_bytes(xlook_bytes(raw_columns(), ">f4")[:-7])
-    with pytest.raises(InputError, match="cut off"):
+    path.write_bytes(xlook_bytes(raw_columns(), ">f4", slots)[:-lost])
+    with pytest.raises(InputError, match=f"{slots} slots.*{lost} too few.*cut off"):
         read_table(path)
 
 

@@ -1,33 +1,44 @@
 """xlook's binary format (Penn State rock mechanics): header in big-endian order, then columns.
 
-Header: 20 bytes name, four 4-byte integers (rows, columns, sweep, date); then 32 column
-descriptions of 84 bytes: name (13), unit (13), gain (4), comment (50), rows (4). The name of
-a column that is not used is `no_val`. Data: one column after the other, single or double
-precision, in the byte order of the machine that wrote them.
+Header: 20 bytes name, four 4-byte integers (rows, columns, sweep, date); then slots of 84 bytes
+that describe a column: name (13), unit (13), gain (4), comment (50), rows (4). Old files have 16
+slots, newer ones 32; the size of the file tells. The name of a column that is not used is
+`no_val`. Data: one column after the other, single or double precision, in the byte order of the
+machine that wrote them.
 """
 
 import struct
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InputError
 from .content import Content
 
-_HEAD, _COLUMN, _SLOTS = 36, 84, 32
+_HEAD, _COLUMN, _MOST_SLOTS = 36, 84, 256
 _TIME_COUNT = 1e-4
 """One count of a raw `Time` column [s]."""
-_START = _HEAD + _COLUMN * _SLOTS
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How many slots the header has, and how many bytes a number."""
+
+    slots: int
+    width: int
+
+    @property
+    def start(self) -> int:
+        """Where the numbers begin."""
+        return _HEAD + _COLUMN * self.slots
 
 
 def is_xlook(data: bytes) -> bool:
     """Whether the bytes have the header of an xlook file."""
-    if len(data) < _START or b"\0" not in data[:_HEAD]:
+    if len(data) < _HEAD + _COLUMN or b"\0" not in data[:_HEAD]:
         return False
     rows, columns = struct.unpack(">2i", data[20:28])
-    if rows <= 0 or not 0 < columns <= _SLOTS:
-        return False
-    name = data[_HEAD : _HEAD + 13].split(b"\0")[0]
-    return len(name) > 0 and all(32 <= byte < 127 for byte in name)
+    return rows > 0 and 0 < columns <= _MOST_SLOTS and _is_slot(data, 0)
 
 
 def parse(data: bytes, path: str) -> Content:
@@ -38,8 +49,9 @@ def parse(data: bytes, path: str) -> Content:
     elapsed time, and the period [s] is kept as a column of its own.
     """
     rows, count = struct.unpack(">2i", data[20:28])
-    names, units = _descriptions(data, count)
-    values = _values(data, rows, len(names), path)
+    layout = _layout(data, rows, count, path)
+    names, units = _descriptions(data, layout.slots)
+    values = _values(data, rows, count, layout)
     columns = [np.ascontiguousarray(column, dtype=np.float64) for column in values]
     notes: list[str] = []
     where = next((i for i, name in enumerate(names) if name.lower() == "time"), None)
@@ -60,32 +72,59 @@ def parse(data: bytes, path: str) -> Content:
     )
 
 
-def _descriptions(data: bytes, count: int) -> tuple[list[str], list[str | None]]:
+def _layout(data: bytes, rows: int, count: int, path: str) -> _Layout:
+    """The slots and the precision with which header and numbers fill the file.
+
+    As many slots as columns must be in use, and none may follow where the numbers begin.
+    """
+    for width in (4, 8):
+        slots, rest = divmod(len(data) - _HEAD - rows * count * width, _COLUMN)
+        fits = not rest and count <= slots <= _MOST_SLOTS and not _counted(data, slots, rows)
+        described = fits and all(_is_slot(data, slot) for slot in range(slots))
+        if described and len(_descriptions(data, slots)[0]) == count:
+            return _Layout(slots, width)
+    held = next((n for n in range(_MOST_SLOTS) if not _counted(data, n, rows)), _MOST_SLOTS)
+    missing = _HEAD + _COLUMN * held + 4 * rows * count - len(data)
+    raise InputError(
+        f"{path}: an xlook header for {rows} rows of {count} columns, described in {held} slots,"
+        f" but {max(len(data) - _HEAD - _COLUMN * held, 0)} bytes of data"
+        + (f", {missing} too few" if missing > 0 else "")
+        + "; the file is cut off or damaged"
+    )
+
+
+def _is_slot(data: bytes, slot: int) -> bool:
+    """Whether there is a description of a column: a printable name and unit."""
+    start = _HEAD + _COLUMN * slot
+    name, unit = _text(data, start), _text(data, start + 13)
+    return start + _COLUMN <= len(data) and bool(name) and (name + unit).isprintable()
+
+
+def _counted(data: bytes, slot: int, rows: int) -> bool:
+    """Whether that description counts its rows, too: numbers may look like a name."""
+    end = _HEAD + _COLUMN * (slot + 1)
+    return _is_slot(data, slot) and struct.unpack(">i", data[end - 4 : end])[0] in (0, rows)
+
+
+def _text(data: bytes, start: int) -> str:
+    return data[start : start + 13].split(b"\0")[0].decode("latin-1").strip()
+
+
+def _descriptions(data: bytes, slots: int) -> tuple[list[str], list[str | None]]:
     """Names and units of the columns in use."""
-    names: list[str] = []
-    units: list[str | None] = []
-    for slot in range(_SLOTS):
-        start = _HEAD + _COLUMN * slot
-        name, unit = (
-            part.split(b"\0")[0].decode("latin-1").strip()
-            for part in (data[start : start + 13], data[start + 13 : start + 26])
-        )
-        if len(names) < count and not name.startswith("no_val"):
-            names.append(name or f"column_{slot + 1}")
-            units.append(unit or None)
-    return names, units
+    starts = [_HEAD + _COLUMN * slot for slot in range(slots)]
+    used = [start for start in starts if not _text(data, start).startswith("no_val")]
+    return [_text(data, start) for start in used], [
+        _text(data, start + 13) or None for start in used
+    ]
 
 
-def _values(data: bytes, rows: int, count: int, path: str) -> np.ndarray:
-    """The data section, one row per column; size tells the precision, sense the byte order."""
-    size = len(data) - _START
-    width = next((w for w in (4, 8) if size == rows * count * w), None)
-    if width is None or count == 0:
-        raise InputError(
-            f"{path}: an xlook header for {rows} rows of {count} columns, but {size} bytes of"
-            " data; the file is cut off or damaged"
-        )
-    orders = [np.frombuffer(data, f"{order}f{width}", offset=_START) for order in "><"]
+def _values(data: bytes, rows: int, count: int, layout: _Layout) -> np.ndarray:
+    """The data section, one row per column; sense tells the byte order."""
+    orders = [
+        np.frombuffer(data, f"{order}f{layout.width}", rows * count, offset=layout.start)
+        for order in "><"
+    ]
     return max(orders, key=_sensible).reshape(count, rows)
 
 
