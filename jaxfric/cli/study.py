@@ -28,6 +28,13 @@ def study(
         str | None,
         Parameter(help="Address of a Dask scheduler whose workers compute: tcp://HOST:8786."),
     ] = None,
+    other_versions: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            help="Go on with a store that other versions of jaxfric or its packages began.",
+        ),
+    ] = False,
     plot: Annotated[
         Path | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
     ] = None,
@@ -58,7 +65,12 @@ def study(
         teller = _Teller(say)
         try:
             found = run_study(
-                file, destination, scheduler=scheduler, progress=teller.progress, tell=teller.note
+                file,
+                destination,
+                scheduler=scheduler,
+                other_versions=other_versions,
+                progress=teller.progress,
+                tell=teller.note,
             )
         except KeyboardInterrupt:
             message = f"jaxfric: stopped: {teller.state}; to go on: {shlex.join(command)}"

@@ -116,6 +116,7 @@ def run_study(
     out: str | Path,
     *,
     scheduler: str | None = None,
+    other_versions: bool = False,
     progress: Callable[[Progress], None] | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> Any:
@@ -140,6 +141,7 @@ def run_study(
         separate=made.separate,
         scheduler=scheduler,
         description=made.spec.description(),
+        other_versions=other_versions,
         toml=made.spec.text,
         progress=progress,
         tell=tell,

@@ -14,7 +14,8 @@ import numpy as np
 from ..errors import InputError
 from .function import OUTCOME, Output, Stopped, Task
 from .grid import Blocks, Grid
-from .store import DONE, Store, open_store, other_versions
+from .source import belongs_to_package, fingerprint
+from .store import DONE, Store, changed_versions, open_store
 
 CHUNK = 65536
 DTYPES = ("float64", "float32")
@@ -50,6 +51,7 @@ def run(
     separate: bool = True,
     scheduler: str | None = None,
     description: Mapping[str, Any] | None = None,
+    other_versions: bool = False,
     toml: str = "",
     progress: Callable[[Progress], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -75,7 +77,9 @@ def run(
         solvers (lineax), which cannot be traced there.
     scheduler : address of a Dask scheduler whose workers compute the blocks.
     description : plain values that tell this study from another; a store that has others is
-        refused. By default the grid, the outputs, and the name of the function.
+        refused. By default the grid, the outputs, and the name of the function; what the function
+        does, and all of one's own code that it uses, is compared in any case.
+    other_versions : go on with a store that was begun with other versions of packages.
     toml : a text that is kept in the store's attributes.
 
     Raises
@@ -100,8 +104,9 @@ def run(
     )
     path = Path(out)
     description = _described(task) if description is None else _with_layout(description, task)
+    opened = open_store(path, task, description, toml, any_versions=other_versions)
     tell = tell or (lambda text: None)
-    with _cluster(scheduler) as client, open_store(path, task, description, toml) as store:
+    with _cluster(scheduler) as client, opened as store:
         source = _local if client is None else _on(client, scheduler or "", tell)
         _go_on(store, source, progress, tell)
     return load(path)
@@ -143,11 +148,19 @@ def _refuse_names(grid: Grid, outputs: Sequence[Output]) -> None:
         raise InputError(f"'{twice[0]}' is both a parameter and an output; rename one")
 
 
+def _source(task: Task) -> dict[str, Any]:
+    """What the function does; that of a function of the package is told by `versions`."""
+    if belongs_to_package(task.function):
+        return {}
+    return {"source of the function": fingerprint(task.function)}
+
+
 def _described(task: Task) -> dict[str, Any]:
     name = getattr(task.function, "__qualname__", type(task.function).__qualname__)
     axes = {a.name: [float(x) for x in a.values] for a in task.grid.axes}
     samples = task.grid.samples
     found = {"function": name, "axes": axes, "outputs": [o.name for o in task.outputs]}
+    found |= _source(task)
     found |= {"block": list(task.blocks.block), "dtype": task.dtype, "precision": task.precision}
     return found | ({} if samples is None else {"samples": repr(samples)})
 
@@ -155,7 +168,11 @@ def _described(task: Task) -> dict[str, Any]:
 def _with_layout(description: Mapping[str, Any], task: Task) -> dict[str, Any]:
     """What follows from a description by defaults, which another version may have changed."""
     outputs = [output.name for output in task.outputs]
-    return {**description, "layout": {"block": list(task.blocks.block), "outputs": outputs}}
+    return {
+        **description,
+        **_source(task),
+        "layout": {"block": list(task.blocks.block), "outputs": outputs},
+    }
 
 
 def _go_on(store: Store, source: Callable[[Task, Sequence[int]], Iterator], progress, tell) -> None:
@@ -165,8 +182,8 @@ def _go_on(store: Store, source: Callable[[Task, Sequence[int]], Iterator], prog
     todo = [int(i) for i in np.flatnonzero(~sound)]
     if sound.any():
         tell(f"{int(sound.sum())} of {len(sound)} chunks are written and sound")
-        changed = other_versions(store.path)
-        if changed and todo:
+        changed = changed_versions(store.path)
+        if changed:
             tell(f"warning: begun with other versions: {', '.join(changed)}")
     if not todo:
         return

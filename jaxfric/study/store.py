@@ -12,11 +12,9 @@ import hashlib
 import json
 import os
 import shutil
-import sys
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +23,11 @@ import numpy as np
 from ..errors import InputError
 from .function import OUTCOME, OUTCOMES, Output, Task
 from .grid import SAMPLE, Grid
+from .source import other_versions, revision, versions
 
 SCHEMA = "jaxfric.study/1"
 DONE = "done"
 _LOCK = ".lock"
-_PACKAGES = ("jaxfric", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "zarr", "xarray")
 _MISSING = 'a study needs zarr, xarray and dask; install them: pip install "jaxfric[study]"'
 
 
@@ -139,7 +137,12 @@ def _sampled(grid: Grid) -> list[str]:
 
 @contextlib.contextmanager
 def open_store(
-    path: Path, task: Task, description: Mapping[str, Any], toml: str = ""
+    path: Path,
+    task: Task,
+    description: Mapping[str, Any],
+    toml: str = "",
+    *,
+    any_versions: bool = False,
 ) -> Iterator[Store]:
     """The store of a study, made where there is none; no other run can write it meanwhile.
 
@@ -147,13 +150,16 @@ def open_store(
 
     Raises
     ------
-    InputError : the folder is no store, or that of another study, or is being written.
+    InputError : the folder is no store, or that of another study, was begun with other versions
+        (unless `any_versions`), or is being written.
     """
     require_packages()
     if not path.exists():
         _create(path, task, description, toml)
     else:
         refuse_other(path, description)
+        if not any_versions:
+            refuse_other_versions(path)
     with _locked(path):
         store = Store(path, task)
         store.sweep()
@@ -230,38 +236,20 @@ def _differences(a: Any, b: Any, name: str) -> Iterator[str]:
         yield name
 
 
-def other_versions(path: Path) -> list[str]:
-    """Packages whose version is not that with which the store was begun."""
-    kept = attributes(path).get("versions", {})
-    now = versions()
-    return [f"{name} {kept[name]} -> {now[name]}" for name in now if kept.get(name) != now[name]]
+def refuse_other_versions(path: Path) -> None:
+    """Raise `InputError` where other code or other packages began the store at `path`."""
+    changed = changed_versions(path)
+    if changed:
+        raise InputError(
+            f"{path} was begun with other versions: {', '.join(changed)}; one study would hold the"
+            " numbers of both: give another with --out, or go on all the same with"
+            " --other-versions (in Python other_versions=True)"
+        )
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a result depends on."""
-    found = {"python": ".".join(str(part) for part in sys.version_info[:3])}
-    for name in _PACKAGES:
-        with contextlib.suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
-
-
-def revision() -> str:
-    """The git revision of the source that runs, where it is a checkout; else ''."""
-    folder = Path(__file__).resolve().parents[2] / ".git"
-    try:
-        head = (folder / "HEAD").read_text().strip()
-        if not head.startswith("ref: "):
-            return head
-        name = head.removeprefix("ref: ")
-        if (folder / name).exists():
-            return (folder / name).read_text().strip()
-        for line in (folder / "packed-refs").read_text().splitlines():
-            if line.endswith(f" {name}"):
-                return line.split()[0]
-    except OSError:
-        pass
-    return ""
+def changed_versions(path: Path) -> list[str]:
+    """What is not as it was when the store was begun."""
+    return other_versions(attributes(path).get("versions", {}), versions())
 
 
 def _create(path: Path, task: Task, description: Mapping[str, Any], toml: str) -> None:

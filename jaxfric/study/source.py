@@ -1,0 +1,227 @@
+"""What results come from besides their parameters: the code and the versions that computed them.
+
+A store belongs to one function, to its body and to all that it refers to, and to the versions of
+the packages below it; every worker of a cluster must have the same. Text is not compared but what
+runs: comments, and a file that was edited after it was loaded, change nothing.
+"""
+
+import dataclasses
+import dis
+import functools
+import hashlib
+import pickle
+import sys
+import types
+from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+# Folders of the package in which nothing is computed.
+_WORDS = ("cli", "plot", "report")
+_COMPUTING = ("jaxfric", "jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax")
+_COMPUTING += ("numpy", "scipy")
+CODE = "code of jaxfric"
+"""The entry of `versions` for the package's own source, which changes between releases."""
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, of the packages that a result depends on, and of the source here."""
+    found = {"python": f"{sys.version_info[0]}.{sys.version_info[1]}"}
+    for name in _COMPUTING:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found | {CODE: package_source()}
+
+
+def other_versions(then: dict[str, str], now: dict[str, str]) -> list[str]:
+    """What is not the same, as "scipy 1.15 -> 1.16"."""
+    return [
+        f"{name} {then.get(name, 'missing')} -> {now.get(name, 'missing')}"
+        for name in {**then, **now}
+        if then.get(name) != now.get(name)
+    ]
+
+
+@functools.cache
+def package_source() -> str:
+    """A checksum of all modules of the package that compute."""
+    digest = hashlib.sha256()
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        place = path.relative_to(_PACKAGE)
+        if place.parts[0] not in _WORDS:
+            digest.update(place.as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def revision() -> str:
+    """The git revision of the source that runs, where it is a checkout; else ''."""
+    folder = _PACKAGE.parent / ".git"
+    try:
+        head = (folder / "HEAD").read_text().strip()
+        if not head.startswith("ref: "):
+            return head
+        name = head.removeprefix("ref: ")
+        if (folder / name).exists():
+            return (folder / name).read_text().strip()
+        for line in (folder / "packed-refs").read_text().splitlines():
+            if line.endswith(f" {name}"):
+                return line.split()[0]
+    except OSError:
+        pass
+    return ""
+
+
+def belongs_to_package(function: Any) -> bool:
+    """Whether a function, or the class of a callable object, is one of jaxfric itself."""
+    kind = function if isinstance(function, types.FunctionType) else type(function)
+    return kind.__module__.partition(".")[0] == __name__.partition(".")[0]
+
+
+def fingerprint(function: Any) -> str:
+    """A checksum of a function: its byte code, defaults, closure, and the globals that it uses.
+
+    Functions, classes and modules of one's own are followed wherever they lead; those of installed
+    packages are known by their names (`versions` has the rest). Arrays count with their values.
+    """
+    walk = _Walk()
+    walk.add(function)
+    return walk.digest.hexdigest()[:16]
+
+
+class _Walk:
+    """One pass over everything that a function refers to; each object is entered once."""
+
+    def __init__(self):
+        self.digest = hashlib.sha256()
+        self.seen: dict[int, int] = {}
+        self.kept: list[Any] = []  # so that no address is used twice
+
+    def add(self, x: Any) -> None:
+        """Take `x`, whatever it is, into the checksum."""
+        if x is None or isinstance(x, bool | int | float | complex | str | bytes):
+            return self._say(type(x).__name__, repr(x))
+        if id(x) in self.seen:
+            return self._say("again", self.seen[id(x)])
+        self.seen[id(x)] = len(self.seen)
+        self.kept.append(x)
+        self._say(type(x).__qualname__)
+        self._add_compound(x)
+
+    def _say(self, *words: Any) -> None:
+        self.digest.update("\0".join(map(str, words)).encode() + b"\1")
+
+    def _add_compound(self, x: Any) -> None:
+        if isinstance(x, types.CodeType):
+            self._code(x)
+        elif isinstance(x, types.FunctionType):
+            self._function(x)
+        elif isinstance(x, types.ModuleType):
+            self._module(x)
+        elif isinstance(x, type):
+            self._class(x)
+        elif isinstance(x, list | tuple):
+            self._all(x)
+        elif isinstance(x, dict):
+            self._all(part for item in x.items() for part in item)
+        elif isinstance(x, set | frozenset):
+            self._say(*sorted(map(fingerprint, x)))
+        elif isinstance(x, types.MethodType):
+            self._all((x.__func__, x.__self__))
+        elif isinstance(x, functools.partial):
+            self._all((x.func, x.args, x.keywords))
+        elif hasattr(x, "__array__") and hasattr(x, "dtype"):
+            array = np.asarray(x)
+            self._say(array.dtype, array.shape, hashlib.sha256(array.tobytes()).hexdigest())
+        elif callable(getattr(x, "__wrapped__", None)):  # compiled by jax.jit, cached, ...
+            self.add(x.__wrapped__)
+        else:
+            self._object(x)
+
+    def _all(self, parts: Iterable[Any]) -> None:
+        for part in parts:
+            self.add(part)
+        self._say("end")
+
+    def _code(self, code: types.CodeType) -> None:
+        self._say(code.co_code.hex(), *code.co_names, *code.co_varnames, code.co_argcount)
+        self._all(code.co_consts)
+
+    def _function(self, function: types.FunctionType) -> None:
+        self._say(function.__qualname__)
+        self.add(function.__code__)
+        self._all((function.__defaults__, function.__kwdefaults__))
+        for cell in function.__closure__ or ():
+            try:
+                self.add(cell.cell_contents)
+            except ValueError:  # not filled yet: a function that names itself
+                self._say("empty")
+        if _installed(function.__module__):
+            return
+        for name in sorted(_globals_of(function.__code__)):
+            if name in function.__globals__:
+                self._say(name)
+                self.add(function.__globals__[name])
+
+    def _class(self, kind: type) -> None:
+        self._say(kind.__qualname__)
+        if _installed(kind.__module__):
+            return
+        self._all(kind.__bases__)
+        for name, part in sorted(vars(kind).items()):
+            part = getattr(part, "__func__", getattr(part, "fget", part))
+            if isinstance(part, types.FunctionType | bool | int | float | str):
+                self._say(name)
+                self.add(part)
+
+    def _module(self, module: types.ModuleType) -> None:
+        self._say(module.__name__)
+        file = getattr(module, "__file__", None)
+        if file is None or _installed(module.__name__):
+            return
+        try:
+            self._say(hashlib.sha256(Path(file).read_bytes()).hexdigest())
+        except OSError:
+            self._say("no file")
+        own = vars(module)
+        self._all(own[n] for n in sorted(own) if isinstance(own[n], types.ModuleType))
+
+    def _object(self, x: Any) -> None:
+        self.add(type(x))
+        if dataclasses.is_dataclass(x):
+            self._all(getattr(x, field.name, None) for field in dataclasses.fields(x))
+        elif not isinstance(x, types.BuiltinFunctionType) and getattr(x, "__dict__", None):
+            self._all(part for name in sorted(vars(x)) for part in (name, vars(x)[name]))
+        else:
+            try:
+                self._say(hashlib.sha256(pickle.dumps(x, 4)).hexdigest())
+            except Exception:  # a file, a lock: what it is has to do
+                self._say(getattr(x, "__qualname__", ""))
+
+
+def _globals_of(code: types.CodeType) -> set[str]:
+    """Names that a function, and those inside it, look up in its module."""
+    looked_up = ("LOAD_GLOBAL", "LOAD_NAME")
+    found = {i.argval for i in dis.get_instructions(code) if i.opname in looked_up}
+    for part in code.co_consts:
+        if isinstance(part, types.CodeType):
+            found |= _globals_of(part)
+    return found
+
+
+def _installed(module: str | None) -> bool:
+    """Whether a module came with Python or an installed package, or is one of jaxfric."""
+    if not module or module == "__main__":
+        return False
+    top = module.partition(".")[0]
+    if top in sys.builtin_module_names or top in sys.stdlib_module_names:
+        return True
+    if top == __name__.partition(".")[0]:
+        return True
+    file = getattr(sys.modules.get(module), "__file__", None) or ""
+    return bool({"site-packages", "dist-packages"} & set(Path(file).parts))
