@@ -29,12 +29,14 @@ from jaxfric.axis.problem import BaseLaw, make_problem
 from jaxfric.axis.rig import AxisRig
 from jaxfric.axis.split import segments, split
 from jaxfric.axis.state import Bristle
-from jaxfric.axis.steady import close_steady_loop
+from jaxfric.axis.steady import close_steady_loop, steady_gains
+from jaxfric.axis.steady_model import fit_model
 from jaxfric.effects import parameters
 from jaxfric.loop.superset import Superset
 from jaxfric.records import Drive, axis_from_arrays, read_axis, read_steady
 from jaxfric.records.public import data_folder
 from jaxfric.records.steady import SteadyCurve
+from jaxfric.report.steady_text import sentence as steady_sentence
 
 sys.path.append(str(Path(__file__).parents[1]))
 plants = importlib.import_module("fits.blind.axis_plants")
@@ -411,6 +413,35 @@ def test_the_golden_worst_velocity():
     assert found.velocity_gain == pytest.approx(3.39105553984, rel=1e-5)
     plain = axis_gains(lambda v: 0.4 * v, 1e-4, 1.0)
     assert plain.least_damping == 0 and "any k_p > 0" in plain.sentence()
+
+
+def test_gains_of_steady_runs_rest_on_what_was_seen():
+    loop = close_steady_loop(curve(coulomb))
+    assert steady_gains(loop).claim.kind == "free"
+    assert loop.final.slope_error(1.0) == pytest.approx(loop.final.std["F_v"], rel=1e-6)
+    # friction falls at the two slowest speeds: too little to be named, enough to be silent
+    fallen = curve(lambda v: coulomb(v) + 0.4 * np.sign(v) * (np.abs(v) < 0.55))
+    loop = close_steady_loop(fallen, without=("stribeck", "cubic"))
+    gains = steady_gains(loop)
+    assert gains.claim.kind == "open" and gains.curve.above.number == 2
+    # a run that moved unevenly, and one that stood still, are below what is told
+    uneven = dataclasses.replace(curve(coulomb), uneven=("14", "12"), stuck=("rest.csv",))
+    gains = steady_gains(close_steady_loop(uneven))
+    assert gains.claim.kind == "free"
+    assert gains.curve.slowest == pytest.approx(0.5 * 40 ** (2 / 13))
+    text = steady_sentence(dataclasses.replace(loop, curve=uneven, final=loop.base))
+    assert "12, 14 moved unevenly" in text.replace("14, 12", "12, 14") and "rest.csv" in text
+
+
+def test_the_slope_error_of_a_falling_curve_knows_that_its_width_is_fitted():
+    """Against the scatter of the slope over repeated noise."""
+    truth = lambda v: coulomb(v) + 0.8 * np.sign(v) * np.exp(-np.abs(v) / 3)  # noqa: E731
+    models = [fit_model(curve(truth, seed=s), ("stribeck",)) for s in range(24)]
+    models = [m for m in models if m.values["n"] == 1.0]
+    slopes = [(m.force([1.001]) - m.force([0.999]))[0] / 0.002 for m in models]
+    told = np.median([m.slope_error(1.0) for m in models])
+    assert len(models) > 12
+    assert np.std(slopes) == pytest.approx(told, rel=0.5)
 
 
 # ---- the command -----------------------------------------------------------------------------

@@ -16,7 +16,9 @@ from jaxfric.records.axis_header import quantity_of, spelling
 from jaxfric.records.axis_record import AxisRecord, Drive, axis_from_arrays
 from jaxfric.records.public import data_folder
 from jaxfric.records.read_axis import read_axis
-from jaxfric.records.steady import SteadyCurve, effective_samples, read_steady, steady_rows
+from jaxfric.records.steady import SteadyCurve, read_steady
+from jaxfric.records.steady_mean import effective_samples
+from jaxfric.records.steady_run import steady_rows
 
 RPM = np.pi / 30
 RATED = "9.84 mN m"

@@ -1,14 +1,15 @@
 """Gains that hold an axis steady: equations (16) and (17) of the paper, and its theorem.
 
 Friction without memory, F(V), is linearised about a steady velocity: f_v = dF/dV. Any k_p > 0 holds
-an axis that moves at V if k_v + f_v(V) > 0; the worst velocity is where f_v is least.
+an axis that moves at V if k_v + f_v(V) > 0; the worst velocity is where f_v is least. Whether that
+may be said of a measured curve is for `jaxfric.stability.claims` to tell.
 
 Friction with memory of the distance (rate-and-state) has two basins: damping that needs no
 stiffness, and stiffness that needs no damping, above k_cr of (18)-(20): of (25) for one state.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,69 +19,13 @@ from jaxtyping import Array, Float
 from ..records.axis_record import Drive
 from ..rig.friction.law import AbstractLaw
 from ..stability.analysis import study
+from ..stability.claims import Above, Curve, Unseen
+from .gains_result import AxisGains, StiffBasin
 from .rig import AxisRig
 
 _SPEEDS = 4001
 _FEWER = 501
 _SHARP = 1e-12
-
-
-@dataclass(frozen=True)
-class StiffBasin:
-    """Stiffness that holds an axis at every speed of a range without any damping added. SI."""
-
-    worst_velocity: float
-    """Where k_cr is largest [m/s]; signed."""
-    critical_stiffness: float
-    """k_cr there: k_p must be larger [N/m]; 0: any k_p > 0 will do, inf: none suffices."""
-    frequency: float
-    """At which the axis swings at k_p = k_cr [rad/s]."""
-    position_gain: float | None
-    """The same in the drive's unit at its k_v, k_cr/(k_v g_tau) [1/s]; None where not known."""
-
-    def sentence(self, unit: str = "N s/m", velocity: str = "m/s") -> str:
-        """What it says, with units; `unit` is that of damping."""
-        at = f"at {self.worst_velocity:.4g} {velocity}"
-        if not np.isfinite(self.critical_stiffness):
-            return f"Without k_v no k_p suffices {at}."
-        stiffness = unit.replace(" s/", "/")
-        return (
-            f"Without k_v the axis needs k_p above {self.critical_stiffness:.4g} {stiffness}"
-            f" ({at}, where it swings at {self.frequency:.4g} rad/s)."
-        )
-
-
-@dataclass(frozen=True)
-class AxisGains:
-    """The least damping that holds an axis at every speed of a range. SI; N m, rad if rotary."""
-
-    worst_velocity: float
-    """Where dF/dV is least [m/s]; signed."""
-    slope: float
-    """dF/dV there [N s/m]."""
-    least_damping: float
-    """max(0, -slope): k_v must be larger [N s/m]."""
-    velocity_gain: float | None
-    """The same in the drive's unit, k_v/g_tau [V s/m]; None where its gain is not known."""
-    stiff: StiffBasin | None = None
-    """The other basin; None where friction has no memory."""
-
-    def sentence(self, unit: str = "N s/m", velocity: str = "m/s") -> str:
-        """What it says, with units."""
-        at = f"at {self.worst_velocity:.4g} {velocity}"
-        if self.least_damping == 0:
-            return (
-                f"Friction grows with speed everywhere (least slope {self.slope:.4g} {unit}, {at}):"
-                " any k_p > 0 holds the axis, without damping."
-            )
-        drive = (
-            "" if self.velocity_gain is None else f" ({self.velocity_gain:.4g} V s/m at the drive)"
-        )
-        text = (
-            f"Friction falls most steeply {at}, by {-self.slope:.4g} {unit}: with k_v above that"
-            f"{drive} any k_p > 0 holds the axis at every speed."
-        )
-        return text if self.stiff is None else f"{text} {self.stiff.sentence(unit, velocity)}"
 
 
 def axis_gains(
@@ -89,12 +34,17 @@ def axis_gains(
     fastest: float,
     *,
     drive: Drive | None = None,
+    error: Callable[[float], float] | None = None,
+    above: Above | None = None,
+    unseen: tuple[Unseen, ...] = (),
 ) -> AxisGains:
     """The least damping over the speeds `slowest` to `fastest` [m/s] in both directions.
 
-    `force` is the friction of a steady velocity. Slopes are central differences on a logarithmic
-    grid of 4001 speeds. Of friction without memory; for an axis with states see `state_gains`. Not
-    tried: compliance between motor and load.
+    `force` is the friction of a steady velocity; `error` tells the standard error of its slope at
+    a velocity (None: it is a stated law, and exact); `above` and `unseen` what was seen at low
+    speed (`jaxfric.stability.claims`). Slopes are central differences on a logarithmic grid of
+    4001 speeds. Of friction without memory; for an axis with states see `state_gains`. Not tried:
+    compliance between motor and load.
     """
     speed = np.geomspace(slowest, fastest, _SPEEDS)
     best: tuple[float, float] | None = None
@@ -106,7 +56,9 @@ def axis_gains(
     assert best is not None
     least = max(0.0, -best[0])
     gain = None if drive is None or not drive.gain else least / drive.gain
-    return AxisGains(best[1], best[0], least, gain)
+    sigma = 0.0 if error is None else error(best[1])
+    curve = Curve(best[0], sigma, slowest, fastest, above, unseen)
+    return AxisGains(best[1], best[0], least, gain, curve=curve)
 
 
 class AxisLaw(AbstractLaw):

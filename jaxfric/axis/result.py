@@ -9,7 +9,7 @@ from ..loop.result import Table
 from ..records import Provenance, Sampling, VelocitySteps
 from ..records.axis_record import AxisRecord
 from .fit import AxisFit
-from .gains import AxisGains, StiffBasin
+from .gains_result import AxisGains, StiffBasin
 from .prepare import Preparation
 
 LAW = "coulomb_viscous"

@@ -241,7 +241,7 @@ def _steady(curve, declared, excluded, destination: Path, as_json: bool) -> None
     from ..plot.steady import draw_steady
     from ..report.loop_text import print_tables
     from ..report.output import output_folder
-    from ..report.steady_text import damping, tables, to_json
+    from ..report.steady_text import sentence, tables, to_json
 
     result = close_steady_loop(curve, with_=declared, without=excluded)
     content = text.dumps(to_json(result), indent=1, allow_nan=False)
@@ -256,9 +256,7 @@ def _steady(curve, declared, excluded, destination: Path, as_json: bool) -> None
     for note in curve.provenance.notes:
         console.print(f"  - {note}", markup=False)
     print_tables(console, tables(result))
-    _, speed, _ = result.units()
-    unit = f"{curve.force_unit}/({speed})"
-    console.print(f"\nGains: {damping(result).sentence(unit, speed)}", markup=False)
+    console.print(f"\nGains: {sentence(result)}", markup=False)
     console.print(
         f"written: {destination}/steady.json, curve (.png, .svg)", markup=False, soft_wrap=True
     )

@@ -11,6 +11,7 @@ from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
 from ..rig.friction import RateState, critical_stiffness
+from ..stability.claims import Claim, rate_state_claim
 from .problem import Model, build_rig, quantity_of
 
 SCHEMA = "jaxfric.fit/1"
@@ -98,6 +99,21 @@ class Fit:
         law = self.rig().friction
         assert isinstance(law, RateState)
         return float(_critical(law))
+
+    def stability(self) -> Claim:
+        """What may be said of stability: of A, of all B and, for a critical stiffness, of L."""
+        if not self.converged:
+            return Claim("open", ("the fit did not converge",))
+        amplitudes = [n for n in self.parameters if n == "A" or n.rstrip("0123456789") == "B"]
+        lengths = [n for n in self.parameters if n.rstrip("0123456789") == "L"]
+        weight = np.array([(n == "A") - (n[0] == "B") for n in self.free], float)
+        error = float(np.sqrt(max(weight @ self.covariance @ weight, 0.0)))
+        A, *B = (self.parameters[n].value for n in sorted(amplitudes))
+        known = all(self.parameters[n].determined for n in amplitudes)
+        claim = rate_state_claim(A, B, error, determined=known)
+        if claim.kind == "critical" and not all(self.parameters[n].determined for n in lengths):
+            return Claim("open", ("L is not determined",))
+        return claim
 
     def to_json(self) -> dict:
         """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""

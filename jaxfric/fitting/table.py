@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..units import factor
+from ..units import factor, format_si
 from .problem import quantity_of
 from .result import Fit, NoiseEstimate
 
@@ -72,21 +72,34 @@ def correlations(fit: Fit, least: float = 0.7) -> list[str]:
 def summary(fit: Fit) -> list[str]:
     """What else there is to say of a fit, line by line."""
     noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
-    critical, K = fit.critical_stiffness(), fit.parameters["K"].value
     lines = [
         f"{len(fit.record)} rows, {fit.result}"
         + (f" in {fit.iterations} iterations" if fit.converged else ""),
         f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
         f"noise {noise.sigma:.3g}{unit}, {_colour(noise)}",
     ]
-    if critical > 0:
-        lines.append(f"stiffness is {K / critical:.2f} times critical (massless, undamped)")
-    else:
-        lines.append("velocity strengthening (A > B): steady sliding is stable at any stiffness")
+    lines.append(_stability(fit))
     pairs = correlations(fit)
     if pairs:
         lines.append("correlated errors: " + ", ".join(pairs))
     return lines
+
+
+def _stability(fit: Fit) -> str:
+    """What the fit says of stability, or why it says nothing."""
+    claim = fit.stability()
+    moving = np.abs(fit.steps.velocities[fit.steps.velocities != 0])
+    length = fit.record.units.get("load_point_displacement", "um")
+    low, high = (format_si(V, "m/s", f"{length}/s", 3) for V in (moving.min(), moving.max()))
+    if claim.kind == "critical":
+        ratio = fit.parameters["K"].value / fit.critical_stiffness()
+        return f"stiffness is {ratio:.2f} times critical (massless, undamped)"
+    if claim.kind == "free":
+        return (
+            "velocity strengthening (A > B by more than two standard errors): steady sliding is"
+            f" stable at any stiffness, from {low} to {high}"
+        )
+    return f"nothing is said of stability: {'; '.join(claim.reasons)}"
 
 
 def _colour(noise: NoiseEstimate) -> str:

@@ -1,18 +1,24 @@
 """The friction of steady speeds as text and as steady.json."""
 
+import dataclasses
+
 import numpy as np
 
-from ..axis.gains import AxisGains, axis_gains
-from ..axis.steady import SteadyLoop, SteadyModel
+from ..axis.gains_result import AxisGains, Shown
+from ..axis.steady import SteadyLoop, steady_gains
+from ..axis.steady_model import SteadyModel
 from ..loop.result import Table
 
 SCHEMA = "jaxfric.steady/1"
 
 
-def damping(loop: SteadyLoop) -> AxisGains:
-    """The least damping over the speeds of the curve."""
-    speeds = np.abs(loop.curve.speed)
-    return axis_gains(loop.final.force, float(speeds.min()), float(speeds.max()))
+def sentence(loop: SteadyLoop) -> str:
+    """What the curve says of gains, in the units that are shown."""
+    force, _, size = loop.units()
+    rotary = loop.curve.coordinate == "rotary"
+    speed = Shown("rpm", np.pi / 30) if rotary else Shown("m/s")
+    unit = f"{force} s/rad" if rotary else f"{force} s/m"
+    return steady_gains(loop).sentence(Shown(unit, size), speed)
 
 
 def tables(loop: SteadyLoop) -> list[Table]:
@@ -64,7 +70,7 @@ def _unit(name: str, force: str, speed: str) -> str:
 
 def to_json(loop: SteadyLoop) -> dict:
     """The content of `steady.json`, schema "jaxfric.steady/1"; SI or % of the rated torque."""
-    curve, gains = loop.curve, damping(loop)
+    curve, gains = loop.curve, steady_gains(loop)
 
     def model(m: SteadyModel) -> dict:
         return {
@@ -99,5 +105,27 @@ def to_json(loop: SteadyLoop) -> dict:
             "worst_velocity": gains.worst_velocity,
             "slope": gains.slope,
             "least_damping": gains.least_damping,
+            **claim_json(gains),
+            "sentence": sentence(loop),
         },
+    }
+
+
+def claim_json(gains: AxisGains) -> dict:
+    """What may be said of stability, and why not more; null for what is not determined."""
+    claim, curve = gains.claim, gains.curve
+    if curve is None:
+        return {"claim": claim.kind, "reasons": list(claim.reasons)}
+    return {
+        "claim": claim.kind,
+        "reasons": list(claim.reasons),
+        "damping": claim.damping if claim.kind == "damped" else None,
+        "slope_std": curve.error if np.isfinite(curve.error) else None,
+        "slowest": curve.slowest,
+        "fastest": curve.fastest,
+        "above": None if curve.above is None else dataclasses.asdict(curve.above),
+        "not_seen": [
+            {"what": one.what, "speed": one.speed if np.isfinite(one.speed) else None}
+            for one in curve.unseen
+        ],
     }

@@ -1,0 +1,124 @@
+"""What gains an axis needs, and the sentence that may be said of it."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..stability.claims import Claim, Curve, curve_claim
+
+
+class Shown(NamedTuple):
+    """A unit of a sentence, and what one of it is in SI."""
+
+    name: str
+    size: float = 1.0
+
+    def text(self, value: float, error: float | None = None) -> str:
+        """`value` (SI), with its standard error, in this unit."""
+        shown = f"{value / self.size:.4g}"
+        return f"{shown}{'' if error is None else f' ± {error / self.size:.2g}'} {self.name}"
+
+
+SI, SPEED = Shown("N s/m"), Shown("m/s")
+
+
+@dataclass(frozen=True)
+class StiffBasin:
+    """Stiffness that holds an axis at every speed of a range without any damping added. SI."""
+
+    worst_velocity: float
+    """Where k_cr is largest [m/s]; signed."""
+    critical_stiffness: float
+    """k_cr there: k_p must be larger [N/m]; 0: any k_p > 0 will do, inf: none suffices."""
+    frequency: float
+    """At which the axis swings at k_p = k_cr [rad/s]."""
+    position_gain: float | None
+    """The same in the drive's unit at its k_v, k_cr/(k_v g_tau) [1/s]; None where not known."""
+
+    def sentence(self, unit: Shown, velocity: Shown) -> str:
+        """What it says; `unit` is that of damping."""
+        at = f"at {velocity.text(self.worst_velocity)}"
+        if not np.isfinite(self.critical_stiffness):
+            return f"Without k_v no k_p suffices {at}."
+        stiffness = Shown(unit.name.replace(" s/", "/"), unit.size)
+        return (
+            f"Without k_v the axis needs k_p above {stiffness.text(self.critical_stiffness)}"
+            f" ({at}, where it swings at {self.frequency:.4g} rad/s)."
+        )
+
+
+@dataclass(frozen=True)
+class AxisGains:
+    """The least damping that holds an axis at every speed of a range. SI; N m, rad if rotary."""
+
+    worst_velocity: float
+    """Where dF/dV is least [m/s]; signed."""
+    slope: float
+    """dF/dV there [N s/m]."""
+    least_damping: float
+    """max(0, -slope): k_v must be larger [N s/m]."""
+    velocity_gain: float | None
+    """The same in the drive's unit, k_v/g_tau [V s/m]; None where its gain is not known."""
+    stiff: StiffBasin | None = None
+    """The other basin; None where friction has no memory."""
+    curve: Curve | None = None
+    """What the slope rests on; None where that was not told, and then nothing is claimed."""
+
+    @property
+    def claim(self) -> Claim:
+        """What may be said of stability."""
+        if self.curve is None:
+            return Claim("open", ("what the fitted curve rests on was not told",))
+        return curve_claim(self.curve)
+
+    def sentence(self, unit: Shown = SI, velocity: Shown = SPEED) -> str:
+        """What may be said and what was not seen, in units of damping and of velocity."""
+        claim = self.claim
+        at, slope = velocity.text(self.worst_velocity), self._slope(unit)
+        if claim.kind == "open":
+            reasons = "; ".join(claim.reasons)
+            text = (
+                f"Nothing is said of stability: {reasons}. The least slope of the fitted curve is"
+                f" {slope}, at {at}: no gains should rest on it."
+            )
+        elif claim.kind == "free":
+            text = (
+                f"Friction grows with speed{self._range(velocity)} (least slope {slope}, at {at}):"
+                " any k_p > 0 holds the axis there, without damping."
+            )
+        else:
+            text = (
+                f"Friction falls with speed, most steeply at {at}: its slope is {slope}. With k_v"
+                f" above {unit.text(claim.damping)}, which covers two of its errors,"
+                f" any k_p > 0 holds the axis{self._range(velocity)}."
+            )
+            text += "" if self.stiff is None else f" {self.stiff.sentence(unit, velocity)}"
+        return text + self._not_seen(velocity)
+
+    def _slope(self, unit: Shown) -> str:
+        if self.curve is None or self.curve.error == 0:
+            return unit.text(self.slope)
+        return unit.text(self.slope, self.curve.error)
+
+    def _range(self, velocity: Shown) -> str:
+        if self.curve is None:
+            return ""
+        return f" from {velocity.text(self.curve.slowest)} to {velocity.text(self.curve.fastest)}"
+
+    def _not_seen(self, velocity: Shown) -> str:
+        """What was recorded at low speed and is no friction of a steady speed."""
+        if self.curve is None:
+            return ""
+        said = ""
+        above = self.curve.above
+        if above is not None:
+            said += (
+                f" The {above.number} slowest, up to {velocity.text(above.speed)}, lie above the"
+                f" curve, {above.excess / above.error:.1f} times the error of that."
+            )
+        below = [one.what for one in self.curve.unseen if one.speed < self.curve.slowest]
+        slowest = velocity.text(self.curve.slowest)
+        if below:
+            return f"{said} Below {slowest} nothing is said: {'; '.join(below)}."
+        return f"{said} Slower motion than {slowest} was not seen."

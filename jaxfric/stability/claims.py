@@ -1,0 +1,169 @@
+"""What may be said of stability from what was measured: the one rule behind every such sentence.
+
+A curve F(V), fitted to steady runs or moving rows, may say "any k_p > 0 holds it" of the speeds
+from the slowest to the fastest that count, if its least slope there exceeds two of its errors; it
+may ask for damping if the slope lies below minus two of them. It says nothing
+
+- where the slope is not determined,
+- where runs or rows at low speed lie above the curve: friction falls there, and the curve does not,
+- at speeds where the axis stuck, moved unevenly or was smoothed by a filter (`Unseen`).
+
+A rate-and-state law says "stable at any stiffness" if every B is determined and not negative and
+A - sum B exceeds two of its errors; it has a critical stiffness if sum B - A does.
+
+Numbers in, a `Claim` out; forces in one unit (N, N m or a coefficient), speeds in m/s or rad/s.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+SURE = 2.0
+"""Standard errors that a slope, or A - B, must be from zero."""
+_FALSE_ALARM = 0.01
+"""Chance that a curve without such runs is told to have some above it at low speed."""
+_FEWEST = 6
+"""Runs without which nothing is told of the slowest."""
+_LARGEST_SHARE = 0.5
+"""Of the runs: no more than these are called slow."""
+
+Kind = Literal["free", "damped", "critical", "open"]
+"""free: any k_p > 0 holds it. damped: with enough k_v any k_p > 0 does. critical: there is a
+critical stiffness. open: nothing may be said."""
+
+
+@dataclass(frozen=True)
+class Above:
+    """Runs or rows at low speed that lie above a curve: friction falls with speed among them."""
+
+    number: int
+    speed: float
+    """They lie at and below this speed [m/s or rad/s]."""
+    excess: float
+    """Their mean friction less that of the curve."""
+    error: float
+    """Standard error of `excess`."""
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Speeds at which what was recorded is not friction at a steady speed."""
+
+    what: str
+    """In words, as in "2 runs moved unevenly"."""
+    speed: float
+    """At and below this speed [m/s or rad/s]; inf: at all of them."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What a fitted curve of friction against speed tells of its slope."""
+
+    slope: float
+    """The least dF/d|V| from `slowest` to `fastest`."""
+    error: float
+    """Its standard error; nan or inf where it is not determined; 0 of a stated law."""
+    slowest: float
+    fastest: float
+    above: Above | None = None
+    unseen: tuple[Unseen, ...] = ()
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What may be said. Sentences are made from it; where it is open nothing else may be."""
+
+    kind: Kind
+    reasons: tuple[str, ...] = ()
+    """Why nothing may be said; empty unless `kind` is "open"."""
+    damping: float = 0.0
+    """Of "damped": k_v that covers the least slope and two of its errors."""
+
+
+def curve_claim(curve: Curve) -> Claim:
+    """What a curve of friction against speed may say from `slowest` to `fastest`."""
+    reasons = []
+    if curve.above is not None:
+        reasons.append("at low speed friction lies above the fitted curve")
+    reasons += [one.what for one in curve.unseen if not one.speed < curve.slowest]
+    slope, error = curve.slope, SURE * curve.error
+    if not (math.isfinite(slope) and math.isfinite(error) and abs(slope) > error):
+        reasons.append("the slope of friction against speed is not determined")
+    if reasons:
+        return Claim("open", tuple(reasons))
+    return Claim("free") if slope > 0 else Claim("damped", damping=error - slope)
+
+
+def rate_state_claim(
+    A: float, B: Sequence[float], error: float, *, determined: bool = True
+) -> Claim:
+    """What A and the amplitudes B of the states may say.
+
+    error : of A - sum B, from the covariance of all; 0 where all were given.
+    determined : whether the record fixes A and every B (and for a critical stiffness every L).
+    """
+    difference = A - math.fsum(B)
+    if not determined or not all(math.isfinite(x) for x in (A, *B, error)):
+        return Claim("open", ("A, B or L is not determined",))
+    if min(B) < 0:
+        return Claim("open", ("B is negative: what rises after a step is no evolution effect",))
+    if not A > 0:
+        return Claim("open", ("A is not positive: there is no direct effect",))
+    if not abs(difference) > SURE * error:
+        return Claim(
+            "open", (f"the sign of A - B, {difference:.2g} ± {error:.1g}, is not determined",)
+        )
+    return Claim("free" if difference > 0 else "critical")
+
+
+def above_curve(
+    speed: ArrayLike, excess: ArrayLike, error: ArrayLike, *, fewest: int = 1
+) -> Above | None:
+    """The slowest runs (or bins of rows) whose friction lies above a curve that was fitted to all.
+
+    speed : signed, of each [n]. excess : sgn V (F - curve), so that both directions count alike.
+    error : standard error of each, without what runs differ by beyond that.
+
+    A fitted curve is drawn towards what lies above it. So, for every number k of the slowest (of
+    both directions and of each), a step of their friction is fitted to the excess together with
+    what Coulomb and viscous friction and an offset can take up, and compared with its error, in
+    which runs differ beyond their own as the residual shows. The k whose ratio is largest is told
+    if chance would exceed it once in a hundred curves (a bound: the sum over all k that are
+    asked, of Gaussian errors). None otherwise, and with fewer than 6 runs.
+    """
+    v, over, own = (np.asarray(x, float) for x in (speed, excess, error))
+    if len(v) < _FEWEST:
+        return None
+    base = [np.ones_like(v), np.abs(v) / np.abs(v).max()]
+    base += [np.sign(v)] if np.ptp(np.sign(v)) else []
+    found: list[Above] = []
+    for some in (np.ones(len(v), bool), v > 0, v < 0):
+        order = np.flatnonzero(some)[np.argsort(np.abs(v[some]), kind="stable")]
+        for k in range(fewest, int(_LARGEST_SHARE * len(order)) + 1):
+            slow = np.isin(np.arange(len(v)), order[:k])
+            step, its_error = _step(np.stack([slow, *base], axis=1), over, own)
+            found.append(Above(k, float(np.abs(v[slow]).max()), step, its_error))
+    most = max(found, key=lambda one: one.excess / one.error, default=None)
+    if most is None:
+        return None
+    least = NormalDist().inv_cdf(1 - _FALSE_ALARM / len(found))
+    return most if most.excess > least * most.error else None
+
+
+def _step(matrix: np.ndarray, values: np.ndarray, own: np.ndarray) -> tuple[float, float]:
+    """The first coefficient and its standard error; variance own^2 + spread^2."""
+    free = max(len(values) - matrix.shape[1], 1)
+    spread = 0.0
+    for _ in range(2):
+        root = np.sqrt(own**2 + spread)[:, None] + 1e-300
+        inverse = np.linalg.pinv(matrix / root)
+        left = values - matrix @ (inverse @ (values / root[:, 0]))
+        spread = max(0.0, float(left @ left) / free - float(np.mean(own**2)))
+    root = np.sqrt(own**2 + spread)[:, None] + 1e-300
+    inverse = np.linalg.pinv(matrix / root)
+    return float(inverse[0] @ (values / root[:, 0])), float(np.sqrt(inverse[0] @ inverse[0]))
