@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import optimistix as optx
 import pytest
 from command import (
     STEPS,
@@ -193,6 +194,37 @@ def test_below_the_critical_stiffness_is_said() -> None:
     assert len(said) == 1 and said[0].startswith("jaxfric: warning: ")
     assert "below the critical" in said[0]
     assert any("stick-slip regime" in warning for warning in strict_json(out)["warnings"])
+
+
+def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypatch) -> None:
+    from jaxfric.fitting import assemble
+
+    def ended_early(record, steps, sign, problem, solution, noise, **options):
+        early = solution._replace(result=optx.RESULTS.nonlinear_max_steps_reached)
+        return assemble.assemble(record, steps, sign, problem, early, noise, **options)
+
+    monkeypatch.setattr(sys.modules["jaxfric.fitting.fit"], "assemble", ended_early)
+    code, out, err = run("fit", "run.csv", *STIFFNESS, *STEPS)
+    assert code == 1
+    assert err.splitlines()[-1].startswith("jaxfric: error: the fit did not converge (still moving")
+    assert "stable" not in out and "critical" not in out and out.count("undetermined") == 4
+    content = strict_json(Path("run-fit/fit.json").read_text())
+    assert content["converged"] is False and content["critical_stiffness"] is None
+    of = ("--from", "run-fit/fit.json", "--normal-force", "5 N", "--velocity", "1 um/s")
+    written(
+        Path("s.toml"),
+        'compute = ["margins"]\n[rig]\nfrom = "run-fit/fit.json"\nnormal_force = "5 N"\n[axes]\n',
+    )
+    with Path("s.toml").open("a") as study:
+        study.write('k_p = { values = ["1 N/m", "2 N/m"] }\n')
+    for command in (
+        ("gains", *of, "--mass", "1"),
+        ("stability", *of),
+        ("simulate", *of, "--kp", "1 kN/m"),
+        ("protocol", "1,10,1 um/s", "--slip-per-step", "100um", "--from", "run-fit/fit.json"),
+        ("study", "s.toml", "--out", "s.zarr"),
+    ):
+        assert_refused(run(*command), "run-fit/fit.json: this fit did not converge (still moving")
 
 
 @pytest.mark.parametrize("out", ["run.csv", "run.csv/below", "n" * 300])

@@ -8,13 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from generator import random_record
+from generator import _integrate, random_record
 from public_data import public_record
 
 import jaxfric
 from jaxfric import InputError, VelocitySteps
 from jaxfric.fitting.fit import prepare
 from jaxfric.fitting.problem import Model, residual_and_jacobian, to_free
+from jaxfric.fitting.start import one_state_starts
 from jaxfric.fitting.uncertainty import QUANTILE
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -142,6 +143,31 @@ def test_starts_reach_the_optimum_at_the_stability_edge():
     assert fit.converged
     assert fit.sum_of_squares < truth
     assert any("edge" in text for text in fit.warnings)
+
+
+HOLDS = {
+    "step and hold": [1.0, 10.0, 0.0, 10.0003, 1.0],  # found velocities are never quite the same
+    "slide-hold-slide": [10.0, 0.0, 9.9998, 0.0, 10.0],
+}
+
+
+@pytest.mark.parametrize("law", ["slip", "ageing"])
+@pytest.mark.parametrize("velocities", HOLDS.values(), ids=HOLDS)
+def test_starts_come_from_records_with_holds(velocities, law):
+    """A and L of the best start within a factor 2 of the truth; B - A within half a step of the
+    grid, which is 0.6 of the largest jump."""
+    A, B, L, V0 = 0.01, 0.014, 20e-6, velocities[0] * 1e-6
+    starts = np.array([0.0, 40.0, 70.0, 100.0, 130.0])
+    t = np.arange(0.0, 190.0, 0.1)
+    r = np.array(velocities) / velocities[0]
+    motion = _integrate(law, B / A, 5e3 * L / A, starts * V0 / L, r, t * V0 / L)
+    assert motion is not None
+    noise = 3e-4 * np.random.default_rng(0).standard_normal(len(t))
+    friction = 0.6 + A * (motion[0] + motion[1]) + noise
+    steps = VelocitySteps(starts, 1e-6 * np.array(velocities))
+    best = one_state_starts(t, friction, steps, V0=V0, stiffness=5e3, model=Model(law))[0]
+    assert 0.5 < best[1] / A < 2 and 0.5 < best[3] / L < 2
+    assert abs(best[2] - best[1] - (B - A)) < 0.5 * A
 
 
 def test_a_given_start_far_off_survives():

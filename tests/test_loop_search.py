@@ -279,14 +279,20 @@ def test_constant_friction_is_refused():
     assert "friction" in refused(still, up)
 
 
-@pytest.mark.parametrize("after", [-10 * UM, 0.0])
-def test_a_load_point_that_stops_or_turns_is_refused(after):
-    """Checked on a fit that is made up: a fit through a reversal is slow."""
-    steps = jf.VelocitySteps(60.0 * np.arange(3), np.asarray([UM, after, 10 * UM]))
-    base: Any = SimpleNamespace(converged=True, steps=steps)
-    with pytest.raises(jf.InputError, match=r"stops or moves backwards.*--steps"):
-        _check(plain([UM, 10 * UM]), base)
-    base = SimpleNamespace(converged=False, steps=steps, result="no luck")
+@pytest.mark.parametrize(("after", "what"), [(-10 * UM, "moves backwards"), (0.0, "stops")])
+def test_a_load_point_that_stops_or_turns_is_refused_before_anything_is_fitted(
+    after, what, monkeypatch
+):
+    def fit(*arguments, **options):
+        raise AssertionError("fitted first")
+
+    monkeypatch.setattr("jaxfric.loop.loop.fit", fit)
+    text = refused(plain([UM, 10 * UM, UM]), [UM, after, 10 * UM])
+    assert f"{what} at 60 s" in text and "--from" in text and "'jaxfric fit' takes holds" in text
+
+
+def test_a_base_fit_that_did_not_converge_is_refused():
+    base: Any = SimpleNamespace(converged=False, result="no luck")
     with pytest.raises(jf.InputError, match=r"did not converge \(no luck\)"):
         _check(plain([UM, 10 * UM]), base)
 

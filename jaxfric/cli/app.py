@@ -54,7 +54,9 @@ def main() -> None:
 def _run(arguments: list[str]) -> int:
     try:
         with _quiet():
-            app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+            code = app(
+                arguments, exit_on_error=False, print_error=False, result_action="return_value"
+            )
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         verb = " ".join(("jaxfric", *(error.command_chain or ())))
@@ -74,7 +76,7 @@ def _run(arguments: list[str]) -> int:
         return _complain(
             f"internal error ({kind}: {error}); please report it. JAXFRIC_DEBUG=1 shows where", 1
         )
-    return 0
+    return code if isinstance(code, int) else 0
 
 
 @contextlib.contextmanager

@@ -52,7 +52,7 @@ def fit(
     json: Annotated[
         bool, Parameter(negative=(), help="Print fit.json on stdout instead of the table.")
     ] = False,
-) -> None:
+) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
     Writes fit.json, fit.png and fit.svg to the output folder, by default ./NAME-fit/.
@@ -96,6 +96,19 @@ def fit(
         _print_fit(result, destination)
     for warning in (*result.warnings, *_misfit(result)):
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    if result.converged:
+        return 0
+    print(f"jaxfric: error: {_not_converged(result)}", file=sys.stderr)
+    return 1
+
+
+def _not_converged(result) -> str:
+    return (
+        f"the fit did not converge ({result.result}): its numbers mean nothing, and no other verb"
+        " takes its fit.json. Look at fit.png: are the steps right ('jaxfric record'), is the"
+        " stiffness? Else cut the record to fewer steps (--from, --to), or state a start, as in"
+        " --start 'A=0.01, B=0.012, L=20 um'"
+    )
 
 
 def _misfit(result) -> list[str]:

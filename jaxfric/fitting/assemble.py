@@ -44,7 +44,8 @@ def assemble(
     predicted = record.friction + sign * misfit
     spread = covariance(problem, solution, noise)
     profiles = progress if profile else None
-    estimates, matrix = _estimates(record, problem, solution, spread, failed, profiles)
+    ended = bool(solution.result == optx.RESULTS.successful) and not failed
+    estimates, matrix = _estimates(record, problem, solution, spread, ended, profiles)
     names = problem.model.names()
     deviations = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     product = np.outer(deviations, deviations)
@@ -74,7 +75,7 @@ def assemble(
         noise=NoiseEstimate(
             float(noise.sigma) * scale, float(noise.share), float(noise.correlation_time)
         ),
-        converged=bool(solution.result == optx.RESULTS.successful) and not failed,
+        converged=ended,
         result="every trial ran away" if failed else result,
         iterations=solution.num_steps,
         weighting="ordinary" if problem.noise is None else "whitened",
@@ -104,18 +105,18 @@ def _estimates(
     problem: Problem,
     solution: Solution,
     spread,
-    failed: bool,
+    ended: bool,
     profiles: Callable[[str], None] | None,
 ):
     """Estimates by name, and the covariance of the free parameters in SI.
 
-    `profiles` is told of every profile; None: there are none.
+    `ended`: the search converged. `profiles` is told of every profile; None: there are none.
     """
     z = np.asarray(solution.z)
     variance = np.diag(spread)
     std = np.sqrt(np.where(variance > 0, variance, np.nan))
     span = float(np.ptp(record.friction))
-    known = [False] * len(std) if failed else determined(problem, std, span)
+    known = determined(problem, std, span) if ended else [False] * len(std)
     p, estimates = len(problem.model.names()), {}
     ends = np.stack([z - QUANTILE * std, z + QUANTILE * std])
     for i, name in enumerate(problem.model.names()):
@@ -165,14 +166,13 @@ def _warn(fit: Fit, moved: list[tuple[int, float]]) -> Fit:
     said = _contradicted(fit.record, fit.steps)
     if not fit.converged:
         said.append(f"the fit did not converge ({fit.result}): do not use its parameters")
+        return dataclasses.replace(fit, warnings=tuple(said))
     open_ = [name for name, estimate in fit.parameters.items() if not estimate.determined]
     if open_:
         verb = "is" if len(open_) == 1 else "are"
         said.append(
             f"{', '.join(open_)} {verb} not determined by this record: other values fit it as well"
         )
-    if not fit.converged:
-        return dataclasses.replace(fit, warnings=tuple(said))
     for k, sigmas in moved:
         said.append(
             f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "

@@ -118,7 +118,7 @@ class Fit:
     def to_json(self) -> dict:
         """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
         origin = self.record.provenance
-        kcr = self.critical_stiffness()
+        kcr = self.critical_stiffness() if self.converged else np.nan
         return {
             "schema": SCHEMA,
             "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},

@@ -32,6 +32,8 @@ from .problem import Model, bucket
 _INTERVALS = 160
 _GRID_A = np.geomspace(0.6, 8.0, 9)  # times the largest jump per unit of ln V
 _GRID_B = np.array([-1.0, -0.4, 0.0, 0.4, 1.0])  # same unit, around what the levels say
+_SAME = 0.05  # change of ln V below which two velocities found are one commanded velocity
+_HOLD = 3.0  # change of ln V for which the reload after a hold counts at least
 _GRID_L = 16
 _GRID_K = 8
 _GRID_PAIRS = 16
@@ -139,18 +141,23 @@ def _grid(data: Averaged, steps: VelocitySteps, stiffness) -> np.ndarray:
     full = data.count > 0
     time, friction = data.time[full], data.friction[full]
     segment = np.searchsorted(times, time, side="right") - 1
-    levels, logs, jump, resolved = [], [], 0.0, np.inf
+    levels, logs, jump, resolved, held = [], [], 0.0, np.inf, False
     for k in range(len(times)):
         here = np.flatnonzero(segment == k)
-        if len(here) == 0 or velocities[k] == 0:
+        if velocities[k] == 0:
+            held = True
+            continue
+        if len(here) == 0:
             continue
         levels.append(np.mean(friction[here[-max(len(here) // 8, 1) :]]))
         logs.append(np.log(abs(velocities[k])))
-        if len(levels) > 1 and logs[-1] != logs[-2]:
-            swing = np.max(np.abs(friction[here] - levels[-2]))
-            jump = max(jump, swing / abs(logs[-1] - logs[-2]))
+        change = abs(logs[-1] - logs[-2]) if len(logs) > 1 else 0.0
+        change = max(change, _HOLD) if held and len(logs) > 1 else change
+        if change > _SAME:
+            jump = max(jump, np.max(np.abs(friction[here] - levels[-2])) / change)
             resolved = min(resolved, abs(velocities[k]) * (data.end[full][here[0]] - times[k]))
-    slope = np.polyfit(logs, levels, 1)[0] if np.ptp(logs) > 0 else 0.0
+        held = False
+    slope = np.polyfit(logs, levels, 1)[0] if np.ptp(logs) > _SAME else 0.0
     jump = max(jump, 1e-4 * np.ptp(friction), 1e-12)
     travel = float(np.sum(np.abs(velocities) * np.diff(np.append(times, data.end[-1]))))
     Ls = np.geomspace(max(0.3 * min(resolved, travel), 1e-5 * travel), travel, _GRID_L)

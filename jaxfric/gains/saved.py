@@ -18,7 +18,7 @@ def read_saved(path: Path, *schemas: str) -> dict:
 
     Raises
     ------
-    InputError : no such file, no JSON, another schema.
+    InputError : no such file, no JSON, another schema, a fit that did not converge.
     """
     verbs = " or ".join(_VERBS[schema] for schema in schemas)
     try:
@@ -37,6 +37,12 @@ def read_saved(path: Path, *schemas: str) -> dict:
         found = f"its schema is '{schema}'" if schema else "it names no schema"
         known = " or ".join(f"'{name}' ({_VERBS[name]})" for name in schemas)
         raise InputError(f"{path}: {found}; a file of schema {known} is needed")
+    if schema == FIT and content.get("converged") is False:
+        raise InputError(
+            f"{path}: this fit did not converge ({content.get('result', 'no reason is given')}), so"
+            " its parameters mean nothing; fit the record again, with other steps, stiffness or"
+            " starting values"
+        )
     return content
 
 

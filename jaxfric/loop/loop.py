@@ -82,6 +82,7 @@ def close_loop(
         raise InputError(f"most is {most}; choose 0 to {_MOST}")
     progress("base fit of the whole record")
     found_steps = steps_of(record, steps)
+    _refuse_stops(record, found_steps)
     base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps)
     _check(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
@@ -158,11 +159,21 @@ def _check(record: Record, base: Fit) -> None:
             f"{path}: the base fit did not converge ({base.result}); nothing"
             " can be said of what it lacks. Check stiffness and steps"
         )
-    if np.any(base.steps.velocities <= 0):
-        raise InputError(
-            f"{path}: the load point stops or moves backwards; the loop takes forward motion"
-            " only. Cut the record with --steps, or to its forward part"
-        )
+
+
+def _refuse_stops(record: Record, steps: VelocitySteps) -> None:
+    """Known from the load point alone, before anything is fitted."""
+    stops = np.flatnonzero(steps.velocities <= 0)
+    if len(stops) == 0:
+        return
+    k = int(stops[0])
+    what = "stops" if steps.velocities[k] == 0 else "moves backwards"
+    moving = f" It moves forwards before that: --to '{steps.times[k]:.4g} s'" if k > 1 else ""
+    raise InputError(
+        f"{record.provenance.path}: the load point {what} at {steps.times[k]:.4g} s; the loop takes"
+        " forward motion without holds ('jaxfric fit' takes holds). Cut the record with --from and"
+        f" --to.{moving}"
+    )
 
 
 def _problem(
