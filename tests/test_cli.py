@@ -252,8 +252,24 @@ def broken_figure(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None
     monkeypatch.setattr("jaxfric.plot.fit.draw_fit", draw)
 
 
-def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_an_interrupt_at_a_figure_keeps_the_numbers(
+    monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
     broken_figure(monkeypatch, KeyboardInterrupt())
+    monkeypatch.setattr(sys, "argv", ["jaxfric", "fit", "run.csv", *STIFFNESS])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 130
+    told = "jaxfric: interrupted at the figure; the numbers are in run-fit/\n"
+    assert capsys.readouterr().err == told
+    assert names("run-fit") == ["fit.json"]
+
+
+def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    def fit(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxfric.fitting.fit", fit)
     monkeypatch.setattr(sys, "argv", ["jaxfric", "fit", "run.csv", *STIFFNESS])
     with pytest.raises(SystemExit) as ended:
         cli.main()
@@ -309,13 +325,25 @@ def test_an_axis_without_memory_has_no_critical_stiffness() -> None:
 
 
 def test_a_full_disk_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
-    broken_figure(monkeypatch, OSError(28, "No space left on device"))
-    assert_refused(run("fit", "run.csv", *STIFFNESS), "No space left", "run-fit")
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("jaxfric.report.output._move", full)
+        assert_refused(run("fit", "run.csv", *STIFFNESS), "No space left", "run-fit")
     assert names(".") == ["run.csv"]
+    broken_figure(monkeypatch, OSError(28, "No space left on device"))
+    code, out, err = run("fit", "run.csv", *STIFFNESS)
+    assert code == 1 and "written: run-fit/fit.json\n" in out and err.count("\n") == 1
+    assert "warning: the figure was not drawn: cannot write" in err and "No space left" in err
+    assert names("run-fit") == ["fit.json"]
 
 
 def test_a_fault_of_the_program_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    broken_figure(monkeypatch, RuntimeError("first\nsecond"))
+    def fit(*arguments, **options):
+        raise RuntimeError("first\nsecond")
+
+    monkeypatch.setattr("jaxfric.fitting.fit", fit)
     code, out, err = run("fit", "run.csv", *STIFFNESS)
     assert code == 1 and out == "" and err.count("\n") == 1
     assert err.startswith("jaxfric: error: internal error (RuntimeError: first second)")

@@ -4,6 +4,7 @@ The loops are made up: hand-written numbers, no fit.
 """
 
 import dataclasses
+import functools
 import io
 import itertools
 import json
@@ -31,7 +32,7 @@ from jaxfric.loop.result import (
     ScreenedEffect,
 )
 from jaxfric.loop.split import NAMES, split
-from jaxfric.plot.loop import FIGURES, draw_loop
+from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
@@ -403,14 +404,14 @@ def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         asked.update(options, rows=len(record))
         return make_loop("no_missing_effect")
 
-    def draw(loop: Loop, folder: Path) -> list[str]:
-        for name in FIGURES:
-            (folder / f"{name}.png").write_bytes(b"")
-            (folder / f"{name}.svg").write_bytes(b"<svg/>")
-        return [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
+    def draw(name: str, loop: Loop, folder: Path) -> list[str]:
+        (folder / f"{name}.png").write_bytes(b"")
+        (folder / f"{name}.svg").write_bytes(b"<svg/>")
+        return [f"{name}.png", f"{name}.svg"]
 
     monkeypatch.setattr("jaxfric.loop.close_loop", close_loop)
-    monkeypatch.setattr("jaxfric.plot.loop.draw_loop", draw)
+    for name in FIGURES:
+        monkeypatch.setitem(DRAWERS, name, functools.partial(draw, name))
     monkeypatch.chdir(tmp_path)
     written(Path("run.csv"), record_text())
     return asked

@@ -52,6 +52,7 @@ def main() -> None:
 
 
 def _run(arguments: list[str]) -> int:
+    """The exit code; a verb returns one that is not 0."""
     try:
         with _quiet():
             code = app(

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from .common import Columns, DropBad, File, Out, Steps, prepare_jax, read_record, told
+from .drawing import Drawing
 
 _MISFIT = 2.0
 
@@ -89,15 +90,21 @@ def fit(
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
         with output_folder(destination) as folder:
             (folder / "fit.json").write_text(content + "\n")
+        drawing = Drawing(destination)
+
+        def draw(folder: Path) -> list[str]:
             draw_fit(result, folder / "fit.png", folder / "fit.svg")
+            return ["fit.png", "fit.svg"]
+
+        drawing("the figure", draw)
     if json:
         print(content)
     else:
-        _print_fit(result, destination)
+        _print_fit(result, destination, drawing.names)
     for warning in (*result.warnings, *_misfit(result)):
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
     if result.converged:
-        return 0
+        return drawing.code or 0
     print(f"jaxfric: error: {_not_converged(result)}", file=sys.stderr)
     return 1
 
@@ -124,7 +131,7 @@ def _misfit(result) -> list[str]:
     ]
 
 
-def _print_fit(result, destination: Path) -> None:
+def _print_fit(result, destination: Path, figures: list[str]) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -139,4 +146,4 @@ def _print_fit(result, destination: Path) -> None:
     console.print(table)
     for line in summary(result):
         console.print(line)
-    console.print(f"written: {destination}/fit.json, fit.png, fit.svg")
+    console.print(f"written: {destination}/{', '.join(['fit.json', *figures])}")

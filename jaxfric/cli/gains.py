@@ -22,6 +22,7 @@ from .common import (
     read_masses,
     told,
 )
+from .drawing import Drawing
 
 
 def gains(
@@ -81,7 +82,7 @@ def gains(
     json: Annotated[
         bool, Parameter(negative=(), help="Print gains.json on stdout instead of the table.")
     ] = False,
-) -> None:
+) -> int | None:
     """Find the smallest PD gains whose stability margins hold over velocities, masses and samples.
 
     Writes gains.json and figures to the output folder, by default ./gains/.
@@ -138,17 +139,19 @@ def gains(
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
         with output_folder(destination) as folder:
             (folder / "gains.json").write_text(content + "\n")
-            figures = draw_gains(result, folder)
-            if map_:
-                figures += _draw_map(result, folder, progress)
+        drawing = Drawing(destination)
+        drawing("gains", lambda folder: draw_gains(result, folder))
+        if map_:
+            drawing("end_map", lambda folder: _draw_map(result, folder, progress))
     if json:
         print(content)
     else:
         for line in describe(result):
             print(line)
-        print(f"written: {destination}/{', '.join(['gains.json', *figures])}")
+        print(f"written: {destination}/{', '.join(['gains.json', *drawing.names])}")
     for warning in result.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    return drawing.code
 
 
 def _draw_map(result, folder: Path, progress: Callable[[str], None]) -> list[str]:

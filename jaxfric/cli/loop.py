@@ -23,6 +23,7 @@ from .common import (
     tell_reading,
     told,
 )
+from .drawing import Drawing
 
 
 def loop(
@@ -106,7 +107,7 @@ def loop(
     json: Annotated[
         bool, Parameter(negative=(), help="Print loop.json on stdout instead of the tables.")
     ] = False,
-) -> None:
+) -> int | None:
     """Name the effect that a fitted model lacks, add it, and report the error before and after.
 
     Fits the base model to a record of velocity steps, tests what it leaves, and tries every
@@ -138,8 +139,7 @@ def loop(
     if rig == "steady":
         from ..records import read_steady
 
-        _steady(read_steady(file, **reading), declared, excluded, destination, json)
-        return
+        return _steady(read_steady(file, **reading), declared, excluded, destination, json)
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
         record: Any
@@ -174,8 +174,10 @@ def loop(
 
             assert stiffness is not None
             result = close_loop(record, stiffness=stiffness, law=law, steps=steps, **search)
-        progress("drawing figures")
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
+        with output_folder(destination) as folder:
+            (folder / "loop.json").write_text(content + "\n", encoding="utf-8")
+        progress("drawing figures")
         given = {
             "--stiffness": stiffness,
             "--rig": None if rig == "slider" else rig,
@@ -190,14 +192,15 @@ def loop(
         command = _command(
             file, given, column or [], {"--flip": flip, "--held": held, "--drop-bad": drop_bad}
         )
-        with output_folder(destination) as folder:
-            names = _write(result, folder, content, command)
+        drawing = Drawing(destination)
+        _draw(result, drawing, command)
     if json:
         print(content)
     else:
-        _print(result, destination, names)
+        _print(result, destination, drawing.names)
     for warning in result.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    return drawing.code
 
 
 def _filtered(record, cutoff: str | None):
@@ -213,25 +216,31 @@ def _filtered(record, cutoff: str | None):
     return usual(interval, parse_quantity(cutoff, "Hz", "--cutoff"))
 
 
-def _write(result, folder: Path, content: str, command: str) -> list[str]:
+def _draw(result, drawing: Drawing, command: str) -> None:
+    """The figures, and the page of those that could be drawn."""
     from importlib.metadata import PackageNotFoundError, version
 
-    from ..plot.loop import draw_loop
-    from ..report.loop_html import FIGURES, page
+    from ..plot.loop import DRAWERS
+    from ..report.loop_html import page
 
     try:
         number = version("jaxfric")
     except PackageNotFoundError:  # run from a source tree
         number = "(not installed)"
-    figures = draw_loop(result, folder)
-    drawings = {name: (folder / f"{name}.svg").read_bytes() for name in FIGURES}
-    html = page(result, drawings, version=number, command=command)
-    (folder / "loop.html").write_text(html, encoding="utf-8")
-    (folder / "loop.json").write_text(content + "\n", encoding="utf-8")
-    return ["loop.html", "loop.json", *figures]
+    for name, draw in DRAWERS.items():
+        drawing(name, lambda folder, draw=draw: draw(result, folder))
+    written = [name for name in DRAWERS if f"{name}.svg" in drawing.names]
+
+    def write(folder: Path) -> list[str]:
+        drawings = {name: (drawing.destination / f"{name}.svg").read_bytes() for name in written}
+        html = page(result, drawings, version=number, command=command)
+        (folder / "loop.html").write_text(html, encoding="utf-8")
+        return ["loop.html"]
+
+    drawing("loop.html", write)
 
 
-def _steady(curve, declared, excluded, destination: Path, as_json: bool) -> None:
+def _steady(curve, declared, excluded, destination: Path, as_json: bool) -> int | None:
     """The loop on a folder of steady speeds."""
     import json as text
 
@@ -246,20 +255,21 @@ def _steady(curve, declared, excluded, destination: Path, as_json: bool) -> None
     result = close_steady_loop(curve, with_=declared, without=excluded)
     content = text.dumps(to_json(result), indent=1, allow_nan=False)
     with output_folder(destination) as target:
-        draw_steady(result, target)
         (target / "steady.json").write_text(content + "\n", encoding="utf-8")
+    drawing = Drawing(destination)
+    drawing("curve", lambda folder: draw_steady(result, folder))
     if as_json:
         print(content)
-        return
+        return drawing.code
     console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
     console.print(f"{result.verdict}: {result.sentence}", markup=False)
     for note in curve.provenance.notes:
         console.print(f"  - {note}", markup=False)
     print_tables(console, tables(result))
     console.print(f"\nGains: {sentence(result)}", markup=False)
-    console.print(
-        f"written: {destination}/steady.json, curve (.png, .svg)", markup=False, soft_wrap=True
-    )
+    written = ", ".join(["steady.json", *drawing.names])
+    console.print(f"written: {destination}/{written}", markup=False, soft_wrap=True)
+    return drawing.code
 
 
 def _command(file: Path, given: dict[str, str | None], columns, flags: dict[str, bool]) -> str:
@@ -301,9 +311,7 @@ def _print(result, destination: Path, names: list[str]) -> None:
     console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
     print_loop(result, console)
     pictures = sorted({Path(name).stem for name in names if name.endswith((".png", ".svg"))})
-    console.print(
-        f"\nwritten: {destination}/loop.html (open it in a browser), loop.json,"
-        f" {', '.join(pictures)} (.png, .svg)",
-        markup=False,
-        soft_wrap=True,
-    )
+    page = "loop.html (open it in a browser)" if "loop.html" in names else ""
+    written = [f"{', '.join(pictures)} (.png, .svg)"] if pictures else []
+    written = ", ".join(filter(None, [page, "loop.json", *written]))
+    console.print(f"\nwritten: {destination}/{written}", markup=False, soft_wrap=True)

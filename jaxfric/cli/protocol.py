@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from .common import EFFECTS, Out, Text, effect_ids, optional_quantity, prepare_jax, told
+from .drawing import Drawing
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
@@ -59,7 +60,7 @@ def protocol(
     json: Annotated[
         bool, Parameter(negative=(), help="Print protocol.json on stdout instead of the tables.")
     ] = False,
-) -> None:
+) -> int | None:
     """Say, before the experiment, which effects it can tell apart, and what would help.
 
     Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/.
@@ -101,14 +102,18 @@ def protocol(
         content = text.dumps(found.to_json(), indent=1, allow_nan=False)
         with output_folder(destination) as folder:
             (folder / "protocol.json").write_text(content + "\n", encoding="utf-8")
-            outlook = found.outlook
-            save_aliasing(outlook.ids, outlook.cosines, folder, what="this plan")
+        drawing, outlook = Drawing(destination), found.outlook
+        drawing(
+            "aliasing",
+            lambda folder: save_aliasing(outlook.ids, outlook.cosines, folder, what="this plan"),
+        )
     if json:
         print(content)
     else:
-        _print(found, destination, typical=from_ is None and parameters is None)
+        _print(found, drawing, typical=from_ is None and parameters is None)
     for warning in found.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    return drawing.code
 
 
 def read_velocities(text: str) -> list[float]:
@@ -222,15 +227,12 @@ def _numbers(table: object, **keys: str) -> dict[str, float]:
     return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
 
 
-def _print(found, destination: Path, *, typical: bool) -> None:
+def _print(found, drawing: Drawing, *, typical: bool) -> None:
     from rich.console import Console
 
     from ..report.protocol_text import print_protocol
 
     console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
     print_protocol(found, console, typical=typical)
-    console.print(
-        f"\nwritten: {destination}/protocol.json, aliasing (.png, .svg)",
-        markup=False,
-        soft_wrap=True,
-    )
+    written = ", ".join(["protocol.json", *drawing.names])
+    console.print(f"\nwritten: {drawing.destination}/{written}", markup=False, soft_wrap=True)

@@ -20,6 +20,7 @@ from .common import (
     read_law,
     told,
 )
+from .drawing import Drawing
 from .stability import read_damping, read_one_mass, read_positive
 
 _MAX_STEPS = 16384
@@ -71,7 +72,7 @@ def simulate(
         ),
     ] = None,
     out: Out = None,
-) -> None:
+) -> int | None:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
 
     Writes trajectory.csv, which 'jaxfric record' and 'jaxfric fit' read, and figures to the
@@ -99,15 +100,18 @@ def simulate(
     with told(quiet=True) as progress:
         run, lines = _run(rig, times, velocities, length, at_rest, jumped, progress)
         progress("drawing figures")
-        from ..plot.cycle import draw_simulation
+        from ..plot.cycle import DRAWERS
 
         heading = [source.text, _machine(k_p, k_v, one_mass), *notes]
         with output_folder(destination) as folder:
             (folder / "trajectory.csv").write_text(_table(run, [*heading, *lines]))
-            figures = draw_simulation(run, folder)
+        drawing = Drawing(destination)
+        for name, draw in DRAWERS.items():
+            drawing(name, lambda folder, draw=draw: draw(run, folder))
     for line in [*heading, *lines]:
         print(line)
-    print(f"written: {destination}/{', '.join(['trajectory.csv', *figures])}")
+    print(f"written: {destination}/{', '.join(['trajectory.csv', *drawing.names])}")
+    return drawing.code
 
 
 def _command(velocity: str | None, steps: str | None) -> tuple[list[float], list[float]]:

@@ -20,6 +20,7 @@ from .common import (
     read_masses,
     told,
 )
+from .drawing import Drawing
 
 
 def stability(
@@ -44,7 +45,7 @@ def stability(
     json: Annotated[
         bool, Parameter(negative=(), help="Print stability.json on stdout instead of the text.")
     ] = False,
-) -> None:
+) -> int | None:
     """Show the linear stability of steady sliding: critical stiffness, damping, poles, margins.
 
     Writes stability.json and figures to the output folder, by default ./stability/.
@@ -73,22 +74,25 @@ def stability(
         found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
         from ..plot.delay import FIGURES as OF_DELAY
         from ..plot.delay import draw_delay
-        from ..plot.stability import FIGURES, draw_stability
+        from ..plot.stability import FIGURES, drawers
         from ..report.stability_text import content, describe
 
         progress("drawing figures (2 of 2)")
         written = text.dumps(content(found, source.text), indent=1, allow_nan=False)
         with output_folder(destination, replaces=(*FIGURES, *OF_DELAY)) as folder:
             (folder / "stability.json").write_text(written + "\n")
-            figures = draw_stability(found, folder)
-            if found.delayed:
-                figures += draw_delay(found, folder)
+        drawing = Drawing(destination)
+        for name, draw in drawers(found).items():
+            drawing(name, lambda folder, draw=draw: draw(found, folder))
+        if found.delayed:
+            drawing("delay_chart", lambda folder: draw_delay(found, folder))
     if json:
         print(written)
-        return
+        return drawing.code
     for line in describe(found, source.text):
         print(line)
-    print(f"written: {destination}/{', '.join(['stability.json', *figures])}")
+    print(f"written: {destination}/{', '.join(['stability.json', *drawing.names])}")
+    return drawing.code
 
 
 def read_one_mass(text: str | None) -> float | None:

@@ -179,6 +179,12 @@ class Loop:
         return self.base_fit.law not in LAWS
 
     @property
+    def length_unit(self) -> str:
+        """The SI unit of lengths: "m", or "rad" of a rotary axis."""
+        rotary = self.record.units.get("load_point_displacement") == "rad"
+        return "rad" if rotary else "m"
+
+    @property
     def base_name(self) -> str:
         """The base model in words."""
         return "Coulomb and viscous friction" if self.is_axis else f"{self.base_fit.law} law"

@@ -1,6 +1,7 @@
 """Figures of a simulated motion: in time, and in the plane of friction and velocity."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -60,11 +61,6 @@ class Motion:
         damping = 0.0 if machine.damping is None else float(machine.damping)
         gains = mass, float(machine.stiffness), damping
         return Motion(rig.friction, *gains, steps[at], time, load, friction, slip, velocity)
-
-
-def draw_simulation(motion: Motion, folder: Path) -> list[str]:
-    """Write the time series and the phase plane; the names written."""
-    return _save_series(motion, folder) + _save_plane(motion, folder)
 
 
 def _save_series(motion: Motion, folder: Path) -> list[str]:
@@ -201,3 +197,10 @@ def _heading(motion: Motion) -> str:
     k_size, k_unit = prefixed(motion.k_p, "N/m")
     text = f"{law_name(motion.law)}, k_p = {k_size * motion.k_p:.4g} {k_unit}, "
     return text + f"k_v = {motion.k_v:g} N s/m, {mass_text(motion.mass)}"
+
+
+DRAWERS: dict[str, Callable[[Motion, Path], list[str]]] = {
+    "motion": _save_series,
+    "phase_plane": _save_plane,
+}
+"""What writes each figure of a simulation to a folder and returns the names written."""

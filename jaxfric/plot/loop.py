@@ -1,7 +1,7 @@
 """Figures of a closed loop: residual before and after, location map, aliasing, candidates."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,6 @@ from ..loop.structure import p_text
 from .label import printable
 from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, plain_log, prefixed, save, tidy
 
-FIGURES: tuple[str, ...] = ("residual", "location", "aliasing", "candidates")
 ALIAS = 0.95
 """Effects whose sensitivities have at least this |cosine| are not told apart."""
 ACCEPT = 10.0
@@ -40,13 +39,8 @@ _ROLE_COLOURS = {
 
 
 def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
-    """Write the four figures of `FIGURES` to `folder` as PNG and SVG; the names written."""
-    target = Path(folder)
-    return [
-        name
-        for draw in (_save_residual, _save_location, _save_aliasing, _save_candidates)
-        for name in draw(loop, target)
-    ]
+    """Write the figures of `DRAWERS` to `folder` as PNG and SVG; the names written."""
+    return [name for draw in DRAWERS.values() for name in draw(loop, Path(folder))]
 
 
 # ---- residual --------------------------------------------------------------------------------
@@ -98,7 +92,7 @@ def _abscissa(loop: Loop) -> tuple[np.ndarray, str, np.ndarray]:
     """Load-point displacement where it always advances, else time; its label; where velocities
     begin."""
     steps, time = loop.base_fit.steps, loop.record.relative_time
-    if np.all(steps.velocities > 0) or np.all(steps.velocities < 0):
+    if not loop.is_axis and (np.all(steps.velocities > 0) or np.all(steps.velocities < 0)):
         along, marks = steps.displacement(time), steps.displacement(steps.times)
         size, unit = prefixed(min(float(np.max(np.abs(along))), 9e-3), "m")
         return size * along, f"load-point displacement since the first row [{unit}]", size * marks
@@ -116,7 +110,8 @@ def _reach(loop: Loop) -> float:
 
 def _velocities(axis: Axes, loop: Loop, along: np.ndarray, marks: np.ndarray) -> None:
     velocities = loop.base_fit.steps.velocities
-    size, unit = prefixed(float(np.sqrt(_slowest(velocities) * np.max(np.abs(velocities)))), "m/s")
+    middle = float(np.sqrt(_slowest(velocities) * np.max(np.abs(velocities))))
+    size, unit = prefixed(middle, f"{loop.length_unit}/s")
     shown = size * velocities
     ends = np.append(marks, along[-1])
     axis.stairs(shown, ends, baseline=None, color=BLACK, lw=1.5)
@@ -248,9 +243,9 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
     x, unit = np.asarray(profile.centres, float), profile.unit
     if profile.variable == "log_velocity" and unit != "m/s":
         x, unit = _velocity_of(x, loop), "m/s"
-    if unit in ("m", "m/s", "s"):
+    if unit in ("m", "m/s", "rad", "rad/s", "s"):
         largest = float(np.max(np.abs(x)))
-        most = np.inf if loop.is_axis else {"m": 9e-3, "m/s": 9e-4, "s": 1.0}[unit]
+        most = np.inf if loop.is_axis else {"m": 9e-3, "m/s": 9e-4}.get(unit, 1.0)
         factor, unit = prefixed(min(largest, most), unit)
         x = factor * x
     if unit == "F":
@@ -453,3 +448,13 @@ def _key(axis: Axes) -> None:
     handles += axis.plot([], [], color=BLACK, lw=0.9, label="error equal to the noise, 1 σ")
     handles += axis.plot([], [], color=GREY, ls=":", label="error of the base")
     axis.legend(handles=handles, loc="upper left", frameon=False, fontsize=9)
+
+
+DRAWERS: dict[str, Callable[[Loop, Path], list[str]]] = {
+    "residual": _save_residual,
+    "location": _save_location,
+    "aliasing": _save_aliasing,
+    "candidates": _save_candidates,
+}
+"""What writes each figure of a loop to a folder and returns the names written."""
+FIGURES: tuple[str, ...] = tuple(DRAWERS)

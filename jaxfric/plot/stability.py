@@ -4,7 +4,7 @@ Also what the figures of this folder share: colours, prefixes of units, writing 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -114,22 +114,23 @@ def legend_below(axis: Axes, *, columns: int = 2) -> None:
 
 
 FIGURES: tuple[str, ...] = ("friction", "gain_map", "velocity", "root_locus")
-"""Names that `draw_stability` writes, some for some laws only."""
+"""Names that `drawers` write, some for some laws only."""
 
 
-def draw_stability(found: Study, folder: Path) -> list[str]:
-    """Write the figures of a study to `folder`; their names. Those of a delay: `plot.delay`."""
-    names = []
+def drawers(found: Study) -> dict[str, Callable[[Study, Path], list[str]]]:
+    """What writes each figure of a study to a folder and returns the names written, by the name
+    of the figure. Those of a delay: `plot.delay`."""
+    maps = {} if found.delayed else {"gain_map": _save_map, "velocity": _save_sweep}
+    return {"friction": _save_friction, **maps, "root_locus": _save_locus}
+
+
+def _save_friction(found: Study, folder: Path) -> list[str]:
     figure = new_figure(7.2, 4.8)
     axis = figure.subplots()
     velocities = np.asarray(found.points.velocity)
     draw_curve(axis, found.law, velocities)
     legend_below(axis, columns=3)
-    names += save(figure, folder, "friction")
-    if not found.delayed:
-        names += _save_map(found, folder)
-        names += _save_sweep(found, folder)
-    return names + _save_locus(found, folder)
+    return save(figure, folder, "friction")
 
 
 def draw_curve(axis: Axes, law: Law, velocities: np.ndarray, *, title: str | None = None) -> None:

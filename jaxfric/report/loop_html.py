@@ -126,7 +126,7 @@ summary { cursor: pointer; color: var(--soft); }
 
 
 def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str) -> str:
-    """The page, with the SVG `figures` of `FIGURES` in it; `command` is what made it."""
+    """The page, with those SVG `figures` of `FIGURES` that there are; `command` made it."""
     error, velocities, parameters, tests, _, *more = tables(loop)
     name = _shown(loop.record.provenance.path)
     parts = [
@@ -258,6 +258,8 @@ def _table(table: Table) -> str:
 
 def _figure(loop: Loop, name: str, figures: Mapping[str, bytes], more: str = "") -> str:
     title, caption = (spoken(loop, text) for text in FIGURES[name])
+    if name not in figures:
+        return f"<h2>{_text(title)}</h2>{more}{_paragraph('This figure was not drawn.', 'note')}"
     data = base64.b64encode(figures[name]).decode("ascii")
     return (
         f"<h2>{_text(title)}</h2>{more}<figure><figcaption>{_text(caption)}</figcaption>"
@@ -275,8 +277,17 @@ def _meaning(loop: Loop) -> str:
     return f"<h2>How to read this</h2><dl>{terms}<dt>Verdicts</dt></dl><ul>{verdicts}</ul>"
 
 
+def _steps(loop: Loop) -> str:
+    """When which velocity begins."""
+    steps = loop.base_fit.steps
+    if loop.length_unit == "m":
+        return steps.text("mm/s" if loop.is_axis else "um/s", 4)
+    both = zip(steps.times, steps.velocities, strict=True)
+    return ", ".join(f"{t:.4g} s: {v:.4g} {loop.length_unit}/s" for t, v in both)
+
+
 def _provenance(loop: Loop, name: str, version: str, command: str) -> str:
-    origin, steps = loop.record.provenance, loop.base_fit.steps
+    origin = loop.record.provenance
     dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
     unit = loop.record.friction_unit
     unit = "coefficient" if unit == "1" else f"force in {unit}"
@@ -286,7 +297,7 @@ def _provenance(loop: Loop, name: str, version: str, command: str) -> str:
         ("rows", f"{len(loop.record)} used of {origin.rows_read} (dropped: {dropped})"),
         ("sampling", str(loop.record.sampling())),
         ("friction", unit),
-        (spoken(loop, "velocity steps"), steps.text("mm/s" if loop.is_axis else "um/s", 4)),
+        (spoken(loop, "velocity steps"), _steps(loop)),
         ("made by", f"jaxfric {version} in {loop.seconds:.1f} s"),
         ("command", command),
     ]
