@@ -85,7 +85,7 @@ def close_axis_loop(
         preparation=preparation,
         held=record.drive is not None if held is None else held,
     )
-    rows = rows_of(prepared, width)
+    rows = rows_of(prepared, width, unit=length_of(record))
     blocks = split(rows.segment, rows.used, rows.velocity, record.provenance.path)
     noise_scale = noise_from_differences(prepared.force[: prepared.rows][rows.used])
     weight = np.zeros(len(prepared.time))
@@ -104,7 +104,9 @@ def close_axis_loop(
     found = search(engine, [z], scales, most=most, progress=progress)
     progress("where the structure sits")
     floor = noise_floor(engine, found.final, rows.path)
-    location = locate(engine, found.base, floor.noise, friction_bumps(engine, rows))
+    location = locate(
+        engine, found.base, floor.noise, friction_bumps(engine, rows, unit=length_of(record))
+    )
     before = _score(engine, found.base, record, rows)
     after = before if found.final is found.base else _score(engine, found.final, record, rows)
     where = where_it_sits(location)
@@ -178,6 +180,11 @@ def _score(engine: Engine, candidate: Candidate, record: AxisRecord, rows: AxisR
         count=int(rows.segment.max()) + 1,
         interval=float(rows.time[1] - rows.time[0]),
     )
+
+
+def length_of(record: AxisRecord) -> str:
+    """The SI unit of its motion: "m" or "rad"."""
+    return "rad" if record.coordinate == "rotary" else "m"
 
 
 def rotary_unit(unit: str) -> str:

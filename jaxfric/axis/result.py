@@ -134,16 +134,21 @@ class AxisDetails:
             (
                 "least k_v",
                 f"{gains.least_damping:.4g} {damping}",
-                _drive(gains.velocity_gain, unit),
+                _drive(gains.velocity_gain, "V" if drive is None else drive.signal, unit),
             ),
             *_stiff_rows(gains, force, unit),
         ]
         if drive is not None and drive.K_d is not None:
             rows.append(
-                ("k_v in force", f"{drive.K_d:.4g} {damping}", _drive(drive.velocity_gain, unit))
+                (
+                    "k_v in force",
+                    f"{drive.K_d:.4g} {damping}",
+                    _drive(drive.velocity_gain, drive.signal, unit),
+                )
             )
         if drive is not None and drive.K_p is not None:
-            own = f"{drive.position_gain:.4g} 1/s times {_drive(drive.velocity_gain, unit)}"
+            damped = _drive(drive.velocity_gain, drive.signal, unit)
+            own = f"{drive.position_gain:.4g} 1/s times {damped}"
             rows.append(("k_p in force", f"{drive.K_p:.4g} {force}/{unit}", own))
         note = (
             "with k_v above the least any k_p > 0 holds the axis at every speed of the record:"
@@ -212,8 +217,8 @@ def _stiff_json(stiff: StiffBasin | None) -> dict | None:
     return {k: v if v is not None and np.isfinite(v) else None for k, v in values.items()}
 
 
-def _drive(gain: float | None, unit: str) -> str:
-    return "" if gain is None else f"{gain:.4g} V s/{unit}"
+def _drive(gain: float | None, signal: str, unit: str) -> str:
+    return "" if gain is None else f"{gain:.4g} {signal} s/{unit}"
 
 
 def _shown(value: float | None, std: float | None) -> str:

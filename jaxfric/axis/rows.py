@@ -13,8 +13,11 @@ _WIDTH_SHARE = 1e-3
 _STUCK = 0.05
 
 
-def rows_of(prepared: Prepared, width: float | None) -> AxisRows:
-    """The decimated rows of a record, which of them count, and their motion segments."""
+def rows_of(prepared: Prepared, width: float | None, *, unit: str = "m") -> AxisRows:
+    """The decimated rows of a record, which of them count, and their motion segments.
+
+    `unit` is that of the position, for messages.
+    """
     n, motion = prepared.rows, prepared.motion
     velocity, position, path = (
         np.asarray(prepared.means(x))[:n] for x in (motion.velocity, motion.position, motion.path)
@@ -24,12 +27,14 @@ def rows_of(prepared: Prepared, width: float | None) -> AxisRows:
         width = max(_WIDTH_IN_NOISE * prepared.velocity_noise, _WIDTH_SHARE * fastest)
     elif not 0 < width < fastest:
         raise InputError(
-            f"width {width:g} m/s: the axis moves at up to {fastest:g} m/s; choose less"
+            f"width {width:g} {unit}/s: the axis moves at up to {fastest:g} {unit}/s; choose less"
         )
     every = prepared.means.every
     samples = np.asarray(motion.velocity).reshape(-1, every)[:n]
     slow = np.min(np.abs(samples), axis=1) < 2 * width
     slow |= np.ptp(np.sign(samples), axis=1) > 0
+    # a quick turn may fall between two rows
+    slow[1:] |= np.sign(samples[1:, 0]) != np.sign(samples[:-1, -1])
     step = float(prepared.time[1] - prepared.time[0])
     return AxisRows(
         time=prepared.time[:n],

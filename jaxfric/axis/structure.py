@@ -35,29 +35,31 @@ def axis_shapes(engine: Engine, z: np.ndarray, missing, scales: RecordScales) ->
     return ShapedColumns(tuple(columns), matrix, np.zeros((0, matrix.shape[1])))
 
 
-def friction_bumps(engine: Engine, rows: AxisRows) -> list[Bumps]:
-    """Hats over position, velocity, time and distance since the reversal."""
+def friction_bumps(engine: Engine, rows: AxisRows, *, unit: str = "m") -> list[Bumps]:
+    """Hats over position, velocity, time and distance since the reversal; `unit` is of lengths."""
     since = rows.path.copy()
     for k in np.unique(rows.segment):
         here = rows.segment == k
         since[here] -= since[here][0]
     train = engine.blocks.train
     found = []
-    for variable, unit, x in (
-        ("position", "m", rows.position),
-        ("velocity", "m/s", rows.velocity),
+    for variable, shown_unit, x in (
+        ("position", unit, rows.position),
+        ("velocity", f"{unit}/s", rows.velocity),
         ("time", "s", rows.time),
-        ("since_reversal", "m", np.sqrt(since)),
+        ("since_reversal", unit, np.sqrt(since)),
     ):
         centres = np.linspace(x[train].min(), x[train].max(), _COARSE)
         hats = np.zeros((len(engine.weight), len(centres)))
         for k in range(len(centres)):
-            hats[: len(x), k] = np.interp(x, centres, np.arange(len(centres)) == k)
+            hat = np.interp(x, centres, np.arange(len(centres)) == k)
+            hats[: len(x), k] = hat / float(engine.problem.noise_scale)
         shown = centres**2 if variable == "since_reversal" else centres
-        found.append(Bumps(variable, unit, shown, hats))
+        found.append(Bumps(variable, shown_unit, shown, hats))
     travel = float(np.ptp(rows.position))
     waves = np.geomspace(travel / 100, travel, _WAVES)
     phase = 2 * np.pi * rows.position[:, None] / waves
     pairs = np.zeros((len(engine.weight), 2 * _WAVES))
     pairs[: len(phase), 0::2], pairs[: len(phase), 1::2] = np.cos(phase), np.sin(phase)
-    return [*found, Bumps("wavelength", "m", waves, pairs)]
+    pairs /= float(engine.problem.noise_scale)
+    return [*found, Bumps("wavelength", unit, waves, pairs)]

@@ -30,7 +30,7 @@ def force_from_signal(
                 f" '{drive_gain}', or map only the signal"
             )
         notes = [f"{role} is not used: there is a motor force" for role in signals]
-        return (Drive(**gains) if gains else None), notes
+        return (Drive(**gains) if gains else None), notes  # pyright: ignore[reportArgumentType]
     by_unit = [role for role in signals if f"/{_SIGNALS[role][1]}" in (drive_gain or "")]
     role = (by_unit or list(signals))[0]
     what, unit = _SIGNALS[role]
@@ -38,7 +38,7 @@ def force_from_signal(
     gains["gain"] = _gain(source, uses[role], what, unit, coordinate, drive_gain)
     values["motor_force"] = gains["gain"] * signals[role]
     note = f"motor force is {gains['gain']:.7g} {force}/{unit} times the {what}"
-    return Drive(**gains), [note]
+    return Drive(**gains, signal=unit), [note]
 
 
 def add_disturbance(
@@ -130,6 +130,7 @@ def controlled(
         gain,
         quantity_of(position_gain, "1/s", "position gain"),
         quantity_of(velocity_gain, f"{unit}*s/{length}", "velocity gain"),
+        unit.replace("*", " "),
     )
 
 

@@ -40,6 +40,8 @@ class Drive:
     gain: float | None = None
     position_gain: float | None = None
     velocity_gain: float | None = None
+    signal: str = "V"
+    """Unit of the control signal: "V", "A", or that of the force where it is commanded itself."""
 
     @property
     def K_p(self) -> float | None:

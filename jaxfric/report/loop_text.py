@@ -159,7 +159,8 @@ def by_velocity(loop: Loop) -> Table:
         if k >= len(loop.before.per_step) or not here.any():
             continue
         blocks = ", ".join(name for name in NAMES if (loop.blocks.of(name) & here).any())
-        shown = format_si(float(velocity), "m/s", f"{length}/s", 4).replace("um", "µm")
+        shown = format_si(float(velocity), f"{loop.length_unit}/s", f"{length}/s", 4)
+        shown = shown.replace("um", "µm")
         both = [s.per_step[k] / loop.sigma for s in (loop.before, loop.after)]
         rows.append((f"{time:.4g} s", shown, blocks, *(_finite(v, "{:.3f}") for v in both)))
     head = ("from", "velocity", "block", "before [σ]", "after [σ]")
@@ -215,7 +216,8 @@ def _meaning(loop: Loop, name: str) -> str:
     """What a parameter is; nothing for one of an effect that is not of the catalogue."""
     if "." not in name:
         try:
-            return (BaseLaw().quantity(name) if loop.is_axis else quantity_of(name)).text
+            text = (BaseLaw().quantity(name) if loop.is_axis else quantity_of(name)).text
+            return "moment of inertia" if (name, loop.length_unit) == ("M", "rad") else text
         except (KeyError, StopIteration):
             return "reference velocity" if name == "V0" else ""
     effect, field = name.split(".", 1)
@@ -323,10 +325,11 @@ def _length(loop: Loop) -> str:
 def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
     """The unit in which a parameter is shown, and what one of it is in SI.
 
-    Lengths and velocities are in the record's `length`, short times in milliseconds.
+    Lengths and velocities are in the record's `length`, angles in rad, short times in
+    milliseconds.
     """
     unit = estimate.unit.replace("*", " ").strip().removeprefix("1 ")
-    size = factor(length, "m", "length")
+    size = 1.0 if length == "rad" else factor(length, "m", "length")
     if unit in ("m", "m/s"):
         shown = length if unit == "m" else f"{length}/s"
     elif unit.endswith("/m"):

@@ -1,0 +1,73 @@
+"""A rotary axis, in rad and N m, through the command; and figures that fail after the work.
+
+The record is a motion in closed form and the torque that it takes, noise added.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import run, written
+
+from jaxfric.axis import AXIS_CATALOGUE
+from jaxfric.plot.loop import DRAWERS
+
+OFFERED = {"cubic", "direction_asymmetry"}
+TRUTH = {"M": 0.05, "F_v": 0.04, "F_c": 0.3, "F_0": 0.02}
+
+
+def rotary_text(rows=900, noise=5e-3, cubic=0.03) -> str:
+    """A joint of 0.05 kg m^2 that moves back and forth: 50 Hz, deg and mN m."""
+    random = np.random.default_rng(5)
+    t = np.arange(rows) / 50
+    w, slow = 2 * np.pi * 0.4, 2 * np.pi * 0.045
+    q = np.sin(w * t) * np.sin(slow * t + 0.5)
+    v = w * np.cos(w * t) * np.sin(slow * t + 0.5) + slow * np.sin(w * t) * np.cos(slow * t + 0.5)
+    a = np.gradient(v, t)
+    torque = 0.05 * a + 0.04 * v + 0.3 * np.sign(v) + 0.02 + cubic * v**3
+    torque += noise * random.standard_normal(rows)
+    lines = ["time [s],position [deg],motor_torque [mN m]"]
+    both = zip(t, np.degrees(q), 1e3 * torque, strict=True)
+    lines += [f"{x:.3f},{y:.6f},{z:.4f}" for x, y, z in both]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def joint(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    written(Path("joint.csv"), rotary_text())
+    without = ",".join(sorted(set(AXIS_CATALOGUE) - OFFERED))
+    return ("loop", "joint.csv", "--rig", "axis", "--without", without)
+
+
+def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
+    """Nothing is in m, N or V s/m; a figure that fails loses only itself, and exits with 1."""
+
+    def broken(loop, folder):
+        (folder / "location.png").write_text("half")
+        raise ValueError("no ink")
+
+    monkeypatch.setitem(DRAWERS, "location", broken)
+    code, out, err = run(*joint)
+    assert code == 1
+    assert err.count("no ink") == 1 and "location was not drawn" in err and "Traceback" not in err
+    names = {p.name for p in Path("joint-loop").iterdir()}
+    kept = {
+        f"{n}.{kind}" for n in ("residual", "aliasing", "candidates") for kind in ("png", "svg")
+    }
+    assert names == {"loop.json", "loop.html", *kept}
+    found = json.loads(Path("joint-loop/loop.json").read_text())
+    assert found["effects"] == ["cubic"]
+    values = found["after"]["parameters"]
+    for name, value in TRUTH.items():
+        assert values[name]["value"] == pytest.approx(value, rel=0.1), name
+    assert values["M"]["unit"] == "kg m^2" and values["cubic.c"]["unit"] == "N m s^3/rad^3"
+    assert {m["unit"] for m in found["location_map"]} == {"rad", "rad/s", "s"}
+    seen = next(m for m in found["location_map"] if m["variable"] == "velocity")
+    assert 0.05 < np.max(np.abs(seen["amplitudes"])) < 0.5  # N m, c v^3 less what the base takes
+    page = Path("joint-loop/loop.html").read_text(encoding="utf-8")
+    assert "was not drawn" in page and "moment of inertia" in page and " rad/s" in page
+    for text in (out, page.split("<h2>How to read this")[0]):
+        for wrong in (" m/s", " N s", "s/m", " mm", "N/m"):
+            assert wrong not in text, wrong
