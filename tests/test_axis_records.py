@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from public_data import public_record
 from scipy.io import savemat
+from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from jaxfric.errors import InputError
@@ -17,7 +18,7 @@ from jaxfric.records.axis_record import AxisRecord, Drive, axis_from_arrays
 from jaxfric.records.public import data_folder
 from jaxfric.records.read_axis import read_axis
 from jaxfric.records.steady import SteadyCurve, read_steady
-from jaxfric.records.steady_mean import effective_samples
+from jaxfric.records.steady_mean import effective_samples, outliers
 from jaxfric.records.steady_run import steady_rows
 
 RPM = np.pi / 30
@@ -657,6 +658,73 @@ def test_a_folder_of_steady_runs(tmp_path: Path) -> None:
     flipped = read_steady(tmp_path, flip=True, rated_torque=RATED)
     np.testing.assert_allclose(flipped.force, -curve.force[::-1] * 9.84e-5, rtol=1e-12)
     np.testing.assert_allclose(flipped.error, curve.error[::-1] * 9.84e-5, rtol=1e-9)
+
+
+def test_cells_typed_over_do_not_move_the_means(tmp_path: Path) -> None:
+    """Three wrong cells: two torques, one speed. Means as without them, and each is told."""
+    steady_folder(tmp_path)
+    clean = read_steady(tmp_path)
+    assert clean.outliers is not None and clean.outliers.sum() == 0
+    for name, row, column, text in (
+        ("10.csv", 40, 2, "9999"),
+        ("n50.csv", 200, 2, "-350.0"),
+        ("200.csv", 7, 1, "2000"),
+    ):
+        path = tmp_path / "steady" / name
+        lines = path.read_text().splitlines()
+        at = len(lines) - 300 + row
+        cells = lines[at].split(";")
+        cells[column] = text
+        path.write_text("\n".join([*lines[:at], ";".join(cells), *lines[at + 1 :]]) + "\n")
+    curve = read_steady(tmp_path)
+    assert curve.outliers is not None
+    assert dict(zip(curve.names, curve.outliers, strict=True)) == {
+        f"steady/{k}.csv": int(k in ("10", "n50", "200"))
+        for k in ("n200", "n50", "n10", "10", "50", "200")
+    }
+    assert np.abs(curve.force - clean.force).max() < 0.2 * clean.error.min()
+    np.testing.assert_allclose(curve.error, clean.error, rtol=0.05)
+    np.testing.assert_allclose(curve.speed, clean.speed, rtol=1e-3)
+    notes = "\n".join(curve.provenance.notes)
+    assert "outliers: 3 of 1800 rows do not belong to the others" in notes
+    assert "1 of steady/10.csv" in notes
+    assert "(row 41: motor_force 9999, the others" in notes
+    assert "(row 8: velocity 209.4, the others" in notes
+
+
+@pytest.mark.parametrize("n", [40, 500])
+def test_what_does_not_belong(n: int) -> None:
+    random = np.random.default_rng(n)
+    tail = np.where(np.arange(n) % 9 == 0, -10.0, -1.0)  # slips of stick-slip
+    for values in (
+        random.normal(5, 1, n),
+        ar1(0.97, n, random),
+        np.round(random.normal(50, 0.3, n)),
+        np.sin(0.3 * np.arange(n)),
+        tail,
+        np.full(n, 2.0),
+    ):
+        assert not outliers(values).any()
+        wrong = np.array(values)
+        places = [3, n // 2, n - 1]
+        wrong[places] += np.array([1, -1, 2]) * (40 * np.std(values) + 50)
+        assert np.flatnonzero(outliers(wrong)).tolist() == places
+    assert not outliers(np.array([1.0, 1, 1, 900])).any()
+
+
+def test_the_mean_that_is_kept_agrees_with_a_robust_one_of_scipy() -> None:
+    """Huber's location by `least_squares`; and its error under correlation, by repetition."""
+    random = np.random.default_rng(4)
+    scores = []
+    for _ in range(60):
+        x = 20 + ar1(0.9, 500, random)
+        x[random.choice(500, 3, replace=False)] = (400, -70, 20000)
+        kept = x[~outliers(x)]
+        error = kept.std(ddof=1) / np.sqrt(effective_samples(kept))
+        scores.append((kept.mean() - 20) / error)
+    huber = least_squares(lambda m: x - m[0], [20.0], loss="huber", f_scale=1.5)
+    assert abs(huber.x[0] - kept.mean()) < 0.3 * error
+    assert 0.7 < np.std(scores) < 1.5 and len(kept) == 497
 
 
 def test_the_same_speed_twice_is_two_runs(tmp_path: Path) -> None:

@@ -5,10 +5,18 @@ from pathlib import Path
 import numpy as np
 
 from ..axis.steady import SteadyLoop
+from ..records.steady import SteadyCurve
 from .label import printable
 from .stability import BLACK, BLUE, GREY, ORANGE, new_figure, save, tidy
 
 _LINE = 400
+
+
+def _with_outliers(curve: SteadyCurve) -> tuple[str, ...]:
+    """Runs of which rows are left out."""
+    if curve.outliers is None:
+        return ()
+    return tuple(name for name, count in zip(curve.names, curve.outliers, strict=True) if count)
 
 
 def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
@@ -20,6 +28,16 @@ def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1.2])
     x, y, error = factor * curve.speed, curve.force / size, curve.error / size
     top.errorbar(x, y, error, fmt="o", color=BLACK, ms=4, capsize=2, label="runs: mean ± its error")
+    for names, label in (
+        (curve.uneven, "moved unevenly: nothing is said of stability there"),
+        (_with_outliers(curve), "rows that do not belong are left out"),
+    ):
+        some = np.isin(curve.names, names)
+        if some.any():
+            marker = "o" if names is curve.uneven else "x"
+            top.plot(
+                x[some], y[some], marker, color=BLACK, mfc="white", ms=7, zorder=5, label=label
+            )
     lines = [
         (loop.base, ORANGE, "base: " + (" + ".join(loop.base.effects) or "Coulomb and viscous"))
     ]

@@ -26,7 +26,8 @@ class SteadyCurve:
 
     - `speed`: mean, signed [m/s or rad/s]; `speed_std`: spread of its samples.
     - `force`: mean; `std`: spread of its samples, in `force_unit` ("N", "N m" or "%").
-    - `samples`: rows used; `effective`: independent samples that they are worth
+    - `samples`: rows used; `outliers`: rows left out because they do not belong to the others of
+      their run (None: not told); `effective`: independent samples that those used are worth
       (`effective_samples` of the force); `error` = std / sqrt(effective), of `force`.
     - `names`: the runs, by their path below the folder; `uneven`: those that moved unevenly, or
       whose speed is recorded too coarsely to tell; `stuck`: slower ones that are left out because
@@ -44,6 +45,7 @@ class SteadyCurve:
     names: tuple[str, ...]
     uneven: tuple[str, ...] = ()
     stuck: tuple[str, ...] = ()
+    outliers: np.ndarray | None = None
     coordinate: str = "linear"
     force_unit: str = "N"
     units: Mapping[str, str] = field(default_factory=dict)
@@ -65,7 +67,8 @@ def read_steady(
 ) -> SteadyCurve:
     """Read a folder of runs at steady speeds, at any depth, as one curve.
 
-    A run is steady where the mean speeds of its ten parts differ from its mean by less than a
+    Cells that do not belong to the others of a run (`outliers`) are left out of its means, and
+    told. A run is steady where the mean speeds of its ten parts differ from its mean by less than a
     tenth (and the noise of such means). Rows of a start-up or a stop, whose speed is not yet or
     no longer that of the middle of the run, are left out. Runs that are not steady, stand still,
     or whose direction is not determined are left out with a note. The speed is that of the
@@ -104,6 +107,7 @@ def read_steady(
         names=tuple(run.name for run in used),
         uneven=tuple(run.name for run in used if run.uneven),
         stuck=_stuck(runs, used),
+        outliers=_frozen([run.outliers for run in used], np.int64),
         coordinate=first.coordinate,
         force_unit=first.force_unit,
         units=first.units,
@@ -171,6 +175,16 @@ def _provenance(
     notes = [f"{len(used)} steady runs of {len(runs)} files, from {', '.join(folders)}"]
     if len(folders) > 1:
         notes.append("runs of several folders are taken as one axis under one load")
+    wild = [run for run in used if run.outliers]
+    if wild:
+        count = sum(run.outliers for run in wild)
+        total = sum(run.samples + run.outliers for run in used)
+        named = ", ".join(f"{run.outliers} of {run.name}" for run in wild)
+        do = "does" if count == 1 else "do"
+        notes.append(
+            f"outliers: {count} of {total} rows {do} not belong to the others of the run, left out:"
+            f" {named}"
+        )
     notes += [f"{run.name} is left out: {run.refused}" for run in runs if run.refused]
     notes += [f"{run.name}: {run.note}" for run in used if run.note]
     common = [note for note in records[used[0].name].provenance.notes if "recorded" not in note]

@@ -1,10 +1,47 @@
-"""Means of correlated samples, and how many independent ones they are worth."""
+"""Means of correlated samples: cells that do not belong to them, and how many independent samples
+they are worth."""
+
+import math
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 _BATCH = 5
 """Rows that are averaged before slow changes are looked for."""
+_FAR = 6.0
+"""Scales from the median beyond which a sample does not belong to the others."""
+_FEWEST = 10
+_FEW = 3
+_SHARE = 0.01
+"""At most this share of the samples, or `_FEW` of them, can be found not to belong."""
+
+
+def outliers(values: ArrayLike) -> np.ndarray:
+    """Which of n samples do not belong to the others: True there [n].
+
+    They lie more than 6 scales from the median. The scale is the smallest one that the distances
+    of all but m = max(3, n/100) samples allow: that of the (n - m)-th distance, of the median
+    distance if that is larger, each divided by what it is of Gaussian noise of scale 1, and at
+    least one step between values that occur (of a coarse recorder; of a constant its size/6). So
+    Gaussian noise, a ripple or stick-slip of which more than m samples are far out lose none; a
+    sample that is kept moves the mean by at most 6 scales/n; more than m wrong cells can stay.
+
+    Nothing is found among fewer than 10 samples. Not tried: what is wrong in many rows.
+    """
+    x = np.asarray(values, np.float64)
+    n = len(x)
+    if n < _FEWEST:
+        return np.zeros(n, bool)
+    middle = float(np.median(x))
+    distance = np.abs(x - middle)
+    order = np.argsort(distance)
+    kept = n - max(_FEW, math.ceil(_SHARE * n))
+    ranks = np.array([kept, n // 2 + 1])
+    gauss = np.array([NormalDist().inv_cdf(0.5 + 0.5 * rank / (n + 1)) for rank in ranks])
+    steps = np.diff(np.unique(x[order[:kept]]))
+    least = float(steps.min()) if len(steps) else abs(middle) / _FAR
+    return distance > _FAR * max(float(np.max(distance[order[ranks - 1]] / gauss)), least)
 
 
 def effective_samples(values: ArrayLike) -> float:

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from .axis_record import AxisRecord
 from .record import MIN_ROWS
-from .steady_mean import effective_samples
+from .steady_mean import effective_samples, outliers
 
 _BATCH = 5
 """Rows that are averaged before a start-up is looked for."""
@@ -36,52 +37,112 @@ class Run:
     note: str = ""
     uneven: bool = False
     """Whether it moved unevenly, or its speed is recorded too coarsely to tell."""
+    outliers: int = 0
+    """Rows that are left out because they do not belong to the others."""
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The rows of a run without those that do not belong to the others."""
+
+    number: np.ndarray
+    """Their places in the record."""
+    time: np.ndarray
+    speed: np.ndarray
+    force: np.ndarray
+    position: np.ndarray | None
+    """None where the speed is not that of the position."""
+
+    def part(self, rows) -> "_Rows":
+        """Some of the rows."""
+        position = None if self.position is None else self.position[rows]
+        channels = (self.number, self.time, self.speed, self.force)
+        return _Rows(*(channel[rows] for channel in channels), position)
 
 
 def steady_run(name: str, record: AxisRecord) -> Run:
     """Means of a run, or why it is none."""
-    speed, from_position = record.velocity, False
-    if record.position is not None and (speed is None or not np.any(speed)):
-        speed, from_position = np.gradient(record.position, record.time), True
-    if speed is None or not np.any(speed):
+    whole = _rows(record)
+    if not np.any(whole.speed):
         return Run(name, refused="the axis stands still")
-    size = float(np.sqrt(np.mean(speed**2)))
-    start, stop = steady_rows(speed)
-    if stop - start < MIN_ROWS:
-        return Run(name, size, refused=_range(speed, record) + ", no steady part of 20 rows")
-    part = speed[start:stop]
-    mean, spread = float(part.mean()), float(part.std(ddof=1))
-    if not _is_steady(part):
-        return Run(name, size, refused=_range(speed, record))
-    if abs(mean) <= 3 * spread / np.sqrt(effective_samples(part)):
-        shown = shown_speed(mean, record)
-        return Run(
-            name, size, refused=f"the direction of its mean speed, {shown}, is not determined"
+    size = float(np.sqrt(np.mean(whole.speed**2)))
+    start, stop = steady_rows(whole.speed)
+    part = whole.part(slice(start, stop))
+    part = part.part(~(outliers(part.speed) | outliers(part.force)))
+    why = _refusal(part.speed, whole.speed, record)
+    if why:
+        return Run(name, size, refused=why)
+    mean = float(part.speed.mean())
+    if part.position is not None:
+        mean = float(np.polyfit(part.time, part.position, 1)[0])
+    cut = len(whole.speed) - (stop - start)
+    first, last = whole.number[[start, stop - 1]]
+    wild = np.setdiff1d(np.arange(first, last + 1), part.number)
+    uneven = _unevenness(part.speed, float(part.speed.mean()), record)
+    notes = [uneven] if uneven else []
+    if cut:
+        notes.insert(
+            0, f"{start} rows of start-up and {cut - start} of stop are left out of {len(record)}"
         )
-    if np.mean(np.sign(part) == -np.sign(mean)) > _BACKWARD:
-        return Run(name, size, refused=_range(speed, record) + ", it turns back again and again")
-    force = record.motor_force[start:stop]
-    if from_position and record.position is not None:
-        time = record.relative_time[start:stop]
-        mean = float(np.polyfit(time, record.position[start:stop], 1)[0])
-    notes = []
-    if stop - start < len(speed):
-        notes.append(
-            f"{start} rows of start-up and {len(speed) - stop} of stop are left out of {len(speed)}"
-        )
-    uneven = _unevenness(part, mean, record)
-    notes += [uneven] if uneven else []
+    if len(wild):
+        notes.insert(0, _told(wild, part, record))
     return Run(
         name,
         speed=mean,
-        speed_std=spread,
-        force=float(force.mean()),
-        std=float(force.std(ddof=1)),
-        samples=len(force),
-        effective=effective_samples(force),
+        speed_std=float(part.speed.std(ddof=1)),
+        force=float(part.force.mean()),
+        std=float(part.force.std(ddof=1)),
+        samples=len(part.force),
+        effective=effective_samples(part.force),
         note="; ".join(notes),
         uneven=bool(uneven),
+        outliers=len(wild),
     )
+
+
+def _rows(record: AxisRecord) -> _Rows:
+    """Time, speed and force; of the position where there is no velocity."""
+    time, speed, position = record.relative_time, record.velocity, None
+    rows = np.arange(len(time))
+    if record.position is not None and (speed is None or not np.any(speed)):
+        # a wrong cell stands out from the two before and after it
+        rows = np.flatnonzero(~outliers(record.position - median_filter(record.position, 5)))
+        position = record.position[rows]
+        speed = np.gradient(position, time[rows])
+    speed = np.zeros(len(rows)) if speed is None else speed
+    found = _Rows(rows, time[rows], speed, record.motor_force[rows], position)
+    return found if position is not None else found.part(~outliers(speed))
+
+
+def _told(wild: np.ndarray, part: _Rows, record: AxisRecord) -> str:
+    """Which rows are left out, and the worst of them."""
+    channels = {"motor_force": (record.motor_force, part.force)}
+    if part.position is None and record.velocity is not None:
+        channels["velocity"] = (record.velocity, part.speed)
+    worst = (0.0, "")
+    for name, (values, kept) in channels.items():
+        middle, spread = float(np.median(kept)), float(np.std(kept)) + 1e-300
+        k = int(wild[np.argmax(np.abs(values[wild] - middle))])
+        text = f"row {k + 1}: {name} {values[k]:.4g}, the others {middle:.4g} ± {spread:.2g}"
+        worst = max(worst, (abs(float(values[k]) - middle) / spread, text))
+    rows = "1 row does" if len(wild) == 1 else f"{len(wild)} rows do"
+    example = worst[1] or f"row {wild[0] + 1}"
+    return f"left out: {rows} not belong to the others ({example})"
+
+
+def _refusal(speed: np.ndarray, whole: np.ndarray, record: AxisRecord) -> str:
+    """Why a part of a run gives no mean; empty where it does."""
+    if len(speed) < MIN_ROWS:
+        return _range(whole, record) + ", no steady part of 20 rows"
+    if not _is_steady(speed):
+        return _range(whole, record)
+    mean, spread = float(speed.mean()), float(speed.std(ddof=1))
+    if abs(mean) <= 3 * spread / np.sqrt(effective_samples(speed)):
+        shown = shown_speed(mean, record)
+        return f"the direction of its mean speed, {shown}, is not determined"
+    if np.mean(np.sign(speed) == -np.sign(mean)) > _BACKWARD:
+        return _range(whole, record) + ", it turns back again and again"
+    return ""
 
 
 def _unevenness(speed: np.ndarray, mean: float, record: AxisRecord) -> str:

@@ -93,6 +93,7 @@ def to_json(loop: SteadyLoop) -> dict:
             "force": curve.force.tolist(),
             "error": curve.error.tolist(),
             "effective_samples": curve.effective.tolist(),
+            "outliers": None if curve.outliers is None else curve.outliers.tolist(),
             "notes": list(curve.provenance.notes),
         },
         "verdict": loop.verdict,
