@@ -360,12 +360,12 @@ def test_refit_recovers_the_plant_of_a_clean_record(soft):
 
 
 def dense_covariance(engine: Engine, noise) -> np.ndarray:
-    """Of the train rows, whose clock counts samples."""
-    at = np.flatnonzero(engine.weight > 0)
-    lags = np.abs(at[:, None] - at).astype(float)
-    share, tau = float(noise.share), float(noise.correlation_time)
-    C = (1 - share) * np.eye(len(at)) + share * np.exp(-lags / tau)
-    return float(noise.sigma) ** 2 * C
+    """Of all rows of the record: white noise, and one that forgets over one of the clocks."""
+    time = np.asarray(engine.problem.time)[: engine.rows]
+    clock = np.stack([time, PROTOCOL.displacement(time), np.arange(len(time))], axis=1)
+    forgotten = np.abs(clock[:, None] - clock) @ (1 / np.asarray(noise.memory))
+    share = float(noise.share)
+    return float(noise.sigma) ** 2 * ((1 - share) * np.eye(len(time)) + share * np.exp(-forgotten))
 
 
 def test_errors_of_parameters_are_those_of_least_squares(soft):
@@ -378,7 +378,9 @@ def test_errors_of_parameters_are_those_of_least_squares(soft):
     rows, train = engine.evaluate(found.z, index), engine.weight > 0
     noise = engine.noise(rows.residual * engine.weight, rows.jacobian * engine.weight[:, None])
     J, E = rows.jacobian[train], rows.extra_jacobian
-    inverse = np.linalg.inv(J.T @ np.linalg.solve(dense_covariance(engine, noise), J) + E.T @ E)
+    on = train[: engine.rows]
+    C = dense_covariance(engine, noise)[np.ix_(on, on)]
+    inverse = np.linalg.inv(J.T @ np.linalg.solve(C, J) + E.T @ E)
     # f0 and B may have either sign and are counted in force scales; A and L by their logarithm
     slopes = np.asarray([A, values["A"].value, A, values["L"].value])
     spread = np.outer(slopes, slopes) * inverse[:4, :4]
@@ -397,10 +399,7 @@ def test_errors_of_parameters_are_those_of_least_squares(soft):
 def dense_bic(engine: Engine, rows, noise, parameters: int) -> tuple[float, float]:
     """Of the train rows and the prediction of the select rows; and the latter alone."""
     blocks, residual = engine.blocks, rows.residual[: engine.rows]
-    share, tau = float(noise.share), float(noise.correlation_time)
-    at = np.arange(engine.rows)
-    lags = np.abs(at[:, None] - at).astype(float)
-    C = float(noise.sigma) ** 2 * ((1 - share) * np.eye(len(at)) + share * np.exp(-lags / tau))
+    C = dense_covariance(engine, noise)
 
     def deviance(on):
         part = C[np.ix_(on, on)]
@@ -424,7 +423,8 @@ def test_bic_is_a_dense_likelihood_and_a_prediction(soft):
         z = start(engine, values)
         rows = engine.evaluate(z, engine.free(()))
         bic, noise = engine.bic(rows, parameters)
-        assert float(noise.correlation_time) <= engine.longest
+        memory = np.asarray(noise.memory)
+        assert np.all((memory <= engine.longest * (1 + 1e-9)) | np.isinf(memory))
         dense, predicted = dense_bic(engine, rows, noise, parameters)
         assert engine._predictive(rows.residual, noise) == pytest.approx(predicted, rel=1e-6)
         found.append((bic, dense))

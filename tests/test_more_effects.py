@@ -13,6 +13,7 @@ from fits.blind.plants import Base, Protocol, Stress
 from fits.blind.plants import simulate as plant
 from jaxfric.effects import CATALOGUE, effect_of, near_null
 from jaxfric.rig import recorded_stress
+from jaxfric.rig.normal_stress import moved_stress
 
 UM = 1e-6
 VELOCITIES = (1 * UM, 10 * UM, 100 * UM, 30 * UM, 100 * UM)
@@ -73,6 +74,16 @@ def test_history_through_a_noisy_gauge():
     assert np.std(np.asarray(found) / true) < 2.5e-5
     padded = jax.vmap(history.padded(900).ratio)(jnp.asarray(TS))
     np.testing.assert_array_equal(padded, found)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_gauge_that_only_makes_noise_has_not_moved(seed):
+    """What smoothing leaves of the noise of a gauge is in one half of its rows, not in both."""
+    rng, t = np.random.default_rng(seed), np.linspace(0.0, 500.0, 3300)
+    noise = 4e-4 * rng.standard_normal(len(t))
+    assert moved_stress(t, 10 * (1 + noise)) < 4e-5
+    wave = 2e-4 * np.sin(t / 40)
+    assert moved_stress(t, 10 * (1 + wave + noise)) == pytest.approx(np.std(wave), rel=0.2)
 
 
 def test_constant_stress_is_one():

@@ -14,6 +14,7 @@ from jaxfric.fitting.noise import (
     _restricted,
     estimate_noise,
     limit_of_share,
+    rms_error,
     sandwich,
     whiten,
 )
@@ -113,7 +114,8 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     residual = rng.normal(size=N) + 3.0 * jacobian[:, 2] / 1e5
     share, tau = (np.array(x) for x in zip(*[p[1:] for p in PARAMETERS], strict=True))
     columns = np.column_stack([residual, jacobian])
-    found, sigma = _restricted(time, np.ones(N), columns, jnp.asarray(share), jnp.asarray(tau))
+    rates = jnp.asarray(1 / tau)[:, None]
+    found, sigma = _restricted(time, np.ones(N), columns, jnp.asarray(share), rates)
     truth = [
         restricted_by_definition(time, residual, jacobian, *p) for p in zip(share, tau, strict=True)
     ]
@@ -140,7 +142,7 @@ def test_the_estimate_is_the_largest_likelihood():
     residual = simulated_noise(rng, time, 1e-3, 0.6, 4.0)
     best = estimate_noise(time, np.ones(150), residual, jacobian)
     here, sigma = restricted_by_definition(
-        time, residual, jacobian, float(best.share), float(best.correlation_time)
+        time, residual, jacobian, float(best.share), float(best.memory[0])
     )
     assert float(best.sigma) == pytest.approx(sigma, rel=1e-6)
     for logit in np.linspace(-5, 5, 7):
@@ -160,7 +162,7 @@ def test_known_noise_is_recovered():
         residual = simulated_noise(rng, time, 1e-3, 0.6, 3.0)
         found = estimate_noise(time, np.ones(1000), residual, design(rng, time))
         odds = found.share / (1 - found.share)
-        records.append(np.log([found.sigma, odds, found.correlation_time]))
+        records.append(np.log([found.sigma, odds, found.memory[0]]))
     mean, spread = np.mean(records, 0), np.std(records, 0, ddof=1)
     assert np.all(spread < [0.1, 0.4, 0.4])
     assert np.all(np.abs(mean - truth) < 3 * spread / np.sqrt(20) + 0.03)
@@ -171,7 +173,7 @@ def test_white_noise_is_found_white():
     time = uneven(rng, 1000)
     residual = 2e-3 * rng.normal(size=1000)
     found = estimate_noise(time, np.ones(1000), residual, design(rng, time))
-    correlated = found.share * np.exp(-0.5 / found.correlation_time)
+    correlated = found.share * np.exp(-0.5 / found.memory[0])
     assert correlated < 0.1 and float(found.sigma) == pytest.approx(2e-3, rel=0.1)
 
 
@@ -189,13 +191,13 @@ def test_rows_of_weight_zero_change_no_estimate():
     found = estimate_noise(at_end, np.append(np.ones(150), np.zeros(30)), rows[:, 0], rows[:, 1:])
     np.testing.assert_allclose(found.sigma, plain.sigma, rtol=1e-6)
     np.testing.assert_allclose(found.share, plain.share, rtol=1e-6)
-    np.testing.assert_allclose(found.correlation_time, plain.correlation_time, rtol=1e-6)
+    np.testing.assert_allclose(found.memory, plain.memory, rtol=1e-6)
 
 
 def _assert_as_likely(found, plain, columns, time):
     values = [
         restricted_by_definition(
-            time, columns[:, 0], columns[:, 1:], float(n.share), float(n.correlation_time)
+            time, columns[:, 0], columns[:, 1:], float(n.share), float(n.memory[0])
         )[0]
         for n in (found, plain)
     ]
@@ -268,7 +270,7 @@ def test_differentiated_noise_is_known_as_such():
     made = white[1:] + 1.5 * np.diff(position)
     column = np.ones((1500, 1))
     found = estimate_noise(time, one, made, column, jnp.asarray(1.0), True)
-    rho = float(found.share) * np.exp(-1 / float(found.correlation_time))
+    rho = float(found.share) * np.exp(-1 / float(found.memory[0]))
     # variance 1 + 2 1.5^2, covariance of neighbours -1.5^2
     assert float(found.sigma) == pytest.approx(np.sqrt(5.5), rel=0.05)
     assert rho == pytest.approx(-2.25 / 5.5, abs=0.06)
@@ -276,3 +278,55 @@ def test_differentiated_noise_is_known_as_such():
     assert abs(np.mean(left[1:] * left[:-1])) < 3 / np.sqrt(1500) + 0.03
     positive = estimate_noise(time, one, made, column, jnp.asarray(1.0))
     assert float(found.log_likelihood) > float(positive.log_likelihood) + 50
+
+
+def clocks(rng, n):
+    """Time, path and number of rows at two velocities a factor of ten apart, sampled unevenly."""
+    time = np.cumsum(rng.uniform(0.5, 1.5, n) * np.where(np.arange(n) // (n // 4) % 2, 0.4, 1.0))
+    fast = np.where(np.arange(n) // (n // 4) % 2, 1e-5, 1e-6)
+    path = np.cumsum(fast * np.diff(time, prepend=0.0))
+    return np.stack([time, path, np.arange(n)], axis=1)
+
+
+def dense(clock, over, sigma, share, memory):
+    lags = np.abs(clock[over][:, None] - clock[over]) / memory
+    return sigma**2 * ((1 - share) * np.eye(len(lags)) + share * np.exp(-lags))
+
+
+@pytest.mark.parametrize(("over", "memory"), [(0, 3.0), (1, 3e-6)])
+def test_noise_over_time_or_over_the_path_is_that_of_a_dense_gaussian(over, memory):
+    """Uneven rows, among them a block that does not count; the other clock forgets nothing."""
+    rng = np.random.default_rng(11)
+    clock = clocks(rng, N)
+    weight = np.ones(N)
+    weight[20:29] = 0
+    on, one = weight > 0, jnp.ones(())
+    C = dense(clock.T, over, 1.0, 0.7, memory)[np.ix_(on, on)]
+    noise = Noise(one, 0.7 * one, jnp.full(3, jnp.inf).at[over].set(memory), one)
+    white = np.asarray(whiten(clock, weight, np.eye(N), noise))[np.ix_(on, on)]
+    inverse = np.linalg.inv(C)
+    np.testing.assert_allclose(white.T @ white, inverse, atol=1e-9 * np.abs(inverse).max())
+    jacobian = rng.normal(size=(N, P)) * weight[:, None]
+    np.testing.assert_allclose(
+        sandwich(clock, jacobian, noise), jacobian[on].T @ C @ jacobian[on], rtol=1e-9
+    )
+    # the variance of a mean square is 2 sum(C^2)/n^2, a rms errs by half as much
+    error = np.sqrt(2 * np.sum(C**2)) / on.sum() / 2
+    assert rms_error(clock, weight, noise) == pytest.approx(error, rel=1e-9)
+
+
+@pytest.mark.parametrize(("over", "memory"), [(0, 3.0), (1, 3e-6)])
+def test_the_memory_of_noise_does_not_change_when_rows_are_thinned(over, memory):
+    """In seconds, or in metres where the noise follows the path; which of them is found."""
+    rng = np.random.default_rng(12)
+    clock = clocks(rng, 2000)
+    s, keep = [rng.normal()], np.exp(-np.diff(clock[:, over]) / memory)
+    for k in keep:
+        s.append(k * s[-1] + np.sqrt(1 - k * k) * rng.normal())
+    residual = 0.9 * np.asarray(s) + 0.3 * rng.normal(size=2000)
+    column = np.ones((2000, 1))
+    even = (np.arange(2000) % 2 == 0).astype(float)
+    for weight in (np.ones(2000), even):
+        found = estimate_noise(clock, weight, residual, column)
+        assert float(found.memory[over]) == pytest.approx(memory, rel=0.3)
+        assert np.all(np.isinf(np.delete(found.memory, over)))

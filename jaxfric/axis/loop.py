@@ -134,7 +134,7 @@ def _engine(problem: AxisProblem, blocks: Blocks, with_: tuple[str, ...] = ()) -
         np.zeros(0, int),
         with_,
         shapes=axis_shapes,
-        longest=_NOISE_ROWS,
+        longest=np.asarray([_NOISE_ROWS * float(problem.time[1] - problem.time[0])]),
         either_sign=True,
     )
 
@@ -178,7 +178,6 @@ def _score(engine: Engine, candidate: Candidate, record: AxisRecord, rows: AxisR
         innovations(engine, candidate, rows.path),
         step=rows.segment,
         count=int(rows.segment.max()) + 1,
-        interval=float(rows.time[1] - rows.time[0]),
     )
 
 

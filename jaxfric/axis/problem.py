@@ -55,7 +55,8 @@ class AxisProblem(eqx.Module):
     friction: Float[Array, " n"]
     """Recorded motor force; the name is that of `jaxfric.fitting.Problem`."""
     weight: Float[Array, " n"]
-    clock: Float[Array, " n"]
+    clock: Float[Array, "n 1"]
+    """What noise may be correlated over: time [s]."""
     motion: Motion
     sampler: AbstractSampler
     interval: Float[Array, ""]
@@ -162,7 +163,7 @@ def make_problem(
         time=jnp.asarray(prepared.time),
         friction=jnp.asarray(prepared.force),
         weight=jnp.asarray(weight),
-        clock=jnp.arange(len(weight), dtype=float),
+        clock=jnp.asarray(prepared.time)[:, None],
         motion=motion,
         sampler=prepared.means,
         interval=jnp.asarray(prepared.interval),

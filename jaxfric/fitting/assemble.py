@@ -73,7 +73,9 @@ def assemble(
         sum_of_squares=float(np.sum(misfit**2)),
         rms=float(np.sqrt(np.mean(misfit**2))),
         noise=NoiseEstimate(
-            float(noise.sigma) * scale, float(noise.share), float(noise.correlation_time)
+            float(noise.sigma) * scale,
+            float(noise.share),
+            *(float(x) for x in noise.memory),
         ),
         converged=ended,
         result="every trial ran away" if failed else result,

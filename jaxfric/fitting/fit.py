@@ -284,4 +284,4 @@ def _evaluate(problem: Problem, solution: Solution) -> Solution:
 
 
 def _noise(problem: Problem, solution: Solution) -> Noise:
-    return estimate_noise(problem.time, problem.weight, *data_part(problem, solution))
+    return estimate_noise(problem.clock, problem.weight, *data_part(problem, solution))

@@ -2,16 +2,23 @@
 
     r = e + s,   var e = sigma^2 (1 - c),   cov s(t), s(t') = sigma^2 c exp(-|t - t'|/tau)
 
+A clock t is what noise forgets over: time (amplifier, servo), the path of the load point
+(roughness, gouge: ten times as fast at ten times the velocity), or the samples of a recorder whose
+filter follows its rate. Clocks of a record are the columns of an array (n, k); a column alone may
+be (n,). The estimate takes the clock of the largest likelihood, of equal ones the first; a record
+may be sampled anew at every velocity, so the number of the row is no stand-in for time.
+
 s is an Ornstein-Uhlenbeck process, so a scalar Kalman filter gives the likelihood at uneven
 sampling in one pass. Nothing in that pass needs c to be positive: with c < 0 neighbouring rows
 differ by more than chance, as where the noise of a position is differentiated. That is a covariance
 while |c| < (1 - a)/(2 a), a = exp(-gap/tau). The likelihood is the restricted one (REML): the
 residual of a fit has lost the directions of its parameters, and without correcting for that a long
-correlation time is under-estimated. sigma is profiled out; (c, tau) are found on a grid that zooms
+correlation time is under-estimated. sigma is profiled out; c and tau are found on a grid that zooms
 in. Source: Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), 2.7 and
 appendix B.
 """
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -23,15 +30,31 @@ _GRID = 6
 _ZOOMS = 3
 _LOGIT_RANGE = 5.0
 _HIDDEN = 1e12  # variance of a row that is to be passed over
+_SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
 
 
 class Noise(NamedTuple):
-    """Standard deviation, share of its square that is correlated, and correlation time [s]."""
+    """Standard deviation, share of its square that is correlated, and over how much of each clock:
+    infinite for the clocks that it does not follow."""
 
     sigma: Float[Array, ""]
     share: Float[Array, ""]
-    correlation_time: Float[Array, ""]
+    memory: Float[Array, " k"]
     log_likelihood: Float[Array, ""]
+
+    @property
+    def rates(self) -> Float[Array, " k"]:
+        """What is forgotten per unit of each clock."""
+        return jnp.atleast_1d(1 / jnp.asarray(self.memory))
+
+
+def forgotten(clock: Float[Array, "n *k"], rates: Float[Array, "*g k"]) -> Float[Array, "n-1 *g"]:
+    """Exponents of what noise forgets from each row to the next, of one or many noise models."""
+    return jnp.abs(jnp.diff(_columns(clock), axis=0)) @ rates.T
+
+
+def _columns(clock):
+    return clock[:, None] if clock.ndim == 1 else clock
 
 
 def _kalman_step(share):
@@ -48,23 +71,26 @@ def _kalman_step(share):
     return step
 
 
-def _filter_inputs(time, weight, columns, share, correlation_time):
-    gaps = jnp.diff(time, append=time[-1:])
-    keeps = jnp.exp(-gaps[:, None] / correlation_time)
+def _filter_inputs(clock, weight, columns, share, rates):
+    keeps = jnp.exp(-forgotten(clock, rates))
+    keeps = jnp.concatenate([keeps, jnp.ones_like(keeps[:1])])
     hidden = jnp.where(weight > 0, 0.0, _HIDDEN)
     start = (jnp.zeros((columns.shape[1], share.shape[0])), share)
     return start, (columns, hidden, keeps)
 
 
 def whiten(
-    time: Float[Array, " n"], weight: Float[Array, " n"], columns: Float[Array, "n m"], noise: Noise
+    clock: Float[Array, "n *k"],
+    weight: Float[Array, " n"],
+    columns: Float[Array, "n m"],
+    noise: Noise,
 ) -> Float[Array, "n m"]:
     """The columns in units of the noise and uncorrelated: W c with W^T W = inverse covariance.
 
     Rows of zero weight are passed over and come out as 0.
     """
-    share, tau = noise.share[None], noise.correlation_time[None]
-    start, rows = _filter_inputs(time, weight, columns, share, tau)
+    share = noise.share[None]
+    start, rows = _filter_inputs(clock, weight, columns, share, noise.rates[None])
     step = _kalman_step(share)
 
     def advance(carry, row):
@@ -80,9 +106,9 @@ def limit_of_share(keep):
     return 0.98 * (1 - keep) / (2 * keep)
 
 
-def _restricted(time, weight, columns, share, correlation_time):
+def _restricted(clock, weight, columns, share, rates):
     """Restricted log-likelihood and sigma of every noise model; column 0 is the residual."""
-    start, rows = _filter_inputs(time, weight, columns, share, correlation_time)
+    start, rows = _filter_inputs(clock, weight, columns, share, rates)
     step = _kalman_step(share)
 
     def advance(carry, row):
@@ -115,39 +141,59 @@ def _restricted(time, weight, columns, share, correlation_time):
 
 @eqx.filter_jit
 def estimate_noise(
-    time: Float[Array, " n"],
+    clock: Float[Array, "n *k"],
     weight: Float[Array, " n"],
     residual: Float[Array, " n"],
     jacobian: Float[Array, "n p"],
-    longest: Float[Array, ""] | None = None,
+    longest: Float[Array, "*k"] | None = None,
     either_sign: bool = False,
 ) -> Noise:
     """Restricted maximum-likelihood noise of a residual with the given Jacobian.
 
-    `correlation_time` is searched from half the median sampling interval to `longest`, by
-    default half the record; with `either_sign` also negative correlation, of even sampling.
+    Its memory is searched from half the median gap of rows to `longest`, by default half the
+    record, in each clock; with `either_sign` also negative correlation, of even sampling.
     """
     columns = jnp.concatenate([residual[:, None], jacobian], axis=1)
-    gaps = jnp.where(weight[1:] > 0, jnp.diff(time), jnp.nan)
-    span = time[-1] - time[0]
-    gap = jnp.nanmedian(gaps)
-    low = jnp.log(0.5 * gap)
-    high = jnp.log(0.5 * span if longest is None else longest)
+    clocks = _columns(clock).T
+    spans = jnp.max(clocks, axis=1) - jnp.min(clocks, axis=1)
+    most = 0.5 * spans if longest is None else jnp.broadcast_to(longest, spans.shape)
+    along = jnp.eye(len(clocks))
+
+    def best_over(which):
+        one, most, span, along = which
+        gap = jnp.nanmedian(jnp.where(weight[1:] > 0, jnp.abs(jnp.diff(one)), jnp.nan))
+        gap = jnp.maximum(gap, _SHORTEST * jnp.maximum(span, 1e-300))  # at rest most of the time
+
+        def likelihood(logit, memory):
+            share = jax.nn.sigmoid(logit)
+            if either_sign:
+                part = jnp.tanh(0.5 * logit)
+                share = jnp.where(part > 0, part, part * limit_of_share(jnp.exp(-gap / memory)))
+            found = _restricted(clock, weight, columns, share, along / memory[:, None])
+            return share, *found
+
+        low = jnp.log(0.5 * gap)
+        return _zoomed(likelihood, low, jnp.maximum(jnp.log(most), low), along)
+
+    found = jax.lax.map(best_over, (clocks, most, spans, along))
+    best = jnp.argmax(found.log_likelihood)
+    return jax.tree.map(lambda x: x[best], found)
+
+
+def _zoomed(likelihood, low, high, along) -> Noise:
+    """The likeliest noise on a grid of shares and logarithms of memory that zooms in."""
     offsets = jnp.linspace(-1.0, 1.0, _GRID)
 
     def zoom(carry, _):
         centre, half = carry
         logit = jnp.clip(centre[0] + half[0] * offsets, -2 * _LOGIT_RANGE, 2 * _LOGIT_RANGE)
-        log_tau = jnp.clip(centre[1] + half[1] * offsets, low, high)
-        logit, log_tau = (g.ravel() for g in jnp.meshgrid(logit, log_tau))
-        share, tau = jax.nn.sigmoid(logit), jnp.exp(log_tau)
-        if either_sign:
-            part = jnp.tanh(0.5 * logit)
-            share = jnp.where(part > 0, part, part * limit_of_share(jnp.exp(-gap / tau)))
-        likelihood, sigma = _restricted(time, weight, columns, share, tau)
-        i = jnp.argmax(jnp.where(jnp.isfinite(likelihood), likelihood, -jnp.inf))
-        best = Noise(sigma[i], share[i], tau[i], likelihood[i])
-        return (jnp.stack([logit[i], log_tau[i]]), half * (2.0 / (_GRID - 1))), best
+        log_memory = jnp.clip(centre[1] + half[1] * offsets, low, high)
+        logit, log_memory = (g.ravel() for g in jnp.meshgrid(logit, log_memory))
+        share, value, sigma = likelihood(logit, jnp.exp(log_memory))
+        i = jnp.argmax(jnp.where(jnp.isfinite(value), value, -jnp.inf))
+        memory = jnp.where(along > 0, jnp.exp(log_memory[i]), jnp.inf)
+        best = Noise(sigma[i], share[i], memory, value[i])
+        return (jnp.stack([logit[i], log_memory[i]]), half * (2.0 / (_GRID - 1))), best
 
     centre = jnp.stack([0.0, 0.5 * (low + high)])
     half = jnp.stack([_LOGIT_RANGE, 0.5 * (high - low)])
@@ -158,10 +204,11 @@ def estimate_noise(
 
 @eqx.filter_jit
 def sandwich(
-    time: Float[Array, " n"], jacobian: Float[Array, "n p"], noise: Noise
+    clock: Float[Array, "n *k"], jacobian: Float[Array, "n p"], noise: Noise
 ) -> Float[Array, "p p"]:
     """J^T Sigma J for the noise covariance Sigma, in one pass."""
-    keep = jnp.exp(-jnp.diff(time, prepend=time[0]) / noise.correlation_time)
+    keep = jnp.exp(-forgotten(clock, noise.rates))
+    keep = jnp.concatenate([jnp.ones(1), keep])
 
     def step(carry, row):
         j, k = row
@@ -173,3 +220,15 @@ def sandwich(
     gram = jacobian.T @ jacobian
     correlated = one_sided + one_sided.T - gram
     return noise.sigma**2 * ((1 - noise.share) * gram + noise.share * correlated)
+
+
+def rms_error(clock: Float[Array, "n *k"], used, noise: Noise) -> float:
+    """Relative standard error of the rms of noise over the `used` rows (a mask or 0 and 1).
+
+    sqrt(sum rho^2/2)/n over all pairs of rows, rho their correlation: correlated rows count
+    for fewer. Squares of rho are those of a noise of share c^2 and half the memory.
+    """
+    used = jnp.asarray(used, float)
+    squared = Noise(jnp.ones(()), noise.share**2, 0.5 * noise.memory, noise.log_likelihood)
+    total = float(sandwich(clock, used[:, None], squared)[0, 0])
+    return math.sqrt(0.5 * total) / max(float(used.sum()), 1.0)

@@ -122,8 +122,8 @@ class Problem(eqx.Module):
     time: Float[Array, " n"]
     friction: Float[Array, " n"]
     weight: Float[Array, " n"]
-    clock: Float[Array, " n"]
-    """What noise is correlated over: time, or the number of the sample."""
+    clock: Float[Array, "n 3"]
+    """What noise may be correlated over: time [s], path of the load point [m], samples."""
     motion: PiecewiseVelocity
     shifted: Int[Array, " k"]
     shift_scale: Float[Array, " k"]
@@ -354,6 +354,8 @@ def make_problem(
     have `time_errors`.
     """
     n = len(time)
+    path = np.cumsum(np.abs(np.diff(steps.displacement(time), prepend=0.0)))
+    clock = np.stack([time, path, np.arange(n)], axis=1)
     shifted = np.zeros(0, int) if shifted is None else np.asarray(shifted, int)
     if len(shifted):  # to a few lengths; the first velocity has no step and no error
         shifted = np.pad(shifted, (0, bucket(len(shifted), 4) - len(shifted)))
@@ -364,7 +366,7 @@ def make_problem(
         time=jnp.asarray(np.pad(time, pad, mode="edge")),
         friction=jnp.asarray(np.pad(friction, pad, mode="edge")),
         weight=jnp.asarray(np.pad(np.ones(n), pad)),
-        clock=jnp.asarray(np.pad(time, pad, mode="edge")),
+        clock=jnp.asarray(np.pad(clock, (pad, (0, 0)), mode="edge")),
         motion=motion.padded(bucket(len(steps), 4)),
         shifted=jnp.asarray(shifted),
         shift_scale=jnp.asarray(errors[shifted], float),
@@ -373,7 +375,7 @@ def make_problem(
         stiffness=jnp.array(stiffness, float),
         noise_scale=jnp.array(noise_scale, float),
         force_scale=jnp.array(force_scale, float),
-        slip_scale=jnp.array(np.sum(np.abs(np.diff(steps.displacement(time)))), float),
+        slip_scale=jnp.array(path[-1] - path[0], float),
         damping=None,
         noise=None,
         channels=(),

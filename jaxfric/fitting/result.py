@@ -1,5 +1,6 @@
 """What a fit returns."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -39,11 +40,31 @@ class Estimate:
 @dataclass(frozen=True)
 class NoiseEstimate:
     """Noise of the residual: standard deviation (unit of friction), the share of its square that is
-    exponentially correlated, and the correlation time [s]."""
+    exponentially correlated, and over which time [s], path of the load point [m] or number of
+    samples; two of the three are infinite."""
 
     sigma: float
     correlated_share: float
     correlation_time: float
+    correlation_length: float = math.inf
+    correlation_samples: float = math.inf
+
+    def memory(self) -> str:
+        """Over what it is correlated: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
+        if math.isfinite(self.correlation_samples):
+            return f"{self.correlation_samples:.2g} rows"
+        if math.isfinite(self.correlation_length):
+            return f"{self.correlation_length * 1e6:.3g} µm of load-point motion"
+        return f"{self.correlation_time:.3g} s"
+
+    def to_json(self) -> dict:
+        """Its numbers, null for what is infinite."""
+        return {
+            "correlated_share": _number(self.correlated_share),
+            "correlation_time": _number(self.correlation_time),
+            "correlation_length": _number(self.correlation_length),
+            "correlation_samples": _number(self.correlation_samples),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +159,7 @@ class Fit:
             "rms": _number(self.rms),
             "noise": {
                 "sigma": _number(self.noise.sigma),
-                "correlated_share": _number(self.noise.correlated_share),
-                "correlation_time": _number(self.noise.correlation_time),
+                **self.noise.to_json(),
             },
             "weighting": self.weighting,
             "converged": self.converged,

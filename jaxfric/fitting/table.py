@@ -105,7 +105,4 @@ def _stability(fit: Fit) -> str:
 def _colour(noise: NoiseEstimate) -> str:
     if noise.correlated_share < 0.05:
         return "white"
-    return (
-        f"{100 * noise.correlated_share:.0f} % of its variance correlated over "
-        f"{noise.correlation_time:.3g} s"
-    )
+    return f"{100 * noise.correlated_share:.0f} % of its variance correlated over {noise.memory()}"

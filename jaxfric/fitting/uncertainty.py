@@ -60,7 +60,7 @@ def covariance(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray
     if problem.noise is not None:
         return inverse
     _, jacobian = data_part(problem, solution)
-    middle = np.array(sandwich(problem.time, jacobian, noise))
+    middle = np.array(sandwich(problem.clock, jacobian, noise))
     p = len(problem.model.names())
     middle[range(p, len(middle)), range(p, len(middle))] += np.asarray(problem.hold) ** 4
     return inverse @ middle @ inverse
@@ -74,7 +74,7 @@ def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
     """
     _, jacobian = data_part(problem, solution)
     inverse = normal_inverse(jacobian)
-    true = inverse @ np.asarray(sandwich(problem.time, jacobian, noise)) @ inverse
+    true = inverse @ np.asarray(sandwich(problem.clock, jacobian, noise)) @ inverse
     p = len(problem.model.names())
     return np.sqrt(np.maximum(np.diag(true)[p:] / np.diag(inverse)[p:], 1.0))
 

@@ -46,12 +46,11 @@ def score_of(
     *,
     step: np.ndarray,
     count: int,
-    interval: float,
 ) -> Score:
     """Errors of a model, in all and for each of `count` velocities or strokes.
 
     `estimated` are its parameters, the names of the free ones, and their covariance; `residual`
-    is nan in rows that do not count, `step` the part of each row, `interval` that of rows [s].
+    is nan in rows that do not count, `step` the part of each row.
     """
     scale, noise = float(engine.problem.noise_scale), candidate.noise
     parameters, free, covariance = estimated
@@ -66,7 +65,7 @@ def score_of(
         noise=NoiseEstimate(
             scale * float(noise.sigma),
             float(noise.share),
-            float(noise.correlation_time) * interval,
+            *(float(x) for x in noise.memory),
         ),
         tests=tests,
     )

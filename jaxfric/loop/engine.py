@@ -5,7 +5,6 @@ exponentially correlated) is estimated with it, never taken from another one: no
 a fit that lacks an effect swallows the effect.
 """
 
-import dataclasses
 from typing import NamedTuple, Protocol
 
 import equinox as eqx
@@ -16,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from ..effects import RecordScales, near_null
 from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.noise import Noise, estimate_noise, whiten
+from ..fitting.noise import Noise, estimate_noise, rms_error, whiten
 from ..fitting.problem import FAILED_MISFIT, Problem
 from .evidence import log_determinant
 from .split import NAMES, Blocks
@@ -102,9 +101,10 @@ class Engine:
     `shifted` are the indices of the problem's shifts of step times that are parameters, `always`
     the ids of effects that belong to the base, `without` of those that are not offered.
 
-    Noise is correlated from sample to sample, over no more than a tenth of the rows of a velocity:
-    what lasts longer is structure, which a slow noise would explain away. `longest` sets another
-    limit, in rows; with `either_sign` neighbouring rows may also be correlated negatively.
+    Noise forgets over no more than a tenth of the mean duration, path or number of rows of a
+    velocity: what lasts longer is structure, which a slow noise would explain away. `longest` sets
+    other limits, for each clock of the problem; with `either_sign` neighbouring rows may also be
+    correlated negatively.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Engine:
         without: tuple[str, ...] = (),
         *,
         shapes: Shapes,
-        longest: float | None = None,
+        longest: np.ndarray | None = None,
         either_sign: bool = False,
     ):
         assert isinstance(problem.model, Superset)
@@ -125,10 +125,11 @@ class Engine:
         self.either_sign = either_sign
         self.offered = tuple(e for e in self.model.effects if e.id not in without)
         self.rows = len(blocks.train)
-        clock = jnp.arange(problem.time.shape[0], dtype=problem.time.dtype)
-        problem = dataclasses.replace(problem, clock=clock)
-        per_step = np.median(np.bincount(blocks.step))
-        self.longest = longest or max(_SHORTEST_LIMIT, _NOISE_SHARE * float(per_step))
+        clock = np.asarray(problem.clock)[: self.rows]
+        shortest = _SHORTEST_LIMIT * np.median(np.diff(clock, axis=0), axis=0)
+        per_velocity = np.ptp(clock, axis=0) / (int(blocks.step.max()) + 1)
+        limit = np.maximum(shortest, _NOISE_SHARE * per_velocity)
+        self.longest = limit if longest is None else longest
         weight = np.zeros(problem.time.shape[0])
         weight[: self.rows] = blocks.train
         self.weight = weight
@@ -136,7 +137,8 @@ class Engine:
         known[: self.rows] += blocks.select
         self.known = known
         self.problem = eqx.tree_at(lambda p: p.weight, problem, jnp.asarray(weight))
-        self.everywhere = problem.whitened(_white())
+        self.white = white_noise(problem.clock.shape[1])
+        self.everywhere = problem.whitened(self.white)
         self.names = self.model.names()
         self.base = list(range(len(self.model.base.names())))
         self.shifts = [len(self.names) + int(k) for k in shifted]
@@ -199,7 +201,7 @@ class Engine:
         for weight, sign in ((self.known, 1.0), (self.weight, -1.0)):
             white = self.whiten(residual[:, None], noise, weight)
             size = jnp.log(noise.sigma**2) * weight.sum() + log_determinant(
-                problem.clock, jnp.asarray(weight), noise.share, noise.correlation_time
+                problem.clock, jnp.asarray(weight), noise.share, noise.rates
             )
             total += sign * float(np.sum(white**2) + size)
         return total
@@ -215,6 +217,12 @@ class Engine:
             white = _whiten(clock, weight, padded_columns(part, size=wide), noise)
             parts.append(np.asarray(white)[:, : part.shape[1]])
         return np.concatenate(parts, axis=1) if parts else np.array(columns)
+
+    def rms_error(self, used: np.ndarray, noise: Noise) -> float:
+        """See `fitting.noise.rms_error`; `used` is a mask of the rows of the record."""
+        padded = np.zeros(self.problem.time.shape[0])
+        padded[: self.rows] = used
+        return rms_error(self.problem.clock, padded, noise)
 
     def refit(self, effects: tuple[str, ...], z: np.ndarray, *, exact: bool = False) -> Candidate:
         """The joint fit of base and effects from the start `z`, all their parameters free.
@@ -253,7 +261,7 @@ class Engine:
     def candidate(self, effects: tuple[str, ...], z: np.ndarray, rows: "Rows") -> Candidate:
         """The scores of a fit."""
         count = len(self.free(effects))
-        bic, found = (np.inf, _white()) if rows.failed else self.bic(rows, count)
+        bic, found = (np.inf, self.white) if rows.failed else self.bic(rows, count)
         whole = rows.residual[: self.rows]
         scale = float(self.problem.noise_scale)
         rms = {
@@ -319,9 +327,10 @@ def _natural(problem: Problem, z: Float[Array, " q"]):
     return problem.from_free(z)
 
 
-def _white() -> Noise:
+def white_noise(clocks: int) -> Noise:
+    """Of sigma 1, for a problem with so many clocks."""
     one = jnp.ones(())
-    return Noise(one, _WHITE * one, one, jnp.zeros(()))
+    return Noise(one, _WHITE * one, jnp.ones(clocks), jnp.zeros(()))
 
 
 def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]:

@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fitting.noise import Noise, limit_of_share, whiten
+from ..fitting.noise import Noise, forgotten, limit_of_share, whiten
 
 _LOGITS = (-9.0, -3.0, -1.0, 0.5, 2.0, 4.0)
 _NEGATIVE = (0.3, 0.65, 0.95)
-_TIMES = 6
+_TIMES = 4
 _AT_ONCE = 8
 _PASSES = 4
 
@@ -85,63 +85,76 @@ def evidence(
     columns: np.ndarray,
     extra: np.ndarray,
     extra_columns: np.ndarray,
-    longest: float,
+    longest: np.ndarray,
     *,
     either_sign: bool = False,
 ) -> Evidence:
     """Products of the residual and some columns (rows of zero weight are passed over).
 
     The extra rows are data of unit variance, uncorrelated with the others. `longest` is the
-    longest correlation of noise, in units of `clock`; with `either_sign` it may be negative.
+    longest memory of noise in each clock; with `either_sign` correlation may be negative.
     """
     n, m = columns.shape
     pad = -(m + 2) % 32
     parts = [residual[:, None], columns, np.zeros((n, pad)), np.ones((n, 1))]
-    gap = np.median(np.diff(np.asarray(clock)[np.asarray(weight) > 0]))
-    low, high = np.log(0.5 * gap), np.log(longest)
-    logits, taus = np.meshgrid(_LOGITS, np.linspace(low, high, _TIMES))
-    keep = (logits.ravel() > _LOGITS[0]) | (taus.ravel() == taus.ravel()[0])
-    share = 1 / (1 + np.exp(-logits.ravel()[keep]))
-    tau = np.exp(taus.ravel()[keep])
-    if either_sign:
-        times = np.tile(np.exp(taus[:, 0]), len(_NEGATIVE))
-        parts_of_limit = np.repeat(_NEGATIVE, _TIMES)
-        share = np.append(share, -parts_of_limit * limit_of_share(np.exp(-gap / times)))
-        tau = np.append(tau, times)
     all_columns = jnp.asarray(np.concatenate(parts, axis=1))
-    products, log_det = _products(clock, weight, all_columns, jnp.asarray(share), jnp.asarray(tau))
+    share, rates = _grid(np.asarray(clock)[np.asarray(weight) > 0], longest, either_sign)
+    products, log_det = _products(clock, weight, all_columns, share, rates)
     products = np.array(products)
     more = np.concatenate([extra[:, None], extra_columns], axis=1)
     extra_products = np.zeros(products.shape[1:])
     extra_products[: m + 1, : m + 1] = more.T @ more
-    one = jnp.ones(())
-    noises = tuple(
-        Noise(one, jnp.asarray(s), jnp.asarray(t), one) for s, t in zip(share, tau, strict=True)
-    )
+    noises = tuple(_noise(s, r) for s, r in zip(share, rates, strict=True))
     rows = float(np.sum(np.asarray(weight) > 0))
     return Evidence(products, np.asarray(log_det), noises, rows, extra_products)
 
 
+def _grid(clock: np.ndarray, longest, either_sign: bool) -> tuple[Array, Array]:
+    """Shares (g,) and rates (g, k) of the noises that are tried: one white, then over every clock
+    some memories of as many shares."""
+    clocks = clock.reshape(len(clock), -1).T
+    shares, rates = [[_share(_LOGITS[0])]], [np.eye(len(clocks))[:1]]
+    for along, one, most in zip(np.eye(len(clocks)), clocks, np.ravel(longest), strict=True):
+        gap = np.median(np.diff(one))
+        if not gap > 0:  # at rest most of the time
+            continue
+        memories = np.geomspace(0.5 * gap, max(most, 0.5 * gap), _TIMES)
+        own = np.repeat(_share(np.asarray(_LOGITS[1:])), _TIMES)
+        if either_sign:
+            limits = limit_of_share(np.exp(-gap / memories))
+            own = np.append(own, -np.outer(_NEGATIVE, limits).ravel())
+        shares.append(own)
+        rates.append(along / np.resize(memories, len(own))[:, None])
+    return jnp.asarray(np.concatenate(shares)), jnp.asarray(np.concatenate(rates))
+
+
+def _share(logit):
+    return 1 / (1 + np.exp(-logit))
+
+
+def _noise(share: Array, rates: Array) -> Noise:
+    """Of sigma 1."""
+    one = jnp.ones_like(share)
+    return Noise(one, share, 1 / rates, one)
+
+
 @eqx.filter_jit
 def _products(
-    time: Float[Array, " n"],
+    clock: Float[Array, "n *k"],
     weight: Float[Array, " n"],
     columns: Float[Array, "n m"],
     share: Float[Array, " g"],
-    tau: Float[Array, " g"],
+    rates: Float[Array, "g k"],
 ):
-    one, zero = jnp.ones(()), jnp.zeros(())
-
     def under(noise):
-        share, tau = noise
-        white = whiten(time, weight, columns, Noise(one, share, tau, zero))
-        return white.T @ white, log_determinant(time, weight, share, tau)
+        white = whiten(clock, weight, columns, _noise(*noise))
+        return white.T @ white, log_determinant(clock, weight, *noise)
 
-    return jax.lax.map(under, (share, tau), batch_size=_AT_ONCE)
+    return jax.lax.map(under, (share, rates), batch_size=_AT_ONCE)
 
 
 @eqx.filter_jit
-def log_determinant(time, weight, share, tau):
+def log_determinant(clock, weight, share, rates):
     """Of the noise covariance of the rows with weight, at sigma = 1."""
 
     def step(carry, row):
@@ -153,6 +166,6 @@ def log_determinant(time, weight, share, tau):
         squared = keep * keep
         return (squared * after + share * (1 - squared), total), None
 
-    keeps = jnp.exp(-jnp.diff(time, append=time[-1:]) / tau)
+    keeps = jnp.append(jnp.exp(-forgotten(clock, rates)), 1.0)
     (_, total), _ = jax.lax.scan(step, (share, jnp.zeros_like(share)), (keeps, weight > 0))
     return total

@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..fitting.fit import prepare, steps_of
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
 from ..records import Record, VelocitySteps
-from ..rig.normal_stress import NormalStress, recorded_stress
+from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from .assemble import declared, loop_of, refuse_both, score_of, where_it_sits
 from .engine import Candidate, Engine
 from .estimates import estimates
@@ -145,11 +144,12 @@ def _stress(record: Record) -> NormalStress | None:
     """The recorded normal stress, where friction is a coefficient and feels its changes."""
     if record.normal_stress is None or record.friction_unit != "1":
         return None
+    moved = moved_stress(record.relative_time, record.normal_stress)
+    moved *= float(np.mean(np.abs(record.friction)))
+    if not moved > _STRESS_FELT * noise_from_differences(record.friction):
+        return None
     stress = recorded_stress(record.relative_time, record.normal_stress)
-    stress = stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled
-    ratio = np.asarray(jax.vmap(stress.ratio)(jnp.asarray(record.relative_time)))
-    moved = np.std(ratio) * float(np.mean(np.abs(record.friction)))
-    return stress if moved > _STRESS_FELT * noise_from_differences(record.friction) else None
+    return stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled
 
 
 def _check(record: Record, base: Fit) -> None:
@@ -261,7 +261,6 @@ def _score(engine: Engine, candidate: Candidate, record: Record, base: Fit, test
         tests,
         step=engine.blocks.step,
         count=len(base.steps),
-        interval=float(np.median(np.diff(record.relative_time))),
     )
 
 

@@ -19,7 +19,6 @@ import numpy as np
 
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, parameters
 from ..errors import InputError
-from ..fitting.noise import Noise
 from ..fitting.problem import (
     FAILED_MISFIT,
     LAWS,
@@ -386,9 +385,7 @@ def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     natural += [setup.values.get(n, v) for n, v in zip(names, engine.model.nulls(), strict=True)]
     z = np.asarray(to_free(problem, jnp.asarray(natural, float)[None]))[0]
     rows = engine.rows
-    one = jnp.ones(())
-    white = Noise(one, 1e-9 * one, one, jnp.zeros(()))
-    current = Candidate((), z, np.zeros(rows), white, 0.0, {}, True, False)
+    current = Candidate((), z, np.zeros(rows), engine.white, 0.0, {}, True, False)
     seen = sensitivities(engine, current, _scales(setup, variant))
     residual = seen.rows.residual[:rows]
     if np.all(residual == FAILED_MISFIT):

@@ -285,8 +285,7 @@ class Loop:
             "shifts_in_sigma": {k: _number(v) for k, v in self.shifts().items()},
             "noise": {
                 "sigma": _number(self.sigma),
-                "correlated_share": _number(self.after.noise.correlated_share),
-                "correlation_time": _number(self.after.noise.correlation_time),
+                **self.after.noise.to_json(),
             },
             "tests": {
                 name: {"before": _number(p), "after": _number(self.after.tests[name])}

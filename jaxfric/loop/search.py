@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..effects import RecordScales
-from ..fitting.noise import Noise
 from .engine import Candidate, Engine
 from .screen import Screened, aliases, screen
 
@@ -110,10 +109,8 @@ def _refits(engine, current: Candidate, found, tried, progress) -> Candidate | N
         progress("refitting with " + ", ".join(effects))
         candidate = refit_safely(engine, effects, one, current)
         tried.append(candidate)
-        if (
-            acceptable(current, candidate, int(engine.blocks.select.sum()))
-            and one.p_value <= _CHANCE
-        ):
+        chance = engine.rms_error(engine.blocks.select, candidate.noise)
+        if acceptable(current, candidate, chance) and one.p_value <= _CHANCE:
             accepted.append(candidate)
     if not accepted:
         return None
@@ -152,26 +149,19 @@ def refit_safely(
     return candidate
 
 
-def acceptable(current: Candidate, candidate: Candidate, rows: int) -> bool:
+def acceptable(current: Candidate, candidate: Candidate, chance: float) -> bool:
     """Better by more than 10 of BIC, possible, and not worse on the select block than chance.
 
-    That block has `rows` rows: few of them, or correlated ones, may differ much by chance.
+    `chance` is the relative standard error of the rms of noise there: few rows, or correlated
+    ones, may differ much.
     """
-    chance = 1 + 2 * rms_error(rows, candidate.noise)
-    limit = max(_WORSE * current.rms["select"], chance * candidate.rms["train"])
+    limit = max(_WORSE * current.rms["select"], (1 + 2 * chance) * candidate.rms["train"])
     return (
         not candidate.failed
         and candidate.physical
         and current.bic - candidate.bic > ACCEPT
         and candidate.rms["select"] <= limit
     )
-
-
-def rms_error(rows: int, noise: Noise) -> float:
-    """Relative standard error of the rms of noise: correlated rows count for fewer."""
-    share, tau = float(noise.share), float(noise.correlation_time)
-    rho = share * np.exp(-np.arange(1, min(rows, 400)) / tau)
-    return float(np.sqrt((1 + 2 * np.sum(rho**2)) / (2 * rows)))
 
 
 def _without_needless(engine: Engine, current: Candidate, tried: list[Candidate]) -> Candidate:

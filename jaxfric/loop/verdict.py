@@ -10,7 +10,7 @@ from ..fitting.noise import Noise, sandwich
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
 from .screen import orthonormal
-from .search import ACCEPT, ALIAS, Search, rms_error
+from .search import ACCEPT, ALIAS, Search
 from .structure import ASKED, TESTS, p_text, structure
 
 _HELD_OUT = 1.06
@@ -57,7 +57,7 @@ def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
     noise = engine.noise(residual * engine.weight, columns[:, used])
     held = engine.blocks.select | engine.blocks.report
     # sigma comes from the train block and has its error
-    later, train = (rms_error(int(some.sum()), noise) for some in (held, engine.blocks.train))
+    later, train = (engine.rms_error(some, noise) for some in (held, engine.blocks.train))
     # from what is left, and how much of such noise the columns have taken away with them
     smooth = orthonormal(columns[:, used])
     left = residual * engine.weight

@@ -86,18 +86,30 @@ def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
 
 
 def _autocorrelation(axis: Axes, fit: Fit) -> None:
-    lag, value, count = autocorrelation(fit.record.relative_time, fit.residual)
+    """Over what the noise model forgets: time, path of the load point or samples."""
+    clock, label, memory = _clock(fit)
+    lag, value, count = autocorrelation(clock, fit.residual)
     band = 1.96 / np.sqrt(count)
     axis.fill_between(lag, -band, band, color=_BAND, lw=0, label="95 % band of white noise")
     axis.plot(lag, value, "o-", color=_DATA, ms=3, lw=0.8, label="residual")
-    model = fit.noise.correlated_share * np.exp(-lag / fit.noise.correlation_time)
+    model = fit.noise.correlated_share * np.exp(-lag / memory)
     axis.plot(lag, model, color=_FIT, lw=1.2, ls="--", label="noise model")
     axis.axhline(0, color="0.3", lw=0.6)
     axis.set_xscale("log")
     axis.set_ylim(min(-0.3, 1.1 * float(value.min())), 1.02)
-    axis.set_xlabel("lag [s]")
+    axis.set_xlabel(label)
     axis.set_ylabel("autocorrelation")
     axis.legend(loc="upper right", frameon=False, fontsize=8)
+
+
+def _clock(fit: Fit) -> tuple[np.ndarray, str, float]:
+    noise, time = fit.noise, fit.record.relative_time
+    if np.isfinite(noise.correlation_samples):
+        return np.arange(len(time), dtype=float), "lag [rows]", noise.correlation_samples
+    if np.isfinite(noise.correlation_length):
+        path = np.cumsum(np.abs(np.diff(fit.steps.displacement(time), prepend=0.0)))
+        return 1e6 * path, "lag [µm of load-point motion]", 1e6 * noise.correlation_length
+    return time, "lag [s]", noise.correlation_time
 
 
 def autocorrelation(
@@ -105,8 +117,9 @@ def autocorrelation(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Autocorrelation of an unevenly sampled residual in logarithmic bins of lag.
 
-    Returns mean lag [s], correlation and number of pairs of every bin that has pairs. Rows are
-    paired at logarithmically spaced distances up to a quarter of the record.
+    Returns mean lag in the unit of `time` (any clock), correlation and number of pairs of every bin
+    that has pairs. Rows are paired at logarithmically spaced distances up to a quarter of the
+    record.
     """
     centred = residual - residual.mean()
     shifts = np.unique(np.geomspace(1, max(len(time) // 4, 1), 60).astype(int))

@@ -169,7 +169,8 @@ def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray,
 
     An empty group, of mean nan, parts the velocities. Errors [sigma] know that noise is correlated.
     """
-    noise, time = loop.after.noise, loop.record.relative_time
+    noise = loop.after.noise
+    clock, memory = _clock(loop)
     groups: list[np.ndarray] = []
     for step in np.unique(loop.blocks.step):
         rows = np.flatnonzero((loop.blocks.step == step) & np.isfinite(values))
@@ -180,7 +181,7 @@ def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray,
         groups.append(rows[:0])
     mean = np.asarray([values[rows].mean() if len(rows) else np.nan for rows in groups])
     errors = [
-        _error(np.ptp(time[rows]), len(rows), noise.correlated_share, noise.correlation_time)
+        _error(np.ptp(clock[rows]), len(rows), noise.correlated_share, memory)
         if len(rows)
         else np.nan
         for rows in groups
@@ -188,9 +189,19 @@ def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray,
     return groups, mean, np.asarray(errors)
 
 
-def _error(span: float, rows: int, share: float, correlation_time: float) -> float:
-    """Standard error of the mean of `rows` rows over `span` seconds, noise of variance 1."""
-    u = span / correlation_time if correlation_time > 0 else np.inf
+def _clock(loop: Loop) -> tuple[np.ndarray, float]:
+    """What the noise forgets over, at every row, and over how much of it."""
+    noise, time = loop.after.noise, loop.record.relative_time
+    if np.isfinite(noise.correlation_samples):
+        return np.arange(len(time), dtype=float), noise.correlation_samples
+    if np.isfinite(noise.correlation_length):
+        return np.asarray(loop.base_fit.steps.displacement(time)), noise.correlation_length
+    return time, noise.correlation_time
+
+
+def _error(span: float, rows: int, share: float, memory: float) -> float:
+    """Standard error of the mean of `rows` rows over `span` of a clock, noise of variance 1."""
+    u = span / memory if memory > 0 else np.inf
     together = 1.0 if u < 1e-6 else 2 * (u + np.expm1(-u)) / u**2 if np.isfinite(u) else 0.0
     return float(np.sqrt((1 - share) / rows + share * max(together, 1 / rows)))
 

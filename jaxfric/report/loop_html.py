@@ -205,7 +205,7 @@ def _cards(loop: Loop) -> str:
     elif noise.correlation_time <= 1.05 * loop.record.sampling().median:
         colour = "correlated from row to row only"
     else:
-        colour = f"{share:.0f} % correlated over {noise.correlation_time:.2g} s"
+        colour = f"{share:.0f} % correlated over {noise.memory()}"
     before, after = loop.before.rms, loop.after.rms
     cards = [
         (pair(before["report"], after["report"]), "error on the report block, seen only once"),

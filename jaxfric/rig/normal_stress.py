@@ -6,6 +6,7 @@ at the start. What a change of n does to the state of friction is a matter of th
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -93,3 +94,15 @@ def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) 
     c = c / start / unit ** np.arange(3, -1, -1)[:, None]
     at = begin + unit * pieces.x[:-1][inside]
     return NormalStress(jnp.asarray(at), jnp.asarray(c), jnp.asarray([begin, end]))
+
+
+def moved_stress(time: ArrayLike, stress: ArrayLike) -> float:
+    """Standard deviation of a recorded normal stress without the noise of its gauge, as a share.
+
+    What two histories, of every other row each, have in common: smoothing noise leaves some of
+    it, but not the same in both.
+    """
+    t, s = np.asarray(time, float), np.asarray(stress, float)
+    halves = [recorded_stress(t[k::2], s[k::2]) for k in (0, 1)]
+    ratios = [np.asarray(jax.vmap(half.ratio)(jnp.asarray(t))) for half in halves]
+    return float(np.sqrt(max(np.cov(ratios)[0, 1], 0.0)))
