@@ -23,6 +23,7 @@ from command import (
 )
 
 from jaxfric.cli import app as cli
+from jaxfric.cli.folder import NOTES
 from jaxfric.cli.told import told
 
 FILES = ["fit.json", "fit.png", "fit.svg"]
@@ -35,7 +36,7 @@ def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def names(folder: str) -> list[str]:
-    return sorted(path.name for path in Path(folder).iterdir())
+    return sorted(path.name for path in Path(folder).iterdir() if path.name != NOTES)
 
 
 def strict_json(text: str) -> dict:
@@ -160,7 +161,8 @@ def test_json_is_alone_on_stdout_and_a_rerun_replaces() -> None:
     written(Path("run-fit/fit.png"), "old")
     written(Path("run-fit/notes.txt"), "mine")
     code, out, err = run("fit", "run.csv", *STIFFNESS, "--json")
-    assert code == 0 and err == ""
+    assert code == 0
+    assert err == "jaxfric: replaced in run-fit: fit.png, written by an unknown command\n"
     assert strict_json(out) == strict_json(Path("run-fit/fit.json").read_text())
     assert names("run-fit") == [*FILES, "notes.txt"]
     assert Path("run-fit/fit.png").read_bytes().startswith(b"\x89PNG")
@@ -204,7 +206,7 @@ def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypa
         return assemble.assemble(record, steps, sign, problem, early, noise, **options)
 
     monkeypatch.setattr(sys.modules["jaxfric.fitting.fit"], "assemble", ended_early)
-    code, out, err = run("fit", "run.csv", *STIFFNESS, *STEPS)
+    code, out, err = run("fit", "run.csv", *STIFFNESS, *STEPS, "--out", "run-fit")
     assert code == 1
     assert err.splitlines()[-1].startswith("jaxfric: error: the fit did not converge (still moving")
     assert "stable" not in out and "critical" not in out and out.count("undetermined") == 4

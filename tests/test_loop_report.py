@@ -430,15 +430,16 @@ def test_the_verb(closed: dict[str, Any]) -> None:
         "most": 2,
         "rows": 91,
     }
-    assert out.startswith("no_missing_effect: ") and "run-loop/loop.html" in out
+    assert out.startswith("no_missing_effect: ") and "most2/loop.html (open it" in out
     assert "jaxfric: screening 17 effects\n" in err and "jaxfric: warning: K is 1.6" in err
     kinds = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
-    assert sorted(p.name for p in Path("run-loop").iterdir()) == sorted(
+    folder = Path("run-loop-with-slip_trend+gain-without-thermal-most2")
+    assert sorted(p.name for p in folder.iterdir() if p.name[0] != ".") == sorted(
         ["loop.html", "loop.json", *kinds]
     )
     assert (
         "--with slip_trend,gain --without thermal --most 2"
-        in Page(Path("run-loop/loop.html").read_text(encoding="utf-8")).text
+        in Page((folder / "loop.html").read_text(encoding="utf-8")).text
     )
 
 

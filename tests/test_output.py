@@ -30,17 +30,6 @@ def test_files_are_replaced_and_others_stay(tmp_path: Path) -> None:
     assert contents(tmp_path) == {"a": "new", "mine": "kept"}
 
 
-def test_figures_of_an_earlier_run_go(tmp_path: Path) -> None:
-    for name in ("a.png", "a.svg", "b.png", "mine.png"):
-        (tmp_path / name).write_text("old")
-    with output_folder(tmp_path, replaces=("a", "b")) as folder:
-        (folder / "b.png").write_text("new")
-    assert {f.name: f.read_text() for f in tmp_path.iterdir()} == {
-        "b.png": "new",
-        "mine.png": "old",
-    }
-
-
 @pytest.mark.parametrize("kind", [ValueError, KeyboardInterrupt, SystemExit])
 def test_a_failure_leaves_all_as_it_was(tmp_path: Path, kind: type[BaseException]) -> None:
     (tmp_path / "a").write_text("old")

@@ -54,7 +54,7 @@ def test_a_blank_figure_is_noticed() -> None:
         assert_figures(Path(), ["empty"])
 
 
-def report(folder: str = "stability") -> dict:
+def report(folder: str = "slip-stability") -> dict:
     def refuse(word: str):
         raise AssertionError(f"{word} is not JSON")
 
@@ -87,7 +87,7 @@ def test_the_golden_slider() -> None:
     assert list(margins) == ["stiffness", "decay", "damping", "modulus", "gain", "phase", "delay"]
     assert margins["decay"] == pytest.approx(-roots.real.max(), rel=1e-9)
     assert margins["stiffness"] == pytest.approx(3000 / 2014.976023976024, rel=1e-9)
-    assert_figures(Path("stability"), ["friction", "gain_map", "velocity", "root_locus"])
+    assert_figures(Path("slip-stability"), ["friction", "gain_map", "velocity", "root_locus"])
 
 
 @pytest.mark.long
@@ -113,7 +113,7 @@ def test_a_delay_has_no_critical_stiffness() -> None:
     assert code == 0
     for words in ("no critical stiffness", "list (30)", "n = 0", "-beta branch", "0 unstable"):
         assert words in out
-    content = report()
+    content = report("delay-stability")
     assert content["theorem"]["critical_stiffness"] is None
     intervals = content["delay"]["stable_intervals"]
     golden = [(16.703372151, 283.888781436), (626.816131852, 1428.372359707)]
@@ -125,7 +125,7 @@ def test_a_delay_has_no_critical_stiffness() -> None:
         assert 0.5 * np.cos(0.3 * np.asarray(ends["frequencies"])) == pytest.approx(0.2, rel=1e-6)
     assert content["poles"][0] == pytest.approx([-0.374663328, 9.949331], rel=1e-6)
     assert content["delay"]["unstable_roots"] == 0 and content["stable"]
-    assert_figures(Path("stability"), ["friction", "delay_chart", "root_locus"])
+    assert_figures(Path("delay-stability"), ["friction", "delay_chart", "root_locus"])
 
 
 @pytest.mark.long
@@ -134,11 +134,12 @@ def test_laws_without_memory() -> None:
     code, out, _ = run("stability", *GAUSS, "--velocity", "1..200 mm/s", *gains, "--json")
     assert code == 0
     content = json.loads(out)
-    assert content == report()
+    assert content == report("gaussian-stribeck-stability")
     assert content["memoryless"]["critical_velocity"] == pytest.approx(0.03535533905932738)
     assert content["memoryless"]["worst_slope"] == pytest.approx(-33.91055539840)
     assert content["stable"] and content["margins"]["stiffness"]["value"] is None
-    assert_figures(Path("stability"), ["friction", "gain_map", "velocity", "root_locus"])
+    names = ["friction", "gain_map", "velocity", "root_locus"]
+    assert_figures(Path("gaussian-stribeck-stability"), names)
     dahl = ("--law", "dahl", "--parameters", "f_c=2 N, sigma=1e5 N/m", "--velocity", "1 mm/s")
     code, out, _ = run("stability", *dahl, "--kp", "100 N/m", "--kv", "1 N*s/m")
     assert code == 0 and "STABLE" in out and "no reason for stick-slip" in out
@@ -156,7 +157,7 @@ def table(folder: str) -> np.ndarray:
 @pytest.mark.long
 def test_a_simulated_record_is_read_and_fitted() -> None:
     steps = ("--steps", "0 s: 1 mm/s, 4 s: 5 mm/s", "--duration", "8 s")
-    code, out, err = run("simulate", *SLIP, *steps, "--stiffness", "20 kN/m")
+    code, out, err = run("simulate", *SLIP, *steps, "--stiffness", "20 kN/m", "--out", "simulation")
     assert code == 0 and err == "" and "simulated: 8 s of 8 s" in out
     assert_figures(Path("simulation"), ["motion", "phase_plane"])
     _, load, friction, slip, _ = table("simulation")
@@ -203,13 +204,13 @@ def test_ends_are_told_apart() -> None:
 def test_a_delay_grows_at_the_rate_of_its_root() -> None:
     code, out, _ = run("simulate", *DELAY, "--kp", "400 N/m", "--duration", "6 s")
     assert code == 0 and "oscillation" in out
-    time, _, _, _, velocity = table("simulation")
+    time, _, _, _, velocity = table("delay-simulate-duration6s")
     deviation = velocity - 0.5
     inner = (deviation[1:-1] > deviation[:-2]) & (deviation[1:-1] >= deviation[2:])
     peaks = np.flatnonzero(inner & (time[1:-1] > 2)) + 1
     growth = np.polyfit(time[peaks], np.log(deviation[peaks]), 1)[0]
     assert growth == pytest.approx(0.132331407, rel=0.03)
-    assert_figures(Path("simulation"), ["motion", "phase_plane"])
+    assert_figures(Path("delay-simulate-duration6s"), ["motion", "phase_plane"])
 
 
 @pytest.mark.parametrize(
@@ -239,7 +240,7 @@ def test_a_delay_grows_at_the_rate_of_its_root() -> None:
 )
 def test_bad_input_of_stability(arguments: tuple[str, ...], words: list[str]) -> None:
     assert_refused(run("stability", *arguments), *words)
-    assert not Path("stability").exists()
+    assert not list(Path().iterdir())
 
 
 @pytest.mark.parametrize(
@@ -261,7 +262,7 @@ def test_bad_input_of_stability(arguments: tuple[str, ...], words: list[str]) ->
 )
 def test_bad_input_of_simulate(arguments: tuple[str, ...], words: list[str]) -> None:
     assert_refused(run("simulate", *arguments), *words)
-    assert not Path("simulation").exists()
+    assert not list(Path().iterdir())
 
 
 def test_a_folder_that_cannot_be() -> None:

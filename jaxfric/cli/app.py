@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import cyclopts
 
 from ..errors import InputError
+from .call import calling
 from .fit import fit
 from .gains import gains
 from .loop import loop
@@ -55,9 +56,9 @@ def _run(arguments: list[str]) -> int:
     """The exit code; a verb returns one that is not 0."""
     try:
         with _quiet():
-            code = app(
-                arguments, exit_on_error=False, print_error=False, result_action="return_value"
-            )
+            verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
+            with calling(verb, bound, arguments):
+                code = verb(*bound.args, **bound.kwargs)
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         verb = " ".join(("jaxfric", *(error.command_chain or ())))

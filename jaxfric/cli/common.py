@@ -30,7 +30,19 @@ Steps = Annotated[
     str | None,
     Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),
 ]
-Out = Annotated[Path | None, Parameter(help="Output folder.")]
+
+
+def named_path(type_: object, tokens) -> Path:
+    """A path that is written out: an empty one is no name of the current folder."""
+    text = tokens[0].value
+    if not text.strip():
+        raise InputError(
+            f"{tokens[0].keyword or 'a path'} is empty; write . for the current folder"
+        )
+    return Path(text)
+
+
+Out = Annotated[Path | None, Parameter(converter=named_path, help="Output folder.")]
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option that may begin with a minus sign: a negative quantity is then refused as such."""
 

@@ -1,13 +1,12 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
 import sys
-from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from .common import Columns, DropBad, File, Out, Steps, prepare_jax, read_record, told
-from .drawing import Drawing
+from .folder import Folder, choose_folder
 
 _MISFIT = 2.0
 
@@ -56,7 +55,8 @@ def fit(
 ) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
-    Writes fit.json, fit.png and fit.svg to the output folder, by default ./NAME-fit/.
+    Writes fit.json, fit.png and fit.svg to the output folder, by default ./NAME-fit/ with the
+    options that differ from their default: ./NAME-fit-ageing/.
     """
     import json as text
 
@@ -65,12 +65,9 @@ def fit(
     from ..fitting import fit as run
     from ..fitting.start_text import parse_start
     from ..plot.fit import draw_fit
-    from ..report.output import output_folder
 
     starts = None if start is None else parse_start(start, measured.friction_unit)
-    destination = out or Path(f"{file.stem}-fit")
-    with output_folder(destination):
-        pass  # a folder that cannot be written is better known before the fit
+    folder = choose_folder(out, file.stem, file)
     with told(quiet=True) as progress:
         result = run(
             measured,
@@ -88,23 +85,18 @@ def fit(
         )
         progress("drawing the figure")
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-        with output_folder(destination) as folder:
-            (folder / "fit.json").write_text(content + "\n")
-        drawing = Drawing(destination)
-
-        def draw(folder: Path) -> list[str]:
-            draw_fit(result, folder / "fit.png", folder / "fit.svg")
-            return ["fit.png", "fit.svg"]
-
-        drawing("the figure", draw)
+        with folder.results() as to:
+            (to / "fit.json").write_text(content + "\n")
+        folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
     if json:
         print(content)
     else:
-        _print_fit(result, destination, drawing.names)
+        _print_fit(result, folder)
     for warning in (*result.warnings, *_misfit(result)):
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    code = folder.close()
     if result.converged:
-        return drawing.code or 0
+        return code
     print(f"jaxfric: error: {_not_converged(result)}", file=sys.stderr)
     return 1
 
@@ -131,7 +123,7 @@ def _misfit(result) -> list[str]:
     ]
 
 
-def _print_fit(result, destination: Path, figures: list[str]) -> None:
+def _print_fit(result, folder: Folder) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -146,4 +138,4 @@ def _print_fit(result, destination: Path, figures: list[str]) -> None:
     console.print(table)
     for line in summary(result):
         console.print(line)
-    console.print(f"written: {destination}/{', '.join(['fit.json', *figures])}")
+    console.print(f"written: {folder.path}/{', '.join(folder.files)}")

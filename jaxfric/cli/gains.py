@@ -22,7 +22,7 @@ from .common import (
     read_masses,
     told,
 )
-from .drawing import Drawing
+from .folder import choose_law_folder
 
 
 def gains(
@@ -82,10 +82,12 @@ def gains(
     json: Annotated[
         bool, Parameter(negative=(), help="Print gains.json on stdout instead of the table.")
     ] = False,
-) -> int | None:
+) -> int:
     """Find the smallest PD gains whose stability margins hold over velocities, masses and samples.
 
-    Writes gains.json and figures to the output folder, by default ./gains/.
+    Writes gains.json and figures to the output folder, by default
+    ./NAME-gains/ with the options that differ from their default; NAME is the law's, or the
+    folder's of the fit.
     """
     import json as text
 
@@ -106,11 +108,8 @@ def gains(
     from ..gains import check_gains, find_gains
     from ..plot.gains import draw_gains
     from ..report.gains_text import describe
-    from ..report.output import output_folder
 
-    destination = out or Path("gains")
-    with output_folder(destination):
-        pass  # a folder that cannot be written is better known before the search
+    folder = choose_law_folder(out, from_, law)
     with told(quiet=True) as progress:
         result = find_gains(
             source,
@@ -137,21 +136,20 @@ def gains(
             raise InputError("--basin needs the simulations that --no-check leaves out")
         progress("drawing figures (3 of 3)")
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-        with output_folder(destination) as folder:
-            (folder / "gains.json").write_text(content + "\n")
-        drawing = Drawing(destination)
-        drawing("gains", lambda folder: draw_gains(result, folder))
+        with folder.results() as to:
+            (to / "gains.json").write_text(content + "\n")
+        folder.draw("gains", lambda to: draw_gains(result, to))
         if map_:
-            drawing("end_map", lambda folder: _draw_map(result, folder, progress))
+            folder.draw("end_map", lambda to: _draw_map(result, to, progress))
     if json:
         print(content)
     else:
         for line in describe(result):
             print(line)
-        print(f"written: {destination}/{', '.join(['gains.json', *drawing.names])}")
+        print(f"written: {folder.path}/{', '.join(folder.files)}")
     for warning in result.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
-    return drawing.code
+    return folder.close()
 
 
 def _draw_map(result, folder: Path, progress: Callable[[str], None]) -> list[str]:

@@ -23,7 +23,7 @@ from .common import (
     tell_reading,
     told,
 )
-from .drawing import Drawing
+from .folder import Folder, choose_folder
 
 
 def loop(
@@ -107,12 +107,13 @@ def loop(
     json: Annotated[
         bool, Parameter(negative=(), help="Print loop.json on stdout instead of the tables.")
     ] = False,
-) -> int | None:
+) -> int:
     """Name the effect that a fitted model lacks, add it, and report the error before and after.
 
     Fits the base model to a record of velocity steps, tests what it leaves, and tries every
     effect of the catalogue. Writes loop.html, loop.json and the figures residual, location,
-    aliasing and candidates to the output folder, by default ./NAME-loop/.
+    aliasing and candidates to the output folder, by default ./NAME-loop/ with the
+    options that differ from their default.
     """
     import json as text
 
@@ -128,7 +129,6 @@ def loop(
     _refuse_unused(rig, stiffness, law, steps, {**own, "--flip": flip, "--held": held})
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
-    destination = out or Path(f"{file.stem}-loop")
     reading: dict[str, Any] = {
         "columns": axis_roles(column),
         "drive_gain": drive_gain,
@@ -139,7 +139,7 @@ def loop(
     if rig == "steady":
         from ..records import read_steady
 
-        return _steady(read_steady(file, **reading), declared, excluded, destination, json)
+        return _steady(file, read_steady(file, **reading), declared, excluded, out, json)
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
         record: Any
@@ -154,10 +154,7 @@ def loop(
         else:
             record = read_record(file, column, drop_bad)
         prepare_jax()
-        from ..report.output import output_folder
-
-        with output_folder(destination):
-            pass  # a folder that cannot be written is better known before the search
+        folder = choose_folder(out, file.stem, file)
         search: dict[str, Any] = {
             "with_": declared,
             "without": excluded,
@@ -175,8 +172,8 @@ def loop(
             assert stiffness is not None
             result = close_loop(record, stiffness=stiffness, law=law, steps=steps, **search)
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-        with output_folder(destination) as folder:
-            (folder / "loop.json").write_text(content + "\n", encoding="utf-8")
+        with folder.results() as to:
+            (to / "loop.json").write_text(content + "\n", encoding="utf-8")
         progress("drawing figures")
         given = {
             "--stiffness": stiffness,
@@ -192,15 +189,14 @@ def loop(
         command = _command(
             file, given, column or [], {"--flip": flip, "--held": held, "--drop-bad": drop_bad}
         )
-        drawing = Drawing(destination)
-        _draw(result, drawing, command)
+        _draw(result, folder, command)
     if json:
         print(content)
     else:
-        _print(result, destination, drawing.names)
+        _print(result, folder)
     for warning in result.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
-    return drawing.code
+    return folder.close()
 
 
 def _filtered(record, cutoff: str | None):
@@ -216,7 +212,7 @@ def _filtered(record, cutoff: str | None):
     return usual(interval, parse_quantity(cutoff, "Hz", "--cutoff"))
 
 
-def _draw(result, drawing: Drawing, command: str) -> None:
+def _draw(result, folder: Folder, command: str) -> None:
     """The figures, and the page of those that could be drawn."""
     from importlib.metadata import PackageNotFoundError, version
 
@@ -228,48 +224,52 @@ def _draw(result, drawing: Drawing, command: str) -> None:
     except PackageNotFoundError:  # run from a source tree
         number = "(not installed)"
     for name, draw in DRAWERS.items():
-        drawing(name, lambda folder, draw=draw: draw(result, folder))
-    written = [name for name in DRAWERS if f"{name}.svg" in drawing.names]
+        folder.draw(name, lambda to, draw=draw: draw(result, to))
+    written = [name for name in DRAWERS if f"{name}.svg" in folder.files]
 
-    def write(folder: Path) -> list[str]:
-        drawings = {name: (drawing.destination / f"{name}.svg").read_bytes() for name in written}
+    def write(to: Path) -> None:
+        drawings = {name: (folder.path / f"{name}.svg").read_bytes() for name in written}
         html = page(result, drawings, version=number, command=command)
-        (folder / "loop.html").write_text(html, encoding="utf-8")
-        return ["loop.html"]
+        (to / "loop.html").write_text(html, encoding="utf-8")
 
-    drawing("loop.html", write)
+    folder.draw("loop.html", write)
 
 
-def _steady(curve, declared, excluded, destination: Path, as_json: bool) -> int | None:
+def _steady(file: Path, curve, declared, excluded, out: Path | None, as_json: bool) -> int:
     """The loop on a folder of steady speeds."""
     import json as text
 
-    from rich.console import Console
-
     from ..axis.steady import close_steady_loop
     from ..plot.steady import draw_steady
-    from ..report.loop_text import print_tables
-    from ..report.output import output_folder
-    from ..report.steady_text import sentence, tables, to_json
+    from ..report.steady_text import to_json
 
+    folder = choose_folder(out, file.stem, file)
     result = close_steady_loop(curve, with_=declared, without=excluded)
     content = text.dumps(to_json(result), indent=1, allow_nan=False)
-    with output_folder(destination) as target:
-        (target / "steady.json").write_text(content + "\n", encoding="utf-8")
-    drawing = Drawing(destination)
-    drawing("curve", lambda folder: draw_steady(result, folder))
+    with folder.results() as to:
+        (to / "steady.json").write_text(content + "\n", encoding="utf-8")
+    folder.draw("curve", lambda to: draw_steady(result, to))
     if as_json:
         print(content)
-        return drawing.code
+    else:
+        _print_steady(result, curve, folder)
+    return folder.close()
+
+
+def _print_steady(result, curve, folder: Folder) -> None:
+    from rich.console import Console
+
+    from ..report.loop_text import print_tables
+    from ..report.steady_text import sentence, tables
+
     console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
     console.print(f"{result.verdict}: {result.sentence}", markup=False)
     for note in curve.provenance.notes:
         console.print(f"  - {note}", markup=False)
     print_tables(console, tables(result))
     console.print(f"\nGains: {sentence(result)}", markup=False)
-    written = ", ".join(["steady.json", *drawing.names])
-    console.print(f"written: {destination}/{written}", markup=False, soft_wrap=True)
-    return drawing.code
+    written = f"{folder.path}/{', '.join(folder.files)}"
+    console.print(f"written: {written}", markup=False, soft_wrap=True)
 
 
 def _command(file: Path, given: dict[str, str | None], columns, flags: dict[str, bool]) -> str:
@@ -303,15 +303,16 @@ def _refuse_unused(rig, stiffness, law, steps, of_an_axis: dict) -> None:
         )
 
 
-def _print(result, destination: Path, names: list[str]) -> None:
+def _print(result, folder: Folder) -> None:
     from rich.console import Console
 
     from ..report.loop_text import print_loop
 
     console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
     print_loop(result, console)
+    names = folder.files
     pictures = sorted({Path(name).stem for name in names if name.endswith((".png", ".svg"))})
     page = "loop.html (open it in a browser)" if "loop.html" in names else ""
     written = [f"{', '.join(pictures)} (.png, .svg)"] if pictures else []
     written = ", ".join(filter(None, [page, "loop.json", *written]))
-    console.print(f"\nwritten: {destination}/{written}", markup=False, soft_wrap=True)
+    console.print(f"\nwritten: {folder.path}/{written}", markup=False, soft_wrap=True)

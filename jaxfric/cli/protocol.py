@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from .common import EFFECTS, Out, Text, effect_ids, optional_quantity, prepare_jax, told
-from .drawing import Drawing
+from .folder import Folder, choose_folder, source_name
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
@@ -60,10 +60,11 @@ def protocol(
     json: Annotated[
         bool, Parameter(negative=(), help="Print protocol.json on stdout instead of the tables.")
     ] = False,
-) -> int | None:
+) -> int:
     """Say, before the experiment, which effects it can tell apart, and what would help.
 
-    Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/.
+    Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/
+    with the options that differ from their default.
     """
     import json as text
 
@@ -72,7 +73,6 @@ def protocol(
     slip = optional_quantity(slip_per_step, "m", "--slip-per-step")
     if slip is None:
         raise InputError("--slip-per-step is missing; give one, as in --slip-per-step 150um")
-    destination = out or Path("protocol")
     with told(quiet=json) as progress:
         values, found_law, unit, more = _base(from_, parameters, law, stiffness)
         K = _size(stiffness, f"{unit}/m", "--stiffness", values.pop("K", None))
@@ -80,10 +80,8 @@ def protocol(
         prepare_jax()
         from ..loop.protocol import plan
         from ..plot.loop import save_aliasing
-        from ..report.output import output_folder
 
-        with output_folder(destination):
-            pass  # a folder that cannot be written is better known before the work
+        folder = choose_folder(out, source_name(from_), from_) if from_ else choose_folder(out, "")
         found = plan(
             commanded,
             slip_per_step=slip,
@@ -100,20 +98,17 @@ def protocol(
         )
         progress("drawing figures")
         content = text.dumps(found.to_json(), indent=1, allow_nan=False)
-        with output_folder(destination) as folder:
-            (folder / "protocol.json").write_text(content + "\n", encoding="utf-8")
-        drawing, outlook = Drawing(destination), found.outlook
-        drawing(
-            "aliasing",
-            lambda folder: save_aliasing(outlook.ids, outlook.cosines, folder, what="this plan"),
-        )
+        with folder.results() as to:
+            (to / "protocol.json").write_text(content + "\n", encoding="utf-8")
+        ids, cosines = found.outlook.ids, found.outlook.cosines
+        folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     if json:
         print(content)
     else:
-        _print(found, drawing, typical=from_ is None and parameters is None)
+        _print(found, folder, typical=from_ is None and parameters is None)
     for warning in found.warnings:
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
-    return drawing.code
+    return folder.close()
 
 
 def read_velocities(text: str) -> list[float]:
@@ -227,12 +222,12 @@ def _numbers(table: object, **keys: str) -> dict[str, float]:
     return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
 
 
-def _print(found, drawing: Drawing, *, typical: bool) -> None:
+def _print(found, folder: Folder, *, typical: bool) -> None:
     from rich.console import Console
 
     from ..report.protocol_text import print_protocol
 
     console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
     print_protocol(found, console, typical=typical)
-    written = ", ".join(["protocol.json", *drawing.names])
-    console.print(f"\nwritten: {drawing.destination}/{written}", markup=False, soft_wrap=True)
+    written = f"{folder.path}/{', '.join(folder.files)}"
+    console.print(f"\nwritten: {written}", markup=False, soft_wrap=True)

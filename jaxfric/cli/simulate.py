@@ -2,7 +2,6 @@
 
 import functools
 import math
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -20,7 +19,7 @@ from .common import (
     read_law,
     told,
 )
-from .drawing import Drawing
+from .folder import choose_law_folder
 from .stability import read_damping, read_one_mass, read_positive
 
 _MAX_STEPS = 16384
@@ -72,11 +71,12 @@ def simulate(
         ),
     ] = None,
     out: Out = None,
-) -> int | None:
+) -> int:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
 
     Writes trajectory.csv, which 'jaxfric record' and 'jaxfric fit' read, and figures to the
-    output folder, by default ./simulation/.
+    output folder, by default ./NAME-simulate/ with the options that differ from their default;
+    NAME is the law's, or the folder's of the fit.
     """
     from ..units import parse_quantity
 
@@ -91,11 +91,7 @@ def simulate(
         raise InputError("--jump and --at-rest exclude each other; give one")
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
-    from ..report.output import output_folder
-
-    destination = out or Path("simulation")
-    with output_folder(destination):
-        pass  # a folder that cannot be written is better known before the work
+    folder = choose_law_folder(out, from_, law)
     rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities)
     with told(quiet=True) as progress:
         run, lines = _run(rig, times, velocities, length, at_rest, jumped, progress)
@@ -103,15 +99,14 @@ def simulate(
         from ..plot.cycle import DRAWERS
 
         heading = [source.text, _machine(k_p, k_v, one_mass), *notes]
-        with output_folder(destination) as folder:
-            (folder / "trajectory.csv").write_text(_table(run, [*heading, *lines]))
-        drawing = Drawing(destination)
+        with folder.results() as to:
+            (to / "trajectory.csv").write_text(_table(run, [*heading, *lines]))
         for name, draw in DRAWERS.items():
-            drawing(name, lambda folder, draw=draw: draw(run, folder))
+            folder.draw(name, lambda to, draw=draw: draw(run, to))
     for line in [*heading, *lines]:
         print(line)
-    print(f"written: {destination}/{', '.join(['trajectory.csv', *drawing.names])}")
-    return drawing.code
+    print(f"written: {folder.path}/{', '.join(folder.files)}")
+    return folder.close()
 
 
 def _command(velocity: str | None, steps: str | None) -> tuple[list[float], list[float]]:

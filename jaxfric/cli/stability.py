@@ -1,6 +1,5 @@
 """`jaxfric stability`: what the linear theory says of a friction law, with pictures."""
 
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -20,7 +19,7 @@ from .common import (
     read_masses,
     told,
 )
-from .drawing import Drawing
+from .folder import choose_law_folder
 
 
 def stability(
@@ -45,10 +44,11 @@ def stability(
     json: Annotated[
         bool, Parameter(negative=(), help="Print stability.json on stdout instead of the text.")
     ] = False,
-) -> int | None:
+) -> int:
     """Show the linear stability of steady sliding: critical stiffness, damping, poles, margins.
 
-    Writes stability.json and figures to the output folder, by default ./stability/.
+    Writes stability.json and figures to the output folder, by default ./NAME-stability/;
+    NAME is the law's, or the folder's of the fit.
     """
     import json as text
 
@@ -62,37 +62,31 @@ def stability(
     k_v = read_damping(kv)
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
-    from ..report.output import output_folder
-
-    destination = out or Path("stability")
-    with output_folder(destination):
-        pass  # a folder that cannot be written is better known before the work
+    folder = choose_law_folder(out, from_, law)
     from ..stability.analysis import study
 
     with told(quiet=True) as progress:
         progress("linear theory (1 of 2; then figures)")
         found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
-        from ..plot.delay import FIGURES as OF_DELAY
         from ..plot.delay import draw_delay
-        from ..plot.stability import FIGURES, drawers
+        from ..plot.stability import drawers
         from ..report.stability_text import content, describe
 
         progress("drawing figures (2 of 2)")
         written = text.dumps(content(found, source.text), indent=1, allow_nan=False)
-        with output_folder(destination, replaces=(*FIGURES, *OF_DELAY)) as folder:
-            (folder / "stability.json").write_text(written + "\n")
-        drawing = Drawing(destination)
+        with folder.results() as to:
+            (to / "stability.json").write_text(written + "\n")
         for name, draw in drawers(found).items():
-            drawing(name, lambda folder, draw=draw: draw(found, folder))
+            folder.draw(name, lambda to, draw=draw: draw(found, to))
         if found.delayed:
-            drawing("delay_chart", lambda folder: draw_delay(found, folder))
+            folder.draw("delay_chart", lambda to: draw_delay(found, to))
     if json:
         print(written)
-        return drawing.code
-    for line in describe(found, source.text):
-        print(line)
-    print(f"written: {destination}/{', '.join(['stability.json', *drawing.names])}")
-    return drawing.code
+    else:
+        for line in describe(found, source.text):
+            print(line)
+        print(f"written: {folder.path}/{', '.join(folder.files)}")
+    return folder.close()
 
 
 def read_one_mass(text: str | None) -> float | None:

@@ -10,7 +10,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import prepare_jax, told
+from .common import named_path, prepare_jax, told
+from .folder import choose_folder
 
 # Without a terminal progress is told once in so many seconds.
 _EVERY = 10.0
@@ -22,7 +23,10 @@ def study(
     *,
     out: Annotated[
         Path | None,
-        Parameter(help="The store, a folder; by default NAME.zarr. With --plot: of the figures."),
+        Parameter(
+            converter=named_path,
+            help="The store, a folder; by default NAME.zarr. With --plot: of the figures.",
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -38,7 +42,7 @@ def study(
     plot: Annotated[
         Path | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
     ] = None,
-) -> None:
+) -> int:
     """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
 
     Results go to a Zarr store, chunk by chunk. A study that was stopped, or killed, goes on
@@ -48,8 +52,7 @@ def study(
     if plot is not None:
         if file is not None or scheduler is not None:
             raise InputError("--plot takes a store and no study; leave the study.toml out")
-        _draw(plot, out)
-        return
+        return _draw(plot, out)
     if file is None:
         raise InputError("no study: give a TOML file, or a store to draw with --plot study.zarr")
     destination = out or Path(f"{file.stem}.zarr")
@@ -79,6 +82,7 @@ def study(
     for line in _summary(found, time.monotonic() - begun, teller.members):
         print(line)
     print(f"written: {destination} (draw it: jaxfric study --plot {destination})")
+    return 0
 
 
 def _require() -> None:
@@ -157,15 +161,20 @@ def _summary(found, seconds: float, members: int) -> list[str]:
     return lines
 
 
-def _draw(store: Path, out: Path | None) -> None:
+def _draw(store: Path, out: Path | None) -> int:
     from ..plot.study import draw_study
-    from ..report.output import output_folder
     from ..study import load
 
     found = load(store)
-    destination = out or Path(f"{store.name.removesuffix('.zarr')}-figures")
-    with output_folder(destination) as folder:
-        names = draw_study(found, folder)
-    print(f"written: {destination}/{', '.join(n for n in names if n.endswith('.png'))} (and .svg)")
-    if not any(name.startswith("map_") for name in names):
+    folder = choose_folder(out or Path(f"{store.name.removesuffix('.zarr')}-figures"), "", store)
+    if out is None:
+        folder.refuse_another_input()
+    with folder.results():
+        pass
+    names = folder.draw("figures", lambda to: draw_study(found, to))
+    if names:
+        pictures = [name for name in names if name.endswith(".png")]
+        print(f"written: {folder.path}/{', '.join(pictures)} (and .svg)")
+    if names and not any(name.startswith("map_") for name in names):
         print("no map: these are of two grid axes or more, without samples")
+    return folder.close()

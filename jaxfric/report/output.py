@@ -8,18 +8,17 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import InputError
 
 
 @contextlib.contextmanager
-def output_folder(destination: str | Path, *, replaces: Sequence[str] = ()) -> Iterator[Path]:
+def output_folder(destination: str | Path) -> Iterator[Path]:
     """A temporary folder whose files are moved into `destination` if the block succeeds.
 
-    Files of the same name are replaced, others stay, but for figures (.png, .svg) of an earlier
-    run with a name in `replaces` that is not written now. A destination that had to be made and
+    Files of the same name are replaced, others stay. A destination that had to be made and
     stays empty is taken away again. Raises `InputError` where the destination is a file or
     cannot be written.
     """
@@ -29,11 +28,7 @@ def output_folder(destination: str | Path, *, replaces: Sequence[str] = ()) -> I
     try:
         work = Path(tempfile.mkdtemp(prefix=".jaxfric-", dir=target))
         yield work
-        moved = {file.name for file in work.iterdir()}
         _move(work, target)
-        for stale in (target / f"{name}{end}" for name in replaces for end in (".png", ".svg")):
-            if stale.name not in moved:
-                stale.unlink(missing_ok=True)
     except OSError as error:
         raise _refusal(target, error) from None
     finally:

@@ -1,0 +1,199 @@
+"""Where a command writes: names of folders, what is replaced, and what must not be lost."""
+
+import json
+from pathlib import Path
+
+import pytest
+from command import assert_refused, record_text, run, written
+
+from jaxfric.cli.call import Call
+from jaxfric.cli.folder import NOTES, Folder, choose_folder, folder_name, source_name
+from jaxfric.errors import InputError
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def names(folder: str) -> list[str]:
+    return sorted(path.name for path in Path(folder).iterdir() if path.name != NOTES)
+
+
+def made(path: str) -> Path:
+    """`path`, in a folder that is there."""
+    Path(path).parent.mkdir()
+    return Path(path)
+
+
+def write(folder: str, verb: str, *files: str, command: str = "", source: str = "") -> Folder:
+    """What a verb does that writes `files`, the .png of them as figures."""
+    call = Call(verb, command or f"jaxfric {verb}", {})
+    target = Folder(Path(folder), call, (Path(source),) if source else ())
+    with target.results() as to:
+        for name in files:
+            if not name.endswith(".png"):
+                (to / name).write_text(command)
+    for name in files:
+        if name.endswith(".png"):
+            target.draw(name, lambda to, name=name: (to / name).write_text(command))
+    return target
+
+
+@pytest.mark.parametrize(
+    ("source", "verb", "given", "name"),
+    [
+        ("run", "fit", {}, "run-fit"),
+        ("run", "fit", {"stiffness": "5e-3/um", "json": True, "out": Path("a")}, "run-fit"),
+        ("run", "fit", {"law": "ageing", "states": "2"}, "run-fit-ageing-states2"),
+        ("run", "fit", {"fit_stiffness": True, "most": 2}, "run-fit-fit-stiffness-most2"),
+        ("run", "loop", {"without": ["thermal, gain", "gain"]}, "run-loop-without-thermal+gain"),
+        ("run", "loop", {"with_": ["slip_trend"], "most": 2}, "run-loop-with-slip_trend-most2"),
+        ("axis", "loop", {"held": True, "cutoff": "50 Hz"}, "axis-loop-held-cutoff50Hz"),
+        ("slip", "gains", {"margin": ["stiffness=1.5"], "basin": 2.0, "check": False},
+         "slip-gains-margin-stiffness1.5-basin2-no-check"),
+        ("", "protocol", {"rows": 100}, "protocol-rows100"),
+    ],
+)  # fmt: skip
+def test_a_name_says_what_is_not_the_default(source, verb, given, name) -> None:
+    assert folder_name(source, verb, given) == name
+
+
+def test_long_values_are_short_in_a_name_and_differ() -> None:
+    long = [folder_name("run", "fit", {"steps": "0 s: 2 um/s, " * n}) for n in (3, 4)]
+    assert all(len(name) < 25 and name.startswith("run-fit-steps") for name in long)
+    assert long[0] != long[1] == folder_name("run", "fit", {"steps": "0 s: 2 um/s, " * 4})
+    odd = folder_name("run", "fit", {"start": "A=1/2: *?<>|µ"})
+    assert set(odd) <= set("run-fit-start0123456789abcdefA_.")
+    assert len(folder_name("r" * 300, "fit", {})) <= 120
+
+
+def test_the_name_of_a_saved_result_is_its_folder() -> None:
+    assert source_name(Path("a/run-fit/fit.json")) == "run-fit"
+    assert source_name(Path("a/run-loop/loop.json")) == "run-loop"
+    assert source_name(Path("mine.json")) == "mine" and source_name(Path("fit.json")) == "fit"
+
+
+def test_nothing_stale_stays_and_files_of_others_do() -> None:
+    write("o", "fit", "fit.json", "fit.png", "old.png", command="jaxfric fit a")
+    write("o", "gains", "gains.json", "gains.png")
+    written(Path("o/notes.txt"), "mine")
+    folder = write("o", "fit", "fit.json", "fit.png", command="jaxfric fit b")
+    assert names("o") == ["fit.json", "fit.png", "gains.json", "gains.png", "notes.txt"]
+    assert (
+        folder.replaced == "replaced in o: fit.json, fit.png, old.png, written by 'jaxfric fit a'"
+    )
+    assert write("o", "fit", "fit.json", command="jaxfric fit b").replaced.endswith(
+        "fit.json, fit.png, written by the same command"
+    )
+    assert names("o") == ["fit.json", "gains.json", "gains.png", "notes.txt"]
+
+
+def test_a_file_that_another_verb_wrote_since_is_not_stale() -> None:
+    write("o", "fit", "fit.json", "shared.png")
+    write("o", "gains", "shared.png")
+    write("o", "fit", "fit.json")
+    assert names("o") == ["fit.json", "shared.png"]
+
+
+def test_the_first_run_in_a_folder_is_silent_and_strange_files_are_told(capsys) -> None:
+    write("o", "fit", "fit.json").close()
+    assert capsys.readouterr().err == ""
+    written(made("p/fit.json"), "whose?")
+    write("p", "fit", "fit.json").close()
+    assert capsys.readouterr().err == (
+        "jaxfric: replaced in p: fit.json, written by an unknown command\n"
+    )
+
+
+@pytest.mark.parametrize("notes", ["", "{}", "[]", '{"runs": []}', '{"runs": {"fit": 1}}'])
+def test_damaged_notes_are_as_none(notes: str) -> None:
+    write("o", "fit", "fit.json")
+    written(Path("o") / NOTES, notes)
+    assert "unknown command" in write("o", "fit", "fit.json").replaced
+
+
+def test_notes_name_no_file_outside_of_the_folder() -> None:
+    written(Path("mine"), "kept")
+    write("o", "fit", "fit.json")
+    notes = json.loads((Path("o") / NOTES).read_text())
+    notes["runs"]["fit"]["files"] += ["../mine", str(Path("mine").resolve())]
+    written(Path("o") / NOTES, json.dumps(notes))
+    write("o", "fit", "fit.json")
+    assert Path("mine").exists()
+
+
+def test_a_figure_that_fails_costs_no_result(capsys) -> None:
+    write("o", "fit", "fit.json", "fit.png", command="old")
+    folder = write("o", "fit", "fit.json", command="new")
+
+    def fails(to: Path) -> None:
+        (to / "fit.png").write_text("half")
+        raise KeyError("x")
+
+    assert folder.draw("it", fails) == []
+    assert names("o") == ["fit.json"] and Path("o/fit.json").read_text() == "new"
+    assert folder.close() == 1
+    err = capsys.readouterr().err
+    assert "it was not drawn (KeyError: 'x'); all else is in o/" in err and "replaced in o" in err
+
+
+def test_a_default_folder_of_another_input_is_refused() -> None:
+    for folder in "pqr":
+        written(made(f"{folder}/run.csv"), folder)
+    write("run-fit", "fit", "fit.json", source="p/run.csv")
+
+    def again(source: str, verb: str = "fit") -> None:
+        folder = Folder(Path("run-fit"), Call(verb, "", {}), (Path(source),))
+        folder.refuse_another_input()
+
+    again("p/run.csv")
+    again("q/run.csv", "gains")  # nothing of this verb is there
+    with pytest.raises(InputError, match=r"run-fit holds .* p/run.csv; give .*--out"):
+        again("q/run.csv")
+    written(Path("r/run.csv"), "p")
+    again("r/run.csv")  # the same record, moved
+    written(Path("p/run.csv"), "measured again")
+    again("p/run.csv")
+    choose_folder(Path("run-fit"), "", Path("q/run.csv"))  # asked for
+
+
+def test_through_the_command() -> None:
+    for folder in "pq":
+        written(made(f"{folder}/run.csv"),
+                record_text(91 if folder == "p" else 90))  # fmt: skip
+    assert run("record", "p/run.csv").err == ""
+    code, _, err = run("record", "p/run.csv")
+    assert (code, err) == (
+        0,
+        "jaxfric: replaced in run-record: record.png, written by the same command\n",
+    )
+    refused = run("record", "q/run.csv")
+    assert_refused(refused, "run-record holds", "p/run.csv", "--out")
+    code, _, err = run("record", "q/run.csv", "--out", "run-record")
+    assert code == 0 and "written by 'jaxfric record p/run.csv'" in err
+    steps = ("--steps", "0 s: 2 um/s, 20 s: 10 um/s")
+    assert run("record", "p/run.csv", *steps).err == ""
+    assert sum(path.name.startswith("run-record") for path in Path().iterdir()) == 2
+
+
+@pytest.mark.parametrize(
+    "verb", [["record", "run.csv"], ["fit", "run.csv"], ["gains"], ["study", "x.toml"]]
+)
+def test_an_empty_name_is_no_folder(verb: list[str]) -> None:
+    written(Path("run.csv"), record_text())
+    assert_refused(run(*verb, "--out", ""), "--out is empty", "write . for the current folder")
+    assert names(".") == ["run.csv"]
+
+
+def test_a_figure_that_fails_in_the_command(monkeypatch) -> None:
+    import jaxfric.plot.record as plot
+
+    def fails(*_) -> None:
+        raise RuntimeError("no font")
+
+    monkeypatch.setattr(plot, "draw_record", fails)
+    written(Path("run.csv"), record_text())
+    code, out, err = run("record", "run.csv")
+    assert code == 1 and "velocity steps: 1" in out
+    assert err.count("\n") == 1 and "the figure was not drawn" in err and "no font" in err
