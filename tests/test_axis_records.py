@@ -342,7 +342,7 @@ def test_epos_exports_refused(tmp_path: Path) -> None:
     refusal(edited(20, "100.000;-10;-31.0"), "time goes back", "row 21", "0.1 s")
     refusal(edited(9, "ms;rpm"), "row 9", "3 columns", "2")
     refusal(edited(9, lines[10]), "row of units")
-    refusal(edited(10, "0,000;-10;-30,0"), "row 11", "decimal point")
+    refusal(edited(10, "0,000;-10;-30,0"), "row 11", "no finite number")  # among points
     refusal(written(path, "\r\n".join(lines[:10])), "no rows of numbers")
     refusal(written(path, "\r\n".join(lines[:29])), "19 usable rows", "20")
     refusal(written(path, text.replace("rpm", "furlong")), "'furlong'", "unit")

@@ -54,9 +54,9 @@ NOT_RECORDS = {
         bytes(20) + struct.pack(">4i", 100, 2, 0, 0) + b"Time".ljust(84, b"\0") * 32 + bytes(64),
         ["cut off"],
     ),
-    "decimal commas": (
-        b"time [s];load_point_displacement [um];friction [1]\n" + b"0,5;1,0;0,6\n" * 40,
-        ["decimal point"],
+    "decimal commas between commas": (
+        b"time [s],load_point_displacement [um],friction [1]\n" + b"0,5,1,0,0,6\n" * 40,
+        ["decimal commas", "semicolons"],
     ),
 }
 

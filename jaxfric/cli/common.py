@@ -16,10 +16,11 @@ Columns = Annotated[
     Parameter(
         name="--column",
         help="Say which column is what, as ROLE=NAME or 'ROLE=NAME [UNIT]'. Roles: time, friction, "
-        "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress; of "
-        "an axis time, position, motor_force, control_signal, motor_current, reference_position, "
-        "velocity, disturbance (added to the controller's output); ROLE=none: no column has it. "
-        "May be repeated.",
+        "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress, "
+        "shear_stress (over normal_stress it is friction); of an axis time, position, "
+        "motor_force, control_signal, motor_current, reference_position, velocity, "
+        "disturbance (added to the controller's output). ROLE=none: no column has it. May be "
+        "repeated.",
         negative=(),
     ),
 ]

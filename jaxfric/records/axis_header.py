@@ -7,10 +7,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from ..units import factor, has_dimension, parse_quantity
-from .header import key, split_name_unit
-
-NO_COLUMN = "none"
-"""Stands for the column of a role that no column is to have."""
+from .header import NO_COLUMN, key, split_name_unit
 
 FORCE_UNITS = {"linear": "N", "rotary": "N m"}
 """Unit of the motor force by coordinate; "%" where the rated torque is not known."""
@@ -27,7 +24,8 @@ ROLES = (
 )
 
 _SYNONYMS = {
-    "time": "time t elapsedtime timestamp runtime seconds",
+    "time": "time t elapsedtime timestamp runtime seconds datetime dateandtime timeofday clock"
+    " clocktime zeit",
     "position": "position positionactualvalue actualposition positionactual measuredposition"
     " positionmeasured encoderposition loadposition axisposition motorposition motorangle"
     " encoder angle pos q qm theta x y displacement",

@@ -204,7 +204,8 @@ def build(
         raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
     _check_encoder(kept, coordinate, origin.path)
     _check_saturation(kept["motor_force"], force_unit, origin.path)
-    origin = replace(origin, rows_read=len(rows.lines), dropped=dropped)
+    rows_read, dropped = origin.rows_read + len(rows.lines), {**origin.dropped, **dropped}
+    origin = replace(origin, rows_read=rows_read, dropped=dropped)
     return AxisRecord(
         **kept,
         coordinate=coordinate,

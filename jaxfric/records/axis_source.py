@@ -25,6 +25,7 @@ class Source:
     units: tuple[str | None, ...]
     columns: tuple[np.ndarray, ...]
     rows: Rows
+    blank: np.ndarray | None = None
     notes: tuple[str, ...] = ()
     roles: Mapping[str, str] = field(default_factory=dict)
     gains: Mapping[str, float] = field(default_factory=dict)
@@ -44,7 +45,14 @@ def open_source(path: Path) -> Source:
         content = epos.parse(text, str(path))
     rows = Rows(content.lines, content.malformed, _line_of(data))
     return Source(
-        str(path), sha256, content.names, content.units, content.columns, rows, content.notes
+        str(path),
+        sha256,
+        content.names,
+        content.units,
+        content.columns,
+        rows,
+        content.blank,
+        content.notes,
     )
 
 
@@ -62,6 +70,7 @@ def _from_mat(found: mat.Variables, path: str, sha256: str) -> Source:
         found.units,
         tuple(found.vectors.values()),
         Rows(np.arange(1, longest + 1), np.zeros(longest, bool)),
+        None,
         tuple(notes),
         found.roles,
         gains,

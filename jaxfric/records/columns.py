@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from ..units import factor, has_dimension
-from .header import ROLES, key, role_of, split_name_unit
+from .header import COLUMN_ROLES, NO_COLUMN, key, role_of, split_name_unit
 from .table import Table
 
 
@@ -23,20 +23,28 @@ class Assigned:
 def assign(table: Table, columns: Mapping[str, str]) -> tuple[dict[str, Assigned], list[str]]:
     """The column of every role that the table has, and notes on what was assumed.
 
-    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`; all
-    other roles are found by their names.
+    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`, or to
+    `none` where no column has that role; all other roles are found by their names. Without
+    friction, or with one that is a stress, there are `shear_stress` and `normal_stress`.
 
     Raises `InputError` for a role or column that does not exist, a required role without
     a column, and a unit that is missing, unknown or of another dimension.
     """
-    found = {role: _named(table, role, value) for role, value in columns.items()}
+    _refuse_unknown(columns)
+    without = {role for role, value in columns.items() if _is_none(table, value)}
+    named = {r: _named(table, r, value) for r, value in columns.items() if r not in without}
+    found = dict(named)
     taken = {index for index, _ in found.values()}
-    for role in ROLES:
-        if role not in found and (index := _by_name(table, role, taken)) is not None:
+    for role in COLUMN_ROLES:
+        if role in {*found, *without}:
+            continue
+        if (index := _by_name(table, role, taken)) is not None:
             found[role] = (index, table.units[index])
+    notes = _stresses(table, found, set(named))
     _require(table, found)
-    assigned = {role: _with_unit(table, role, *found[role]) for role in ROLES if role in found}
-    notes = [
+    roles = [role for role in COLUMN_ROLES if role in found]
+    assigned = {role: _with_unit(table, role, *found[role]) for role in roles}
+    notes += [
         f"column '{table.names[use.index]}' is {role}"
         for role, use in assigned.items()
         if key(table.names[use.index]) != key(role)
@@ -48,10 +56,38 @@ def assign(table: Table, columns: Mapping[str, str]) -> tuple[dict[str, Assigned
     return assigned, notes
 
 
+def _refuse_unknown(columns: Mapping[str, str]) -> None:
+    known = list(COLUMN_ROLES)
+    for role in columns:
+        if role not in known:
+            raise InputError(f"'{role}' is no role of a column{_nearest(role, known)}")
+
+
+def _is_none(table: Table, value: str) -> bool:
+    return value.strip() == NO_COLUMN and NO_COLUMN not in table.names
+
+
+def _stresses(table: Table, found: dict[str, tuple[int, str | None]], named: set[str]) -> list[str]:
+    """Leave either friction or two stresses in `found`; a note where friction is computed."""
+    unit = found["friction"][1] if "friction" in found else None
+    is_stress = unit is not None and has_dimension(unit, "Pa")
+    if is_stress and "normal_stress" in found and "shear_stress" not in found:
+        found["shear_stress"] = found.pop("friction")
+    if "shear_stress" in found and "friction" in found:
+        found.pop("friction" if "shear_stress" in named - {"friction"} else "shear_stress")
+    if "shear_stress" not in found:
+        return []
+    shear = table.names[found["shear_stress"][0]]
+    if "normal_stress" not in found:
+        raise InputError(
+            f"{table.path} has a shear stress, '{shear}', and neither friction nor a normal stress;"
+            f" it has: {table.describe()}; map one, as in --column 'normal_stress=NAME [MPa]'"
+        )
+    return [f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"]
+
+
 def _named(table: Table, role: str, value: str) -> tuple[int, str | None]:
     """Column and unit that the user names for a role."""
-    if role not in ROLES:
-        raise InputError(f"'{role}' is no role of a column{_nearest(role, list(ROLES))}")
     name, unit = split_name_unit(value)
     for wanted, override in ((value, None), (name, unit)):
         for same in (str.strip, key):
@@ -81,6 +117,8 @@ def _require(table: Table, found: Mapping[str, object]) -> None:
     """Time, friction and a load point must be there."""
     moves = ("load_point_displacement", "load_point_velocity")
     missing = [role for role in ("time", "friction") if role not in found]
+    if "shear_stress" in found and "friction" in missing:
+        missing.remove("friction")
     if not any(role in found for role in moves):
         missing.insert(0, moves[0])
     if not missing:
@@ -102,7 +140,7 @@ def _require(table: Table, found: Mapping[str, object]) -> None:
 def _with_unit(table: Table, role: str, index: int, unit: str | None) -> Assigned:
     """The size of the unit of a column in SI."""
     what = f"{table.path}, column '{table.names[index]}' ({role})"
-    si_unit = ROLES[role]
+    si_unit = COLUMN_ROLES[role]
     if unit is None and si_unit != "1":
         shown = {"s": "s", "m": "um", "m/s": "um/s", "Pa": "MPa"}[si_unit]
         raise InputError(
@@ -112,8 +150,8 @@ def _with_unit(table: Table, role: str, index: int, unit: str | None) -> Assigne
         si_unit = "N"
     elif role == "friction" and has_dimension(unit or "", "Pa"):
         raise InputError(
-            f"{what} is a stress [{unit}]; friction is a coefficient (divide it by the"
-            " normal stress) or a force [N]"
+            f"{what} is a stress [{unit}]; friction is a coefficient or a force [N], or shear over"
+            " normal stress: map the latter, as in --column 'normal_stress=NAME [MPa]'"
         )
     return Assigned(index, unit or "1", si_unit, factor(unit or "", si_unit, what))
 

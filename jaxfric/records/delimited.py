@@ -1,131 +1,161 @@
 """Columns of numbers in text: commas, semicolons, tabs or blanks, with a header line.
 
-The header is the last line of words before the numbers, with or without a leading `#`.
-A byte-order mark, CRLF, blank lines, comment lines and a delimiter at the end of every
-line are no obstacle.
+The header is the last line of words before the numbers, with or without a leading `#`; a line of
+units may stand below it. A byte-order mark, CRLF, blank lines, comment lines, delimiters at the
+end of lines, empty columns, decimal commas, Fortran's exponents and clock times are no obstacle.
 """
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InputError
-from ..units import is_unit
+from . import clock
+from .cells import BLANK, DELIMITERS, Writing, decimals, has_decimal_commas
 from .content import Content
-from .header import split_name_unit
+from .heading import read_header
 
-_DELIMITERS = ("\t", ";", ",", None)
+_MOST_HEADER_LINES = 2000
+_SAMPLE = 50
+"""Rows that tell how the columns are written."""
 
 
 def parse(text: str, path: str) -> Content:
     """Names, units and columns of delimited text."""
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a\0\n ").split("\n")
-    start, delimiter = _first_numbers(lines, path)
-    names, units = _header(lines[:start], delimiter, len(_cells(lines[start], delimiter)), path)
-    numbers = [
-        i for i in range(start, len(lines)) if (s := lines[i].strip()) and not s.startswith("#")
-    ]
+    text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\xa0", " ").replace("−", "-")
+    ended = text.rstrip("\x1a\0 ").endswith("\n")
+    lines = text.rstrip("\x1a\0\n ").split("\n")
+    start, writing = _first_numbers(lines, path)
+    numbers = [i for i in range(start, len(lines)) if _is_row(lines[i])]
     rows = [lines[i] for i in numbers]
-    values, malformed = _values(rows, delimiter, len(names))
+    writing = Writing(writing.delimiter, has_decimal_commas(rows, writing.delimiter))
+    names, units = read_header(lines[:start], rows[:_SAMPLE], writing, path)
+    notes = ["numbers have decimal commas"] if writing.decimal_comma else []
+    if not ended and _is_cut_off(rows, writing, len(names)):
+        notes.append(f"the last line, '{rows[-1].strip()[:60]}', is cut off and left out")
+        rows, numbers = rows[:-1], numbers[:-1]
+    body = _body(rows, writing, names)
+    filled = [i for i, name in enumerate(names) if name or not body.blank[:, i].all()]
     return Content(
-        names=names,
-        units=units,
-        columns=tuple(np.ascontiguousarray(column) for column in values.T),
-        lines=np.array(numbers) + 1,
-        malformed=malformed,
+        names=tuple(names[i] or f"column_{i + 1}" for i in filled),
+        units=tuple("s" if i in body.clocks else units[i] for i in filled),
+        columns=tuple(np.ascontiguousarray(body.values[:, i]) for i in filled),
+        lines=np.array(numbers, np.int64) + 1,
+        malformed=body.malformed,
+        blank=np.ascontiguousarray(body.blank[:, filled]),
+        notes=(*notes, *body.clocks.values()),
     )
 
 
-def _first_numbers(lines: list[str], path: str) -> tuple[int, str | None]:
-    """Index of the first line that is mostly numbers, and the delimiter that makes it so."""
+def _is_row(line: str) -> bool:
+    """Whether a line is no comment and holds more than delimiters."""
+    return bool(line.strip(" \t;,\"'")) and not line.lstrip().startswith("#")
+
+
+def _first_numbers(lines: list[str], path: str) -> tuple[int, Writing]:
+    """Index of the first line that is mostly numbers, and how it is written."""
+    seen = 0
     for index, line in enumerate(lines):
-        if not line.strip() or line.lstrip().startswith("#"):
+        if not _is_row(line):
             continue
-        if re.match(r"\s*[-+]?\d+,\d+\s*[;\t]", line):
-            raise InputError(f"{path}, line {index + 1}: write numbers with a decimal point")
-        for delimiter in _DELIMITERS:
-            if delimiter is not None and delimiter not in line:
-                continue
-            cells = [cell for cell in _cells(line, delimiter) if cell]
-            numeric = [_number(cell) is not None for cell in cells]
-            enough = len(cells) / 2 if numeric[:1] == [True] else len(cells) / 2 + 0.5
-            if len(cells) > 1 and sum(numeric) >= enough:
-                return index, delimiter
-        if index > 200:
+        for delimiter in DELIMITERS:
+            if (delimiter is None or delimiter in line) and _is_numbers(line, delimiter):
+                return index, Writing(delimiter)
+        seen += 1
+        if seen > _MOST_HEADER_LINES:
             break
     raise InputError(
         f"{path} has no rows of two or more numbers; it is not a table of columns with rows"
     )
 
 
-def _cells(line: str, delimiter: str | None) -> list[str]:
-    cells = [cell.strip().strip("\"'").strip() for cell in line.strip("\n ").split(delimiter)]
-    return cells[:-1] if len(cells) > 1 and cells[-1] == "" else cells
+def _is_numbers(line: str, delimiter: str | None) -> bool:
+    """Whether the cells of a line are mostly numbers, one of them other than a clock time."""
+    points, commas = Writing(delimiter), Writing(delimiter, delimiter != ",")
+    cells = [cell for cell in points.cells(line) if cell]
+    clocks = [clock.is_clock(cell) for cell in cells]
+    numeric = [points.number(cell) is not None or commas.number(cell) is not None for cell in cells]
+    several = [
+        cell
+        for cell, one in zip(cells, clocks, strict=True)
+        if not one and re.search(r"\d\s+[-+]?[\d.]", cell)
+    ]
+    if delimiter == "," and several:
+        return False  # decimal commas, and blanks between the cells
+    either = [one or other for one, other in zip(numeric, clocks, strict=True)]
+    enough = len(cells) / 2 if either[:1] == [True] else len(cells) / 2 + 0.5
+    return len(cells) > 1 and any(numeric) and sum(either) >= enough
 
 
-def _number(cell: str) -> float | None:
-    try:
-        return float(cell)
-    except ValueError:
-        return None
+def _is_cut_off(rows: list[str], writing: Writing, count: int) -> bool:
+    """Whether the last row, after which no line ends, lacks cells or digits that others have."""
+    before = [writing.cells(row)[:count] for row in rows[-1 - _SAMPLE : -1]]
+    last = writing.cells(rows[-1])[:count]
+    if not before or any(len(row) < len(before[0]) for row in before):
+        return False
+    ends = [row[-1] for row in before]
+    if len(last) < len(before[0]) or (not last[-1] and all(ends)):
+        return True
+    value = writing.number(last[-1])
+    if any(writing.number(end) is None for end in ends):
+        return False
+    if value is None:
+        return last[-1] in "+-.,"
+    (digits, has_exponent), forms = decimals(last[-1]), {decimals(end) for end in ends}
+    if len(forms) == 1 and next(iter(forms))[0] > 0:
+        usual = next(iter(forms))
+        return digits < usual[0] or has_exponent < usual[1]
+    return value == 0 and all(writing.number(end) for end in ends)
 
 
-def _header(
-    above: list[str], delimiter: str | None, count: int, path: str
-) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
-    """Names and units from the last lines above the numbers."""
-    written = [line for line in above if line.strip().strip("#").strip()]
-    if not written:
-        raise InputError(
-            f"{path} has no header; the first line must name the columns, as in"
-            " 'time [s],load_point_displacement [um],friction [1]'"
-        )
-    cells = _header_cells(written[-1], delimiter)
-    units_below: list[str] | None = None
-    if len(written) > 1 and all(is_unit(cell.strip("[]() ")) for cell in cells):
-        named = _header_cells(written[-2], delimiter)
-        if len(named) == len(cells):
-            units_below, cells = [cell.strip("[]() ") for cell in cells], named
-    if len(cells) != count:
-        raise InputError(
-            f"{path}: the header names {len(cells)} columns, the first row has {count}"
-            f" cells; header: {written[-1].strip()[:80]}"
-        )
-    pairs = [split_name_unit(cell) for cell in cells]
-    if units_below is not None:
-        pairs = [(name, unit) for (name, _), unit in zip(pairs, units_below, strict=True)]
-    names = [name or f"column_{i + 1}" for i, (name, _) in enumerate(pairs)]
-    return tuple(names), tuple(unit for _, unit in pairs)
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """Numbers of all rows (NaN where a cell is none), and which rows and cells hold none.
+
+    `clocks`: what is told of the columns that hold times of the clock.
+    """
+
+    values: np.ndarray
+    malformed: np.ndarray
+    blank: np.ndarray
+    clocks: dict[int, str]
 
 
-def _header_cells(line: str, delimiter: str | None) -> list[str]:
-    """Cells of a header. A `#` leads it; after `;` there is a remark, unless `;` delimits."""
-    line = line.strip().lstrip("#").strip()
-    if delimiter is None:
-        line = re.sub(r"\s+(?=[\[(])", "", line)
-        line = re.sub(r"[\[(][^\])]*[\])]", lambda unit: unit.group().replace(" ", "*"), line)
-    elif delimiter != ";":
-        line = line.split(";")[0]
-    return _cells(line, delimiter)
-
-
-def _values(rows: list[str], delimiter: str | None, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of all rows (NaN where a cell is none), and which rows have a wrong count."""
-    if delimiter is not None and all(row.rstrip(" ").endswith(delimiter) for row in rows):
-        rows = [row.rstrip(" ")[:-1] for row in rows]
-    if delimiter is None or all(row.count(delimiter) == count - 1 for row in rows):
+def _body(rows: list[str], writing: Writing, names: list[str]) -> _Body:
+    """Numbers of rows: by NumPy where all cells are numbers, else cell by cell."""
+    count, size = len(names), len(rows)
+    sample = [writing.cells(row) for row in rows[:_SAMPLE]]
+    ticking = [i for i in range(count) if _is_clock_column([row[i : i + 1] for row in sample])]
+    if not ticking and not (writing.decimal_comma and any("." in row for row in rows)):
+        plain = writing.plain(rows)
         try:
-            values = np.loadtxt(rows, delimiter=delimiter, comments=None, ndmin=2)
-            if values.shape[1] == count:
-                return values, np.zeros(len(rows), bool)
+            values = np.loadtxt(plain, delimiter=writing.delimiter, comments=None, ndmin=2)
         except ValueError:
-            pass
-    values = np.full((len(rows), count), np.nan)
-    malformed = np.zeros(len(rows), bool)
-    for i, row in enumerate(rows):
-        cells = [cell.strip().strip("\"'") for cell in row.strip(" ").split(delimiter)]
-        malformed[i] = len(cells) != count and not (len(cells) == count + 1 and not cells[-1])
-        if not malformed[i]:
-            numbers = [_number(cell) for cell in cells[:count]]
-            values[i] = [np.nan if number is None else number for number in numbers]
-    return values, malformed
+            values = np.empty((0, 0))
+        if values.shape == (size, count):
+            return _Body(values, np.zeros(size, bool), np.zeros((size, count), bool), {})
+    values, blank = np.full((size, count), np.nan), np.zeros((size, count), bool)
+    malformed = np.zeros(size, bool)
+    texts: dict[int, list[str]] = {i: [""] * size for i in ticking}
+    for k, row in enumerate(rows):
+        cells = writing.cells(row)
+        malformed[k] = len(cells) < count or any(cells[count:])
+        if malformed[k]:
+            continue
+        for i, cell in enumerate(cells[:count]):
+            blank[k, i] = cell.lower() in BLANK
+            number = writing.number(cell)
+            values[k, i] = np.nan if number is None else number
+            if i in texts:
+                texts[i][k] = cell
+    clocks = {}
+    for i, column in texts.items():
+        values[:, i], clocks[i] = clock.seconds(column, f"column '{names[i] or i + 1}'")
+    return _Body(values, malformed, blank, clocks)
+
+
+def _is_clock_column(cells: list[list[str]]) -> bool:
+    """Whether most of the filled cells of a column are times of the clock."""
+    filled = [clock.is_clock(cell[0]) for cell in cells if cell and cell[0].lower() not in BLANK]
+    return 2 * sum(filled) > len(filled)

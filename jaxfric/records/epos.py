@@ -16,7 +16,6 @@ from . import delimited
 from .content import Content
 
 _KEY = re.compile(r'\s*"?[A-Za-z][^;"]*:"?\s*;')
-_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*;")
 
 
 def is_epos(text: str) -> bool:
@@ -34,15 +33,14 @@ def parse(text: str, path: str) -> Content:
     names, units = _cells(lines[head]), _cells(lines[body])
     _check_header(path, head, names, units)
     rows = lines[body + 1 :]
-    comma = next((i for i, row in enumerate(rows) if _COMMA.match(row)), None)
-    if comma is not None:
-        raise InputError(f"{path}, row {body + comma + 2}: write numbers with a decimal point")
     if not names[0]:
         names[0] = "time"
     header = ";".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
     content = delimited.parse("\n".join([header, *rows]), path)
     return replace(
-        content, lines=content.lines + body, notes=_notes(lines[:head], len(content.lines))
+        content,
+        lines=content.lines + body,
+        notes=(*content.notes, *_notes(lines[:head], len(content.lines))),
     )
 
 

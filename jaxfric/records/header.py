@@ -12,9 +12,14 @@ ROLES = {
     "normal_stress": "Pa",
 }
 """The roles and the SI unit of each. Friction may also be a force, in N."""
+COLUMN_ROLES = {**ROLES, "shear_stress": "Pa"}
+"""Those that a column of a file may have: shear stress over normal stress is friction."""
+NO_COLUMN = "none"
+"""Stands for the column of a role that no column is to have."""
 
 _SYNONYMS = {
-    "time": "time t elapsedtime testtime timestamp exptime runtime seconds",
+    "time": "time t elapsedtime testtime timestamp exptime runtime seconds datetime dateandtime"
+    " dateandtimeofday timeofday clock clocktime zeit",
     "load_point_displacement": "loadpointdisplacement loadpointdisp loadpointdispl lpdisplacement"
     " lpdisp lpd loadpointposition motorposition motordisplacement ramdisplacement ramdisp"
     " pistondisplacement sheardisplacement sheardisp displacement displ disp",
@@ -27,6 +32,7 @@ _SYNONYMS = {
     "slip": "slip slipdisplacement faultslip shearslip sliderdisplacement sliderposition",
     "normal_stress": "normalstress effectivenormalstress effnormalstress effectivestress"
     " normstress sigman sign σn",
+    "shear_stress": "shearstress shearstressonfault shearstr tau τ",
 }
 _RANKS = {
     name: (role, rank)

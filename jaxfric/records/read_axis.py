@@ -11,7 +11,8 @@ from .axis_force import add_disturbance, controlled, force_from_signal, force_un
 from .axis_header import Use, assign, coordinate_of
 from .axis_record import COLUMNS, AxisRecord, Rows, build
 from .axis_source import Source, open_source
-from .record import Provenance
+from .content import filled_rows
+from .record import EMPTY_ROWS, Provenance
 
 
 def read_axis(
@@ -55,8 +56,13 @@ def read_axis(
     uses, notes = assign(source.path, source.names, source.units, given)
     coordinate = coordinate_of(source.path, uses)
     rows = _rows(source, uses)
+    filled = filled_rows(source.blank, (use.index for use in uses.values()), len(rows.lines))
+    empty = len(rows.lines) - (filled.stop - filled.start)
+    rows = Rows(rows.lines[filled], rows.malformed[filled], rows.text)
     with np.errstate(all="ignore"):  # what overflows is refused with its row
-        values = {role: scale(source.columns[use.index], use.size) for role, use in uses.items()}
+        values = {
+            role: scale(source.columns[use.index][filled], use.size) for role, use in uses.items()
+        }
         drive, signal_notes = force_from_signal(source, values, uses, coordinate, drive_gain)
         drive = controlled(source, uses, coordinate, drive, position_gain, velocity_gain)
         force_unit = force_unit_of(source, values, uses, coordinate, rated_torque)
@@ -76,6 +82,8 @@ def read_axis(
     origin = Provenance(
         source.path,
         source.sha256,
+        rows_read=empty,
+        dropped={EMPTY_ROWS: empty} if empty else {},
         notes=(*source.notes, *notes, *signal_notes, *added, *told),
     )
     units = {role: uses[role].unit if role in uses else force_unit for role in values}

@@ -12,6 +12,9 @@ from .header import ROLES
 LARGEST, SMALLEST = 1e30, 1e-30
 """No measured quantity is larger, in SI; what is smaller is 0."""
 
+EMPTY_ROWS = "empty at the start or end"
+"""Why rows are left out, where a recorder had not begun or had ended."""
+
 MIN_ROWS = 20
 """A record needs this many rows."""
 
@@ -182,7 +185,7 @@ def build(
     """Check the rows, drop equal time stamps (and bad rows if so told), and freeze.
 
     `lines` is the place of every row in the file, `malformed` marks rows with a wrong
-    number of cells.
+    number of cells. `origin` counts rows that were read and left out before.
     """
     if "load_point_displacement" not in columns and "load_point_velocity" not in columns:
         raise InputError("a record needs load_point_displacement or load_point_velocity")
@@ -197,7 +200,8 @@ def build(
     count = int(keep.sum())
     if count < MIN_ROWS:
         raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
-    origin = replace(origin, rows_read=len(lines), dropped=dropped)
+    rows_read, dropped = origin.rows_read + len(lines), {**origin.dropped, **dropped}
+    origin = replace(origin, rows_read=rows_read, dropped=dropped)
     return Record(**kept, friction_unit=friction_unit, units=dict(units), provenance=origin)
 
 

@@ -18,6 +18,8 @@ MIN_RUNS = 4
 """A curve needs this many runs."""
 
 _SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".mat")
+_MOST_LISTED = 20
+"""Files that cannot be read are listed up to this number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +84,24 @@ def read_steady(
     folder = Path(folder)
     runs: list[Run] = []
     records: dict[str, AxisRecord] = {}
-    for path in _files(folder):
+    bad: list[str] = []
+    files = _files(folder)
+    for path in files:
         name = path.relative_to(folder).as_posix()
-        records[name] = read_axis(
-            path,
-            columns=columns,
-            drive_gain=drive_gain,
-            rated_torque=rated_torque,
-            flip=flip,
-            drop_bad=drop_bad,
-        )
+        try:
+            records[name] = read_axis(
+                path,
+                columns=columns,
+                drive_gain=drive_gain,
+                rated_torque=rated_torque,
+                flip=flip,
+                drop_bad=drop_bad,
+            )
+        except InputError as error:
+            bad.append(str(error).replace(str(path), name))
+            continue
         runs.append(steady_run(name, records[name]))
+    _refuse_bad(folder, bad, len(files))
     used = sorted((run for run in runs if not run.refused), key=lambda run: (run.speed, run.name))
     _check_runs(folder, runs, used, records)
     first = records[used[0].name]
@@ -115,6 +124,21 @@ def read_steady(
     )
 
 
+def _refuse_bad(folder: Path, bad: list[str], count: int) -> None:
+    """All files that cannot be read in one list; one advice that all of them end with once."""
+    if not bad:
+        return
+    parts = [text.rpartition("; ") for text in bad]
+    advice = {tail for _, _, tail in parts}
+    shown = bad
+    if len(bad) > 1 and len(advice) == 1 and all(head for head, _, _ in parts):
+        shown = [head for head, _, _ in parts]
+    ending = f"; {advice.pop()}" if shown is not bad else ""
+    more = f"; and {len(bad) - _MOST_LISTED} more" if len(bad) > _MOST_LISTED else ""
+    listed = "; ".join(shown[:_MOST_LISTED]) + more + ending
+    raise InputError(f"{folder}: {len(bad)} of {count} files cannot be read: {listed}")
+
+
 def _files(folder: Path) -> list[Path]:
     """Files of runs below a folder, in the order of their paths."""
     if folder.is_file():
@@ -132,9 +156,11 @@ def _files(folder: Path) -> list[Path]:
         and not any(part.startswith(".") for part in path.relative_to(folder).parts)
     )
     if len(found) < MIN_RUNS:
+        logs = sum(path.suffix.lower() == ".json" for path in folder.rglob("*"))
         raise InputError(
             f"{folder} holds {len(found)} files of runs ({', '.join(_SUFFIXES)}); a steady curve"
             f" needs at least {MIN_RUNS}, each at a steady speed of its own"
+            + (f" ({logs} .json: logs of records, not read yet)" if logs else "")
         )
     return found
 

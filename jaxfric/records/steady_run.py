@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from .axis_record import AxisRecord
 from .record import MIN_ROWS
@@ -56,8 +55,8 @@ class _Rows:
     def part(self, rows) -> "_Rows":
         """Some of the rows."""
         position = None if self.position is None else self.position[rows]
-        channels = (self.number, self.time, self.speed, self.force)
-        return _Rows(*(channel[rows] for channel in channels), position)
+        time, speed, force = self.time[rows], self.speed[rows], self.force[rows]
+        return _Rows(self.number[rows], time, speed, force, position)
 
 
 def steady_run(name: str, record: AxisRecord) -> Run:
@@ -105,6 +104,8 @@ def _rows(record: AxisRecord) -> _Rows:
     time, speed, position = record.relative_time, record.velocity, None
     rows = np.arange(len(time))
     if record.position is not None and (speed is None or not np.any(speed)):
+        from scipy.ndimage import median_filter  # only here: reading is quick without SciPy
+
         # a wrong cell stands out from the two before and after it
         rows = np.flatnonzero(~outliers(record.position - median_filter(record.position, 5)))
         position = record.position[rows]

@@ -1,6 +1,7 @@
 """Any file of columns as it is: names, units as written, numbers. No roles are asked for."""
 
 import hashlib
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +25,8 @@ class Table:
 
     `units` are the texts of the header (None where it gives none); a cell that is no number
     is NaN; `lines` is the place of every row in the file (line number, or record number in a
-    binary file); `malformed` marks rows with a wrong number of cells.
+    binary file); `malformed` marks rows with a wrong number of cells, `blank` cells that hold
+    nothing (None: there are none).
     """
 
     path: str
@@ -35,6 +37,7 @@ class Table:
     columns: tuple[np.ndarray, ...]
     lines: np.ndarray
     malformed: np.ndarray
+    blank: np.ndarray | None = None
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -57,6 +60,7 @@ def read_table(path: str | Path) -> Table:
     path = Path(path)
     data = _load(path)
     sha256 = hashlib.sha256(data).hexdigest()
+    refuse_log(data, str(path))
     if xlook.is_xlook(data):
         kind, content = "xlook", xlook.parse(data, str(path))
     else:
@@ -75,8 +79,44 @@ def read_table(path: str | Path) -> Table:
         columns=content.columns,
         lines=content.lines,
         malformed=content.malformed,
+        blank=content.blank,
         notes=content.notes,
     )
+
+
+def refuse_log(data: bytes, path: str) -> None:
+    """Refuse JSON by its name: a servo's log of records is text, but no table.
+
+    Raises `InputError`, with the fields of the records where there are some.
+    """
+    text = data.lstrip(b"\xef\xbb\xbf \t\r\n")
+    if text[:1] not in (b"{", b"["):
+        return
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        if Path(path).suffix.lower() not in (".json", ".jsonl", ".ndjson"):
+            return
+        found = None
+    fields = _fields(found)
+    shown = ", ".join(fields[:8]) + (", ..." if len(fields) > 8 else "")
+    what = f"a log of records with the fields {shown}" if fields else "no table of columns"
+    raise InputError(
+        f"{path} is JSON, {what}: not read yet; write its columns as CSV, one row a sample, with"
+        " units in the header"
+    )
+
+
+def _fields(found: object) -> list[str]:
+    """Names of what the records of a log hold: of the first list of them, or of lists."""
+    if isinstance(found, list):
+        return list(found[0]) if found and isinstance(found[0], dict) else []
+    if not isinstance(found, dict):
+        return []
+    for value in found.values():
+        if isinstance(value, list) and (fields := _fields(value)):
+            return fields
+    return [name for name, value in found.items() if isinstance(value, list) and len(value) > 1]
 
 
 def _load(path: Path) -> bytes:

@@ -1,0 +1,103 @@
+"""The names and units of columns, from the lines of text above the numbers."""
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+
+from ..errors import InputError
+from ..units import is_unit
+from . import axis_header, clock, header
+from .cells import Writing
+
+
+def read_header(
+    above: list[str], rows: list[str], writing: Writing, path: str
+) -> tuple[list[str], list[str | None]]:
+    """Names ("" for none) and units from the last lines above the numbers."""
+    written = [line for line in above if line.strip().strip("#").strip(" \t;,\"'")]
+    if not written:
+        raise InputError(
+            f"{path} has no header; the first line must name the columns, as in"
+            " 'time [s],load_point_displacement [um],friction [1]'"
+        )
+    cells = [writing.cells(row) for row in rows]
+    least, most = _usual(len(_without_end(row)) for row in cells), _usual(map(len, cells))
+    names = _header_cells(written[-1], writing, least, most)
+    below: list[str] | None = None
+    if len(written) > 1:
+        upper = _header_cells(written[-2], writing, least, most)
+        if len(names) <= len(upper) <= most and _are_units(names, upper):
+            below, names = [cell.strip("[]() ") for cell in names], upper
+    if not least <= len(names) <= most:
+        raise InputError(
+            f"{path}: the header names {len(names)} columns, the first row has"
+            f" {len(_without_end(cells[0]))} cells; header: {written[-1].strip()[:80]}"
+            + _comma_hint(len(names), least, writing)
+        )
+    if below is not None:
+        below += [""] * (len(names) - len(below))
+        plain = [header.split_name_unit(name)[0] for name in names]
+        return plain, [None if clock.is_clock_format(unit) else unit for unit in below]
+    pairs = [header.split_name_unit(name) for name in names]
+    return [name for name, _ in pairs], [unit for _, unit in pairs]
+
+
+def _usual(counts: Iterable[int]) -> int:
+    """The most frequent count; of equally frequent ones the largest."""
+    found = Counter(counts)
+    return max(found, key=lambda count: (found[count], count))
+
+
+def _comma_hint(names: int, cells: int, writing: Writing) -> str:
+    if writing.delimiter == "," and cells == 2 * names:
+        return "; with decimal commas, part the columns by semicolons"
+    return ""
+
+
+def _without_end(cells: list[str]) -> list[str]:
+    """Cells without the empty ones at the end."""
+    while cells and not cells[-1]:
+        cells = cells[:-1]
+    return cells
+
+
+def _header_cells(line: str, writing: Writing, least: int, most: int) -> list[str]:
+    """Cells of a header. A `#` leads it; after `;` there is a remark, unless `;` delimits.
+
+    Where the delimiter of the rows does not give as many cells as they have, others may.
+    """
+    line = line.strip(" ").removeprefix("#")
+    found = _without_end(_header_cells_by(line, writing))
+    if least <= len(found) <= most:
+        return found
+    for delimiter in ("\t", ";", ","):
+        other = _without_end(Writing(delimiter).cells(line))
+        if least <= len(other) <= most:
+            return other
+    wide = [cell.strip("\"' ") for cell in re.split(r"\s{2,}|\t", line.strip())]
+    return wide if least <= len(wide) <= most else found
+
+
+def _header_cells_by(line: str, writing: Writing) -> list[str]:
+    if writing.delimiter is None:
+        line = re.sub(r"\s+(?=[\[(])", "", line.strip())
+        line = re.sub(r"[\[(][^\])]*[\])]", lambda unit: unit.group().replace(" ", "*"), line)
+    elif writing.delimiter != ";":
+        line = line.split(";")[0]
+    return writing.cells(line)
+
+
+def _are_units(cells: list[str], above: list[str]) -> bool:
+    """Whether the cells of a line are units, and those above it rather names of columns."""
+    bare = [cell.strip("[]() ") for cell in cells]
+    known = all(
+        is_unit(cell) or is_unit(axis_header.spelling(cell)) or clock.is_clock_format(cell)
+        for cell in bare
+    )
+    return known and _roles(above) >= _roles(bare)
+
+
+def _roles(cells: list[str]) -> int:
+    """How many of the cells name a column that has a role."""
+    names = [header.split_name_unit(cell)[0] for cell in cells]
+    return sum(bool(header.role_of(name) or axis_header.role_of(name)) for name in names)

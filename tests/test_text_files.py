@@ -1,0 +1,318 @@
+"""Text as spreadsheets, recorders and old programs write it: each file holds the same record."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxfric.errors import InputError
+from jaxfric.records import read, read_axis, read_steady, read_table
+from jaxfric.records.record import Record
+
+ROWS = 40
+TIME = 0.25 * np.arange(ROWS)
+MOVED = 2.0 * TIME + np.maximum(TIME - 5, 0)
+FRICTION = 0.6 + 0.001 * np.arange(ROWS)
+STRESS = 25.0
+HEADER = ["time [s]", "displacement [um]", "friction [1]", "normal stress [MPa]"]
+
+
+def cells() -> list[list[str]]:
+    return [
+        [f"{t:.2f}", f"{x:.3f}", f"{f:.4f}", f"{STRESS}"]
+        for t, x, f in zip(TIME, MOVED, FRICTION, strict=True)
+    ]
+
+
+def table(
+    delimiter: str = ",", header: list[str] | None = None, body: list[list[str]] | None = None
+) -> str:
+    lines = [HEADER if header is None else header, *(cells() if body is None else body)]
+    return "\n".join(delimiter.join(line) for line in lines) + "\n"
+
+
+def written(folder: Path, text: str | bytes) -> Path:
+    path = folder / "run.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def assert_the_record(record: Record, rows: slice = slice(None)) -> None:
+    assert record.load_point_displacement is not None and record.normal_stress is not None
+    np.testing.assert_allclose(
+        record.time - record.time[0], (TIME - TIME[rows][0])[rows], atol=1e-9
+    )
+    np.testing.assert_allclose(record.load_point_displacement, 1e-6 * MOVED[rows], atol=1e-15)
+    np.testing.assert_allclose(record.friction, FRICTION[rows], rtol=1e-12)
+    np.testing.assert_allclose(record.normal_stress, 1e6 * STRESS, rtol=1e-12)
+
+
+def with_units_below(delimiter: str, units: list[str]) -> str:
+    names = delimiter.join(["Time", "Displacement", "Friction", "Normal stress"])
+    body = table(delimiter).split("\n", 1)[1]
+    return f"{names}\n{delimiter.join(units)}\n{body}"
+
+
+def exponents(letter: str) -> str:
+    return table(body=[[f"{float(c):.9E}".replace("E", letter) for c in row] for row in cells()])
+
+
+def bare_exponents() -> str:
+    """Fortran leaves the letter out where the exponent has three digits."""
+    body = [[*row, "1.5-100"] for row in cells()]
+    return table(header=[*HEADER, "density"], body=body)
+
+
+def with_column(place: int, name: str, cell: str, delimiter: str = ",") -> str:
+    body = [[*row[:place], cell, *row[place:]] for row in cells()]
+    return table(delimiter, [*HEADER[:place], name, *HEADER[place:]], body)
+
+
+WRITINGS: dict[str, Callable[[], str | bytes]] = {
+    "decimal commas, semicolons": lambda: table(";").replace(".", ","),
+    "decimal commas, tabs": lambda: table("\t").replace(".", ","),
+    "decimal commas, blanks": lambda: table("  ").replace(".", ","),
+    "decimal commas, quoted": lambda: table(
+        ";", body=[[f'"{cell}"' for cell in row] for row in cells()]
+    ).replace(".", ","),
+    "D exponents": lambda: exponents("D"),
+    "d exponents": lambda: exponents("d"),
+    "exponents without a letter": bare_exponents,
+    "trailing commas": lambda: table().replace("\n", ",,,\n"),
+    "trailing semicolons below the header": lambda: (
+        table(";").replace("\n", ";;\n").replace(";;\n", "\n", 1)
+    ),
+    "trailing tabs": lambda: table("\t").replace("\n", "\t\n"),
+    "an empty column between": lambda: with_column(1, "", ""),
+    "an empty column before": lambda: with_column(0, "", ""),
+    "an empty column before, tabs": lambda: with_column(0, "", "", "\t"),
+    "a column of remarks": lambda: with_column(4, "remark", "ok"),
+    "a quoted remark with a comma": lambda: with_column(2, "remark", '"stop, then go"'),
+    "rows of nothing but commas": lambda: table().replace("\n", "\n,,,\n") + ",,,\n" * 500,
+    "thousands of blank lines": lambda: "\n" * 3000 + table() + "\n \n" * 3000,
+    "a long header": lambda: "a line of the recorder\n" * 400 + table(),
+    "units below": lambda: with_units_below(",", ["s", "um", "-", "MPa"]),
+    "units below, some blank": lambda: with_units_below(";", ["s", "µm", "", "MPa"]),
+    "units below, quoted": lambda: with_units_below(",", ['"s"', '"um"', '""', '"MPa"']),
+    "units below, in brackets": lambda: with_units_below("\t", ["(s)", "(um)", "( )", "(MPa)"]),
+    "units below and a blank line": lambda: with_units_below(",", ["s", "um", "1", "MPa\n"]),
+    "quotes": lambda: table(header=[f'"{name}"' for name in HEADER]),
+    "quoted names with a comma": lambda: table(header=[*HEADER[:3], '"normal stress, MPa"']),
+    "tabs in the header, blanks below": lambda: "\n".join(
+        ["\t".join(HEADER), *table("  ").splitlines()[1:]]
+    ),
+    "CRLF and a mark": lambda: b"\xef\xbb\xbf" + table().replace("\n", "\r\n").encode(),
+    "micro sign of Latin-1": lambda: table().replace("um", "µm").encode("latin-1"),
+    "minus and hard blanks": lambda: table(body=[[c + "\xa0" for c in row] for row in cells()]),
+    "UTF-16": lambda: table("\t").encode("utf-16"),
+}
+
+
+@pytest.mark.parametrize("writing", WRITINGS)
+def test_ways_of_writing(tmp_path: Path, writing: str) -> None:
+    assert_the_record(read(written(tmp_path, WRITINGS[writing]())))
+
+
+def clocked(times: list[str], name: str = "Time", delimiter: str = ",") -> str:
+    body = [[clock, *row[1:]] for clock, row in zip(times, cells(), strict=True)]
+    return table(delimiter, [name, *HEADER[1:]], body)
+
+
+def clock(seconds: float, date: str = "", sign: str = ".") -> str:
+    hour, rest = divmod(seconds % 86400, 3600)
+    return f"{date}{hour:02.0f}:{rest // 60:02.0f}:{rest % 60:05.2f}".replace(".", sign)
+
+
+LATE = 86400 - 5.0  # the record begins five seconds before midnight
+
+
+def dated(form: str) -> list[str]:
+    """Times of a night from 30 April to 1 May, with their dates."""
+    return [
+        clock(LATE + t, form.format(day=30 if t < 5 else 1, month=4 if t < 5 else 5)) for t in TIME
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        (lambda: clocked([clock(3600 + t) for t in TIME]), "since midnight"),
+        (lambda: clocked([clock(3600 + t) for t in TIME], "Time (hh:mm:ss)"), "since midnight"),
+        (lambda: clocked([clock(3600 + t) for t in TIME], "clock", "  "), "since midnight"),
+        (lambda: clocked([clock(3600 + t) + " PM" for t in TIME], "t [s]"), "since midnight"),
+        (lambda: clocked([clock(LATE + t) for t in TIME]), "which it passes"),
+        (lambda: clocked(dated("2024-{month:02d}-{day:02d}T")), "of 2024-04-30"),
+        (lambda: clocked([c + "Z" for c in dated("2024-{month:02d}-{day:02d} ")]), "2024-04-30"),
+        (lambda: clocked([c + "+02:00" for c in dated("2024-{month}-{day}T")]), "2024-04-30"),
+        (lambda: clocked(dated("{day:02d}.{month:02d}.2024 ")), "2024-04-30"),
+        (lambda: clocked(dated("{day:02d}/{month:02d}/2024 ")), "2024-04-30"),
+        (lambda: clocked(dated("{month}/{day}/2024 "), "Timestamp"), "2024-04-30"),
+        (
+            lambda: clocked([clock(60 + t, sign=",") for t in TIME], "Zeit", ";").replace(".", ","),
+            "decimal commas",
+        ),
+    ],
+)
+def test_times_of_the_clock(tmp_path: Path, text: Callable[[], str], note: str) -> None:
+    record = read(written(tmp_path, text()))
+    assert_the_record(record)
+    assert record.units["time"] == "s"
+    assert note in " ".join(record.provenance.notes)
+
+
+def test_a_date_of_its_own_and_units_below(tmp_path: Path) -> None:
+    """A column of dates is not used; the clock passes midnight all the same."""
+    body = [["2024-04-30", clock(LATE + t), *r[1:]] for t, r in zip(TIME, cells(), strict=True)]
+    names = ["Date", "Time", "Displacement", "Friction", "Normal stress"]
+    units = ["yyyy-mm-dd", "hh:mm:ss.ss", "um", "-", "MPa"]
+    assert_the_record(read(written(tmp_path, table(header=names, body=[units, *body]))))
+
+
+def test_rows_that_share_a_second(tmp_path: Path) -> None:
+    """Of a clock without fractions: four rows a second, the first second begun late."""
+    whole = [clock(7200 + np.floor(t + 0.5)).split(".")[0] for t in TIME]
+    record = read(written(tmp_path, clocked(whole)))
+    assert_the_record(record)
+    assert record.time[0] == 7200.5
+    assert "spread evenly" in " ".join(record.provenance.notes)
+    once = [clock(7200 + i).split(".")[0] for i in range(ROWS)]
+    np.testing.assert_array_equal(
+        read(written(tmp_path, clocked(once))).time, 7200 + np.arange(ROWS)
+    )
+
+
+def test_clocks_that_are_none(tmp_path: Path) -> None:
+    times = [clock(3600 + t) for t in TIME]
+    with pytest.raises(InputError, match=r"row 9 \(time\)"):
+        read(written(tmp_path, clocked([*times[:7], "25:00:00", *times[8:]])))
+    with pytest.raises(InputError, match="time goes back in row 12"):
+        read(written(tmp_path, clocked([*times[:10], "01:00:00", *times[11:]])))
+    with pytest.raises(InputError, match="some clock times have a date"):
+        read(written(tmp_path, clocked([*times[:30], *dated("2024-{month}-{day} ")[30:]])))
+    with pytest.raises(InputError, match=r"not a table"):
+        read(written(tmp_path, "Date: 2024-04-30 12:00:00\n" * 30))
+
+
+def test_an_axis_by_the_clock(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(300)
+    lines = ["Zeit;Position;Torque;;", "hh:mm:ss;deg;mNm;;"]
+    for i in range(300):
+        row = f"{clock(t[i])};{30 * np.sin(6 * t[i]):.4f};{np.cos(6 * t[i]) + t[i]:.5f};;"
+        lines.append(row.replace(".", ","))
+    record = read_axis(written(tmp_path, "\n".join(lines) + "\n"))
+    assert (record.coordinate, record.force_unit) == ("rotary", "N m")
+    assert record.position is not None
+    np.testing.assert_allclose(record.relative_time, t, atol=1e-9)
+    np.testing.assert_allclose(record.position, np.deg2rad(30 * np.sin(6 * t)), atol=2e-6)
+
+
+@pytest.mark.parametrize("name", ["shear stress [kPa]", "tau (kPa)", "friction [kPa]"])
+def test_friction_of_two_stresses(tmp_path: Path, name: str) -> None:
+    body = [[*row[:2], f"{1e3 * STRESS * float(row[2]):.2f}", row[3]] for row in cells()]
+    path = written(tmp_path, table(header=[*HEADER[:2], name, HEADER[3]], body=body))
+    record = read(path)
+    assert_the_record(record)
+    assert (record.friction_unit, record.units["friction"]) == ("1", "1")
+    told = " ".join(record.provenance.notes)
+    assert "is shear_stress" in told or name.startswith("shear")
+    assert "over 'normal stress'" in told
+    body[4][3] = "0"
+    path = written(tmp_path, table(header=[*HEADER[:2], name, HEADER[3]], body=body))
+    with pytest.raises(InputError, match=r"normal stress is 0 MPa in row 6 \(1 rows\)"):
+        read(path)
+    with pytest.raises(InputError, match="normal_stress"):
+        read(path, columns={"normal_stress": "none"})
+
+
+def test_friction_beside_a_shear_stress(tmp_path: Path) -> None:
+    path = written(tmp_path, with_column(2, "tau [MPa]", "12"))
+    record = read(path)
+    assert_the_record(record)
+    assert "ignored columns: tau" in record.provenance.notes
+    other = read(path, columns={"shear_stress": "tau"})
+    np.testing.assert_allclose(other.friction, 12 / STRESS)
+
+
+def test_empty_cells_at_the_edges(tmp_path: Path) -> None:
+    """Rows before a sensor begins and after it ends are left out, not those between."""
+    body = cells()
+    for row in [*body[:3], *body[-2:]]:
+        row[2] = ""
+    body[0][3] = "NaN"
+    path = written(tmp_path, table(body=body))
+    record = read(path)
+    assert_the_record(record, slice(3, -2))
+    assert record.provenance.rows_read == ROWS
+    assert record.provenance.dropped == {"empty at the start or end": 5}
+    body[20][2] = ""
+    path = written(tmp_path, table(body=body))
+    with pytest.raises(InputError, match=r"1 row.* row 22 \(friction\)"):
+        read(path)
+    assert len(read(path, drop_bad=True)) == ROWS - 6
+    for row in body[:9]:
+        row[2] = ""
+    with pytest.raises(InputError, match=r"10 rows.* row 2 \(friction\)"):
+        read(written(tmp_path, table(body=body)))
+    body = cells()
+    body[-1][2] = "stop"
+    with pytest.raises(InputError, match=r"row 41 \(friction\)"):
+        read(written(tmp_path, table(body=body)))
+
+
+@pytest.mark.parametrize(
+    ("lost", "cut"), [(0, False), (1, False), (2, True), (3, True), (6, True), (7, True), (9, True)]
+)
+def test_a_last_line_that_is_cut_off(tmp_path: Path, lost: int, cut: bool) -> None:
+    """Of a row `..., 0.6390` all that is left is a prefix, down to `0`: no friction of nought."""
+    header, body = [*HEADER[:2], HEADER[3], HEADER[2]], [[*r[:2], r[3], r[2]] for r in cells()]
+    text = table(header=header, body=body)
+    record = read(written(tmp_path, text[: len(text) - lost]))
+    assert_the_record(record, slice(0, -1 if cut else None))
+    assert any("cut off" in note for note in record.provenance.notes) == cut
+
+
+def test_a_nought_of_numbers_of_any_length(tmp_path: Path) -> None:
+    body = [[row[0], row[1], repr(float(row[2]))] for row in cells()]
+    text = table(header=HEADER[:3], body=body)
+    whole = read(written(tmp_path, text.rstrip("\n")))
+    assert len(whole) == ROWS
+    cut = read(written(tmp_path, text[: text.rindex(",") + 2]))
+    assert len(cut) == ROWS - 1 and cut.friction.min() == 0.6
+
+
+def test_a_log_of_records(tmp_path: Path) -> None:
+    log = '{"kp": 3, "entries": [{"position": 0.1, "load": 2}, {"position": 0.2, "load": 3}]}'
+    for text in (log, " " + log, "[1, 2]", '{"t": [0, 1], "x": [1, 2]}'):
+        path = tmp_path / "run.json"
+        path.write_text(text)
+        for reader in (read, read_axis):
+            with pytest.raises(InputError, match=r"is JSON, .*not read yet.*CSV"):
+                reader(path)
+    path.write_text(log)
+    with pytest.raises(InputError, match="a log of records with the fields position, load"):
+        read_axis(path)
+    with pytest.raises(InputError, match=r"0 files of runs.*1 \.json: logs of records"):
+        read_steady(tmp_path)
+
+
+def test_all_bad_files_of_a_folder(tmp_path: Path) -> None:
+    """One list has every file that cannot be read, with its row, and what to do once."""
+    rows = [f"{i / 10},{5.0 + (i % 3) / 100},{2 + (i % 5) / 10}" for i in range(80)]
+    for name in "abcdef":
+        bad = {"b": "1.9,oops,2", "e": "1.9,,2"}.get(name, rows[19])
+        lines = ["time [s],velocity [mm/s],motor_force [N]", *rows[:19], bad, *rows[20:]]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError) as caught:
+        read_steady(tmp_path)
+    message = str(caught.value)
+    assert "2 of 6 files cannot be read" in message
+    assert "b.csv: 1 row" in message and "e.csv: 1 row" in message and "a.csv" not in message
+    assert message.count("row 21") == 2 and message.count("--drop-bad") == 1
+    assert "\n" not in message
+
+
+def test_names_and_units_are_told_apart(tmp_path: Path) -> None:
+    """A last line of words that are units, too, are names where they have roles and others not."""
+    text = "Operator,Smith\nt,F\n" + "".join(f"{i},{i}\n" for i in range(30))
+    assert read_table(written(tmp_path, text)).names == ("t", "F")
