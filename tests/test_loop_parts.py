@@ -8,10 +8,12 @@ import pytest
 from scipy import linalg, stats
 
 import jaxfric as jf
+from jaxfric.effects import RecordScales
 from jaxfric.fitting.noise import Noise, estimate_noise
 from jaxfric.loop import search as search_module
 from jaxfric.loop.engine import Candidate, Column
 from jaxfric.loop.evidence import evidence, log_determinant
+from jaxfric.loop.fixed import Part, inseparable, loose
 from jaxfric.loop.screen import (
     Screened,
     Screening,
@@ -494,9 +496,68 @@ def test_beside_the_right_effect_one_that_stood_in_for_it_goes(monkeypatch, with
     cosines = np.eye(4)
     cosines[0, 2] = cosines[2, 0] = 0.99
     monkeypatch.setattr(search_module, "screen", screened)
+    monkeypatch.setattr(search_module, "not_fixed", lambda *_: ())
     monkeypatch.setattr(search_module, "aliases", lambda *_: (tuple(Fitted.ids), cosines))
     bic = {"a": -100.0, "c": -50.0, "ab": -150.0, "ad": -120.0, "abd": -200.0, "bcd": -230.0}
     engine = Fitted({**bic, "cd": without_b})
     found = search_module.search(engine, [np.zeros(4)], None, most=3, progress=lambda _: None)
     assert found.accepted[:4] == ((), ("a",), ("a", "b"), ("a", "b", "d"))
     assert set(found.final.effects) == set(kept)
+
+
+def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False):
+    rms = {"train": train, "select": select, "report": 1.0}
+    return Candidate((), np.zeros(1), np.zeros(1), WHITE, bic, rms, physical, failed)
+
+
+@pytest.mark.parametrize(
+    ("candidate", "taken"),
+    [
+        (scored(-10.1), True),
+        (scored(-9.9), False),  # no evidence
+        (scored(-200.0, train=1.004), True),
+        (scored(-200.0, train=1.006), False),  # its noise is likelier, its fit is worse
+        (scored(-200.0, select=1.15), True),
+        (scored(-200.0, select=1.25), False),  # more than chance beyond the train block
+        (scored(-200.0, physical=False), False),
+        (scored(-200.0, failed=True), False),
+    ],
+)
+def test_what_is_taken(candidate, taken):
+    assert search_module.acceptable(scored(), candidate, 0.1) is taken
+
+
+SIZE = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 500.0)
+
+
+@pytest.mark.parametrize(
+    ("parts", "names"),
+    [
+        ([("B2", "F", 0.003, 0.5, True), ("L2", "m", 4e-5, 0.5, False)], ()),
+        ([("B2", "F", 0.003, 1.1, True), ("L2", "m", 4e-5, 0.5, False)], ("B2",)),
+        ([("B2", "F", 0.003, 0.5, True), ("L2", "m", 4e-5, 1.1, False)], ("L2",)),
+        ([("B2", "F", 0.9, 0.5, True)], ("B2",)),  # more than all friction
+        ([("a", "F", 1e-5, 3.0, True), ("b", "F", 1e-3, 0.1, True)], ()),  # a phase
+        ([("a", "F", 1e-5, 3.0, True), ("b", "F", 1e-5, 1.5, True)], ("a", "b")),
+        ([("lambda", "m", 2.1e-3, 0.1, False)], ("lambda",)),  # no two periods in the record
+        ([("tau", "s", 1e3 + 1, 0.1, False)], ("tau",)),
+        ([("Vs", "m/s", 1e-2, 0.1, False)], ("Vs",)),
+        ([("Vs", "m/s", 1e-5, 0.1, False)], ()),
+        ([("c", "F s/m", 7e3, 0.1, True)], ("c",)),  # 0.7 at 100 um/s
+        ([("s", "F/m", 5e2, 0.1, True)], ()),
+        ([("s", "F/m", 7e2, 0.1, True)], ("s",)),
+        ([("r", "F/s", 2e-3, 0.1, True)], ("r",)),
+        ([("r", "F/s", np.nan, np.nan, True)], ("r",)),
+    ],
+)
+def test_what_a_record_does_not_fix(parts, names):
+    """Of 1 mm, 500 s, 1 to 100 um/s and a largest friction of 0.6."""
+    assert loose([Part(*part) for part in parts], 0.6, SIZE) == names
+
+
+def test_two_lags_that_are_known_together_only():
+    def covariance(r):
+        return np.asarray([[4.0, 6 * r, 0.1], [6 * r, 9.0, 0.1], [0.1, 0.1, 1.0]])
+
+    assert inseparable(covariance(-0.96)) == inseparable(covariance(0.96)) == [0, 1]
+    assert inseparable(covariance(-0.94)) == [] == inseparable(np.zeros((0, 0)))

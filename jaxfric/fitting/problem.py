@@ -177,7 +177,7 @@ class Problem(eqx.Module):
             return _TIME_SHARE * duration
         if unit == "F s^2/m":
             return self.force_scale / self.motion.largest_speed() * 1e-4 * duration
-        force, length, time = _powers(unit)
+        force, length, time = powers(unit)
         if length == -time:  # a velocity
             return self.force_scale**force * self.motion.largest_speed() ** length
         return self.force_scale**force * self.slip_scale**length * duration**time
@@ -295,7 +295,7 @@ def natural(
     return jax.vmap(problem.from_free)(zs), jnp.diagonal(slopes, axis1=1, axis2=2)
 
 
-def _powers(unit: str) -> tuple[int, int, int]:
+def powers(unit: str) -> tuple[int, int, int]:
     """Powers of F, m and s in a unit such as "F s^2/m"."""
     powers = dict.fromkeys("Fms1", 0)
     for sign, part in zip((1, -1), unit.partition("/")[::2], strict=True):

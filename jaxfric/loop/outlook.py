@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .search import ALIAS
+from .screen import ALIAS
 
 SCHEMA = "jaxfric.protocol/1"
 

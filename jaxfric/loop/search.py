@@ -1,9 +1,10 @@
 """The search: base, screen, joint refits, forward, backward, swaps.
 
 1. Base fit and its noise, from several starts. 2. Screen all effects to first order. 3. Refit the
-most promising jointly. 4. Accept the best if BIC falls by more than 10, the select block does not
-get worse and its parameters are possible. 5. Again, up to three effects; then drop what is no
-longer needed, and try in place of each what is easily taken for it.
+most promising jointly. 4. Accept the best if BIC falls by more than 10, neither the train nor the
+select block is fitted worse, and its parameters are possible and fixed by the record. 5. Again, up
+to three effects; then drop what is no longer needed, and try in place of each what is easily taken
+for it.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,14 +14,15 @@ import numpy as np
 
 from ..effects import RecordScales
 from .engine import Candidate, Engine
-from .screen import Screened, aliases, screen
+from .fixed import not_fixed
+from .screen import ALIAS, Screened, aliases, screen
 
 _PARTS = (0.1, 0.01, 1e-3)
 _TIE = 2.0
 ACCEPT = 10.0
-ALIAS = 0.95
 _REFITS = 4
 _WORSE = 1.02
+_TRAIN_WORSE = 1.005
 _CHANCE = 0.01
 _AGREE = 1.0
 
@@ -61,7 +63,7 @@ def search(
         progress(f"screening {missing} effects")
         found = screen(engine, current, scales)
         rounds.append(tuple(found))
-        better = _refits(engine, current, found, tried, progress)
+        better = _refits(engine, current, found, scales, tried, progress)
         if better is None:
             break
         current = _exact(engine, better, tried)
@@ -71,7 +73,7 @@ def search(
     before = current
     while True:
         current = _without_needless(engine, current, tried)
-        other = _swapped(engine, current, ids, cosines, rounds, tried, progress)
+        other = _swapped(engine, current, (ids, cosines), rounds, scales, tried, progress)
         if other is current:
             break
         # beside the right effect one that stood in for it is needless
@@ -95,7 +97,7 @@ def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool
     return best, agree or len(starts) == 1
 
 
-def _refits(engine, current: Candidate, found, tried, progress) -> Candidate | None:
+def _refits(engine, current: Candidate, found, scales, tried, progress) -> Candidate | None:
     """The best acceptable joint refit of the most promising effects, or None.
 
     Of those whose BIC is within `_TIE`, which is no evidence, the first of the catalogue.
@@ -110,7 +112,8 @@ def _refits(engine, current: Candidate, found, tried, progress) -> Candidate | N
         candidate = refit_safely(engine, effects, one, current)
         tried.append(candidate)
         chance = engine.rms_error(engine.blocks.select, candidate.noise)
-        if acceptable(current, candidate, chance) and one.p_value <= _CHANCE:
+        wanted = one.p_value <= _CHANCE and acceptable(current, candidate, chance)
+        if wanted and not not_fixed(engine, candidate, scales):
             accepted.append(candidate)
     if not accepted:
         return None
@@ -153,13 +156,15 @@ def acceptable(current: Candidate, candidate: Candidate, chance: float) -> bool:
     """Better by more than 10 of BIC, possible, and not worse on the select block than chance.
 
     `chance` is the relative standard error of the rms of noise there: few rows, or correlated
-    ones, may differ much.
+    ones, may differ much. Where the train block is fitted worse, only the noise has become
+    likelier: that is no evidence of an effect.
     """
     limit = max(_WORSE * current.rms["select"], (1 + 2 * chance) * candidate.rms["train"])
     return (
         not candidate.failed
         and candidate.physical
         and current.bic - candidate.bic > ACCEPT
+        and candidate.rms["train"] <= _TRAIN_WORSE * current.rms["train"]
         and candidate.rms["select"] <= limit
     )
 
@@ -185,9 +190,9 @@ def _without_needless(engine: Engine, current: Candidate, tried: list[Candidate]
     return current
 
 
-def _swapped(engine, current: Candidate, ids, cosines, rounds, tried, progress) -> Candidate:
+def _swapped(engine, current: Candidate, alike, rounds, scales, tried, progress) -> Candidate:
     """Every effect replaced by those easily taken for it; the best of all."""
-    best = current
+    best, (ids, cosines) = current, alike
     for id in current.effects:
         others = [b for b in ids if b != id and cosines[ids.index(id), ids.index(b)] > ALIAS]
         for other in others:
@@ -204,6 +209,7 @@ def _swapped(engine, current: Candidate, ids, cosines, rounds, tried, progress) 
             progress("refitting with " + ", ".join(effects))
             candidate = engine.refit(effects, start)
             tried.append(candidate)
-            if not candidate.failed and candidate.physical and best.bic - candidate.bic > _TIE:
+            better = candidate.physical and best.bic - candidate.bic > _TIE
+            if not candidate.failed and better and not not_fixed(engine, candidate, scales):
                 best = candidate
     return best

@@ -9,8 +9,8 @@ from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
-from .screen import orthonormal
-from .search import ACCEPT, ALIAS, Search
+from .screen import ALIAS, orthonormal
+from .search import ACCEPT, Search
 from .structure import ASKED, TESTS, p_text, structure
 
 _HELD_OUT = 1.06
