@@ -116,10 +116,31 @@ def loop_of(
     )
 
 
+_NEARLY = 0.9
+_VARIABLES = {
+    "log_velocity": "velocity",
+    "relaxation_length": "the slip since a step",
+    "wavelength": "one ripple along the slip",
+    "since_reversal": "the distance since a stop",
+    "time_since_step": "the time since a step",
+    "state": "the state",
+}
+
+
 def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
-    """The most telling variable in words; nothing where it is no more than chance."""
-    if not location or location[0].p_value > 0.01:
+    """The most telling variables in words; nothing where that is no more than chance."""
+    best = next((p for p in location if np.isfinite(p.explained)), None)
+    if best is None or best.p_value > 0.01:
         return ""
-    best = location[0]
-    name = best.variable.replace("_", " ")
-    return f"The structure sits in {name} ({100 * best.explained:.0f} % of it)."
+    names = [
+        _VARIABLES.get(p.variable, p.variable)
+        for p in location
+        if p.explained >= _NEARLY * best.explained and p.p_value <= 0.01
+    ]
+    share = f"{100 * best.explained:.0f} %"
+    if len(names) == 1:
+        return f"Friction that follows {names[0]} would explain {share} of what is left."
+    return (
+        f"Friction that follows {' or '.join(names)}, either alone, would explain about {share} of"
+        " what is left."
+    )

@@ -2,7 +2,8 @@
 
 Bumps of friction as functions of one variable (slip, velocity, state, time, time or slip since the
 step, wavelength) are sent through the linearised slider and fitted together with the base.
-The variable whose bumps take most of the structure away is where friction differs.
+The variable whose bumps take most of the structure away is where friction differs. Every variable
+is asked alone: their shares overlap and do not add up to one.
 """
 
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ from .shapes import respond
 from .structure import chi_square_tail
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
+_CHANCE = 0.01
 
 
 class Bumps(NamedTuple):
@@ -44,7 +46,7 @@ def locate(
     )
     basis = orthonormal(white[:, 1:])
     left = white[:, 0] - basis @ (basis.T @ white[:, 0])
-    structure = max(float(left @ left) - (engine.weight.sum() - basis.shape[1]), 1e-9)
+    whole = float(left @ left), float(engine.weight.sum()) - basis.shape[1]
     seen = np.concatenate([one.columns for one in bumps], axis=1)
     seen = engine.whiten(seen * train, noise)
     seen = seen - basis @ (basis.T @ seen)
@@ -53,8 +55,20 @@ def locate(
         own = seen[:, begin : begin + columns.shape[1]]
         begin += columns.shape[1]
         profile = _ripples if own.shape[1] == 2 * len(centres) else _profile
-        found.append(profile(variable, unit, centres, own, left, structure))
-    return tuple(sorted(found, key=lambda p: -p.explained))
+        found.append(profile(variable, unit, centres, own, left, whole))
+    return tuple(p for _, p in sorted(found, key=lambda pair: -pair[0]))
+
+
+def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
+    """Share of the structure that columns of so many `degrees` take away with a fall of `gain`.
+
+    `whole` is the sum of squares in units of the noise, and its degrees of freedom; what is beyond
+    them is structure. nan where that is no more than chance: there is nothing to have a share of.
+    """
+    squares, rows = whole
+    if chi_square_tail(squares, int(rows)) > _CHANCE:
+        return float("nan")
+    return float(np.clip((gain - degrees) / (squares - rows), 0.0, 1.0))
 
 
 def friction_bumps(engine: Engine, base: Candidate) -> list[Bumps]:
@@ -71,7 +85,7 @@ def friction_bumps(engine: Engine, base: Candidate) -> list[Bumps]:
     ]
 
 
-def _profile(variable, unit, centres, own, left, structure) -> LocationProfile:
+def _profile(variable, unit, centres, own, left, whole) -> tuple[float, LocationProfile]:
     gram = own.T @ own
     values, vectors = np.linalg.eigh(gram)
     used = values > 1e-6 * max(values[-1], 1e-300)
@@ -79,16 +93,17 @@ def _profile(variable, unit, centres, own, left, structure) -> LocationProfile:
     # predicted minus recorded: what must be added has the other sign
     amplitudes = -inverse @ (own.T @ left)
     gain, degrees = float(amplitudes @ gram @ amplitudes), int(used.sum())
-    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    # structure that these bumps leave is no noise, and makes their sizes as uncertain as if it were
+    beyond = max((whole[0] - gain) / max(whole[1] - degrees, 1.0), 1.0)
+    errors = np.sqrt(np.maximum(beyond * np.diag(inverse), 0.0))
     unseen = np.diag(gram) <= 1e-9 * max(np.max(np.diag(gram)), 1e-300)
     amplitudes, errors = np.where(unseen, np.nan, amplitudes), np.where(unseen, np.nan, errors)
-    explained = float(np.clip((gain - degrees) / structure, 0.0, 1.0))
-    return LocationProfile(
-        variable, unit, centres, amplitudes, errors, explained, chi_square_tail(gain, degrees)
-    )
+    explained, p = share_of(gain, degrees, whole), chi_square_tail(gain, degrees)
+    profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, p)
+    return gain - degrees, profile
 
 
-def _ripples(variable, unit, centres, own, left, structure) -> LocationProfile:
+def _ripples(variable, unit, centres, own, left, whole) -> tuple[float, LocationProfile]:
     """Each wavelength alone, a sine and a cosine: many together would follow anything."""
     amplitudes, errors, gains = np.zeros((3, len(centres)))
     for k in range(len(centres)):
@@ -99,9 +114,10 @@ def _ripples(variable, unit, centres, own, left, structure) -> LocationProfile:
         errors[k] = np.sqrt(0.5 * np.trace(inverse))
         gains[k] = side @ inverse @ side
     best = float(np.max(gains))
-    explained = float(np.clip((best - 2) / structure, 0.0, 1.0))
+    errors *= np.sqrt(np.maximum((whole[0] - gains) / max(whole[1] - 2, 1.0), 1.0))
     p = min(1.0, len(centres) * chi_square_tail(best, 2))
-    return LocationProfile(variable, unit, centres, amplitudes, errors, explained, p)
+    explained = share_of(best, 2, whole)
+    return best - 2, LocationProfile(variable, unit, centres, amplitudes, errors, explained, p)
 
 
 def _variables(engine: Engine, response: Response):

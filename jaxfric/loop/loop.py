@@ -265,9 +265,10 @@ def _score(engine: Engine, candidate: Candidate, record: Record, base: Fit, test
 
 
 def _edge(base: Fit) -> float | None:
-    """K/K_cr of the base fit; None where any stiffness is stable."""
-    critical = base.critical_stiffness()
-    return base.values()["K"] / critical if critical > 0 else None
+    """K/K_cr of the base fit; None where the record shows no critical stiffness."""
+    if base.stability().kind != "critical":
+        return None
+    return base.values()["K"] / base.critical_stiffness()
 
 
 def _warnings(engine: Engine, found: Search, base: Fit, edge) -> tuple[str, ...]:

@@ -89,7 +89,8 @@ class LocationProfile:
     errors: np.ndarray
     """Standard errors of the amplitudes, in the unit of friction."""
     explained: float
-    """Share of the structure of the base's residual that bumps in this variable take away."""
+    """Share of the structure of the base's residual that bumps in this variable alone take away;
+    nan where there is no more of it than chance."""
     p_value: float
 
 

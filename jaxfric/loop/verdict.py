@@ -34,6 +34,25 @@ class Floor(NamedTuple):
     """Largest rms of the held-out and train rows, over sigma, that noise alone explains."""
 
 
+class Told(NamedTuple):
+    """Numbers of a verdict's sentence."""
+
+    before: float
+    after: float
+    """Held-out errors of the base and of the model, in sigma."""
+    most: float
+    """The held-out error that noise alone explains, in sigma."""
+    p_value: float
+    """The least of the structure tests."""
+
+    def change(self) -> str:
+        """The held-out error before and after, said as a fall only where it is one."""
+        before, after = f"{self.before:.2f}", f"{self.after:.2f}"
+        if float(after) < float(before):
+            return f"held-out error {before} -> {after} sigma"
+        return f"held-out error {after} sigma, {before} without"
+
+
 class Conclusion(NamedTuple):
     """See `Loop` for the fields."""
 
@@ -142,7 +161,13 @@ def conclude(
     reasons = _reasons(engine, final, floor, tests)
     rivals = _rivals(search)
     verdict = _verdict(search, reasons, rivals, floor, engine)
-    sentence = _sentence(engine, search, verdict, groups, rivals, floor, located)
+    told = Told(
+        held_out(engine, search.base) / floor.sigma,
+        held_out(engine, search.final) / floor.sigma,
+        floor.held_out,
+        min(tests.values(), default=1.0),
+    )
+    sentence = sentence_of(verdict, search, told, rivals, located)
     return Conclusion(verdict, sentence, tuple(reasons), groups, separations)
 
 
@@ -220,39 +245,42 @@ def _swapped(search: Search, id: str) -> list[str]:
     return list(found)
 
 
-def _sentence(engine, search, verdict, groups, rivals, floor, located) -> str:
-    before = held_out(engine, search.base) / floor.sigma
-    after = held_out(engine, search.final) / floor.sigma
-    change = f"held-out error {before:.2f} -> {after:.2f} sigma"
+def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str) -> str:
+    """The verdict in words."""
     named = " and ".join(search.final.effects)
+    before = f"held-out error {told.before:.2f} sigma"
     if verdict == "no_missing_effect":
-        return (
-            f"Nothing is missing: the base model fits to the noise (held-out {before:.2f} sigma)."
-        )
+        return f"Nothing is missing: the base model fits to the noise ({before})."
     if verdict == "too_weak":
-        return (
-            "Something may be missing, but too weakly to be named: no effect is supported by more"
-            f" than {ACCEPT:g} of BIC (held-out {before:.2f} sigma)."
-        )
+        what = "Something may be missing, but too weakly to be named"
+        if told.p_value < _SIGNIFICANT:
+            what = f"Something is left ({p_text(told.p_value)}), but too little to be named"
+        return f"{what}: no effect is supported by more than {ACCEPT:g} of BIC ({before})."
     if verdict == "outside_catalogue":
-        tried = f" {_in_vain(search, named, change, after > before)}" if named else ""
-        return f"What is missing is not in the catalogue.{tried} {located}".strip()
+        tried = _in_vain(search, named, told)
+        return f"What is missing is not in the catalogue. {tried} {located}".strip()
     gain = search.base.bic - search.final.bic
-    text = f"The model lacks {named}: {change}, BIC {gain:.0f} lower."
     if rivals:
         pairs = "; ".join(f"{a} or {b}" for a, b in rivals)
-        text = f"The model lacks {named}, or what looks like it ({pairs}): {change}."
-    return text
+        return f"The model lacks {named}, or what looks like it ({pairs}): {told.change()}."
+    return f"The model lacks {named}: {told.change()}, BIC {gain:.0f} lower."
 
 
-def _in_vain(search: Search, named: str, change: str, worse: bool) -> str:
-    """What was added and explains too little."""
+def _in_vain(search: Search, named: str, told: Told) -> str:
+    """What was added and explains too little; where nothing was, how little is left to explain."""
+    small = told.before <= told.most
+    if not named:
+        left = f"The held-out error is already at the noise ({told.before:.2f} sigma)."
+        return left if small else ""
     one = len(search.final.effects) == 1
-    if worse:
-        verb, then = ("fits", "predicts") if one else ("fit", "predict")
-        return f"{named} {verb} the train block but {then} the others worse ({change})."
-    verb, but = ("helps", "does") if one else ("help", "do")
-    return f"{named} {verb} ({change}) but {but} not explain it."
+    if float(f"{told.after:.2f}") < float(f"{told.before:.2f}"):
+        verb, but = ("helps", "does") if one else ("help", "do")
+        return f"{named} {verb} ({told.change()}) but {but} not explain it."
+    if told.after <= told.most and small:
+        verb = "changes" if one else "change"
+        return f"{named} {verb} little: the {told.change()}, both at the noise."
+    verb, then = ("fits", "predicts") if one else ("fit", "predict")
+    return f"{named} {verb} the train block but {then} the others no better ({told.change()})."
 
 
 def _bumps(slip: np.ndarray, step: np.ndarray, *, number: int = 24) -> np.ndarray:

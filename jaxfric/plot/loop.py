@@ -216,18 +216,22 @@ def _save_location(loop: Loop, folder: Path) -> list[str]:
     figure = new_figure(4.3 * columns, 3.3 * rows + 0.9)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     size, unit = loop.readable()
+    left = loop.before.rms["train"]
     for axis, profile in zip(panels, loop.location, strict=False):
         _profile(axis, profile, loop, size)
     for axis in panels[::columns]:
-        axis.set_ylabel("missing friction" + (f" [{unit}]" if unit else ""))
+        axis.set_ylabel("missing friction / rms left")
     for axis in panels[number:]:
         axis.set_axis_off()
     if number == 0:
         panels[0].text(0.5, 0.5, "no structure was searched for", ha="center", va="center")
     figure.suptitle(
-        "Where friction differs from the base model: the variable that explains most of the"
-        " structure first.\nPoints several bars away from 0 are real. Bars: standard error."
-        " Dotted: ± 1 σ of the noise of a row.",
+        "Where friction differs from the base model. Each variable is asked alone: shares overlap"
+        " and do not add up to 100 %.\nIn units of the rms that the base leaves in its train block,"
+        f" {size * left:.3g} {unit}".rstrip()
+        + ", of which the noise of a row is the dotted"
+        f" {loop.sigma / left:.2g}.\nThe machine shows a part of it only, and neighbours of"
+        " opposite sign cancel. Bars: standard error.",
         x=0.01,
         ha="left",
         fontsize=10.5,
@@ -261,10 +265,11 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
         x = factor * x
     if unit == "F":
         x, unit = size * x, loop.readable()[1]
-    amplitude, error = size * profile.amplitudes, size * profile.errors
+    left = loop.before.rms["train"]
+    amplitude, error = profile.amplitudes / left, profile.errors / left
     known = np.isfinite(amplitude) & np.isfinite(error)
     for level in (-loop.sigma, loop.sigma):
-        axis.axhline(size * level, color=GREY, lw=1.0, ls=":")
+        axis.axhline(level / left, color=GREY, lw=1.0, ls=":")
     axis.axhline(0, color=BLACK, lw=0.8)
     axis.errorbar(
         x[known], amplitude[known], error[known], fmt="o-", color=BLUE, ecolor=ORANGE, ms=4,
@@ -275,8 +280,9 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
     if np.all(x > 0) and np.max(x) > many * np.min(x):
         plain_log(axis, "x")
     axis.set_xlabel(label if unit in ("", "1") else f"{label} [{unit}]")
-    share = f"{100 * profile.explained:.0f} %" if np.isfinite(profile.explained) else "unknown"
-    tidy(axis, f"{name}: {share} of the structure\n{_p(profile.p_value)}")
+    share = f" alone explains {100 * profile.explained:.0f} %"
+    told = np.isfinite(profile.explained) and profile.p_value < SIGNIFICANT
+    tidy(axis, f"{name}{share if told else ''}\n{_p(profile.p_value)}")
 
 
 def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:

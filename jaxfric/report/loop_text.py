@@ -21,7 +21,7 @@ HEADLINES = {
     "effects": "Missing: {effects}",
     "ambiguous": "An effect is missing, but this record cannot say which",
     "outside_catalogue": "Something is missing that the catalogue does not explain",
-    "too_weak": "There may be a missing effect, too weak to be named",
+    "too_weak": "What is left is too little to be named",
 }
 BLOCKS = {
     "train": "fitted here",

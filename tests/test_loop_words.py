@@ -1,0 +1,73 @@
+"""Sentences of a verdict, from constructed numbers: what is said is what they show."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from jaxfric.loop.assemble import where_it_sits
+from jaxfric.loop.location import share_of
+from jaxfric.loop.result import LocationProfile
+from jaxfric.loop.verdict import Told, sentence_of
+
+
+def said(verdict, effects, told, rivals=(), located=""):
+    final = SimpleNamespace(effects=effects, bic=100.0)
+    search = SimpleNamespace(base=SimpleNamespace(effects=(), bic=150.0), final=final)
+    return sentence_of(verdict, search, Told(*told), rivals, located)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "effects", "told", "words", "not_words"),
+    [
+        ("outside_catalogue", ("stiffness",), (1.0, 1.0, 1.06, 1e-4), "both at the noise", "help"),
+        ("outside_catalogue", ("stiffness",), (1.5, 1.3, 1.06, 1e-4), "stiffness helps", "noise"),
+        ("outside_catalogue", ("a", "b"), (1.5, 1.3, 1.06, 1e-4), "a and b help", "noise"),
+        ("outside_catalogue", ("a",), (1.5, 1.5, 1.06, 1e-4), "no better", "help"),
+        ("outside_catalogue", ("a",), (1.304, 1.296, 1.06, 1e-4), "no better", "help"),
+        ("outside_catalogue", ("a",), (1.01, 1.2, 1.06, 1e-4), "no better", "help"),
+        ("outside_catalogue", (), (1.0, 1.0, 1.06, 1e-4), "already at the noise", "help"),
+        ("outside_catalogue", (), (1.5, 1.5, 1.06, 1e-4), "not in the catalogue", "noise"),
+        ("too_weak", (), (0.94, 0.94, 1.06, 5e-4), "left (p = 0.0005), but too little", "may be"),
+        ("too_weak", (), (1.08, 1.08, 1.06, 0.2), "may be missing, but too weakly", "p ="),
+        ("effects", ("a",), (1.3, 1.0, 1.06, 1.0), "1.30 -> 1.00 sigma, BIC 50 lower", "without"),
+        ("effects", ("a",), (1.03, 1.04, 1.06, 1.0), "error 1.04 sigma, 1.03 without", "->"),
+        ("no_missing_effect", (), (0.95, 0.95, 1.06, 1.0), "(held-out error 0.95 sigma)", "help"),
+    ],
+)
+def test_what_is_said_of_a_verdict(verdict, effects, told, words, not_words):
+    text = said(verdict, effects, told)
+    assert words in text and not_words not in text
+
+
+def test_a_share_of_structure_is_one_only_where_there_is_structure():
+    """Sum of squares beyond the degrees of freedom, of which the gain beyond its own is a share."""
+    chance = float(stats.chi2.isf(0.02, 1000))
+    assert np.isnan(share_of(80.0, 2, (chance, 1000.0)))
+    assert share_of(402.0, 2, (1800.0, 1000.0)) == pytest.approx(0.5)
+    assert share_of(1.0, 2, (1800.0, 1000.0)) == 0
+    assert share_of(900.0, 2, (1800.0, 1000.0)) == 1
+
+
+def profile(variable, explained, p=1e-9):
+    one = np.ones(1)
+    return LocationProfile(variable, "m", one, one, one, explained, p)
+
+
+@pytest.mark.parametrize(
+    ("profiles", "words"),
+    [
+        ([], ""),
+        ([profile("slip", np.nan)], ""),
+        ([profile("slip", 0.9, 0.02)], ""),
+        ([profile("slip", 0.9), profile("time", 0.7)], "follows slip would explain 90 %"),
+        (
+            [profile("slip", 1.0), profile("time", 0.98), profile("wavelength", 0.95, 0.3)],
+            "follows slip or time, either alone, would explain about 100 %",
+        ),
+    ],
+)
+def test_where_structure_sits(profiles, words):
+    text = where_it_sits(tuple(profiles))
+    assert words in text and (text == "") == (words == "")
