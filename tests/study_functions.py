@@ -72,9 +72,9 @@ def slowly(p):
 SLOWLY = (study.Output("value"),)
 
 
-def run_slowly(out, **policy):
-    """84 blocks of 2 members: about one second."""
-    g = study.Grid((study.linspace("x", 0.0, 3.0, 28), study.linspace("y", 0.0, 2.0, 6)))
+def run_slowly(out, number=28, **policy):
+    """84 blocks of 2 members: about one second; or three times another number."""
+    g = study.Grid((study.linspace("x", 0.0, 3.0, number), study.linspace("y", 0.0, 2.0, 6)))
     return study.run(slowly, g, out, outputs=SLOWLY, kind="host", chunk=2, **policy)
 
 
@@ -90,6 +90,6 @@ def contents(store: Path) -> dict[str, str]:
 if __name__ == "__main__":
     what, out = sys.argv[1:3]
     if what == "slowly":
-        run_slowly(out)
+        run_slowly(out, int(sys.argv[3]) if sys.argv[3:] else 28)
     else:
         study.run(waves, grid(101, 53), out, outputs=OUTPUTS, chunk=1000, batch=64)

@@ -3,6 +3,7 @@
 import errno
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ pytest.importorskip("zarr")
 pytest.importorskip("xarray")
 
 from jaxfric import InputError, study
+from jaxfric.study.place import Folder
 from jaxfric.study.store import Store, attributes
 
 SCRIPT = str(Path(f.__file__))
@@ -122,10 +124,15 @@ def test_two_devices_give_what_one_gives(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
+def finished(tmp_path_factory):
     path = tmp_path_factory.mktemp("undisturbed") / "a"
     f.run_slowly(path)
-    return f.contents(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def undisturbed(finished):
+    return f.contents(finished)
 
 
 def marks(path):
@@ -169,9 +176,8 @@ def test_twenty_kills(tmp_path, undisturbed):
 
 
 @pytest.mark.parametrize("damage", ["flip", "cut", "gone", "no mark", "half a mark", "partial"])
-def test_damaged_chunks_are_computed_again(tmp_path, undisturbed, damage):
-    path = tmp_path / "a"
-    f.run_slowly(path)
+def test_damaged_chunks_are_computed_again(tmp_path, finished, undisturbed, damage):
+    path = shutil.copytree(finished, tmp_path / "a")
     chunk, mark = path / "value" / "c" / "3" / "1", path / "done" / "c" / "7"
     content = chunk.read_bytes()
     if damage == "flip":
@@ -188,8 +194,103 @@ def test_damaged_chunks_are_computed_again(tmp_path, undisturbed, damage):
         (chunk.parent / "1.0123.partial").write_bytes(content)
     calls = []
     f.run_slowly(path, progress=calls.append)
-    assert len(calls) == (0 if damage == "partial" else 1)
+    # and the three with a member that failed, which is tried again
+    assert len(calls) == 3 + (damage != "partial")
     assert f.contents(path) == undisturbed
+
+
+FIXED = ("x/c/0", "x/zarr.json", "value/zarr.json", "checksums.json")
+
+
+@pytest.mark.parametrize("file", [*FIXED, "value/c/3/1"])
+@pytest.mark.parametrize("damage", ["gone", "flip"])
+def test_a_damaged_store_is_not_loaded_but_mended(tmp_path, finished, undisturbed, file, damage):
+    path = shutil.copytree(finished, tmp_path / "a")
+    content = (path / file).read_bytes()
+    if damage == "gone":
+        (path / file).unlink()
+    else:
+        (path / file).write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
+    with pytest.raises(
+        InputError, match=r"a is damaged: .*(json|/c/0|chunks \(10\)).*same command"
+    ):
+        study.load(path)
+    f.run_slowly(path)
+    assert f.contents(path) == undisturbed
+    assert study.load(path).sizes["x"] == 28
+
+
+def test_whatever_reads_a_damaged_chunk_is_told(tmp_path):
+    """Any reader of Zarr: the chunk has a checksum of its own."""
+    import zarr
+
+    study.run(f.waves, f.grid(), tmp_path / "a", outputs=f.OUTPUTS)
+    chunk = tmp_path / "a" / "sum" / "c" / "0" / "0"
+    content = chunk.read_bytes()
+    chunk.write_bytes(content[:20] + bytes([content[20] ^ 1]) + content[21:])
+    with pytest.raises(ValueError, match="checksum"):
+        zarr.open_group(str(tmp_path / "a"), mode="r")["sum"][:]
+
+
+def flaky(p):
+    """Fails where there is no file `mended` in the folder of the run."""
+    if p["x"] > 1 and not Path("mended").exists():
+        raise RuntimeError(f"no\nnumber at {p['x']:g}")
+    return {"value": p["x"] + p["y"]}
+
+
+def test_errors_keep_their_text_and_are_tried_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    policy = {"outputs": f.SLOWLY, "kind": "host", "chunk": 5}
+    found = study.run(flaky, f.grid(), "a", **policy)
+    assert found.attrs["errors"]["RuntimeError: no number at 1.5"] == 5
+    assert sum(found.attrs["errors"].values()) == (found.outcome == 2).sum() == 20
+    Path("mended").touch()
+    again = []
+    found = study.run(flaky, f.grid(), "a", **policy, progress=again.append)
+    assert len(again) == 4 and found.attrs["errors"] == {} and (found.outcome == 0).all()
+
+
+@pytest.mark.parametrize("chunk", [1, 30])
+def test_nothing_but_errors_stops_a_study(tmp_path, chunk):
+    """Nothing is kept, so that the mended function may begin anew."""
+    calls = []
+
+    def broken(p):
+        calls.append(p)
+        raise KeyError("vlaue")
+
+    policy = {"outputs": f.SLOWLY, "kind": "host", "chunk": chunk}
+    with pytest.raises(InputError, match=r"the first .* all failed, with KeyError: 'vlaue'"):
+        study.run(broken, f.grid(20, 5), tmp_path / "a", **policy)
+    assert len(calls) < 35 and not (tmp_path / "a").exists()
+
+
+def test_a_file_system_without_locks(tmp_path, monkeypatch):
+    """It is not another run that holds the store."""
+    import fcntl
+
+    def flock(*_):
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    told = []
+    study.run(f.waves, f.grid(), tmp_path / "a", outputs=f.OUTPUTS, tell=told.append)
+    assert "has no locks (No locks available)" in told[0]
+
+
+@pytest.mark.parametrize(
+    ("out", "words"),
+    [
+        ("ftp://host/a.zarr", "no store at ftp://; give a folder, or one of s3://"),
+        (Path("s3://bucket/a.zarr"), "lost a slash"),
+    ],
+)
+def test_urls_that_are_refused(tmp_path, monkeypatch, out, words):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=words):
+        study.run(f.waves, f.grid(), out, outputs=f.OUTPUTS)
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_interrupt_leaves_a_store(tmp_path, undisturbed):
@@ -265,6 +366,11 @@ def test_one_writer_at_a_time(tmp_path):
     run.wait(30)
 
 
+def clash(name):
+    """An output whose further dimension is called `name`."""
+    return study.Output("row", dims=(study.values(name, [0.0, 1.0, 2.0]),))
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -274,6 +380,8 @@ def test_one_writer_at_a_time(tmp_path):
         ({"outputs": (study.Output("row"),)}, "has shape"),
         ({"outputs": (study.Output("x"),)}, "both a parameter and an output"),
         ({"outputs": (study.Output("done"),)}, "every store has"),
+        ({"outputs": (*f.OUTPUTS[:3], clash("sum"))}, "'sum' is a dimension of an output and"),
+        ({"outputs": (*f.OUTPUTS[:3], clash("x"))}, "'x' is a dimension of an output and"),
         ({"kind": "host"}, "outputs listed"),
     ],
 )
@@ -284,5 +392,5 @@ def test_refused(tmp_path, arguments, words):
 
 def test_what_a_store_says_of_itself(tmp_path):
     study.run(f.waves, f.grid(), tmp_path / "a", outputs=f.OUTPUTS, toml="a = 1\n")
-    found = attributes(tmp_path / "a")
+    found = attributes(Folder(tmp_path / "a"))
     assert found["toml"] == "a = 1\n" and found["members"] == 35

@@ -267,8 +267,8 @@ def test_motions_in_time_are_kept(tmp_path):
     V0 = { values = ["10 um/s"] }
     """
     found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
-    assert found.force.dims == ("k_p", "V0", "phase") and float(found.duration[0, 0]) == 20.0
-    times = 20.0 * found.phase.values
+    assert found.force.dims == ("k_p", "V0", "part") and float(found.duration[0, 0]) == 20.0
+    times = 20.0 * found.part.values
     for i, k_p in enumerate(found.k_p.values):
         force, _ = scipy_response("ageing", 4.5, 6.0, 5e-6, k_p, 0.0, 1e-5, 10.0, times)
         # f0 is 50 A at V_ref, here V0

@@ -16,8 +16,9 @@ from study_functions import heed_interrupts
 pytest.importorskip("zarr")
 pytest.importorskip("xarray")
 
-from jaxfric import study
+from jaxfric import InputError, study
 from jaxfric.members import make
+from jaxfric.study.function import refuse_clashes
 
 FEW = 'outputs = ["stability", "modulus"]\n'
 
@@ -79,6 +80,10 @@ BAD = {
     "idle table": (GOOD + "[simulate]\nratio = 3\n", ["[simulate] would not be used"]),
     "no file": (GOOD + 'B2 = { from = "fit.json" }\n', ["fit.json", "No such file"]),
     "alone": (GOOD.replace('"margins"', '"margins", "gains"'), ["'gains'", "stands alone"]),
+    "margin out of reach": (
+        GOOD.replace("margins", "gains") + "[gains]\nmargin = { phase = 45 }\n",
+        ["[gains]", "phase=45", "3.14"],
+    ),
     "gains": (GOOD.replace("margins", "gains"), ["[gains]", "margin is missing"]),
 }
 
@@ -87,6 +92,40 @@ BAD = {
 def test_bad_study(name: str) -> None:
     text, words = BAD[name]
     refused(text, "study.toml", *words)
+
+
+def test_margins_and_motions_in_time_go_together() -> None:
+    """No output, dimension or parameter of one has a name of the other."""
+    text = 'compute = ["margins", "simulate"]\n' + GOOD.partition("\n")[2].partition("\n")[2]
+    made = make(written(Path("study.toml"), text + "[simulate]\nsamples = 100\n"))
+    refuse_clashes(made.spec.grid, made.outputs)
+    assert {"phase", "force"} <= {output.name for output in made.outputs}
+
+
+def test_urls_are_no_folders() -> None:
+    written(Path("study.toml"), GOOD)
+    assert_refused(run("study", "study.toml", "--out", "ftp://a/b.zarr"), "no store at ftp://")
+    assert os.listdir() == ["study.toml"]
+
+
+def test_only_what_is_out_of_reach_has_no_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever else fails is an error, with its text."""
+    from jaxfric.gains.solve import NoGains
+
+    def find(law, *, velocity, **policy):
+        if velocity[0] > 3e-6:
+            raise NoGains("too much is asked")
+        raise InputError("k_p is odd")
+
+    monkeypatch.setattr("jaxfric.gains.find_gains", find)
+    text = 'compute = ["gains"]\n' + GOOD.partition("\n")[2].partition("\n")[2]
+    text = text.partition("[axes]")[0].replace('V0 = "10 um/s"', "")
+    text += "[axes]\nV0 = { values = ['1 um/s', '5 um/s'] }\n[gains]\nmargin = { phase = 1 }\n"
+    outcome = run("study", written(Path("study.toml"), text))
+    assert outcome.code == 0, outcome.err
+    assert "gains: 1 without, 1 none" in outcome.out
+    assert "outcome: 1 computed, 1 error" in outcome.out
+    assert "1 of them: InputError: k_p is odd" in outcome.out
 
 
 def test_bad_options() -> None:

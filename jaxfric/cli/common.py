@@ -33,14 +33,19 @@ Steps = Annotated[
 ]
 
 
-def named_path(type_: object, tokens) -> Path:
-    """A path that is written out: an empty one is no name of the current folder."""
+def named(type_: object, tokens) -> str:
+    """A path or URL that is written out: an empty one is no name of the current folder."""
     text = tokens[0].value
     if not text.strip():
         raise InputError(
             f"{tokens[0].keyword or 'a path'} is empty; write . for the current folder"
         )
-    return Path(text)
+    return text
+
+
+def named_path(type_: object, tokens) -> Path:
+    """The same as a path."""
+    return Path(named(type_, tokens))
 
 
 Out = Annotated[Path | None, Parameter(converter=named_path, help="Output folder.")]

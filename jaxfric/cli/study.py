@@ -10,11 +10,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import named_path, prepare_jax, told
+from .common import named, prepare_jax, told
 from .folder import choose_folder
 
 # Without a terminal progress is told once in so many seconds.
 _EVERY = 10.0
+# Texts of errors in the summary.
+_SHOWN = 5
 
 
 def study(
@@ -22,10 +24,11 @@ def study(
     /,
     *,
     out: Annotated[
-        Path | None,
+        str | None,
         Parameter(
-            converter=named_path,
-            help="The store, a folder; by default NAME.zarr. With --plot: of the figures.",
+            converter=named,
+            help="The store, a folder or s3://BUCKET/NAME.zarr (also gs://, az://); by default"
+            " NAME.zarr. With --plot: the folder of the figures.",
         ),
     ] = None,
     scheduler: Annotated[
@@ -40,7 +43,7 @@ def study(
         ),
     ] = False,
     plot: Annotated[
-        Path | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
+        str | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
     ] = None,
 ) -> int:
     """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
@@ -55,9 +58,9 @@ def study(
         return _draw(plot, out)
     if file is None:
         raise InputError("no study: give a TOML file, or a store to draw with --plot study.zarr")
-    destination = out or Path(f"{file.stem}.zarr")
+    destination = out or f"{file.stem}.zarr"
     command = ["jaxfric", "study", str(file)]
-    command += ["--out", str(out)] if out else []
+    command += ["--out", out] if out else []
     command += ["--scheduler", scheduler] if scheduler else []
     _use_all_cores()
     prepare_jax()
@@ -158,15 +161,21 @@ def _summary(found, seconds: float, members: int) -> list[str]:
         ]
         if name != "outcome" or len(values) > 1 or values[0] != 0:
             lines.append(f"{name}: {', '.join(shares)}")
+    texts = list(found.attrs["errors"].items())
+    lines += [f"  {count} of them: {text}" for text, count in texts[:_SHOWN]]
+    if len(texts) > _SHOWN:
+        lines.append(f"  and {len(texts) - _SHOWN} other errors, in the attribute 'errors'")
     return lines
 
 
-def _draw(store: Path, out: Path | None) -> int:
+def _draw(store: str, out: str | None) -> int:
     from ..plot.study import draw_study
     from ..study import load
 
     found = load(store)
-    folder = choose_folder(out or Path(f"{store.name.removesuffix('.zarr')}-figures"), "", store)
+    name = store.rstrip("/").rsplit("/", 1)[-1].removesuffix(".zarr")
+    inputs = [] if "://" in store else [Path(store)]
+    folder = choose_folder(Path(out or f"{name}-figures"), "", *inputs)
     if out is None:
         folder.refuse_another_input()
     with folder.results():

@@ -61,7 +61,8 @@ def find_gains(
 
     Raises
     ------
-    InputError : a bad argument; no gains within the limits meet the requirement.
+    InputError : a bad argument; of the kind `NoGains` where no gains within the limits meet the
+        requirement.
     """
     source = law if isinstance(law, LawSource) else LawSource(law, one_sample(law), "law", None)
     requirement = margin if isinstance(margin, Requirement) else Requirement(margin)

@@ -35,6 +35,10 @@ _VIOLATED = 1e-7
 _LOWEST = 1e-9
 
 
+class NoGains(InputError):
+    """No gains within the limits meet the requirement: too much is asked."""
+
+
 class Solution(NamedTuple):
     """Local optima, smallest norm first, and what certifies them."""
 
@@ -69,7 +73,7 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Sol
 
     Raises
     ------
-    InputError : nothing within the limits meets the requirement; says where it fails, by how much.
+    NoGains : nothing within the limits meets the requirement; says where it fails, by how much.
     """
     carried = scenarios.take(_first(requirement, scenarios, region))
     starts = _fresh(requirement, carried, scenarios, region)
@@ -203,7 +207,7 @@ def _near(requirement, carried, region: Region, gains: np.ndarray) -> Start:
     return zoom(requirement, carried, region, np.asarray([u]), np.asarray([0.8 * v, 1.2 * v]))
 
 
-def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> InputError:
+def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> NoGains:
     """What fails: the scenario that is worst at the gains whose worst scenario is best."""
     u = np.concatenate([np.geomspace(1e-6, 1e4, 61)])
     v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])
@@ -216,7 +220,7 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     where = scenarios.describe(worst)
     mass = "" if where["mass"] is None else f", mass {where['mass']:g} kg"
     limits = f"k_p up to {region.upper[0]:g} N/m, k_v up to {region.upper[1]:g} N s/m"
-    return InputError(
+    return NoGains(
         f"no gains within the limits ({limits}) meet the requirement: {name}={required:g} is missed"
         f" at velocity {where['velocity']:.3g} m/s{mass} (sample {where['sample']}), where the best"
         f" compromise, k_p = {grid[best][0]:.3g} N/m and k_v = {grid[best][1]:.3g} N s/m, reaches"

@@ -8,6 +8,7 @@ from typing import Any
 from ..errors import InputError
 from ..rig.friction import AbstractLaw
 from ..study import Output, Progress, run
+from ..study.function import refuse_clashes
 from ..units import parse_quantity
 from .sliders import ENDINGS, MARGINS, Sliders, traces
 from .spec import Spec, choose_outputs, read_spec
@@ -127,6 +128,7 @@ def run_study(
     InputError : see `spec.read_spec` and `study.run`.
     """
     made = make(path)
+    refuse_clashes(made.spec.grid, made.outputs)
     return run(
         made.function,
         made.spec.grid,

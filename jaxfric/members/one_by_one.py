@@ -51,6 +51,7 @@ def one_by_one(spec: Spec) -> tuple[Any, tuple[Output, ...]]:
 
 
 def _gains(spec: Spec, table: Mapping[str, Any], where: str):
+    from ..gains.requirement import Requirement
     from ..stability.margins import UNITS
 
     _refuse(table, _GAINS, where)
@@ -62,6 +63,10 @@ def _gains(spec: Spec, table: Mapping[str, Any], where: str):
             raise InputError(f"{where}: no margin '{key}'{nearest(key, UNITS)}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{where}: margin {key} is {value!r}; it is a number")
+    try:
+        Requirement(margin)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
     units = {"k_p": "N/m", "k_v": "N*s/m"}
     limits = tuple(_optional(table, f"max_{n}", u, where) for n, u in units.items())
     scales = tuple(_optional(table, f"scale_{n}", u, where) for n, u in units.items())
@@ -88,6 +93,7 @@ class Gains:
     def __call__(self, varied: Mapping[str, float]) -> dict[str, Any]:
         """Outputs of a member."""
         from ..gains import find_gains
+        from ..gains.solve import NoGains
 
         p = {**self.fixed, **varied}
         mass = np.asarray([p["m"]]) if "m" in p else None
@@ -100,7 +106,7 @@ class Gains:
                 upper=(self.upper[0], self.upper[1]),
                 scale=(self.scale[0], self.scale[1]),
             )
-        except InputError:
+        except NoGains:
             return {"gains": 1, "least_k_p": np.inf, "least_k_v": np.inf, "norm": np.inf}
         return {"gains": 0, "least_k_p": found.kp, "least_k_v": found.kv, "norm": found.norm}
 

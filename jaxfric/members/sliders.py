@@ -67,12 +67,12 @@ _FOLDS, _CYCLING = 12.0, 700.0
 
 def traces(samples: int) -> tuple[Output, ...]:
     """Outputs of the motion in time, at `samples` times."""
-    phase = Axis("phase", np.arange(1, samples + 1) / samples, "1", "time over the duration")
+    part = Axis("part", np.arange(1, samples + 1) / samples, "1", "time over the duration")
     return (
         Output("trace", long_name="how far the motion was followed", codes=TRACE),
         Output("duration", "s", "duration of the motion"),
-        Output("force", "N", "friction", dims=(phase,)),
-        Output("velocity", "m/s", "velocity of the slider", dims=(phase,)),
+        Output("force", "N", "friction", dims=(part,)),
+        Output("velocity", "m/s", "velocity of the slider", dims=(part,)),
     )
 
 

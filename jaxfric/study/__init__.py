@@ -4,7 +4,11 @@
     function  what is evaluated, and what it gives
     local     a block on the devices of this process
     cluster   blocks on the workers of a Dask scheduler
-    store     Zarr, written block by block, with checksums
+    place     a folder, or an object store behind a URL
+    layout    a new store: variables, units, meanings
+    marks     checksums of a store
+    store     Zarr, written block by block, each exactly once
+    source    the code and the versions that results come from
     run       the entry point
 
 No physics is imported here; `jaxfric.members` has the functions of `jaxfric study`.
@@ -21,6 +25,6 @@ from .grid import Uniform as Uniform
 from .grid import linspace as linspace
 from .grid import logspace as logspace
 from .grid import values as values
-from .run import Progress as Progress
+from .progress import Progress as Progress
 from .run import load as load
 from .run import run as run

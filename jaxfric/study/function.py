@@ -1,19 +1,23 @@
 """What a study evaluates: a pure function of one member, or of many at once."""
 
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from ..errors import InputError
-from .grid import Axis, Blocks, Grid
+from .grid import SAMPLE, Axis, Blocks, Grid
 
 OUTCOME = "outcome"
 """The output that every study has: whether a member has numbers at all."""
+ERRORS = "errors"
+"""With a block: why members failed, by their place in it."""
 OUTCOMES = {
     "computed": "All numbers of this member were computed.",
     "not_a_number": "A number of this member is not one; its other codes may say why.",
-    "error": "The function failed for this member; the study went on without it.",
+    "error": "The function failed for this member; the next run tries it again.",
 }
 
 
@@ -64,6 +68,24 @@ class Task:
     there: False shares the loops, and every one of them waits for its slowest member."""
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
     """A name by which a process knows what it has compiled; it travels with the task."""
+
+
+def refuse_clashes(grid: Grid, outputs: Sequence[Output]) -> None:
+    """Raise `InputError` where two things of a store would have one name."""
+    names = [*grid.names, *(output.name for output in outputs)]
+    dims = {dim.name: dim for output in outputs for dim in output.dims}
+    for name in (*names, *dims):
+        if name in (OUTCOME, ERRORS, "done", "block", SAMPLE):
+            raise InputError(f"'{name}' is a name that every store has; choose another")
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"'{twice[0]}' is both a parameter and an output; rename one")
+    clash = [name for name in dims if name in names]
+    if clash:
+        raise InputError(f"'{clash[0]}' is a dimension of an output and something else; rename one")
+    for dim in (dim for output in outputs for dim in output.dims):
+        if not np.array_equal(dim.values, dims[dim.name].values):
+            raise InputError(f"dimension '{dim.name}' is of two lengths or values; rename one")
 
 
 def check_outputs(found: Mapping[str, Any], outputs: tuple[Output, ...]) -> None:

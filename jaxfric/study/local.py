@@ -14,14 +14,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from .function import OUTCOME, OUTCOMES, Output, Task, check_outputs
+from .function import ERRORS, OUTCOME, OUTCOMES, Output, Task, check_outputs
 from .grid import Axis, Grid
 
 _OUTCOMES = list(OUTCOMES)
 _compiled: dict[str, Callable[[dict[str, np.ndarray]], dict[str, jax.Array]]] = {}
 
 
-def compute(task: Task, number: int) -> dict[str, np.ndarray]:
+def compute(task: Task, number: int) -> dict[str, Any]:
     """Every output of a block, shaped as its part of the grid, and its sampled parameters."""
     where = task.blocks.where(number)
     members = task.grid.members(where)
@@ -30,7 +30,10 @@ def compute(task: Task, number: int) -> dict[str, np.ndarray]:
     else:
         found = finish(dispatch(task, members), len(next(iter(members.values()))))
     lengths = tuple(part.stop - part.start for part in where)
-    return {name: x.reshape(*lengths, *x.shape[1:]) for name, x in found.items()}
+    return {
+        name: x if name == ERRORS else x.reshape(*lengths, *x.shape[1:])
+        for name, x in found.items()
+    }
 
 
 def dispatch(task: Task, members: dict[str, np.ndarray]) -> dict[str, jax.Array]:
@@ -146,7 +149,7 @@ def _outcome(outputs: tuple[Output, ...], found) -> jax.Array:
     return bad.astype(jnp.int8)
 
 
-def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, Any]:
     """A Python function, member by member; one that raises is a row with the code "error"."""
     number = len(next(iter(members.values())))
     shapes = {o.name: tuple(len(dim.values) for dim in o.dims) for o in task.outputs}
@@ -157,6 +160,7 @@ def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, np.ndar
         for o in task.outputs
     }
     outcome = np.full(number, _OUTCOMES.index("error"), np.int8)
+    errors: dict[int, str] = {}
     with jax.enable_x64(task.precision == "float64"):
         for i in range(number):
             try:
@@ -164,13 +168,20 @@ def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, np.ndar
                 row = {o.name: np.asarray(given[o.name], _dtype(task, o)) for o in task.outputs}
             except (KeyboardInterrupt, MemoryError):
                 raise
-            except Exception:  # a member never stops a study
+            except Exception as error:  # a member never stops a study
+                errors[i] = _text(error)
                 continue
             for name, value in row.items():
                 found[name][i] = value
             bad = [np.isnan(row[o.name]).any() for o in task.outputs if o.dtype == "float"]
             outcome[i] = any(bad)
-    return found | {OUTCOME: outcome}
+    return found | {OUTCOME: outcome, ERRORS: errors}
+
+
+def _text(error: Exception) -> str:
+    """What failed, on one line."""
+    words = " ".join(str(error).split())
+    return f"{type(error).__name__}: {words}"[:300].rstrip(" :")
 
 
 def infer_outputs(function, grid: Grid, kind: str, precision: str) -> tuple[Output, ...]:

@@ -1,39 +1,27 @@
 """One entry point: `run(function, grid, out)`."""
 
 import contextlib
-import math
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from ..errors import InputError
-from .function import OUTCOME, Output, Stopped, Task
+from .function import ERRORS, OUTCOME, OUTCOMES, Output, Stopped, Task, refuse_clashes
 from .grid import Blocks, Grid
+from .place import place_of
+from .progress import Clock, Progress
 from .source import belongs_to_package, fingerprint
-from .store import DONE, Store, changed_versions, open_store
+from .store import Store, attributes, changed_versions, error_texts, open_store, require_packages
+from .store import verify as verify_store
 
 CHUNK = 65536
+_OUTCOMES = list(OUTCOMES)
+# A new study stops where so many members are computed and every one has failed.
+_FIRST = 8
 DTYPES = ("float64", "float32")
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a run is."""
-
-    blocks: int
-    """Blocks of the study, and how many of them are written."""
-    written: int
-    members: int
-    """Members that this run computed."""
-    rate: float
-    """Members per second since the first block, which compiles; nan until there is a second."""
-    left: float
-    """Seconds to go at that rate."""
 
 
 def run(
@@ -97,19 +85,19 @@ def run(
         from .local import infer_outputs
 
         outputs = infer_outputs(function, grid, kind, precision)
-    _refuse_names(grid, outputs)
+    refuse_clashes(grid, outputs)
     blocks = Blocks.of(grid.shape, chunk)
     task = Task(
         function, grid, blocks, tuple(outputs), kind, cost, batch, dtype, precision, separate
     )
-    path = Path(out)
+    place = place_of(out)
     description = _described(task) if description is None else _with_layout(description, task)
-    opened = open_store(path, task, description, toml, any_versions=other_versions)
     tell = tell or (lambda text: None)
+    opened = open_store(place, task, description, toml, any_versions=other_versions, tell=tell)
     with _cluster(scheduler) as client, opened as store:
         source = _local if client is None else _on(client, scheduler or "", tell)
         _go_on(store, source, progress, tell)
-    return load(path)
+    return load(out, verify=False)
 
 
 def _cluster(scheduler: str | None) -> contextlib.AbstractContextManager[Any]:
@@ -127,25 +115,28 @@ def _on(client: Any, scheduler: str, tell) -> Callable[[Task, Sequence[int]], It
     return lambda task, todo: distributed(client, task, todo, scheduler, tell)
 
 
-def load(path: str | Path) -> Any:
-    """A store as an xarray Dataset, read as it is used. Members not yet computed are nan or -1."""
-    from .store import attributes, require_packages
+def load(path: str | Path, *, verify: bool = True) -> Any:
+    """A store as an xarray Dataset, read as it is used. Members not yet computed are nan or -1.
 
+    `path` is a folder or a URL. What members failed with is in the attribute "errors", each text
+    with how many have it. `verify` compares every file with its checksum before: without it a
+    chunk that was deleted reads as one not computed yet (one with wrong bytes is noticed
+    when it is read).
+
+    Raises
+    ------
+    InputError : no store, or a damaged one.
+    """
     require_packages()
-    attributes(Path(path))
+    place = place_of(path)
+    attributes(place)
+    if verify:
+        verify_store(place)
     import xarray
 
-    return xarray.open_zarr(str(path), chunks=None, mask_and_scale=False, consolidated=True)
-
-
-def _refuse_names(grid: Grid, outputs: Sequence[Output]) -> None:
-    names = [*grid.names, *(output.name for output in outputs)]
-    for name in (*names, *grid.dims):
-        if name in (OUTCOME, DONE, "block"):
-            raise InputError(f"'{name}' is a name that every store has; choose another")
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise InputError(f"'{twice[0]}' is both a parameter and an output; rename one")
+    with place.faults():
+        found = xarray.open_zarr(place.zarr(), chunks=None, mask_and_scale=False, consolidated=True)
+    return found.assign_attrs(errors=error_texts(place))
 
 
 def _source(task: Task) -> dict[str, Any]:
@@ -179,24 +170,58 @@ def _go_on(store: Store, source: Callable[[Task, Sequence[int]], Iterator], prog
     """Compute and write what is missing."""
     task = store.task
     sound = store.sound()
-    todo = [int(i) for i in np.flatnonzero(~sound)]
-    if sound.any():
+    begun = bool(sound.any())
+    if begun:
         tell(f"{int(sound.sum())} of {len(sound)} chunks are written and sound")
-        changed = changed_versions(store.path)
+        changed = changed_versions(store.place)
         if changed:
             tell(f"warning: begun with other versions: {', '.join(changed)}")
+    retried = [number for number in store.with_errors() if sound[number]]
+    if retried:
+        tell(f"{len(retried)} of them have members that failed, and are computed again")
+        sound[retried] = False
+    todo = [int(i) for i in np.flatnonzero(~sound)]
     if not todo:
         return
-    clock = _Clock(task, len(sound), int(sound.sum()), progress)
+    clock = Clock(task, len(sound), int(sound.sum()), progress)
     try:
         with contextlib.closing(source(task, todo)) as found:  # pyright: ignore[reportArgumentType]
-            _write_all(store, found, clock)
+            _write_all(store, found if begun else _refuse_failures(found, task), clock)
+    except Failed:
+        store.place.discard()
+        raise
     except Stopped as stopped:
         raise Stopped(f"{stopped}; {clock.text()}") from None
     except OSError as error:
         if not error.strerror:
             raise
-        raise Stopped(f"cannot write {store.path}: {error.strerror}; {clock.text()}") from None
+        raise Stopped(
+            f"cannot write {store.place.shown}: {error.strerror}; {clock.text()}"
+        ) from None
+
+
+class Failed(InputError):
+    """No member of the first ones could be computed; nothing is kept."""
+
+
+def _refuse_failures(found: Iterable, task: Task) -> Iterator:
+    """The same blocks, unless the first members are nothing but errors."""
+    failed, error = 0, _OUTCOMES.index("error")
+    blocks = iter(found)
+    for number, values in blocks:
+        here = values[OUTCOME]
+        if not np.all(here == error):
+            yield number, values
+            break
+        failed += here.size
+        if failed >= min(_FIRST, task.grid.size):
+            text = next(iter(values[ERRORS].values()))
+            raise Failed(
+                f"the first {failed} members all failed, with {text}; nothing is kept. Mend the"
+                " function, or let it return nan where a member has no number"
+            )
+        yield number, values
+    yield from blocks
 
 
 def _local(task: Task, todo: Sequence[int]) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
@@ -206,7 +231,7 @@ def _local(task: Task, todo: Sequence[int]) -> Iterator[tuple[int, dict[str, np.
         yield number, compute(task, number)
 
 
-def _write_all(store: Store, found: Iterable, clock: "_Clock") -> None:
+def _write_all(store: Store, found: Iterable, clock: Clock) -> None:
     """Write blocks as they come, one behind the computation."""
     pending: Future | None = None
     with ThreadPoolExecutor(1) as writer:
@@ -218,34 +243,6 @@ def _write_all(store: Store, found: Iterable, clock: "_Clock") -> None:
             pending.result()
 
 
-def _write(store: Store, number: int, values, clock: "_Clock") -> None:
+def _write(store: Store, number: int, values, clock: Clock) -> None:
     store.write(number, values)
     clock.count(values[OUTCOME].size)
-
-
-class _Clock:
-    def __init__(self, task: Task, blocks: int, written: int, progress):
-        self.total, self.written, self.progress = blocks, written, progress
-        self.size = task.grid.size
-        self.members = 0
-        self.compiled: tuple[float, int, int] | None = None
-
-    def count(self, members: int) -> None:
-        self.written += 1
-        self.members += members
-        if self.progress is not None:
-            now = time.monotonic()
-            if self.compiled is None:
-                self.compiled = now, self.written, self.members
-            since, written, members = self.compiled
-            todo = self.total - self.written
-            fresh = self.written - written
-            left = (now - since) / fresh * todo if fresh else (0.0 if todo == 0 else math.nan)
-            rate = (self.members - members) / (now - since) if fresh else math.nan
-            self.progress(Progress(self.total, self.written, self.members, rate, left))
-
-    def text(self) -> str:
-        return (
-            f"{self.written} of {self.total} chunks are written, and the same command goes on"
-            " from there"
-        )

@@ -1,0 +1,131 @@
+"""Checksums of a store: which of its files are there, and as they were written.
+
+Every finished block has a mark, the checksum of its files, in the variable `done`. What is written
+once and for all (descriptions of variables, coordinates) has its checksums in one more file.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .grid import Blocks
+from .place import AbstractPlace
+
+DONE = "done"
+FIXED = "checksums.json"
+# Requests under way: an object store answers each one slowly and many at once.
+_AT_ONCE = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """The blocks of a store and their marks."""
+
+    place: AbstractPlace
+    blocks: Blocks
+    outputs: dict[str, int]
+    """Number of dimensions of every variable of the blocks."""
+    columns: tuple[str, ...]
+    """Sampled parameters: written with the blocks that come first along the other dimensions."""
+
+    @staticmethod
+    def of(place: AbstractPlace, attributes: dict[str, Any]) -> "Marks":
+        """Those of a store whose attributes are known."""
+        layout = attributes["layout"]
+        blocks = Blocks(tuple(layout["shape"]), tuple(layout["block"]))
+        return Marks(place, blocks, dict(layout["outputs"]), tuple(layout["columns"]))
+
+    def carries_columns(self, number: int) -> bool:
+        """Whether the sampled parameters are written with a block."""
+        return bool(self.columns) and not any(self.blocks.index(number)[1:])
+
+    def set(self, number: int) -> None:
+        """Mark a block that was just written: the chunk of `done` as Zarr writes it."""
+        checksum = self._checksum(number)
+        if checksum is None:
+            raise OSError(5, "a file that was just written is gone", self.place.shown)
+        self.place.write(_mark(number), checksum)
+
+    def sound(self) -> np.ndarray:
+        """Which blocks are written and bear their checksum."""
+        return np.asarray([state == "sound" for state in self.states()], bool)
+
+    def states(self) -> list[str]:
+        """Of every block "sound", "damaged", or "missing" where it has no mark."""
+        numbers = sorted(int(name) for name in self.place.names(f"{DONE}/c") if name.isdecimal())
+        with ThreadPoolExecutor(_AT_ONCE) as pool:
+            marked = dict(zip(numbers, pool.map(self._state, numbers), strict=True))
+        return [marked.get(number, "missing") for number in range(len(self.blocks))]
+
+    def _state(self, number: int) -> str:
+        if number >= len(self.blocks):
+            return "missing"
+        mark = self.place.read(_mark(number))
+        return "sound" if mark and mark == self._checksum(number) else "damaged"
+
+    def clear(self, number: int) -> None:
+        """Take a mark away."""
+        self.place.remove(_mark(number))
+
+    def _files(self, number: int) -> list[str]:
+        index = self.blocks.index(number)
+        files = [_chunk(name, index, ndim) for name, ndim in self.outputs.items()]
+        if self.carries_columns(number):
+            files += [_chunk(name, index[:1], 1) for name in self.columns]
+        return files
+
+    def _checksum(self, number: int) -> bytes | None:
+        """Eight bytes, never zero, of all files of a block; None where one is missing."""
+        digest = hashlib.blake2b(digest_size=8)
+        for file in self._files(number):
+            content = self.place.read(file)
+            if content is None:
+                return None
+            digest.update(len(content).to_bytes(8, "little") + content)
+        found = digest.digest()
+        return found if any(found) else b"\1" + found[1:]
+
+
+def _mark(number: int) -> str:
+    return f"{DONE}/c/{number}"
+
+
+def _chunk(name: str, index: Sequence[int], ndim: int) -> str:
+    place = (*index, *([0] * (ndim - len(index))))
+    return "/".join((name, "c", *map(str, place)))
+
+
+def fixed_checksums(files: Iterable[tuple[str, bytes]]) -> bytes:
+    """The content of `FIXED` for files and their contents."""
+    return _sealed({name: _sum(content) for name, content in files})
+
+
+def damaged_files(place: AbstractPlace) -> list[str]:
+    """Files that are written once and are not as they were; `FIXED` itself where it is not."""
+    try:
+        table = json.loads(place.read(FIXED) or b"")
+        files = table["files"]
+        if _sealed(files) != _sealed(files, table["check"]):
+            return [FIXED]
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return [FIXED]
+    found = []
+    for name, known in files.items():
+        content = place.read(name)
+        if content is None or _sum(content) != known:
+            found.append(name)
+    return found
+
+
+def _sealed(files: dict[str, str], check: str | None = None) -> bytes:
+    check = check or _sum(json.dumps(files, sort_keys=True).encode())
+    return json.dumps({"files": files, "check": check}, sort_keys=True, indent=1).encode()
+
+
+def _sum(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=16).hexdigest()

@@ -1,0 +1,369 @@
+"""Where a store is kept: a folder, or a prefix of an object store, written file by file.
+
+A file is there whole or not at all: in a folder by renaming, in an object store by its nature.
+One run at a time writes: a folder is locked by the system; an object store by a file that its
+writer renews, and that is taken over when it is no longer renewed, for its writer was killed.
+"""
+
+import abc
+import contextlib
+import json
+import os
+import re
+import shutil
+import tempfile
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+
+Tell = Callable[[str], None]
+LOCK = ".lock"
+_SCHEMES = ("s3", "gs", "az")
+# Seconds between renewals of the lock of an object store, and until one is taken for abandoned.
+_BEAT, _ABANDONED = 10.0, 60.0
+
+
+class AbstractPlace(abc.ABC):
+    """The files of one store, by their names with slashes."""
+
+    shown: str
+
+    @abc.abstractmethod
+    def exists(self) -> bool:
+        """Whether there is anything here."""
+
+    @abc.abstractmethod
+    def read(self, name: str) -> bytes | None:
+        """The content of a file; None where there is none."""
+
+    @abc.abstractmethod
+    def write(self, name: str, content: bytes) -> None:
+        """Make or replace a file, at once."""
+
+    @abc.abstractmethod
+    def remove(self, name: str) -> None:
+        """Take a file away, if it is there."""
+
+    @abc.abstractmethod
+    def names(self, folder: str) -> list[str]:
+        """Names of the files of a folder, without it."""
+
+    @abc.abstractmethod
+    def sweep(self) -> None:
+        """Take away what a killed run was in the middle of writing."""
+
+    @abc.abstractmethod
+    def install(self, made: Callable[[str], None]) -> None:
+        """Let `made` write a new store into a folder, and put it here whole."""
+
+    @abc.abstractmethod
+    def discard(self) -> None:
+        """Take the whole store away."""
+
+    @abc.abstractmethod
+    def zarr(self) -> Any:
+        """The store as zarr takes it."""
+
+    @abc.abstractmethod
+    def lock(self, tell: Tell) -> contextlib.AbstractContextManager[None]:
+        """Hold the place for this process alone.
+
+        Raises
+        ------
+        InputError : another run holds it.
+        """
+
+    @abc.abstractmethod
+    def faults(self) -> contextlib.AbstractContextManager[None]:
+        """Failures of the place, whatever they are called there, as `OSError`."""
+
+
+def place_of(out: str | Path) -> AbstractPlace:
+    """The place that a path or a URL names.
+
+    Raises
+    ------
+    InputError : a URL of a kind that is not known, or whose package is not installed.
+    """
+    text = os.fspath(out)
+    scheme, separator, rest = text.partition("://")
+    if separator and scheme == "file":
+        return Folder(Path(rest))
+    if separator:
+        if scheme not in _SCHEMES:
+            known = ", ".join(f"{s}://" for s in _SCHEMES)
+            raise InputError(f"{text}: no store at {scheme}://; give a folder, or one of {known}")
+        return Objects(text.rstrip("/"))
+    lost = re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", text)
+    if lost and os.name != "nt":
+        raise InputError(
+            f"{text}: a URL that lost a slash on its way through a path; give it as text"
+        )
+    return Folder(Path(text))
+
+
+class Folder(AbstractPlace):
+    """A folder of a file system."""
+
+    def __init__(self, path: Path):
+        self.path, self.shown = path, str(path)
+
+    def exists(self) -> bool:
+        """Whether there is anything here."""
+        return self.path.exists()
+
+    def read(self, name: str) -> bytes | None:
+        """The content of a file; None where there is none."""
+        try:
+            return (self.path / name).read_bytes()
+        except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+            return None
+
+    def write(self, name: str, content: bytes) -> None:
+        """Make or replace a file, at once."""
+        path = self.path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f"{path.name}.partial")
+        partial.write_bytes(content)
+        os.replace(partial, path)
+
+    def remove(self, name: str) -> None:
+        """Take a file away, if it is there."""
+        (self.path / name).unlink(missing_ok=True)
+
+    def names(self, folder: str) -> list[str]:
+        """Names of the files of a folder, without it."""
+        path = self.path / folder
+        return sorted(os.listdir(path)) if path.is_dir() else []
+
+    def sweep(self) -> None:
+        """Take away what a killed run was in the middle of writing."""
+        for partial in self.path.rglob("*.partial"):
+            partial.unlink(missing_ok=True)
+
+    def install(self, made: Callable[[str], None]) -> None:
+        """Made beside the destination and moved there."""
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            work = Path(tempfile.mkdtemp(prefix=f".{self.path.name}-", dir=self.path.parent))
+        except (OSError, ValueError) as error:
+            raise self._cannot(getattr(error, "strerror", None) or str(error)) from None
+        try:
+            made(str(work / "store"))
+            os.replace(work / "store", self.path)
+        except OSError as error:
+            if not error.strerror:
+                raise
+            raise self._cannot(error.strerror) from None
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+
+    def _cannot(self, reason: str) -> InputError:
+        return InputError(f"cannot write {self.shown}: {reason}; give another with --out")
+
+    def discard(self) -> None:
+        """Take the whole store away."""
+        shutil.rmtree(self.path, ignore_errors=True)
+
+    def zarr(self) -> Any:
+        """The store as zarr takes it."""
+        return str(self.path)
+
+    def faults(self) -> contextlib.AbstractContextManager[None]:
+        """A file system has no failures but `OSError`."""
+        return contextlib.nullcontext()
+
+    @contextlib.contextmanager
+    def lock(self, tell: Tell) -> Iterator[None]:
+        """A lock of the system, which goes with the process, however that ends."""
+        try:
+            import fcntl
+        except ImportError:  # no such locks here
+            yield
+            return
+        with open(self.path / LOCK, "a") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except (BlockingIOError, PermissionError):
+                raise _held(self.shown) from None
+            except OSError as error:
+                tell(
+                    f"warning: the file system of {self.shown} has no locks ({error.strerror}); see"
+                    " to it that no other run writes there"
+                )
+            yield
+
+
+class Objects(AbstractPlace):
+    """A prefix of an object store, `s3://bucket/name.zarr`, through obstore.
+
+    Endpoint, region and credentials come from the environment, as AWS_ENDPOINT_URL,
+    AWS_ACCESS_KEY_ID and the like.
+    """
+
+    def __init__(self, url: str):
+        try:
+            import obstore
+        except ImportError:
+            raise InputError(
+                f'{url}: an object store needs obstore; install it: pip install "jaxfric[cloud]"'
+            ) from None
+        self.shown, self._obstore = url, obstore
+        plain = os.environ.get("AWS_ENDPOINT_URL", os.environ.get("AWS_ENDPOINT", ""))
+        options: dict[str, Any] = {"client_options": {"allow_http": plain.startswith("http://")}}
+        options["retry_config"] = {"max_retries": 5}
+        try:
+            self._store = obstore.store.from_url(url, **options)
+        except (obstore.exceptions.BaseError, ValueError) as error:
+            raise InputError(f"{url}: {_reason(error)}") from None
+        self._lost = False
+
+    def exists(self) -> bool:
+        """Whether there is a store here; an object store has no empty folders."""
+        with self._refused():
+            return self.read("zarr.json") is not None
+
+    def read(self, name: str) -> bytes | None:
+        """The content of a file; None where there is none."""
+        with self.faults():
+            try:
+                return bytes(self._obstore.get(self._store, name).bytes())
+            except (FileNotFoundError, self._obstore.exceptions.NotFoundError):
+                return None
+
+    def write(self, name: str, content: bytes) -> None:
+        """Make or replace a file, at once."""
+        if self._lost and name != LOCK:
+            raise OSError(5, "another run took the store over", self.shown)
+        with self.faults():
+            try:
+                self._obstore.put(self._store, name, content)
+            except FileNotFoundError as error:
+                raise OSError(5, _reason(error), self.shown) from None
+
+    def remove(self, name: str) -> None:
+        """Take a file away, if it is there."""
+        with self.faults(), contextlib.suppress(FileNotFoundError):
+            self._obstore.delete(self._store, name)
+
+    def names(self, folder: str) -> list[str]:
+        """Names of the files of a folder, without it."""
+        return [name.removeprefix(f"{folder}/") for name in self._below(folder)]
+
+    def _below(self, prefix: str | None) -> list[str]:
+        with self.faults():
+            parts = self._obstore.list(self._store, prefix)
+            return sorted(entry["path"] for part in parts for entry in part)
+
+    def sweep(self) -> None:
+        """Nothing: a file that was not written whole is not there."""
+
+    def install(self, made: Callable[[str], None]) -> None:
+        """Made in a folder and copied here; the file by which a store is known comes last."""
+        with tempfile.TemporaryDirectory() as work, self._refused():
+            made(f"{work}/store")
+            root = Path(work) / "store"
+            files = sorted(f for f in root.rglob("*") if f.is_file())
+            for file in sorted(files, key=lambda f: f == root / "zarr.json"):
+                self.write(file.relative_to(root).as_posix(), file.read_bytes())
+
+    def discard(self) -> None:
+        """Take the whole store away, first the file by which it is known."""
+        self.remove("zarr.json")
+        for name in self._below(None):
+            self.remove(name)
+
+    def zarr(self) -> Any:
+        """The store as zarr takes it."""
+        from zarr.storage import ObjectStore
+
+        return ObjectStore(self._store)
+
+    @contextlib.contextmanager
+    def faults(self) -> Iterator[None]:
+        """Those of obstore."""
+        try:
+            yield
+        except FileNotFoundError:
+            raise
+        except self._obstore.exceptions.BaseError as error:
+            raise OSError(5, _reason(error), self.shown) from None
+
+    @contextlib.contextmanager
+    def _refused(self) -> Iterator[None]:
+        """What fails before anything is computed."""
+        try:
+            yield
+        except OSError as error:
+            raise InputError(f"{self.shown}: {error.strerror}") from None
+
+    @contextlib.contextmanager
+    def lock(self, tell: Tell) -> Iterator[None]:
+        """A file with the name of its writer, renewed while that lives."""
+        owner, stop = uuid.uuid4().hex, threading.Event()
+        with self._refused():
+            self._take(owner, tell)
+        keeper = threading.Thread(target=self._keep, args=(owner, stop), daemon=True)
+        keeper.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            keeper.join()
+            with contextlib.suppress(OSError):
+                if not self._lost:
+                    self.remove(LOCK)
+
+    def _take(self, owner: str, tell: Tell) -> None:
+        seen, since, told = None, time.monotonic(), False
+        while True:
+            with self.faults(), contextlib.suppress(self._obstore.exceptions.AlreadyExistsError):
+                self._obstore.put(self._store, LOCK, _beat(owner, 0), mode="create")
+                return
+            now = self.read(LOCK)
+            if seen is not None and now is not None and now != seen:
+                raise _held(self.shown)
+            if time.monotonic() - since > _ABANDONED:
+                self.write(LOCK, _beat(owner, 0))
+                return
+            if not told:
+                tell(
+                    f"a run that did not end holds {self.shown}; whether it still lives shows"
+                    f" within {_ABANDONED:.0f} s"
+                )
+            seen, told = now, True
+            time.sleep(min(1.0, _ABANDONED / 4))
+
+    def _keep(self, owner: str, stop: threading.Event) -> None:
+        count = 0
+        while not stop.wait(_BEAT):
+            count += 1
+            with contextlib.suppress(OSError):
+                held = json.loads(self.read(LOCK) or b"{}").get("owner", owner)
+                self._lost = held != owner
+                if self._lost:
+                    return
+                self.write(LOCK, _beat(owner, count))
+
+
+def _beat(owner: str, count: int) -> bytes:
+    return json.dumps({"owner": owner, "beat": count}).encode()
+
+
+def _held(shown: str) -> InputError:
+    return InputError(
+        f"{shown} is being written by another run; wait for it, or give another with --out"
+    )
+
+
+def _reason(error: Exception) -> str:
+    """What the server says, or the first line of what obstore says."""
+    said = re.search(r"<Message>(.*?)</Message>", str(error), re.DOTALL)
+    if said:
+        return said.group(1)
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:300]

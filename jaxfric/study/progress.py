@@ -1,0 +1,54 @@
+"""How far a run is, and how long it will take."""
+
+import math
+import time
+from dataclasses import dataclass
+
+from .function import Task
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is."""
+
+    blocks: int
+    """Blocks of the study, and how many of them are written."""
+    written: int
+    members: int
+    """Members that this run computed."""
+    rate: float
+    """Members per second since the first block, which compiles; nan until there is a second."""
+    left: float
+    """Seconds to go at that rate."""
+
+
+class Clock:
+    """Counts what is written, and tells."""
+
+    def __init__(self, task: Task, blocks: int, written: int, progress):
+        self.total, self.written, self.progress = blocks, written, progress
+        self.size = task.grid.size
+        self.members = 0
+        self.compiled: tuple[float, int, int] | None = None
+
+    def count(self, members: int) -> None:
+        """One block more."""
+        self.written += 1
+        self.members += members
+        if self.progress is not None:
+            now = time.monotonic()
+            if self.compiled is None:
+                self.compiled = now, self.written, self.members
+            since, written, members = self.compiled
+            todo = self.total - self.written
+            fresh = self.written - written
+            left = (now - since) / fresh * todo if fresh else (0.0 if todo == 0 else math.nan)
+            rate = (self.members - members) / (now - since) if fresh else math.nan
+            self.progress(Progress(self.total, self.written, self.members, rate, left))
+
+    def text(self) -> str:
+        """How far it came, and that it can go on."""
+        return (
+            f"{self.written} of {self.total} chunks are written, and the same command goes on"
+            " from there"
+        )
