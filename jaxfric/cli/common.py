@@ -3,7 +3,7 @@
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -52,6 +52,33 @@ Out = Annotated[Path | None, Parameter(converter=named_path, help="Output folder
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option that may begin with a minus sign: a negative quantity is then refused as such."""
 
+Rig = Annotated[
+    Literal["slider", "axis", "steady"],
+    Parameter(
+        help="slider: velocity steps of a press. axis: a servo axis that moves back and forth,"
+        " from its motor force and encoder. steady: a folder of runs at steady speeds."
+    ),
+]
+DriveGain = Annotated[
+    str | None,
+    Parameter(help='Of an axis: motor force per control signal, as in "35.15 N/V".'),
+]
+PositionGain = Annotated[
+    str | None,
+    Parameter(help='Of an axis under two nested loops: kp of the outer one, "160 1/s".'),
+]
+VelocityGain = Annotated[
+    str | None,
+    Parameter(help='Of an axis: kv of the inner loop, "240 V s/m", or in force "8436 N s/m".'),
+]
+RatedTorque = Annotated[
+    str | None,
+    Parameter(help='Of an axis whose torque is recorded in per cent of it: "9.84 mN m".'),
+]
+Flip = Annotated[
+    bool, Parameter(negative=(), help="Of an axis: turn the sign of motion and force.")
+]
+
 EFFECTS = (
     "second_state, aging, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
     "run_in, position_periodic, normal_stress, thermal, frictional_delay, stiffness, damping, "
@@ -91,6 +118,16 @@ def tell_reading(record) -> None:
     """What was assumed of the columns of a record, and which are not used, on stderr."""
     for note in record.provenance.notes:
         print(f"jaxfric: note: {note}", file=sys.stderr)
+
+
+def refuse_options(rig: str, of_others: dict[str, object]) -> None:
+    """Refuse options that a rig has no use for."""
+    wrong = [option for option, given in of_others.items() if given]
+    if wrong:
+        raise InputError(
+            f"{' and '.join(wrong)} would not be used with --rig {rig}; leave it out, or choose"
+            f" --rig {'slider' if rig == 'axis' else 'axis'}"
+        )
 
 
 def prepare_jax() -> None:

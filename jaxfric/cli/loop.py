@@ -12,14 +12,21 @@ from .common import (
     AXIS_EFFECTS,
     EFFECTS,
     Columns,
+    DriveGain,
     DropBad,
     File,
+    Flip,
     Out,
+    PositionGain,
+    RatedTorque,
+    Rig,
     Steps,
+    VelocityGain,
     axis_roles,
     effect_ids,
     prepare_jax,
     read_record,
+    refuse_options,
     tell_reading,
     told,
 )
@@ -37,13 +44,7 @@ def loop(
             help="Stiffness of the machine with unit: 1.6e-3/um, or 2e6 N/m for a force.",
         ),
     ] = None,
-    rig: Annotated[
-        Literal["slider", "axis", "steady"],
-        Parameter(
-            help="slider: velocity steps of a press. axis: a servo axis that moves back and forth,"
-            " from its motor force and encoder. steady: a folder of runs at steady speeds."
-        ),
-    ] = "slider",
+    rig: Rig = "slider",
     law: Annotated[
         Literal["slip", "ageing"], Parameter(help="Law of the base model of a slider.")
     ] = "slip",
@@ -65,27 +66,11 @@ def loop(
     ] = None,
     most: Annotated[int, Parameter(help="Largest number of effects that may be added.")] = 3,
     steps: Steps = None,
-    drive_gain: Annotated[
-        str | None,
-        Parameter(
-            help='Of an axis: motor force per control signal, as in "35.15 N/V".',
-        ),
-    ] = None,
-    position_gain: Annotated[
-        str | None,
-        Parameter(help='Of an axis under two nested loops: kp of the outer one, "160 1/s".'),
-    ] = None,
-    velocity_gain: Annotated[
-        str | None,
-        Parameter(help='Of an axis: kv of the inner loop, "240 V s/m", or in force "8436 N s/m".'),
-    ] = None,
-    rated_torque: Annotated[
-        str | None,
-        Parameter(help='Of an axis whose torque is recorded in per cent of it: "9.84 mN m".'),
-    ] = None,
-    flip: Annotated[
-        bool, Parameter(negative=(), help="Of an axis: turn the sign of motion and force.")
-    ] = False,
+    drive_gain: DriveGain = None,
+    position_gain: PositionGain = None,
+    velocity_gain: VelocityGain = None,
+    rated_torque: RatedTorque = None,
+    flip: Flip = False,
     held: Annotated[
         bool,
         Parameter(
@@ -290,17 +275,12 @@ def _refuse_unused(rig, stiffness, law, steps, of_an_axis: dict) -> None:
             raise InputError(
                 "--stiffness is missing; give the stiffness of the machine: --stiffness 1.6e-3/um"
             )
-        wrong = [option for option, given in of_an_axis.items() if given]
+        refuse_options(rig, of_an_axis)
     else:
         of_a_slider = {"--stiffness": stiffness, "--law": law != "slip", "--steps": steps}
         loops = ("--position-gain", "--velocity-gain", "--cutoff", "--held")
         of_a_stroke = {o: of_an_axis[o] for o in loops if rig == "steady"}
-        wrong = [option for option, given in (of_a_slider | of_a_stroke).items() if given]
-    if wrong:
-        raise InputError(
-            f"{' and '.join(wrong)} would not be used with --rig {rig}; leave it out, or choose"
-            f" --rig {'slider' if rig == 'axis' else 'axis'}"
-        )
+        refuse_options(rig, of_a_slider | of_a_stroke)
 
 
 def _print(result, folder: Folder) -> None:

@@ -94,6 +94,15 @@ def si_units(coordinate: str) -> dict[str, str]:
     return {role: units[coordinate == "rotary"] for role, units in _SI.items()}
 
 
+def shown_units(coordinate: str, force_unit: str) -> dict[str, str]:
+    """Unit in which each column of a record is shown."""
+    linear = coordinate == "linear"
+    length = "mm" if linear else "rad"
+    found = {"time": "s", "position": length, "reference_position": length}
+    found |= {"velocity": f"{length}/s", "motor_force": force_unit}
+    return found | {"disturbance_force": force_unit}
+
+
 def role_of(name: str) -> tuple[str, int] | None:
     """Role of a column's name and its rank (0: the role's own name); None: no role."""
     return _RANKS.get(key(name))

@@ -1,0 +1,110 @@
+"""The strokes of an axis, from one reversal or rest to the next, and the steps of its encoder."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from .axis_record import AxisRecord
+
+_LEAST_TRAVEL = 0.01
+"""A stroke is at least this share of the whole travel, and some steps of the encoder."""
+_LEAST_STEPS = 4.0
+_END = 0.01
+"""A stroke begins and ends where it is this share of its travel from its ends."""
+_PARTS = 20
+"""The largest speed of a stroke is a mean over one of so many parts."""
+_ON_GRID = 0.1
+_ON_GRID_SHARE = 0.95
+_MOST_STEPS = 8.5
+"""Values lie on a grid where gaps of up to so many steps are whole ones, to this fraction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Strokes:
+    """One entry for each stroke, in SI: m or rad.
+
+    - `start`, `stop`: time since the first row [s], without the rest at either end.
+    - `travel`: signed; `speed`: mean, signed; `fastest`: the largest magnitude.
+    """
+
+    start: np.ndarray
+    stop: np.ndarray
+    travel: np.ndarray
+    speed: np.ndarray
+    fastest: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
+def position_of(record: AxisRecord) -> np.ndarray:
+    """The position; where it was not recorded, that of the velocity, from 0."""
+    if record.position is not None:
+        return record.position
+    time, velocity = record.relative_time, record.velocity
+    assert velocity is not None
+    steps = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def find_strokes(record: AxisRecord) -> Strokes:
+    """The strokes of a record. What moves less than a hundredth of the travel is rest."""
+    time, position = record.relative_time, position_of(record)
+    step = encoder_step(position) or 0.0
+    least = max(_LEAST_TRAVEL * float(np.ptp(position)), _LEAST_STEPS * step)
+    turns = _turns(position, least)
+    rows = [_moving(position, i, j) for i, j in pairwise(turns)]
+    found = [(i, j) for i, j in rows if j > i]
+    return Strokes(
+        start=np.array([time[i] for i, _ in found]),
+        stop=np.array([time[j] for _, j in found]),
+        travel=np.array([position[j] - position[i] for i, j in found]),
+        speed=np.array([(position[j] - position[i]) / (time[j] - time[i]) for i, j in found]),
+        fastest=np.array([_fastest(time, position, i, j) for i, j in found]),
+    )
+
+
+def encoder_step(position: np.ndarray) -> float | None:
+    """The smallest step of a position, where its values lie on a grid; None where they do not."""
+    gaps = np.diff(np.unique(position))
+    gaps = gaps[gaps > 1e-9 * np.ptp(position)]
+    if len(gaps) < 3:
+        return None
+    step = float(gaps[gaps < 1.5 * gaps.min()].mean())
+    few = gaps[gaps < _MOST_STEPS * step]
+    number = np.round(few / step)
+    on_grid = np.abs(few / step - number) < _ON_GRID
+    if 2 * len(few) < len(gaps) or np.mean(on_grid) < _ON_GRID_SHARE:
+        return None
+    return float(few.sum() / number.sum())
+
+
+def _turns(position: np.ndarray, least: float) -> list[int]:
+    """Rows of the first and last position and of the reversals, between which it moves `least`."""
+    values = position.tolist()
+    turns, extreme, sign = [0], 0, 0
+    for i, here in enumerate(values):
+        if sign == 0:
+            if abs(here - values[0]) >= least:
+                sign, extreme = (1 if here > values[0] else -1), i
+        elif sign * (here - values[extreme]) >= 0:
+            extreme = i
+        elif sign * (values[extreme] - here) >= least:
+            turns.append(extreme)
+            sign, extreme = -sign, i
+    return [*turns, extreme] if sign else [0]
+
+
+def _moving(position: np.ndarray, i: int, j: int) -> tuple[int, int]:
+    """The rows of a stroke between the turns i and j, without the rest at its ends."""
+    done = (position[i : j + 1] - position[i]) / (position[j] - position[i])
+    return i + int(np.flatnonzero(done <= _END)[-1]), i + int(np.argmax(done >= 1 - _END))
+
+
+def _fastest(time: np.ndarray, position: np.ndarray, i: int, j: int) -> float:
+    """The largest mean speed over a part of the rows i..j."""
+    w = max(1, (j - i) // _PARTS)
+    rows = slice(i, j + 1)
+    t, q = time[rows], position[rows]
+    return float(np.max(np.abs((q[w:] - q[:-w]) / (t[w:] - t[:-w]))))
