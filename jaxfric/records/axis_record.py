@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from .axis_header import FORCE_UNITS, si_units
 from .record import LARGEST, MIN_ROWS, SMALLEST, Provenance, Sampling, cut, frozen, vector
+from .sizes import refuse_sizes
 
 COLUMNS = (
     "time",
@@ -202,6 +203,8 @@ def build(
     count = int(keep.sum())
     if count < MIN_ROWS:
         raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
+    shown = {**si_units(coordinate), "motor_force": force_unit}
+    refuse_sizes(kept, shown, units, origin.path, rows.lines[keep])
     _check_encoder(kept, coordinate, origin.path)
     _check_saturation(kept["motor_force"], force_unit, origin.path)
     rows_read, dropped = origin.rows_read + len(rows.lines), {**origin.dropped, **dropped}

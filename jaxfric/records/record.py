@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .header import ROLES
+from .sizes import refuse_sizes
 
 LARGEST, SMALLEST = 1e30, 1e-30
 """No measured quantity is larger, in SI; what is smaller is 0."""
@@ -200,6 +201,8 @@ def build(
     count = int(keep.sum())
     if count < MIN_ROWS:
         raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
+    si_units = {**ROLES, "friction": friction_unit}
+    refuse_sizes(kept, si_units, units, origin.path, lines[keep])
     rows_read, dropped = origin.rows_read + len(lines), {**origin.dropped, **dropped}
     origin = replace(origin, rows_read=rows_read, dropped=dropped)
     return Record(**kept, friction_unit=friction_unit, units=dict(units), provenance=origin)

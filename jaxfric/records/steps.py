@@ -9,9 +9,13 @@ from ..errors import InputError
 from ..units import format_si, parse_quantity
 from .joints import BrokenLine, fit_broken_line
 from .record import Record
+from .sizes import SIZES
 
 _LEAST_CHANGE = 0.07
 """A step changes the velocity by at least this fraction of the larger of the two."""
+
+_ROUNDING = 1e-9
+"""What is less than this share of the whole path is no motion: sums of numbers leave it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +61,7 @@ class VelocitySteps:
                     " '0 s: 2 um/s, 60 s: 20 um/s'"
                 )
             times.append(parse_quantity(time, "s", f"time of step {len(times) + 1}"))
-            velocities.append(parse_quantity(velocity, "m/s", f"velocity of step {len(times)}"))
+            velocities.append(_velocity(velocity, f"velocity of step {len(times)}"))
         if not times:
             raise InputError("steps: nothing given; write them as in '0 s: 2 um/s, 60 s: 20 um/s'")
         return cls(np.array(times), np.array(velocities))
@@ -141,9 +145,19 @@ def record_steps(record: Record) -> VelocitySteps:
     return find_steps_in_velocity(record.relative_time, record.load_point_velocity)
 
 
+def _velocity(text: str, what: str) -> float:
+    """A velocity as stated, 0 or of a size that there is."""
+    value, size = parse_quantity(text, "m/s", what), SIZES["load_point_velocity", "m/s"]
+    if value and not size.least <= abs(value) <= size.most:
+        advice = "write 0 um/s for a hold" if abs(value) < size.least else "is its unit right?"
+        raise InputError(f"{what}: '{text.strip()}' is {value:.3g} m/s; {advice}")
+    return value
+
+
 def _without_creep(line: BrokenLine) -> np.ndarray:
-    """Velocities; exactly 0 where the load point stays within the scatter."""
-    still = np.abs(line.slopes) * line.lengths < 2 * line.scatter
+    """Velocities; exactly 0 where the load point stays within the scatter, or within rounding."""
+    moved = np.abs(line.slopes) * line.lengths
+    still = moved < 2 * line.scatter + _ROUNDING * moved.sum()
     still &= np.abs(line.slopes) < 0.01 * np.abs(line.slopes).max()
     return np.where(still, 0.0, line.slopes)
 

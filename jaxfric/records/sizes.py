@@ -1,0 +1,79 @@
+"""Sizes that no laboratory measures: a wrong unit is refused where a record is read."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+
+
+@dataclass(frozen=True)
+class Size:
+    """What a column may be, in SI: the largest size, and the least.
+
+    The least is that of its change, or where it does not need to change (`changes` is False) of
+    its largest size. 0 is always allowed: it is told elsewhere, where it does harm.
+    """
+
+    unit: str
+    least: float
+    most: float
+    changes: bool = False
+
+
+SIZES = {
+    ("time", "s"): Size("s", 1e-6, 1e10, True),
+    ("load_point_displacement", "m"): Size("m", 1e-9, 1e4, True),
+    ("load_point_encoder", "m"): Size("m", 0.0, 1e4, True),
+    ("load_point_velocity", "m/s"): Size("m/s", 1e-14, 1e4),
+    ("slip", "m"): Size("m", 0.0, 1e4, True),
+    ("friction", "1"): Size("", 0.0, 1e2),
+    ("friction", "N"): Size("N", 0.0, 1e9),
+    ("normal_stress", "Pa"): Size("Pa", 1.0, 1e12),
+    ("position", "m"): Size("m", 1e-9, 1e4, True),
+    ("position", "rad"): Size("rad", 1e-7, 1e9, True),
+    ("reference_position", "m"): Size("m", 0.0, 1e4, True),
+    ("reference_position", "rad"): Size("rad", 0.0, 1e9, True),
+    ("velocity", "m/s"): Size("m/s", 1e-10, 1e4),
+    ("velocity", "rad/s"): Size("rad/s", 1e-8, 1e6),
+    ("motor_force", "N"): Size("N", 1e-10, 1e9),
+    ("motor_force", "N m"): Size("N m", 1e-10, 1e9),
+}
+"""By role and unit; wide: creep of 0.01 um in ten days, shear over 10 km, a stress of 1 Pa."""
+
+
+def refuse_sizes(
+    columns: Mapping[str, np.ndarray],
+    si_units: Mapping[str, str],
+    written: Mapping[str, str],
+    path: str,
+    lines: np.ndarray,
+) -> None:
+    """Refuse a column whose size is impossible: its unit is the likely cause.
+
+    **Arguments:** `columns` in SI by role; `si_units` of them; `written`: units of the file;
+    `lines`: the rows' places in it. Time counts from the first row.
+
+    Raises `InputError`, with the row of the largest value.
+    """
+    for role, values in columns.items():
+        size = SIZES.get((role, si_units.get(role, "")))
+        if size is None:
+            continue
+        magnitude = np.abs(values - values[0] if role == "time" else values)
+        worst = int(np.argmax(magnitude))
+        reach = float(np.ptp(values) if size.changes else magnitude[worst])
+        if magnitude[worst] > size.most:
+            place = f"{values[worst]:.4g} {size.unit}".strip()
+            found = f"{role} is {place} in row {lines[worst]}"
+        elif 0 < reach < size.least:
+            what = "changes by" if size.changes else "is at most"
+            found = f"{role} {what} {reach:.4g} {size.unit} in all rows"
+        else:
+            continue
+        hint = f"is its unit, [{written.get(role, size.unit)}], right? If not, write the right one"
+        if role == "friction" and not size.unit:
+            hint = "a coefficient is less than 100; if it is a force, write its unit"
+        example = {"friction": "N", "time": "ms"}.get(role, "UNIT")
+        raise InputError(f"{path}: {found}: {hint}, as in --column '{role}=NAME [{example}]'")
