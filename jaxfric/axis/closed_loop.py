@@ -66,8 +66,11 @@ def closed_loop(
     *,
     substeps: int = 1,
     states: Sequence[Array] | None = None,
+    disturbance: Float[Array, " N"] | None = None,
 ) -> ClosedLoop:
     """Simulate an axis that follows `reference` [m or rad].
+
+    `disturbance` [F] is added to the controller's force from each sample on.
 
     `first` are the first three positions: the axis starts at the first with their mean velocity,
     its states at their rest or, where given, at `states`. Friction's kink at rest is smoothed over
@@ -88,8 +91,8 @@ def closed_loop(
 
     def sample(carry, row):
         y, last, before_last = carry
-        t, target = row
-        force = controller.force(target, y[0], before_last)
+        t, target, added = row
+        force = controller.force(target, y[0], before_last) + added
 
         def piece(k, y):
             t0 = t + k * h
@@ -106,7 +109,9 @@ def closed_loop(
     start = (first[0], speed, _vector(begun))
     back = first[0] - controller.interval * speed
     times = jnp.arange(reference.shape[0]) * controller.interval
-    _, seen = jax.lax.scan(sample, (start, back, back - (first[0] - back)), (times, reference))
+    added = jnp.zeros_like(reference) if disturbance is None else disturbance
+    begin = (start, back, back - (first[0] - back))
+    _, seen = jax.lax.scan(sample, begin, (times, reference, added))
     return ClosedLoop(*seen)
 
 

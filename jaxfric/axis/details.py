@@ -8,11 +8,13 @@ import numpy as np
 from ..loop.search import Search
 from .fit import AxisFit, inverse_dynamics, output_error
 from .gains import axis_gains, state_gains
-from .result import AxisDetails, AxisRows
+from .reading import Reading
+from .result import AxisDetails
 
 
-def details_of(record, prepared, rows: AxisRows, problem, engine, found: Search, progress):
+def details_of(record, reading: Reading, problem, engine, found: Search, progress):
     """Both fits of the base and of the final model, over all rows."""
+    prepared, rows = reading.prepared, reading.rows
     # as published fits of an axis did it: other rows, and the force acts at once
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
@@ -46,4 +48,4 @@ def details_of(record, prepared, rows: AxisRows, problem, engine, found: Search,
     fast = float(moving.max())
     gains = state_gains(rig, float(middle), slow, fast, drive=record.drive)
     gains = gains or axis_gains(steady, slow, fast, drive=record.drive)
-    return AxisDetails(tuple(fits), prepared.preparation, rows.width, record, gains)
+    return AxisDetails(tuple(fits), prepared.preparation, rows.width, record, gains, reading.notes)

@@ -68,8 +68,8 @@ def output_error(
 ) -> AxisFit | None:
     """Least squares of the simulated position; None where the controller is not known.
 
-    Every tenth sample is compared. The controller is the one of `closed_loop`; lags and delays
-    of the force are not simulated.
+    Every tenth sample is compared. The controller is the one of `closed_loop`, the disturbance of
+    the record is added to its force; lags and delays of the force are not simulated.
     """
     drive, reference = record.drive, record.reference_position
     if drive is None or reference is None or record.position is None:
@@ -84,7 +84,9 @@ def output_error(
     )
     number = substeps(problem.rig(jnp.asarray(z)), interval)
     measured = jnp.asarray(record.position)
-    setting = _Setting(controller, jnp.asarray(reference), measured, number)
+    added = record.disturbance_force
+    disturbance = jnp.zeros(len(record)) if added is None else jnp.asarray(added)
+    setting = _Setting(controller, jnp.asarray(reference), measured, disturbance, number)
     index = _padded(free, len(z))
     solved, jacobian, ok = _solve(lambda z: _position_error(problem, setting, z, index), z, free)
     residual = np.asarray(_position_error(problem, setting, jnp.asarray(solved), index)[0])
@@ -113,6 +115,7 @@ class _Setting(NamedTuple):
     controller: Controller
     reference: Float[Array, " N"]
     measured: Float[Array, " N"]
+    disturbance: Float[Array, " N"]
     substeps: int
 
 
@@ -186,6 +189,7 @@ def _position_error(problem: AxisProblem, setting: _Setting, z, free):
             setting.reference,
             setting.measured[:3],
             substeps=setting.substeps,
+            disturbance=setting.disturbance,
         )
         return (run.position - setting.measured)[::_COMPARED]
 

@@ -25,11 +25,11 @@ from ..loop.verdict import conclude, innovations, noise_floor
 from ..records.axis_record import AxisRecord
 from .details import details_of
 from .effects import AXIS_CATALOGUE, AbstractAxisEffect, axis_effect_of
-from .prepare import Preparation, prepare
+from .prepare import Preparation
 from .problem import AxisProblem, BaseLaw, make_problem
+from .reading import read_rows
 from .result import AxisBase, AxisRows
-from .rows import rows_of, scales_of
-from .split import split
+from .rows import scales_of
 from .structure import axis_shapes, friction_bumps
 
 _MOST = 3
@@ -56,7 +56,7 @@ def close_axis_loop(
     ----------
     with_, without, own, most, progress : as of `jaxfric.close_loop`, of the effects of an axis
         (`AXIS_CATALOGUE`).
-    preparation : filter of the record; by default `usual`.
+    preparation : filter of the record; by default the one that `reading` chooses.
     width : of the smoothed sign of the velocity [m/s]; by default twice the noise of the velocity
         or a thousandth of the largest speed, whichever is larger.
 
@@ -77,16 +77,11 @@ def close_axis_loop(
     if not 0 <= most <= _MOST:
         raise InputError(f"most is {most}; choose 0 to {_MOST}")
     progress("preparing the record")
-    prepared = prepare(
-        record.relative_time,
-        record.position,
-        record.velocity,
-        record.motor_force,
-        preparation=preparation,
-        held=record.drive is not None if held is None else held,
-    )
-    rows = rows_of(prepared, width, unit=length_of(record))
-    blocks = split(rows.segment, rows.used, rows.velocity, record.provenance.path)
+    held = record.drive is not None if held is None else held
+    reading = read_rows(record, preparation=preparation, width=width, held=held)
+    prepared, rows, blocks = reading.prepared, reading.rows, reading.blocks
+    for note in reading.notes:
+        progress(note)
     noise_scale = noise_from_differences(prepared.force[: prepared.rows][rows.used])
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = rows.used
@@ -121,8 +116,8 @@ def close_axis_loop(
         record=rows.as_record(record),
         base_fit=AxisBase(rows.steps(), rows.width, prepared.preparation),
         sigma=floor.sigma,
-        warnings=rows.warnings(),
-        details=details_of(record, prepared, rows, problem, engine, found, progress),
+        warnings=(*reading.warnings, *rows.warnings()),
+        details=details_of(record, reading, problem, engine, found, progress),
         seconds=time.monotonic() - begun,
     )
 

@@ -20,6 +20,7 @@ from ..errors import InputError
 from ..fitting.problem import bucket
 
 _ORDER = 4
+_BINS = 4000
 _CUTOFF_SHARE = 0.1
 _ROWS_PER_CUTOFF = 1.0
 _SLOW = 200.0
@@ -139,9 +140,34 @@ class Prepared(NamedTuple):
     rows: int
     inside: np.ndarray
     """Rows that are not at an end."""
-    velocity_noise: float
-    """Standard deviation of the error of the velocity, from what the filter takes away."""
+    white: float
+    """Standard deviation of the white error of the recorded motion, from what the usual filter
+    takes away: of the position, or of the velocity where there is no position."""
+    of_position: bool
     preparation: Preparation
+
+    @property
+    def velocity_noise(self) -> float:
+        """Standard deviation of the error of the velocity within the filter."""
+        cutoff = self.preparation.cutoff
+        share = 2 * cutoff * self.interval  # of the band that the filter keeps
+        if not self.of_position:
+            return self.white * np.sqrt(share)
+        return self.white * 2 * np.pi * cutoff * np.sqrt(share / 3)
+
+
+def acceleration_noise(prepared: Prepared) -> float:
+    """Standard deviation of the error of a row's acceleration, of the recorded motion's white one.
+
+    White noise through the low-pass (both ways), the central differences and the mean of a row.
+    """
+    h, every = prepared.interval, prepared.means.every
+    f = np.linspace(0, 0.5 / h, _BINS + 1)[1:]
+    low = 1 / (1 + (f / prepared.preparation.cutoff) ** (2 * _ORDER))
+    slope = np.sin(2 * np.pi * f * h) / h
+    mean = np.sinc(f * every * h) / np.sinc(f * h)
+    gain = slope ** (2 if prepared.of_position else 1) * low * mean
+    return prepared.white * float(np.sqrt(np.mean(gain**2)))
 
 
 def prepare(
@@ -203,7 +229,13 @@ def prepare(
     acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
     at = (np.arange(size // every) * every + 0.5 * (every - 1)) * interval
     inside = (at >= chosen.edge) & (at <= time[-1] - chosen.edge)
-    noise = _velocity_noise(raw, smooth, interval, chosen.cutoff, position is not None)
+    above = usual(interval).cutoff
+    least = smooth
+    if above != chosen.cutoff:  # what a lower filter takes away is motion too
+        low = signal.butter(_ORDER, above * 2 * interval, output="sos")
+        least = signal.sosfiltfilt(low, raw)
+    within = slice(round(chosen.edge / interval), len(raw) - round(chosen.edge / interval))
+    white = float(np.std((raw - least)[within])) / np.sqrt(max(1 - 2 * above * interval, 1e-3))
     return Prepared(
         motion,
         means,
@@ -214,7 +246,8 @@ def prepare(
         np.asarray(usual_rows(jnp.asarray(padded))),
         len(time) // every,
         inside,
-        noise,
+        white,
+        position is not None,
         chosen,
     )
 
@@ -248,12 +281,3 @@ def _decimator(size: int, interval: float, every: int) -> Decimator:
         level = np.abs(np.asarray(response))
         gain = (level / level[0]) ** 2
     return Decimator(gain=jnp.asarray(gain), margin=margin, after=n - size - margin, every=every)
-
-
-def _velocity_noise(raw, smooth, interval, cutoff, is_position: bool) -> float:
-    """White noise beyond the cutoff, carried to the velocity within it."""
-    share = 2 * cutoff * interval  # of the band that the filter keeps
-    white = float(np.std(raw - smooth)) / np.sqrt(max(1 - share, 1e-3))
-    if not is_position:
-        return white * np.sqrt(share)
-    return white * 2 * np.pi * cutoff * np.sqrt(share / 3)

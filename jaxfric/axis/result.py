@@ -99,6 +99,8 @@ class AxisDetails:
     """Of the smoothed sign of the velocity [m/s]."""
     record: AxisRecord
     gains: AxisGains
+    notes: tuple[str, ...] = ()
+    """What was chosen of the preparation, and why."""
 
     def tables(self) -> list[Table]:
         """Parameters and errors of the fits, side by side."""
@@ -117,12 +119,16 @@ class AxisDetails:
             "SI. Inverse dynamics: relative to the prepared motor force; output error: relative to"
             f" the position. Cutoff {self.preparation.cutoff:.3g} Hz, one row in"
             f" {self.preparation.decimation}; the sign of the velocity is smoothed over"
-            f" {self.width:.2g} {unit}/s. Rows are all but those at rest, and the force acts at"
-            " once, as in published fits: so these numbers differ from those of the loop above"
+            f" {self.width:.2g} {unit}/s.{self._noted()} Rows are all but those at rest, and the"
+            " force acts at once, as in published fits: so these numbers differ from those of the"
+            " loop above"
         )
         both = "The two fits" if len({fit.method for fit in fits}) > 1 else "The fit"
         fitted = Table(f"{both}, over all rows", ("parameter", *heads), rows, note)
         return [fitted, self._gains(unit)]
+
+    def _noted(self) -> str:
+        return "".join(f" {note[0].upper()}{note[1:]}." for note in self.notes)
 
     def _gains(self, unit: str) -> Table:
         """Gains in force, and the least damping that friction asks for, in both units."""
@@ -170,6 +176,7 @@ class AxisDetails:
                 "coordinate": self.record.coordinate,
                 "cutoff": self.preparation.cutoff,
                 "decimation": self.preparation.decimation,
+                "notes": list(self.notes),
                 "width": self.width,
                 "gains": {
                     "worst_velocity": self.gains.worst_velocity,

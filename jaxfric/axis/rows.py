@@ -13,10 +13,12 @@ _WIDTH_SHARE = 1e-3
 _STUCK = 0.05
 
 
-def rows_of(prepared: Prepared, width: float | None, *, unit: str = "m") -> AxisRows:
+def rows_of(
+    prepared: Prepared, width: float | None, *, unit: str = "m", share: float = 1.0
+) -> AxisRows:
     """The decimated rows of a record, which of them count, and their motion segments.
 
-    `unit` is that of the position, for messages.
+    `unit` is that of the position, for messages; the width that is chosen is `share` of the usual.
     """
     n, motion = prepared.rows, prepared.motion
     velocity, position, path = (
@@ -24,7 +26,7 @@ def rows_of(prepared: Prepared, width: float | None, *, unit: str = "m") -> Axis
     )
     fastest = float(np.max(np.abs(velocity)))
     if width is None:
-        width = max(_WIDTH_IN_NOISE * prepared.velocity_noise, _WIDTH_SHARE * fastest)
+        width = max(share * _WIDTH_IN_NOISE * prepared.velocity_noise, _WIDTH_SHARE * fastest)
     elif not 0 < width < fastest:
         raise InputError(
             f"width {width:g} {unit}/s: the axis moves at up to {fastest:g} {unit}/s; choose less"

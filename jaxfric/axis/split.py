@@ -12,6 +12,7 @@ from ..loop.split import NAMES, Blocks
 _FEWEST = 4
 _ROWS = 20
 _SHARE = 1 / 6
+_BACK = 0.02
 
 
 def segments(slow: np.ndarray) -> np.ndarray:
@@ -36,6 +37,14 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
     """
     moving = velocity[used]
     if not (np.any(moving > 0) and np.any(moving < 0)):
+        both = velocity[velocity > 0].sum(), -velocity[velocity < 0].sum()
+        if min(both) > _BACK * max(both):
+            raise InputError(
+                f"{path}: the axis moves back and forth, but in one direction never faster than"
+                " twice the noise of its velocity, where friction has no sign. Low-pass the"
+                " position at a lower frequency (--cutoff), record a faster motion, or with a"
+                " finer encoder"
+            )
         raise InputError(
             f"{path}: the axis moves in one direction only; Coulomb friction cannot be told from an"
             " offset without a reversal. Record motion back and forth"

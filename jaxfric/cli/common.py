@@ -76,7 +76,13 @@ RatedTorque = Annotated[
     Parameter(help='Of an axis whose torque is recorded in per cent of it: "9.84 mN m".'),
 ]
 Flip = Annotated[
-    bool, Parameter(negative=(), help="Of an axis: turn the sign of motion and force.")
+    list[Literal["force", "motion", "both"]] | None,
+    Parameter(
+        negative=(),
+        consume_multiple=True,
+        help="Of an axis: turn a sign, that of the force, that of the motion, or (without a word)"
+        " of both.",
+    ),
 ]
 
 EFFECTS = (
@@ -128,6 +134,13 @@ def refuse_options(rig: str, of_others: dict[str, object]) -> None:
             f"{' and '.join(wrong)} would not be used with --rig {rig}; leave it out, or choose"
             f" --rig {'slider' if rig == 'axis' else 'axis'}"
         )
+
+
+def flipped(flip: list[str] | None) -> str | Literal[False]:
+    """Which sign `Flip` asks to turn."""
+    if flip is None:
+        return False
+    return flip[0] if len(set(flip)) == 1 else "both"
 
 
 def prepare_jax() -> None:

@@ -24,6 +24,7 @@ from .common import (
     VelocityGain,
     axis_roles,
     effect_ids,
+    flipped,
     prepare_jax,
     read_record,
     refuse_options,
@@ -70,7 +71,7 @@ def loop(
     position_gain: PositionGain = None,
     velocity_gain: VelocityGain = None,
     rated_torque: RatedTorque = None,
-    flip: Flip = False,
+    flip: Flip = None,
     held: Annotated[
         bool,
         Parameter(
@@ -111,14 +112,15 @@ def loop(
         "--rated-torque": rated_torque,
         "--cutoff": cutoff,
     }
-    _refuse_unused(rig, stiffness, law, steps, {**own, "--flip": flip, "--held": held})
+    turned = flipped(flip)
+    _refuse_unused(rig, stiffness, law, steps, {**own, "--flip": turned, "--held": held})
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     reading: dict[str, Any] = {
         "columns": axis_roles(column),
         "drive_gain": drive_gain,
         "rated_torque": rated_torque,
-        "flip": flip,
+        "flip": turned,
         "drop_bad": drop_bad,
     }
     if rig == "steady":
@@ -169,11 +171,10 @@ def loop(
             "--most": None if most == 3 else str(most),
             "--steps": steps,
             **own,
+            "--flip": turned or None,
             "--out": out and str(out),
         }
-        command = _command(
-            file, given, column or [], {"--flip": flip, "--held": held, "--drop-bad": drop_bad}
-        )
+        command = _command(file, given, column or [], {"--held": held, "--drop-bad": drop_bad})
         _draw(result, folder, command)
     if json:
         print(content)

@@ -15,6 +15,7 @@ from .common import (
     Steps,
     VelocityGain,
     axis_roles,
+    flipped,
     read_record,
     refuse_options,
 )
@@ -33,7 +34,7 @@ def record(
     position_gain: PositionGain = None,
     velocity_gain: VelocityGain = None,
     rated_torque: RatedTorque = None,
-    flip: Flip = False,
+    flip: Flip = None,
     out: Out = None,
 ) -> int:
     """Show what is understood of a record, and draw it.
@@ -43,7 +44,11 @@ def record(
     and force of each. The figure goes to the output folder, by default ./NAME-record/.
     """
     loops = {"--position-gain": position_gain, "--velocity-gain": velocity_gain}
-    of_an_axis = {"--drive-gain": drive_gain, "--rated-torque": rated_torque, "--flip": flip}
+    of_an_axis = {
+        "--drive-gain": drive_gain,
+        "--rated-torque": rated_torque,
+        "--flip": flipped(flip),
+    }
     unused = {"slider": of_an_axis | loops, "axis": {}, "steady": loops}[rig]
     refuse_options(rig, unused if rig == "slider" else {**unused, "--steps": steps})
     if rig == "slider":
@@ -52,7 +57,7 @@ def record(
         "columns": axis_roles(column),
         "drive_gain": drive_gain,
         "rated_torque": rated_torque,
-        "flip": flip,
+        "flip": flipped(flip),
         "drop_bad": drop_bad,
     }
     if rig == "steady":

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -9,10 +10,15 @@ from ..errors import InputError
 from ..units import scale
 from .axis_force import add_disturbance, controlled, force_from_signal, force_unit_of
 from .axis_header import Use, assign, coordinate_of
-from .axis_record import COLUMNS, AxisRecord, Rows, build
+from .axis_record import AxisRecord, Rows, build
 from .axis_source import Source, open_source
 from .content import filled_rows
 from .record import EMPTY_ROWS, Provenance
+
+_MOTION = ("position", "velocity", "reference_position")
+_FORCE = ("motor_force", "disturbance_force")
+FLIPS = {"force": _FORCE, "motion": _MOTION, "both": (*_MOTION, *_FORCE)}
+"""Columns that change their sign together, by what they are called."""
 
 
 def read_axis(
@@ -23,7 +29,7 @@ def read_axis(
     position_gain: str | None = None,
     velocity_gain: str | None = None,
     rated_torque: str | None = None,
-    flip: bool = False,
+    flip: bool | str = False,
     drop_bad: bool = False,
 ) -> AxisRecord:
     """Read time, motion and motor force of an axis, and turn them into SI.
@@ -43,7 +49,7 @@ def read_axis(
       (reference - position) - velocity), "160 1/s" and, of a control signal, "240 V s/m", of a
       motor force "8436 N s/m". With them, and a reference, the closed loop is simulated.
     - `rated_torque`: what 100 % of torque are, "9.84 mN m"; without it force stays in "%".
-    - `flip`: change the sign of motion and force together.
+    - `flip`: change a sign: of the "force", of the "motion", or (True, "both") of both together.
     - `drop_bad`: leave out rows that are not whole instead of refusing the file.
 
     **Returns:** an `AxisRecord`; its `provenance` says what was assumed and left out.
@@ -75,10 +81,7 @@ def read_axis(
             drive_gain=drive_gain,
             rated_torque=rated_torque,
         )
-    for role in COLUMNS[1:]:
-        if flip and role in values:
-            values[role] = -values[role]
-    told = ["signs of motion and force are changed"] if flip else []
+    told = _flip(values, "both" if flip is True else flip)
     origin = Provenance(
         source.path,
         source.sha256,
@@ -90,6 +93,19 @@ def read_axis(
     if "disturbance" in uses:
         units["disturbance_force"] = uses["disturbance"].unit
     return build(values, coordinate, force_unit, drive, units, origin, rows, drop_bad)
+
+
+def _flip(values: dict[str, np.ndarray], which: str | Literal[False]) -> list[str]:
+    """Change the signs of columns; what is told of it."""
+    if which is False:
+        return []
+    if which not in FLIPS:
+        raise InputError(f"flip is '{which}'; there are: {', '.join(FLIPS)}")
+    for role in FLIPS[which]:
+        if role in values:
+            values[role] = -values[role]
+    what = "signs of motion and force are" if which == "both" else f"the sign of the {which} is"
+    return [f"{what} changed"]
 
 
 def _rows(source: Source, uses: Mapping[str, Use]) -> Rows:

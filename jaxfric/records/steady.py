@@ -64,7 +64,7 @@ def read_steady(
     columns: Mapping[str, str] | None = None,
     drive_gain: str | None = None,
     rated_torque: str | None = None,
-    flip: bool = False,
+    flip: bool | str = False,
     drop_bad: bool = False,
 ) -> SteadyCurve:
     """Read a folder of runs at steady speeds, at any depth, as one curve.

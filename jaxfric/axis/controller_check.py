@@ -1,0 +1,74 @@
+"""Does the recorded force come from the controller that was stated?
+
+The stated law on the measured signals, u_k = g_tau k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)),
+against the force of the record. Where they differ something else acts that the closed loop does not
+know: a disturbance that is not recorded, other gains, a drive at its limit.
+"""
+
+import numpy as np
+
+from ..records.axis_record import AxisRecord
+
+_EVERYWHERE = 0.05
+"""Of the force's rms: the median difference above which the two do not agree at all."""
+_LOCAL = 10.0
+"""Scatters that a row differs by where the two do not agree there."""
+_SMALLEST = 0.02
+"""Of the largest force: smaller differences are not told."""
+_TOGETHER = 0.05
+"""Rows that differ within this time [s] of each other belong to one stretch."""
+
+
+def stated_force(record: AxisRecord) -> np.ndarray | None:
+    """The force of the stated control law on the measured signals; None where it is not known."""
+    drive, reference, position = record.drive, record.reference_position, record.position
+    if drive is None or reference is None or position is None:
+        return None
+    if drive.K_d is None or drive.position_gain is None:
+        return None
+    interval = float(np.median(np.diff(record.time)))
+    velocity = np.zeros_like(position)
+    velocity[2:] = (position[2:] - position[:-2]) / (2 * interval)
+    return drive.K_d * (drive.position_gain * (reference - position) - velocity)
+
+
+def disagreement(record: AxisRecord, *, held: bool) -> str | None:
+    """What to warn of, in words; None where the two agree or nothing is stated.
+
+    held : the recorded force holds the disturbance, which then belongs to the stated force.
+    """
+    stated = stated_force(record)
+    if stated is None:
+        return None
+    if held and record.disturbance_force is not None:
+        stated = stated + record.disturbance_force
+    force, time, unit = record.motor_force, record.relative_time, record.force_unit
+    off = (force - stated)[2:]
+    middle = float(np.median(np.abs(off)))
+    size = float(np.sqrt(np.mean(force**2)))
+    if middle > _EVERYWHERE * size:
+        return (
+            f"the recorded force and the stated controller disagree: by {middle:.3g} {unit} in half"
+            f" of the rows, {100 * middle / size:.2g} % of the force. Check the gains and their"
+            " units (--position-gain, --velocity-gain, --drive-gain); do not trust the closed-loop"
+            " fit"
+        )
+    limit = max(_LOCAL * 1.4826 * middle, _SMALLEST * float(np.max(np.abs(force))))
+    rows = np.flatnonzero(np.abs(off) > limit) + 2
+    if not len(rows):
+        return None
+    return (
+        f"the recorded force and the stated controller disagree in {len(rows)} rows, by up to"
+        f" {float(np.max(np.abs(off))):.3g} {unit} ({stretches(rows, time)}): something else acts"
+        " there, which the closed loop does not know. Give what was added as a column (--column"
+        " disturbance=NAME), or do not trust the closed-loop fit"
+    )
+
+
+def stretches(rows: np.ndarray, time: np.ndarray) -> str:
+    """Where some rows are, in words: the longest stretch, and how many more there are."""
+    gap = max(_TOGETHER / float(np.median(np.diff(time))), 1.0)
+    parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
+    longest = max(parts, key=len)
+    more = f" and {len(parts) - 1} more stretches" if len(parts) > 1 else ""
+    return f"{time[longest[0]]:.4g} to {time[longest[-1]]:.4g} s{more}"

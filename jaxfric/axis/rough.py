@@ -1,0 +1,123 @@
+"""A first look at an axis by least squares: its base law, before anything is searched.
+
+    F = M a + F_v v + F_c tanh(v/w) + F_0 (+ further columns)
+
+on the rows that count. What it is asked: whether the force has the sign of the motion, and
+whether the recorded force holds a disturbance already.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import InputError
+from .prepare import Prepared
+
+_SURE = 3.0
+_HALF = 0.5
+_NEAR_ENOUGH = 0.2
+_TRIMS, _NEAR, _FAR = 8, 2.5, 10.0
+
+
+class Rough(NamedTuple):
+    """Least squares of the base law."""
+
+    values: np.ndarray
+    """M, F_v, F_c, F_0 (SI), then the coefficients of further columns."""
+    std: np.ndarray
+    """Under white residuals."""
+    residual: np.ndarray
+    """Recorded minus predicted, at all rows (n)."""
+    rms: float
+    """Of the residual [F] over the rows of the fit."""
+    dissipation: float
+    """F_c + F_v |v| at the median speed [F]: what friction takes there."""
+    its_error: float
+    """Standard error of `dissipation` [F]."""
+
+
+def rough_fit(
+    prepared: Prepared, used: np.ndarray, width: float, *, more: Sequence[np.ndarray] = ()
+) -> Rough:
+    """Least squares over the rows `used` (bool, of the real rows); `more` are columns of rows."""
+    motion, means = prepared.motion, prepared.means
+    n = prepared.rows
+    v = np.asarray(means(motion.velocity))[:n]
+    columns = [
+        np.asarray(means(motion.acceleration))[:n],
+        v,
+        np.asarray(means(jnp.tanh(motion.velocity / width)))[:n],
+        np.ones(n),
+        *(column[:n] for column in more),
+    ]
+    whole = np.stack(columns, axis=1)
+    matrix, force = whole[used], prepared.force[:n][used]
+    size = np.linalg.norm(matrix, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    inverse = np.linalg.pinv(matrix / size)
+    values = inverse @ force
+    left = force - (matrix / size) @ values
+    rms = float(np.sqrt(left @ left / max(len(left) - len(values), 1)))
+    covariance = rms**2 * (inverse @ inverse.T) / np.outer(size, size)
+    at = np.zeros(len(values))
+    at[1:3] = float(np.median(np.abs(v[used]))), 1.0
+    values = values / size
+    error = float(np.sqrt(at @ covariance @ at))
+    residual = prepared.force[:n] - whole @ values
+    std = np.sqrt(np.diag(covariance))
+    return Rough(values, std, residual, rms, float(at @ values), error)
+
+
+def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_unit: str) -> None:
+    """Raises `InputError` where friction would be negative: force and motion differ in sign.
+
+    Friction takes energy: `work`, the mean of F v over the rows [F m/s], is positive on an axis
+    that goes back and forth. Negative work with a friction below zero by more than its error is a
+    sign, not a friction; a mass below zero says that it is the force's.
+    """
+    if work >= 0 or rough.dissipation > -_SURE * rough.its_error:
+        return
+    mass, mass_error = rough.values[0], rough.std[0]
+    friction = f"a friction of {rough.dissipation:.3g} {force_unit}"
+    if mass < -_SURE * mass_error:
+        raise InputError(
+            f"{path}: by least squares the axis has a mass of {mass:.3g} {mass_unit} and"
+            f" {friction}: is the sign of the force reversed? Turn it with --flip force"
+            " (or that of position and velocity with --flip motion)"
+        )
+    raise InputError(
+        f"{path}: by least squares the axis has {friction}, so that friction would drive it: is the"
+        " sign of the force reversed (--flip force)? Are force and position of the same axis and"
+        " the same time?"
+    )
+
+
+def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.ndarray:
+    """Rows (bool) at which the force is far from the base law of all the others.
+
+    By more than half of the force's rms and ten scatters: no friction does that for a while.
+    """
+    keep, found = used.copy(), np.zeros(len(used), bool)
+    for _ in range(_TRIMS):
+        left = rough_fit(prepared, keep, width).residual
+        scatter = 1.4826 * float(np.median(np.abs(left[keep])))
+        far = np.abs(left) > max(
+            _FAR * scatter, _HALF * float(np.std(prepared.force[: len(used)][used]))
+        )
+        if np.mean(far[used]) > _HALF:
+            return np.zeros(len(used), bool)
+        found, keep = far & used, used & (np.abs(left) < _NEAR * scatter)
+    return found
+
+
+def holds_already(coefficient: float, error: float) -> bool | None:
+    """Whether the recorded force holds a disturbance d, from the coefficient c of F = ... + c d.
+
+    The axis feels F + d, so c is -1 where the record has F alone and 0 where it has both. None
+    where c is near neither: the record does not answer to d.
+    """
+    if error > _HALF / _SURE or not abs(abs(coefficient + _HALF) - _HALF) <= _NEAR_ENOUGH:
+        return None
+    return bool(coefficient > -_HALF)

@@ -1,0 +1,177 @@
+"""From a record to rows: disturbance, sign, cutoff, threshold, and the stated controller.
+
+Motions in closed form and the force that they take: nothing of jaxfric makes the records.
+"""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from command import assert_refused, run, written
+from test_axis_rotary import rotary_text
+
+import jaxfric
+from jaxfric.axis.closed_loop import Controller, simulate_closed_loop
+from jaxfric.axis.controller_check import disagreement
+from jaxfric.axis.reading import read_rows
+from jaxfric.axis.rig import AxisRig
+from jaxfric.records import Drive, axis_from_arrays, read_axis
+
+H = 1e-3
+
+
+def motion(seconds=8.0):
+    """Strokes of several speeds: t, q, v, a [SI]."""
+    t = np.arange(round(seconds / H)) * H
+    w, u = 2 * np.pi * 0.7, 2 * np.pi * 0.13
+    first, second = np.sin(w * t), np.sin(u * t + 0.4)
+    slope, other = w * np.cos(w * t), u * np.cos(u * t + 0.4)
+    q = 0.03 * first * second
+    v = 0.03 * (slope * second + first * other)
+    a = 0.03 * (-(w**2) * first * second + 2 * slope * other - u**2 * first * second)
+    return t, q, v, a
+
+
+def pulses(t):
+    return np.where((t % 1.7 > 0.5) & (t % 1.7 < 0.8), -400.0, 0.0)
+
+
+def a_record(added=None, inside=False, noise=0.3, encoder=0.0, drive=None, reference=None):
+    """95 kg, 203 N s/m, 20 N, -3 N, under a motor force that leaves `added` to be added."""
+    random = np.random.default_rng(2)
+    t, q, v, a = motion()
+    force = 95 * a + 203 * v + 20 * np.sign(v) - 3 + noise * random.standard_normal(len(t))
+    return axis_from_arrays(
+        t,
+        force if added is None or inside else force - added,
+        position=q + encoder * random.standard_normal(len(t)),
+        reference_position=reference,
+        disturbance_force=added,
+        drive=drive,
+    )
+
+
+def reading(record, **options):
+    return read_rows(record, **{"preparation": None, "width": None, "held": False} | options)
+
+
+def test_a_disturbance_acts_with_the_motor():
+    t = motion()[0]
+    plain = reading(a_record())
+    assert plain.notes == () and plain.warnings == ()
+    for inside, told in ((False, "beside the recorded force"), (True, "holds the disturbance")):
+        found = reading(a_record(pulses(t), inside))
+        assert told in found.notes[0] and found.warnings == ()
+        np.testing.assert_allclose(found.prepared.force, plain.prepared.force, atol=1e-9)
+    other = 40 * np.sign(np.sin(9.1 * t))  # of which half acts
+    half = a_record().motor_force - 0.5 * other
+    wrong = dataclasses.replace(a_record(), motor_force=half, disturbance_force=other)
+    with pytest.raises(jaxfric.InputError, match="does not answer to the disturbance"):
+        reading(wrong)
+
+
+def test_a_disturbance_that_is_not_recorded_is_warned_of():
+    hidden = dataclasses.replace(a_record(pulses(motion()[0])), disturbance_force=None)
+    (warning,) = reading(hidden).warnings
+    assert "does not answer to the recorded force" in warning and "disturbance=NAME" in warning
+
+
+def test_the_stated_controller_is_compared_with_the_force():
+    drive = Drive(gain=35.0, position_gain=160.0, velocity_gain=240.0)
+    t, q, _, _ = motion()
+    reference = q + 2e-4 * np.sin(3 * t)
+    speed = np.concatenate([[0, 0], (q[2:] - q[:-2]) / (2 * H)])
+    force = 35.0 * 240.0 * (160.0 * (reference - q) - speed)
+
+    def said(motor_force, drive=drive, held=True, **more):
+        record = a_record(drive=drive, reference=reference)
+        record = dataclasses.replace(record, position=q, motor_force=motor_force, **more)
+        return disagreement(record, held=held)
+
+    assert said(force) is None and said(force + pulses(t), drive=None) is None
+    told = said(force + pulses(t)) or ""
+    wrong = int(np.count_nonzero(pulses(t)))
+    assert f"disagree in {wrong} rows, by up to 400 N (2.2 to 2.499 s and 4 more" in told
+    assert said(force + pulses(t), disturbance_force=pulses(t)) is None
+    assert said(force, disturbance_force=pulses(t), held=False) is None
+    other = said(force, drive=dataclasses.replace(drive, position_gain=100.0)) or ""
+    assert "in half of the rows" in other and "Check the gains" in other
+
+
+def test_a_disturbance_enters_the_closed_loop():
+    """A constant one is an offset of the other sign."""
+    reference = jnp.asarray(motion(0.4)[1])
+    controller = Controller(*(jnp.asarray(x) for x in (160.0, 8000.0, H)))
+
+    def simulated(offset, added):
+        rig = AxisRig(95.0, 203.0, 20.0, offset, width=2e-4)
+        return simulate_closed_loop(
+            rig, controller, reference, reference[:3], disturbance=jnp.full(len(reference), added)
+        ).position
+
+    np.testing.assert_allclose(simulated(-3.0, 50.0), simulated(-53.0, 0.0), atol=1e-12)
+    assert np.max(np.abs(simulated(-3.0, 0.0) - simulated(-53.0, 0.0))) > 1e-6
+
+
+def test_a_reversed_force_is_refused_at_once_and_turned(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lines = rotary_text().splitlines()
+    cells = [line.split(",") for line in lines[1:]]
+    wrong = [lines[0], *(f"{t},{q},{-float(f)}" for t, q, f in cells)]
+    written(tmp_path / "wrong.csv", "\n".join(wrong) + "\n")
+    given = ("loop", "wrong.csv", "--rig", "axis", "--json")
+    words = ("mass of -0.0495 kg m^2", "sign of the force reversed", "--flip force")
+    assert_refused(run(*given), *words)
+    assert_refused(run(*given, "--flip"), *words)  # both: as wrong as before
+    written(tmp_path / "right.csv", "\n".join(lines) + "\n")
+    right = read_axis("right.csv")
+    forced, moved = (read_axis("wrong.csv", flip=which) for which in ("force", "motion"))
+    np.testing.assert_allclose(forced.motor_force, right.motor_force)
+    np.testing.assert_allclose(moved.columns["position"], -right.columns["position"])
+    for record in (right, forced, moved):
+        assert reading(record).rows.used.any()
+    asked = []
+
+    def close(record, **options):
+        asked.append(record.motor_force[0])
+        raise jaxfric.InputError("no need to go on")
+
+    monkeypatch.setattr("jaxfric.axis.close_axis_loop", close)
+    for flip in (("--flip", "force"), ("--flip", "motion"), ("--flip",)):
+        assert_refused(run(*given, *flip), "no need to go on")
+    recorded = 1e-3 * float(wrong[1].split(",")[2])
+    np.testing.assert_allclose(asked, [-recorded, recorded, -recorded])
+
+
+@pytest.mark.parametrize(("encoder", "cutoff"), [(1e-9, 100), (1e-6, 18), (3e-5, 6)])
+def test_the_cutoff_follows_the_noise_of_the_encoder(encoder, cutoff):
+    found = reading(a_record(encoder=encoder))
+    assert found.prepared.preparation.cutoff == pytest.approx(cutoff, rel=0.5)
+    assert ("differentiated twice" in " ".join(found.notes)) == (encoder > 1e-8)
+
+
+def test_a_direction_that_the_threshold_takes_away_is_found():
+    """Quick there, slow back, at a coarse encoder: with the user's own cutoff too."""
+    t = np.arange(10000) * 2e-3
+    share = (t % 2.0) / 2.0
+    q = 0.6 * np.where(share < 0.1, share / 0.1, (1 - share) / 0.9)
+    smooth = np.hanning(61) / np.hanning(61).sum()
+    q = np.convolve(np.pad(q, 30, "edge"), smooth, "valid")
+    v = np.gradient(q, t)
+    torque = 0.02 * np.gradient(v, t) + 0.3 * np.sign(np.where(np.abs(v) < 1e-3, 0, v))
+    step = 2 * np.pi / 1000
+    record = axis_from_arrays(
+        t, torque + 0.01 * np.random.default_rng(1).standard_normal(len(t)),
+        position=step * np.round(q / step), coordinate="rotary",
+    )  # fmt: skip
+    chosen = reading(record).prepared.preparation
+    for preparation in (None, chosen._replace(cutoff=4 * chosen.cutoff)):
+        found = reading(record, preparation=preparation)
+        moving = found.rows.velocity[found.rows.used]
+        assert (moving > 0).any() and (moving < 0).any() and found.notes
+        assert min(int(found.blocks.of(n).sum()) for n in ("train", "select", "report")) >= 20
+    with pytest.raises(
+        jaxfric.InputError, match=r"back and forth, but in one direction.*Try --cut"
+    ):
+        reading(record, preparation=chosen._replace(cutoff=200.0))
