@@ -136,7 +136,7 @@ def refuse_options(rig: str, of_others: dict[str, object]) -> None:
         )
 
 
-def flipped(flip: list[str] | None) -> str | Literal[False]:
+def flipped(flip: Sequence[str] | None) -> str | Literal[False]:
     """Which sign `Flip` asks to turn."""
     if flip is None:
         return False
