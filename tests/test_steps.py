@@ -8,6 +8,7 @@ import pytest
 from public_data import public_record
 
 from jaxfric.errors import InputError
+from jaxfric.fitting.fit import steps_of
 from jaxfric.plot.record import draw_record
 from jaxfric.records import (
     VelocitySteps,
@@ -15,8 +16,10 @@ from jaxfric.records import (
     find_steps_in_velocity,
     from_arrays,
     read,
+    read_table,
     record_steps,
 )
+from jaxfric.records.steps import speeds_without_steps
 
 UM = 1e-6
 NOISES = ("white", "correlated", "ripple", "quantised", "glitches")
@@ -192,6 +195,54 @@ def test_it_is_quick() -> None:
         start = time.perf_counter()
         assert len(find_steps(t, y)) == 13
         assert time.perf_counter() - start < limit
+
+
+RUN_INS = {
+    "slowly faster": lambda s, rng: 5 * s,
+    "loading": lambda s, rng: 50 * np.exp(-(((s - 0.3) / 0.1) ** 2)) + s,
+    "wandering": lambda s, rng: 5 + np.cumsum(rng.normal(size=len(s))) / 4,
+    "rest": lambda s, rng: 0 * s,
+}
+
+
+@pytest.mark.parametrize("run_in", RUN_INS.values(), ids=RUN_INS)
+def test_a_run_in_does_not_hide_the_steps_after_it(run_in) -> None:
+    """8,000 rows at no constant velocity, then fifty steps of 30 s at 10 Hz."""
+    rng = np.random.default_rng(8)
+    before = np.cumsum(run_in(np.linspace(0, 1, 8000), rng)) / 10
+    truth = VelocitySteps(np.arange(51) * 30.0, np.where(np.arange(51) % 2, 10, 1) * UM)
+    after = np.arange(15_300) / 10
+    x = np.concatenate([before * UM, before[-1] * UM + truth.displacement(after)])
+    noise = 0.05 * UM * rng.normal(size=len(x))
+    steps = find_steps(np.arange(len(x)) / 10, x + noise)
+    late = steps.times[steps.times > 815] - 800  # the first dwell may begin in the run-in
+    assert late == pytest.approx(truth.times[1:], abs=0.1)
+    assert steps.velocities[-50:] == pytest.approx(truth.velocities[1:], rel=0.01)
+
+
+def test_a_load_point_that_changes_its_speed_without_steps_is_told() -> None:
+    t = np.arange(0, 400, 0.5)
+    ramp, even = (
+        from_arrays(t, np.full(len(t), 0.6), load_point_displacement=x * UM)
+        for x in (0.01 * t**2, 2 * t)
+    )
+    text = speeds_without_steps(ramp, record_steps(ramp))
+    assert text is not None and "several speeds" in text and "--from" in text and "--steps" in text
+    assert speeds_without_steps(even, record_steps(even)) is None
+    assert speeds_without_steps(ramp, VelocitySteps(np.array([0, 9.0]), np.ones(2))) is None
+    with pytest.raises(InputError, match=r"no velocity step: .*several speeds"):
+        steps_of(ramp, None)
+
+
+def test_a_whole_run_of_the_recorder() -> None:
+    """From before the load to after it; the displacement is reset twice, by thousands of um."""
+    table = read_table(public_record("p655intact100l"))
+    columns = dict(zip(table.names, table.columns, strict=True))
+    steps = find_steps(columns["Time"], 0.076472 * UM * columns["Vert_Disp"])
+    for start, velocity in ((756, 2.24), (3058.4, 22.86), (3082.2, 228.5), (3875.4, 228.6)):
+        near = np.argmin(np.abs(steps.times - start))
+        assert steps.times[near] + 1 == pytest.approx(start, abs=8)  # the resets blur one by 5 s
+        assert steps.velocities[near] == pytest.approx(velocity * UM, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """`jaxfric record`: what is understood of a record."""
 
+import sys
 from typing import Any
 
 from .common import (
@@ -70,17 +71,22 @@ def record(
 def _slider(file, column, drop_bad, steps, out) -> int:
     from ..plot.record import draw_record
     from ..records import VelocitySteps, record_steps
+    from ..records.steps import speeds_without_steps
     from ..report.record_text import describe
 
     measured = read_record(file, column, drop_bad)
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
     found.refuse_end(measured.relative_time[-1])
     folder = choose_folder(out, file.stem, file)
-    return _show(
+    code = _show(
         folder,
         lambda to: draw_record(measured, found, to / "record.png"),
         describe(measured, found),
     )
+    unsteady = speeds_without_steps(measured, found)
+    if unsteady:
+        print(f"jaxfric: warning: {unsteady}", file=sys.stderr)
+    return code
 
 
 def _axis(file, reading: dict[str, Any], out) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..records import Record, VelocitySteps, record_steps
+from ..records.steps import speeds_without_steps
 from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
@@ -139,14 +140,15 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
     steps.refuse_end(record.relative_time[-1])
     if len(steps) < 2 or np.ptp(steps.velocities) == 0:
         how = "none was found in the load-point motion" if found else "none was given"
+        why = speeds_without_steps(record, steps) if found else None
         raise InputError(
-            f"{record.provenance.path}: no velocity step: {how}; A, B and L need at least one "
-            "change of velocity. Give the steps, as in --steps '0 s: 2 um/s, 60 s: 20 um/s'"
+            f"{record.provenance.path}: no velocity step: {why or how}; A, B and L need at least"
+            " one change of velocity. Give the steps, as in --steps '0 s: 2 um/s, 60 s: 20 um/s'"
         )
     if steps.velocities[0] == 0:
         raise InputError(
             f"{record.provenance.path}: the record starts at rest; the fit starts from steady "
-            "sliding. Cut the record before its first steady velocity"
+            f"sliding. Cut the rest away: --from '{steps.times[1]:.4g} s'"
         )
     if np.ptp(record.friction) == 0:
         raise InputError(f"{record.provenance.path}: friction is constant: nothing to fit")

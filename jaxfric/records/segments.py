@@ -13,7 +13,10 @@ line. It is found without ever differencing the samples:
    1097-1129).
 4. The weakest joints go, one batch after the other, until each that is left passes the
    tests of `_scores`. What a removed joint explained (ripple, drift, a glitch) goes into the
-   scatter that the other joints are measured against, so that noise cannot hold itself up.
+   scatter that the other joints are measured against, so that noise cannot hold itself up. A
+   joint is measured by its whole lines and by what is near it, and the better one counts: a run-in
+   (loading, a slow ramp, moves by hand) is a line that fits badly all over, and would take the
+   steps after it away one by one.
 
 Everything is computed from prefix sums: the cost of a step does not grow with the rows.
 """
@@ -22,8 +25,9 @@ import numpy as np
 
 from .lines import Lines, Sums
 
-_NODES = 150
-"""Candidate rows per spacing rule: 150 over rows, 150 over time, 150 over travel."""
+_NODES, _MOST_NODES, _ROWS_A_NODE = 150, 300, 40
+"""Candidate rows per spacing rule, as many over rows as over time and over travel: 150, in long
+records one in 40 rows up to 300."""
 
 MIN_ROWS = 5
 """A line needs this many rows."""
@@ -38,6 +42,10 @@ about 5; the half waves of a clean ripple, fitted by lines of their own, about 2
 _BRIEF, _BRIEF_HEIGHT = 0.02, 60.0
 """A line that lasts less than this fraction of its neighbours is more often a transient of
 the servo or a jump of the recorder than a commanded step: its joints need this height."""
+
+
+_NEAR = 1.0
+"""How far a joint is looked at on either side, in lengths of its shorter line."""
 
 
 def find_lines(t: np.ndarray, y: np.ndarray, least_change: float) -> tuple[Sums, np.ndarray]:
@@ -77,15 +85,16 @@ def _weed(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:
 def _nodes(t: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Candidate first rows, even in rows, in time and in travel; 0 and the end included."""
     n = len(t)
-    even = np.linspace(0, n, min(_NODES, n // 2) + 1).astype(int)
-    in_time = np.searchsorted(t, np.linspace(t[0], t[-1], _NODES))
+    number = int(np.clip(n // _ROWS_A_NODE, _NODES, _MOST_NODES))
+    even = np.linspace(0, n, min(number, n // 2) + 1).astype(int)
+    in_time = np.searchsorted(t, np.linspace(t[0], t[-1], number))
     coarse = np.unique(np.concatenate([even, in_time, [0, n]]))
     starts = coarse[:-1]
     mean = np.add.reduceat(y, starts) / np.diff(coarse)
     middle = (starts + coarse[1:] - 1) / 2
     travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(mean)))])
     travel += np.arange(len(travel)) * (1e-9 * travel[-1] + 1e-300)
-    by_travel = np.interp(np.linspace(0, travel[-1], _NODES), travel, middle).astype(int)
+    by_travel = np.interp(np.linspace(0, travel[-1], number), travel, middle).astype(int)
     return np.unique(np.concatenate([coarse, by_travel]))
 
 
@@ -127,15 +136,22 @@ def _local_variance(cost: np.ndarray, rows: np.ndarray, floor: float) -> np.ndar
 
 
 def settle(sums: Sums, rows: np.ndarray, rounds: int) -> np.ndarray:
-    """Move every joint to where its two lines meet, until none moves (Hudson)."""
+    """Move every joint to where its two lines meet near it, until none moves (Hudson)."""
     for _ in range(rounds):
-        joints = sums.lines(rows[:-1], rows[1:]).meet()
+        first, end = _beside(sums.t, rows)
+        before, after = sums.lines(first, rows[1:-1]), sums.lines(rows[1:-1], end)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            joints = (before.offset - after.offset) / (after.slope - before.slope)
         moved = rows.copy()
         inside = np.searchsorted(sums.t, joints)
         low, high = rows[:-2] + MIN_ROWS, rows[2:] - MIN_ROWS
         valid = np.isfinite(joints) & (inside >= low) & (inside <= high)
         moved[1:-1] = np.where(valid, inside, rows[1:-1])
-        if (np.diff(moved) < MIN_ROWS).any() or np.array_equal(moved, rows):
+        while (np.diff(moved) < MIN_ROWS).any():  # those that came too close stay where they were
+            close = np.diff(moved) < MIN_ROWS
+            back = np.concatenate([[False], close]) | np.concatenate([close, [False]])
+            moved = np.where(back, rows, moved)
+        if np.array_equal(moved, rows):
             break
         rows = moved
     return rows
@@ -166,28 +182,57 @@ def _scores(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:
     The height of a joint is how far it lifts the line above the chord of its two sides,
     |v2 - v1| T1 T2 / (T1 + T2). Test 1: the height is `_HEIGHT` (at a brief line
     `_BRIEF_HEIGHT`) times the scatter of the more scattered side. Test 2:
-    the slope changes by `least_change` of the larger one.
+    the slope changes by `least_change` of the larger one. Of the whole sides or of their parts
+    near the joint, what passes further counts.
     """
     lines = sums.lines(rows[:-1], rows[1:])
-    scatter = _scatter(lines, sums.floor)
-    edges = np.append(sums.t[rows[:-1]], sums.t[-1])
-    length = np.diff(edges)
-    change = np.abs(np.diff(lines.slope))
-    height = change * length[:-1] * length[1:] / (length[:-1] + length[1:])
-    around = np.maximum(scatter[:-1], scatter[1:])
+    common = float(np.median(lines.sum_squares / np.maximum(lines.count - 2, 1)))
+    length = np.diff(np.append(sums.t[rows[:-1]], sums.t[-1]))
     beside = np.concatenate([[np.inf], length, [np.inf]])
     brief = length < _BRIEF * np.minimum(beside[:-2], beside[2:])
     needed = np.where(brief[:-1] | brief[1:], _BRIEF_HEIGHT, _HEIGHT)
-    speed = np.abs(lines.slope + sums.trend)
-    larger = np.maximum(np.maximum(speed[:-1], speed[1:]), 1e-300)
-    return np.minimum(height / (needed * around), change / (least_change * larger))
+    first, end = _beside(sums.t, rows)
+    whole = _pass(sums, rows[:-2], rows[1:-1], rows[2:], needed, common, least_change)
+    near = _pass(sums, first, rows[1:-1], end, needed, common, least_change)
+    return np.maximum(whole, near)
 
 
-def _scatter(lines: Lines, floor: float) -> np.ndarray:
-    """Standard deviation about every line; short lines borrow from the common one."""
-    free = np.maximum(lines.count - 2, 1)
-    common = np.median(lines.sum_squares / free)
-    borrowed = 10.0
+def _beside(t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and end row of the surroundings of every joint: of both its lines, what is no further
+    from it than `_NEAR` times the length of the shorter one."""
+    edges = np.append(t[rows[:-1]], t[-1])
+    length = np.diff(edges)
+    reach = _NEAR * np.minimum(length[:-1], length[1:])
+    first = np.minimum(np.searchsorted(t, edges[1:-1] - reach), rows[1:-1] - _ROWS_FOR_GLITCHES)
+    end = np.maximum(np.searchsorted(t, edges[1:-1] + reach), rows[1:-1] + _ROWS_FOR_GLITCHES)
+    return np.maximum(first, rows[:-2]), np.minimum(end, rows[2:])
+
+
+def _pass(
+    sums: Sums,
+    first: np.ndarray,
+    joint: np.ndarray,
+    end: np.ndarray,
+    needed: np.ndarray,
+    common: float,
+    least_change: float,
+) -> np.ndarray:
+    """How far joints between the rows first..joint-1 and joint..end-1 pass their weaker test."""
+    before, after = sums.lines(first, joint), sums.lines(joint, end)
+    around = np.maximum(_scatter(before, common, sums.floor), _scatter(after, common, sums.floor))
+    t, last = sums.t, len(sums.t) - 1
+    left, right = t[joint] - t[first], t[np.minimum(end, last)] - t[joint]
+    change = np.abs(after.slope - before.slope)
+    height = change * left * right / (left + right)
+    speed = np.maximum(np.abs(before.slope + sums.trend), np.abs(after.slope + sums.trend))
+    return np.minimum(
+        height / (needed * around), change / (least_change * np.maximum(speed, 1e-300))
+    )
+
+
+def _scatter(lines: Lines, common: float, floor: float) -> np.ndarray:
+    """Standard deviation about every line; short lines borrow from the `common` variance."""
+    free, borrowed = np.maximum(lines.count - 2, 1), 10.0
     return np.sqrt((lines.sum_squares + borrowed * common) / (free + borrowed)) + floor
 
 

@@ -17,6 +17,9 @@ _LEAST_CHANGE = 0.07
 _ROUNDING = 1e-9
 """What is less than this share of the whole path is no motion: sums of numbers leave it."""
 
+_PARTS, _SEVERAL = 20, 1.5
+"""Parts of a record whose speeds are compared, and the ratio from which they are several."""
+
 
 @dataclass(frozen=True, eq=False)
 class VelocitySteps:
@@ -152,6 +155,31 @@ def _velocity(text: str, what: str) -> float:
         advice = "write 0 um/s for a hold" if abs(value) < size.least else "is its unit right?"
         raise InputError(f"{what}: '{text.strip()}' is {value:.3g} m/s; {advice}")
     return value
+
+
+def speeds_without_steps(record: Record, steps: VelocitySteps) -> str | None:
+    """What to say of a load point that changes its speed but not in steps; None where it does not.
+
+    Its speeds are the means over 20 parts of equal rows; a tenth at either end may stand out.
+    """
+    if len(steps) > 1:
+        return None
+    motion = record.load_point_displacement
+    if motion is None:
+        assert record.load_point_velocity is not None
+        dt = np.diff(record.time, prepend=record.time[0])
+        motion = np.cumsum(record.load_point_velocity * dt)
+    rows = np.linspace(0, len(record) - 1, _PARTS + 1).astype(int)
+    speeds = np.abs(np.diff(motion[rows]) / np.diff(record.time[rows]))
+    slow, fast = np.quantile(speeds, [0.1, 0.9])
+    if fast < _SEVERAL * slow or fast == 0:
+        return None
+    low, high = (format_si(float(v), "m/s", "um/s", 3) for v in (slow, fast))
+    return (
+        f"the load point moves at several speeds ({low} to {high}) but shows no step: a run-in, a"
+        " ramp, or steps too small or too brief for its noise. Cut the record to its steps, as in"
+        f" --from '{record.relative_time[-1] / 4:.3g} s', or state them with --steps"
+    )
 
 
 def _without_creep(line: BrokenLine) -> np.ndarray:
