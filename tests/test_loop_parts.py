@@ -463,6 +463,7 @@ class Fitted:
 
     always, ids = (), "abcd"
     blocks = SimpleNamespace(select=np.ones(100, bool))
+    stopwatch = SimpleNamespace(shortest=0.1)
 
     def rms_error(self, used, noise):
         del noise

@@ -8,6 +8,7 @@ from scipy import stats
 
 from jaxfric.loop.assemble import where_it_sits
 from jaxfric.loop.location import share_of
+from jaxfric.loop.pace import Pace, span
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.verdict import Told, sentence_of
 
@@ -59,7 +60,8 @@ def profile(variable, explained, p=1e-9):
     ("profiles", "words"),
     [
         ([], ""),
-        ([profile("slip", np.nan)], ""),
+        ([profile("slip", np.nan, 0.02)], ""),
+        ([profile("slip", np.nan)], "What is left follows slip best (p = 1e-09)."),
         ([profile("slip", 0.9, 0.02)], ""),
         ([profile("slip", 0.9), profile("time", 0.7)], "follows slip would explain 90 %"),
         (
@@ -71,3 +73,33 @@ def profile(variable, explained, p=1e-9):
 def test_where_structure_sits(profiles, words):
     text = where_it_sits(tuple(profiles))
     assert words in text and (text == "") == (words == "")
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "words"),
+    [
+        (3, 4, "about 5 s"),
+        (11, 43, "10 to 45 s"),
+        (31, 110, "30 s to 2 min"),
+        (100, 470, "2 to 8 min"),
+        (100, 9000, "2 min to 2 h"),
+    ],
+)
+def test_spans_of_time(least, most, words):
+    assert span(least, most) == words
+
+
+def test_what_is_left_of_a_search_shrinks():
+    """One second a fit: 3 rounds of a screening and 4 refits, and 3 more at the end."""
+    told = []
+    pace = Pace(told.append, 60 / 14, rounds=3, refits=4)
+    pace.screening("screening", 0)
+    pace.refitting("refitting", 0, 1, 4)
+    pace.screening("screening", 2)
+    pace.refitting("refitting", 2, 1, 2)
+    assert told == [
+        "screening; 4 to 18 min left",
+        "refitting (2 of 4); 4 to 16 min left",
+        "screening; 4 to 8 min left",
+        "refitting (2 of 2); 2 to 4 min left",
+    ]

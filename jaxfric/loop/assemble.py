@@ -13,6 +13,7 @@ from .result import LocationProfile, Loop, Score, ScreenedEffect
 from .screen import screen
 from .search import Search, refit_safely
 from .split import NAMES
+from .structure import p_text
 from .verdict import Conclusion
 
 
@@ -129,9 +130,12 @@ _VARIABLES = {
 
 def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
     """The most telling variables in words; nothing where that is no more than chance."""
-    best = next((p for p in location if np.isfinite(p.explained)), None)
-    if best is None or best.p_value > 0.01:
+    best = next((p for p in location if p.p_value <= 0.01), None)
+    if best is None:
         return ""
+    if not np.isfinite(best.explained):
+        name = _VARIABLES.get(best.variable, best.variable)
+        return f"What is left follows {name} best ({p_text(best.p_value)})."
     names = [
         _VARIABLES.get(p.variable, p.variable)
         for p in location

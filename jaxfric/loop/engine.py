@@ -18,6 +18,7 @@ from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, estimate_noise, rms_error, whiten
 from ..fitting.problem import FAILED_MISFIT, Problem
 from .evidence import log_determinant
+from .pace import Stopwatch
 from .split import NAMES, Blocks
 from .superset import Superset
 
@@ -122,6 +123,7 @@ class Engine:
         assert isinstance(problem.model, Superset)
         self.model: Superset = problem.model
         self.blocks, self.always, self.shapes = blocks, always, shapes
+        self.stopwatch = Stopwatch()
         self.either_sign = either_sign
         self.offered = tuple(e for e in self.model.effects if e.id not in without)
         self.rows = len(blocks.train)
@@ -163,11 +165,15 @@ class Engine:
         """Residual (noise units) and its Jacobian by the parameters of `index` (default all)."""
         index = np.arange(len(z)) if index is None else index
         n = self.problem.time.shape[0]
-        residual, jacobian = _in_parts(self.at(z, self.everywhere), z, index)
+        residual, jacobian = self._linearised(self.everywhere, z, index)
         extra = np.concatenate(
             [np.tile(self.weight, len(self.problem.channels)), np.ones(len(self.problem.hold))]
         )
         return Rows(residual[:n], jacobian[:n], residual[n:] * extra, jacobian[n:] * extra[:, None])
+
+    def _linearised(self, problem: Problem, z, index: np.ndarray):
+        with self.stopwatch():
+            return _in_parts(self.at(z, problem), z, index)
 
     def noise(self, residual: np.ndarray, columns: np.ndarray) -> Noise:
         """Noise of the train block, the directions of `columns` taken out."""
@@ -253,7 +259,7 @@ class Engine:
 
         def both(y):
             z[index] = y
-            return _in_parts(self.at(z, problem), z, index)
+            return self._linearised(problem, z, index)
 
         z[index], _ = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
         return z

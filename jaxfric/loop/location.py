@@ -23,6 +23,8 @@ from .structure import chi_square_tail
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _CHANCE = 0.01
+_LARGEST = 3.0
+"""Standard deviation of missing friction before anything is known, over the rms of the residual."""
 
 
 class Bumps(NamedTuple):
@@ -55,7 +57,8 @@ def locate(
         own = seen[:, begin : begin + columns.shape[1]]
         begin += columns.shape[1]
         profile = _ripples if own.shape[1] == 2 * len(centres) else _profile
-        found.append(profile(variable, unit, centres, own, left, whole))
+        size = _LARGEST * base.rms["train"]
+        found.append(profile(variable, unit, centres, own, left, whole, size))
     return tuple(p for _, p in sorted(found, key=lambda pair: -pair[0]))
 
 
@@ -85,17 +88,20 @@ def friction_bumps(engine: Engine, base: Candidate) -> list[Bumps]:
     ]
 
 
-def _profile(variable, unit, centres, own, left, whole) -> tuple[float, LocationProfile]:
-    gram = own.T @ own
+def _profile(variable, unit, centres, own, left, whole, size) -> tuple[float, LocationProfile]:
+    gram, side = own.T @ own, own.T @ left
     values, vectors = np.linalg.eigh(gram)
     used = values > 1e-6 * max(values[-1], 1e-300)
-    inverse = (vectors[:, used] / values[used]) @ vectors[:, used].T
-    # predicted minus recorded: what must be added has the other sign
-    amplitudes = -inverse @ (own.T @ left)
-    gain, degrees = float(amplitudes @ gram @ amplitudes), int(used.sum())
+    seen = vectors[:, used].T @ side
+    gain, degrees = float(np.sum(seen**2 / values[used])), int(used.sum())
     # structure that these bumps leave is no noise, and makes their sizes as uncertain as if it were
     beyond = max((whole[0] - gain) / max(whole[1] - degrees, 1.0), 1.0)
-    errors = np.sqrt(np.maximum(beyond * np.diag(inverse), 0.0))
+    # what the base takes up may have any size: none is assumed far above what is left
+    scaled = np.maximum(values, 0.0) / beyond + 1 / size**2
+    inverse = (vectors / scaled) @ vectors.T
+    # predicted minus recorded: what must be added has the other sign
+    amplitudes = -inverse @ side / beyond
+    errors = np.sqrt(np.diag(inverse))
     unseen = np.diag(gram) <= 1e-9 * max(np.max(np.diag(gram)), 1e-300)
     amplitudes, errors = np.where(unseen, np.nan, amplitudes), np.where(unseen, np.nan, errors)
     explained, p = share_of(gain, degrees, whole), chi_square_tail(gain, degrees)
@@ -103,7 +109,8 @@ def _profile(variable, unit, centres, own, left, whole) -> tuple[float, Location
     return gain - degrees, profile
 
 
-def _ripples(variable, unit, centres, own, left, whole) -> tuple[float, LocationProfile]:
+def _ripples(variable, unit, centres, own, left, whole, size) -> tuple[float, LocationProfile]:
+    del size  # a sine and a cosine are known each for itself
     """Each wavelength alone, a sine and a cosine: many together would follow anything."""
     amplitudes, errors, gains = np.zeros((3, len(centres)))
     for k in range(len(centres)):

@@ -82,7 +82,13 @@ def close_loop(
     progress("base fit of the whole record")
     found_steps = steps_of(record, steps)
     _refuse_stops(record, found_steps)
-    base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps)
+    base_fit = fit(
+        record,
+        stiffness=stiffness,
+        law=law,
+        steps=found_steps,
+        progress=lambda text: progress(f"base fit of the whole record: {text}"),
+    )
     _check(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
     problem, felt = _problem(record, base_fit, found_steps, blocks, effects)

@@ -15,6 +15,7 @@ import numpy as np
 from ..effects import RecordScales
 from .engine import Candidate, Engine
 from .fixed import not_fixed
+from .pace import Pace
 from .screen import ALIAS, Screened, aliases, screen
 
 _PARTS = (0.1, 0.01, 1e-3)
@@ -56,14 +57,15 @@ def search(
     current, tried = base, [base]
     rounds: list[tuple[Screened, ...]] = []
     accepted: list[tuple[str, ...]] = [()]
+    pace = Pace(progress, engine.stopwatch.shortest, most, _REFITS)
     while len(current.effects) < most and not base.failed:
         missing = len(engine.offered) - len(current.effects) - len(engine.always)
         if not missing:
             break
-        progress(f"screening {missing} effects")
+        pace.screening(f"screening {missing} effects", len(rounds))
         found = screen(engine, current, scales)
         rounds.append(tuple(found))
-        better = _refits(engine, current, found, scales, tried, progress)
+        better = _refits(engine, current, found, scales, tried, pace)
         if better is None:
             break
         current = _exact(engine, better, tried)
@@ -97,18 +99,22 @@ def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool
     return best, agree or len(starts) == 1
 
 
-def _refits(engine, current: Candidate, found, scales, tried, progress) -> Candidate | None:
+def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Candidate | None:
     """The best acceptable joint refit of the most promising effects, or None.
 
     Of those whose BIC is within `_TIE`, which is no evidence, the first of the catalogue.
     """
     accepted: list[Candidate] = []
-    for one in found[:_REFITS]:
-        hopeless = one.delta_bic < 0 or one.p_value > _CHANCE
-        if hopeless and len(tried) > 2:
-            continue
+    asked = [
+        s
+        for k, s in enumerate(found[:_REFITS])
+        if (s.delta_bic >= 0 and s.p_value <= _CHANCE)
+        or len(tried) + k <= 2  # two of the base are fitted in any case, for comparison
+    ]
+    for place, one in enumerate(asked):
         effects = (*current.effects, one.id)
-        progress("refitting with " + ", ".join(effects))
+        words = "refitting with " + ", ".join(effects)
+        pace.refitting(words, len(current.effects), place, len(asked))
         candidate = refit_safely(engine, effects, one, current)
         tried.append(candidate)
         chance = engine.rms_error(engine.blocks.select, candidate.noise)
