@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from jaxfric.loop.assemble import where_it_sits
-from jaxfric.loop.location import share_of
-from jaxfric.loop.pace import Pace, span
+from jaxfric.loop.location import _profile, share_of
+from jaxfric.loop.pace import Pace, Stopwatch, now_and_then, span
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.verdict import Told, sentence_of
 
@@ -49,6 +49,23 @@ def test_a_share_of_structure_is_one_only_where_there_is_structure():
     assert share_of(402.0, 2, (1800.0, 1000.0)) == pytest.approx(0.5)
     assert share_of(1.0, 2, (1800.0, 1000.0)) == 0
     assert share_of(900.0, 2, (1800.0, 1000.0)) == 1
+
+
+def test_missing_friction_is_found_where_it_is_seen_and_stays_small_where_not():
+    """Of three bumps the record sees two, of the third a ten-thousandth; half is unexplained."""
+    rng, n = np.random.default_rng(0), 2000
+    columns, _ = np.linalg.qr(rng.standard_normal((n, 4)))
+    own = columns[:, :3] * [1e5, 1e5, 10.0]
+    left = rng.standard_normal(n) - own @ [4e-4, -2e-4, 0.1] + 45 * columns[:, 3]
+    whole, size = (float(left @ left), float(n)), 1e-3
+    gain, found = _profile("slip", "m", np.arange(3.0), own, left, whole, size)
+    fall = left @ left - np.sum((left - own @ np.linalg.lstsq(own, left, rcond=None)[0]) ** 2)
+    assert gain == pytest.approx(fall - 3, rel=1e-3)
+    assert found.explained == pytest.approx(0.5, abs=0.05)
+    np.testing.assert_allclose(found.amplitudes[:2], [4e-4, -2e-4], atol=4 * 1.5e-5)
+    # the noise is 1e-5, and what is left unexplained as much again
+    np.testing.assert_allclose(found.errors[:2], np.sqrt(2) * 1e-5, rtol=0.1)
+    assert abs(found.amplitudes[2]) < size and found.errors[2] == pytest.approx(size, rel=0.01)
 
 
 def profile(variable, explained, p=1e-9):
@@ -103,3 +120,13 @@ def test_what_is_left_of_a_search_shrinks():
         "screening; 4 to 8 min left",
         "refitting (2 of 2); 2 to 4 min left",
     ]
+
+
+def test_slow_work_is_told_now_and_then():
+    told, watch = [], Stopwatch()
+    for seconds in (3600.0, 0.0):
+        watch.listen = now_and_then(told.append, "base fit", seconds=seconds)
+        with watch():
+            pass
+    assert len(told) == 1 and told[0].startswith("base fit: 2 linearisations so far, ")
+    assert 0 < watch.shortest < 1

@@ -13,16 +13,34 @@ _PER_FIT = 14
 
 
 class Stopwatch:
-    """The shortest of several times that the same work took [s]."""
+    """The shortest of several times that the same work took [s], and how often it was done."""
 
     def __init__(self):
-        self.shortest = float("inf")
+        self.shortest, self.number = float("inf"), 0
+        self.listen: Callable[[int, float], None] = lambda number, seconds: None
 
     @contextmanager
     def __call__(self):
         begun = time.perf_counter()
         yield
         self.shortest = min(self.shortest, time.perf_counter() - begun)
+        self.number += 1
+        self.listen(self.number, self.shortest)
+
+
+def now_and_then(
+    progress: Callable[[str], None], text: str, *, seconds: float = 10.0
+) -> Callable[[int, float], None]:
+    """Tells of work that is slow, not more often than every so many seconds."""
+    last = time.monotonic()
+
+    def listen(number: int, each: float) -> None:
+        nonlocal last
+        if time.monotonic() - last >= seconds:
+            last = time.monotonic()
+            progress(f"{text}: {number} linearisations so far, {each:.2g} s each")
+
+    return listen
 
 
 class Pace:

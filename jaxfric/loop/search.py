@@ -15,7 +15,7 @@ import numpy as np
 from ..effects import RecordScales
 from .engine import Candidate, Engine
 from .fixed import not_fixed
-from .pace import Pace
+from .pace import Pace, now_and_then
 from .screen import ALIAS, Screened, aliases, screen
 
 _PARTS = (0.1, 0.01, 1e-3)
@@ -52,8 +52,11 @@ def search(
 ) -> Search:
     """Find what the base model lacks. `starts` are superset parameters to start the base from,
     the likeliest first."""
-    progress("base fit of the train block")
+    words = "base fit of the train block"
+    progress(words)
+    engine.stopwatch.listen = now_and_then(progress, words)
     base, agree = _base(engine, starts)
+    engine.stopwatch.listen = lambda number, seconds: None
     current, tried = base, [base]
     rounds: list[tuple[Screened, ...]] = []
     accepted: list[tuple[str, ...]] = [()]
