@@ -1,7 +1,9 @@
 """Studies on a Dask cluster: the store is that of one machine, whatever becomes of the cluster."""
 
+import importlib
 import os
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
@@ -58,6 +60,59 @@ def test_the_command_on_a_cluster(cluster, tmp_path, monkeypatch):
     a, b = study.load("here.zarr"), study.load("there.zarr")
     np.testing.assert_allclose(a.k_cr, b.k_cr, rtol=1e-12)
     np.testing.assert_array_equal(a.stability, b.stability)
+
+
+def test_a_worker_with_other_code_is_refused(cluster, tmp_path, monkeypatch):
+    """It would mix its numbers with those of the others."""
+    monkeypatch.setattr("jaxfric.study.source.package_source", lambda: "0123456789ab")
+    words = r"worker at tcp.* has other code than this machine: code of jaxfric 0123456789ab -> "
+    with pytest.raises(InputError, match=words):
+        f.run_slowly(tmp_path / "a", scheduler=cluster.scheduler_address)
+    assert not np.any(study.load(tmp_path / "a").done)
+
+
+@pytest.mark.parametrize("there", [None, "p['x'] + 2 * p['y']"])
+def test_the_function_of_a_worker_is_that_of_the_client(cluster, tmp_path, monkeypatch, there):
+    """A module that the worker has not, or has with another body."""
+    text = "def value(p):\n    return {'value': BODY}\n"
+    name = "lonely" if there is None else "twofold"
+    (tmp_path / "here").mkdir()
+    written(tmp_path / "here" / f"{name}.py", text.replace("BODY", "p['x'] + p['y']"))
+    if there:
+        (tmp_path / "there").mkdir()
+        written(tmp_path / "there" / f"{name}.py", text.replace("BODY", there))
+        with distributed.Client(cluster.scheduler_address) as client:
+            client.run(lambda place: sys.path.insert(0, place), str(tmp_path / "there"))
+    monkeypatch.syspath_prepend(str(tmp_path / "here"))
+    function = importlib.import_module(name).value
+    words = "your function" if there else "has no package 'lonely'; install there what is here"
+    with pytest.raises(InputError, match=words.replace("is here", "is installed here")):
+        study.run(
+            function,
+            f.grid(),
+            tmp_path / "a",
+            outputs=f.SLOWLY,
+            kind="host",
+            scheduler=cluster.scheduler_address,
+        )
+
+
+def test_a_client_that_waits_says_so(monkeypatch):
+    """Other people's tasks are before its own."""
+    monkeypatch.setattr("jaxfric.study.cluster._PATIENCE", 0.0)
+    told = []
+    client = SimpleNamespace(
+        status="running",
+        scheduler_info=lambda n_workers: {"workers": {"w": {"nthreads": 2}}},
+        processing=lambda: {"w": ("a", "b", "mine")},
+    )
+    pool = _Pool(client, cast(Any, None), "tcp://x:1", told.append)
+    future = type("Future", (), {"key": "mine"})()
+    pool.futures = {future: 0}
+    time.sleep(0.01)
+    pool._mind_workers()
+    pool._mind_workers()
+    assert "2 threads at tcp://x:1 have 1 of this study and 2 tasks of others" in told[0]
 
 
 def test_killed_workers_lose_nothing(cluster, tmp_path, undisturbed):

@@ -85,6 +85,14 @@ def test_wrapped_functions():
     assert fingerprint(jnp.asarray([1.0, 2.0])) != fingerprint(jnp.asarray([1.0, 3.0]))
 
 
+@pytest.mark.parametrize("wrap", [lambda f: f, functools.partial])
+def test_a_function_that_travels_keeps_its_fingerprint(wrap):
+    """By value, as that of a script or a notebook does."""
+    cloudpickle = pytest.importorskip("cloudpickle")
+    function = wrap(made())
+    assert fingerprint(cloudpickle.loads(cloudpickle.dumps(function))) == fingerprint(function)
+
+
 def test_another_process_finds_the_same(tmp_path):
     """Sets of words have another order in every process."""
     text = BASE.replace("FACTOR = 2.0", 'FACTOR = 2.0; WORDS = {"a", "b", "c", "d"}')

@@ -19,12 +19,13 @@ import numpy as np
 
 from ..errors import InputError
 from .function import Stopped, Task
+from .source import belongs_to_package, fingerprint, other_versions, versions
 
 # Blocks under way for each thread of the cluster: one computed, one waiting.
 _AHEAD = 2
 # How often a block may be lost with its worker before it is taken for the cause.
 _LOSSES = 20
-# Seconds for a scheduler to answer, and without workers before that is told.
+# Seconds for a scheduler to answer, and without workers or any chunk before that is told.
 _PATIENCE = 15.0
 
 
@@ -57,14 +58,60 @@ def distributed(
     yield from _Pool(client, task, address, tell).blocks(list(todo))
 
 
-def compute_block(task: Task, number: int) -> dict[str, np.ndarray]:
-    """What a worker does: one block, with as many threads as Dask counts for it."""
+def compute_block(task: Task, number: int, expected: dict[str, str]) -> dict[str, Any]:
+    """What a worker does: one block, with as many threads as Dask counts for it.
+
+    Raises
+    ------
+    OtherCode : the function, jaxfric or a package below is not that of the client, `expected`.
+    """
     from distributed import get_worker
 
-    _limit_threads(get_worker().state.nthreads)
+    worker = get_worker()
+    _limit_threads(worker.state.nthreads)
+    if task.token not in _compared:
+        changed = other_versions(expected, code_of(task))
+        if changed:
+            raise OtherCode(
+                f"the worker at {worker.address} has other code than this machine:"
+                f" {', '.join(changed)} there; install the same on both, and start the worker anew"
+            )
+        _compared.add(task.token)
     from .local import compute
 
     return compute(task, number)
+
+
+def _travelling() -> Callable[..., dict[str, Any]]:
+    """`compute_block` as a function that Dask sends by its code, not by its name.
+
+    What sends a name fails in the scheduler, or ends the worker, where jaxfric or the package of
+    one's function is missing. So only a worker looks for them, where it says what is missing.
+    """
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    exec(_CODE, namespace)
+    return namespace["compute_elsewhere"]
+
+
+_CODE = """
+def compute_elsewhere(packed, number, expected):
+    import pickle
+    from jaxfric.study.cluster import compute_block
+    return compute_block(pickle.loads(packed), number, expected)
+"""
+_compared: set[str] = set()
+"""Tasks whose code this worker found to be that of the client."""
+
+
+def code_of(task: Task) -> dict[str, str]:
+    """What the numbers of a task come from in this process."""
+    if belongs_to_package(task.function):
+        return versions()
+    return versions() | {"your function": fingerprint(task.function)}
+
+
+class OtherCode(Stopped):
+    """A worker would compute something else."""
 
 
 def _limit_threads(number: int) -> None:
@@ -110,9 +157,18 @@ def _silent() -> Iterator[None]:
 class _Pool:
     """The blocks that are under way."""
 
-    def __init__(self, client: Any, task: Task, address: str, tell: Callable[[str], None]):
-        self.client, self.task, self.address, self.tell = client, task, address, tell
+    def __init__(self, client: Any, task: Task | None, address: str, tell: Callable[[str], None]):
+        import cloudpickle
+
+        self.client, self.address, self.tell = client, address, tell
+        self.token = task.token if task is not None else ""
+        self.expected, self.packed = {}, b""
+        if task is not None:
+            self.expected, self.packed = code_of(task), cloudpickle.dumps(task)
+        self.compute = _travelling()
         self.alone: float | None = None
+        self.last = time.monotonic()
+        self.patience = _PATIENCE
         self.futures: dict[Any, int] = {}
         self.losses: dict[int, int] = {}
 
@@ -134,10 +190,16 @@ class _Pool:
         room = max(_AHEAD * self._threads(), _AHEAD) - len(self.futures)
         for _ in range(min(room, len(todo))):
             number = todo.pop()
-            key = f"block-{self.task.token}-{number}-{self.losses.get(number, 0)}"
+            key = f"block-{self.token}-{number}-{self.losses.get(number, 0)}"
             future = self._ask(
                 lambda key=key, number=number: self.client.submit(
-                    compute_block, self.task, number, key=key, pure=False, retries=0
+                    self.compute,
+                    self.packed,
+                    number,
+                    self.expected,
+                    key=key,
+                    pure=False,
+                    retries=0,
                 )
             )
             self.futures[future] = number
@@ -156,6 +218,7 @@ class _Pool:
                 raise self._gone()
             try:
                 done = wait(list(self.futures), timeout=1.0, return_when="FIRST_COMPLETED").done
+                self.last, self.patience = time.monotonic(), _PATIENCE
                 return list(done)
             except TimeoutError:
                 self._mind_workers()
@@ -164,10 +227,13 @@ class _Pool:
 
     def _mind_workers(self) -> None:
         """Tell, once, that there has been no worker for a while."""
+        now = time.monotonic()
         if self._threads():
             self.alone = None
+            if now - self.last > self.patience:
+                self.patience *= 2
+                self.tell(self._waiting(now - self.last))
             return
-        now = time.monotonic()
         if self.alone is None:
             self.alone = now
         if now - self.alone > _PATIENCE:
@@ -176,6 +242,15 @@ class _Pool:
                 f"the scheduler at {self.address} has no workers; start some with:"
                 f" dask worker {self.address} --nthreads 1"
             )
+
+    def _waiting(self, seconds: float) -> str:
+        """Why no chunk came for a while."""
+        own = {future.key for future in self.futures}
+        under_way = [key for keys in self._ask(self.client.processing).values() for key in keys]
+        others = sum(key not in own for key in under_way)
+        text = f"no chunk for {seconds:.0f} s: {self._threads()} threads at {self.address}"
+        text += f" have {len(under_way) - others} of this study"
+        return f"{text} and {others} tasks of others" if others else f"{text}; waiting"
 
     def _result(self, future: Any) -> dict[str, np.ndarray] | None:
         """What a future that is done came to; None where that went with a worker.
@@ -190,6 +265,11 @@ class _Pool:
             raise self._gone()
         if isinstance(error, KilledWorker):
             return None
+        if isinstance(error, ImportError):
+            raise Stopped(
+                f"a worker at {self.address} has no package '{_package(error)}'; install there"
+                " what is installed here"
+            )
         if error is not None:
             raise error
         if status != "finished":
@@ -215,3 +295,7 @@ class _Pool:
 
     def _gone(self) -> Stopped:
         return Stopped(f"the scheduler at {self.address} is lost")
+
+
+def _package(error: ImportError) -> str:
+    return (error.name or str(error)).partition(".")[0]

@@ -175,6 +175,8 @@ class _Walk:
         self._all(kind.__bases__)
         for name, part in sorted(vars(kind).items()):
             part = getattr(part, "__func__", getattr(part, "fget", part))
+            if name in ("__module__", "__doc__", "__firstlineno__"):
+                continue
             if isinstance(part, types.FunctionType | bool | int | float | str):
                 self._say(name)
                 self.add(part)

@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import InputError
 from .function import ERRORS, Task
 from .layout import SCHEMA, make_store, outputs_of, sampled
-from .marks import FIXED, Marks, damaged_files, fixed_checksums
+from .marks import DONE, FIXED, Marks, damaged_files, fixed_checksums
 from .place import AbstractPlace, Folder, Tell
 from .source import other_versions, versions
 
@@ -109,12 +109,15 @@ def open_store(
     def make(folder: str) -> None:
         make_store(folder, task, description, toml)
 
+    if place.exists():
+        refuse_other(place, description)
+        if changed_versions(place) and not place.names(f"{DONE}/c"):
+            with place.lock(tell):  # nothing is in it yet: begun anew
+                place.discard()
+        elif not any_versions:
+            refuse_other_versions(place)
     if not place.exists():
         place.install(make)
-    else:
-        refuse_other(place, description)
-        if not any_versions:
-            refuse_other_versions(place)
     with place.lock(tell):
         place.sweep()
         _mend(place, make, tell)
