@@ -111,6 +111,26 @@ def test_record() -> None:
     assert names("here") == ["record.png"]
 
 
+def test_a_window_of_a_record() -> None:
+    code, out, err = run("record", "run.csv", "--from", "10 s", "--to", "100 um")
+    assert code == 0 and err == ""
+    assert "rows from 10 to 2" in out and "velocity steps: 1" in out and "from 10" in out
+    code, out, _ = run("record", "run.csv", "--to", "15 s")
+    assert code == 0 and "velocity steps: 0" in out
+    assert_refused(run("fit", "run.csv", *STIFFNESS, "--from", "30 s"), "no velocity step")
+    outcome = run("loop", "run.csv", *STIFFNESS, "--from", "3 min", "--json")
+    assert_refused(outcome, "--from '3 min'", "45 s")
+    rigs = (("axis", "goes back and forth"), ("steady", "--from would not be used"))
+    written(
+        Path("axis.csv"),
+        "time [s],position [mm],motor_force [N]\n"
+        + "".join(f"{k / 10},{100 * np.sin(k / 9)},{k % 7}\n" for k in range(90)),
+    )
+    for rig, words in rigs:
+        for verb in (("record",), ("loop", "--json")):
+            assert_refused(run(*verb, "axis.csv", "--rig", rig, "--from", "3 um"), words)
+
+
 def test_record_of_columns_named_by_the_user() -> None:
     cells = record_cells()
     cells[0] = ["t", "ram", "tau over sigma"]

@@ -349,3 +349,41 @@ def test_the_registry_of_the_checkout() -> None:
     assert public_record("velstep4_BRAVA_expb819_basalt.txt").is_file()
     with pytest.raises(InputError, match="'nonsense' is not in"):
         public_path("nonsense")
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "first", "last"),
+    [
+        ("2 s", None, 20, 99),
+        (None, "0.05 min", 0, 30),
+        ("10 um", "15 um", 50, 75),  # 2 um/s: half the number of seconds
+        (1.0, "8000 nm", 10, 40),
+    ],
+)
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_window_of_times_and_displacements(start, stop, first, last, backwards) -> None:
+    t = np.arange(100) / 10
+    x = (7e-6 + 2e-6 * t) * (-1 if backwards else 1)
+    for motion in ({"load_point_displacement": x}, {"load_point_velocity": np.gradient(x, t)}):
+        cut = from_arrays(5 + t, np.full(100, 0.6), **motion).window(start, stop)
+        assert cut.time[0] == pytest.approx(5 + t[first], abs=0.11)
+        assert cut.time[-1] == pytest.approx(5 + t[last], abs=0.11)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "words"),
+    [
+        ("120", None, "'120' has no unit"),
+        ("5 N", None, "not a unit of s"),
+        ("11 s", None, "lasts 9.9 s"),
+        ("-1 s", None, "outside the record"),
+        (None, "30 um", "moves by 19.8 um"),
+        ("5 s", "2 um", "from 5 to 1 s is empty"),
+        ("5 s", "6 s", "20 are needed"),
+    ],
+)
+def test_windows_refused(start, stop, words) -> None:
+    t = np.arange(100) / 10
+    record = from_arrays(t, np.full(100, 0.6), load_point_displacement=2e-6 * t)
+    with pytest.raises(InputError, match=words):
+        record.window(start, stop)

@@ -49,6 +49,23 @@ def named_path(type_: object, tokens) -> Path:
     return Path(named(type_, tokens))
 
 
+Since = Annotated[
+    str | None,
+    Parameter(
+        name="--from",
+        allow_leading_hyphen=True,
+        help="Leave out all rows before this time since the first row, '120 s', or, of a slider,"
+        " before the load point has moved so far, '9500 um'.",
+    ),
+]
+Until = Annotated[
+    str | None,
+    Parameter(
+        name="--to",
+        allow_leading_hyphen=True,
+        help="Leave out all rows after this time or displacement since the first row.",
+    ),
+]
 Out = Annotated[Path | None, Parameter(converter=named_path, help="Output folder.")]
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option that may begin with a minus sign: a negative quantity is then refused as such."""
@@ -99,11 +116,23 @@ AXIS_EFFECTS = (
 """Those of an axis."""
 
 
-def read_record(file: Path, columns: list[str] | None, drop_bad: bool):
-    """The record, with columns given as ROLE=NAME texts."""
+def read_record(
+    file: Path,
+    columns: list[str] | None,
+    drop_bad: bool,
+    since: str | None = None,
+    until: str | None = None,
+):
+    """The record, with columns given as ROLE=NAME texts, cut to the window of `Since`, `Until`."""
     from ..records import read
 
-    return read(file, columns=_roles(columns, "friction=mu"), drop_bad=drop_bad)
+    record = read(file, columns=_roles(columns, "friction=mu"), drop_bad=drop_bad)
+    return windowed(record, since, until)
+
+
+def windowed(record, since: str | None, until: str | None):
+    """The rows of a record (of a slider or an axis) that `Since` and `Until` ask for."""
+    return record if since is None and until is None else record.window(since, until)
 
 
 def axis_roles(columns: list[str] | None) -> dict[str, str] | None:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from .common import Columns, DropBad, File, Out, Steps, prepare_jax, read_record, told
+from .common import Columns, DropBad, File, Out, Since, Steps, Until, prepare_jax, read_record, told
 from .folder import Folder, choose_folder
 
 _MISFIT = 2.0
@@ -33,6 +33,8 @@ def fit(
     steps: Steps = None,
     column: Columns = None,
     drop_bad: DropBad = False,
+    since: Since = None,
+    until: Until = None,
     reference_velocity: Annotated[
         str | None,
         Parameter(allow_leading_hyphen=True, help="Velocity, with unit, at which friction is f0."),
@@ -60,7 +62,7 @@ def fit(
     """
     import json as text
 
-    measured = read_record(file, column, drop_bad)
+    measured = read_record(file, column, drop_bad, since, until)
     prepare_jax()
     from ..fitting import fit as run
     from ..fitting.start_text import parse_start

@@ -20,7 +20,9 @@ from .common import (
     PositionGain,
     RatedTorque,
     Rig,
+    Since,
     Steps,
+    Until,
     VelocityGain,
     axis_roles,
     effect_ids,
@@ -30,6 +32,7 @@ from .common import (
     refuse_options,
     tell_reading,
     told,
+    windowed,
 )
 from .folder import Folder, choose_folder
 
@@ -89,6 +92,8 @@ def loop(
     ] = None,
     column: Columns = None,
     drop_bad: DropBad = False,
+    since: Since = None,
+    until: Until = None,
     out: Out = None,
     json: Annotated[
         bool, Parameter(negative=(), help="Print loop.json on stdout instead of the tables.")
@@ -124,6 +129,7 @@ def loop(
         "drop_bad": drop_bad,
     }
     if rig == "steady":
+        refuse_options(rig, {"--from": since, "--to": until})
         from ..records import read_steady
 
         return _steady(file, read_steady(file, **reading), declared, excluded, out, json)
@@ -136,10 +142,11 @@ def loop(
             record = read_axis(
                 file, position_gain=position_gain, velocity_gain=velocity_gain, **reading
             )
+            record = windowed(record, since, until)
             if not json:
                 tell_reading(record)
         else:
-            record = read_record(file, column, drop_bad)
+            record = read_record(file, column, drop_bad, since, until)
         prepare_jax()
         folder = choose_folder(out, file.stem, file)
         search: dict[str, Any] = {
@@ -170,6 +177,8 @@ def loop(
             "--without": ",".join(excluded),
             "--most": None if most == 3 else str(most),
             "--steps": steps,
+            "--from": since,
+            "--to": until,
             **own,
             "--flip": turned or None,
             "--out": out and str(out),

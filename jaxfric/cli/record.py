@@ -13,12 +13,15 @@ from .common import (
     PositionGain,
     RatedTorque,
     Rig,
+    Since,
     Steps,
+    Until,
     VelocityGain,
     axis_roles,
     flipped,
     read_record,
     refuse_options,
+    windowed,
 )
 from .folder import Folder, choose_folder
 
@@ -30,6 +33,8 @@ def record(
     rig: Rig = "slider",
     column: Columns = None,
     drop_bad: DropBad = False,
+    since: Since = None,
+    until: Until = None,
     steps: Steps = None,
     drive_gain: DriveGain = None,
     position_gain: PositionGain = None,
@@ -52,8 +57,10 @@ def record(
     }
     unused = {"slider": of_an_axis | loops, "axis": {}, "steady": loops}[rig]
     refuse_options(rig, unused if rig == "slider" else {**unused, "--steps": steps})
+    if rig == "steady":
+        refuse_options(rig, {"--from": since, "--to": until})
     if rig == "slider":
-        return _slider(file, column, drop_bad, steps, out)
+        return _slider(read_record(file, column, drop_bad, since, until), file, steps, out)
     reading: dict[str, Any] = {
         "columns": axis_roles(column),
         "drive_gain": drive_gain,
@@ -63,18 +70,18 @@ def record(
     }
     if rig == "steady":
         return _steady(file, reading, out)
-    return _axis(
-        file, {**reading, "position_gain": position_gain, "velocity_gain": velocity_gain}, out
-    )
+    from ..records import read_axis
+
+    axis = read_axis(file, **reading, position_gain=position_gain, velocity_gain=velocity_gain)
+    return _axis(windowed(axis, since, until), file, out)
 
 
-def _slider(file, column, drop_bad, steps, out) -> int:
+def _slider(measured, file, steps, out) -> int:
     from ..plot.record import draw_record
     from ..records import VelocitySteps, record_steps
     from ..records.steps import speeds_without_steps
     from ..report.record_text import describe
 
-    measured = read_record(file, column, drop_bad)
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
     found.refuse_end(measured.relative_time[-1])
     folder = choose_folder(out, file.stem, file)
@@ -89,13 +96,11 @@ def _slider(file, column, drop_bad, steps, out) -> int:
     return code
 
 
-def _axis(file, reading: dict[str, Any], out) -> int:
+def _axis(measured, file, out) -> int:
     from ..plot.axis_record import draw_axis_record
-    from ..records import read_axis
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import describe_axis
 
-    measured = read_axis(file, **reading)
     strokes = find_strokes(measured)
     folder = choose_folder(out, file.stem, file)
     return _show(

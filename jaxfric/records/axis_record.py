@@ -10,6 +10,7 @@ from ..errors import InputError
 from .axis_header import FORCE_UNITS, si_units
 from .record import LARGEST, MIN_ROWS, SMALLEST, Provenance, Sampling, cut, frozen, vector
 from .sizes import refuse_sizes
+from .window import Bound, bounds
 
 COLUMNS = (
     "time",
@@ -105,12 +106,15 @@ class AxisRecord:
         """Rows, duration and intervals."""
         return Sampling.of(self.time)
 
-    def window(self, start: float, stop: float) -> "AxisRecord":
-        """The rows of relative time start..stop [s], as a record of its own.
+    def window(self, start: Bound = None, stop: Bound = None) -> "AxisRecord":
+        """The rows from `start` to `stop`, as a record of its own whose time starts there.
 
-        Raises `InputError` where fewer than 20 rows are left.
+        Both are seconds since the first row, or text, "12 s". None: to the record's own end.
+
+        Raises `InputError` where fewer than 20 rows are left, and for a bound outside the record.
         """
-        return replace(self, **cut(self.time, self.columns, self.provenance, start, stop))
+        ends = bounds(self.time, None, start, stop, self.provenance.path)
+        return replace(self, **cut(self.time, self.columns, self.provenance, *ends))
 
 
 def axis_from_arrays(

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from .header import ROLES
 from .sizes import refuse_sizes
+from .window import Bound, bounds
 
 LARGEST, SMALLEST = 1e30, 1e-30
 """No measured quantity is larger, in SI; what is smaller is 0."""
@@ -105,12 +106,25 @@ class Record:
         """Rows, duration and intervals."""
         return Sampling.of(self.time)
 
-    def window(self, start: float, stop: float) -> "Record":
-        """The rows of relative time start..stop [s], as a record of its own.
+    def window(self, start: Bound = None, stop: Bound = None) -> "Record":
+        """The rows from `start` to `stop`, as a record of its own whose time starts there.
 
-        Raises `InputError` where fewer than 20 rows are left.
+        Both are seconds since the first row, or text: a time, "120 s", or how far the load point
+        has moved since the first row, "9500 um". None: to the record's own end.
+
+        Raises `InputError` where fewer than 20 rows are left, and for a bound that is no time and
+        no length, or lies outside the record.
         """
-        return replace(self, **cut(self.time, self.columns, self.provenance, start, stop))
+        ends = bounds(self.time, self._moved(), start, stop, self.provenance.path)
+        return replace(self, **cut(self.time, self.columns, self.provenance, *ends))
+
+    def _moved(self) -> np.ndarray:
+        """Displacement of the load point [m], from its velocity where that was recorded."""
+        if self.load_point_displacement is not None:
+            return self.load_point_displacement
+        v = self.load_point_velocity
+        assert v is not None
+        return np.concatenate([[0.0], np.cumsum(np.diff(self.time) * (v[1:] + v[:-1]) / 2)])
 
 
 def cut(

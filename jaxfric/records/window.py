@@ -1,0 +1,65 @@
+"""Windows of a record: from and to a time, or a displacement of the load point."""
+
+import numpy as np
+
+from ..errors import InputError
+from ..units import has_dimension, parse_quantity
+
+Bound = float | str | None
+"""Seconds since the first row, or text with a unit: "120 s", "2 min", "9500 um"; None: no bound."""
+
+
+def bounds(
+    time: np.ndarray, moved: np.ndarray | None, start: Bound, stop: Bound, path: str
+) -> tuple[float, float]:
+    """Both ends of a window as times since the first row [s].
+
+    A length is reached where the load point has `moved` [m] so far, either way, for the first
+    time; `moved` is None where nothing moves one way only.
+
+    Raises `InputError` for text that is neither a time nor a length, a length where none is
+    taken or that is not reached, and an end that is not after the beginning.
+    """
+    relative = time - time[0]
+    low = _seconds(relative, moved, start, "--from", path, 0.0)
+    high = _seconds(relative, moved, stop, "--to", path, float(relative[-1]))
+    if not low < high:
+        raise InputError(
+            f"{path}: the window from {low:.6g} to {high:.6g} s is empty; the record lasts"
+            f" {relative[-1]:.6g} s"
+        )
+    return low, high
+
+
+def _seconds(
+    relative: np.ndarray,
+    moved: np.ndarray | None,
+    bound: Bound,
+    name: str,
+    path: str,
+    default: float,
+) -> float:
+    if bound is None:
+        return default
+    if not isinstance(bound, str):
+        if not np.isfinite(bound):
+            raise InputError(f"{path}: {name} is {bound}; give seconds since the first row")
+        return float(bound)
+    if not has_dimension(bound, "m"):
+        value = parse_quantity(bound, "s", f"{name} (a time such as '120 s', or '9500 um')")
+        if not 0 <= value <= relative[-1]:
+            raise InputError(
+                f"{path}: {name} '{bound}' lies outside the record, which lasts"
+                f" {relative[-1]:.6g} s (times count from the first row)"
+            )
+        return value
+    if moved is None:
+        raise InputError(f"{path}: {name} '{bound}': an axis goes back and forth; give a time")
+    value = parse_quantity(bound, "m", name)
+    reached = np.maximum.accumulate(np.abs(moved - moved[0]))
+    if not 0 <= value <= reached[-1]:
+        raise InputError(
+            f"{path}: {name} '{bound}' lies outside the record, whose load point moves by"
+            f" {1e6 * reached[-1]:.6g} um (from the first row)"
+        )
+    return float(relative[np.searchsorted(reached, value)])
