@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from .loop import Loop as Loop
     from .loop import close_loop as close_loop
     from .motion import PiecewiseVelocity as PiecewiseVelocity
+    from .prediction import Prediction as Prediction
+    from .prediction import predict as predict
     from .records import AxisRecord as AxisRecord
     from .records import Record as Record
     from .records import VelocitySteps as VelocitySteps
@@ -81,6 +83,8 @@ _HOMES = {
     "AxisRecord": "records",
     "Record": "records",
     "VelocitySteps": "records",
+    "Prediction": "prediction",
+    "predict": "prediction",
     "find_steps": "records",
     "from_arrays": "records",
     "read": "records",

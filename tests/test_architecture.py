@@ -28,6 +28,7 @@ FLOORS = {
     "effects": 3,
     "loop": 4,
     "axis": 4,
+    "prediction": 4,
     "study": 5,
     "plot": 5,
     "report": 5,
@@ -43,6 +44,8 @@ WITHIN_A_FLOOR = {
     ("rig", "motion"),
     ("gains", "effects"),
     ("axis", "loop"),
+    ("prediction", "loop"),
+    ("prediction", "axis"),
 }
 
 

@@ -16,6 +16,7 @@ from .call import calling
 from .fit import fit
 from .gains import gains
 from .loop import loop
+from .predict import predict
 from .protocol import protocol
 from .record import record
 from .simulate import simulate
@@ -28,7 +29,7 @@ app = cyclopts.App(
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
-for verb in (record, fit, loop, protocol, gains, stability, simulate, study):
+for verb in (record, fit, loop, predict, protocol, gains, stability, simulate, study):
     app.command(verb)
 
 

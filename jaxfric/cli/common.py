@@ -158,11 +158,16 @@ def tell_reading(record) -> None:
 
 def refuse_options(rig: str, of_others: dict[str, object]) -> None:
     """Refuse options that a rig has no use for."""
-    wrong = [option for option, given in of_others.items() if given]
+    other = "slider" if rig == "axis" else "axis"
+    refuse_unused(f"--rig {rig}", of_others, f", or choose --rig {other}")
+
+
+def refuse_unused(by: str, options: dict[str, object], instead: str = "") -> None:
+    """Refuse options that something has no use for."""
+    wrong = [option for option, given in options.items() if given]
     if wrong:
         raise InputError(
-            f"{' and '.join(wrong)} would not be used with --rig {rig}; leave it out, or choose"
-            f" --rig {'slider' if rig == 'axis' else 'axis'}"
+            f"{' and '.join(wrong)} would not be used with {by}; leave it out{instead}"
         )
 
 

@@ -85,13 +85,13 @@ def fit(
 
     Not tried: records with mass (inertia) fitted, more than 3 states.
     """
-    _require_float64()
+    require_float64()
     model = _model(law, states, fit_stiffness, slip_trend, weighting)
     K = _stiffness(stiffness, record, fit_stiffness)
     progress("velocity steps")
     steps = steps_of(record, steps)
     V0 = _reference(reference_velocity, steps)
-    forward, sign = _forward(record, steps)
+    forward, sign = forward_steps(record, steps)
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
     progress("fit")
     problem, solution = _solve_in_stages(record, sign, forward, model, K, V0, start)
@@ -110,7 +110,8 @@ def fit(
     )
 
 
-def _require_float64() -> None:
+def require_float64() -> None:
+    """Raises `InputError` where JAX has 32-bit numbers."""
     if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
         raise InputError(
             "fit needs 64-bit numbers: add jax.config.update('jax_enable_x64', True) after "
@@ -155,7 +156,7 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
     return steps
 
 
-def _forward(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, float]:
+def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, float]:
     """Steps that begin forwards, and the sign of friction that goes with them.
 
     A record that begins backwards is mirrored; its friction too if that is negative there

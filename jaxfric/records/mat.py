@@ -28,6 +28,9 @@ _EMPS_ROLES = {
     "reference_position": "qg",
     "control_signal": "vir",
 }
+# Of the benchmark's second file. They are volts, whatever their name says: vir less the stated
+# controller is 1.014 of them, to 0.1 % of the largest.
+_EMPS_PULSES = "pulses_N"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +47,25 @@ class Variables:
         return {"t", "qm", "vir"} <= set(self.vectors)
 
     @property
+    def _has_pulses(self) -> bool:
+        """Whether it is the benchmark's file with pulses, which has its controller's gains too."""
+        own = {"kp", "kv", "gtau"} <= set(self.numbers)
+        return self.is_emps and own and _EMPS_PULSES in self.vectors
+
+    @property
     def units(self) -> tuple[str | None, ...]:
         """Units of the vectors: those of EMPS, else none."""
-        return tuple(_EMPS.get(name) if self.is_emps else None for name in self.vectors)
+        known = dict(_EMPS) if self.is_emps else {}
+        if self._has_pulses:
+            known[_EMPS_PULSES] = "V"
+        return tuple(known.get(name) for name in self.vectors)
 
     @property
     def roles(self) -> dict[str, str]:
         """Names of the vectors by role: those of EMPS, else none."""
-        known = _EMPS_ROLES if self.is_emps else {}
+        known = dict(_EMPS_ROLES) if self.is_emps else {}
+        if self._has_pulses:
+            known["disturbance"] = _EMPS_PULSES
         return {role: name for role, name in known.items() if name in self.vectors}
 
 

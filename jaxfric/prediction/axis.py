@@ -1,0 +1,316 @@
+"""A saved model of an axis on another record: inverse dynamics, and the closed loop.
+
+    inverse dynamics:  F(q, q', q'', t) of the model against the recorded motor force
+    closed loop:       q of model and controller, from the reference alone, against the encoder
+
+Nothing of the record is fitted. A disturbance acts with the motor force; whether the recorded force
+has it already is what the model itself predicts better.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ..axis.closed_loop import Controller, closed_loop, substeps
+from ..axis.effects import axis_effect_of
+from ..axis.fit import inverse_dynamics
+from ..axis.prepare import prepare, usual
+from ..axis.problem import AxisProblem, BaseLaw, make_problem
+from ..axis.result import AxisRows
+from ..axis.rows import rows_of
+from ..errors import InputError
+from ..fitting.start import noise_from_differences
+from ..loop.superset import Superset
+from ..records.axis_record import AxisRecord
+from .model import SavedModel
+from .result import Comparison, Prediction, Shift
+
+ROWS = "inverse dynamics"
+PUBLISHED = "inverse dynamics, as published"
+POSITION = "closed loop: position"
+FORCE = "closed loop: motor force"
+_BEYOND = 1.2
+_UNSEEN = 0.05
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Setting:
+    """The record as the model takes it."""
+
+    saved: SavedModel
+    record: AxisRecord
+    problem: AxisProblem
+    published: AxisProblem
+    rows: AxisRows
+    inside: bool | None
+    """Whether the recorded force has the disturbance in it; None where there is none."""
+
+
+def predict_axis(
+    saved: SavedModel,
+    record: AxisRecord,
+    *,
+    held: bool | None,
+    progress: Callable[[str], None],
+) -> Prediction:
+    """See `jaxfric.predict`."""
+    _refuse_other(saved, record)
+    progress("preparing the record")
+    setting = _setting(saved, record, held)
+    problem, used = setting.problem, setting.rows.used
+    unit, length = record.force_unit, "rad" if record.coordinate == "rotary" else "m"
+    found: list[Comparison] = []
+    position = None
+    for name in reversed(saved.tables()):  # the better model first
+        progress(f"inverse dynamics: {name}")
+        error = _force_error(problem, saved.values(name))[: len(used)][used]
+        sigma = noise_from_differences(error)
+        force = np.asarray(problem.friction)[: len(used)][used]
+        found.append(_compared(name, ROWS, error, force, unit, sigma))
+        found.append(_published(setting, name, unit))
+        progress(f"closed loop: {name}")
+        run = _closed_loop(setting, name)
+        if run is not None and record.position is not None:
+            q, f = np.asarray(run.position) - record.position, np.asarray(run.force)
+            level = _position_noise(record.position)
+            found.append(_compared(name, POSITION, q, record.position, length, level))
+            f = f - record.motor_force
+            found.append(_compared(name, FORCE, f, record.motor_force, unit, None))
+            position = position or (record.relative_time, q, length)
+    found.sort(key=lambda c: c.method != ROWS)
+    best = list(saved.tables())[-1]
+    residual = _force_error(problem, saved.values(best))[: len(used)]
+    recorded = np.asarray(problem.friction)[: len(used)]
+    progress("what a fit to this record would leave")
+    refit_rms, shifts = _refit(setting, best)
+    return Prediction(
+        source=str(saved.path),
+        origin=record.provenance,
+        kind="axis",
+        force_unit=unit,
+        comparisons=tuple(found),
+        refitted={},
+        sigma=noise_from_differences(residual[used]),
+        refit_rms=refit_rms,
+        shifts=shifts,
+        time=setting.rows.time,
+        recorded=recorded,
+        predicted=np.where(used, recorded + residual, np.nan),
+        position=position,
+        notes=_notes(setting),
+        warnings=_warnings(setting),
+    )
+
+
+def _refuse_other(saved: SavedModel, record: AxisRecord) -> None:
+    """A model of another kind of axis, or in other units."""
+    about = saved.content.get("axis") or {}
+    kind = about.get("coordinate", "linear")
+    if kind != record.coordinate:
+        raise InputError(
+            f"{saved.path} is of a {kind} axis, {record.provenance.path} of a {record.coordinate}"
+            " one: a model predicts records of its own kind"
+        )
+    unit = saved.content["friction_unit"]
+    if unit != record.force_unit:
+        raise InputError(
+            f"{saved.path} has its force in {unit}, {record.provenance.path} in"
+            f" {record.force_unit}: give the record in the unit of the model (a rated torque turns"
+            " per cent into torque)"
+        )
+
+
+def _setting(saved: SavedModel, record: AxisRecord, held: bool | None) -> _Setting:
+    """The record with that of its possible forces that the model predicts better."""
+    added = record.disturbance_force
+    force = record.motor_force
+    if added is None or not np.any(added):
+        return _prepared(saved, record, force, held, None)
+    options = [
+        _prepared(saved, record, f, held, inside)
+        for f, inside in ((force, True), (force + added, False))
+    ]
+    best = list(saved.tables())[-1]
+
+    def misfit(option: _Setting) -> float:
+        error = _force_error(option.problem, saved.values(best))
+        return float(np.sum((error * np.asarray(option.problem.weight)) ** 2))
+
+    return min(options, key=misfit)
+
+
+def _prepared(
+    saved: SavedModel, record: AxisRecord, force, held: bool | None, inside: bool | None
+) -> _Setting:
+    about = saved.content.get("axis") or {}
+    interval = float(np.median(np.diff(record.time)))
+    cutoff = about.get("cutoff")
+    chosen = usual(interval)
+    if cutoff is not None and cutoff * 2 * interval < 1:
+        chosen = usual(interval, cutoff)
+    if held is None:
+        held = bool(about.get("held", record.drive is not None))
+    prepared = prepare(
+        record.relative_time,
+        record.position,
+        record.velocity,
+        force,
+        preparation=chosen,
+        held=held,
+    )
+    rows = rows_of(prepared, None, unit="rad" if record.coordinate == "rotary" else "m")
+    if rows.used.sum() < 20:
+        raise InputError(
+            f"{record.provenance.path}: only {int(rows.used.sum())} rows move faster than the noise"
+            " of the velocity; nothing can be compared"
+        )
+    weight = np.zeros(len(prepared.time))
+    weight[: prepared.rows] = rows.used
+    effects = tuple(axis_effect_of(id) for id in saved.effects())
+    problem = make_problem(
+        prepared,
+        weight,
+        Superset(BaseLaw(), effects),  # pyright: ignore[reportArgumentType]
+        width=float(about.get("width", rows.width)),
+        noise_scale=noise_from_differences(prepared.force[: prepared.rows][rows.used]),
+    )
+    weight = np.zeros(len(prepared.time))
+    weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
+    published = dataclasses.replace(
+        problem,
+        sampler=prepared.usual,
+        friction=jnp.asarray(prepared.usual_force),
+        weight=jnp.asarray(weight),
+    )
+    return _Setting(saved, record, problem, published, rows, inside)
+
+
+def _free(problem: AxisProblem, values: dict[str, float]):
+    """The unbounded variables of a model's values; effects that it has not are at their null."""
+    names = problem.model.names()
+    nulls = dict(zip(names[len(BaseLaw().names()) :], problem.model.nulls(), strict=True))
+    return problem.to_free(jnp.asarray([{**nulls, **values}[name] for name in names]))
+
+
+@eqx.filter_jit
+def _predict(problem: AxisProblem, z):
+    return problem.predict(z)
+
+
+def _force_error(problem: AxisProblem, values: dict[str, float]) -> np.ndarray:
+    return np.asarray(_predict(problem, _free(problem, values)) - problem.friction)
+
+
+def _published(setting: _Setting, name: str, unit: str) -> Comparison:
+    """All rows but those at rest, decimated, the force acting at once: as publications do it."""
+    problem = setting.published
+    used = np.asarray(problem.weight) > 0
+    values = _fitted(setting.saved, name, ROWS)
+    error = _force_error(problem, values)[used]
+    return _compared(name, PUBLISHED, error, np.asarray(problem.friction)[used], unit, None)
+
+
+def _fitted(saved: SavedModel, name: str, method: str) -> dict[str, float]:
+    """Values of the fit over all rows by one method, or those of the loop."""
+    for fit in (saved.content.get("axis") or {}).get("fits", []):
+        if fit["model"] == name and fit["method"] == method:
+            return {**saved.values(name), **fit["values"]}
+    return saved.values(name)
+
+
+def _closed_loop(setting: _Setting, name: str):
+    """Position and force of model and controller; None where the controller is not known."""
+    record, problem = setting.record, setting.problem
+    drive, reference = record.drive, record.reference_position
+    if drive is None or reference is None or record.position is None:
+        return None
+    if drive.K_d is None or drive.position_gain is None:
+        return None
+    values = _fitted(setting.saved, name, "closed-loop output error")
+    rig = problem.rig(_free(problem, values))
+    interval = float(np.median(np.diff(record.time)))
+    controller = Controller(
+        jnp.asarray(drive.position_gain), jnp.asarray(drive.K_d), jnp.asarray(interval)
+    )
+    added = record.disturbance_force
+    return _simulate(
+        rig,
+        controller,
+        jnp.asarray(reference),
+        jnp.asarray(record.position[:3]),
+        jnp.zeros(len(record)) if added is None else jnp.asarray(added),
+        substeps(rig, interval),
+    )
+
+
+@eqx.filter_jit
+def _simulate(rig, controller, reference, first, disturbance, substeps: int):
+    return closed_loop(
+        rig, controller, reference, first, substeps=substeps, disturbance=disturbance
+    )
+
+
+def _position_noise(position: np.ndarray) -> float | None:
+    """Scatter of neighbouring samples of the encoder; None where it is less than a count."""
+    jumps = np.abs(np.diff(position))
+    count = float(np.min(jumps[jumps > 0], initial=np.inf))
+    noise = noise_from_differences(position)
+    return max(noise, count / np.sqrt(12)) if np.isfinite(count) else None
+
+
+def _compared(name, method, error, recorded, unit, sigma) -> Comparison:
+    rms = float(np.sqrt(np.mean(error**2)))
+    relative = float(np.linalg.norm(error) / np.linalg.norm(recorded))
+    return Comparison(name, method, rms, unit, relative, None if not sigma else rms / sigma)
+
+
+def _refit(setting: _Setting, name: str) -> tuple[float, tuple[Shift, ...]]:
+    """What all parameters of the model, fitted to this record, leave; and where they go."""
+    saved, problem = setting.saved, setting.problem
+    values, table = saved.values(name), saved.tables()[name]
+    names = problem.model.names()
+    free = np.asarray([i for i, n in enumerate(names) if n in table["free"]])
+    fit = inverse_dynamics(problem, np.asarray(_free(problem, values)), free)
+    stds = {n: table["parameters"][n].get("std") or 0.0 for n in table["free"]}
+    shifts = tuple(
+        Shift(n, values[n], fit.values[n], float(np.hypot(stds[n], fit.std[n])))
+        for n in (names[i] for i in free)
+    )
+    return fit.rms, shifts
+
+
+def _notes(setting: _Setting) -> tuple[str, ...]:
+    notes = ["nothing of this record was fitted"]
+    if setting.inside is not None:
+        beside = "holds the disturbance already" if setting.inside else "is without the disturbance"
+        notes.append(f"the recorded force {beside}: so the model predicts it better")
+    return tuple(notes)
+
+
+def _warnings(setting: _Setting) -> tuple[str, ...]:
+    """Where the record goes beyond what the model saw."""
+    saved, rows = setting.saved, setting.rows
+    told = []
+    if loose := saved.undetermined():
+        told.append(f"{', '.join(loose)} of the model is undetermined by its own record")
+    _, fastest = saved.speeds()
+    centres = [
+        abs(c)
+        for profile in saved.content.get("location_map", [])
+        if profile["variable"] == "velocity"
+        for c in profile["centres"]
+        if c is not None
+    ]
+    fastest = max([fastest, *centres])
+    speed = np.abs(rows.velocity[rows.used])
+    beyond = float(np.mean(speed > _BEYOND * fastest))
+    if beyond > _UNSEEN:
+        unit = "rad/s" if setting.record.coordinate == "rotary" else "m/s"
+        told.append(
+            f"{100 * beyond:.0f} % of the rows are faster than {fastest:.3g} {unit}, the most that"
+            " the model has seen: there it extrapolates"
+        )
+    return tuple(told)

@@ -1,0 +1,96 @@
+"""A saved model: what a fit.json or loop.json says, checked."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..errors import InputError
+from ..gains.saved import (
+    FIT,
+    LOOP,
+    missing_key,
+    read_saved,
+    refuse_damage,
+    table_damage,
+    values_of,
+)
+
+
+class SavedModel(NamedTuple):
+    """A model and where it is from."""
+
+    path: Path
+    content: Mapping[str, Any]
+
+    @property
+    def is_axis(self) -> bool:
+        """Whether it is of a servo axis."""
+        return self.content["law"] == "coulomb_viscous"
+
+    @property
+    def is_loop(self) -> bool:
+        """Whether it is from a loop: two models, before and after."""
+        return self.content["schema"] == LOOP
+
+    def tables(self) -> dict[str, Mapping[str, Any]]:
+        """Its models by name: "fit", or "before" and, where effects were added, "after"."""
+        if not self.is_loop:
+            return {"fit": self.content}
+        names = ("before", "after") if self.content["effects"] else ("before",)
+        return {name: self.content[name] for name in names}
+
+    def values(self, name: str) -> dict[str, float]:
+        """Parameters (SI) of one of its models."""
+        return values_of(self.tables()[name])
+
+    def effects(self) -> tuple[str, ...]:
+        """Ids of all effects of its models, those found and those that the base had."""
+        names = [name for table in self.tables().values() for name in table["parameters"]]
+        return tuple(dict.fromkeys(name.split(".")[0] for name in names if "." in name))
+
+    def undetermined(self) -> list[str]:
+        """Parameters that its own record did not fix."""
+        last = list(self.tables().values())[-1]["parameters"]
+        return [name for name, item in last.items() if not item.get("determined", True)]
+
+    def speeds(self) -> tuple[float, float]:
+        """Slowest and fastest steady motion of the record that the model is from [m/s]."""
+        steps = self.content["steps"]
+        velocities = steps["velocities"] if isinstance(steps, dict) else [v for _, v in steps]
+        moving = [abs(float(v)) for v in velocities if float(v) != 0]
+        return (min(moving), max(moving)) if moving else (0.0, float("inf"))
+
+
+def load_model(model: object) -> SavedModel:
+    """A model from a file, or from a `Fit` or `Loop` at hand.
+
+    Raises
+    ------
+    InputError : no such file, a damaged one, one of another schema; a fit that did not converge.
+    """
+    if isinstance(model, str | Path):
+        path = Path(model)
+        content: Mapping[str, Any] = read_saved(path, FIT, LOOP)
+    elif hasattr(model, "to_json"):
+        path, content = Path(f"this {type(model).__name__.lower()}"), model.to_json()  # pyright: ignore[reportAttributeAccessIssue]
+    else:
+        raise InputError(
+            "the model to predict with is a fit.json or loop.json (its path), a Fit or a Loop;"
+            f" not a {type(model).__name__}"
+        )
+    schema = content["schema"]
+    if schema == FIT and content.get("converged") is False:
+        raise InputError(
+            f"{path}: it did not converge ({content.get('result')}), so it predicts nothing; fit"
+            " the record again"
+        )
+    if schema not in (FIT, LOOP):
+        raise InputError(f"{path}: a '{schema}' is no model; give a Fit or a Loop")
+    keys = ("before", "after", "effects") if schema == LOOP else ("parameters",)
+    refuse_damage(path, schema, missing_key(content, ("law", "friction_unit", "steps", *keys)))
+    saved = SavedModel(path, content)
+    needed = ("M", "F_v", "F_c", "F_0") if saved.is_axis else ("f0", "A", "B", "L", "K", "V0")
+    for name, table in saved.tables().items():
+        problem = missing_key(table, ("parameters", "free", "covariance"), f"{name}.")
+        refuse_damage(path, schema, problem or table_damage(table, needed))
+    return saved

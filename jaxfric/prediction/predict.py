@@ -1,0 +1,89 @@
+"""`predict(model, record)`: what does a saved model say of a record that it has not seen?"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ..errors import InputError
+from ..fitting import Fit
+from ..loop import Loop
+from ..records import AxisRecord, Record, VelocitySteps
+from .axis import predict_axis
+from .model import load_model
+from .result import Prediction
+from .slider import predict_slider
+
+
+def predict(
+    model: str | Path | Fit | Loop,
+    record: Record | AxisRecord,
+    *,
+    stiffness: float | str | None = None,
+    steps: VelocitySteps | str | None = None,
+    free: Sequence[str] | None = None,
+    held: bool | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Prediction:
+    """A model on another record: how large its error is, and whether the noise allows it.
+
+    A slider's friction is simulated from the motion of its load point. An axis is compared by
+    inverse dynamics (motor force from motion) and, where its record has a reference and the gains
+    of the controller, by the simulated closed loop (position and motor force from the reference
+    and the disturbance).
+
+    The residual is held against two others: the scatter of neighbouring rows, which is the noise of
+    this record, and what a fit of all parameters of the same model to this record would leave. A
+    residual beyond the second says that the parameters have changed; one that a fit would not take
+    away either says that the model lacks something here, or that noise is correlated.
+
+    Parameters
+    ----------
+    model : a fit.json or loop.json, or a `Fit` or `Loop` at hand. Of a loop, the model before and
+        the one after.
+    record : as read by `jaxfric.read` or, for the model of an axis, `jaxfric.read_axis`.
+    stiffness : of the machine that made this record (sliders), in friction per metre or text with a
+        unit; by default that of the model.
+    steps : of this record (sliders), as of `jaxfric.fit`.
+    free : names of the parameters that are fitted to this record; ("f0",) of a slider, none of an
+        axis. Times of steps found in the load point are always fitted within their error.
+    held : of an axis, as of `jaxfric.close_axis_loop`; by default as of the model.
+
+    Returns
+    -------
+    Prediction : errors, the verdict in words, what of the record was fitted, arrays for figures.
+
+    Raises
+    ------
+    InputError : a model that did not converge or is damaged, of another kind of rig or in other
+        units; an argument that would not be used; float64 is off.
+
+    Not tried: an axis of which parameters are fitted; a state at the start other than steady
+    sliding.
+    """
+    saved = load_model(model)
+    if saved.is_axis != isinstance(record, AxisRecord):
+        kinds = ("an axis", "read_axis") if saved.is_axis else ("a slider", "read")
+        raise InputError(
+            f"{saved.path} is a model of {kinds[0]}; read the record with jaxfric.{kinds[1]}, not"
+            f" as a {type(record).__name__}"
+        )
+    if isinstance(record, AxisRecord):
+        unused = {"stiffness": stiffness, "steps": steps, "free": free}
+        _refuse(saved.path, "an axis", unused)
+        return predict_axis(saved, record, held=held, progress=progress)
+    _refuse(saved.path, "a slider", {"held": held})
+    return predict_slider(
+        saved,
+        record,
+        stiffness=stiffness,
+        steps=steps,
+        free=("f0",) if free is None else tuple(free),
+        progress=progress,
+    )
+
+
+def _refuse(path: Path, kind: str, unused: dict[str, object]) -> None:
+    given = [name for name, value in unused.items() if value is not None]
+    if given:
+        raise InputError(
+            f"{' and '.join(given)} would not be used: {path} is a model of {kind}; leave it out"
+        )

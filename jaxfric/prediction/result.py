@@ -1,0 +1,182 @@
+"""What a prediction returns: how far a saved model is from a record, and why."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..records.record import Provenance
+
+SCHEMA = "jaxfric.prediction/1"
+_AS_GOOD = 1.1
+"""rms over that of a refit up to which a prediction is as good as a fit."""
+_AT_NOISE = 1.3
+"""rms over the scatter of neighbouring rows up to which a refit is at the noise."""
+_SHIFTED = 3.0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One model against the record, in one way of comparing."""
+
+    model: str
+    """ "fit"; of a loop "before" or "after"."""
+    method: str
+    rms: float
+    """Of predicted minus recorded, in `unit`."""
+    unit: str
+    relative_error: float
+    """|predicted - recorded|/|recorded|; of a slider recorded less its mean."""
+    in_sigma: float | None
+    """rms over the scatter of neighbouring rows of this record; None where that is not known."""
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A parameter of the model, and what a fit of the same model to this record gives."""
+
+    name: str
+    model: float
+    here: float
+    error: float
+    """Standard error of the difference; nan where it is not known."""
+
+    @property
+    def in_sigma(self) -> float:
+        """The difference in standard errors."""
+        return (self.here - self.model) / self.error if self.error > 0 else math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A saved model on another record. SI; forces in `force_unit`."""
+
+    source: str
+    """The file of the model."""
+    origin: Provenance
+    """Of the record."""
+    kind: str
+    """ "slider" or "axis"."""
+    force_unit: str
+    comparisons: tuple[Comparison, ...]
+    """The first is the one that the sentence speaks of."""
+    refitted: dict[str, tuple[float, float]]
+    """What of this record was fitted: value of the model, value here."""
+    sigma: float
+    """Scatter of neighbouring rows of the residual."""
+    refit_rms: float
+    """What a fit of all parameters of the same model to this record leaves."""
+    shifts: tuple[Shift, ...]
+    time: np.ndarray
+    recorded: np.ndarray
+    predicted: np.ndarray
+    """At the rows compared (n); nan where a row does not count."""
+    position: tuple[np.ndarray, np.ndarray, str] | None
+    """Time, simulated minus recorded position, unit; of a closed loop."""
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def rms(self) -> float:
+        """Of the residual that the sentence speaks of."""
+        return self.comparisons[0].rms
+
+    @property
+    def verdict(self) -> str:
+        """ "noise", "parameters" or "model": what a residual beyond the noise is due to."""
+        if self.rms > _AS_GOOD * self.refit_rms:
+            return "parameters"
+        return "noise" if self.refit_rms <= _AT_NOISE * self.sigma else "model"
+
+    def shares(self) -> dict[str, float]:
+        """Of the mean square residual: what a refit would take away, what it would leave beyond
+        the scatter of neighbouring rows, and that scatter. They add up to 1."""
+        whole = self.rms**2
+        best = min(self.refit_rms**2, whole)
+        noise = min(self.sigma**2, best)
+        return {
+            "parameters": (whole - best) / whole,
+            "model": (best - noise) / whole,
+            "noise": noise / whole,
+        }
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        unit = "" if self.force_unit == "1" else f" {self.force_unit}"
+        ratio = self.rms / self.sigma
+        begin = f"The model leaves {self.rms:.3g}{unit}, {ratio:.2g} times the noise of this record"
+        moved = [
+            s.name
+            for s in self.shifts
+            if abs(s.in_sigma) > _SHIFTED and s.name not in self.refitted
+        ]
+        if self.verdict == "noise":
+            return f"{begin}: the noise allows it, and nothing else is seen."
+        beyond = self.refit_rms > _AT_NOISE * self.sigma
+        left = (
+            "; that too is more than the noise: the model lacks an effect here, or the noise is"
+            " correlated over many rows (jaxfric loop asks which)"
+            if beyond
+            else ", which is the noise"
+        )
+        if self.verdict == "model":
+            return (
+                f"{begin}. A fit of the same model to this record would leave no less"
+                f" ({self.refit_rms:.3g}{unit}): the model lacks an effect here, or the noise is"
+                " correlated over many rows (jaxfric loop asks which)."
+            )
+        names = f" ({', '.join(moved)} differ)" if moved else ""
+        return (
+            f"{begin}. A fit of the same model to this record would leave"
+            f" {self.refit_rms:.3g}{unit}{left}: its parameters have changed{names}."
+        )
+
+    def to_json(self) -> dict:
+        """The content of `prediction.json`, schema "jaxfric.prediction/1"; SI."""
+        return {
+            "schema": SCHEMA,
+            "model": self.source,
+            "record": {
+                "path": self.origin.path,
+                "sha256": self.origin.sha256,
+                "rows": int(np.isfinite(self.predicted).sum()),
+            },
+            "kind": self.kind,
+            "force_unit": self.force_unit,
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "comparisons": [
+                {
+                    "model": c.model,
+                    "method": c.method,
+                    "rms": c.rms,
+                    "unit": c.unit,
+                    "relative_error": c.relative_error,
+                    "in_sigma": c.in_sigma,
+                }
+                for c in self.comparisons
+            ],
+            "refitted": {
+                name: {"model": model, "here": here}
+                for name, (model, here) in self.refitted.items()
+            },
+            "noise": {"sigma": self.sigma},
+            "refit_rms": self.refit_rms,
+            "shares": self.shares(),
+            "parameters": {
+                s.name: {
+                    "model": s.model,
+                    "here": s.here,
+                    "error": _number(s.error),
+                    "in_sigma": _number(s.in_sigma),
+                }
+                for s in self.shifts
+            },
+            "notes": list(self.notes),
+            "warnings": list(self.warnings),
+        }
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

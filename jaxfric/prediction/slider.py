@@ -1,0 +1,265 @@
+"""A saved model of a slider on another record: its friction from the motion of the load point.
+
+    f(t) of the model, in steady sliding at the first velocity, against the recorded friction
+
+Of the record f0 is fitted, which differs from surface to surface and from one zero of a load cell
+to the next, and the times of velocity steps within their error. Everything else is the model's.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..effects import effect_of
+from ..errors import InputError
+from ..fitting.fit import forward_steps, prepare, require_float64, steps_of
+from ..fitting.marquardt import levenberg_marquardt
+from ..fitting.noise import estimate_noise, sandwich
+from ..fitting.problem import FAILED_MISFIT, Model, Problem, bucket, residual_and_jacobian, to_free
+from ..fitting.result import unit_of
+from ..fitting.start import noise_from_differences
+from ..fitting.uncertainty import normal_inverse
+from ..loop.sampling import seen_between
+from ..loop.superset import Superset
+from ..records import Record, VelocitySteps
+from ..rig.normal_stress import recorded_stress
+from ..units import parse_quantity
+from .model import SavedModel
+from .result import Comparison, Prediction, Shift
+
+METHOD = "friction"
+_BEYOND = 1.2
+_TOLERANCE = 1e-6
+_TRIALS = 40
+
+
+class _Setting(NamedTuple):
+    saved: SavedModel
+    record: Record
+    problem: Problem
+    steps: VelocitySteps
+    sign: float
+    stiffness: float
+
+
+class _Found(NamedTuple):
+    """A model with some of its parameters fitted."""
+
+    z: np.ndarray
+    values: dict[str, float]
+    error: np.ndarray
+    """Predicted minus recorded friction at the rows."""
+    jacobian: np.ndarray
+
+
+def predict_slider(
+    saved: SavedModel,
+    record: Record,
+    *,
+    stiffness: float | str | None,
+    steps: VelocitySteps | str | None,
+    free: Sequence[str],
+    progress: Callable[[str], None],
+) -> Prediction:
+    """See `jaxfric.predict`."""
+    require_float64()
+    _refuse_other(saved, record)
+    setting = _setting(saved, record, stiffness, steps)
+    comparisons, found = [], None
+    size = float(np.linalg.norm(record.friction - np.mean(record.friction)))
+    for name in reversed(saved.tables()):  # the better model first
+        progress(f"prediction: {name}")
+        one = _descend(setting, _start(setting, name), tuple(free))
+        if not np.all(np.isfinite(one.error)):
+            raise InputError(
+                f"{saved.path}: the slider of this model runs away (stick-slip) on"
+                f" {record.provenance.path}, at a stiffness of {setting.stiffness:.3g}"
+                f" {unit_of('K', record.friction_unit)}: it predicts no friction there. Check the"
+                " stiffness of the machine that made this record"
+            )
+        sigma = noise_from_differences(one.error)
+        rms = float(np.sqrt(np.mean(one.error**2)))
+        relative = float(np.linalg.norm(one.error)) / size
+        unit = record.friction_unit
+        comparisons.append(Comparison(name, METHOD, rms, unit, relative, rms / sigma))
+        found = found or one
+    assert found is not None
+    best = list(saved.tables())[-1]
+    progress("what a fit to this record would leave")
+    refit = _descend(setting, found.z, _fitted(setting, best))
+    model = saved.values(best)
+    return Prediction(
+        source=str(saved.path),
+        origin=record.provenance,
+        kind="slider",
+        force_unit=record.friction_unit,
+        comparisons=tuple(comparisons),
+        refitted={name: (model[name], found.values[name]) for name in free},
+        sigma=noise_from_differences(found.error),
+        refit_rms=float(np.sqrt(np.mean(refit.error**2))),
+        shifts=_shifts(setting, best, refit),
+        time=record.relative_time,
+        recorded=record.friction,
+        predicted=record.friction + setting.sign * found.error,
+        position=None,
+        notes=_notes(setting, free),
+        warnings=_warnings(setting),
+    )
+
+
+def _refuse_other(saved: SavedModel, record: Record) -> None:
+    unit = saved.content["friction_unit"]
+    if unit != record.friction_unit:
+        words = {"1": "a coefficient", "N": "a force [N]"}
+        raise InputError(
+            f"{saved.path} has its friction as {words.get(unit, unit)}, {record.provenance.path} as"
+            f" {words.get(record.friction_unit, record.friction_unit)}: divide the force by the"
+            " normal force, or fit a record of the same kind"
+        )
+
+
+def _setting(saved: SavedModel, record: Record, stiffness, steps) -> _Setting:
+    values = saved.values(list(saved.tables())[-1])
+    found, sign = forward_steps(record, steps_of(record, steps))
+    effects = tuple(effect_of(id) for id in saved.effects())
+    K = values["K"]
+    if stiffness is not None:
+        unit = unit_of("K", record.friction_unit)
+        K = (
+            parse_quantity(stiffness, unit, "stiffness")
+            if isinstance(stiffness, str)
+            else stiffness
+        )
+        if not K > 0:
+            raise InputError(f"stiffness is {K:g} {unit}; it must be positive")
+    law = saved.content["law"]
+    if effects:
+        model = Superset(Model(law=law), effects)
+    else:
+        states = int(saved.content.get("states", 1))
+        backwards = bool(np.any(found.velocities < 0))
+        trend = "slip_trend" in values
+        model = Model(law=law, states=states, slip_trend=trend, regularised=backwards)
+    problem = prepare(
+        record,
+        found,
+        model,
+        stiffness=float(K),
+        V0=values["V0"],
+        sign=sign,
+        force_scale=abs(values["A"]),
+    )
+    if any(e.channel == "normal_stress" for e in effects):
+        if record.normal_stress is None:
+            raise InputError(
+                f"{record.provenance.path} has no normal stress, which the model of {saved.path}"
+                " needs; name its column"
+            )
+        stress = recorded_stress(record.relative_time, record.normal_stress)
+        padded = stress.padded(bucket(len(stress.knots), 256))
+        problem = dataclasses.replace(problem, normal_stress=padded)
+    if effects:
+        problem = seen_between(problem, values["A"] / float(K), values["L"])
+    return _Setting(saved, record, problem, found, sign, float(K))
+
+
+def _start(setting: _Setting, name: str) -> np.ndarray:
+    model, values = setting.problem.model, setting.saved.values(name)
+    if isinstance(model, Superset):
+        nulls = zip(model.names()[len(model.base.names()) :], model.nulls(), strict=True)
+        values = {**dict(nulls), **values}
+    natural = jnp.asarray([values[n] for n in model.names()])
+    return np.array(to_free(setting.problem, natural[None]))[0]
+
+
+def _fitted(setting: _Setting, name: str) -> tuple[str, ...]:
+    """Parameters of the model that its own record fitted, but for the stiffness."""
+    names = setting.problem.model.names()
+    return tuple(n for n in setting.saved.tables()[name]["free"] if n in names)
+
+
+def _descend(setting: _Setting, z: np.ndarray, free: tuple[str, ...]) -> _Found:
+    """Least squares over the parameters `free` and the times of steps that are felt."""
+    problem, names = setting.problem, setting.problem.model.names()
+    if unknown := [name for name in free if name not in names]:
+        raise InputError(
+            f"free: {', '.join(unknown)} is no parameter of this model; they are {', '.join(names)}"
+        )
+    shifts = range(len(names), len(z))
+    index = np.asarray([*(names.index(name) for name in free), *shifts], int)
+    z = np.array(z)
+
+    def both(y: np.ndarray):
+        z[index] = y
+        residual, jacobian = residual_and_jacobian(problem, jnp.asarray(z))
+        return np.asarray(residual), np.asarray(jacobian)[:, index]
+
+    if len(index):
+        found, _ = levenberg_marquardt(
+            both, z[index], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS
+        )
+        z[index] = found
+    residual, jacobian = (np.asarray(x) for x in residual_and_jacobian(problem, jnp.asarray(z)))
+    rows = residual[: len(setting.record)]
+    error = np.where(np.abs(rows) >= FAILED_MISFIT, np.nan, rows) * float(problem.noise_scale)
+    values = dict(zip(names, np.asarray(problem.from_free(jnp.asarray(z))).tolist(), strict=True))
+    return _Found(z, values, error, jacobian)
+
+
+def _shifts(setting: _Setting, name: str, refit: _Found) -> tuple[Shift, ...]:
+    """How far the parameters go; the noise is as correlated as the refit's residual is."""
+    problem, names = setting.problem, setting.problem.model.names()
+    table, model = setting.saved.tables()[name], setting.saved.values(name)
+    free = _fitted(setting, name)
+    index = np.asarray([names.index(n) for n in free] + list(range(len(names), len(refit.z))))
+    columns = jnp.asarray(refit.jacobian[:, index])
+    n = problem.time.shape[0]
+    residual = jnp.asarray(refit.error / float(problem.noise_scale))
+    padded = jnp.zeros(n).at[: len(refit.error)].set(residual)
+    noise = estimate_noise(problem.clock, problem.weight, padded, columns[:n])
+    inverse = normal_inverse(columns)
+    middle = np.array(sandwich(problem.clock, columns[:n], noise))
+    held = range(len(free), len(index))
+    middle[held, held] += 1.0
+    spread = np.sqrt(np.maximum(np.diag(inverse @ middle @ inverse), 0.0))
+    out = []
+    for k, parameter in enumerate(free):
+        here = refit.z[index[k]]
+        ends = []
+        for z in (here - spread[k], here + spread[k]):
+            moved = jnp.asarray(refit.z).at[index[k]].set(z)
+            ends.append(float(problem.from_free(moved)[index[k]]))
+        own = table["parameters"][parameter].get("std") or 0.0
+        error = float(np.hypot(own, 0.5 * abs(ends[1] - ends[0])))
+        out.append(Shift(parameter, model[parameter], refit.values[parameter], error))
+    return tuple(out)
+
+
+def _notes(setting: _Setting, free: Sequence[str]) -> tuple[str, ...]:
+    what = " and ".join(free) if free else "nothing"
+    told = f"of this record {what} was fitted"
+    if len(setting.problem.shifted):
+        told += ", and the times of its velocity steps within their error"
+    return (told,)
+
+
+def _warnings(setting: _Setting) -> tuple[str, ...]:
+    """Where the record goes beyond what the model saw."""
+    saved = setting.saved
+    told = []
+    if loose := saved.undetermined():
+        told.append(f"{', '.join(loose)} of the model is undetermined by its own record")
+    slowest, fastest = saved.speeds()
+    speeds = np.abs(setting.steps.velocities)
+    speeds = speeds[speeds > 0]
+    beyond = (speeds > _BEYOND * fastest) | (speeds < slowest / _BEYOND)
+    if beyond.any():
+        told.append(
+            f"velocities of {1e6 * speeds[beyond].min():.3g} to {1e6 * speeds[beyond].max():.3g}"
+            f" um/s are outside of those that the model has seen ({1e6 * slowest:.3g} to"
+            f" {1e6 * fastest:.3g} um/s): there it extrapolates"
+        )
+    return tuple(told)

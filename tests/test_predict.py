@@ -1,0 +1,235 @@
+"""A saved model on another record: errors by closed forms, and records made here with NumPy."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command import STEPS, assert_refused, record_text, run, written
+
+import jaxfric
+from jaxfric.errors import InputError
+from jaxfric.prediction.model import load_model
+from jaxfric.prediction.result import Comparison, Prediction, Shift
+from jaxfric.records import Drive, axis_from_arrays
+from jaxfric.records.record import Provenance
+
+M, F_V, F_C, F_0 = 20.0, 150.0, 12.0, -2.0
+RATE = 1000.0
+K_P, K_D = 60.0, 4000.0
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def prediction(rms: float, refit: float, sigma: float, **shifts: Shift) -> Prediction:
+    errors = (Comparison("fit", "friction", rms, "N", 0.1, rms / sigma),)
+    rows = np.zeros(3)
+    return Prediction(
+        "fit.json", Provenance(), "slider", "N", errors, {"f0": (0.0, 1.0)}, sigma, refit,
+        tuple(shifts.values()), rows, rows, rows, None, (), (),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rms", "refit", "sigma", "verdict", "words"),
+    [
+        (1.0, 1.0, 1.0, "noise", "the noise allows it"),
+        (2.0, 1.0, 1.0, "parameters", "which is the noise: its parameters have changed (M differ)"),
+        (4.0, 2.0, 1.0, "parameters", "that too is more than the noise"),
+        (2.0, 2.0, 1.0, "model", "would leave no less (2 N): the model lacks an effect here"),
+    ],
+)
+def test_what_a_residual_is_due_to(rms, refit, sigma, verdict: str, words: str) -> None:
+    shifts = {"M": Shift("M", 1.0, 2.0, 0.1), "f0": Shift("f0", 0.0, 1.0, 0.01)}
+    found = prediction(rms, refit, sigma, **shifts)
+    assert found.verdict == verdict and words in found.sentence
+    assert found.sentence.startswith(f"The model leaves {rms:.3g} N, {rms:.2g} times the noise")
+    shares = found.shares()
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert shares["parameters"] == pytest.approx(1 - (refit / rms) ** 2)
+    assert shares["noise"] == pytest.approx((sigma / rms) ** 2)
+
+
+# ---- an axis ---------------------------------------------------------------------------------
+
+
+def axis_table(M: float) -> dict[str, Any]:
+    values = {"M": M, "F_v": F_V, "F_c": F_C, "F_0": F_0}
+    return {
+        "parameters": {n: {"value": v, "std": 1e-3 * abs(v)} for n, v in values.items()},
+        "free": list(values),
+        "covariance": np.eye(4).tolist(),
+    }
+
+
+def axis_model(path: str, mass: float = M, **changes: object) -> Path:
+    """A loop.json of an axis without effects."""
+    content = {
+        "schema": "jaxfric.loop/1",
+        "law": "coulomb_viscous",
+        "friction_unit": "N",
+        "verdict": "no_missing_effect",
+        "steps": [[0.0, 0.3], [0.5, -0.3]],
+        "effects": [],
+        "before": axis_table(mass),
+        "after": axis_table(mass),
+        "axis": {"coordinate": "linear", "cutoff": 50.0, "width": 1e-3, "fits": [], "held": False},
+    }
+    return written(Path(path), json.dumps({**content, **changes}))
+
+
+def moved(seconds: float = 4.0, noise: float = 0.05) -> tuple[np.ndarray, ...]:
+    """Time, position, acceleration, motor force of two sines; white noise of the force."""
+    t = np.arange(0, seconds, 1 / RATE)
+    pairs = ((0.05, 2 * np.pi), (0.01, 6 * np.pi))
+    x = sum(a * np.sin(w * t + 0.3) for a, w in pairs)
+    v = sum(a * w * np.cos(w * t + 0.3) for a, w in pairs)
+    acceleration = sum(-a * w * w * np.sin(w * t + 0.3) for a, w in pairs)
+    force = M * acceleration + F_V * v + F_C * np.tanh(v / 1e-3) + F_0
+    force = force + np.random.default_rng(2).normal(0, noise, len(t))
+    return t, np.asarray(x), np.asarray(acceleration), np.asarray(force)
+
+
+def test_an_axis_by_inverse_dynamics() -> None:
+    t, x, a, force = moved()
+    record = axis_from_arrays(t, force, position=x)
+    right = jaxfric.predict(axis_model("a.json"), record)
+    assert right.verdict == "noise" and right.refitted == {}
+    assert right.rms == pytest.approx(0.05 / np.sqrt(10), rel=0.2)  # of means of ten rows
+    assert {c.method for c in right.comparisons} == {
+        "inverse dynamics", "inverse dynamics, as published"
+    }  # fmt: skip
+    heavy = jaxfric.predict(axis_model("b.json", 1.1 * M), record)
+    inside = np.isfinite(heavy.predicted)
+    missed = 0.1 * M * a.reshape(-1, 10).mean(axis=1)[inside]
+    assert heavy.rms == pytest.approx(np.sqrt(np.mean(missed**2) + right.rms**2), rel=0.01)
+    assert heavy.verdict == "parameters" and "(M differ)" in heavy.sentence
+    shift = heavy.shifts[0]
+    assert (shift.name, shift.model) == ("M", pytest.approx(1.1 * M))
+    assert shift.here == pytest.approx(M, rel=2e-3) and shift.in_sigma < -20
+    relative = heavy.comparisons[0].relative_error
+    rows = heavy.recorded[inside]
+    assert relative == pytest.approx(heavy.rms / np.sqrt(np.mean(rows**2)))
+
+
+def driven(pulse: float) -> tuple[np.ndarray, ...]:
+    """The same axis under two sampled loops with pulses of force: Euler's small steps."""
+    h, fine = 1 / RATE, 200
+    t = np.arange(0, 1.5, h)
+    target = 0.05 * (1 - np.cos(2 * np.pi * t))
+    added = np.where((t > 0.4) & (t < 0.7), pulse, 0.0)
+    q, v, last, before = 0.0, 0.0, 0.0, 0.0
+    seen, forces = [], []
+    for goal, extra in zip(target, added, strict=True):
+        force = K_D * (K_P * (goal - q) - (q - before) / (2 * h)) + extra
+        seen.append(q)
+        forces.append(force)
+        before, last = last, q
+        for _ in range(fine):
+            v += h / fine * (force - F_V * v - F_C * np.tanh(v / 1e-3) - F_0) / M
+            q += h / fine * v
+    return t, target, np.asarray(seen), np.asarray(forces), added
+
+
+def test_a_closed_loop_with_pulses() -> None:
+    t, target, q, force, added = driven(40.0)
+    drive = Drive(1.0, K_P, K_D, "N")
+    common = {"position": q, "reference_position": target, "drive": drive}
+    record = axis_from_arrays(t, force, disturbance_force=added, **common)
+    model = axis_model("a.json", axis={"coordinate": "linear", "width": 1e-3, "held": True})
+    with_pulses = jaxfric.predict(model, record)
+    assert "the recorded force holds the disturbance already" in with_pulses.notes[1]
+    errors = {c.method: c for c in with_pulses.comparisons}
+    position = errors["closed loop: position"]
+    assert position.rms < 2e-7 and position.unit == "m"
+    assert errors["closed loop: motor force"].relative_error < 0.02
+    assert with_pulses.position is not None and len(with_pulses.position[1]) == len(t)
+    blind = jaxfric.predict(model, axis_from_arrays(t, force, **common))
+    missed = {c.method: c for c in blind.comparisons}["closed loop: position"].rms
+    assert missed > 20 * position.rms
+    beside = axis_from_arrays(t, force - added, disturbance_force=added, **common)
+    assert "is without the disturbance" in jaxfric.predict(model, beside).notes[1]
+
+
+# ---- a slider --------------------------------------------------------------------------------
+
+
+def slider_model(path: str = "fit.json", **changes: object) -> Path:
+    values = {"f0": 0.5, "A": 0.0047, "B": 0.0084, "L": 23e-6, "K": 5e3, "V0": 2e-6}
+    content = {
+        "schema": "jaxfric.fit/1",
+        "law": "slip",
+        "states": 1,
+        "friction_unit": "1",
+        "converged": True,
+        "parameters": {n: {"value": v, "std": 0.01 * v} for n, v in values.items()},
+        "free": ["f0", "A", "B", "L"],
+        "covariance": np.eye(4).tolist(),
+        "steps": {"times": [0.0, 20.0], "velocities": [2e-6, 10e-6]},
+    }
+    return written(Path(path), json.dumps({**content, **changes}))
+
+
+def test_a_slider_through_the_command() -> None:
+    written(Path("run.csv"), record_text())
+    code, out, err = run("predict", slider_model(), "run.csv", *STEPS)
+    assert code == 0 and "warning" not in err
+    assert "of this record f0 was fitted" in out and "Have the parameters changed?" in out
+    folder = Path(out.split("written: ")[1].split("/prediction.json")[0])
+    assert folder.name.startswith("run-by-fit-predict")
+    assert {f.name for f in folder.iterdir()} >= {"prediction.json", "prediction.png"}
+    content = json.loads((folder / "prediction.json").read_text())
+    assert content["schema"] == "jaxfric.prediction/1"
+    model, here = content["refitted"]["f0"]["model"], content["refitted"]["f0"]["here"]
+    assert model == 0.5 and here == pytest.approx(0.6, abs=1e-3)
+    assert content["comparisons"][0]["rms"] == pytest.approx(2e-4, rel=0.3)
+    code, out, err = run("predict", "fit.json", "run.csv", *STEPS, "--free", "", "--json")
+    assert json.loads(out)["refitted"] == {}
+    assert json.loads(out)["comparisons"][0]["rms"] == pytest.approx(0.1, rel=0.02)
+    slow = slider_model("slow.json", steps={"times": [0.0], "velocities": [1e-6, 1.1e-6]})
+    code, out, err = run("predict", slow, "run.csv", *STEPS, "--json")
+    assert "outside of those that the model has seen (1 to 1.1 um/s)" in err
+
+
+# ---- what is refused -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "record", "words"),
+    [
+        ({"converged": False, "result": "still moving"}, "run.csv", ["did not converge"]),
+        ({"schema": "jaxfric.gains/1"}, "run.csv", ["jaxfric.gains/1", "jaxfric fit"]),
+        ({"friction_unit": "N"}, "run.csv", ["as a force [N]", "as a coefficient"]),
+        ({"parameters": {}}, "run.csv", ["parameter f0 is missing"]),
+        ({}, "none.csv", ["none.csv"]),
+    ],
+)
+def test_models_that_predict_nothing(changes: dict, record: str, words: list[str]) -> None:
+    written(Path("run.csv"), record_text())
+    assert_refused(run("predict", slider_model(**changes), record), *words)
+    assert sorted(p.name for p in Path().iterdir()) == ["fit.json", "run.csv"]
+
+
+def test_options_that_would_not_be_used() -> None:
+    written(Path("run.csv"), record_text())
+    assert_refused(run("predict", slider_model(), "run.csv", "--held"), "--held would not be used")
+    axis = axis_model("a.json")
+    assert_refused(run("predict", axis, "run.csv", "--stiffness", "1/um"), "--stiffness", "an axis")
+
+
+def test_models_of_another_kind() -> None:
+    t, x, _, force = moved(2.0)
+    linear = axis_from_arrays(t, force, position=x)
+    rotary = axis_from_arrays(t, force, position=x, coordinate="rotary")
+    with pytest.raises(InputError, match=r"linear axis.*rotary one"):
+        jaxfric.predict(axis_model("a.json"), rotary)
+    with pytest.raises(InputError, match=r"a model of a slider; read .* with jaxfric.read, not"):
+        jaxfric.predict(slider_model(), linear)
+    with pytest.raises(InputError, match="stiffness would not be used"):
+        jaxfric.predict("a.json", linear, stiffness="1/um")
+    with pytest.raises(InputError, match=r"a Fit or a Loop; not a int"):
+        load_model(3)
