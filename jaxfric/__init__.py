@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .axis import close_axis_loop as close_axis_loop
     from .axis import close_steady_loop as close_steady_loop
+    from .cache import cache_compiled as cache_compiled
     from .errors import InputError as InputError
     from .fitting import Estimate as Estimate
     from .fitting import Fit as Fit
@@ -69,6 +70,7 @@ _HOMES = {
     "close_axis_loop": "axis",
     "close_steady_loop": "axis",
     "InputError": "errors",
+    "cache_compiled": "cache",
     "Estimate": "fitting",
     "Fit": "fitting",
     "fit": "fitting",

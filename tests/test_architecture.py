@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[1] / "jaxfric"
 # listed here; `jaxfric` itself (its lazy names) and `cli` may see everything.
 FLOORS = {
     "errors": 0,
+    "cache": 1,
     "quantity": 0,
     "units": 0,
     "motion": 1,

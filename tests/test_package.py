@@ -28,6 +28,7 @@ NAMES = [
     "LogarithmicEffect",
     "Loop",
     "PiecewiseVelocity",
+    "Prediction",
     "QuasiStatic",
     "RESULTS",
     "RateState",
@@ -38,6 +39,7 @@ NAMES = [
     "Start",
     "Trajectory",
     "VelocitySteps",
+    "cache_compiled",
     "check_gains",
     "close_axis_loop",
     "close_loop",
@@ -52,6 +54,7 @@ NAMES = [
     "law_from_parameters",
     "linearise",
     "margin",
+    "predict",
     "read",
     "read_axis",
     "read_steady",
@@ -72,6 +75,23 @@ def python(code):
     )
     assert done.returncode == 0, done.stderr
     return done.stdout, done.stderr
+
+
+def test_a_cache_of_what_is_compiled(tmp_path):
+    code = f"""
+import os, jax
+os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
+jax.config.update("jax_compilation_cache_dir", None)
+import jaxfric, jaxfric.fitting
+assert jax.config.jax_compilation_cache_dir is None  # not on import
+folder = jaxfric.cache_compiled({str(tmp_path / "kept")!r})
+jax.jit(lambda x: x + 2)(1.0)
+print(len(list(folder.iterdir())) > 0, jax.config.jax_compilation_cache_dir == str(folder))
+"""
+    assert python(code) == ("True True\n", "")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(jaxfric.InputError, match="cannot hold a cache"):
+        jaxfric.cache_compiled(tmp_path / "file" / "below")
 
 
 def test_import_is_silent_and_loads_no_jax():

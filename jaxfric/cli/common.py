@@ -1,5 +1,6 @@
 """What several verbs share: options, reading a record, preparing JAX."""
 
+import contextlib
 import os
 import sys
 from collections.abc import Sequence
@@ -181,18 +182,13 @@ def flipped(flip: Sequence[str] | None) -> str | Literal[False]:
 def prepare_jax() -> None:
     """64-bit numbers, and a compilation cache in the user's cache folder if there can be one."""
     import jax
-    from platformdirs import user_cache_dir
+
+    from ..cache import cache_compiled
 
     jax.config.update("jax_enable_x64", True)
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-        folder = Path(user_cache_dir("jaxfric")) / "compiled"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            return
-        jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+        with contextlib.suppress(InputError):
+            cache_compiled()
 
 
 From = Annotated[

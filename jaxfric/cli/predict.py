@@ -17,6 +17,7 @@ from .common import (
     Steps,
     VelocityGain,
     axis_roles,
+    flipped,
     prepare_jax,
     read_record,
     refuse_unused,
@@ -46,7 +47,7 @@ def predict(
     position_gain: PositionGain = None,
     velocity_gain: VelocityGain = None,
     rated_torque: RatedTorque = None,
-    flip: Flip = False,
+    flip: Flip = None,
     held: Annotated[
         bool, Parameter(negative=(), help="Of an axis: the force is held until the next row.")
     ] = False,
@@ -68,13 +69,13 @@ def predict(
     from ..prediction import predict as run
     from ..prediction.model import load_model
 
-    saved = load_model(model)
+    saved, turned = load_model(model), flipped(flip)
     of_an_axis = {
         "--drive-gain": drive_gain,
         "--position-gain": position_gain,
         "--velocity-gain": velocity_gain,
         "--rated-torque": rated_torque,
-        "--flip": flip,
+        "--flip": turned,
         "--held": held,
     }
     of_a_slider = {"--stiffness": stiffness, "--steps": steps, "--free": free is not None}
@@ -91,7 +92,7 @@ def predict(
             position_gain=position_gain,
             velocity_gain=velocity_gain,
             rated_torque=rated_torque,
-            flip=flip,
+            flip=turned,
             drop_bad=drop_bad,
         )
     folder = choose_folder(out, f"{record.stem}-by-{source_name(model)}", record, model)

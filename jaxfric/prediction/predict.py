@@ -45,7 +45,7 @@ def predict(
     steps : of this record (sliders), as of `jaxfric.fit`.
     free : names of the parameters that are fitted to this record; ("f0",) of a slider, none of an
         axis. Times of steps found in the load point are always fitted within their error.
-    held : of an axis, as of `jaxfric.close_axis_loop`; by default as of the model.
+    held : of an axis, as of `jaxfric.close_axis_loop`.
 
     Returns
     -------
