@@ -15,6 +15,7 @@ pytest.importorskip("xarray")
 import jaxfric as jf
 from jaxfric.gains.ends import ENDS
 from jaxfric.gains.settle import end_state
+from jaxfric.members import ends as streaming
 from jaxfric.members import run_study
 from jaxfric.simulation import ensemble
 from jaxfric.stability.closed_form import critical_rate_state
@@ -128,6 +129,21 @@ def test_a_runaway_and_too_few_steps_are_told():
     assert np.all(found.velocity[:, found.escaped] > 1e3 * of.velocity[found.escaped])
     few = jax.jit(ensemble.response, static_argnames="max_steps")(of, start, times, max_steps=8)
     assert not np.any(few.reached) and np.all(np.isfinite(few.velocity))
+
+
+def test_a_long_motion_is_followed_to_its_end():
+    """Steps are kept in windows: a motion that needs many is that of one large window."""
+    of, p = batch("slip", 8, seed=3)
+    of = of._replace(stiffness=0.3 * of.stiffness)
+    times = jnp.asarray(np.linspace(0.05, 1, 30))[:, None] * 15 * p[:, 2] / p[:, 5]
+    start = ensemble.stepped(of, jnp.full(8, 10.0))
+    response = jax.jit(ensemble.response, static_argnames=("max_steps", "window"))
+    whole = response(of, start, times, max_steps=2048, window=2048)
+    parts = response(of, start, times, max_steps=2048, window=64)
+    assert np.max(whole.steps) > 150 and np.all(whole.reached)
+    np.testing.assert_array_equal(parts.reached, whole.reached)
+    np.testing.assert_array_equal(parts.escaped, whole.escaped)
+    np.testing.assert_allclose(parts.force, whole.force, rtol=1e-5)
 
 
 def test_margins_of_a_study_are_those_of_the_package(tmp_path):
@@ -245,6 +261,22 @@ def test_ends_of_a_study_are_those_of_the_package(ends):
         ratio = found[name].values[cycle] / getattr(expected, name)[cycle]
         np.testing.assert_allclose(ratio, 1.0, atol=0.02, err_msg=name)
     assert np.all(np.isinf(found.period.values[~cycle]))
+    spread = found.period_spread.values[cycle] / found.period.values[cycle]
+    assert np.all((spread >= 0) & (spread < 0.02))  # of one state: every cycle is like the last
+
+
+def test_a_small_step_of_an_unstable_slider_is_not_steady(ends):
+    """What grows is too small to be seen: the study does not know its end."""
+    of, p = batch("slip", 16)
+    of = of._replace(stiffness=0.9 * (p[:, 1] - p[:, 0] - p[:, 4] * p[:, 5]) / p[:, 2])
+    unstable = np.asarray(of.stiffness) > 0
+    one = jnp.ones(16)
+    period = 2 * np.pi * p[:, 2] / p[:, 5]
+    found = streaming.ends(
+        of, ensemble.stepped(of, one * (1 + 1e-9)), 0 * one, jnp.asarray(period), -one / period
+    )
+    assert unstable.sum() > 5
+    assert not np.any(np.asarray(found.code)[unstable] == streaming.STEADY)
 
 
 def test_ends_agree_with_the_linear_theory(ends):
@@ -262,15 +294,19 @@ def test_motions_in_time_are_kept(tmp_path):
     [simulate]
     samples = 10
     duration = "20 s"
+    max_steps = 128
     [axes]
-    k_p = { values = ["2 MN/m", "4 MN/m"] }
+    k_p = { values = ["2 MN/m", "4 MN/m", "50 kN/m"] }
     V0 = { values = ["10 um/s"] }
-    """
+    """.replace("[simulate]", 'k_v = "1 kN*s/m"\n[simulate]')
     found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
     assert found.force.dims == ("k_p", "V0", "part") and float(found.duration[0, 0]) == 20.0
     times = 20.0 * found.part.values
-    for i, k_p in enumerate(found.k_p.values):
-        force, _ = scipy_response("ageing", 4.5, 6.0, 5e-6, k_p, 0.0, 1e-5, 10.0, times)
+    # the last one stick-slips: what was not followed has no numbers, and is not called computed
+    assert found.trace.values[:, 0].tolist() == [0, 0, 2] and np.all(np.isnan(found.force[2]))
+    assert found.outcome.values[:, 0].tolist() == [0, 0, 1]
+    for i, k_p in enumerate(found.k_p.values[:2]):
+        force, _ = scipy_response("ageing", 4.5, 6.0, 5e-6, k_p, 1e3, 1e-5, 10.0, times)
         # f0 is 50 A at V_ref, here V0
         at_V0 = 225.0 + force + (6.0 - 4.5) * np.log(10.0)
         np.testing.assert_allclose(found.force[i, 0], at_V0, atol=2e-5)

@@ -84,6 +84,10 @@ BAD = {
         GOOD.replace("margins", "gains") + "[gains]\nmargin = { phase = 45 }\n",
         ["[gains]", "phase=45", "3.14"],
     ),
+    "no step": (
+        GOOD.replace("margins", "simulate") + "[simulate]\nratio = 1\n",
+        ["[simulate]", "ratio is 1", "1.01"],
+    ),
     "gains": (GOOD.replace("margins", "gains"), ["[gains]", "margin is missing"]),
 }
 

@@ -44,6 +44,9 @@ class Ends(NamedTuple):
     """Half of the range of slip minus V0 t [m]."""
     least_velocity: Float[Array, " n"]
     period: Float[Array, " n"]
+    """Mean over the cycles of the last half, or of those that repeat [s]."""
+    period_spread: Float[Array, " n"]
+    """Half of the range of the periods of the same cycles [s]; large where they are irregular."""
     steps: Array
 
 
@@ -56,6 +59,7 @@ class _Seen(NamedTuple):
     last: Array
     escaped: Bool[Array, " n"]
     arrived: Bool[Array, " n"]
+    periods: tuple[Array, Array]  # shortest and longest, of whole cycles in the last half
     cycle: "_Cycle"
 
 
@@ -69,6 +73,7 @@ class _Cycle(NamedTuple):
     last: tuple[Array, Array]  # speeds of the last whole cycle, and so are the following
     springs_last: tuple[Array, Array]
     period: Array
+    periods: tuple[Array, Array]  # shortest and longest of the cycles that agree
     agree: Array
     repeats: Bool[Array, " n"]
 
@@ -112,6 +117,8 @@ def ends(
         rises = late & (before < 0) & (u >= command) & (step.before.time >= quarters[2] - tiny)
         rise = jnp.where(rises, u - step.before.y[0], 1.0)
         at = step.before.time - before * (time - step.before.time) / rise
+        whole = rises & (seen.count > 0)
+        periods = _widened(seen.periods, at - seen.last, whole)
         escaped = step.accepted & (u - command > np.log(runaway))
         arrived = step.accepted & stable & (time >= quarters[0]) & _settled(size, step, command)
         new = _Seen(
@@ -123,6 +130,7 @@ def ends(
             jnp.where(rises, at, seen.last),
             seen.escaped | escaped,
             seen.arrived | arrived,
+            periods,
             cycle := _cycle(seen.cycle, step, command, spring(step.after), decay),
         )
         return new, escaped | arrived | (step.accepted & cycle.repeats)
@@ -139,7 +147,10 @@ def ends(
         none,
         no,
         no,
-        _Cycle(nothing, nothing, none - jnp.inf, nothing, nothing, nothing, none, none, no),
+        nothing,
+        _Cycle(
+            nothing, nothing, none - jnp.inf, nothing, nothing, nothing, none, nothing, none, no
+        ),
     )
     done = integrate(of, start, stops, observe=observe, seen=seen, rtol=rtol, max_steps=max_steps)
     # a massless slider may run away in a finite time: no step is then small enough
@@ -157,10 +168,12 @@ def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
     time = step.before.time - before * (step.after.time - step.before.time) / rise
     whole = rises & jnp.isfinite(of.begun)
     period = jnp.where(whole, time - of.begun, of.period)
+    shortest, longest = _widened(of.periods, period, whole)
     growth = jnp.where(decay < 0, -decay, 0.0) * period
     allowed = jnp.minimum(_REPEATS, _PART_OF_GROWTH * growth)
     low, high = (jnp.abs(now - then) for now, then in zip(of.speeds, of.first, strict=True))
     agrees = (low < allowed) & (high < allowed)
+    fresh = whole & ~agrees
     agree = jnp.where(whole, jnp.where(agrees, of.agree + 1, 0), of.agree)
 
     def choose(new, old, when=rises):
@@ -170,10 +183,11 @@ def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
         choose((u, u), _widened(of.speeds, u, step.accepted)),
         choose((spring, spring), _widened(of.springs, spring, step.accepted)),
         jnp.where(rises, time, of.begun),
-        choose(of.speeds, of.first, whole & ~agrees),
+        choose(of.speeds, of.first, fresh),
         choose(of.speeds, of.last),
         choose(of.springs, of.springs_last),
         period,
+        (jnp.where(fresh, period, shortest), jnp.where(fresh, period, longest)),
         agree,
         of.repeats | (agree >= _IN_A_ROW),
     )
@@ -204,6 +218,8 @@ def _ended(of: Lanes, seen: _Seen, reached, steps, horizon, decay) -> Ends:
         seen.count >= _CYCLES, last <= 0.5 * before, (a4 < _LINEAR) & (last <= 0.25 * before)
     )
     steady = seen.arrived | (a4 < _SMALL) | ((last < clear) & keeps_on)
+    # no unstable slider slides steadily: its oscillation is still too small to be seen
+    steady = steady & ~(decay < 0)
     code = jnp.where(steady, STEADY, jnp.where(seen.count >= 2, LIMIT_CYCLE, FAILED))
     code = jnp.where(reached, code, FAILED)
     code = jnp.where(seen.cycle.repeats, LIMIT_CYCLE, code)
@@ -225,6 +241,8 @@ def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
     at_end = (code == STEADY) & ~known  # not followed to its last half: it is steady
     cycles = jnp.maximum(seen.count - 1, 1)
     period = jnp.where(cycle.repeats, cycle.period, (seen.last - seen.first) / cycles)
+    low_period, high_period = chosen(cycle.periods, seen.periods)
+    spread = 0.5 * (high_period - low_period)
 
     def number(x, otherwise, steady):
         return jnp.where(known, x, jnp.where(at_end, steady, otherwise))
@@ -235,6 +253,7 @@ def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
         number(0.5 * (springs[1] - springs[0]), jnp.inf, 0.0),
         number(low, -jnp.inf, of.velocity),
         jnp.where(code == LIMIT_CYCLE, period, jnp.inf),
+        jnp.where(code == LIMIT_CYCLE, spread, jnp.inf),
         steps,
     )
 

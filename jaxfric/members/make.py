@@ -10,7 +10,7 @@ from ..rig.friction import AbstractLaw
 from ..study import Output, Progress, run
 from ..study.function import refuse_clashes
 from ..units import parse_quantity
-from .sliders import ENDINGS, MARGINS, Sliders, traces
+from .sliders import ENDINGS, ENDINGS_WITH_MASS, MARGINS, Sliders, traces
 from .spec import Spec, choose_outputs, read_spec
 
 # Members of a block: as many as compute in about a second, and their traces fit into memory.
@@ -57,18 +57,20 @@ def _sliders(spec: Spec) -> Made:
     usual: list[str] = []
     table = spec.options.get("simulate", {})
     samples = table.get("samples", _SAMPLES)
+    law, inertia = _law(spec), table.get("inertia", False)
+    slow = inertia or not isinstance(law, str)
     if "margins" in spec.compute:
         known += MARGINS
         usual += [output.name for output in MARGINS]
     if "simulate" in spec.compute:
-        known += ENDINGS + traces(samples)
-        usual += [output.name for output in ENDINGS]
+        endings = ENDINGS_WITH_MASS if slow else ENDINGS
+        known += endings + traces(samples)
+        usual += [output.name for output in endings]
         usual += [output.name for output in traces(samples)] if "samples" in table else []
     outputs = choose_outputs(spec, known, tuple(usual))
     wanted = tuple(output.name for output in outputs)
-    law, inertia = _law(spec), table.get("inertia", False)
     traced = bool({"force", "velocity"} & set(wanted))
-    if traced and (inertia or not isinstance(law, str)):
+    if traced and slow:
         raise InputError(
             f"{spec.path.name}: force and velocity in time are for massless sliders under the slip"
             " or ageing law; leave these outputs out"
@@ -85,7 +87,7 @@ def _sliders(spec: Spec) -> Made:
         table.get("max_steps", 16384),
         inertia,
     )
-    slow = "end" in wanted and (inertia or not isinstance(law, str))
+    slow = slow and "end" in wanted
     chunk = _CHUNK_SLOW if slow else _CHUNK_WITH_TRACES if traced else _CHUNK
     simulated = {"end", "force", "velocity"} & set(wanted)
     return Made(

@@ -36,7 +36,7 @@ STABILITY = {
 TRACE = {
     "whole": "The motion was followed for its whole duration.",
     "escape": "The slider ran away; the last values before hold.",
-    "failed": "Too many steps were needed; the last values hold.",
+    "failed": "Too many steps were needed: raise max_steps.",
 }
 _TEXTS = {
     "stiffness": "stiffness margin, k_p over the critical stiffness",
@@ -59,7 +59,12 @@ ENDINGS = (
     Output("slip_amplitude", "m", "half of the range of slip about steady motion"),
     Output("least_velocity", "m/s", "smallest velocity at the end"),
     Output("period", "s", "period of the limit cycle"),
+    Output("period_spread", "s", "half of the range of the periods of its cycles"),
 )
+_OF_END_STATE = ("velocity_amplitude", "slip_amplitude", "least_velocity", "period")
+_NUMBERS = (*_OF_END_STATE, "period_spread")
+ENDINGS_WITH_MASS = tuple(output for output in ENDINGS if output.name != "period_spread")
+"""Those of one slider at a time, which tell no spread."""
 _SPREAD = 1e6
 # Until a stable slider is at its end; steps of one that cycles.
 _FOLDS, _CYCLING = 12.0, 700.0
@@ -207,7 +212,10 @@ class Sliders:
         names = ("steady", "limit_cycle", "escape", "unresolved")
         masks = jnp.stack([end.code == getattr(ENDS, name) for name in names])
         code = jnp.argmax(masks, axis=0).astype(jnp.int8)
-        rest = {o.name: getattr(end, o.name) for o in ENDINGS if o.name != "end"}
+        # no unstable slider slides steadily: its oscillation is still too small to be seen
+        code = jnp.where((code == streaming.STEADY) & (decay < 0), streaming.FAILED, code)
+        code = code.astype(jnp.int8)
+        rest = {o.name: getattr(end, o.name) for o in ENDINGS if o.name in _OF_END_STATE}
         return _coded(rest, code)
 
     def _traces(self, p: Mapping[str, Array]) -> dict[str, Array]:
@@ -221,15 +229,16 @@ class Sliders:
             start,
             phase[:, None] * duration,
             rtol=self.rtol,
-            max_steps=min(self.max_steps, 512),
+            max_steps=self.max_steps,
             runaway=min(self.runaway, 1e4),
         )
         code = jnp.where(found.escaped, 1, jnp.where(found.reached, 0, 2)).astype(jnp.int8)
+        lost = (code == 2)[:, None]  # nothing is known after the last step
         return {
             "trace": code,
             "duration": duration,
-            "force": found.force.T,
-            "velocity": found.velocity.T,
+            "force": jnp.where(lost, jnp.nan, found.force.T),
+            "velocity": jnp.where(lost, jnp.nan, found.velocity.T),
         }
 
 
@@ -244,5 +253,5 @@ def _finite(slider: LinearSlider) -> Array:
 def _coded(found: Mapping[str, Any], code: Array) -> dict[str, Array]:
     """Outputs of `ENDINGS`; a member whose end was not seen has no numbers."""
     lost = code == streaming.FAILED
-    names = [output.name for output in ENDINGS if output.name != "end"]
+    names = [name for name in found if name in _NUMBERS]
     return {name: jnp.where(lost, jnp.nan, found[name]) for name in names} | {"end": code}

@@ -243,6 +243,12 @@ def _check_simulate(options, where: str, fixed: dict[str, float], grid: Grid) ->
         fixed["ratio"] = read_value(table["ratio"], "ratio", f"{where} ratio")
     elif "ratio" not in grid.names:
         fixed["ratio"] = 10.0
+    axis = next((axis.values for axis in grid.axes if axis.name == "ratio"), ())
+    if 1.0 in (fixed.get("ratio"), *axis):
+        raise InputError(
+            f"{where}: ratio is 1: without a step even an unstable slider stays where it is; give"
+            " another, as 1.01"
+        )
     if "inertia" in table and not isinstance(table["inertia"], bool):
         raise InputError(f"{where}: inertia is {table['inertia']!r}; it is true or false")
     if "duration" in table:

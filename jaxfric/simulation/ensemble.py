@@ -286,19 +286,60 @@ def response(
     times: Float[Array, "t n"],
     *,
     rtol: float = 1e-6,
-    max_steps: int = 512,
+    max_steps: int = 4096,
     runaway: float = 1e4,
+    window: int = 512,
 ) -> Response:
     """Friction and velocity at `times` [s] > 0, ascending, of each lane.
 
-    Steps are kept (no more than `max_steps`) and the solver's own interpolant, a quartic, is
+    Steps are kept, `window` of them at a time, and the solver's own interpolant, a quartic, is
     evaluated between them, so samples cost no steps. A lane whose velocity passes `runaway`
-    times the command ends there.
+    times the command ends there. Lanes that go on after `max_steps`, rounded up to whole
+    windows, or whose step vanishes, have `reached` False.
     """
-    n, number = len(start.y), start.time.shape[0]
-    first = (start.time, *start.y, *derivative(of)(start.y), *start.y)
-    kept = tuple(jnp.zeros((max_steps + 1, number), x.dtype).at[0].set(x) for x in first)
+    size = min(window, max_steps)
     limit = jnp.log(of.velocity / of.law.V0) + np.log(runaway)
+
+    def unfinished(carry):
+        return jnp.any(carry[2]) & (carry[-1] < max_steps)
+
+    def follow(carry):
+        point, samples, active, reached, escaped, steps, row = carry
+        part = _kept(of, point, jnp.where(active, times[-1], point.time), limit, rtol, size)
+        fresh = _between(part.kept, part.rows, len(point.y), jnp.minimum(times, part.point.time))
+        inside = active & (times > point.time)
+        samples = tuple(jnp.where(inside, x, y) for x, y in zip(fresh, samples, strict=True))
+        reached = reached | (active & part.reached & ~part.escaped)
+        escaped = escaped | (active & part.escaped)
+        # one that stopped before its window was full could go no further
+        active = active & ~part.reached & ~part.escaped & (part.steps >= size)
+        return part.point, samples, active, reached, escaped, steps + part.steps, row + size
+
+    no = jnp.zeros(start.time.shape, bool)
+    samples = tuple(jnp.broadcast_to(x, times.shape) for x in start.y)
+    carry = (start, samples, ~no, no, no, jnp.zeros(no.shape, jnp.int32), jnp.asarray(0, jnp.int32))
+    _, y, _, reached, escaped, steps, _ = jax.lax.while_loop(unfinished, follow, carry)
+    force = of.law.f0 + of.law.A * sum(y)
+    velocity = of.law.V0 * jnp.exp(jnp.minimum(y[0], _LARGEST_EXPONENT))
+    return Response(force, velocity, steps, reached, escaped)
+
+
+class _Window(NamedTuple):
+    """Kept steps of all lanes: time, y, dy/dt and y in the middle, a row a step."""
+
+    kept: tuple[Array, ...]
+    rows: Int[Array, ""]
+    point: Point
+    reached: Bool[Array, " n"]
+    escaped: Bool[Array, " n"]
+    steps: Int[Array, " n"]
+
+
+def _kept(of: Lanes, start: Point, until, limit, rtol: float, size: int) -> _Window:
+    """Follow all lanes to `until` [s] or for `size` steps, and keep the steps."""
+    number = start.time.shape[0]
+    first = (start.time, *start.y, *derivative(of)(start.y), *start.y)
+    kept = tuple(jnp.zeros((size + 1, number), x.dtype).at[0].set(x) for x in first)
 
     def observe(seen, step: Step):
         kept, last, escaped = seen
@@ -312,15 +353,10 @@ def response(
         return (kept, last, escaped | fast), fast
 
     seen = (kept, first, jnp.zeros(number, bool))
-    done = integrate(
-        of, start, times[-1:], observe=observe, seen=seen, rtol=rtol, max_steps=max_steps
-    )
+    done = integrate(of, start, until[None], observe=observe, seen=seen, rtol=rtol, max_steps=size)
     kept, _, escaped = done.seen
-    rows = jnp.minimum(jnp.max(done.steps), max_steps)
-    y = _between(kept, rows, n, jnp.minimum(times, done.point.time))
-    force = of.law.f0 + of.law.A * sum(y)
-    velocity = of.law.V0 * jnp.exp(jnp.minimum(y[0], _LARGEST_EXPONENT))
-    return Response(force, velocity, done.steps, done.reached & ~escaped, escaped)
+    rows = jnp.minimum(jnp.max(done.steps), size)
+    return _Window(kept, rows, done.point, done.reached, escaped, done.steps)
 
 
 def _between(kept, rows, n: int, times) -> Vector:
