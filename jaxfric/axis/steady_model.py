@@ -85,6 +85,7 @@ def _jacobian(speed, effects: Sequence[str], shape: _Shape, fs: float) -> np.nda
 
 
 def fit_model(curve: SteadyCurve, effects: tuple[str, ...]) -> SteadyModel:
+    """The likeliest model of a curve with `effects` of `steady.STEADY_EFFECTS`."""
     speed, force, error = (np.asarray(x) for x in (curve.speed, curve.force, curve.error))
     shape = _likeliest_shape(speed, force, error, effects) if "stribeck" in effects else None
     matrix = _matrix(speed, effects, shape)
