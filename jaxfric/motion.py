@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .errors import InputError
+from .quantity import is_known
 
 
 def _floats(x):
@@ -19,6 +20,11 @@ def _floats(x):
     return jnp.asarray(
         x, x.dtype if jnp.issubdtype(x.dtype, jnp.inexact) else jnp.result_type(float)
     )
+
+
+def _ascend(times: np.ndarray) -> bool:
+    """Whether times ascend; at their end they may be inf, which pads them."""
+    return len(times) > 0 and bool(np.isfinite(times[0]) and np.all(times[1:] >= times[:-1]))
 
 
 class AbstractMotion(eqx.Module):
@@ -62,6 +68,10 @@ class PiecewiseVelocity(AbstractMotion):
                 f"velocity steps: {self.times.shape} times and {self.velocities.shape} "
                 "velocities; give one velocity for each time"
             )
+        if is_known(self.times) and not _ascend(np.asarray(self.times)):
+            raise InputError("velocity steps: the times must ascend from a finite first one")
+        if is_known(self.velocities) and not np.all(np.isfinite(np.asarray(self.velocities))):
+            raise InputError("velocity steps: a velocity is not finite")
 
     @classmethod
     def through(cls, times: ArrayLike, displacements: ArrayLike) -> "PiecewiseVelocity":

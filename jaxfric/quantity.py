@@ -14,8 +14,10 @@ import dataclasses
 import math
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from .errors import InputError
 
@@ -29,6 +31,8 @@ class Quantity:
     text: str
     lower: float = -math.inf
     upper: float = math.inf
+    closed: bool = False
+    """Whether the lower bound itself is allowed, at which the parameter does nothing."""
 
     def unit_for(self, force_unit: str) -> str:
         """The SI unit when friction is given in `force_unit` ("1" or "N")."""
@@ -62,12 +66,24 @@ class Quantity:
 
     def check(self, value: float, where: str) -> float:
         """Return `value` if it is finite and within the bounds, else raise `InputError`."""
-        if not math.isfinite(value) or not self.lower < value < self.upper:
-            raise InputError(
-                f"{where}: {self.text} ({self.symbol}) is {value:g}; "
-                f"it must lie between {self.lower:g} and {self.upper:g}"
-            )
+        if not self.allows(np.asarray(value)):
+            raise InputError(f"{where}: {self.text} ({self.symbol}) is {value:g}; {self._range()}")
         return value
+
+    def allows(self, value):
+        """Elementwise: finite, and within the bounds."""
+        above = (value >= self.lower) if self.closed else (value > self.lower)
+        return above & (value < self.upper) & (abs(value) < math.inf)
+
+    def _range(self) -> str:
+        if math.isinf(self.upper):
+            if math.isinf(self.lower):
+                return "it must be finite"
+            return f"it must be {self.lower:g} or more" if self.closed else self._above()
+        return f"it must lie between {self.lower:g} and {self.upper:g}"
+
+    def _above(self) -> str:
+        return "it must be above 0" if self.lower == 0 else f"it must be above {self.lower:g}"
 
 
 def quantity(
@@ -78,9 +94,10 @@ def quantity(
     lower: float = -math.inf,
     upper: float = math.inf,
     default: float | None = None,
+    closed: bool = False,
 ):
     """Declare a module field that holds a `Quantity` (converted to a JAX array)."""
-    metadata = {"quantity": Quantity(symbol, unit, text, lower, upper)}
+    metadata = {"quantity": Quantity(symbol, unit, text, lower, upper, closed)}
     if default is None:
         return eqx.field(converter=_as_array, metadata=metadata)
     return eqx.field(converter=_as_array, metadata=metadata, default=default)
@@ -101,3 +118,41 @@ def quantities(module: eqx.Module | type) -> dict[str, Quantity]:
         for f in dataclasses.fields(module)  # pyright: ignore[reportArgumentType]
         if "quantity" in f.metadata
     }
+
+
+def is_known(value) -> bool:
+    """Whether an array has values: not so while it is traced, or only its shape is known."""
+    return isinstance(value, np.ndarray | jax.Array) and not isinstance(value, jax.core.Tracer)
+
+
+def refuse_outside(module: eqx.Module, where: str) -> None:
+    """Raise `InputError` for a quantity of a module, or of those in it, that is known and lies
+    outside its bounds."""
+    for about, value in _declared(module):
+        if is_known(value) and not np.all(about.allows(np.asarray(value))):
+            wrong = np.asarray(value)[~about.allows(np.asarray(value))]
+            about.check(float(wrong.flat[0]), where)
+
+
+def all_inside(module: eqx.Module) -> Bool[Array, ""]:
+    """Whether every quantity with open bounds lies within them; for values that are traced.
+
+    Closed bounds are left out: a fit may pass the null of an effect on its way.
+    """
+    checks = [
+        jnp.all(about.allows(value))
+        for about, value in _declared(module)
+        if not about.closed and math.isfinite(about.lower)
+    ]
+    return jnp.stack(checks).all() if checks else jnp.asarray(True)
+
+
+def _declared(module: eqx.Module):
+    """Every quantity with its value, of a module and of the modules in it."""
+    for field in dataclasses.fields(module):  # pyright: ignore[reportArgumentType]
+        value = getattr(module, field.name, None)
+        if "quantity" in field.metadata and value is not None:
+            yield field.metadata["quantity"], value
+        for part in value if isinstance(value, tuple) else (value,):
+            if isinstance(part, eqx.Module):
+                yield from _declared(part)

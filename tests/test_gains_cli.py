@@ -117,7 +117,7 @@ def test_options(options, words):
         ("slip", "A=1 N, A=3 N, L=1 mm, V0=1 mm/s", ["A is given twice"]),
         ("slip", "A=1, B=3 N, L=1 mm, V0=1 mm/s", ["parameter A", "no unit"]),
         ("slip", "A=1 N, B=3 N, L=1 N, V0=1 mm/s", ["parameter L", "m"]),
-        ("slip", "A=-1 N, B=3 N, L=1 mm, V0=1 mm/s", ["A", "0 and inf"]),
+        ("slip", "A=-1 N, B=3 N, L=1 mm, V0=1 mm/s", ["direct effect (A) is -1", "above 0"]),
         ("slip", "A", ["'A' is not NAME=VALUE"]),
         ("slip", "", ["A is missing"]),
         ("gaussian-stribeck", "c0=1 N", ["c1 is missing"]),

@@ -194,7 +194,7 @@ def test_a_state_without_amplitude_is_no_state():
     for kind in ("slip", "ageing"):
 
         def rate(B, kind=kind):
-            return make_law(kind, B).rate(jnp.asarray(2 * UM), jnp.zeros(2), AT)
+            return make_law(kind, B, (10 * UM, 10 * UM)).rate(jnp.asarray(2 * UM), jnp.zeros(2), AT)
 
         B = jnp.asarray([0.014, 0.0])
         assert rate(B)[1] == 0

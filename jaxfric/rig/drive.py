@@ -44,7 +44,9 @@ class FirstOrderDrive(AbstractDrive):
     more than before. Before the first step it moves steadily and trails by nothing.
     """
 
-    tau: Float[Array, ""] = quantity("tau", "s", "time constant of the drive", lower=0.0)
+    tau: Float[Array, ""] = quantity(
+        "tau", "s", "time constant of the drive", lower=0.0, closed=True
+    )
 
     def lag(self, motion, t):
         jump, since = self._steps(motion, t)

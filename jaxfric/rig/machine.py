@@ -8,7 +8,7 @@ where it is a coefficient (stiffness over normal force).
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..quantity import quantity
+from ..quantity import quantity, refuse_outside
 
 
 class AbstractMachine(eqx.Module):
@@ -28,13 +28,16 @@ class QuasiStatic(AbstractMachine):
     """
 
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
-    damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0)
+    damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0, closed=True)
     mass: Float[Array, ""] | None = quantity("m", "F s^2/m", "small mass")
 
     def __init__(self, stiffness, damping=None, mass=None):
         self.stiffness = stiffness
         self.damping = damping
         self.mass = mass
+
+    def __check_init__(self):
+        refuse_outside(self, "QuasiStatic")
 
 
 class Inertial(AbstractMachine):
@@ -46,9 +49,12 @@ class Inertial(AbstractMachine):
 
     mass: Float[Array, ""] = quantity("m", "F s^2/m", "mass", lower=0.0)
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
-    damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0)
+    damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0, closed=True)
 
     def __init__(self, mass, stiffness, damping=None):
         self.mass = mass
         self.stiffness = stiffness
         self.damping = damping
+
+    def __check_init__(self):
+        refuse_outside(self, "Inertial")

@@ -8,8 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..errors import InputError
+from ..quantity import is_known
 from ..rig import Inertial, Rig
 from ..rig.friction import AbstractDelayLaw
+from .checks import is_possible, refuse_impossible
 from .method_of_steps import (
     DelayEquation,
     MethodOfSteps,
@@ -18,7 +20,7 @@ from .method_of_steps import (
     without_history,
 )
 from .start import Start
-from .trajectory import RESULTS, Trajectory
+from .trajectory import RESULTS, Trajectory, only_if
 
 _BISECTIONS = 50
 
@@ -63,20 +65,26 @@ def simulate_delay(
     Trajectory, with no states: `state` has shape (n, 0). All values are finite, and after `end`
     the last ones hold. `result` is one of: `successful`; `came_to_rest`, where a delay law
     ends; `ran_away`; `too_few_intervals` for `ts`; `unresolved`, the motion is too fast for
-    `pieces` and `rtol`.
+    `pieces` and `rtol`; under `jit` and `vmap` `impossible`.
 
     Raises
     ------
-    InputError : `rtol`, `ts`, `pieces`, `intervals` or a `start.state` cannot be used.
+    InputError : `rtol`, `ts`, `pieces`, `intervals` or a `start.state` cannot be used; of what is
+        known when it is called, a parameter out of its bounds, a velocity that is not positive,
+        `ts` that descends or is not finite.
     TypeError : the rig has another machine or another kind of law.
     """
     start = Start() if start is None else start
     machine, law = _rooms(rig)
-    _check(ts, start, rtol, pieces, intervals)
+    _check(start, rtol, pieces, intervals)
+    refuse_impossible(rig, ts, start)
     ts = jnp.asarray(ts)
+    V0 = jnp.asarray(velocity, jnp.result_type(float, velocity, ts))
+    if is_known(V0) and not 0 < float(V0) < math.inf:
+        raise InputError(f"simulate_delay: velocity is {float(V0):g} m/s; it must be above 0")
     if intervals is None:
         intervals = _intervals_needed(law.delay, ts)
-    V0 = jnp.asarray(velocity, jnp.result_type(float, velocity, ts))
+    possible = is_possible(rig, ts, start, V0) & (V0 > 0)
     equation = DelayEquation(machine, law, V0, pieces)
     elongation = jnp.zeros_like(V0) if start.elongation is None else start.elongation
     jump = jnp.zeros_like(V0) if start.velocity is None else start.velocity - V0
@@ -95,7 +103,8 @@ def simulate_delay(
         max_steps=intervals * pieces,
         throw=False,
     )
-    return _sample(rig, equation, solution, ts, elongation, runaway)
+    found = _sample(rig, equation, solution, ts, elongation, runaway)
+    return only_if(possible, found)
 
 
 def _out_of_range(t, y, args, **_):
@@ -176,15 +185,11 @@ def _rooms(rig: Rig) -> tuple[Inertial, AbstractDelayLaw]:
     return machine, law
 
 
-def _check(ts, start: Start, rtol, pieces, intervals) -> None:
+def _check(start: Start, rtol, pieces, intervals) -> None:
     if start.state is not None:
         raise InputError("simulate_delay: a delay law has no states; leave `start.state` None")
     if not 0 < rtol <= 0.1:
         raise InputError(f"simulate_delay: rtol is {rtol}; it must be in (0, 0.1]")
-    if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
-        raise InputError(
-            f"simulate_delay: ts has shape {jnp.shape(ts)}; give one row of times, not empty"
-        )
     if pieces < 1:
         raise InputError(f"simulate_delay: pieces is {pieces}; take 1 at least")
     if intervals is not None and intervals < 1:

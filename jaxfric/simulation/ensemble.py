@@ -29,6 +29,8 @@ from diffrax import Tsit5
 from jaxtyping import Array, Bool, Float, Int
 
 from ..errors import InputError
+from ..quantity import is_known, refuse_outside
+from ..rig import QuasiStatic
 from ..rig.friction import AgeingEvolution, RateState, SlipEvolution
 
 # As of `simulate`: the error of a step, so that the whole stays within 10 rtol.
@@ -113,7 +115,8 @@ def lanes(law: RateState, stiffness, damping, velocity) -> Lanes:
 
     Raises
     ------
-    InputError : a law that is not rate-and-state friction, or that hardens with slip.
+    InputError : a law that is not rate-and-state friction, or that hardens with slip; of what is
+        known, parameters, stiffness or velocity that are not positive, damping below 0.
     """
     if not isinstance(law, RateState):
         raise InputError(
@@ -122,6 +125,10 @@ def lanes(law: RateState, stiffness, damping, velocity) -> Lanes:
         )
     if not isinstance(law.evolution, SlipEvolution | AgeingEvolution):
         raise InputError(f"an ensemble has no {type(law.evolution).__name__}")
+    refuse_outside(law, "ensemble")
+    refuse_outside(QuasiStatic(stiffness, damping), "ensemble")
+    if is_known(velocity) and not np.all(np.asarray(velocity) > 0):
+        raise InputError("ensemble: a velocity is not positive")
     return Lanes(law, *(jnp.asarray(x, law.A.dtype) for x in (stiffness, damping, velocity)))
 
 

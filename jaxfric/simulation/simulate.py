@@ -19,11 +19,12 @@ from jaxtyping import Array, Float
 from ..errors import InputError
 from ..motion import AbstractMotion
 from ..rig import Inertial, Rig
+from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .newton import UpdateNewton
 from .ode import Slider, SliderEquation
 from .start import Start
 from .steps import StableStepController, padded_norm
-from .trajectory import RESULTS, Trajectory
+from .trajectory import RESULTS, Trajectory, only_if
 
 # The controller bounds the error of one step. Over a record errors add up and the interpolant
 # adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py).
@@ -70,30 +71,38 @@ def simulate(
 
     Returns
     -------
-    Trajectory. Its `result` says whether and why the simulation ended early; nothing raises.
+    Trajectory. Its `result` says whether and why the simulation ended early, and under `jit` and
+    `vmap` whether what was asked for is impossible.
 
     Raises
     ------
-    InputError : `rtol` not in (0, 0.1], `ts` not of one dimension, `start` with a velocity for
-        a slider without mass.
+    InputError : `rtol` not in (0, 0.1], `runaway` not above 1, `ts` not of one dimension, `start`
+        with a velocity for a slider without mass; and of what is known when it is called, a
+        parameter out of its bounds, `ts` that descends, is not finite or begins before the
+        motion, no steady sliding to start from.
     TypeError : a delay law (see `simulate_delay`), or a law without direct effect without mass.
     """
     if not (0 < rtol <= 0.1) or math.isnan(rtol):
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
-    if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
-        raise InputError(
-            f"simulate: ts has shape {jnp.shape(ts)}; give one row of times, not empty"
-        )
-    equation = SliderEquation(rig, motion, start)
+    if not runaway > 1:
+        raise InputError(f"simulate: runaway is {runaway}; it is a factor above 1")
+    begin = Start() if start is None else start
+    refuse_impossible(rig, ts, begin, motion=motion)
+    ts = jnp.asarray(ts)
+    equation = SliderEquation(rig, motion, begin)
+    initial = equation.initial()
+    refuse_no_steady_state(initial, motion.first_velocity())
+    possible = is_possible(rig, ts, begin, initial, motion=motion)
+    first, last = (jnp.where(possible, t, 0.0) for t in (ts[0], ts[-1]))
     if solver is None:
         solver = _implicit() if isinstance(rig.machine, Inertial) else diffrax.Tsit5()
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(equation.derivative),
         solver,
-        ts[0],
-        ts[-1],
+        first,
+        last,
         None,
-        equation.initial(),
+        jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial),
         saveat=diffrax.SaveAt(t0=True, steps=True) if at_steps else diffrax.SaveAt(dense=True),
         stepsize_controller=_controller(rtol, motion.breakpoints(), equation, solver),
         event=diffrax.Event(_RanAway(equation, math.log(runaway))),
@@ -102,8 +111,8 @@ def simulate(
         throw=False,
     )
     if at_steps:
-        return _at_steps(rig, equation, solution)
-    return _sample(rig, equation, solution, ts)
+        return only_if(possible, _at_steps(rig, equation, solution))
+    return only_if(possible, _sample(rig, equation, solution, ts))
 
 
 class _RanAway(eqx.Module):
@@ -151,7 +160,8 @@ def _at_steps(rig: Rig, equation: SliderEquation, solution) -> Trajectory:
     last = solution.stats["num_accepted_steps"]
     rows = jnp.minimum(jnp.arange(solution.ts.shape[0]), last)
     ts, ys = jax.tree.map(lambda x: x[rows], (solution.ts, solution.ys))
-    return _trajectory(rig, solution, ts, ts[-1], jax.vmap(equation.physical)(ts, ys))
+    slider = jax.vmap(equation.physical)(ts, ys)
+    return _trajectory(rig, solution, ts, ts[-1], slider)
 
 
 def _trajectory(rig: Rig, solution, ts, end, slider: Slider) -> Trajectory:

@@ -2,7 +2,9 @@
 
 import diffrax
 import equinox as eqx
-from jaxtyping import Array, Float, Int
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
 
 
 class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
@@ -29,13 +31,20 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
         "delay: a stiff spring, a long delay, or a velocity near zero. Raise `pieces`, or "
         "ask for less with a larger `rtol`."
     )
+    impossible = (
+        "What was asked for is impossible: a stiffness, mass, A, L, V0 or delay that is not "
+        "above 0, sample times that descend, are not finite or begin before the motion, or a "
+        "start that is not finite. Nothing was simulated. Call it outside jit and vmap: it then "
+        "says what is wrong."
+    )
 
 
 class Trajectory(eqx.Module):
     """Motion and friction of the slider at the sample times.
 
     `force`, `load` and `state` are in the unit of friction (N, or 1 for a coefficient). All
-    values are finite whatever the `result`: after a failure at time `end` the last ones hold.
+    values are finite whatever the `result`: after a failure at time `end` the last ones hold;
+    where nothing could be simulated (`RESULTS.impossible`) they are 0.
     """
 
     time: Float[Array, " n"]
@@ -56,3 +65,15 @@ class Trajectory(eqx.Module):
     """The time it reached [s]."""
     num_steps: Int[Array, ""]
     """Solver steps taken, rejected ones included."""
+
+
+def only_if(possible: Bool[Array, ""], found: Trajectory) -> Trajectory:
+    """The trajectory, or zeros and `RESULTS.impossible` where nothing could be simulated."""
+    kept = jax.tree.map(
+        lambda x: jnp.where(possible, x, jnp.zeros_like(x)),
+        (found.force, found.recorded, found.velocity, found.slip, found.state, found.end),
+    )
+    names = ("force", "recorded", "velocity", "slip", "state", "end")
+    values = dict(zip(names, kept, strict=True))
+    result = RESULTS.where(possible, found.result, RESULTS.impossible)
+    return Trajectory(time=found.time, result=result, num_steps=found.num_steps, **values)

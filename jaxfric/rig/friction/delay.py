@@ -15,7 +15,7 @@ import abc
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ...quantity import quantity
+from ...quantity import quantity, refuse_outside
 
 
 class AbstractDelayLaw(eqx.Module):
@@ -51,10 +51,13 @@ class HessSoom(AbstractDelayLaw):
     Nothing in it answers the velocity now: f_v = 0 (27).
     """
 
-    c0: Float[Array, ""] = quantity("c0", "F s/m", "viscous friction", lower=0.0)
+    c0: Float[Array, ""] = quantity("c0", "F s/m", "viscous friction", lower=0.0, closed=True)
     c1: Float[Array, ""] = quantity("c1", "F", "friction at vanishing velocity", lower=0.0)
     c2: Float[Array, ""] = quantity("c2", "s^2/m^2", "inverse square of velocity", lower=0.0)
     delay: Float[Array, ""] = quantity("alpha", "s", "delay of friction", lower=0.0)
+
+    def __check_init__(self):
+        refuse_outside(self, "HessSoom")
 
     def steady_force(self, V):
         return self.c0 * V + self.c1 / (1 + self.c2 * V**2)

@@ -74,9 +74,9 @@ class AbstractStribeck(AbstractLaw):
 class GeneralStribeck(AbstractStribeck):
     """General steady curve (1): [c0 + c1 |V| + c2 exp(-(|V|/c3)^c4)] sgn V."""
 
-    c0: Float[Array, ""] = quantity("c0", "F", "Coulomb friction", lower=0.0)
-    c1: Float[Array, ""] = quantity("c1", "F s/m", "viscous friction", lower=0.0)
-    c2: Float[Array, ""] = quantity("c2", "F", "Stribeck amplitude", lower=0.0)
+    c0: Float[Array, ""] = quantity("c0", "F", "Coulomb friction", lower=0.0, closed=True)
+    c1: Float[Array, ""] = quantity("c1", "F s/m", "viscous friction", lower=0.0, closed=True)
+    c2: Float[Array, ""] = quantity("c2", "F", "Stribeck amplitude", lower=0.0, closed=True)
     c3: Float[Array, ""] = quantity("c3", "m/s", "Stribeck velocity", lower=0.0)
     c4: Float[Array, ""] = quantity("c4", "1", "Stribeck exponent", lower=0.0)
     width: Float[Array, ""] | None = quantity(
@@ -98,9 +98,9 @@ class GaussianStribeck(AbstractStribeck):
     function: [c0 + c1 |V| + c2 exp(-(V/c3)^2)] sgn V.
     """
 
-    c0: Float[Array, ""] = quantity("c0", "F", "Coulomb friction", lower=0.0)
-    c1: Float[Array, ""] = quantity("c1", "F s/m", "viscous friction", lower=0.0)
-    c2: Float[Array, ""] = quantity("c2", "F", "Stribeck amplitude", lower=0.0)
+    c0: Float[Array, ""] = quantity("c0", "F", "Coulomb friction", lower=0.0, closed=True)
+    c1: Float[Array, ""] = quantity("c1", "F s/m", "viscous friction", lower=0.0, closed=True)
+    c2: Float[Array, ""] = quantity("c2", "F", "Stribeck amplitude", lower=0.0, closed=True)
     c3: Float[Array, ""] = quantity("c3", "m/s", "Stribeck velocity", lower=0.0)
     width: Float[Array, ""] | None = quantity(
         "width", "m/s", "velocity over which the sign of friction turns", lower=0.0

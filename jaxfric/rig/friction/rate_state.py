@@ -18,7 +18,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...quantity import quantity
+from ...errors import InputError
+from ...quantity import quantity, refuse_outside
 from .law import AbstractInvertibleLaw, Conditions
 
 _NEWTON_STEPS = 4
@@ -173,6 +174,15 @@ class RateState(AbstractInvertibleLaw):
     slip_trend: Float[Array, ""] = quantity(
         "slip_trend", "F/m", "linear change of friction with slip", default=0.0
     )
+
+    def __check_init__(self):
+        shapes = jnp.shape(self.B), jnp.shape(self.L)
+        if shapes[0] != shapes[1] or len(shapes[0]) == 0:
+            raise InputError(
+                f"RateState: B has shape {shapes[0]} and L {shapes[1]}; give one B and one L for"
+                " each state, as in B=[3.0], L=[1e-3]"
+            )
+        refuse_outside(self, "RateState")
 
     def _rest(self, state: Float[Array, " n"], at: Conditions) -> Float[Array, ""]:
         return self.f0 + jnp.sum(state) + self.slip_trend * at.slip

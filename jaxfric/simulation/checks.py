@@ -1,0 +1,79 @@
+"""What a simulation cannot be asked for: parameters out of bounds, times that descend.
+
+What is known is refused with its name before anything is computed. Under `jit` and `vmap` values
+are not known: the simulation then ends where it begins, and its `result` is `RESULTS.impossible`.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool
+
+from ..errors import InputError
+from ..motion import AbstractMotion, PiecewiseVelocity
+from ..quantity import all_inside, is_known, refuse_outside
+from ..rig import Rig
+from .start import Start
+
+
+def refuse_impossible(
+    rig: Rig, ts: Array, start: Start, *, motion: AbstractMotion | None = None
+) -> None:
+    """Raise `InputError` for what is known to be impossible.
+
+    A parameter of the rig outside its bounds; `ts` not of one dimension, empty, not finite,
+    descending, or before the motion begins; a start that is not finite.
+    """
+    if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
+        raise InputError(
+            f"simulate: ts has shape {jnp.shape(ts)}; give one row of times, not empty"
+        )
+    refuse_outside(rig, "simulate")
+    for name, value in (("velocity", start.velocity), ("elongation", start.elongation)):
+        _refuse_infinite(f"start.{name}", value)
+    _refuse_infinite("start.state", start.state)
+    _refuse_infinite("ts", ts)
+    if not is_known(ts):
+        return
+    times = np.asarray(ts)
+    if np.any(np.diff(times) < 0):
+        k = int(np.argmax(np.diff(times) < 0))
+        raise InputError(
+            f"simulate: ts must ascend; ts[{k + 1}] = {times[k + 1]:g} s comes after"
+            f" {times[k]:g} s. Sort the times"
+        )
+    if isinstance(motion, PiecewiseVelocity) and is_known(motion.times):
+        begin = float(np.asarray(motion.times)[0])
+        if times[0] < begin:
+            raise InputError(
+                f"simulate: ts begins at {times[0]:g} s, before the motion, which begins at"
+                f" {begin:g} s"
+            )
+
+
+def refuse_no_steady_state(initial: dict[str, Array], V: Array) -> None:
+    """Raise `InputError` where the law has no steady sliding to start from at `V` [m/s]."""
+    known = all(is_known(value) for value in initial.values())
+    if known and not all(np.all(np.isfinite(np.asarray(value))) for value in initial.values()):
+        at = f" at {float(V):g} m/s" if is_known(V) else ""
+        raise InputError(
+            f"simulate: the friction law has no steady sliding{at} to start from; let the motion"
+            " begin with a velocity that is not 0, and give the velocity, elongation and state of"
+            " another start with `start=Start(...)`"
+        )
+
+
+def _refuse_infinite(name: str, value) -> None:
+    if value is not None and is_known(value) and not np.all(np.isfinite(np.asarray(value))):
+        raise InputError(f"simulate: {name} holds a value that is not finite")
+
+
+def is_possible(
+    rig: Rig, ts: Array, start: Start, initial, *, motion: AbstractMotion | None = None
+) -> Bool[Array, ""]:
+    """The same where nothing is known: whether a simulation makes sense."""
+    fine = [all_inside(rig), jnp.all(jnp.isfinite(ts)), jnp.all(jnp.diff(ts) >= 0)]
+    fine += [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves((start, initial))]
+    if isinstance(motion, PiecewiseVelocity):
+        fine.append(ts[0] >= motion.times[0])
+    return jnp.stack(fine).all()
