@@ -60,6 +60,13 @@ def gains(
     min_kp: Annotated[Text, Parameter(help="Smallest k_p, '10 N/m'.")] = None,
     scale_kp: Annotated[Text, Parameter(help="Unit of k_p in the norm, '1000 N/m'.")] = None,
     scale_kv: Annotated[Text, Parameter(help="Unit of k_v in the norm, '10 N*s/m'.")] = None,
+    sample_time: Annotated[
+        Text,
+        Parameter(
+            help="How often the controller samples, '1 ms': its delay of 1.5 samples (hold and "
+            "computing) is then in the loop."
+        ),
+    ] = None,
     basin: Annotated[
         float | None,
         Parameter(
@@ -126,6 +133,7 @@ def gains(
                 optional_quantity(max_kp, "N/m", "--max-kp"),
                 optional_quantity(max_kv, "N*s/m", "--max-kv"),
             ),
+            sample_time=optional_quantity(sample_time, "s", "--sample-time"),
             progress=lambda text: progress(f"{text} (1 of 3)"),
         )
         if check:

@@ -8,6 +8,7 @@ from jaxtyping import ArrayLike
 
 from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..stability.linear import sampling_delay
 from ..stability.margins import UNITS
 from .frontier import Start
 from .kkt import Optimum
@@ -23,6 +24,8 @@ from .verify import choose, verify
 Pair = tuple[float | None, float | None]
 _CONFIDENCE_ROUNDS = 6
 _MOST_RAISED = 30.0
+SHORTEST_DELAY = 50e-6
+"""Delay of the fastest controllers of machines [s]: 1.5 samples of a drive that runs at 30 kHz."""
 
 
 def find_gains(
@@ -35,6 +38,7 @@ def find_gains(
     scale: Pair = (None, None),
     lower: Pair = (None, None),
     upper: Pair = (None, None),
+    sample_time: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Gains:
     """Smallest gains (k_p, k_v) whose margins hold in every scenario.
@@ -57,6 +61,9 @@ def find_gains(
         damping that stabilises at every stiffness, largest over the scenarios.
     lower, upper : limits of (k_p, k_v); k_p always has the lower limit 1e-9 times its natural
         unit, which stands for "any positive stiffness".
+    sample_time : h [s] of the controller; it then answers late by 1.5 h (half a sample of the
+        zero-order hold and one of computing), in all margins, in the search and in its certificate,
+        but not in the simulations of `check_gains`. None: a controller without delay.
     progress : told what is being done.
 
     Raises
@@ -69,7 +76,8 @@ def find_gains(
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
     _check_pairs(scale, lower, upper)
-    scenarios = Scenarios.product(source.samples, velocity, mass)
+    delay = _checked_delay(sample_time, mass, requirement, source.law)
+    scenarios = Scenarios.product(source.samples, velocity, mass, delay)
     region = make_region(scenarios, scale, lower, upper)
     tell = progress or (lambda text: None)
     tell(f"searching over {len(scenarios)} scenarios")
@@ -86,6 +94,26 @@ def find_gains(
         tell(f"again without the {dropped} samples that ask for most")
         solution = solve(requirement, drop_samples(scenarios, kept), region)
     return _result(source, requirement, solution, confidence, kept.size)
+
+
+def _checked_delay(sample_time, mass, requirement: Requirement, law) -> float | None:
+    """The delay of a sampled controller [s]."""
+    if sample_time is None:
+        return None
+    if not 0 < sample_time < np.inf:
+        raise InputError(f"sample time is {sample_time:g} s; it must be positive")
+    if mass is None:
+        raise InputError(
+            "a sample time needs a mass: without one no delay of the controller is survived"
+        )
+    if "stiffness" in requirement.names:
+        raise InputError(
+            "margin stiffness has no meaning with a sample time: a spring answers at once. Require"
+            " modulus=0.5, gain, phase or delay"
+        )
+    if isinstance(law, AbstractDelayLaw):
+        raise InputError("a sample time under a delay law is not analysed; take another law")
+    return float(sampling_delay(sample_time))
 
 
 def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
@@ -130,14 +158,16 @@ def _result(
         kept,
         certificate,
         source.text,
-        warnings=tuple(_warnings(parts[0], region)),
+        warnings=(*source.assumed, *_warnings(parts[0], region, worst, scenarios.delay)),
+        delay=None if scenarios.delay is None else float(scenarios.delay[0]),
     )
 
 
 def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
     """Every margin in the scenario where it is least."""
     worst = {}
-    for name, values in several_margins(UNITS, scenarios, gains).items():
+    names = [name for name in UNITS if name != "stiffness" or scenarios.delay is None]
+    for name, values in several_margins(names, scenarios, gains).items():
         at = int(np.argmin(values))
         worst[name] = WorstCase(float(values[at]), UNITS[name], scenarios.describe(at))
     return worst
@@ -170,8 +200,15 @@ def _alone(requirement, solution: Solution, start: Start) -> Basin:
     return Basin(name, kp, kv, start.norm, float(np.min(slack)), np.inf, worst, True, False)
 
 
-def _warnings(best: Basin, region) -> list[str]:
+def _warnings(best: Basin, region, worst: dict[str, WorstCase], delay) -> list[str]:
     texts = []
+    if delay is None and worst["delay"].value < SHORTEST_DELAY:
+        texts.append(
+            f"these gains survive a delay of {1e6 * worst['delay'].value:.2g} us in the controller:"
+            f" less than any has ({1e6 * SHORTEST_DELAY:.0f} us is that of one that samples at 30"
+            " kHz). Say how often yours samples, and find gains with that delay in the loop:"
+            " --sample-time '1 ms' (in Python sample_time=1e-3)"
+        )
     if best.kp <= region.lower[0] * (1 + 1e-6):
         texts.append(
             "k_p is at its lower limit: any positive stiffness meets the requirement; give a"

@@ -102,7 +102,8 @@ def _constraints(requirement, scenarios: Scenarios, region: Region, x: np.ndarra
     """All constraints and their gradients: slacks, scenario by scenario, then the four limits."""
     mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
     unit = jnp.asarray(region.unit)
-    slack, slope = _slacks(requirement, scenarios.friction, mass, unit, jnp.asarray(x))
+    delay = None if scenarios.delay is None else jnp.asarray(scenarios.delay)
+    slack, slope = _slacks(requirement, scenarios.friction, mass, delay, unit, jnp.asarray(x))
     low, high = region.lower / region.unit, np.minimum(region.upper / region.unit, 1e30)
     limits = np.concatenate([x - low, high - x])
     c = np.concatenate([np.asarray(slack), limits])
@@ -114,15 +115,16 @@ def _slacks(
     requirement: Requirement,
     friction: LinearFriction,
     mass: Float[Array, " n"] | None,
+    delay: Float[Array, " n"] | None,
     unit: Float[Array, " 2"],
     x: Float[Array, " 2"],
 ) -> tuple[Float[Array, " k"], Float[Array, "k 2"]]:
     def all_of(x):
-        def one(friction, mass):
-            return requirement.slack(x * unit, friction, mass, unit)
+        def one(friction, mass, delay):
+            return requirement.slack(x * unit, friction, mass, unit, delay)
 
-        axes = (0, None if mass is None else 0)
-        return jax.vmap(one, in_axes=axes)(friction, mass).reshape(-1)
+        axes = (0, *(None if x is None else 0 for x in (mass, delay)))
+        return jax.vmap(one, in_axes=axes)(friction, mass, delay).reshape(-1)
 
     return all_of(x), jax.jacfwd(all_of)(x)
 

@@ -23,7 +23,7 @@ def several_margins(names: Iterable[str], scenarios: Scenarios, gains) -> dict[s
     found = {name: np.empty(len(scenarios)) for name in names}
     for rows, used in tiles(len(scenarios), _size(scenarios)):
         some = scenarios.take(rows)
-        values = _values(names, some.friction, some.mass, gains)
+        values = _values(names, some.friction, some.mass, some.delay, gains)
         for name in names:
             found[name][rows[:used]] = np.asarray(values[name])[:used]
     return found
@@ -34,9 +34,10 @@ def _size(scenarios: Scenarios) -> int:
 
 
 @eqx.filter_jit
-def _values(names: tuple[str, ...], friction, mass, gains):
-    def one(friction, mass):
-        slider = LinearSlider(mass, gains[0], gains[1], friction)
+def _values(names: tuple[str, ...], friction, mass, delay, gains):
+    def one(friction, mass, delay):
+        slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
         return {name: margin(name, slider) for name in names}
 
-    return jax.vmap(one, in_axes=(0, None if mass is None else 0))(friction, mass)
+    axes = (0, *(None if x is None else 0 for x in (mass, delay)))
+    return jax.vmap(one, in_axes=axes)(friction, mass, delay)

@@ -73,16 +73,18 @@ class Requirement(eqx.Module):
         friction: LinearFriction,
         mass: Float[Array, ""] | None,
         unit: Float[Array, " 2"],
+        delay: Float[Array, ""] | None = None,
     ) -> Float[Array, " n"]:
         """How far each margin exceeds its requirement, relative to it, for gains (k_p, k_v).
 
-        Zero at the requirement, negative where it is missed, at most 9. The margin of stiffness
-        is two. One is a difference, k_p + f_x less the stiffness required, over `unit[0]`: it
-        stays smooth where the critical stiffness goes to zero. The other is the theorem's
-        hypothesis f_v + k_v > 0, over `unit[1]`: friction without memory has no other limit. For
-        a delay, of which the theorem does not hold, it is f_v + k_v > |k_f|.
+        Zero at the requirement, negative where it is missed, at most 9. `delay` [s] is that by
+        which the controller answers late. The margin of stiffness is two. One is a difference,
+        k_p + f_x less the stiffness required, over `unit[0]`: it stays smooth where the critical
+        stiffness goes to zero. The other is the theorem's hypothesis f_v + k_v > 0, over `unit[1]`:
+        friction without memory has no other limit. For a delay law, of which the theorem does not
+        hold, it is f_v + k_v > |k_f|.
         """
-        slider = LinearSlider(mass, gains[0], gains[1], friction)
+        slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
         slacks = []
         for name, required in zip(self.names, self.values, strict=True):
             if name == "stiffness":

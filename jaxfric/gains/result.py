@@ -76,6 +76,8 @@ class Gains:
     law: str
     simulation: CheckReport | None = None
     warnings: tuple[str, ...] = field(default=())
+    delay: float | None = None
+    """By which the controller answers late in every margin [s]; None: it does not."""
 
     @property
     def any_stiffness(self) -> bool:
@@ -88,6 +90,7 @@ class Gains:
         return {
             "schema": SCHEMA,
             "law": self.law,
+            "controller_delay": self.delay,
             "kp": self.kp,
             "kv": self.kv,
             "units": {"kp": "N/m", "kv": "N s/m"},

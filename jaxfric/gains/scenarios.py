@@ -30,6 +30,8 @@ class Scenarios:
     sample: np.ndarray
     """Index into `laws`."""
     friction: LinearFriction
+    delay: np.ndarray | None = None
+    """By which the controller answers late [s]; None: it does not."""
 
     def __len__(self) -> int:
         return self.velocity.shape[0]
@@ -40,8 +42,10 @@ class Scenarios:
         return _TILE if isinstance(self.friction.kernel, AbstractRationalKernel) else _SMALL_TILE
 
     @staticmethod
-    def product(laws: AbstractLaw | AbstractDelayLaw, velocities, masses) -> "Scenarios":
-        """All combinations. `masses` None means a slider without mass.
+    def product(
+        laws: AbstractLaw | AbstractDelayLaw, velocities, masses, delay: float | None = None
+    ) -> "Scenarios":
+        """All combinations. `masses` None means a slider without mass; `delay` [s] is of all.
 
         Raises
         ------
@@ -53,10 +57,11 @@ class Scenarios:
         samples = np.arange(number_of_samples(laws))
         grid = np.meshgrid(samples, V, np.zeros(1) if m is None else m, indexing="ij")
         sample, velocity, mass = (axis.reshape(-1) for axis in grid)
-        return Scenarios.at(laws, velocity, None if m is None else mass, sample)
+        late = None if delay is None else np.full(len(velocity), float(delay))
+        return Scenarios.at(laws, velocity, None if m is None else mass, sample, late)
 
     @staticmethod
-    def at(laws: AbstractLaw | AbstractDelayLaw, velocity, mass, sample) -> "Scenarios":
+    def at(laws: AbstractLaw | AbstractDelayLaw, velocity, mass, sample, delay=None) -> "Scenarios":
         """Scenarios listed one by one."""
         velocity, sample = np.asarray(velocity, float), np.asarray(sample)
         parts = []
@@ -65,14 +70,14 @@ class Scenarios:
             parts.append(jax.tree.map(lambda leaf, used=used: np.asarray(leaf)[:used], part))
         friction = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
         refuse_without_steady_state(velocity, friction)
-        return Scenarios(laws, velocity, mass, sample, friction)
+        return Scenarios(laws, velocity, mass, sample, friction, delay)
 
     def take(self, index) -> "Scenarios":
         """Some of the scenarios."""
         index = np.asarray(index)
         friction = jax.tree.map(lambda leaf: leaf[index], self.friction)
-        mass = None if self.mass is None else self.mass[index]
-        return Scenarios(self.laws, self.velocity[index], mass, self.sample[index], friction)
+        mass, delay = (None if x is None else x[index] for x in (self.mass, self.delay))
+        return Scenarios(self.laws, self.velocity[index], mass, self.sample[index], friction, delay)
 
     def join(self, other: "Scenarios") -> "Scenarios":
         """These and then the others."""
@@ -82,8 +87,9 @@ class Scenarios:
 
         friction = jax.tree.map(both, self.friction, other.friction)
         mass = None if self.mass is None else both(self.mass, other.mass)
+        delay = None if self.delay is None else both(self.delay, other.delay)
         velocity, sample = both(self.velocity, other.velocity), both(self.sample, other.sample)
-        return Scenarios(self.laws, velocity, mass, sample, friction)
+        return Scenarios(self.laws, velocity, mass, sample, friction, delay)
 
     def law(self, index: int) -> AbstractLaw | AbstractDelayLaw:
         """The law of one scenario."""

@@ -36,7 +36,7 @@ def paired_slacks(
     found = np.empty(len(index))
     for pairs, used in tiles(len(index), scenarios.tile):
         some = scenarios.take(index[pairs])
-        value = _tile(requirement, some.friction, some.mass, unit, gains[pairs])
+        value = _tile(requirement, some.friction, some.mass, some.delay, unit, gains[pairs])
         found[pairs[:used]] = np.asarray(value)[:used]
     return found
 
@@ -46,11 +46,12 @@ def _tile(
     requirement: Requirement,
     friction: LinearFriction,
     mass: Float[ArrayLike, " n"] | None,
+    delay: Float[ArrayLike, " n"] | None,
     unit: Float[ArrayLike, " 2"],
     gains: Float[ArrayLike, "n 2"],
 ) -> Float[Array, " n"]:
-    def one(friction, mass, gains):
-        return jnp.min(requirement.slack(gains, friction, mass, jnp.asarray(unit)))
+    def one(friction, mass, delay, gains):
+        return jnp.min(requirement.slack(gains, friction, mass, jnp.asarray(unit), delay))
 
-    axes = (0, None if mass is None else 0, 0)
-    return jax.vmap(one, in_axes=axes)(friction, mass, gains)
+    axes = (0, *(None if x is None else 0 for x in (mass, delay)), 0)
+    return jax.vmap(one, in_axes=axes)(friction, mass, delay, gains)

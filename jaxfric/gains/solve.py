@@ -170,8 +170,9 @@ def _between(requirement, scenarios: Scenarios, region, optima) -> Scenarios | N
 def _same_but(scenarios: Scenarios, index: int, velocity: np.ndarray) -> Scenarios:
     """One scenario at other velocities."""
     mass = None if scenarios.mass is None else np.full(velocity.size, scenarios.mass[index])
+    delay = None if scenarios.delay is None else np.full(velocity.size, scenarios.delay[index])
     sample = np.full(velocity.size, scenarios.sample[index])
-    return Scenarios.at(scenarios.laws, velocity, mass, sample)
+    return Scenarios.at(scenarios.laws, velocity, mass, sample, delay)
 
 
 def _dense(requirement, scenarios, carried, region: Region, optima):

@@ -34,6 +34,8 @@ _CURVES = {
     "dahl": Dahl,
 }
 LAWS = (*EVOLUTIONS, *_CURVES)
+_F0 = 50.0
+"""Steady friction in units of A where f0 is not given: of rock and metal it is 30 to 100."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,8 @@ class LawSource:
     """A velocity of the record [m/s], for where none is given."""
     warnings: tuple[str, ...] = ()
     """What must be known before it is relied on, a line each."""
+    assumed: tuple[str, ...] = ()
+    """What was not given and is assumed, a line each."""
 
 
 def law_from_fit(
@@ -89,7 +93,8 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     """A law by its name and its parameters, "A=1 N, B=3 N, L=1 mm, V0=2 mm/s".
 
     Rate-and-state laws: A, B, L (B2, L2, ... for more states), V0, and f0, which matters only for
-    a start at rest (default 50 A). Other laws: their own fields. Forces in newtons.
+    a start at rest (default 50 A, told in `assumed`). Other laws: their own fields. Forces in
+    newtons.
 
     Raises
     ------
@@ -98,9 +103,18 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     if kind not in LAWS:
         raise InputError(f"law '{kind}' does not exist; there are: {', '.join(LAWS)}")
     pairs = _pairs(text)
+    unsaid = kind in EVOLUTIONS and "f0" not in pairs
     law = (_from_pairs if kind in EVOLUTIONS else _curve)(kind, pairs)
     V0 = getattr(law, "V0", None)
-    return LawSource(law, stack([law]), f"{kind} law: {text}", None if V0 is None else float(V0))
+    assumed = ()
+    if unsaid:
+        assumed = (
+            f"f0, the steady friction at V0, is not given: {float(law.f0):.4g} N is taken, {_F0:g}"
+            " A. Linear margins do not depend on it; a start from rest, stick-slip and its figures"
+            " do. Give yours in --parameters, as f0=20 N",
+        )
+    name = f"{kind} law: {text}"
+    return LawSource(law, stack([law]), name, None if V0 is None else float(V0), assumed=assumed)
 
 
 def force_of_unit(unit: str, normal_force: float | None, path: Path) -> float:
@@ -192,7 +206,7 @@ def _from_pairs(kind: str, pairs: dict[str, str]) -> RateState:
         if name not in pairs:
             raise InputError(f"parameters: {name} is missing; the {kind} law needs A, B, L, V0")
     values = {name: _value(pairs, name, law_quantity(name)) for name in ("A", *names, "V0")}
-    values["f0"] = _value(pairs, "f0", law_quantity("f0")) if "f0" in pairs else 50 * values["A"]
+    values["f0"] = _value(pairs, "f0", law_quantity("f0")) if "f0" in pairs else _F0 * values["A"]
     _refuse_rest(pairs, kind, "A, B, L, V0, f0")
     return rate_state(values, states, EVOLUTIONS[kind]())
 

@@ -99,7 +99,9 @@ def _damping(result: Gains) -> str:
 
 def _required(result: Gains) -> str:
     pairs = zip(result.requirement.names, result.requirement.values, strict=True)
-    return ", ".join(f"{name} ≥ {value:g}{_unit(name)}" for name, value in pairs)
+    text = ", ".join(f"{name} ≥ {value:g}{_unit(name)}" for name, value in pairs)
+    late = result.delay
+    return text if late is None else f"{text}, controller {1e3 * late:.3g} ms late"
 
 
 def _unit(name: str) -> str:
@@ -128,7 +130,8 @@ def _map(axis: Axes, result: Gains) -> None:
     ):
         if (level == code).any():
             axis.plot([], [], "s", color=colour, ms=9, label=text)
-    draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
+    if result.delay is None:  # the theorem's boundaries are of a spring, which answers at once
+        draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
     _iso_norm(axis, result, k_p, k_v, sizes)
     for basin in result.basins:
         axis.plot(
@@ -218,17 +221,18 @@ def _hardest(result: Gains, gains: np.ndarray) -> Scenarios:
 
 def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
     """Whether each pair of gains is stable in all scenarios."""
-    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
+    mass, delay = (None if x is None else jnp.asarray(x) for x in (scenarios.mass, scenarios.delay))
 
     @eqx.filter_jit
-    def run(friction, mass, gains):
-        def one(pair, friction, mass):
-            return is_stable(LinearSlider(mass, pair[0], pair[1], friction))
+    def run(friction, mass, delay, gains):
+        def one(pair, friction, mass, delay):
+            return is_stable(LinearSlider(mass, pair[0], pair[1], friction, delay))
 
-        over = jax.vmap(one, (None, 0, None if mass is None else 0))
-        return jnp.all(jax.vmap(over, (0, None, None))(gains, friction, mass), axis=1)
+        over = jax.vmap(one, (None, 0, *(None if x is None else 0 for x in (mass, delay))))
+        every = jax.vmap(over, (0, None, None, None))(gains, friction, mass, delay)
+        return jnp.all(every, axis=1)
 
-    return np.asarray(run(scenarios.friction, mass, jnp.asarray(gains)))
+    return np.asarray(run(scenarios.friction, mass, delay, jnp.asarray(gains)))
 
 
 def _iso_norm(axis: Axes, result: Gains, k_p, k_v, sizes: Sequence[float]) -> None:
@@ -287,7 +291,8 @@ def _other_velocities(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios
     sample, mass = (np.repeat(x, len(velocities)) for x in pairs.T)
     V = np.tile(velocities, len(pairs))
     masses = None if scenarios.mass is None else mass
-    return Scenarios.at(scenarios.laws, V, masses, sample.astype(int))
+    delay = None if scenarios.delay is None else np.full(len(V), scenarios.delay[0])
+    return Scenarios.at(scenarios.laws, V, masses, sample.astype(int), delay)
 
 
 def _bracket(name: str) -> str:

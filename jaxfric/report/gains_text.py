@@ -9,8 +9,11 @@ def describe(gains: Gains) -> list[str]:
         f"{name} >= {value:g}"
         for name, value in zip(gains.requirement.names, gains.requirement.values, strict=True)
     )
-    lines = [gains.law, f"required: {required}", f"scenarios: {_scenarios(gains)}", ""]
-    kp = "any k_p > 0" if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
+    lines = [gains.law, f"required: {required}", f"scenarios: {_scenarios(gains)}"]
+    if gains.delay is not None:
+        lines.append(f"controller: answers {_time(gains.delay)} late (1.5 samples), in all margins")
+    lines.append("")
+    kp = _smallest(gains) if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
     lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {gains.norm:.5g})")
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
@@ -25,6 +28,11 @@ def describe(gains: Gains) -> list[str]:
         f"{found} meets the requirement",
     ]
     return lines + _simulation(gains)
+
+
+def _smallest(gains: Gains) -> str:
+    """What k_p at its lower limit stands for: of a late controller a large one is unstable."""
+    return "any k_p > 0" if gains.delay is None else "any small k_p"
 
 
 def _scenarios(gains: Gains) -> str:
@@ -47,7 +55,7 @@ def _basin(basin: Basin, gains: Gains) -> str:
     if not basin.minimum:
         how += " alone; the norm has no minimum there"
     tiny = basin.kp <= 1e-8 * gains.region.unit[0]
-    kp = "any k_p > 0" if tiny else f"k_p = {basin.kp:.6g} N/m"
+    kp = _smallest(gains) if tiny else f"k_p = {basin.kp:.6g} N/m"
     return f"{basin.name:<7} {kp}, k_v = {basin.kv:.6g} N s/m, norm {basin.norm:.5g}: {how}"
 
 
@@ -56,9 +64,15 @@ def _margin(gains: Gains, name: str) -> str:
     unit = "" if worst.unit == "1" else f" {worst.unit}"
     where = worst.scenario
     mass = "" if where["mass"] is None else f", {where['mass']:.3g} kg"
+    more = " more" if name == "delay" and gains.delay is not None else ""
     return (
-        f"{worst.value:.5g}{unit}  at {where['velocity']:.3g} m/s{mass}, sample {where['sample']}"
+        f"{worst.value:.5g}{unit}{more}  at {where['velocity']:.3g} m/s{mass},"
+        f" sample {where['sample']}"
     )
+
+
+def _time(seconds: float) -> str:
+    return f"{1e6 * seconds:.4g} us" if seconds < 1e-3 else f"{1e3 * seconds:.4g} ms"
 
 
 def _simulation(gains: Gains) -> list[str]:
@@ -66,6 +80,8 @@ def _simulation(gains: Gains) -> list[str]:
     if checked is None:
         return ["not checked by simulation"]
     text = f"simulated from {checked.checked} starts: {checked.steady} end steady"
+    if gains.delay is not None:
+        text = text.replace("simulated", "simulated without the controller's delay", 1)
     for count, name in (
         (checked.limit_cycle, "in a limit cycle"),
         (checked.escaped, "in escape"),
