@@ -6,10 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..loop.search import Search
+from ..stability.claims import Curve
 from .fit import AxisFit, inverse_dynamics, output_error
 from .gains import axis_gains, state_gains
 from .reading import Reading
 from .result import AxisDetails
+from .seen import seen
 
 
 def details_of(record, reading: Reading, problem, engine, found: Search, progress):
@@ -37,15 +39,28 @@ def details_of(record, reading: Reading, problem, engine, found: Search, progres
         simulated = output_error(problem, candidate.z, simulated_free, record)
         fits += [] if simulated is None else [(when, simulated)]
     rig = fits[-1][1].rig
-    moving = np.abs(rows.velocity[rows.used])
     middle = jnp.asarray(float(np.median(rows.position)))
 
     def steady(speed: np.ndarray) -> np.ndarray:
         v = jnp.asarray(speed)
         return np.asarray(rig.friction(middle, v, jnp.zeros_like(v), rig.steady(v)))
 
-    slow = max(4 * rows.width, float(np.quantile(moving, 0.02)))
-    fast = float(moving.max())
+    unit = "rad" if record.coordinate == "rotary" else "m"
+    known = seen(engine, found.final, rows, prepared, unit)
+    slow, fast = known.slowest, known.fastest
     gains = state_gains(rig, float(middle), slow, fast, drive=record.drive)
-    gains = gains or axis_gains(steady, slow, fast, drive=record.drive)
+    if gains is None:
+        gains = axis_gains(
+            steady,
+            slow,
+            fast,
+            drive=record.drive,
+            error=known.error,
+            above=known.above,
+            unseen=known.unseen,
+        )
+    else:
+        error = known.error(gains.worst_velocity)
+        curve = Curve(gains.slope, error, slow, fast, known.above, known.unseen)
+        gains = dataclasses.replace(gains, curve=curve)
     return AxisDetails(tuple(fits), prepared.preparation, rows.width, record, gains, reading.notes)

@@ -47,6 +47,9 @@ class AxisFit:
     """Of the residual [N, N m or %; m or rad]."""
     rig: AxisRig
     converged: bool
+    loose: tuple[str, ...] = ()
+    """Parameters that the record does not fix: what is uncertain of them would take more than the
+    largest force, or more than their own value where they are positive."""
 
 
 def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> AxisFit:
@@ -152,6 +155,10 @@ def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> Ax
     slopes = np.diagonal(np.asarray(jax.jacfwd(problem.from_free)(jnp.asarray(z))))
     rms = float(np.sqrt(np.mean(residual**2)))
     std = rms * np.sqrt(np.diag(normal_inverse(jacobian)))
+    peak = float(np.max(np.abs(np.asarray(problem.friction)[np.asarray(problem.weight) > 0])))
+    share = peak / float(problem.sizes.force)
+    limits = [1.0 if np.isfinite(problem.model.quantity(names[i]).lower) else share for i in free]
+    loose = [names[i] for i, s, most in zip(free, std, limits, strict=True) if not s < most]
     return AxisFit(
         method=method,
         values={names[i]: float(natural[i]) for i in free},
@@ -160,6 +167,7 @@ def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> Ax
         rms=rms,
         rig=problem.rig(jnp.asarray(z)),
         converged=ok,
+        loose=tuple(loose),
     )
 
 

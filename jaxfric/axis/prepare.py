@@ -144,6 +144,11 @@ class Prepared(NamedTuple):
     """Standard deviation of the white error of the recorded motion, from what the usual filter
     takes away: of the position, or of the velocity where there is no position."""
     of_position: bool
+    taken: np.ndarray
+    """rms of what the low-pass took away, of each row (n)."""
+    floor: float
+    """The error of one sample of the recorded motion, from its fourth differences, and no less than
+    that of rounding: what a low-pass may take away without taking motion."""
     preparation: Preparation
 
     @property
@@ -248,8 +253,16 @@ def prepare(
         inside,
         white,
         position is not None,
+        np.sqrt(np.mean(np.pad((raw - smooth) ** 2, more).reshape(-1, every), axis=1)),
+        _floor(raw),
         chosen,
     )
+
+
+def _floor(raw: np.ndarray) -> float:
+    levels = np.diff(np.unique(raw))
+    rounded = float(np.median(levels)) if 2 * len(levels) < len(raw) else 0.0
+    return max(float(np.std(np.diff(raw, 4))) / np.sqrt(70), rounded / np.sqrt(12))
 
 
 def _even(

@@ -24,6 +24,7 @@ from .rig import AxisRig
 
 _BASE = quantities(AxisRig)
 _SLOWEST = 0.02
+_SPEEDS, _NEGLIGIBLE = 12, 0.02
 
 
 class BaseLaw(NamedTuple):
@@ -112,6 +113,18 @@ class AxisProblem(eqx.Module):
             rig = effect(**chosen).embed(rig)  # pyright: ignore[reportArgumentType]
             n += len(fields)
         return rig  # pyright: ignore[reportReturnType]
+
+    def possible(self, z: Float[Array, " p"]) -> bool:
+        """Whether friction takes energy, as far as the record moves: F_c and (F(v) - F(-v))/2.
+
+        Less than a fiftieth of the force below zero is taken for zero.
+        """
+        rig, at = self.rig(jnp.asarray(z)), jnp.mean(self.motion.position)
+        v = self.sizes.velocity * jnp.geomspace(_SLOWEST, 1.0, _SPEEDS)
+        zero = jnp.zeros_like(v)
+        both = [rig.friction(at + zero, s * v, zero, rig.steady(s * v)) for s in (1.0, -1.0)]
+        least = jnp.minimum(jnp.min(both[0] - both[1]) / 2, rig.coulomb)
+        return bool(least >= -_NEGLIGIBLE * self.sizes.force)
 
     def whitened(self, noise: Noise) -> "AxisProblem":
         """The same problem with residuals in units of `noise` and uncorrelated under it."""

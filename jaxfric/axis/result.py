@@ -9,7 +9,7 @@ from ..loop.result import Table
 from ..records import Provenance, Sampling, VelocitySteps
 from ..records.axis_record import AxisRecord
 from .fit import AxisFit
-from .gains_result import AxisGains, StiffBasin
+from .gains_result import AxisGains, Shown, StiffBasin
 from .prepare import Preparation
 
 LAW = "coulomb_viscous"
@@ -106,10 +106,7 @@ class AxisDetails:
         """Parameters and errors of the fits, side by side."""
         fits = [fit for _, fit in self.fits]
         names = list(dict.fromkeys(name for fit in fits for name in fit.values))
-        rows = [
-            (name, *(_shown(fit.values.get(name), fit.std.get(name)) for fit in fits))
-            for name in names
-        ]
+        rows = [(name, *(_of(fit, name) for fit in fits)) for name in names]
         unit = "m" if self.record.coordinate == "linear" else "rad"
         units = {"inverse dynamics": self.record.force_unit}
         rows.append(("relative error", *(f"{100 * fit.relative_error:.4g} %" for fit in fits)))
@@ -127,6 +124,19 @@ class AxisDetails:
         fitted = Table(f"{both}, over all rows", ("parameter", *heads), rows, note)
         return [fitted, self._gains(unit)]
 
+    def _least(self, damping: str, unit: str) -> tuple[str, str, str]:
+        """The least k_v, two errors included; nothing where nothing may be said."""
+        claim, drive = self.gains.claim, self.record.drive
+        if claim.kind == "open":
+            return ("least k_v", "nothing is said", "")
+        gain = claim.damping / drive.gain if drive is not None and drive.gain else None
+        own = _drive(gain, "V" if drive is None else drive.signal, unit)
+        return ("least k_v", f"{claim.damping:.4g} {damping}", own)
+
+    def _said(self) -> str:
+        unit = "m" if self.record.coordinate == "linear" else "rad"
+        return self.gains.sentence(Shown(f"{self.record.force_unit} s/{unit}"), Shown(f"{unit}/s"))
+
     def _noted(self) -> str:
         return "".join(f" {note[0].upper()}{note[1:]}." for note in self.notes)
 
@@ -137,11 +147,7 @@ class AxisDetails:
         rows = [
             ("worst velocity", f"{gains.worst_velocity:.4g} {unit}/s", ""),
             ("slope of friction there", f"{gains.slope:.4g} {damping}", ""),
-            (
-                "least k_v",
-                f"{gains.least_damping:.4g} {damping}",
-                _drive(gains.velocity_gain, "V" if drive is None else drive.signal, unit),
-            ),
+            self._least(damping, unit),
             *_stiff_rows(gains, force, unit),
         ]
         if drive is not None and drive.K_d is not None:
@@ -156,16 +162,11 @@ class AxisDetails:
             damped = _drive(drive.velocity_gain, drive.signal, unit)
             own = f"{drive.position_gain:.4g} 1/s times {damped}"
             rows.append(("k_p in force", f"{drive.K_p:.4g} {force}/{unit}", own))
-        note = (
-            "with k_v above the least any k_p > 0 holds the axis at every speed of the record:"
-            " (16)-(17), friction without memory"
-        )
+        note = f"{self._said()} (16)-(17)"
         if gains.stiff is not None:
-            note = (
-                "two ways to hold the axis at every speed of the record: k_v above the least and"
-                " any k_p > 0, or k_p above the critical one and no k_v, (18)-(20) and (25). Both"
-                " are linear, and of an ideal drive: lags and sampling ask for more. The critical"
-                " k_p at the drive is in 1/s at its k_v"
+            note += (
+                ", (18)-(20) and (25): linear, and of an ideal drive; lags and sampling ask for"
+                " more. The critical k_p at the drive is in 1/s at its k_v"
             )
         return Table("Gains", ("", "in force", "at the drive"), rows, note)
 
@@ -183,6 +184,8 @@ class AxisDetails:
                     "slope": self.gains.slope,
                     "least_damping": self.gains.least_damping,
                     "velocity_gain": self.gains.velocity_gain,
+                    "claim": self.gains.claim.kind,
+                    "sentence": self._said(),
                     "stiff": _stiff_json(self.gains.stiff),
                 },
                 "fits": [
@@ -191,6 +194,7 @@ class AxisDetails:
                         "method": fit.method,
                         "values": fit.values,
                         "std": {k: v if np.isfinite(v) else None for k, v in fit.std.items()},
+                        "undetermined": list(fit.loose),
                         "relative_error": fit.relative_error,
                         "rms": fit.rms,
                         "converged": fit.converged,
@@ -226,6 +230,12 @@ def _stiff_json(stiff: StiffBasin | None) -> dict | None:
 
 def _drive(gain: float | None, signal: str, unit: str) -> str:
     return "" if gain is None else f"{gain:.4g} {signal} s/{unit}"
+
+
+def _of(fit: AxisFit, name: str) -> str:
+    if name in fit.loose:
+        return "undetermined"
+    return _shown(fit.values.get(name), fit.std.get(name))
 
 
 def _shown(value: float | None, std: float | None) -> str:

@@ -214,6 +214,10 @@ class Problem(eqx.Module):
         """The same record with another model."""
         return dataclasses.replace(self, model=model)
 
+    def possible(self, z: Float[Array, " q"]) -> bool:
+        """Whether the whole friction is possible: a slider's always is."""
+        return True
+
     def whitened(self, noise: Noise) -> "Problem":
         """The same problem with residuals in units of `noise` and uncorrelated under it."""
         return dataclasses.replace(self, noise=noise, hold=jnp.ones_like(self.hold))

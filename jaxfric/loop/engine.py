@@ -274,7 +274,8 @@ class Engine:
             name: scale * float(np.sqrt(np.mean(whole[self.blocks.of(name)] ** 2)))
             for name in NAMES
         }
-        return Candidate(effects, z, whole, found, bic, rms, self.physical(effects, z), rows.failed)
+        physical = self.physical(effects, z) and self.problem.possible(z)
+        return Candidate(effects, z, whole, found, bic, rms, physical, rows.failed)
 
     def values(self, z: np.ndarray) -> dict[str, float]:
         """Natural values (SI) of all parameters by name."""

@@ -1,0 +1,131 @@
+"""What an axis record shows of friction at steady speeds, and what it does not.
+
+The rule itself is that of `jaxfric.stability.claims`. Here are its numbers: the error of the slope
+of the fitted friction, rows at low speed that lie above it, and speeds at which the axis stopped on
+its way, or the low-pass took away stairs of its motion.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..fitting.uncertainty import normal_inverse
+from ..loop.engine import Candidate, Engine
+from ..stability.claims import Above, Unseen, above_curve
+from .prepare import Prepared
+from .problem import AxisProblem
+from .result import AxisRows
+
+_BINS, _FEWEST_ROWS = 12, 8
+_STAIRS = 4.0
+"""Noises of the encoder that a low-pass takes away where it takes motion."""
+_QUANTILE = 0.02
+
+
+class Seen(NamedTuple):
+    """What the slope of friction rests on, from `slowest` to `fastest`."""
+
+    slowest: float
+    fastest: float
+    error: Callable[[float], float]
+    above: Above | None
+    unseen: tuple[Unseen, ...]
+
+
+def seen(engine: Engine, found: Candidate, rows: AxisRows, prepared: Prepared, unit: str) -> Seen:
+    """Of the fit `found`; `unit` is that of the position, for words."""
+    speed = np.abs(rows.velocity[rows.used])
+    fastest = float(speed.max())
+    unseen = [Unseen(f"rows below {2 * rows.width:.2g} {unit}/s do not count", 2 * rows.width)]
+    stops, at = _stops(rows)
+    if stops:
+        unseen.append(Unseen(f"it stopped {stops} times on its way", at))
+    size, at = _stairs(rows, prepared)
+    if size > 0:
+        what = f"position in {unit}" if prepared.of_position else f"velocity in {unit}/s"
+        unseen.append(
+            Unseen(
+                f"the low-pass at {prepared.preparation.cutoff:.3g} Hz took stairs of {size:.1g}"
+                f" ({what}) away",
+                at,
+            )
+        )
+    slowest = max(4 * rows.width, float(np.quantile(speed, _QUANTILE)))
+    faster = speed[speed > max(one.speed for one in unseen)]
+    if len(faster):
+        slowest = max(slowest, float(np.quantile(faster, _QUANTILE)))
+    error = slope_error(engine, found, float(np.median(rows.position)))
+    return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
+
+
+def slope_error(engine: Engine, found: Candidate, position: float) -> Callable[[float], float]:
+    """The standard error of dF/dv of the fitted steady friction, at a velocity."""
+    problem: AxisProblem = engine.problem  # pyright: ignore[reportAssignmentType]
+    index = engine.free(found.effects)
+    rows = engine.evaluate(found.z, index)
+    white = engine.whiten(rows.jacobian * engine.weight[:, None], found.noise)
+    spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
+
+    def slope(z, v):
+        rig, zero = problem.rig(z), jnp.zeros_like(v)
+        return jax.grad(lambda v: rig.friction(position + zero, v, zero, rig.steady(v)))(v)
+
+    by = jax.jit(jax.grad(slope))
+
+    def error(velocity: float) -> float:
+        g = np.asarray(by(jnp.asarray(found.z), jnp.asarray(velocity, float)))[index]
+        return float(np.sqrt(max(g @ spread @ g, 0.0)))
+
+    return error
+
+
+def _above(engine: Engine, found: Candidate, rows: AxisRows) -> Above | None:
+    """Bins of rows by speed, of each direction, whose friction lies above the fit."""
+    left = -float(engine.problem.noise_scale) * found.residual[: len(rows.time)]
+    speed, excess, error = [], [], []
+    for sign in (1.0, -1.0):
+        here = np.flatnonzero(rows.used & (sign * rows.velocity > 0))
+        order = here[np.argsort(np.abs(rows.velocity[here]))]
+        number = min(_BINS, len(order) // _FEWEST_ROWS)
+        for part in np.array_split(order, number) if number else []:
+            speed.append(float(np.mean(rows.velocity[part])))
+            excess.append(float(sign * np.mean(left[part])))
+            error.append(float(np.std(left[part]) / np.sqrt(len(part))))
+    return above_curve(speed, excess, error)
+
+
+def _stops(rows: AxisRows) -> tuple[int, float]:
+    """Stops after which the axis goes on in its direction, and the largest mean speed there."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.stuck.astype(int), [0]])))
+    number, largest = 0, 0.0
+    for begin, end in edges.reshape(-1, 2):
+        if not (begin > 0 and end < len(rows.time)):
+            continue
+        first = int(np.searchsorted(rows.segment, rows.segment[begin - 1]))
+        last = int(np.searchsorted(rows.segment, rows.segment[end], side="right")) - 1
+        came = rows.position[begin] - rows.position[first]
+        went = rows.position[last] - rows.position[end - 1]
+        if came * went > 0:
+            mean = abs(came + went) / float(rows.time[last] - rows.time[first])
+            number, largest = number + 1, max(largest, mean)
+    return number, largest
+
+
+def _stairs(rows: AxisRows, prepared: Prepared) -> tuple[float, float]:
+    """What the low-pass took away beyond noise (peak to peak), and up to which speed; else 0."""
+    n = prepared.rows
+    taken, speed = prepared.taken[:n], np.abs(rows.velocity)
+    moving = prepared.inside[:n] & (speed > 0)
+    order = np.flatnonzero(moving)[np.argsort(speed[moving])]
+    if len(order) < _BINS * _FEWEST_ROWS:
+        return 0.0, 0.0
+    parts = np.array_split(order, _BINS)
+    level = np.asarray([float(np.sqrt(np.mean(taken[part] ** 2))) for part in parts])
+    large = level > _STAIRS * prepared.floor
+    count = len(large) if large.all() else int(np.argmin(large))
+    if not count:
+        return 0.0, 0.0
+    return float(np.sqrt(8) * level[:count].max()), float(speed[parts[count - 1]].max())

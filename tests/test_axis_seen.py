@@ -1,0 +1,78 @@
+"""What a record of an axis does not show: stops on its way, stairs that a low-pass took away."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxfric.axis.fit import inverse_dynamics
+from jaxfric.axis.prepare import Preparation
+from jaxfric.axis.problem import BaseLaw, make_problem
+from jaxfric.axis.reading import read_rows
+from jaxfric.axis.seen import _stairs, _stops
+from jaxfric.loop.superset import Superset
+from jaxfric.records import axis_from_arrays
+
+H = 2e-3
+
+
+def strokes(stairs: bool):
+    """Slow strokes, in stairs or not, then fast ones: t, q."""
+    t = np.arange(12000) * H
+    slow = t < 12
+    phase = np.where(slow, t / 6, (t - 12) / 2) % 1
+    q = np.where(slow, 0.2, 0.8) * np.minimum(phase, 1 - phase) * 2
+    if stairs:
+        step = 0.04
+        q = np.where(slow, step * np.floor(q / step + 0.5), q)
+    ease = np.hanning(31) / np.hanning(31).sum()
+    return t, np.convolve(np.pad(q, 15, "edge"), ease, "valid")
+
+
+def read(stairs: bool, cutoff: float, noise=1e-5):
+    t, q = strokes(stairs)
+    random = np.random.default_rng(0)
+    v = np.gradient(q, t)
+    torque = 0.05 * np.gradient(v, t) + 0.3 * np.sign(np.round(v, 6)) + 0.04 * v
+    record = axis_from_arrays(
+        t,
+        torque + 0.005 * random.standard_normal(len(t)),
+        position=q + noise * random.standard_normal(len(t)),
+        coordinate="rotary",
+    )
+    return read_rows(record, preparation=Preparation(cutoff, 10), width=5e-3, held=False)
+
+
+def test_stops_on_the_way_are_counted_and_turns_are_not():
+    found = read(True, 40.0)
+    number, speed = _stops(found.rows)
+    assert number >= 10
+    assert 0.03 < speed < 0.3  # of the slow strokes, 0.067 rad/s on average
+    assert _stops(read(False, 40.0).rows) == (0, 0.0)
+
+
+def test_a_low_pass_that_takes_stairs_away_is_told():
+    smooth, rough = read(False, 40.0), read(True, 2.0)
+    assert _stairs(smooth.rows, smooth.prepared) == (0.0, 0.0)
+    size, speed = _stairs(rough.rows, rough.prepared)
+    assert 0.01 < size < 0.1 and speed > 0.05
+
+
+@pytest.mark.parametrize(
+    ("coulomb", "viscous", "possible"),
+    [(0.3, 0.04, True), (-0.1, 0.2, False), (0.3, -0.6, False)],
+)
+def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
+    found = read(False, 40.0)
+    weight = np.zeros(len(found.prepared.time))
+    weight[: found.prepared.rows] = found.rows.used
+    model = Superset(BaseLaw(), ())
+    problem = make_problem(found.prepared, weight, model, width=5e-3, noise_scale=1.0)
+    z = problem.to_free(jnp.asarray([0.05, viscous, coulomb, 0.02]))
+    assert problem.possible(z) is possible
+    if possible and coulomb:
+        still = np.zeros_like(weight)
+        still[: found.prepared.rows] = found.rows.used & (found.rows.velocity > 0)
+        one_way = make_problem(found.prepared, still, model, width=5e-3, noise_scale=1.0)
+        both = inverse_dynamics(problem, np.asarray(z), np.arange(4))
+        assert both.loose == () and both.values["F_c"] == pytest.approx(0.3, rel=0.05)
+        assert set(inverse_dynamics(one_way, np.asarray(z), np.arange(4)).loose) == {"F_c", "F_0"}
