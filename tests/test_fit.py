@@ -3,6 +3,7 @@
 import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -13,10 +14,14 @@ from public_data import public_record
 
 import jaxfric
 from jaxfric import InputError, VelocitySteps
-from jaxfric.fitting.fit import prepare
+from jaxfric.fitting.assemble import _plausible
+from jaxfric.fitting.fit import _noise, prepare
+from jaxfric.fitting.plausible import bounds_of
 from jaxfric.fitting.problem import Model, residual_and_jacobian, to_free
+from jaxfric.fitting.result import Estimate, Fit, NoiseEstimate
 from jaxfric.fitting.start import one_state_starts
 from jaxfric.fitting.uncertainty import QUANTILE
+from jaxfric.plot.fit import fit_figure
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 # a, b, Dc [m] and their standard deviations as published for p655, step 1, slip law, k = 1.6e-3/um
@@ -170,6 +175,45 @@ def test_starts_come_from_records_with_holds(velocities, law):
     assert abs(best[2] - best[1] - (B - A)) < 0.5 * A
 
 
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("L", 0.01 * 1e-6, 486e-6),  # the slip between rows at 1 um/s, and of all rows
+        ("B2", -30 * 0.02 / np.log(10), 30 * 0.02 / np.log(10)),
+        ("A", 0.0, 30 * 0.02 / np.log(10)),
+        ("f0", 0.59 - 0.2, 0.61 + 0.2),
+        ("K", 1e-4 / 486e-6, np.inf),
+    ],
+)
+def test_bounds_of_a_parameter_are_of_the_size_of_the_record(name, low, high):
+    t = np.arange(91.0)  # 46 s at 1 um/s, then 44 s at 10 um/s: 486 um
+    steps = VelocitySteps(np.array([0.0, 46.0]), np.array([1e-6, 1e-5]))
+    found = bounds_of(name, t, np.linspace(0.59, 0.61, 91), steps, 1e-4)
+    assert found == pytest.approx((low, high), rel=1e-2)
+
+
+def test_a_slip_length_longer_than_the_record_is_no_value():
+    record, steps, made = synthetic(12, law="slip", pattern="up", samples=(300, 400))
+    problem = prepare(record, steps, Model(), stiffness=1e3)
+    t, path = made.truth, made.load_point_displacement[-1]
+    for L, expected in ((t.L, True), (2 * path, False)):
+        z = to_free(problem, jnp.array([[t.f0, t.A, t.B, L]]))[0]
+        within = _plausible(record, steps, 1.0, problem, SimpleNamespace(z=z))
+        assert within == [True, True, True, expected]
+
+
+def test_a_residual_that_wanders_is_not_taken_for_large_noise():
+    """A slow hump of rms 1.6e-3: its noise has that size, and a memory of a tenth of the record."""
+    record, steps, _ = synthetic(12, law="slip", pattern="up", samples=(300, 400))
+    problem = prepare(record, steps, Model(), stiffness=1e3)
+    n = len(problem.time)
+    share = np.linspace(0, 1, len(record))
+    hump = np.pad(1.6e-3 * np.sqrt(2) * np.cos(2 * np.pi * share), (0, n - len(record)))
+    noise = _noise(problem, SimpleNamespace(residual=jnp.asarray(hump), jacobian=jnp.ones((n, 1))))
+    assert 1.2e-3 < float(noise.sigma) < 2.2e-3
+    assert float(jnp.min(noise.memory)) <= 0.101 * np.ptp(problem.clock[..., 0])
+
+
 def test_a_given_start_far_off_survives():
     """From (2A, 1.3B, 2L) a naive fit dies of a runaway in the middle of a step."""
     record = jaxfric.read(DATA / "velocity_step.csv")
@@ -298,6 +342,7 @@ def test_quantile_is_that_of_the_normal_distribution():
         (dict(stiffness=-1.0), "positive"),
         (dict(stiffness="0/um"), "positive"),
         (dict(stiffness="5 um"), "stiffness"),
+        (dict(stiffness="1e-30/um"), "is its unit right"),
         (dict(stiffness=1e3, law="aging"), "slip, ageing"),
         (dict(stiffness=1e3, states=4), "1 to 3"),
         (dict(stiffness=1e3, weighting="robust"), "ordinary or whitened"),
@@ -313,6 +358,47 @@ def test_bad_arguments(options, word):
     record = jaxfric.read(DATA / "velocity_step.csv")
     with pytest.raises(InputError, match=word):
         jaxfric.fit(record, **options)
+
+
+@pytest.mark.parametrize("start", [0.7, 0.5])
+def test_no_word_of_the_figure_lies_on_the_record(start):
+    """A record that starts high, or low, and fills its panel."""
+    t = np.linspace(0, 60, 400)
+    friction = 0.6 + (start - 0.6) * np.cos(t / 9)
+    steps = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))
+    record = jaxfric.from_arrays(t, friction, load_point_displacement=steps.displacement(t))
+    units = {"f0": "1", "A": "1", "B": "1", "L": "m", "K": "1/m", "V0": "m/s"}
+    fit = Fit(
+        record=record,
+        steps=steps,
+        model=Model(),
+        parameters={
+            name: Estimate(0.012345, 1e-5, 0.01, 0.02, unit, free=name not in ("K", "V0"))
+            for name, unit in units.items()
+        },
+        free=("f0", "A", "B", "L"),
+        covariance=np.eye(4),
+        correlation=np.eye(4),
+        predicted=friction + 1e-3,
+        sum_of_squares=1e-3,
+        rms=1e-3,
+        noise=NoiseEstimate(1e-3, 0.5, 1.0, np.inf, np.inf),
+        converged=True,
+        result="converged",
+        iterations=3,
+        weighting="ordinary",
+        warnings=(),
+    )
+    figure = fit_figure(fit)
+    figure.canvas.draw()
+    whole = figure.bbox
+    for axis in figure.axes:
+        words = [*axis.texts, *filter(None, [axis.get_legend()])]
+        for box in (word.get_window_extent() for word in words):
+            assert whole.x0 <= box.x0 and box.x1 <= whole.x1
+            for line in axis.lines:
+                points = line.get_transform().transform(line.get_xydata())
+                assert not box.count_contains(points), axis.get_ylabel()
 
 
 def test_64_bit_numbers_are_asked_for():

@@ -9,7 +9,8 @@ import optimistix as optx
 
 from ..records import Record, VelocitySteps
 from ..units import format_si
-from .noise import Noise
+from .noise import LONGEST, Noise
+from .plausible import bounds_of
 from .problem import FAILED_MISFIT, Model, Problem, natural, residual_and_jacobian
 from .result import Estimate, Fit, NoiseEstimate, unit_of
 from .solve import Solution
@@ -45,7 +46,8 @@ def assemble(
     spread = covariance(problem, solution, noise)
     profiles = progress if profile else None
     ended = bool(solution.result == optx.RESULTS.successful) and not failed
-    estimates, matrix = _estimates(record, problem, solution, spread, ended, profiles)
+    plausible = _plausible(record, steps, sign, problem, solution)
+    estimates, matrix = _estimates(record, problem, solution, spread, ended, plausible, profiles)
     names = problem.model.names()
     deviations = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     product = np.outer(deviations, deviations)
@@ -85,7 +87,8 @@ def assemble(
     )
     shifts = np.asarray(solution.z)[len(names) :]
     pairs = zip(np.asarray(problem.shifted), shifts, strict=True)
-    return _warn(fit, [(int(k), float(s)) for k, s in pairs if abs(s) > _FAR])
+    moved = [(int(k), float(s)) for k, s in pairs if abs(s) > _FAR]
+    return _warn(fit, moved, wanders=noise_wanders(problem.clock, noise))
 
 
 def _refined(
@@ -108,17 +111,20 @@ def _estimates(
     solution: Solution,
     spread,
     ended: bool,
+    plausible: list[bool],
     profiles: Callable[[str], None] | None,
 ):
     """Estimates by name, and the covariance of the free parameters in SI.
 
-    `ended`: the search converged. `profiles` is told of every profile; None: there are none.
+    `ended`: the search converged; `plausible`, which parameters the record can show; `profiles` is
+    told of every profile; None: there are none.
     """
     z = np.asarray(solution.z)
     variance = np.diag(spread)
     std = np.sqrt(np.where(variance > 0, variance, np.nan))
     span = float(np.ptp(record.friction))
-    known = determined(problem, std, span) if ended else [False] * len(std)
+    fixed = determined(problem, std, span)
+    known = [ended and a and b for a, b in zip(fixed, plausible, strict=True)]
     p, estimates = len(problem.model.names()), {}
     ends = np.stack([z - QUANTILE * std, z + QUANTILE * std])
     for i, name in enumerate(problem.model.names()):
@@ -143,6 +149,25 @@ def _estimates(
         return estimates, spread[:p, :p] * np.outer(slope, slope)
 
 
+def noise_wanders(clock, noise: Noise) -> bool:
+    """Whether most of the noise has the longest memory that is searched."""
+    clock = np.asarray(clock).reshape(len(clock), -1)
+    share = np.asarray(noise.memory) / np.maximum(np.ptp(clock, axis=0), 1e-300)
+    return bool(noise.share > 0.5 and np.min(share) > 0.9 * LONGEST)
+
+
+def _plausible(record: Record, steps: VelocitySteps, sign: float, problem, solution) -> list[bool]:
+    """Whether each free parameter has a value that a record of this size can show."""
+    noise, friction = float(problem.noise_scale), sign * record.friction
+    values = np.asarray(problem.from_free(solution.z))
+    forward = VelocitySteps(steps.times, np.abs(steps.velocities))
+    within = []
+    for name, value in zip(problem.model.names(), values, strict=True):
+        ends = bounds_of(name, record.relative_time, friction, forward, noise)
+        within.append(ends is None or bool(ends[0] <= value <= ends[1]))
+    return within
+
+
 def _contradicted(record: Record, steps: VelocitySteps) -> list[str]:
     """Where the steps that were given are not those of the load point."""
     time, motion = record.relative_time, record.load_point_displacement
@@ -163,7 +188,7 @@ def _contradicted(record: Record, steps: VelocitySteps) -> list[str]:
     return []
 
 
-def _warn(fit: Fit, moved: list[tuple[int, float]]) -> Fit:
+def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     """The fit with what its user should know; `moved` are steps far from where they were found."""
     said = _contradicted(fit.record, fit.steps)
     if not fit.converged:
@@ -174,6 +199,12 @@ def _warn(fit: Fit, moved: list[tuple[int, float]]) -> Fit:
         verb = "is" if len(open_) == 1 else "are"
         said.append(
             f"{', '.join(open_)} {verb} not determined by this record: other values fit it as well"
+        )
+    if wanders:
+        said.append(
+            "the residual wanders over the whole record: the errors count that as noise, but it may"
+            " be a drift (--slip-trend), a wrong step, or an effect that the model lacks (jaxfric"
+            " loop)"
         )
     for k, sigmas in moved:
         said.append(

@@ -12,7 +12,7 @@ from ..records.steps import speeds_without_steps
 from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
-from .noise import Noise, estimate_noise
+from .noise import LONGEST, Noise, estimate_noise
 from .problem import (
     FAILED_MISFIT,
     LAWS,
@@ -90,6 +90,8 @@ def fit(
     K = _stiffness(stiffness, record, fit_stiffness)
     progress("velocity steps")
     steps = steps_of(record, steps)
+    if K is not None:
+        _refuse_soft(K, record, steps)
     V0 = _reference(reference_velocity, steps)
     forward, sign = forward_steps(record, steps)
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
@@ -184,6 +186,19 @@ def _stiffness(stiffness, record: Record, fit_stiffness: bool) -> float | None:
     if not np.isfinite(value) or value <= 0:
         raise InputError(f"stiffness is {value:g} {unit}; it must be positive")
     return float(value)
+
+
+def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
+    """Refuse a stiffness whose spring the whole path of the load point does not load."""
+    noise = noise_from_differences(record.friction)
+    path = float(np.sum(np.abs(np.diff(steps.displacement(record.relative_time)))))
+    if K * path < noise:
+        unit = unit_of("K", record.friction_unit)
+        raise InputError(
+            f"stiffness is {K:.3g} {unit}: over the whole path of the load point,"
+            f" {1e6 * path:.4g} um, the spring force would change by {K * path:.2g}, less than the"
+            f" noise ({noise:.2g}); is its unit right? It is friction per length, as in 1.6e-3/um"
+        )
 
 
 def _reference(reference, steps: VelocitySteps) -> float:
@@ -287,4 +302,10 @@ def _evaluate(problem: Problem, solution: Solution) -> Solution:
 
 
 def _noise(problem: Problem, solution: Solution) -> Noise:
-    return estimate_noise(problem.clock, problem.weight, *data_part(problem, solution))
+    """Noise of a memory that the record shows several times, and not below the residual's size."""
+    clock = problem.clock
+    residual, jacobian = data_part(problem, solution)
+    span = jnp.max(clock, axis=0) - jnp.min(clock, axis=0)
+    found = estimate_noise(clock, problem.weight, residual, jacobian, LONGEST * span)
+    size = jnp.sqrt(jnp.sum(residual**2) / jnp.sum(problem.weight > 0))
+    return found._replace(sigma=jnp.maximum(found.sigma, size))

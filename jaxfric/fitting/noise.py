@@ -30,6 +30,9 @@ _GRID = 6
 _ZOOMS = 3
 _LOGIT_RANGE = 5.0
 _HIDDEN = 1e12  # variance of a row that is to be passed over
+LONGEST = 0.1
+"""Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
+too seldom for its size to be known, and a likelihood makes it as large as it likes."""
 _SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
 
 

@@ -17,10 +17,17 @@ _LAGS = 28
 
 def draw_fit(fit: Fit, *paths: str | Path) -> None:
     """Write the figure of a fit to each of `paths` (PNG, SVG or PDF by its ending)."""
-    figure = Figure(figsize=(9.5, 8.0))
+    figure = fit_figure(fit)
+    for path in paths:
+        figure.savefig(str(path), dpi=130)
+
+
+def fit_figure(fit: Fit) -> Figure:
+    """Record and fit, what is left, and its autocorrelation; words stand beside the panels."""
+    figure = Figure(figsize=(11.5, 8.0))
     FigureCanvasAgg(figure)
     axes = figure.subplots(3, 1, height_ratios=[2.2, 1.1, 1.1])
-    figure.subplots_adjust(left=0.1, right=0.985, top=0.94, bottom=0.07, hspace=0.28)
+    figure.subplots_adjust(left=0.085, right=0.76, top=0.94, bottom=0.07, hspace=0.28)
     along, label, marks = _abscissa(fit)
     _record(axes[0], fit, along)
     _residual(axes[1], fit, along)
@@ -39,8 +46,7 @@ def draw_fit(fit: Fit, *paths: str | Path) -> None:
     title = f"{name}: {fit.model.law} law{states}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(list(axes))
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    return figure
 
 
 def _abscissa(fit: Fit) -> tuple[np.ndarray, str, np.ndarray]:
@@ -58,6 +64,7 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     force = fit.record.friction_unit == "N"
     axis.set_ylabel("friction force [N]" if force else "friction coefficient")
     axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=2, frameon=False, fontsize=9)
+    # beside the panel: within it the box would lie on some record
     lines = [
         f"{row.name} = {row.value}"
         + (f" ± {row.std}" if row.std not in ("", "fixed") else "")
@@ -65,14 +72,14 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
         for row in rows(fit)
     ]
     axis.text(
-        0.99,
-        0.97,
+        1.03,
+        1.0,
         "\n".join(lines),
         transform=axis.transAxes,
-        ha="right",
+        ha="left",
         va="top",
         fontsize=8.5,
-        bbox=dict(facecolor="white", edgecolor="0.8", alpha=0.85, boxstyle="round,pad=0.4"),
+        bbox=dict(facecolor="white", edgecolor="0.8", boxstyle="round,pad=0.4"),
     )
 
 
@@ -82,7 +89,7 @@ def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     axis.plot(along, fit.residual, color=_DATA, lw=0.7)
     axis.axhline(0, color="0.3", lw=0.6)
     axis.set_ylabel("record − fit")
-    axis.legend(loc="upper right", frameon=False, fontsize=8)
+    axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
 
 
 def _autocorrelation(axis: Axes, fit: Fit) -> None:
@@ -99,7 +106,7 @@ def _autocorrelation(axis: Axes, fit: Fit) -> None:
     axis.set_ylim(min(-0.3, 1.1 * float(value.min())), 1.02)
     axis.set_xlabel(label)
     axis.set_ylabel("autocorrelation")
-    axis.legend(loc="upper right", frameon=False, fontsize=8)
+    axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
 
 
 def _clock(fit: Fit) -> tuple[np.ndarray, str, float]:
