@@ -66,6 +66,7 @@ def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
     assert {m["unit"] for m in found["location_map"]} == {"rad", "rad/s", "s"}
     seen = next(m for m in found["location_map"] if m["variable"] == "velocity")
     assert 0.05 < np.max(np.abs(seen["amplitudes"])) < 0.5  # N m, c v^3 less what the base takes
+    assert " the loop" in out and "They differ by more" not in out
     page = Path("joint-loop/loop.html").read_text(encoding="utf-8")
     assert "was not drawn" in page and "moment of inertia" in page and " rad/s" in page
     for text in (out, page.split("<h2>How to read this")[0]):

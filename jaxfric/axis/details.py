@@ -14,8 +14,9 @@ from .result import AxisDetails
 from .seen import seen
 
 
-def details_of(record, reading: Reading, problem, engine, found: Search, progress):
-    """Both fits of the base and of the final model, over all rows."""
+def details_of(record, reading: Reading, told, problem, engine, found: Search, progress):
+    """Both fits of the base and of the final model, over all rows; `told` are the parameters that
+    the loop ends with (`Estimate` by name), which stand beside them."""
     prepared, rows = reading.prepared, reading.rows
     # as published fits of an axis did it: other rows, and the force acts at once
     weight = np.zeros(len(prepared.time))
@@ -63,4 +64,6 @@ def details_of(record, reading: Reading, problem, engine, found: Search, progres
         error = known.error(gains.worst_velocity)
         curve = Curve(gains.slope, error, slow, fast, known.above, known.unseen)
         gains = dataclasses.replace(gains, curve=curve)
-    return AxisDetails(tuple(fits), prepared.preparation, rows.width, record, gains, reading.notes)
+    return AxisDetails(
+        tuple(fits), prepared.preparation, rows.width, record, gains, reading.notes, told
+    )

@@ -117,7 +117,7 @@ def close_axis_loop(
         base_fit=AxisBase(rows.steps(), rows.width, prepared.preparation),
         sigma=floor.sigma,
         warnings=(*reading.warnings, *rows.warnings()),
-        details=details_of(record, reading, problem, engine, found, progress),
+        details=details_of(record, reading, after.parameters, problem, engine, found, progress),
         seconds=time.monotonic() - begun,
     )
 

@@ -1,10 +1,12 @@
 """The rows of an axis record that a loop works on, and its base model."""
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..fitting import Estimate
 from ..loop.result import Table
 from ..records import Provenance, Sampling, VelocitySteps
 from ..records.axis_record import AxisRecord
@@ -13,6 +15,7 @@ from .gains_result import AxisGains, Shown, StiffBasin
 from .prepare import Preparation
 
 LAW = "coulomb_viscous"
+_APART = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,24 +104,28 @@ class AxisDetails:
     gains: AxisGains
     notes: tuple[str, ...] = ()
     """What was chosen of the preparation, and why."""
+    loop: Mapping[str, Estimate] = field(default_factory=dict)
+    """Parameters that the loop ended with, to stand beside the fits of the same model."""
 
     def tables(self) -> list[Table]:
         """Parameters and errors of the fits, side by side."""
         fits = [fit for _, fit in self.fits]
         names = list(dict.fromkeys(name for fit in fits for name in fit.values))
-        rows = [(name, *(_of(fit, name) for fit in fits)) for name in names]
+        rows = [(name, *(_of(fit, name) for fit in fits), self._looped(name)) for name in names]
         unit = "m" if self.record.coordinate == "linear" else "rad"
         units = {"inverse dynamics": self.record.force_unit}
-        rows.append(("relative error", *(f"{100 * fit.relative_error:.4g} %" for fit in fits)))
-        rows.append(("rms", *(f"{fit.rms:.3g} {units.get(fit.method, unit)}" for fit in fits)))
-        heads = [f"{when}: {fit.method}" for when, fit in self.fits]
+        errors = (f"{100 * fit.relative_error:.4g} %" for fit in fits)
+        rows.append(("relative error", *errors, ""))
+        sizes = (f"{fit.rms:.3g} {units.get(fit.method, unit)}" for fit in fits)
+        rows.append(("rms", *sizes, ""))
+        heads = [*(f"{when}: {fit.method}" for when, fit in self.fits), "the loop"]
         note = (
             "SI. Inverse dynamics: relative to the prepared motor force; output error: relative to"
             f" the position. Cutoff {self.preparation.cutoff:.3g} Hz, one row in"
             f" {self.preparation.decimation}; the sign of the velocity is smoothed over"
             f" {self.width:.2g} {unit}/s.{self._noted()} Rows are all but those at rest, and the"
-            " force acts at once, as in published fits: so these numbers differ from those of the"
-            " loop above"
+            " force acts at once, as in published fits; the loop's values are of its train block,"
+            f" with its noise.{self._differing()}"
         )
         both = "The two fits" if len({fit.method for fit in fits}) > 1 else "The fit"
         fitted = Table(f"{both}, over all rows", ("parameter", *heads), rows, note)
@@ -136,6 +143,28 @@ class AxisDetails:
     def _said(self) -> str:
         unit = "m" if self.record.coordinate == "linear" else "rad"
         return self.gains.sentence(Shown(f"{self.record.force_unit} s/{unit}"), Shown(f"{unit}/s"))
+
+    def _looped(self, name: str) -> str:
+        """The value that the loop ended with."""
+        found = self.loop.get(name)
+        if found is None:
+            return ""
+        return _shown(found.value, found.std) if found.determined else "undetermined"
+
+    def _differing(self) -> str:
+        """Which values of the same model the fits do not agree on, beyond their errors."""
+        last = self.fits[-1][0]
+        names = [
+            name
+            for name, own in self.loop.items()
+            if any(_apart(fit, name, own) for when, fit in self.fits if when == last)
+        ]
+        if not names:
+            return ""
+        return (
+            f" They differ by more than their errors in {', '.join(names)}: the errors of one fit"
+            " do not hold for the other, and the model is not the whole truth"
+        )
 
     def _noted(self) -> str:
         return "".join(f" {note[0].upper()}{note[1:]}." for note in self.notes)
@@ -230,6 +259,13 @@ def _stiff_json(stiff: StiffBasin | None) -> dict | None:
 
 def _drive(gain: float | None, signal: str, unit: str) -> str:
     return "" if gain is None else f"{gain:.4g} {signal} s/{unit}"
+
+
+def _apart(fit: AxisFit, name: str, own: Estimate) -> bool:
+    if name not in fit.values or name in fit.loose or not own.determined:
+        return False
+    error = float(np.hypot(fit.std[name], own.std))
+    return abs(fit.values[name] - own.value) > _APART * error
 
 
 def _of(fit: AxisFit, name: str) -> str:
