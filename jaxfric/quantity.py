@@ -17,6 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from .errors import InputError
@@ -122,7 +123,7 @@ def quantities(module: eqx.Module | type) -> dict[str, Quantity]:
 
 def is_known(value) -> bool:
     """Whether an array has values: not so while it is traced, or only its shape is known."""
-    return isinstance(value, np.ndarray | jax.Array) and not isinstance(value, jax.core.Tracer)
+    return isinstance(value, np.ndarray | jax.Array) and not isinstance(value, Tracer)
 
 
 def refuse_outside(module: eqx.Module, where: str) -> None:

@@ -10,6 +10,7 @@ import pytest
 from gains_reference import critical, local_minima, modulus_scan, random_case
 
 import jaxfric as jf
+from jaxfric.cli.common import read_law
 from jaxfric.errors import InputError
 from jaxfric.gains import (
     LawSource,
@@ -19,6 +20,9 @@ from jaxfric.gains import (
     law_from_parameters,
     schedule,
 )
+from jaxfric.gains.frontier import Region
+from jaxfric.gains.gains import _warnings
+from jaxfric.gains.result import Basin, WorstCase
 from jaxfric.gains.scenarios import Scenarios, one_sample
 from jaxfric.gains.slack import slacks
 from jaxfric.gains.solve import make_region, solve
@@ -318,6 +322,38 @@ def fit_content(**changes):
     return {**content, **changes}
 
 
+def test_what_a_law_does_not_know_travels_with_it(tmp_path, capsys):
+    """A fit whose B may be negative, and an f0 that was not given."""
+    content = fit_content()
+    content["parameters"]["B"]["value"] = -0.006
+    source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=2)
+    assert len(source.warnings) == 1
+    assert "says nothing of stability (B is negative" in source.warnings[0]
+    content = fit_content()
+    content["parameters"]["B"]["determined"] = False
+    source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=0)
+    assert "not determined" in source.warnings[0]
+    text = "A=1 N, B=3 N, L=1 mm, V0=2 mm/s"
+    assert "f0" in law_from_parameters("slip", text).assumed[0]
+    assert "50 N is taken" in law_from_parameters("slip", text).assumed[0]
+    assert law_from_parameters("slip", text + ", f0=20 N").assumed == ()
+    read_law(None, "ageing", text, None)
+    assert "warning: f0" in capsys.readouterr().err
+
+
+def test_a_delay_margin_below_any_controller_is_told():
+    best = Basin("damped", 1.0, 1.0, 1.0, 0.0, 0.0, (), False)
+    region = Region(*(np.ones(2) for _ in range(4)))._replace(lower=np.zeros(2))
+
+    def said(margin, delay=None):
+        worst = {"delay": WorstCase(margin, "s", {})}
+        return " ".join(_warnings(best, region, worst, delay))
+
+    assert "0.76 us" in said(7.6e-7)
+    assert "--sample-time '1 ms'" in said(7.6e-7) and "50 us" in said(7.6e-7)
+    assert said(6e-5) == "" and said(7.6e-7, 1.5e-3) == ""
+
+
 def written(folder: Path, content) -> Path:
     path = folder / "fit.json"
     path.write_text(content if isinstance(content, str) else json.dumps(content))
@@ -339,6 +375,7 @@ def test_samples_have_the_mean_and_covariance_of_the_fit(tmp_path):
     np.testing.assert_allclose(rows.mean(axis=1), [5.0, 15.0, 1e-5], rtol=3e-3)
     np.testing.assert_allclose(np.cov(rows) / np.outer(sd, sd), truth / np.outer(sd, sd), atol=0.06)
     assert np.all(rows > 0)
+    assert source.warnings == ()
     again = law_from_fit(tmp_path / "fit.json", normal_force=500.0, samples=4000)
     np.testing.assert_array_equal(np.asarray(again.samples.A).ravel()[1:], A)
 

@@ -155,7 +155,8 @@ def gains(
         for line in describe(result):
             print(line)
         print(f"written: {folder.path}/{', '.join(folder.files)}")
-    for warning in result.warnings:
+    told_before = (*source.warnings, *source.assumed)
+    for warning in (one for one in result.warnings if one not in told_before):
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
     return folder.close()
 

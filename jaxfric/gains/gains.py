@@ -158,7 +158,11 @@ def _result(
         kept,
         certificate,
         source.text,
-        warnings=(*source.assumed, *_warnings(parts[0], region, worst, scenarios.delay)),
+        warnings=(
+            *source.warnings,
+            *source.assumed,
+            *_warnings(parts[0], region, worst, scenarios.delay),
+        ),
         delay=None if scenarios.delay is None else float(scenarios.delay[0]),
     )
 

@@ -1,5 +1,6 @@
 """Where a friction law for control comes from: a fit's file, or parameters given one by one."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import ArrayLike
 
 from ..errors import InputError
@@ -23,6 +25,7 @@ from ..rig.friction import (
     RegularisedEffect,
     SlipEvolution,
 )
+from ..stability.claims import rate_state_claim
 from ..units import parse_quantity
 from .saved import FIT, missing_key, read_saved, refuse_damage, sampled, table_damage, values_of
 
@@ -86,7 +89,28 @@ def law_from_fit(
     columns = sampled(content, positive, samples, seed, path)
     law = rate_state(values, states, evolution, scale)
     text = f"{content['law']} law, {states} state(s), fitted: {path}"
-    return LawSource(law, rate_state(columns, states, evolution, scale), text, values["V0"])
+    samples_of = rate_state(columns, states, evolution, scale)
+    return LawSource(law, samples_of, text, values["V0"], _doubts(content, states))
+
+
+def _doubts(content: Mapping, states: int) -> tuple[str, ...]:
+    """A line where the fit itself says nothing of stability."""
+    table, free = content["parameters"], content["free"]
+    amplitudes = [f"B{'' if i == 0 else i + 1}" for i in range(states)]
+    weight = np.array([(name == "A") - (name in amplitudes) for name in free], float)
+    variance = float(weight @ np.asarray(content["covariance"], float) @ weight) if free else 0.0
+    claim = rate_state_claim(
+        table["A"]["value"],
+        [table[name]["value"] for name in amplitudes],
+        math.sqrt(variance) if variance >= 0 else math.nan,
+        determined=all(table[n].get("determined", True) for n in ("A", *numbered(states))),
+    )
+    if claim.kind != "open":
+        return ()
+    return (
+        f"this fit says nothing of stability ({'; '.join(claim.reasons)}): what follows is of its"
+        " values and samples, not of the record",
+    )
 
 
 def law_from_parameters(kind: str, text: str) -> LawSource:
