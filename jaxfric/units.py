@@ -17,6 +17,7 @@ _NO_UNIT = {"", "1", "-", "--", "none", "dimensionless", "unitless", "n/a", "coe
 _NEWTON_PER_AMPERE = "N/A"
 """Not available, too, where a number without a unit is wanted."""
 _MACHINE = {"bit", "bits", "count", "counts", "cts", "ticks", "lsb", "adu", "raw"}
+_ANGLE = re.compile(r"rad|deg|rev|turn|rpm")
 _EXAMPLES = {"s": "10 s", "m": "20 um", "m/s": "2 um/s", "1/m": "1.6e-3/um", "N": "5 N"}
 _EXAMPLES |= {"Pa": "25 MPa", "N/m": "1e6 N/m", "N*s/m": "10 N*s/m", "kg": "2 kg", "Hz": "100 Hz"}
 _KNOWN = ["s", "ms", "us", "min", "hour", "m", "mm", "um", "nm", "cm", "micron", "N", "mN", "kN"]
@@ -155,8 +156,10 @@ def _unit_factor(unit: str, si_unit: str, what: str) -> float:
     if unit == _NEWTON_PER_AMPERE and si_unit == "1":
         unit = ""
     quantity = _parse(unit, what)
+    turns = 2 * math.pi if si_unit == "Hz" and _ANGLE.search(unit) else 1.0  # rad/s, 1/min turns
     try:
-        return float(quantity.to(_registry().Unit("" if si_unit == "1" else si_unit)).magnitude)
+        wanted = _registry().Unit("" if si_unit == "1" else si_unit)
+        return float(quantity.to(wanted).magnitude) / turns
     except Exception as error:
         if "dimension" not in type(error).__name__.lower():
             raise

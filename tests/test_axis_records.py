@@ -455,6 +455,8 @@ def test_torques_and_gains_as_written() -> None:
     assert quantity_of("9.84mNm", "N*m", "x") == pytest.approx(9.84e-3)
     assert quantity_of("35.15 N/V", "N/V", "x") == 35.15
     assert quantity_of("50 mNm/A", "N*m/A", "x") == pytest.approx(0.05)
+    assert quantity_of("9600 1/min", "1/s", "x") == pytest.approx(160)  # a gain, no rotation
+    assert quantity_of("0.05 N/A", "N/A", "x") == 0.05
     with pytest.raises(InputError, match="not positive"):
         quantity_of("-1 N/V", "N/V", "x")
 

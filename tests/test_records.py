@@ -167,6 +167,7 @@ def test_columns_named_by_the_user(tmp_path: Path) -> None:
         ("time [s],displacement [MPa],friction,x", ["'displacement'", "not a unit of m"]),
         ("time [s],displacement [um],friction [MPa],x", ["is a stress", "normal_stress"]),
         ("time [s],displacement [um],friction [m],x", ["not dimensionless"]),
+        ("time [s],displacement [um],friction [deg],x", ["is an angle", "tangent"]),
         (
             "time [s],time [s],displacement [um],friction",
             ["'time' (column 1)", "'time' (column 2)"],

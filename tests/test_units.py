@@ -33,6 +33,11 @@ from jaxfric.units import factor, format_si, has_dimension, is_unit, parse_quant
         ("0.05 N/A", "N/A", 0.05),  # newtons per ampere, not "not available"
         ("0.6 N/A", "1", 0.6),
         ("0.6 n/a", "1", 0.6),
+        ("50 Hz", "Hz", 50.0),
+        ("314.159265358979 rad/s", "Hz", 50.0),  # pint's radian is a pure number
+        ("3000 rpm", "Hz", 50.0),
+        ("50 1/s", "Hz", 50.0),
+        ("50 turn/s", "Hz", 50.0),
     ],
 )
 def test_quantities(text: str, si_unit: str, value: float) -> None:

@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ..errors import InputError
@@ -66,6 +66,9 @@ _SI = {
 SIGNAL_UNITS = ("V", "A")
 """A disturbance may also be recorded as a control signal or a current, which the gain turns."""
 _SHOWN = {"s": "s", "m": "mm", "m/s": "mm/s", "N": "N", "V": "V", "A": "A"}
+_SHOWN_OF_ROTATION = {"m": "rad", "m/s": "rad/s", "N": "N m"}
+_COUNTS = {"m": ("0.1 um", "0.09 deg"), "m/s": ("0.1 mm/s", "0.1 rpm"), "N": ("0.01 N", "0.01 N m")}
+"""What one machine unit may be, on a line and of a rotation."""
 _ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
 _MACHINE = re.compile(r"(?i)(inc|increments?|qc|pulses?|counts?|cts|ticks?|lsb|bits?|steps|raw)")
 _PER_CENT = {"%": 1.0, "percent": 1.0, "per cent": 1.0, "‰": 0.1, "permille": 0.1}
@@ -164,8 +167,9 @@ def assign(
     _require(path, cells, found)
     for role in _not_needed(found, set(named)):
         taken.remove(found.pop(role)[0])
+    rotary = _is_rotary(unit for _, unit in found.values())
     uses = {
-        role: _with_unit(path, cells[found[role][0]][0], role, *found[role])
+        role: _with_unit(path, cells[found[role][0]][0], role, *found[role], rotary)
         for role in ROLES
         if role in found
     }
@@ -187,9 +191,12 @@ def coordinate_of(path: str, uses: Mapping[str, Use]) -> str:
             kinds[role] = "linear" if use.si_unit == linear else "rotary"
     if len(set(kinds.values())) > 1:
         shown = ", ".join(f"{role} [{uses[role].unit}] is {kind}" for role, kind in kinds.items())
+        kept = kinds.get("motor_force", next(iter(kinds.values())))
+        role = next(role for role, kind in kinds.items() if kind != kept)
+        unit = ("0.8 rad" if kept == "rotary" else "0.8 mm") + "/s" * (role == "velocity")
         raise InputError(
             f"{path}: units of a line and of a rotation: {shown}; give motion and force on one"
-            " side of the screw or gear, as in --column 'position=NAME [0.8 rad]'"
+            f" side of the screw or gear, as in --column '{role}=NAME [{unit}]'"
         )
     return next(iter(kinds.values()), "rotary")
 
@@ -197,7 +204,8 @@ def coordinate_of(path: str, uses: Mapping[str, Use]) -> str:
 def quantity_of(text: str, si_unit: str, what: str) -> float:
     """The value of a text such as "9.84 mNm" or "35.15 N/V"; positive."""
     number, _, unit = text.strip().partition(" ")
-    value = parse_quantity(f"{number} {spelling(unit)}" if unit else spelling(text), si_unit, what)
+    spelt = unit if si_unit == "1/s" else spelling(unit)  # 1/min is a rate there, no rotation
+    value = parse_quantity(f"{number} {spelt}" if unit else spelling(text), si_unit, what)
     if not value > 0:
         raise InputError(f"{what}: '{text}' is not positive")
     return value
@@ -292,14 +300,27 @@ def _require(
     )
 
 
-def _with_unit(path: str, name: str, role: str, index: int, unit: str | None) -> Use:
+def _is_rotary(units: Iterable[str | None]) -> bool:
+    """Whether the units that are known are rather of a rotation: examples follow them."""
+    pairs = [pair for pair in set(_SI.values()) if pair[0] != pair[1]]
+    told = [spelling(unit) for unit in units if unit]
+    spelt = [one for one in told if not _MACHINE.fullmatch(one) and one.lower() not in _PER_CENT]
+    linear, rotary = (sum(has_dimension(one, p[k]) for one in spelt for p in pairs) for k in (0, 1))
+    return rotary > linear
+
+
+def _with_unit(
+    path: str, name: str, role: str, index: int, unit: str | None, of_rotation: bool
+) -> Use:
     """The size of the unit of a column in SI, linear or rotary."""
     what = f"{path}, column '{name}' ({role})"
     linear, rotary = _SI[role]
     if not unit:
+        shown = _SHOWN | _SHOWN_OF_ROTATION if of_rotation else _SHOWN
+        example = shown[linear]
         leave = f", or leave it out: --column {role}={NO_COLUMN}" if role == "disturbance" else ""
         raise InputError(
-            f"{what} has no unit; give it, as in --column '{role}={name} [{_SHOWN[linear]}]'{leave}"
+            f"{what} has no unit; give it, as in --column '{role}={name} [{example}]'{leave}"
         )
     spelt = spelling(unit)
     if role in ("motor_force", "disturbance") and spelt.lower() in _PER_CENT:
@@ -308,7 +329,7 @@ def _with_unit(path: str, name: str, role: str, index: int, unit: str | None) ->
     if role == "disturbance" and signal is not None:
         return Use(index, unit, signal, factor(spelt, signal, what))
     if _MACHINE.fullmatch(spelt):
-        example = {"m": "0.09 deg", "m/s": "0.1 rpm"}.get(linear, f"0.01 {linear}")
+        example = _COUNTS[linear][of_rotation] if linear in _COUNTS else f"0.01 {linear}"
         raise InputError(
             f"{what}: '{unit}' is a machine unit; give what one of it is, as in"
             f" --column '{role}={name} [{example}]'"

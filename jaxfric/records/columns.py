@@ -1,6 +1,7 @@
 """Which column of a table plays which role, and in which unit."""
 
 import difflib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -146,6 +147,8 @@ def _with_unit(table: Table, role: str, index: int, unit: str | None) -> Assigne
         raise InputError(
             f"{what} has no unit; write '{table.names[index]} [{shown}]' in the header"
         )
+    if role == "friction" and re.search(r"(?i)deg|rad|°", unit or ""):
+        raise InputError(f"{what} is an angle [{unit}]; friction is its tangent: write that")
     if role == "friction" and has_dimension(unit or "", "N"):
         si_unit = "N"
     elif role == "friction" and has_dimension(unit or "", "Pa"):
