@@ -3,11 +3,81 @@
 Failures of a computation are values (a `result` on every result object). Input
 that cannot be understood raises `InputError`: one line that says what is wrong,
 where, and what to do. The command prints that line and exits with code 2.
+
+What to do is written once, with the options of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`).
+Outside of the command it is said in the words of Python (`drop_bad=True`, `steps="0 s: 2 um/s"`).
 """
+
+import contextlib
+import re
+from collections.abc import Iterator
+
+# Options of the command, and what they are called in Python; "" where it is the same word.
+_ARGUMENTS = {
+    **dict.fromkeys(("position-gain", "velocity-gain", "drive-gain", "rated-torque", "stiffness")),
+    **dict.fromkeys(("steps", "parameters", "samples", "out", "scheduler", "mass", "without")),
+    **dict.fromkeys(("flip", "most", "margin", "velocity", "start", "free", "normal-force")),
+    "with": "with_",
+    "min-kp": "lower",
+    "kp": "k_p",
+    "cutoff": "the cutoff of preparation",
+    "from": "the start of record.window()",
+    "to": "the stop of record.window()",
+}
+_FLAGS = ("drop-bad", "fit-stiffness", "slip-trend", "held", "other-versions")
+_NUMBERS = ("normal-force",)
+"""Arguments that are a number in SI where the option is a text with its unit."""
+_COLUMN = re.compile(r"--column (?:'([\w ]+)=([^']*)'|(\w+)=(\w+))")
+_OPTION = re.compile(
+    r"--(?P<name>[a-z][a-z-]*[a-z])"
+    r"(?: '(?P<quoted>[^']*)'| (?P<bare>\d(?:\S*[\w%])?)| (?P<word>force|motion|axis)\b)?"
+)
+_of_the_command = [False]
+
+
+@contextlib.contextmanager
+def words_of_the_command() -> Iterator[None]:
+    """Within the block errors speak of options, outside of arguments."""
+    before, _of_the_command[0] = _of_the_command[0], True
+    try:
+        yield
+    finally:
+        _of_the_command[0] = before
 
 
 class InputError(ValueError):
     """Input that cannot be used: what is wrong, where, what to do, on one line."""
 
     def __init__(self, message: str):
-        super().__init__(" ".join(str(message).split()))
+        text = " ".join(str(message).split())
+        super().__init__(text if _of_the_command[0] else in_python(text))
+
+
+def in_python(text: str) -> str:
+    """A message whose options of the command are arguments of Python."""
+    text = _COLUMN.sub(_column, text)
+    text = text.replace("--column", "columns").replace("--rig axis", "jaxfric.read_axis")
+    return _OPTION.sub(_argument, text)
+
+
+def _column(found: re.Match) -> str:
+    role, name = (found[1], found[2]) if found[1] else (found[3], found[4])
+    return f'columns={{"{role}": "{name}"}}'
+
+
+def _argument(found: re.Match) -> str:
+    name = found["name"]
+    if name in _FLAGS:
+        rest = found[0][len(name) + 2 :]
+        return f"{name.replace('-', '_')}=True{rest}"
+    if name not in _ARGUMENTS:  # an option of another command
+        return found[0]
+    said = _ARGUMENTS[name] or name.replace("-", "_")
+    value = found["quoted"] or found["bare"] or found["word"]
+    if value is None:
+        return said
+    if name in _NUMBERS:
+        value = value.split()[0]
+    if not said.isidentifier():
+        return f"{said} ({value})"
+    return f"{said}={value}" if re.fullmatch(r"[\d.]+", value) else f'{said}="{value}"'

@@ -172,6 +172,6 @@ def test_a_direction_that_the_threshold_takes_away_is_found():
         assert (moving > 0).any() and (moving < 0).any() and found.notes
         assert min(int(found.blocks.of(n).sum()) for n in ("train", "select", "report")) >= 20
     with pytest.raises(
-        jaxfric.InputError, match=r"back and forth, but in one direction.*Try --cut"
+        jaxfric.InputError, match=r"back and forth, but in one direction.*Try the cut"
     ):
         reading(record, preparation=chosen._replace(cutoff=200.0))

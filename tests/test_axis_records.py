@@ -144,8 +144,8 @@ def test_gains_of_the_loops_are_told(tmp_path: Path) -> None:
     assert other.drive == Drive(5.0, 160.0, 1680.0) and other.drive.K_d == pytest.approx(8400.0)
     refusal(driven, "velocity gain", "V*s/m", columns=signal, drive_gain="5 N/V", **both)
     refusal(path, "velocity gain", "N*s/m", columns=force, **volts)
-    refusal(path, "--velocity-gain is missing", columns=force, position_gain="160 1/s")
-    refusal(path, "--position-gain is missing", columns=force, velocity_gain="8.4 kN s/m")
+    refusal(path, "velocity_gain is missing", columns=force, position_gain="160 1/s")
+    refusal(path, "position_gain is missing", columns=force, velocity_gain="8.4 kN s/m")
     refusal(path, "not positive", columns=force, **{**both, "position_gain": "0 1/s"})
     del force["reference_position"]
     refusal(path, "no reference position", columns=force, **both)
@@ -165,7 +165,7 @@ def test_any_names_by_column(tmp_path: Path) -> None:
     assert any("control_signal is not used" in note for note in both.provenance.notes)
     path = mat(tmp_path / "u.mat", clock=m["t"], x=1e3 * m["x"], u=m["F"] / 5)
     signal = {**names, "control_signal": "u [V]"}
-    refusal(path, "'u' is a control signal [V]", "--drive-gain '35.15 N/V'", columns=signal)
+    refusal(path, "'u' is a control signal [V]", 'drive_gain="35.15 N/V"', columns=signal)
     record = read_axis(path, columns=signal, drive_gain="5 N/V")
     np.testing.assert_allclose(record.motor_force, m["F"], rtol=1e-13)
     assert record.drive == Drive(5.0)
@@ -225,7 +225,7 @@ def test_matlab_files_refused(tmp_path: Path) -> None:
         "there are: t, x, F",
         columns={"position": "y [mm]"},
     )
-    refusal(mat(path, t=m["t"], x=m["x"], F=m["F"]), "'t' (time) has no unit", "'time=t [s]'")
+    refusal(mat(path, t=m["t"], x=m["x"], F=m["F"]), "'t' (time) has no unit", '{"time": "t [s]"}')
     refusal(
         mat(path, t=m["t"], qm=m["x"], qg=m["x"][:-3], vir=m["F"], gtau=35.0),
         "different length",
@@ -256,7 +256,7 @@ def test_a_disturbance_of_an_emps_file(tmp_path: Path) -> None:
     assert flipped.disturbance_force is not None and flipped.disturbance_force.min() == -12
     assert (record.window(0.5, 1.8).disturbance_force == pulses[50:181]).all()
     volts = mat(tmp_path / "v.mat", **emps, pulses=pulses / 35)
-    refusal(volts, "'pulses' (disturbance) has no unit", "'disturbance=pulses [N]'", "=none")
+    refusal(volts, "'pulses' (disturbance) has no unit", '{"disturbance": "pulses [N]"}', '"none"')
     again = read_axis(volts, columns={"disturbance": "pulses [V]"})
     assert again.disturbance_force is not None
     np.testing.assert_allclose(again.disturbance_force, pulses, rtol=1e-14)
@@ -289,7 +289,7 @@ def test_units_of_a_disturbance(tmp_path: Path, force: str, added: str, options,
     assert record.disturbance_force is not None
     np.testing.assert_allclose(record.disturbance_force, size * (np.arange(60) % 7), rtol=1e-13)
     if options:
-        refusal(path, "--drive-gain" if "drive_gain" in options else "--rated-torque")
+        refusal(path, "drive_gain" if "drive_gain" in options else "rated_torque")
 
 
 def test_names_that_are_no_disturbance(tmp_path: Path) -> None:
@@ -298,7 +298,7 @@ def test_names_that_are_no_disturbance(tmp_path: Path) -> None:
     record = read_axis(written(tmp_path / "a.csv", text))
     assert record.disturbance_force is None
     assert "ignored columns: pulses" in record.provenance.notes
-    refusal(tmp_path / "a.csv", "leave out --drive-gain", drive_gain="5 N/V")
+    refusal(tmp_path / "a.csv", "leave out drive_gain", drive_gain="5 N/V")
     refusal(tmp_path / "a.csv", "'positoin' is no role", columns={"positoin": "none"})
     m = motion()
     made = axis_from_arrays(m["t"], m["F"], position=m["x"], disturbance_force=0 * m["t"])
@@ -358,7 +358,7 @@ def test_epos_position_and_current(tmp_path: Path) -> None:
     head = ["Date:;2020-07-08", ";Position actual value;Position demand value;Current actual value"]
     body = [f"{i}.0;{100 * i};{100 * i + 5};{20 + np.sin(i):.3f}" for i in t]
     path = written(tmp_path / "a.csv", "\n".join([*head, "ms;°;°;mA", *body]))
-    refusal(path, "motor current [A]", "--drive-gain '0.05 N m/A'")
+    refusal(path, "motor current [A]", 'drive_gain="0.05 N m/A"')
     record = read_axis(path, drive_gain="25.5 mNm/A")
     assert record.position is not None and record.reference_position is not None
     np.testing.assert_allclose(record.position, np.deg2rad(100 * t))
@@ -468,7 +468,7 @@ def test_a_hand_edited_cell(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     refusal(with_row(path, 31, "0.29,1,2,-1200,,was -8.9"), "row 31", "-1200,,was -8.9", "cells")
     refusal(with_row(path, 31, "0.29,1,2,30;was 31,4"), "row 31", "30;was 31", "motor_force")
-    refusal(with_row(path, 31, "0.29,1,2,,4"), "row 31", "motor_force", "--drop-bad")
+    refusal(with_row(path, 31, "0.29,1,2,,4"), "row 31", "motor_force", "drop_bad=True")
     for cell in ("nan", "inf", "1e999", "n/a"):
         refusal(with_row(path, 9, f"0.07,1,2,{cell},4"), "row 9", cell, "motor_force")
     assert len(read_axis(path, drop_bad=True)) == 199
@@ -503,8 +503,8 @@ def test_roles_and_gains_that_do_not_fit(tmp_path: Path) -> None:
     path = written(tmp_path / "run.csv", csv_text())
     refusal(path, "'postion' is no role", "did you mean 'position'", columns={"postion": "x"})
     refusal(path, "no column 'velo'", "did you mean 'velocity'", columns={"velocity": "velo"})
-    refusal(path, "leave out --drive-gain", drive_gain="5 N/V")
-    refusal(path, "leave out --rated-torque", rated_torque="5 N")
+    refusal(path, "leave out drive_gain", drive_gain="5 N/V")
+    refusal(path, "leave out rated_torque", rated_torque="5 N")
     refusal(tmp_path / "none.csv", "no such file")
     refusal(tmp_path, "directory")
     refusal(tmp_path / "none.mat", "no such file")
@@ -514,7 +514,7 @@ def test_roles_and_gains_that_do_not_fit(tmp_path: Path) -> None:
     refusal(
         written(path, csv_text().replace("position [um]", "position")),
         "has no unit",
-        "=position [mm]",
+        '"position [mm]"',
     )
     refusal(written(path, csv_text().replace("position [um]", "position [count]")), "machine unit")
     refusal(written(path, csv_text().replace("time [s]", "stamp [s]")), "time", "it has: stamp [s]")

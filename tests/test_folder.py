@@ -149,7 +149,7 @@ def test_a_default_folder_of_another_input_is_refused() -> None:
 
     again("p/run.csv")
     again("q/run.csv", "gains")  # nothing of this verb is there
-    with pytest.raises(InputError, match=r"run-fit holds .* p/run.csv; give .*--out"):
+    with pytest.raises(InputError, match=r"run-fit holds .* p/run.csv; give .*out"):
         again("q/run.csv")
     written(Path("r/run.csv"), "p")
     again("r/run.csv")  # the same record, moved

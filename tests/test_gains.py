@@ -383,7 +383,7 @@ def test_samples_have_the_mean_and_covariance_of_the_fit(tmp_path):
 @pytest.mark.parametrize(
     ("change", "force", "words"),
     [
-        ({}, None, "--normal-force '500 N'"),
+        ({}, None, "normal_force=500"),
         ({"friction_unit": "N"}, 500.0, "not wanted"),
         ({"schema": "jaxfric.fit/2"}, 500.0, "its schema is 'jaxfric.fit/2'"),
         ({"schema": None}, 500.0, "it names no schema"),
@@ -413,7 +413,7 @@ def test_damaged_missing_and_undetermined(tmp_path):
     content = fit_content()
     content["parameters"]["L"]["determined"] = False
     path = written(tmp_path, content)
-    with pytest.raises(InputError, match=r"leaves L undetermined.*--samples 0"):
+    with pytest.raises(InputError, match=r"leaves L undetermined.*samples=0"):
         law_from_fit(path, normal_force=1.0)
     assert float(law_from_fit(path, normal_force=1.0, samples=0).law.L[0]) == 1e-5
 

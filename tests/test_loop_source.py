@@ -279,7 +279,7 @@ def with_value(name, value):
         (loop_content("viscous", schema="x"), NORMAL, r"'jaxfric.fit/1' \(jaxfric fit\) or 'jaxf"),
         ([], NORMAL, "it names no schema"),
         (json.dumps(loop_content(), indent=1)[:200], NORMAL, r"damaged \(line"),
-        (loop_content("viscous"), None, "--normal-force '500 N'"),
+        (loop_content("viscous"), None, "normal_force=500"),
         (loop_content("viscous", friction_unit="N"), NORMAL, "not wanted"),
         (loop_content("viscous", law="linear"), NORMAL, "law 'linear' is not known"),
         (loop_content("viscous", effects="viscous"), NORMAL, "effects are no list"),

@@ -157,7 +157,7 @@ def test_columns_named_by_the_user(tmp_path: Path) -> None:
             "time [s],displacement [um],tau,normal_stress [MPa]",
             ["'tau'", "shear_stress", "no unit"],
         ),
-        ("time [s],displacement [um],tau [MPa],x", ["'tau'", "normal_stress=NAME [MPa]"]),
+        ("time [s],displacement [um],tau [MPa],x", ["'tau'", '"normal_stress": "NAME [MPa]"']),
         (
             "time,displacement [um],friction,normal_stress [MPa]",
             ["'time'", "has no unit", "time [s]"],
@@ -198,7 +198,7 @@ def test_bad_cells(tmp_path: Path) -> None:
     body[7] = "0.7,,0.6,25"
     path = written(tmp_path, table_text(body=body))
     message = refusal(path)
-    assert "3 rows" in message and "row 6 (friction)" in message and "--drop-bad" in message
+    assert "3 rows" in message and "row 6 (friction)" in message and "drop_bad=True" in message
     record = read(path, drop_bad=True)
     assert len(record) == 37
     assert record.provenance.dropped == {"no finite number": 3}

@@ -7,10 +7,12 @@ evidence, tests and verdict are those of `jaxfric.loop`.
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 
+from ..effects import ids_of
 from ..errors import InputError
 from ..fitting.start import noise_from_differences
 from ..loop.assemble import declared, loop_of, refuse_both, score_of, where_it_sits
@@ -23,6 +25,7 @@ from ..loop.split import Blocks
 from ..loop.superset import Superset
 from ..loop.verdict import conclude, innovations, noise_floor
 from ..records.axis_record import AxisRecord
+from ..records.given import as_axis_record
 from .details import details_of
 from .effects import AXIS_CATALOGUE, AbstractAxisEffect, axis_effect_of
 from .prepare import Preparation
@@ -39,10 +42,10 @@ _NOISE_ROWS = 1.0
 
 
 def close_axis_loop(
-    record: AxisRecord,
+    record: AxisRecord | str | Path,
     *,
-    with_: Sequence[str] = (),
-    without: Sequence[str] = (),
+    with_: str | Sequence[str] = (),
+    without: str | Sequence[str] = (),
     own: Sequence[type[AbstractAxisEffect]] = (),
     most: int = _MOST,
     preparation: Preparation | None = None,
@@ -73,6 +76,7 @@ def close_axis_loop(
     Not tried: two axes, backlash, a payload that changes.
     """
     begun = time.monotonic()
+    record, with_, without = as_axis_record(record), ids_of(with_), ids_of(without)
     effects = _effects(with_, without, own)
     if not 0 <= most <= _MOST:
         raise InputError(f"most is {most}; choose 0 to {_MOST}")

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..effects import ids_of
 from ..errors import InputError
 from ..records.steady import SteadyCurve
 from ..stability.claims import Unseen, above_curve
@@ -54,7 +55,7 @@ def shown_units(curve: SteadyCurve) -> tuple[str, str, float]:
 
 
 def close_steady_loop(
-    curve: SteadyCurve, *, with_: Sequence[str] = (), without: Sequence[str] = ()
+    curve: SteadyCurve, *, with_: str | Sequence[str] = (), without: str | Sequence[str] = ()
 ) -> SteadyLoop:
     """Fit the curve, then add effects of `STEADY_EFFECTS` one by one.
 
@@ -65,6 +66,7 @@ def close_steady_loop(
     ------
     InputError : an unknown effect; fewer than 8 runs, fewer than 3 of one direction.
     """
+    with_, without = ids_of(with_), ids_of(without)
     speed = np.asarray(curve.speed)
     forward, backward = int(np.sum(speed > 0)), int(np.sum(speed < 0))
     if len(speed) < _FEWEST or min(forward, backward) < 3:
@@ -78,7 +80,7 @@ def close_steady_loop(
             f"effect '{unknown[0]}' is none of a steady curve; there are: "
             + ", ".join(STEADY_EFFECTS)
         )
-    base = fit_model(curve, tuple(with_))
+    base = fit_model(curve, with_)
     current, tried = base, [base]
     while True:
         missing = [e for e in STEADY_EFFECTS if e not in (*current.effects, *without)]

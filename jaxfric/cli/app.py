@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import cyclopts
 
-from ..errors import InputError
+from ..errors import InputError, words_of_the_command
 from .call import calling
 from .fit import fit
 from .gains import gains
@@ -56,7 +56,7 @@ def main() -> None:
 def _run(arguments: list[str]) -> int:
     """The exit code; a verb returns one that is not 0."""
     try:
-        with _quiet():
+        with _quiet(), words_of_the_command():
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
             with calling(verb, bound, arguments):
                 code = verb(*bound.args, **bound.kwargs)

@@ -6,6 +6,7 @@ from .catalogue import near_null as near_null
 from .effect import AbstractEffect as AbstractEffect
 from .effect import AbstractLinearEffect as AbstractLinearEffect
 from .effect import RecordScales as RecordScales
+from .effect import ids_of as ids_of
 from .effect import null as null
 from .effect import parameters as parameters
 from .effect import with_evolution as with_evolution

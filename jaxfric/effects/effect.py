@@ -9,6 +9,7 @@ time, a velocity), which means nothing while the amplitudes are 0 and is started
 """
 
 import abc
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -85,6 +86,12 @@ def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quant
 def null(effect: type[AbstractEffect]) -> AbstractEffect:
     """The effect with the values that change nothing."""
     return effect()  # pyright: ignore[reportCallIssue]
+
+
+def ids_of(value: str | Sequence[str]) -> tuple[str, ...]:
+    """Ids of effects, each once: of a sequence, or of one text, "thermal" or "thermal, gain"."""
+    pieces = value.split(",") if isinstance(value, str) else value
+    return tuple(dict.fromkeys(piece.strip() for piece in pieces if piece.strip()))
 
 
 def with_term(rig: Rig, term: AbstractTerm) -> Rig:

@@ -1,6 +1,7 @@
 """`fit(record, stiffness=...)`: rate-and-state parameters of a velocity-step record."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..records import Record, VelocitySteps, record_steps
+from ..records.given import as_record
 from ..records.steps import speeds_without_steps
 from ..simulation import simulate
 from ..units import parse_quantity
@@ -35,7 +37,7 @@ _FELT = 0.25
 
 
 def fit(
-    record: Record,
+    record: Record | str | Path,
     *,
     stiffness: float | str | None = None,
     law: str = "slip",
@@ -57,7 +59,7 @@ def fit(
 
     Parameters
     ----------
-    record : as read by `jaxfric.read`.
+    record : as read by `jaxfric.read`, or the path of one that needs no more words.
     stiffness : of spring and specimen, in friction per metre (1/m for a coefficient, N/m for
         a force), or text with a unit: "1.6e-3/um". Needed unless `fit_stiffness`.
     law : "slip" or "ageing".
@@ -86,6 +88,7 @@ def fit(
     Not tried: records with mass (inertia) fitted, more than 3 states.
     """
     require_float64()
+    record = as_record(record)
     model = _model(law, states, fit_stiffness, slip_trend, weighting)
     K = _stiffness(stiffness, record, fit_stiffness)
     progress("velocity steps")

@@ -10,6 +10,7 @@ from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..stability.linear import sampling_delay
 from ..stability.margins import UNITS
+from ..units import parse_values
 from .frontier import Start
 from .kkt import Optimum
 from .margins import several_margins
@@ -27,13 +28,16 @@ _MOST_RAISED = 30.0
 SHORTEST_DELAY = 50e-6
 """Delay of the fastest controllers of machines [s]: 1.5 samples of a drive that runs at 30 kHz."""
 
+# Of a range that is given as text.
+_MASSES = 5
+
 
 def find_gains(
     law: LawSource | AbstractLaw | AbstractDelayLaw,
     *,
-    velocity: ArrayLike,
-    mass: ArrayLike | None,
-    margin: Mapping[str, float] | Requirement,
+    velocity: ArrayLike | str,
+    mass: ArrayLike | str | None,
+    margin: Mapping[str, float] | Requirement | str,
     confidence: float = 1.0,
     scale: Pair = (None, None),
     lower: Pair = (None, None),
@@ -52,9 +56,9 @@ def find_gains(
     Parameters
     ----------
     law : with samples (`law_from_fit`), or one law.
-    velocity : [m/s], one or several; a range is best given log-spaced.
-    mass : [kg], one or several; None without mass.
-    margin : what is required, by name (`stability.margins.UNITS` has the units).
+    velocity : [m/s], one or several, or text, "1..10 mm/s"; a range is best given log-spaced.
+    mass : [kg], one or several, or text, "1..3 kg"; None without mass.
+    margin : what is required, by name (`stability.margins.UNITS` has the units), or "modulus=0.5".
     confidence : share of the samples of the law in which the requirement must hold; the
         samples that ask for the largest gains are left out, at most so many.
     scale : (s_p [N/m], s_v [N s/m]); None: the stiffness that stabilises without damping and the
@@ -72,6 +76,12 @@ def find_gains(
         requirement.
     """
     source = law if isinstance(law, LawSource) else LawSource(law, one_sample(law), "law", None)
+    if isinstance(velocity, str):
+        velocity = np.asarray(parse_values(velocity, "m/s", "velocity"))
+    if isinstance(mass, str):
+        mass = np.asarray(parse_values(mass, "kg", "mass", count=_MASSES))
+    if isinstance(margin, str):
+        margin = Requirement.parse(margin.split(","))
     requirement = margin if isinstance(margin, Requirement) else Requirement(margin)
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")

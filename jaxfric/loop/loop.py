@@ -3,18 +3,20 @@
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of
+from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.fit import prepare, steps_of
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
 from ..records import Record, VelocitySteps
+from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from .assemble import declared, loop_of, refuse_both, score_of, where_it_sits
 from .engine import Candidate, Engine
@@ -41,13 +43,13 @@ _OTHER_START = 1.3
 
 
 def close_loop(
-    record: Record,
+    record: Record | str | Path,
     *,
     stiffness: float | str,
     law: str = "slip",
     steps: str | None = None,
-    with_: Sequence[str] = (),
-    without: Sequence[str] = (),
+    with_: str | Sequence[str] = (),
+    without: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
     most: int = _MOST,
     progress: Callable[[str], None] = lambda text: None,
@@ -75,6 +77,7 @@ def close_loop(
     Not tried: records with holds or reversals, a base with mass.
     """
     begun = time.monotonic()
+    record, with_, without = as_record(record), ids_of(with_), ids_of(without)
     stress = _stress(record)
     effects = _effects(record, with_, without, own, stress=stress is not None)
     if not 0 <= most <= _MOST:

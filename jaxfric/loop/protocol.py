@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, parameters
+from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of, parameters
 from ..errors import InputError
 from ..fitting.problem import (
     FAILED_MISFIT,
@@ -103,8 +103,8 @@ def plan(
     friction_unit: str = "1",
     rows: int = 250,
     slip_noise: float | None = None,
-    with_: Sequence[str] = (),
-    without: Sequence[str] = (),
+    with_: str | Sequence[str] = (),
+    without: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
     changes: bool = True,
     progress: Callable[[str], None] = lambda text: None,
@@ -139,7 +139,8 @@ def plan(
     begun = time.monotonic()
     velocities = tuple(float(V) for V in velocities)
     _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise)
-    effects = _effects(tuple(with_), tuple(without), own)
+    with_, without = ids_of(with_), ids_of(without)
+    effects = _effects(with_, without, own)
     values = dict(parameters)
     values.setdefault("V0", velocities[0])
     model = _model(values, law, effects, tuple(with_))

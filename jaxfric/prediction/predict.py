@@ -3,10 +3,12 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from ..effects import ids_of
 from ..errors import InputError
 from ..fitting import Fit
 from ..loop import Loop
 from ..records import AxisRecord, Record, VelocitySteps
+from ..records.given import as_axis_record, as_record
 from .axis import predict_axis
 from .model import load_model
 from .result import Prediction
@@ -15,11 +17,11 @@ from .slider import predict_slider
 
 def predict(
     model: str | Path | Fit | Loop,
-    record: Record | AxisRecord,
+    record: Record | AxisRecord | str | Path,
     *,
     stiffness: float | str | None = None,
     steps: VelocitySteps | str | None = None,
-    free: Sequence[str] | None = None,
+    free: str | Sequence[str] | None = None,
     held: bool | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Prediction:
@@ -39,7 +41,8 @@ def predict(
     ----------
     model : a fit.json or loop.json, or a `Fit` or `Loop` at hand. Of a loop, the model before and
         the one after.
-    record : as read by `jaxfric.read` or, for the model of an axis, `jaxfric.read_axis`.
+    record : as read by `jaxfric.read` or, for the model of an axis, `jaxfric.read_axis`; or its
+        path.
     stiffness : of the machine that made this record (sliders), in friction per metre or text with a
         unit; by default that of the model.
     steps : of this record (sliders), as of `jaxfric.fit`.
@@ -60,6 +63,8 @@ def predict(
     sliding.
     """
     saved = load_model(model)
+    if isinstance(record, str | Path):
+        record = as_axis_record(record) if saved.is_axis else as_record(record)
     if saved.is_axis != isinstance(record, AxisRecord):
         kinds = ("an axis", "read_axis") if saved.is_axis else ("a slider", "read")
         raise InputError(
@@ -76,7 +81,7 @@ def predict(
         record,
         stiffness=stiffness,
         steps=steps,
-        free=("f0",) if free is None else tuple(free),
+        free=("f0",) if free is None else ids_of(free),
         progress=progress,
     )
 

@@ -29,6 +29,7 @@ from ..errors import InputError
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.delay import AbstractDelayLaw
 from ..rig.friction.law import AbstractLaw, Conditions
+from ..units import parse_quantity
 from . import polynomial as poly
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, StateSpaceKernel
 
@@ -165,8 +166,8 @@ def refuse_without_steady_state(velocity: ArrayLike, found: PyTree) -> None:
         )
 
 
-def linearise(rig: Rig, velocity: ArrayLike) -> LinearSlider:
-    """The rig at a steady `velocity` [m/s], linearised. Jittable and vmappable.
+def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
+    """The rig at a steady `velocity` [m/s] or "2 mm/s", linearised. Jittable and vmappable.
 
     The drive is outside the loop: it shapes the command, not the stability.
 
@@ -177,6 +178,8 @@ def linearise(rig: Rig, velocity: ArrayLike) -> LinearSlider:
     machine = rig.machine
     if not isinstance(machine, QuasiStatic | Inertial):
         raise TypeError(f"no linearisation of a {type(machine).__name__}")
+    if isinstance(velocity, str):
+        velocity = parse_quantity(velocity, "m/s", "velocity")
     V = jnp.asarray(velocity, jnp.result_type(float, velocity))
     if not isinstance(V, Tracer) and not bool(jnp.all(jnp.isfinite(V) & (V > 0))):
         raise InputError(f"linearise: velocity is {V} m/s; steady sliding needs a positive one")

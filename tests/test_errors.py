@@ -1,0 +1,95 @@
+"""What a message proposes: options in the command, arguments in Python."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+from command import record_text
+
+from jaxfric.errors import InputError, in_python, words_of_the_command
+
+ROOT = Path(__file__).parents[1] / "jaxfric"
+
+
+@pytest.mark.parametrize(
+    ("command", "python"),
+    [
+        ("leave them out (--drop-bad)", "leave them out (drop_bad=True)"),
+        ("as in --steps '0 s: 2 um/s, 60 s: 20 um/s'", 'as in steps="0 s: 2 um/s, 60 s: 20 um/s"'),
+        ("(as in --stiffness 1.6e-3/um), or", '(as in stiffness="1.6e-3/um"), or'),
+        ("or fit it (--fit-stiffness)", "or fit it (fit_stiffness=True)"),
+        ("as in --column 'position=NAME [0.8 rad]'",
+         'as in columns={"position": "NAME [0.8 rad]"}'),
+        ("leave it out: --column disturbance=none",
+         'leave it out: columns={"disturbance": "none"}'),
+        ("name it with --column, or", "name it with columns, or"),
+        ("in the base (--with) and left out (--without)",
+         "in the base (with_) and left out (without)"),
+        ("use --samples 0 for the estimate", "use samples=0 for the estimate"),
+        ("Turn it with --flip force (or", 'Turn it with flip="force" (or'),
+        ("as in --normal-force '500 N'", "as in normal_force=500"),
+        ("read it with --rig axis if", "read it with jaxfric.read_axis if"),
+        ("--velocity-gain is missing", "velocity_gain is missing"),
+        ("Cut the record with --from and --to.",
+         "Cut the record with the start of record.window() and the stop of record.window()."),
+        ("dask worker tcp://a --nthreads 1", "dask worker tcp://a --nthreads 1"),
+    ],
+)  # fmt: skip
+def test_options_become_arguments(command: str, python: str) -> None:
+    assert in_python(command) == python
+    assert str(InputError(command)) == python
+    with words_of_the_command():
+        assert str(InputError(command)) == command
+    assert str(InputError(command)) == python
+
+
+def messages() -> list[tuple[str, str]]:
+    """Texts in the package that name an option, but for the command's own: place and text."""
+    found = []
+    for path in sorted(ROOT.rglob("*.py")):
+        if path.parent.name in ("cli", "report", "plot") or path.name == "errors.py":
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            text = node.value if isinstance(node, ast.Constant) else None
+            if isinstance(text, str) and re.search(r"--[a-z]{2}", text):
+                found.append((f"{path.relative_to(ROOT)}:{node.lineno}", text))
+    return found
+
+
+def test_every_option_that_a_message_names_has_its_word_in_python() -> None:
+    texts = messages()
+    assert len(texts) > 40
+    left = [(place, text) for place, text in texts if re.search(r"--[a-z]{2}", in_python(text))]
+    assert [place for place, text in left if "--nthreads" not in text] == [], left
+
+
+def test_what_a_notebook_writes_first(tmp_path: Path, monkeypatch) -> None:
+    """A path for a record, an id for a list of ids, text for a quantity: they work or are told."""
+    import jaxfric
+    from jaxfric.effects import ids_of
+    from jaxfric.records.given import as_axis_record, as_record
+
+    assert ids_of("thermal") == ("thermal",) == ids_of(["thermal", "thermal"])
+    assert ids_of("thermal, gain") == ("thermal", "gain") and ids_of("") == ids_of(()) == ()
+    monkeypatch.chdir(tmp_path)
+    Path("run.csv").write_text(record_text())
+    assert len(as_record("run.csv")) == len(as_record(jaxfric.read("run.csv"))) == 91
+    with pytest.raises(InputError, match=r"record is a dict; give the path of a file, or a record"):
+        as_record({})
+    with pytest.raises(InputError, match=r"record is a list.*read_axis\(path\)"):
+        as_axis_record([1.0])
+    with pytest.raises(InputError, match=r"no file|no such file"):
+        jaxfric.close_axis_loop("none.csv")
+    with pytest.raises(
+        InputError, match=r"effect 'thermol' does not exist; did you mean 'thermal'"
+    ):
+        jaxfric.close_loop("run.csv", stiffness="5e-3/um", without="thermol")
+    source = jaxfric.law_from_parameters("slip", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
+    with pytest.raises(InputError, match=r"velocity: 'kg' is not a unit of m/s"):
+        jaxfric.find_gains(source, velocity="2 kg", mass="1..3 kg", margin="modulus=0.5")
+    with pytest.raises(InputError, match=r"margin 'modulus' is not NAME=NUMBER"):
+        jaxfric.find_gains(source, velocity="2 mm/s", mass="1..3 kg", margin="modulus")
+    rig = jaxfric.Rig(jaxfric.Inertial(2.0, 3e3, 0.5), source.law)
+    one, two = jaxfric.linearise(rig, "2 mm/s"), jaxfric.linearise(rig, 2e-3)
+    assert float(one.friction.f_v) == float(two.friction.f_v)
