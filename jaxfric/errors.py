@@ -16,7 +16,9 @@ from collections.abc import Iterator
 _ARGUMENTS = {
     **dict.fromkeys(("position-gain", "velocity-gain", "drive-gain", "rated-torque", "stiffness")),
     **dict.fromkeys(("steps", "parameters", "samples", "out", "scheduler", "mass", "without")),
-    **dict.fromkeys(("flip", "most", "margin", "velocity", "start", "free", "normal-force")),
+    **dict.fromkeys(
+        ("flip", "most", "margin", "velocity", "start", "free", "normal-force", "sample-time")
+    ),
     "with": "with_",
     "min-kp": "lower",
     "kp": "k_p",

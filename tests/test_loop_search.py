@@ -288,7 +288,11 @@ def test_a_load_point_that_stops_or_turns_is_refused_before_anything_is_fitted(
 
     monkeypatch.setattr("jaxfric.loop.loop.fit", fit)
     text = refused(plain([UM, 10 * UM, UM]), [UM, after, 10 * UM])
-    assert f"{what} at 60 s" in text and "--from" in text and "'jaxfric fit' takes holds" in text
+    assert (
+        f"{what} at 60 s" in text
+        and "record.window()" in text
+        and "'jaxfric fit' takes holds" in text
+    )
 
 
 def test_a_base_fit_that_did_not_converge_is_refused():
