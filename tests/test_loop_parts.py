@@ -463,7 +463,7 @@ class Fitted:
 
     always, ids = (), "abcd"
     blocks = SimpleNamespace(select=np.ones(100, bool))
-    stopwatch = SimpleNamespace(shortest=0.1)
+    stopwatch = SimpleNamespace(typical=0.1)
 
     def rms_error(self, used, noise):
         del noise
@@ -512,20 +512,22 @@ def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False):
 
 
 @pytest.mark.parametrize(
-    ("candidate", "taken"),
+    ("candidate", "fault"),
     [
-        (scored(-10.1), True),
-        (scored(-9.9), False),  # no evidence
-        (scored(-200.0, train=1.004), True),
-        (scored(-200.0, train=1.006), False),  # its noise is likelier, its fit is worse
-        (scored(-200.0, select=1.15), True),
-        (scored(-200.0, select=1.25), False),  # more than chance beyond the train block
-        (scored(-200.0, physical=False), False),
-        (scored(-200.0, failed=True), False),
+        (scored(-10.1), ""),
+        (scored(-9.9), "too little evidence"),
+        (scored(-200.0, train=1.004), ""),
+        (scored(-200.0, train=1.006), "fits the train block worse"),  # its noise is likelier
+        (scored(-200.0, select=1.15), ""),
+        (scored(-200.0, select=1.25), "predicts the select block worse"),
+        (scored(-200.0, physical=False), "impossible parameters"),
+        (scored(-200.0, failed=True), "did not converge"),
+        (scored(np.nan), "too little evidence"),
+        (scored(-200.0, train=np.nan), "fits the train block worse"),
     ],
 )
-def test_what_is_taken(candidate, taken):
-    assert search_module.acceptable(scored(), candidate, 0.1) is taken
+def test_what_keeps_a_candidate_from_being_taken(candidate, fault):
+    assert search_module.fault(scored(), candidate, 0.1) == fault
 
 
 SIZE = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 500.0)

@@ -47,6 +47,8 @@ class Candidate(NamedTuple):
     """By block, in units of the record."""
     physical: bool
     failed: bool
+    refused: str = ""
+    """Why a search did not take it, in words; empty where it could have."""
 
 
 class Rows(NamedTuple):

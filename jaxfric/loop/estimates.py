@@ -83,6 +83,7 @@ def candidate_scores(engine: Engine, found: Search) -> tuple[CandidateScore, ...
                 physical=c.physical,
                 converged=not c.failed,
                 accepted=c.effects in found.accepted,
+                refused=c.refused,
             )
         )
     return tuple(sorted(out, key=lambda c: -c.delta_bic))

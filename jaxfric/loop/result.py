@@ -62,6 +62,8 @@ class CandidateScore:
     physical: bool
     converged: bool
     accepted: bool
+    refused: str = ""
+    """Why it was not taken, in words; empty where another was better, or it was taken."""
 
 
 @dataclass(frozen=True)
@@ -277,6 +279,7 @@ class Loop:
                     "physical": c.physical,
                     "converged": c.converged,
                     "accepted": c.accepted,
+                    "refused": c.refused,
                 }
                 for c in self.candidates
             ],

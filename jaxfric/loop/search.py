@@ -60,7 +60,7 @@ def search(
     current, tried = base, [base]
     rounds: list[tuple[Screened, ...]] = []
     accepted: list[tuple[str, ...]] = [()]
-    pace = Pace(progress, engine.stopwatch.shortest, most, _REFITS)
+    pace = Pace(progress, engine.stopwatch.typical, most, _REFITS)
     while len(current.effects) < most and not base.failed:
         missing = len(engine.offered) - len(current.effects) - len(engine.always)
         if not missing:
@@ -119,10 +119,14 @@ def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Can
         words = "refitting with " + ", ".join(effects)
         pace.refitting(words, len(current.effects), place, len(asked))
         candidate = refit_safely(engine, effects, one, current)
-        tried.append(candidate)
         chance = engine.rms_error(engine.blocks.select, candidate.noise)
-        wanted = one.p_value <= _CHANCE and acceptable(current, candidate, chance)
-        if wanted and not not_fixed(engine, candidate, scales):
+        why = fault(current, candidate, chance)
+        if not why and one.p_value > _CHANCE:
+            why = "may be chance"
+        if not why and (loose := not_fixed(engine, candidate, scales)):
+            why = f"{', '.join(loose)} not fixed"
+        tried.append(candidate._replace(refused=why))
+        if not why:
             accepted.append(candidate)
     if not accepted:
         return None
@@ -161,21 +165,24 @@ def refit_safely(
     return candidate
 
 
-def acceptable(current: Candidate, candidate: Candidate, chance: float) -> bool:
-    """Better by more than 10 of BIC, possible, and not worse on the select block than chance.
+def fault(current: Candidate, candidate: Candidate, chance: float) -> str:
+    """What keeps a candidate from being taken, in words; nothing where it is better by more than 10
+    of BIC, possible, and not worse on the select block than chance.
 
     `chance` is the relative standard error of the rms of noise there: few rows, or correlated
     ones, may differ much. Where the train block is fitted worse, only the noise has become
     likelier: that is no evidence of an effect.
     """
     limit = max(_WORSE * current.rms["select"], (1 + 2 * chance) * candidate.rms["train"])
-    return (
-        not candidate.failed
-        and candidate.physical
-        and current.bic - candidate.bic > ACCEPT
-        and candidate.rms["train"] <= _TRAIN_WORSE * current.rms["train"]
-        and candidate.rms["select"] <= limit
-    )
+    faults = {
+        "did not converge": candidate.failed,
+        "impossible parameters": not candidate.physical,
+        "too little evidence": not current.bic - candidate.bic > ACCEPT,
+        "fits the train block worse": not candidate.rms["train"]
+        <= _TRAIN_WORSE * current.rms["train"],
+        "predicts the select block worse": not candidate.rms["select"] <= limit,
+    }
+    return next((words for words, is_so in faults.items() if is_so), "")
 
 
 def _without_needless(engine: Engine, current: Candidate, tried: list[Candidate]) -> Candidate:

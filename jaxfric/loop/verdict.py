@@ -50,7 +50,7 @@ class Told(NamedTuple):
         before, after = f"{self.before:.2f}", f"{self.after:.2f}"
         if float(after) < float(before):
             return f"held-out error {before} -> {after} sigma"
-        return f"held-out error {after} sigma, {before} without"
+        return f"held-out error {after} sigma with, {before} without"
 
 
 class Conclusion(NamedTuple):
@@ -257,8 +257,14 @@ def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str) 
             what = f"Something is left ({p_text(told.p_value)}), but too little to be named"
         return f"{what}: no effect is supported by more than {ACCEPT:g} of BIC ({before})."
     if verdict == "outside_catalogue":
-        tried = _in_vain(search, named, told)
-        return f"What is missing is not in the catalogue. {tried} {located}".strip()
+        what = "What is missing is not in the catalogue."
+        if told.after <= told.most:
+            what = (
+                "What is left is as small as the noise"
+                f" (held-out error {told.after:.2f} sigma), but has structure that no effect of the"
+                " catalogue explains."
+            )
+        return " ".join(part for part in (what, _in_vain(search, named, told), located) if part)
     gain = search.base.bic - search.final.bic
     if rivals:
         pairs = "; ".join(f"{a} or {b}" for a, b in rivals)
@@ -267,18 +273,16 @@ def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str) 
 
 
 def _in_vain(search: Search, named: str, told: Told) -> str:
-    """What was added and explains too little; where nothing was, how little is left to explain."""
-    small = told.before <= told.most
+    """What was added and explains too little."""
     if not named:
-        left = f"The held-out error is already at the noise ({told.before:.2f} sigma)."
-        return left if small else ""
+        return ""
     one = len(search.final.effects) == 1
     if float(f"{told.after:.2f}") < float(f"{told.before:.2f}"):
         verb, but = ("helps", "does") if one else ("help", "do")
         return f"{named} {verb} ({told.change()}) but {but} not explain it."
-    if told.after <= told.most and small:
+    if told.after <= told.most:
         verb = "changes" if one else "change"
-        return f"{named} {verb} little: the {told.change()}, both at the noise."
+        return f"{named} {verb} little: {told.change()}."
     verb, then = ("fits", "predicts") if one else ("fit", "predict")
     return f"{named} {verb} the train block but {then} the others no better ({told.change()})."
 

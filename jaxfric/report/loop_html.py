@@ -27,7 +27,8 @@ FIGURES = {
     "location": (
         "Where the structure sits",
         "Friction that the base model lacks, drawn against one variable at a time, without asking"
-        " which effect it is. The variable that explains the largest share tells where to look.",
+        " which effect it is. Shares are those of each variable alone and overlap; the largest"
+        " tells where to look.",
     ),
     "aliasing": (
         "What this record can tell apart",

@@ -11,7 +11,7 @@ from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
 from ..fitting.table import decimals
-from ..loop.result import ROLES, Loop, Table
+from ..loop.result import ROLES, CandidateScore, Loop, Table
 from ..loop.split import NAMES
 from ..loop.structure import TESTS, p_text
 from ..units import factor, format_si
@@ -245,7 +245,7 @@ def candidates(loop: Loop, *, most: int) -> Table:
             _finite(c.delta_bic, "{:+.1f}").replace("-", "−"),
             _finite(c.train_rms / loop.sigma, "{:.3f}"),
             _finite(c.heldout_rms / loop.sigma, "{:.3f}"),
-            ROLES[loop.role(c)],
+            _role(loop, c),
         )
         for c in found[:most]
     ]
@@ -256,6 +256,13 @@ def candidates(loop: Loop, *, most: int) -> Table:
     head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
     marked = tuple(k for k, c in enumerate(found[:most]) if loop.role(c) == "model")
     return Table("Models that were fitted", head, rows, note, marked)
+
+
+def _role(loop: Loop, candidate: CandidateScore) -> str:
+    """What a model was in the search and, where its BIC alone would have had it taken, why not."""
+    role = loop.role(candidate)
+    text = ROLES[role]
+    return f"{text}: {candidate.refused}" if role == "tried" and candidate.refused else text
 
 
 # ---- aliases -------------------------------------------------------------------------------
