@@ -183,7 +183,16 @@ def moved(loop: Loop) -> Table:
     marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
     head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
     note = "shift: after minus before, in standard deviations of the fit after"
-    return Table("Parameters", head, rows, note, marked)
+    return Table("Parameters", head, rows, note + _also_fitted(loop), marked)
+
+
+def _also_fitted(loop: Loop) -> str:
+    """Which columns beside friction the errors rest on; `jaxfric fit` leaves them out."""
+    columns = ("slip", "load_point_encoder")
+    used = [name for name in columns if getattr(loop.record, name, None) is not None]
+    if loop.is_axis or not used:
+        return ""
+    return f"\n± rests on friction and {' and '.join(used)}; a fit of friction alone knows less"
 
 
 def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
