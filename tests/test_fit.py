@@ -248,6 +248,30 @@ def test_intervals_cover_and_scores_have_unit_spread():
 
 
 @pytest.mark.long
+def test_means_over_rows_keep_intervals_honest():
+    """Steps found in the load point, white and correlated noise, about a fifth of the rows."""
+    scores = []
+    for seed in range(40_000, 40_012):
+        record, steps, made = synthetic(
+            seed,
+            law="slip",
+            pattern="up",
+            stiffness_ratio=(3.0, 30.0),
+            samples=(4000, 5000),
+            white=6e-4,
+            correlated=2e-4,
+            correlation=0.01,
+        )
+        fit = jaxfric.fit(record, stiffness=made.stiffness, steps=steps, rows=1000)
+        assert len(fit.record) <= 1000
+        for name in "ABL":
+            estimate, true = fit.parameters[name], getattr(made.truth, name)
+            scores.append((estimate.value - true) / estimate.std)
+    assert 0.5 < np.std(scores) < 1.6
+    assert np.mean(np.abs(scores) < QUANTILE) > 0.8
+
+
+@pytest.mark.long
 def test_whitened_weighting_is_at_least_as_precise():
     record, steps, made = synthetic(
         77, law="slip", pattern="up", samples=(900, 1000), white=1e-4, correlated=4e-4

@@ -9,9 +9,10 @@ import pytest
 from public_data import public_record
 
 from jaxfric.errors import InputError
-from jaxfric.records import from_arrays, read, read_table
+from jaxfric.records import VelocitySteps, from_arrays, read, read_table
 from jaxfric.records.header import role_of, split_name_unit
 from jaxfric.records.public import public_path
+from jaxfric.records.thin import blur, thinned
 
 HEADER = "time [s],load_point_displacement [um],friction [1],normal_stress [MPa]"
 
@@ -388,3 +389,30 @@ def test_windows_refused(start, stop, words) -> None:
     record = from_arrays(t, np.full(100, 0.6), load_point_displacement=2e-6 * t)
     with pytest.raises(InputError, match=words):
         record.window(start, stop)
+
+
+def test_means_over_rows_reach_over_no_step_and_keep_what_rows_say() -> None:
+    """10,000 rows with a step between two of them: friction jumps by a hundred times the noise."""
+    t = np.arange(10_000) / 100
+    steps = VelocitySteps(np.array([0.0, 33.335]), np.array([1e-6, 1e-5]))
+    noise = 1e-3 * np.random.default_rng(0).normal(size=len(t))
+    friction = np.where(t < 33.335, 0.6, 0.7)
+    record = from_arrays(t, friction + noise, load_point_displacement=steps.displacement(t))
+    few = thinned(record, 1000, steps)
+    assert 990 <= len(few) <= 1000
+    left = few.friction - np.where(few.time < 33.335, 0.6, 0.7)
+    assert np.abs(left).max() < 2e-3 and np.std(left) == pytest.approx(1e-3 / np.sqrt(10), rel=0.1)
+    late = few.load_point_displacement - steps.displacement(few.time)
+    assert np.abs(late).max() < 1e-12  # a mean of time goes with a mean of displacement
+    assert few.provenance.notes[-1] == f"means over 10 rows each: {len(few)} of 10000 rows"
+    assert thinned(record, 10_000, steps) is record
+    with pytest.raises(InputError, match="--rows is 7"):
+        thinned(record, 7, steps)
+
+
+def test_means_that_flatten_a_peak_are_told() -> None:
+    t = np.arange(1000) / 10
+    for width, told in ((20.0, False), (0.5, True)):
+        peak = 0.6 + 0.02 * np.exp(-np.maximum(t - 50, 0) / width) * (t > 50)
+        record = from_arrays(t, peak, load_point_displacement=1e-6 * t)
+        assert (blur(record, 1e-4) > 0.5) == told

@@ -1,5 +1,6 @@
 """`fit(record, stiffness=...)`: rate-and-state parameters of a velocity-step record."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from ..errors import InputError
 from ..records import Record, VelocitySteps, record_steps
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
+from ..records.thin import blur, thinned
 from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
@@ -34,6 +36,7 @@ from .uncertainty import data_part, fair_hold
 WEIGHTINGS = ("ordinary", "whitened")
 _MAX_STATES = 3
 _FELT = 0.25
+_BLUR = 0.5
 
 
 def fit(
@@ -49,6 +52,7 @@ def fit(
     start: Mapping[str, float] | None = None,
     weighting: str = "ordinary",
     profile: bool = False,
+    rows: int | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Fit:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
@@ -75,6 +79,8 @@ def fit(
         fits do; "whitened" weights by the estimated noise, which is more precise where noise is
         correlated. The errors are honest in both.
     profile : intervals from the profile likelihood instead of the covariance.
+    rows : fit means over neighbouring rows instead, about so many (`records.thin`): time falls in
+        proportion. Steps are found in all rows, and errors are those of the noise of the means.
     progress : told what is being done.
 
     Returns
@@ -93,13 +99,16 @@ def fit(
     K = _stiffness(stiffness, record, fit_stiffness)
     progress("velocity steps")
     steps = steps_of(record, steps)
+    warnings: tuple[str, ...] = ()
+    if rows is not None:
+        record, steps, warnings = _thinned(record, rows, steps)
     if K is not None:
         _refuse_soft(K, record, steps)
     V0 = _reference(reference_velocity, steps)
     forward, sign = forward_steps(record, steps)
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
-    progress("fit")
-    problem, solution = _solve_in_stages(record, sign, forward, model, K, V0, start)
+    progress(f"compiling, then fitting {len(record)} rows")
+    problem, solution = _solve_in_stages(record, sign, forward, model, K, V0, start, progress)
     noise = _noise(problem, solution)
     if len(problem.hold) and weighting == "ordinary":
         problem = problem.holding(fair_hold(problem, solution, noise))
@@ -110,9 +119,10 @@ def fit(
         noise = _noise(problem, _evaluate(problem, solution))
         problem = problem.whitened(noise)
         solution = solve(problem, solution.z[None], refine=1)
-    return assemble(
+    found = assemble(
         record, steps, sign, problem, solution, noise, profile=profile, progress=progress
     )
+    return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
 
 
 def require_float64() -> None:
@@ -122,6 +132,24 @@ def require_float64() -> None:
             "fit needs 64-bit numbers: add jax.config.update('jax_enable_x64', True) after "
             "'import jax', before any array is made"
         )
+
+
+def _thinned(
+    record: Record, rows: int, steps: VelocitySteps
+) -> tuple[Record, VelocitySteps, tuple[str, ...]]:
+    """Means over neighbouring rows, the steps in their time, and what that costs."""
+    few = thinned(record, rows, steps)
+    late = few.time[0] - record.time[0]
+    times = np.concatenate([[0.0], steps.times[1:] - late])
+    steps = VelocitySteps(times, steps.velocities, steps.time_errors, steps.velocity_errors)
+    lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
+    if lost < _BLUR:
+        return few, steps, ()
+    text = (
+        f"means over {len(record) // len(few)} rows flatten the peaks after the steps by"
+        f" {lost:.2g} times the noise that is left: A comes out too small; ask for more --rows"
+    )
+    return few, steps, (text,)
 
 
 def _model(law, states, fit_stiffness, slip_trend, weighting) -> Model:
@@ -246,7 +274,14 @@ def prepare(
 
 
 def _solve_in_stages(
-    record: Record, sign: float, steps: VelocitySteps, model: Model, K: float | None, V0, start
+    record: Record,
+    sign: float,
+    steps: VelocitySteps,
+    model: Model,
+    K: float | None,
+    V0,
+    start,
+    progress,
 ) -> tuple[Problem, Solution]:
     """One state first; the velocity that it finds then serves to start more states."""
     time, friction = record.relative_time, sign * record.friction
@@ -262,8 +297,8 @@ def _solve_in_stages(
         force_scale=float(starts[0, 1]),
     )
     if model.states == 1:
-        return problem, _solve(problem, starts, start)
-    first = _solve(problem, starts, None)
+        return problem, _solve(problem, starts, start, progress)
+    first = _solve(problem, starts, None, progress)
     data = average(time, friction, steps)
     full = data.count > 0
     seen = simulate(problem.rig(first.z), problem.motion, jnp.asarray(data.time[full]))
@@ -280,10 +315,12 @@ def _solve_in_stages(
     if len(starts) == 0:
         starts = split_state(np.asarray(problem.from_free(first.z)), model.states)
     problem = problem.with_model(model)
-    return problem, _solve(problem, starts, start)
+    return problem, _solve(problem, starts, start, progress)
 
 
-def _solve(problem: Problem, starts: np.ndarray, given: Mapping[str, float] | None) -> Solution:
+def _solve(
+    problem: Problem, starts: np.ndarray, given: Mapping[str, float] | None, progress
+) -> Solution:
     names = problem.model.names()
     if given:
         unknown = sorted(set(given) - set(names))
@@ -296,7 +333,7 @@ def _solve(problem: Problem, starts: np.ndarray, given: Mapping[str, float] | No
         for name, value in given.items():
             first[names.index(name)] = quantity_of(name).check(float(value), "start")
         starts = first[None]
-    return solve(problem, to_free(problem, jnp.asarray(starts)))
+    return solve(problem, to_free(problem, jnp.asarray(starts)), progress=progress)
 
 
 def _evaluate(problem: Problem, solution: Solution) -> Solution:

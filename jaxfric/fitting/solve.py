@@ -5,6 +5,8 @@ are tried one after another rather than batched: a batched `while_loop` copies t
 memory at every step, which costs more than the batch saves on a few cores.
 """
 
+import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -19,6 +21,7 @@ from .problem import FAILED_MISFIT, Problem, residual_and_jacobian
 # A descent from which the misfit per sample is below this is not compared with others: it
 # fits to the noise (measured from second differences of the record).
 _NOISE_REACHED = 1.1
+_TRIALS = 20  # of a descent, about
 _DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)
 
 
@@ -84,20 +87,30 @@ def solve(
     *,
     refine: int = 3,
     tolerance: float = 1e-3,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Solution:
     """Minimise the sum of squared residuals from up to `refine` of the `starts`.
 
     A descent ends when neither a parameter (unbounded form) nor a residual (in noise units)
-    changes by more than `tolerance`.
+    changes by more than `tolerance`. `progress` is told which descent it is, and about how long
+    what is left takes at the pace of the starts.
     """
+    found_misfits = misfits(problem, starts[:1])  # compiles
+    begun = time.perf_counter()
     found_misfits = misfits(problem, starts)
+    pace = (time.perf_counter() - begun) / len(starts)
     order = np.argsort(found_misfits)
     if found_misfits[order[0]] >= FAILED_MISFIT**2 and problem.damping is None:
         # every start runs away: the record lies near that edge. Approach it with a dashpot.
         order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
     samples = float(jnp.sum(problem.weight > 0))
     found: list[Solution] = []
-    for i in order[:refine]:
+    for k, i in enumerate(order[:refine]):
+        left = pace * _TRIALS * (min(refine, len(order)) - k)
+        progress(
+            f"descent {k + 1} of at most {min(refine, len(order))} over {int(samples)} rows,"
+            f" about {_rounded(left)} s left at most"
+        )
         feasible = bool(found_misfits[i] < FAILED_MISFIT**2)
         z, result, steps = _descend_safely(problem, starts[i], feasible, tolerance)
         residual, jacobian = residual_and_jacobian(problem, z)
@@ -106,6 +119,10 @@ def solve(
         if cost < _NOISE_REACHED * samples:
             break
     return min(found, key=lambda s: s.cost)
+
+
+def _rounded(seconds: float) -> str:
+    return f"{max(1.0, float(f'{seconds:.1g}')):.0f}"
 
 
 def _descend_safely(problem, z, feasible: bool, tolerance: float):

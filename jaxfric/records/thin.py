@@ -1,0 +1,51 @@
+"""Fewer rows, honestly: means over equal numbers of neighbouring rows.
+
+A fit costs time in proportion to its rows, and a recorder often writes far more than friction
+needs. The mean over k rows keeps what they say: white noise falls by sqrt(k), noise that is
+correlated over more than k rows stays as it is, and both are estimated anew from the means, so that
+errors stay right. No mean reaches over a velocity step; rows that fill no group before the next
+step (fewer than k) are left out. What a mean loses is curvature: a peak is flattened by a 24th of
+its second difference, and `blur` says how that compares with the noise that is left.
+"""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from ..errors import InputError
+from .record import MIN_ROWS, Record, frozen
+from .steps import VelocitySteps
+
+LEAST_ROWS = 100
+
+
+def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
+    """The record as at most about `rows` means over equal numbers of rows, none over a step.
+
+    Returns the record itself where it has no more rows than that. Its provenance says what was
+    done. Raises `InputError` for fewer than 100 rows, and where less than 20 would be left.
+    """
+    if rows < LEAST_ROWS:
+        raise InputError(f"--rows is {rows}; {LEAST_ROWS} or more are needed")
+    size = int(np.ceil(len(record) / rows))
+    if size == 1:
+        return record
+    # a step lies between rows: the groups after it begin at the first row that has seen it
+    edges = np.searchsorted(record.relative_time, steps.times[1:], side="left")
+    edges = np.concatenate([[0], edges, [len(record)]])
+    starts = [np.arange(a, b - size + 1, size) for a, b in pairwise(edges)]
+    first = np.concatenate(starts)
+    if len(first) < MIN_ROWS:
+        raise InputError(f"--rows {rows}: only {len(first)} means would be left; ask for more rows")
+    index = first[:, None] + np.arange(size)
+    means = {role: frozen(values[index].mean(axis=1)) for role, values in record.columns.items()}
+    note = f"means over {size} rows each: {len(first)} of {len(record)} rows"
+    origin = replace(record.provenance, notes=(*record.provenance.notes, note))
+    return replace(record, **means, provenance=origin)
+
+
+def blur(record: Record, noise: float) -> float:
+    """How much the peaks of a record of means are flattened at most, in units of its `noise`."""
+    second = np.abs(np.diff(record.friction, 2))
+    return float(np.quantile(second, 1 - 3 / max(len(second), 6))) / 24 / noise
