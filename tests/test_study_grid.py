@@ -95,6 +95,7 @@ def test_permutation(size):
         (lambda: Uniform("x", 1.0, 1.0), "empty"),
         (lambda: Uniform("x", 0.0, 1.0, log=True), "above 0"),
         (lambda: Uniform("x", 0.0, 1.0, kind="halton"), "halton"),
+        (lambda: Samples(2**31, COLUMNS), r"Sobol sequence has 1\.1e\+09 points"),
         (lambda: Samples(0, COLUMNS), "number of samples"),
         (lambda: Blocks.of((3,), 0), "chunk is 0"),
     ],

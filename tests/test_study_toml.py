@@ -1,6 +1,9 @@
 """study.toml and the command: what is understood, and what is refused in one line."""
 
+import contextlib
+import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +20,7 @@ pytest.importorskip("zarr")
 pytest.importorskip("xarray")
 
 from jaxfric import InputError, study
+from jaxfric.cli.app import _run as run_here
 from jaxfric.members import make
 from jaxfric.study.function import refuse_clashes
 
@@ -132,6 +136,121 @@ def test_only_what_is_out_of_reach_has_no_gains(monkeypatch: pytest.MonkeyPatch)
     assert "1 of them: InputError: k_p is odd" in outcome.out
 
 
+HUGE = """
+compute = ["margins"]
+outputs = ["k_cr"]
+[rig]
+law = "slip"
+A = "4.5 N"
+L = "5 um"
+V0 = "10 um/s"
+k_p = "1 MN/m"
+[axes]
+B = { latin = ["5 N", "9 N"] }
+[samples]
+number = 1000000000000
+"""
+
+
+def test_a_huge_study_says_its_size_and_time_first() -> None:
+    written(Path("study.toml"), HUGE)
+    outcome = run("study", "study.toml")
+    assert outcome.code == 2 and "Traceback" not in outcome.err
+    words = (
+        r"error: 1e\+12 members in \d+ chunks: up to 9 TB, and .* (days|h) at .*members/s .*--yes"
+    )
+    assert re.search(words, outcome.err), outcome.err
+    assert os.listdir() == ["study.toml"]
+
+
+OWN = """
+[units]
+h = "m"
+g = "m/s^2"
+time = "s"
+[rig]
+g = "9.81 m/s^2"
+[axes]
+h = { linspace = ["0 m", "100 cm"], points = 3 }
+n = { values = [1, 2] }
+"""
+FUNCTION = """
+import jax.numpy as jnp
+def drop(p):
+    return {"time": p["n"] * jnp.sqrt(2 * p["h"] / p["g"])}
+def plainly(p):
+    return {"time": p["n"] * (2 * p["h"] / p["g"]) ** 0.5 if p["h"] < 2 else 0.0}
+"""
+
+
+@pytest.mark.parametrize("name", ["drop", "plainly"])
+def test_a_function_of_ones_own(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With JAX, or any Python; its store is refused when its body changes."""
+    monkeypatch.setattr("jaxfric.cli.study._cores", lambda: 1)
+    own = written(Path("own.py"), FUNCTION)
+    text = OWN if name == "drop" else "kind = 'host'\n" + OWN
+    written(Path("study.toml"), text)
+    outcome = run("study", "study.toml", "--function", f"own.py:{name}")
+    assert outcome.code == 0, outcome.err
+    found = study.load("study.zarr")
+    expected = found.n.values * np.sqrt(2 * found.h.values[:, None] / 9.81)
+    np.testing.assert_allclose(found.time, expected)
+    assert found.time.attrs["units"] == "s" and found.h.values[-1] == 1.0
+    written(own, FUNCTION.replace("2 * p", "3 * p"))
+    again = run("study", "study.toml", "--function", f"own.py:{name}")
+    assert_refused_after(again, "differs in source of the function")
+
+
+def assert_refused_after(outcome, *words: str) -> None:
+    """Exit code 2 and, after what was told, one line with all of `words`."""
+    assert outcome.code == 2 and all(word in outcome.err.splitlines()[-1] for word in words)
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        ("own.py:plainly", ["fails", "TracerBool", "kind = 'host' in study.toml"]),
+        ("own.py:nothing", ["no function 'nothing'"]),
+        ("nothing.py:drop", ["nothing.py", "no such file"]),
+        ("own.drop", ["FILE.py:NAME"]),
+        ("broken.py:drop", ["broken.py", "NameError"]),
+    ],
+)
+def test_functions_that_are_refused(function: str, words: list[str]) -> None:
+    written(Path("own.py"), FUNCTION)
+    written(Path("broken.py"), "nonsense")
+    written(Path("study.toml"), OWN)
+    assert_refused_after(run("study", "study.toml", "--function", function), *words)
+
+
+def test_the_file_of_a_scheduler() -> None:
+    written(Path("study.toml"), GOOD)
+    written(Path("s.json"), '{"address": "nonsense://x"}')
+    written(Path("t.json"), "{}")
+    for file, words in (
+        ("s.json", "--scheduler nonsense://x: no Dask"),
+        ("t.json", "is not what a"),
+        ("u.json", "No such file"),
+    ):
+        assert_refused_after(run("study", "study.toml", "--scheduler-file", file), words)
+
+
+def test_a_termination_is_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says how to go on, and exits as a shell expects."""
+
+    def ended(*_, **__):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5)
+
+    monkeypatch.setattr("jaxfric.members.run_study", ended)
+    written(Path("study.toml"), GOOD)
+    before, err = signal.getsignal(signal.SIGTERM), io.StringIO()
+    with contextlib.redirect_stderr(err), pytest.raises(SystemExit) as end:
+        run_here(["study", "study.toml", "--out", "a.zarr"])
+    assert end.value.code == 143 and signal.getsignal(signal.SIGTERM) == before
+    assert "to go on: jaxfric study study.toml --out a.zarr" in err.getvalue()
+
+
 def test_bad_options() -> None:
     assert_refused(run("study"), "no study")
     assert_refused(run("study", "nothing.toml"), "nothing.toml", "no such file")
@@ -143,7 +262,7 @@ def test_bad_options() -> None:
     written(Path("b.zarr"), "text")
     assert_refused(run("study", "study.toml", "--out", "b.zarr"), "b.zarr", "a file")
     outcome = run("study", "study.toml", "--out", "c.zarr", "--scheduler", "nonsense://x")
-    assert_refused(outcome, "--scheduler nonsense://x", "no Dask scheduler")
+    assert_refused_after(outcome, "--scheduler nonsense://x", "no Dask scheduler")
 
 
 def test_study_runs_goes_on_and_is_drawn() -> None:

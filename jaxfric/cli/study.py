@@ -1,7 +1,11 @@
 """`jaxfric study`: the same question of a great many sliders, in a store that survives a kill."""
 
+import contextlib
+import json
 import math
+import os
 import shlex
+import signal
 import sys
 import time
 from pathlib import Path
@@ -35,6 +39,16 @@ def study(
         str | None,
         Parameter(help="Address of a Dask scheduler whose workers compute: tcp://HOST:8786."),
     ] = None,
+    scheduler_file: Annotated[
+        Path | None, Parameter(help="The file that a Dask scheduler wrote its address to.")
+    ] = None,
+    function: Annotated[
+        str | None,
+        Parameter(help="Your own function of the parameters, FILE.py:NAME, instead of compute."),
+    ] = None,
+    yes: Annotated[
+        bool, Parameter(negative=(), help="Begin a very large study without asking.")
+    ] = False,
     other_versions: Annotated[
         bool,
         Parameter(
@@ -53,7 +67,7 @@ def study(
     """
     _require()
     if plot is not None:
-        if file is not None or scheduler is not None:
+        if file is not None or scheduler is not None or function is not None:
             raise InputError("--plot takes a store and no study; leave the study.toml out")
         return _draw(plot, out)
     if file is None:
@@ -62,6 +76,12 @@ def study(
     command = ["jaxfric", "study", str(file)]
     command += ["--out", out] if out else []
     command += ["--scheduler", scheduler] if scheduler else []
+    command += ["--scheduler-file", str(scheduler_file)] if scheduler_file else []
+    command += ["--function", function] if function else []
+    if scheduler_file is not None:
+        if scheduler is not None:
+            raise InputError("--scheduler and --scheduler-file exclude each other; give one")
+        scheduler = _address(scheduler_file)
     _use_all_cores()
     prepare_jax()
     from ..members import run_study
@@ -69,23 +89,62 @@ def study(
     begun = time.monotonic()
     with told(quiet=False) as say:
         teller = _Teller(say)
+        before = signal.SIG_DFL
         try:
+            with contextlib.suppress(ValueError):  # not in the main thread
+                before = signal.signal(signal.SIGTERM, _terminated)
             found = run_study(
                 file,
                 destination,
+                function=function,
                 scheduler=scheduler,
+                processes=_cores(),
+                ask=None if yes else _ask,
                 other_versions=other_versions,
                 progress=teller.progress,
                 tell=teller.note,
             )
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interrupt:
             message = f"jaxfric: stopped: {teller.state}; to go on: {shlex.join(command)}"
             print(message, file=sys.stderr, flush=True)
-            raise SystemExit(130) from None
+            raise SystemExit(143 if isinstance(interrupt, _Terminated) else 130) from None
+        finally:
+            with contextlib.suppress(ValueError):
+                signal.signal(signal.SIGTERM, before)
     for line in _summary(found, time.monotonic() - begun, teller.members):
         print(line)
     print(f"written: {destination} (draw it: jaxfric study --plot {destination})")
     return 0
+
+
+class _Terminated(KeyboardInterrupt):
+    """Asked to end by another process: a queue whose time is over, a machine that goes down."""
+
+
+def _terminated(*_: object) -> None:
+    raise _Terminated
+
+
+def _address(file: Path) -> str:
+    """What a scheduler wrote with --scheduler-file."""
+    try:
+        return str(json.loads(file.read_text(encoding="utf-8"))["address"])
+    except OSError as error:
+        raise InputError(f"--scheduler-file {file}: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(
+            f"--scheduler-file {file}: is not what a scheduler writes; start one with: dask"
+            f" scheduler --scheduler-file {file}"
+        ) from None
+
+
+def _ask(text: str) -> None:
+    """Go on only where someone says so."""
+    if sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty():
+        print(f"jaxfric: {text}. Begin? [y/N] ", end="", file=sys.stderr, flush=True)
+        if sys.stdin.readline().strip().lower() in ("y", "yes"):
+            return
+    raise InputError(f"{text}; begin it with --yes, or take fewer")
 
 
 def _require() -> None:
@@ -96,17 +155,21 @@ def _require() -> None:
 
 def _use_all_cores() -> None:
     """A device of JAX for every core, unless there is a say in it: loops do not share one."""
-    import os
-
     import jax
 
     if "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
         return
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     try:
-        jax.config.update("jax_num_cpu_devices", cores or 1)
+        jax.config.update("jax_num_cpu_devices", _cores())
     except RuntimeError:  # devices are there already
         return
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 class _Teller:

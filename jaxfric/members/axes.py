@@ -1,21 +1,28 @@
 """[axes] and [samples] of a study.toml: what varies."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
+from ..quantity import Quantity
 from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
 from ..study.grid import KINDS
-from .parameters import nearest, number, parameter, read_value
+from .parameters import nearest, number, parameter, value_of
 from .tables import file_of, refuse_unknown, table_of, whole
 
+About = Callable[[str, str], Quantity]
+# Values of one axis: they are held whole.
+_MOST = 10_000_000
 _AXIS = ("linspace", "logspace", "values", *KINDS, "from")
 
 
-def read_grid(content: dict[str, Any], path: Path, files: dict[str, str]) -> Grid:
-    """[axes] and [samples]: what varies."""
+def read_grid(
+    content: dict[str, Any], path: Path, files: dict[str, str], *, about: About = parameter
+) -> Grid:
+    """[axes] and [samples]: what varies. `about` knows the parameters by their names."""
     where = f"{path.name} [axes]"
     table = table_of(content, "axes", path.name)
     if not table:
@@ -29,9 +36,9 @@ def read_grid(content: dict[str, Any], path: Path, files: dict[str, str]) -> Gri
         if kind == "from":
             columns.append(_draws(axis, path, f"{where} {name}", files))
         elif kind in KINDS:
-            columns.append(_column(name, kind, axis, where))
+            columns.append(_column(about(name, where), kind, axis, where))
         else:
-            axes.append(_axis(name, kind, axis, where))
+            axes.append(_axis(about(name, where), kind, axis, where))
     samples = table_of(content, "samples", path.name)
     refuse_unknown(samples, ("number", "seed"), f"{path.name} [samples]")
     count = whole(samples, "number", f"{path.name} [samples]")
@@ -57,15 +64,15 @@ def _kind(axis: dict[str, Any], where: str) -> str:
     return kind
 
 
-def _axis(name: str, kind: str, axis: dict[str, Any], where: str) -> Axis:
-    about = parameter(name, where)
+def _axis(about: Quantity, kind: str, axis: dict[str, Any], where: str) -> Axis:
+    name = about.symbol
     given = axis[kind]
     place = f"{where} {name}"
     if not isinstance(given, list):
         raise InputError(f"{place}: {kind} is a list, as in {kind} = ['1 um/s', '10 um/s']")
     if not given:
         raise InputError(f"{place}: {kind} is empty; give a value or more")
-    numbers = [read_value(x, name, place) for x in given]
+    numbers = [value_of(x, about, place) for x in given]
     labels = {"unit": about.unit, "long_name": about.text}
     if kind == "values":
         if len(set(numbers)) < len(numbers):
@@ -78,6 +85,8 @@ def _axis(name: str, kind: str, axis: dict[str, Any], where: str) -> Axis:
         raise InputError(f"{place}: points is missing; say how many values, points = 20")
     if points < 1:
         raise InputError(f"{place} is empty: {points} points; give 1 or more")
+    if points > _MOST:
+        raise InputError(f"{place}: {points} points; an axis has no more than {_MOST}")
     if points > 1 and numbers[0] == numbers[1]:
         raise InputError(f"{place} is empty: both ends are {given[0]}")
     low, high = numbers
@@ -87,14 +96,14 @@ def _axis(name: str, kind: str, axis: dict[str, Any], where: str) -> Axis:
     return make(name, low, high, points, **labels)
 
 
-def _column(name: str, kind: str, axis: dict[str, Any], where: str) -> Uniform:
-    about = parameter(name, where)
+def _column(about: Quantity, kind: str, axis: dict[str, Any], where: str) -> Uniform:
+    name = about.symbol
     given, place, log = axis[kind], f"{where} {name}", axis.get("log", False)
     if not isinstance(given, list) or len(given) != 2:
         raise InputError(f"{place}: {kind} takes two ends, as in {kind} = ['1 N', '2 N']")
     if not isinstance(log, bool):
         raise InputError(f"{place}: log is {log!r}; it is true or false")
-    low, high = (read_value(x, name, place) for x in given)
+    low, high = (value_of(x, about, place) for x in given)
     if not low < high:
         raise InputError(f"{place} is empty: from {given[0]} to {given[1]}")
     if log and not low > 0:

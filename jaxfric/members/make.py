@@ -14,7 +14,8 @@ from .sliders import ENDINGS, ENDINGS_WITH_MASS, MARGINS, Sliders, traces
 from .spec import Spec, choose_outputs, read_spec
 
 # Members of a block: as many as compute in about a second, and their traces fit into memory.
-_CHUNK, _CHUNK_WITH_TRACES, _CHUNK_SLOW, _CHUNK_ONE_BY_ONE = 65536, 16384, 1024, 16
+_CHUNK, _CHUNK_WITH_TRACES, _CHUNK_SLOW, _CHUNK_ONE_BY_ONE = 65536, 16384, 256, 16
+_CHUNKS = {"gains": 16, "fit": 4, "loop": 1}
 # Members that share a loop: what fits into a cache; a stiff solver's are held by the slowest.
 _BATCH, _BATCH_SLOW = 512, 16
 _SAMPLES = 100
@@ -34,22 +35,32 @@ class Made:
     separate: bool = True
 
 
-def make(path: str | Path) -> Made:
-    """Read a study.toml and make its function.
+def make(path: str | Path, own: str | None = None) -> Made:
+    """Read a study.toml and make its function, or take one's `own`, FILE.py:NAME.
 
     Raises
     ------
     InputError : see `spec.read_spec`.
     """
+    if own is not None:
+        return _own(path, own)
     spec = read_spec(path)
     if spec.compute[0] in ("gains", "fit", "loop"):
         from .one_by_one import one_by_one
 
         function, known = one_by_one(spec)
         outputs = choose_outputs(spec, known, tuple(o.name for o in known))
-        chunk = spec.chunk or _CHUNK_ONE_BY_ONE
+        chunk = spec.chunk or _CHUNKS[spec.compute[0]]
         return Made(spec, function, outputs, "host", None, chunk, 1)
     return _sliders(spec)
+
+
+def _own(path: str | Path, reference: str) -> Made:
+    from .own import read_own
+
+    spec, function, outputs, kind = read_own(path, reference)
+    chunk = spec.chunk or (_CHUNK_ONE_BY_ONE if kind == "host" else _CHUNK)
+    return Made(spec, function, outputs, kind, None, chunk, _BATCH, separate=False)
 
 
 def _sliders(spec: Spec) -> Made:
@@ -118,7 +129,10 @@ def run_study(
     path: str | Path,
     out: str | Path,
     *,
+    function: str | None = None,
     scheduler: str | None = None,
+    processes: int = 1,
+    ask: Callable[[str], None] | None = None,
     other_versions: bool = False,
     progress: Callable[[Progress], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -129,7 +143,7 @@ def run_study(
     ------
     InputError : see `spec.read_spec` and `study.run`.
     """
-    made = make(path)
+    made = make(path, function)
     refuse_clashes(made.spec.grid, made.outputs)
     return run(
         made.function,
@@ -144,6 +158,8 @@ def run_study(
         precision="float64",
         separate=made.separate,
         scheduler=scheduler,
+        processes=processes,
+        ask=ask,
         description=made.spec.description(),
         other_versions=other_versions,
         toml=made.spec.text,

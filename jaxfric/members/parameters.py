@@ -62,9 +62,13 @@ def nearest(name: str, names: Iterable[str]) -> str:
 
 def read_value(content: Any, name: str, where: str) -> float:
     """The value of one parameter, "3 um" or, without unit, a plain number."""
-    about = parameter(name, where)
+    return value_of(content, parameter(name, where), where)
+
+
+def value_of(content: Any, about: Quantity, where: str) -> float:
+    """The same of a parameter that is known."""
     value = number(content, about.unit, where)
-    if name == "k_v" and value == 0:
+    if about.symbol == "k_v" and value == 0:
         return 0.0
     return about.check(value, where)
 

@@ -81,7 +81,7 @@ def read_spec(path: str | Path) -> Spec:
     InputError : anything that is not understood: what, in which table, and the nearest that is.
     """
     path = Path(path)
-    text, content = _parsed(path)
+    text, content = parsed(path)
     where = path.name
     refuse_unknown(content, (*_TOP, *COMPUTE), where)
     compute = _compute(content, where)
@@ -113,7 +113,7 @@ def read_spec(path: str | Path) -> Spec:
         compute,
         names_of(content, "outputs", where),
         whole(content, "chunk", where),
-        _dtype(content, where),
+        dtype_of(content, where),
         law,
         source,
         force,
@@ -145,7 +145,8 @@ def choose_outputs(spec: Spec, known: tuple[Output, ...], usual: tuple[str, ...]
     return tuple(output for output in known if output.name in wanted)
 
 
-def _parsed(path: Path) -> tuple[str, dict[str, Any]]:
+def parsed(path: Path) -> tuple[str, dict[str, Any]]:
+    """Text and tables of a study.toml."""
     try:
         text = path.read_bytes().decode("utf-8")
     except FileNotFoundError:
@@ -176,7 +177,8 @@ def _compute(content: Mapping[str, Any], where: str) -> tuple[str, ...]:
     return found
 
 
-def _dtype(content: Mapping[str, Any], where: str) -> str:
+def dtype_of(content: Mapping[str, Any], where: str) -> str:
+    """The type of the numbers that are kept."""
     found = content.get("dtype", "float64")
     if found not in ("float64", "float32"):
         raise InputError(f"{where}: dtype is {found!r}; it is 'float64' or 'float32'")

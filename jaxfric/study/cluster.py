@@ -10,6 +10,7 @@ import contextlib
 import logging
 import math
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
@@ -44,6 +45,38 @@ def connected(address: str) -> Iterator[Any]:
         finally:
             with contextlib.suppress(Exception, CancelledError, asyncio.CancelledError):
                 client.close(timeout=2)  # without waiting for a scheduler that is gone
+
+
+@contextlib.contextmanager
+def local_processes(number: int) -> Iterator[Any]:
+    """A client of as many processes of this machine, which share what they compile."""
+    import jax
+    from distributed import LocalCluster
+
+    environment = {"JAX_NUM_CPU_DEVICES": "1"}
+    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    if folder:
+        environment["JAX_COMPILATION_CACHE_DIR"] = str(folder)
+        environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+        environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
+    workers: dict[str, Any] = {"n_workers": number, "threads_per_worker": 1, "env": environment}
+    pages: dict[str, Any] = {"dashboard_address": None, "worker_dashboard_address": None}
+    with _silent(), _without_main():
+        made: Any = LocalCluster(**workers, **pages)
+        with made, connected(made.scheduler_address) as client:
+            yield client
+
+
+@contextlib.contextmanager
+def _without_main() -> Iterator[None]:
+    """Processes that begin meanwhile do not run the script that this one runs."""
+    main = sys.modules["__main__"]
+    kept = {name: vars(main).pop(name) for name in ("__file__", "__spec__") if name in vars(main)}
+    main.__spec__ = None
+    try:
+        yield
+    finally:
+        vars(main).update(kept)
 
 
 def distributed(

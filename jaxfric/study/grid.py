@@ -18,6 +18,7 @@ from . import sampling
 
 SAMPLE = "sample"
 """The dimension that all sampled columns share."""
+MOST_SOBOL = 2**30
 KINDS = ("sobol", "latin", "random")
 
 
@@ -113,6 +114,12 @@ class Samples:
     def __post_init__(self):
         if self.number < 1:
             raise InputError(f"the number of samples is {self.number}; give 1 or more")
+        quasi = [c.name for c in self.columns if isinstance(c, Uniform) and c.kind == "sobol"]
+        if quasi and self.number > MOST_SOBOL:
+            raise InputError(
+                f"axis '{quasi[0]}': a Sobol sequence has {MOST_SOBOL:.2g} points, not"
+                f" {self.number:.3g}; take latin or random"
+            )
 
     def described(self) -> list[tuple[str, str, str]]:
         """Name, unit and meaning of every column, in order."""

@@ -46,6 +46,11 @@ def dispatch(task: Task, members: dict[str, np.ndarray]) -> dict[str, jax.Array]
         return _compiled[task.token](filled)
 
 
+def devices() -> int:
+    """How many share a block."""
+    return len(jax.devices())
+
+
 def finish(found: dict[str, jax.Array], number: int) -> dict[str, np.ndarray]:
     """The first `number` rows, when they are there."""
     return {name: np.asarray(x)[:number] for name, x in found.items()}

@@ -13,6 +13,7 @@ from .function import ERRORS, OUTCOME, OUTCOMES, Output, Stopped, Task, refuse_c
 from .grid import Blocks, Grid
 from .place import place_of
 from .progress import Clock, Progress
+from .size import is_large, told_size
 from .source import belongs_to_package, fingerprint
 from .store import Store, attributes, changed_versions, error_texts, open_store, require_packages
 from .store import verify as verify_store
@@ -38,6 +39,8 @@ def run(
     precision: str | None = None,
     separate: bool = True,
     scheduler: str | None = None,
+    processes: int = 1,
+    ask: Callable[[str], None] | None = None,
     description: Mapping[str, Any] | None = None,
     other_versions: bool = False,
     toml: str = "",
@@ -64,6 +67,8 @@ def run(
     separate : each device runs loops of its own (`shard_map`). False for a function with implicit
         solvers (lineax), which cannot be traced there.
     scheduler : address of a Dask scheduler whose workers compute the blocks.
+    processes : of this machine, that compute members of kind "host"; others use all cores anyway.
+    ask : told size and time of a very large study before it begins; may raise to stop it.
     description : plain values that tell this study from another; a store that has others is
         refused. By default the grid, the outputs, and the name of the function; what the function
         does, and all of one's own code that it uses, is compared in any case.
@@ -94,19 +99,26 @@ def run(
     description = _described(task) if description is None else _with_layout(description, task)
     tell = tell or (lambda text: None)
     opened = open_store(place, task, description, toml, any_versions=other_versions, tell=tell)
-    with _cluster(scheduler) as client, opened as store:
-        source = _local if client is None else _on(client, scheduler or "", tell)
+    if ask is not None and is_large(task) and not place.exists():
+        tell(f"measuring how long {task.grid.size:.3g} members take")
+        ask(told_size(task))
+    several = processes if kind == "host" and len(blocks) > 1 else 1
+    if scheduler is None and several > 1:
+        tell(f"starting {several} processes")
+    with _cluster(scheduler, several) as client, opened as store:
+        where = scheduler or "this machine"
+        source = _local if client is None else _on(client, where, tell)
         _go_on(store, source, progress, tell)
     return load(out, verify=False)
 
 
-def _cluster(scheduler: str | None) -> contextlib.AbstractContextManager[Any]:
+def _cluster(scheduler: str | None, processes: int) -> contextlib.AbstractContextManager[Any]:
     """A client of the scheduler, or None where there is none; before anything is written."""
-    if scheduler is None:
+    if scheduler is None and processes < 2:
         return contextlib.nullcontext()
-    from .cluster import connected
+    from .cluster import connected, local_processes
 
-    return connected(scheduler)
+    return local_processes(processes) if scheduler is None else connected(scheduler)
 
 
 def _on(client: Any, scheduler: str, tell) -> Callable[[Task, Sequence[int]], Iterator]:

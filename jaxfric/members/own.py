@@ -1,0 +1,172 @@
+"""A study of one's own function: `--function FILE.py:NAME`, and what its study.toml may hold.
+
+kind = "member"          # with JAX, of one member; "batch": of arrays; "host": any Python
+
+[units]                  # of parameters and outputs; what is not here has none
+x = "m"
+height = "m"
+
+[rig]                    # what does not vary; given to the function too
+g = "9.81 m/s^2"
+
+[axes]
+x = { linspace = ["0 m", "10 mm"], points = 20 }
+
+The function takes a dict of numbers in SI by name, and gives a dict of outputs.
+"""
+
+import importlib.util
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..quantity import Quantity
+from ..study import Axis, Grid, Output
+from ..study.local import infer_outputs
+from ..units import is_unit
+from .axes import read_grid
+from .parameters import number
+from .spec import Spec, choose_outputs, dtype_of, parsed
+from .tables import names_of, refuse_unknown, table_of, whole
+
+KINDS = ("member", "batch", "host")
+_TOP = ("kind", "outputs", "chunk", "dtype", "units", "rig", "axes", "samples")
+
+
+@dataclass(frozen=True, eq=False)
+class Own:
+    """The function, with what does not vary."""
+
+    wrapped: Callable[[dict[str, Any]], Mapping[str, Any]]
+    fixed: dict[str, float]
+
+    @property
+    def __wrapped__(self) -> Callable:
+        """By which a store knows the function that made it."""
+        return self.wrapped
+
+    def __call__(self, varied: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Outputs of a member, or of many."""
+        return self.wrapped({**self.fixed, **varied})
+
+
+def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output, ...], str]:
+    """The study of a study.toml and a function: what it says, the function, its outputs, its kind.
+
+    Raises
+    ------
+    InputError : no such function, or one that fails or gives no dict; a key that is not known.
+    """
+    path = Path(path)
+    text, content = parsed(path)
+    refuse_unknown(content, _TOP, f"{path.name} (with --function)")
+    kind = content.get("kind", "member")
+    if kind not in KINDS:
+        raise InputError(f"{path.name}: kind is {kind!r}; it is one of {', '.join(KINDS)}")
+    units = table_of(content, "units", path.name)
+    for name, unit in units.items():
+        if not isinstance(unit, str) or not is_unit(unit):
+            raise InputError(f"{path.name} [units] {name}: {unit!r} is no unit, as in 'm/s'")
+
+    def about(name: str, where: str) -> Quantity:
+        return Quantity(name, units.get(name, "1"), "")
+
+    files: dict[str, str] = {}
+    grid = read_grid(content, path, files, about=about)
+    fixed = {
+        name: number(value, units.get(name, "1"), f"{path.name} [rig] {name}")
+        for name, value in table_of(content, "rig", path.name).items()
+    }
+    both = [name for name in fixed if name in grid.names]
+    if both:
+        raise InputError(f"{path.name}: {both[0]} is in [rig] and in [axes]; leave one out")
+    own = Own(load_function(reference), fixed)
+    spec = Spec(
+        path,
+        text,
+        {**content, "function": reference},
+        ("the function",),
+        names_of(content, "outputs", path.name),
+        whole(content, "chunk", path.name),
+        dtype_of(content, path.name),
+        None,
+        None,
+        None,
+        fixed,
+        1,
+        grid,
+        {},
+        files,
+    )
+    known = tuple(
+        replace(output, unit=units.get(output.name, "1"))
+        for output in _outputs(own, grid, kind, reference, path.name)
+    )
+    return spec, own, choose_outputs(spec, known, tuple(o.name for o in known)), kind
+
+
+def load_function(reference: str) -> Callable[[dict[str, Any]], Mapping[str, Any]]:
+    """The function NAME of FILE.py, given as FILE.py:NAME. It travels to workers by its code.
+
+    Raises
+    ------
+    InputError : no such file or function, or the file fails.
+    """
+    file, colon, name = reference.rpartition(":")
+    path = Path(file)
+    if not colon or not name.isidentifier() or path.suffix != ".py":
+        raise InputError(f"--function {reference}: write it as FILE.py:NAME")
+    if not path.is_file():
+        raise InputError(f"--function {reference}: {path}: no such file")
+    module_name = f"study_{path.stem}"
+    about = importlib.util.spec_from_file_location(module_name, path)
+    assert about is not None and about.loader is not None
+    module = importlib.util.module_from_spec(about)
+    sys.modules[module_name] = module
+    sys.path.insert(0, str(path.resolve().parent))  # for what it imports from beside it
+    try:
+        about.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{path}: {_text(error)}") from None
+    if not callable(getattr(module, name, None)):
+        raise InputError(f"--function {reference}: {path} has no function '{name}'")
+    function: Any = getattr(module, name)
+    try:
+        import cloudpickle
+    except ImportError:  # without Dask there are no workers
+        return function
+    cloudpickle.register_pickle_by_value(module)
+    return function
+
+
+def _outputs(own: Own, grid: Grid, kind: str, reference: str, where: str) -> tuple[Output, ...]:
+    """What the function gives: traced by JAX, or asked for the first member."""
+    try:
+        if kind != "host":
+            return infer_outputs(own, grid, kind, "float64")
+        first = grid.members([slice(0, 1)] * len(grid.shape))
+        found = own({name: float(x[0]) for name, x in first.items()})
+        shapes = {name: np.shape(np.asarray(x, float)) for name, x in found.items()}
+    except Exception as error:
+        advice = "mend it"
+        if kind != "host":
+            advice = f"mend it, or, if it is not written with JAX, write kind = 'host' in {where}"
+        raise InputError(f"{reference} fails: {_text(error)}; {advice}") from None
+    return tuple(
+        Output(name, dims=tuple(_dim(f"{name}_{i}", n) for i, n in enumerate(shape)))
+        for name, shape in shapes.items()
+    )
+
+
+def _dim(name: str, length: int) -> Axis:
+    return Axis(name, np.arange(length, dtype=float))
+
+
+def _text(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return f"{type(error).__name__}: {lines[0] if lines else ''}"[:300].rstrip(" :")
