@@ -175,3 +175,10 @@ def test_a_direction_that_the_threshold_takes_away_is_found():
         jaxfric.InputError, match=r"back and forth, but in one direction.*Try the cut"
     ):
         reading(record, preparation=chosen._replace(cutoff=200.0))
+
+
+def test_rows_at_uneven_times_are_warned_of():
+    record = a_record()
+    late = record.time + 0.45 * H * np.sign(np.sin(0.9 * np.arange(len(record))))
+    (warning,) = reading(dataclasses.replace(record, time=late)).warnings
+    assert "0.1 to 1.9 ms apart (1 as a rule" in warning

@@ -1,5 +1,8 @@
 """What a record of an axis does not show: stops on its way, stairs that a low-pass took away."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,7 +11,7 @@ from jaxfric.axis.fit import inverse_dynamics
 from jaxfric.axis.prepare import Preparation
 from jaxfric.axis.problem import BaseLaw, make_problem
 from jaxfric.axis.reading import read_rows
-from jaxfric.axis.seen import _stairs, _stops
+from jaxfric.axis.seen import _stairs, _stops, doubts
 from jaxfric.loop.superset import Superset
 from jaxfric.records import axis_from_arrays
 
@@ -40,6 +43,24 @@ def read(stairs: bool, cutoff: float, noise=1e-5):
         coordinate="rotary",
     )
     return read_rows(record, preparation=Preparation(cutoff, 10), width=5e-3, held=False)
+
+
+def test_a_fit_that_explains_little_or_drives_is_doubted():
+    found = read(False, 40.0)
+    n, rows = found.prepared.rows, found.rows
+    problem = SimpleNamespace(possible=lambda z: z[0] > 0, friction=found.prepared.force)
+    problem.noise_scale = 2.0
+    engine: Any = SimpleNamespace(problem=problem)
+
+    def told(z, share):
+        force = found.prepared.force[:n]
+        residual = share * (force - force[rows.used].mean()) / 2.0
+        candidate: Any = SimpleNamespace(z=np.asarray([z]), residual=residual)
+        return doubts(engine, candidate, rows)
+
+    assert told(1.0, 0.4) == []
+    assert told(1.0, 0.6) == ["the model leaves 60 % of the force unexplained"]
+    assert len(told(-1.0, 0.4)) == 1 and "would drive the axis" in told(-1.0, 0.4)[0]
 
 
 def test_stops_on_the_way_are_counted_and_turns_are_not():

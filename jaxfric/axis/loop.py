@@ -33,6 +33,7 @@ from .problem import AxisProblem, BaseLaw, make_problem
 from .reading import read_rows
 from .result import AxisBase, AxisRows
 from .rows import scales_of
+from .seen import doubts
 from .structure import axis_shapes, friction_bumps
 
 _MOST = 3
@@ -120,7 +121,7 @@ def close_axis_loop(
         record=rows.as_record(record),
         base_fit=AxisBase(rows.steps(), rows.width, prepared.preparation),
         sigma=floor.sigma,
-        warnings=(*reading.warnings, *rows.warnings()),
+        warnings=(*reading.warnings, *rows.warnings(), *doubts(engine, found.final, rows)),
         details=details_of(record, reading, after.parameters, problem, engine, found, progress),
         seconds=time.monotonic() - begun,
     )

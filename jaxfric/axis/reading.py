@@ -27,6 +27,7 @@ _HALVINGS = 8
 _SLOWEST = 10.0
 """Periods of the cutoff that a record lasts at least."""
 _THRESHOLDS = (1.0, 0.5, 0.25)
+_JITTER, _FEW = 0.2, 0.01
 
 
 class Reading(NamedTuple):
@@ -60,7 +61,22 @@ def read_rows(
     wrong = disagreement(record, held=force is record.motor_force)
     wrong = wrong or _unexplained(record, prepared, rows)
     notes = tuple(note for note in (*told, why, *more) if note)
-    return Reading(prepared, rows, blocks, notes, () if wrong is None else (wrong,))
+    warnings = tuple(text for text in (_uneven(record), wrong) if text)
+    return Reading(prepared, rows, blocks, notes, warnings)
+
+
+def _uneven(record: AxisRecord) -> str | None:
+    """A warning of rows at uneven times: between them the motion is a straight line."""
+    steps = np.diff(record.time)
+    middle, least, most = (1e3 * float(x) for x in (np.median(steps), steps.min(), steps.max()))
+    share = float(np.mean(np.abs(steps - np.median(steps)) > _JITTER * np.median(steps)))
+    if share < _FEW:
+        return None
+    return (
+        f"the rows are {least:.3g} to {most:.3g} ms apart ({middle:.3g} as a rule;"
+        f" {100 * share:.2g} % differ from that by more than a fifth): they are"
+        " interpolated, which blurs the acceleration. Record at even times"
+    )
 
 
 def _unexplained(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> str | None:

@@ -191,7 +191,7 @@ class AxisDetails:
             damped = _drive(drive.velocity_gain, drive.signal, unit)
             own = f"{drive.position_gain:.4g} 1/s times {damped}"
             rows.append(("k_p in force", f"{drive.K_p:.4g} {force}/{unit}", own))
-        note = f"{self._said()} (16)-(17)"
+        note = f"{self._said()} By (16)-(17)"
         if gains.stiff is not None:
             note += (
                 ", (18)-(20) and (25): linear, and of an ideal drive; lags and sampling ask for"

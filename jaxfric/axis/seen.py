@@ -23,6 +23,8 @@ _BINS, _FEWEST_ROWS = 12, 8
 _STAIRS = 4.0
 """Noises of the encoder that a low-pass takes away where it takes motion."""
 _QUANTILE = 0.02
+_UNEXPLAINED = 0.5
+"""Of the standard deviation of the force: a fit that leaves more explains too little of it."""
 
 
 class Seen(NamedTuple):
@@ -55,10 +57,24 @@ def seen(engine: Engine, found: Candidate, rows: AxisRows, prepared: Prepared, u
         )
     slowest = max(4 * rows.width, float(np.quantile(speed, _QUANTILE)))
     faster = speed[speed > max(one.speed for one in unseen)]
+    unseen += [Unseen(why, np.inf) for why in doubts(engine, found, rows)]
     if len(faster):
         slowest = max(slowest, float(np.quantile(faster, _QUANTILE)))
     error = slope_error(engine, found, float(np.median(rows.position)))
     return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
+
+
+def doubts(engine: Engine, found: Candidate, rows: AxisRows) -> list[str]:
+    """Why a fit describes no friction at all, in words."""
+    why = []
+    if not engine.problem.possible(jnp.asarray(found.z)):
+        why.append("the fitted friction would drive the axis, so that the model is wrong")
+    force = np.asarray(engine.problem.friction)[: len(rows.time)][rows.used]
+    left = float(engine.problem.noise_scale) * found.residual[: len(rows.time)][rows.used]
+    share = float(np.sqrt(np.mean(left**2)) / np.std(force))
+    if share > _UNEXPLAINED:
+        why.append(f"the model leaves {100 * share:.0f} % of the force unexplained")
+    return why
 
 
 def slope_error(engine: Engine, found: Candidate, position: float) -> Callable[[float], float]:

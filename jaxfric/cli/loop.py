@@ -87,7 +87,7 @@ def loop(
         str | None,
         Parameter(
             help='Of an axis: low-pass of the position, "50 Hz"; by default a tenth of the sampling'
-            " rate. Less where the encoder's error, differentiated twice, drowns the force."
+            " rate, or less where the encoder's error, differentiated twice, would drown the force."
         ),
     ] = None,
     column: Columns = None,
