@@ -246,7 +246,9 @@ def read_law(
             if not force > 0:
                 raise InputError(f"--normal-force: '{normal_force}' is not positive")
         source = law_from_file(fit, normal_force=force, samples=samples, seed=seed)
-        return _told_of(source)
+        for warning in source.warnings:
+            print(f"jaxfric: warning: {warning}", file=sys.stderr)
+        return source
     if law is None or parameters is None:
         raise InputError(
             "no friction law: give a fit with --from fit.json, or --law slip with --parameters"
@@ -254,14 +256,7 @@ def read_law(
         )
     if normal_force is not None:
         raise InputError("--normal-force goes with --from; give --parameters in newtons")
-    return _told_of(law_from_parameters(law, parameters))
-
-
-def _told_of(source):
-    """The law, after what must be known of it was told."""
-    for warning in (*source.warnings, *source.assumed):
-        print(f"jaxfric: warning: {warning}", file=sys.stderr)
-    return source
+    return law_from_parameters(law, parameters)
 
 
 def read_masses(text: str | None, *, count: int = 5) -> list[float] | None:

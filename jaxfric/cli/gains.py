@@ -155,8 +155,7 @@ def gains(
         for line in describe(result):
             print(line)
         print(f"written: {folder.path}/{', '.join(folder.files)}")
-    told_before = (*source.warnings, *source.assumed)
-    for warning in (one for one in result.warnings if one not in told_before):
+    for warning in (one for one in result.warnings if one not in source.warnings):
         print(f"jaxfric: warning: {warning}", file=sys.stderr)
     return folder.close()
 

@@ -70,7 +70,8 @@ def stability(
         found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
         from ..plot.delay import draw_delay
         from ..plot.stability import drawers
-        from ..report.stability_text import content, describe
+        from ..report.stability_json import content
+        from ..report.stability_text import describe
 
         progress("drawing figures (2 of 2)")
         written = text.dumps(content(found, source.text), indent=1, allow_nan=False)

@@ -170,7 +170,6 @@ def _result(
         source.text,
         warnings=(
             *source.warnings,
-            *source.assumed,
             *_warnings(parts[0], region, worst, scenarios.delay),
         ),
         delay=None if scenarios.delay is None else float(scenarios.delay[0]),

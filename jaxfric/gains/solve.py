@@ -220,12 +220,16 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     name, required, reached = _missed(requirement, scenarios.take([worst]), region, grid[best])
     where = scenarios.describe(worst)
     mass = "" if where["mass"] is None else f", mass {where['mass']:g} kg"
+    limited = bool(np.any(np.isfinite(region.upper)))
     limits = f"k_p up to {region.upper[0]:g} N/m, k_v up to {region.upper[1]:g} N s/m"
+    which = f"within the limits ({limits})" if limited else "of any size"
+    advice = ["lower the margin", *(["widen the limits"] if limited else [])]
+    advice += [] if scenarios.delay is None else ["sample faster"]
     return NoGains(
-        f"no gains within the limits ({limits}) meet the requirement: {name}={required:g} is missed"
+        f"no gains {which} meet the requirement: {name}={required:g} is missed"
         f" at velocity {where['velocity']:.3g} m/s{mass} (sample {where['sample']}), where the best"
         f" compromise, k_p = {grid[best][0]:.3g} N/m and k_v = {grid[best][1]:.3g} N s/m, reaches"
-        f" {reached:.3g}; lower the margin, widen the limits or leave that scenario out"
+        f" {reached:.3g}; {', '.join(advice)} or leave that scenario out"
     )
 
 

@@ -55,8 +55,6 @@ class LawSource:
     """A velocity of the record [m/s], for where none is given."""
     warnings: tuple[str, ...] = ()
     """What must be known before it is relied on, a line each."""
-    assumed: tuple[str, ...] = ()
-    """What was not given and is assumed, a line each."""
 
 
 def law_from_fit(
@@ -117,7 +115,7 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     """A law by its name and its parameters, "A=1 N, B=3 N, L=1 mm, V0=2 mm/s".
 
     Rate-and-state laws: A, B, L (B2, L2, ... for more states), V0, and f0, which matters only for
-    a start at rest (default 50 A, told in `assumed`). Other laws: their own fields. Forces in
+    a start at rest (default 50 A, told in `text`). Other laws: their own fields. Forces in
     newtons.
 
     Raises
@@ -130,15 +128,13 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     unsaid = kind in EVOLUTIONS and "f0" not in pairs
     law = (_from_pairs if kind in EVOLUTIONS else _curve)(kind, pairs)
     V0 = getattr(law, "V0", None)
-    assumed = ()
-    if unsaid:
-        assumed = (
-            f"f0, the steady friction at V0, is not given: {float(law.f0):.4g} N is taken, {_F0:g}"
-            " A. Linear margins do not depend on it; a start from rest, stick-slip and its figures"
-            " do. Give yours in --parameters, as f0=20 N",
-        )
     name = f"{kind} law: {text}"
-    return LawSource(law, stack([law]), name, None if V0 is None else float(V0), assumed=assumed)
+    if unsaid:
+        name += (
+            f"; f0, the steady friction at V0, is not given: {float(law.f0):.4g} N ({_F0:g} A) are"
+            " assumed, which matter to rest and stick-slip and hardly to linear stability"
+        )
+    return LawSource(law, stack([law]), name, None if V0 is None else float(V0))
 
 
 def force_of_unit(unit: str, normal_force: float | None, path: Path) -> float:

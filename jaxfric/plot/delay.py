@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..stability.analysis import Study, delay_numbers, delay_stiffness
+from ..stability.analysis import Study
 from ..stability.delay import (
     crossings,
     stiffness_damping_chart,
     stiffness_delay_chart,
 )
+from ..stability.delay_analysis import delay_numbers, delay_stiffness
 from .stability import (
     BLACK,
     BLUE,

@@ -24,7 +24,6 @@ from ..rig.friction import (
 from ..stability.analysis import (
     Law,
     Study,
-    delay_stiffness,
     logarithmic,
     root_locus,
     stability_map,
@@ -32,6 +31,7 @@ from ..stability.analysis import (
     theorem_over_damping,
     theorem_over_velocity,
 )
+from ..stability.delay_analysis import delay_stiffness
 
 BLUE, ORANGE, GREY, BLACK = "#1f4e79", "#c8501e", "0.55", "0.15"
 STABLE, UNSTABLE, BAND = "#cfe0ee", "#f4d9cc", "#fff2c4"

@@ -1,16 +1,15 @@
-"""A stability study as lines of text and as the content of stability.json."""
+"""A stability study as lines of text."""
 
 import math
 
 import numpy as np
 
 from ..rig.friction import AbstractStribeck, Dahl, critical_velocity, worst_slope
-from ..stability.analysis import Study, delay_numbers, delay_summary, intervals_over_velocity
+from ..stability.analysis import Study
+from ..stability.delay_analysis import delay_numbers, delay_summary, intervals_over_velocity
 from ..stability.margins import UNITS
+from .stability_json import INTERVALS, intervals, solutions
 
-SCHEMA = "jaxfric.stability/1"
-INTERVALS = 4
-"""Stable intervals of a delay law that are listed."""
 _ROWS = 9
 _NONE = {
     "stiffness": "no critical stiffness: damping suffices",
@@ -63,18 +62,12 @@ def _theorem(study: Study) -> list[str]:
     found = study.theorem
     *checks, conclusion = found.describe()
     lines = ["theorem of Rice and Ruina, (18)-(20):", *(f"  {line}" for line in checks)]
-    for w, k in _solutions(study):
+    for w, k in solutions(study):
         lines.append(f"  w_n = {w:.8g} rad/s ({w / (2 * math.pi):.4g} Hz): k(w_n) = {k:.8g} N/m")
     k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
     if 0 < k_cr < math.inf:
         conclusion = f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s: stable for k_p above k_cr"
     return [*lines, conclusion]
-
-
-def _solutions(study: Study) -> list[tuple[float, float]]:
-    found = study.theorem
-    pairs = zip(np.asarray(found.frequencies), np.asarray(found.stiffnesses), strict=True)
-    return [(float(w), float(k)) for w, k in sorted(pairs) if math.isfinite(w)]
 
 
 def _memoryless(law: AbstractStribeck) -> list[str]:
@@ -108,7 +101,7 @@ def _delay(study: Study) -> list[str]:
             f"  existence: m (2 pi - 2 beta)/alpha = {gap:.6g} {sign} sqrt(k_f^2 - k_v^2) ="
             f" {root:.6g} N s/m: {what}"
         )
-    for low, high, w_low, w_high in _intervals(study):
+    for low, high, w_low, w_high in intervals(study):
         lines.append(
             f"  stable: {low:.10g} < k_p < {high:.10g} N/m   (crossings at {w_low:.6g} and"
             f" {w_high:.6g} rad/s)"
@@ -123,25 +116,6 @@ def _delay(study: Study) -> list[str]:
             f"  at k_p = {study.k_p:g} N/m: {count} unstable root{'' if count == 1 else 's'}"
         )
     return lines
-
-
-def _intervals(study: Study) -> list[tuple[float, float, float, float]]:
-    """Ends of the first stable intervals [N/m] and the frequencies there [rad/s]; 0 for k_p = 0."""
-    if not study.delayed:
-        return []
-    summary = delay_summary(study, number=INTERVALS)
-    lower, upper, found = np.asarray(summary.lower), np.asarray(summary.upper), summary.crossings
-    known = {0.0: 0.0}
-    for branch in ("plus", "minus"):
-        k = np.asarray(getattr(found, f"{branch}_stiffness"))
-        w = np.asarray(getattr(found, f"{branch}_frequency"))
-        known |= {float(a): float(b) for a, b in zip(k, w, strict=True)}
-    rows = zip(lower, upper, strict=True)
-    return [
-        (float(a), float(b), known.get(float(a), math.inf), known.get(float(b), math.inf))
-        for a, b in rows
-        if math.isfinite(a)
-    ]
 
 
 def _gains(study: Study) -> list[str]:
@@ -222,89 +196,3 @@ def _interval(low: float, high: float) -> str:
 
 def _number(value) -> str:
     return f"{float(value):.6g}"
-
-
-def content(study: Study, law: str) -> dict:
-    """The content of stability.json, schema "jaxfric.stability/1"; SI, null for infinite."""
-    here, points, theorems = study.here, study.points, study.theorems
-    result = {
-        "schema": SCHEMA,
-        "law": law,
-        "mass": study.mass,
-        "kp": study.k_p,
-        "kv": study.k_v,
-        "velocity": float(here.velocity),
-        "friction": {
-            "steady": _finite(here.force),
-            "slope": _finite(here.slope),
-            "memory": _finite(here.memory),
-            "steady_slope": _finite(here.steady_slope),
-            "slip_slope": _finite(here.friction.trend),
-        },
-        "needed_damping": _finite(here.needed_damping),
-        "theorem": _theorem_content(study),
-        **_gains_content(study),
-        "velocities": {
-            "velocity": [_finite(V) for V in points.velocity],
-            "critical_stiffness": [_finite(k) for k in theorems.critical_stiffness],
-            "critical_frequency": [_finite(w) for w in theorems.critical_frequency],
-            "needed_damping": [_finite(k) for k in points.needed_damping],
-        },
-    }
-    if study.delayed:
-        result["delay"] = _delay_content(study)
-    if isinstance(study.law, AbstractStribeck):
-        result["memoryless"] = {
-            "critical_velocity": _finite(critical_velocity(study.law)),
-            "worst_slope": _finite(worst_slope(study.law)),
-        }
-    return result
-
-
-def _theorem_content(study: Study) -> dict:
-    found = study.theorem
-    names = ("integrable", "damped", "underdamped", "complete", "holds")
-    k_cr, w_cr = _finite(found.critical_stiffness), _finite(found.critical_frequency)
-    return {
-        **{name: bool(getattr(found, name)) for name in names},
-        "critical_stiffness": None if study.delayed else k_cr,
-        "critical_frequency": None if study.delayed else w_cr,
-        "solutions": [{"frequency": w, "stiffness": k} for w, k in _solutions(study)],
-    }
-
-
-def _gains_content(study: Study) -> dict:
-    if study.poles is None or study.margins is None:
-        return {"stable": None, "poles": None, "margins": None}
-    return {
-        "stable": bool(study.stable),
-        "poles": [[_finite(s.real), _finite(s.imag)] for s in np.asarray(study.poles)],
-        "margins": {
-            name: {"value": _finite(value), "unit": UNITS[name]}
-            for name, value in _ordered(study.margins)
-        },
-    }
-
-
-def _ordered(margins: dict) -> list[tuple]:
-    return [(name, margins[name]) for name in UNITS if name in margins]
-
-
-def _delay_content(study: Study) -> dict:
-    numbers = delay_numbers(study)
-    known = delay_summary(study, number=INTERVALS)
-    return {
-        "strength": float(numbers[2]),
-        "delay": float(numbers[3]),
-        "stable_stiffness_exists": bool(known.exists),
-        "stable_intervals": [
-            {"lower": a, "upper": _finite(b), "frequencies": [_finite(v), _finite(w)]}
-            for a, b, v, w in _intervals(study)
-        ],
-        "unstable_roots": None if study.k_p is None else int(known.unstable),
-    }
-
-
-def _finite(value) -> float | None:
-    number = float(value)
-    return number if math.isfinite(number) else None

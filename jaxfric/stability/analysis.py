@@ -4,24 +4,16 @@ Everything is for one law, over arrays of velocities or gains; pure, jittable an
 are in newtons (or divided by the normal force, as everywhere), mass None is the quasi-static limit.
 """
 
-import math
 from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw, LogarithmicEffect, RateState
 from ..rig.friction.law import Conditions
-from .delay import (
-    Crossings,
-    crossings,
-    stable_intervals,
-    stable_stiffness_exists,
-    unstable_roots,
-)
 from .delay_roots import rightmost_roots
 from .kernel import AbstractKernel, DelayKernel, kernel_total
 from .linear import (
@@ -261,38 +253,6 @@ def _hardest(points: SteadyPoint, theorems: Theorem, delayed: bool) -> int:
     return int(jnp.argmax(points.needed_damping))
 
 
-def delay_numbers(found: Study) -> tuple[float, Array, Array, Array]:
-    """m, k_v + f_v, k_f, alpha of a delay slider at the hardest velocity, as `delay` takes them."""
-    friction = found.here.friction
-    kernel = friction.kernel
-    if not isinstance(kernel, DelayKernel) or found.mass is None:
-        raise TypeError(f"a slider with a {type(kernel).__name__} is no delay slider")
-    return found.mass, found.k_v + friction.slope, kernel.strength, kernel.delay
-
-
-class DelaySummary(eqx.Module):
-    """Crossings and stable intervals of a delay slider, and its unstable roots at k_p."""
-
-    crossings: Crossings
-    lower: Float[Array, " number"]
-    upper: Float[Array, " number"]
-    exists: Bool[Array, ""]
-    unstable: Int[Array, ""]
-
-
-def delay_summary(found: Study, *, number: int = 4) -> DelaySummary:
-    """What the closed forms of `delay` say at the hardest velocity (k_p = 0 if none is given)."""
-    return _summary(delay_numbers(found), found.k_p or 0.0, number)
-
-
-@eqx.filter_jit
-def _summary(numbers, k_p, number: int) -> DelaySummary:
-    mass, *rest = numbers
-    lower, upper = stable_intervals(*numbers, number=number)
-    exists, unstable = stable_stiffness_exists(*numbers), unstable_roots(mass, k_p, *rest)
-    return DelaySummary(crossings(*numbers, number=number + 1), lower, upper, exists, unstable)
-
-
 @eqx.filter_jit
 def slider_poles(
     law: Law,
@@ -303,32 +263,3 @@ def slider_poles(
 ) -> Complex[Array, " n"]:
     """Poles [1/s] of a slider about steady sliding at `velocity`; of a delay the rightmost."""
     return poles(_slider(linear_friction(law, jnp.asarray(velocity)), mass, k_p, k_v))
-
-
-def intervals_over_velocity(
-    found: Study, *, number: int = 1
-) -> tuple[Float[Array, "n number"], Float[Array, "n number"]]:
-    """The first stable intervals of k_p [N/m] of a delay law, a row for every velocity."""
-    mass, _, _, _ = delay_numbers(found)
-    return _intervals(mass, found.k_v, found.points.friction, number)
-
-
-@eqx.filter_jit
-def _intervals(mass, damping, friction, number: int):
-    def one(friction):
-        kernel = friction.kernel
-        k_v = damping + friction.slope
-        return stable_intervals(mass, k_v, kernel.strength, kernel.delay, number=number)
-
-    return jax.vmap(one)(friction)
-
-
-def delay_stiffness(found: Study, *, number: int = 3) -> float:
-    """A k_p [N/m] below which the first `number` stable intervals, or crossings, lie."""
-    known = delay_summary(found)
-    plus = known.crossings.plus_stiffness[:number]
-    ends = [float(k) for k in (*known.upper[:number], *plus) if math.isfinite(k)]
-    if found.k_p is not None:
-        ends.append(1.3 * found.k_p)
-    mass, _, _, delay = delay_numbers(found)
-    return 1.12 * max(ends) if ends else 100 * mass / float(delay) ** 2
