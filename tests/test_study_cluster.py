@@ -49,6 +49,11 @@ def test_the_store_is_that_of_one_machine(cluster, tmp_path, undisturbed):
     assert f.contents(tmp_path / "a") == undisturbed
 
 
+def test_processes_of_this_machine_give_the_same_store(tmp_path, undisturbed):
+    f.run_slowly(tmp_path / "a", processes=2)
+    assert f.contents(tmp_path / "a") == undisturbed
+
+
 def test_the_command_on_a_cluster(cluster, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     written(Path("study.toml"), GOOD)
