@@ -81,7 +81,7 @@ def belongs_to_package(function: Any) -> bool:
     """Whether a function, or the class of a callable object, is one of jaxfric itself."""
     function = getattr(function, "__wrapped__", function)
     kind = function if isinstance(function, types.FunctionType) else type(function)
-    return kind.__module__.partition(".")[0] == __name__.partition(".")[0]
+    return (kind.__module__ or "").partition(".")[0] == __name__.partition(".")[0]
 
 
 def fingerprint(function: Any) -> str:
