@@ -22,7 +22,7 @@ from cyclopts import Parameter
 from jaxfric.cli.app import app
 from jaxfric.cli.common import axis_roles
 from jaxfric.cli.protocol import TYPICAL
-from jaxfric.errors import InputError
+from jaxfric.errors import InputError, words_of_the_command
 from jaxfric.fitting.start_text import parse_start
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.source import law_from_parameters
@@ -98,6 +98,13 @@ def file(text: str) -> None:
     assert Path(text).suffix in (".json", ".zarr", ".toml", ".csv"), text
 
 
+@pytest.fixture(autouse=True)
+def as_the_command_says():
+    """Messages speak of options, not of arguments."""
+    with words_of_the_command():
+        yield
+
+
 FORCE = ("N", "N*m")
 PARSERS: dict[str, Callable[[str], object]] = {
     "--column": column,
@@ -131,6 +138,8 @@ PARSERS: dict[str, Callable[[str], object]] = {
 
 FILLED = {
     ("--column", "{missing[0]}=NAME [{unit}]"): ["time=NAME [s]", "friction=NAME [1]"],
+    ("--column", "{missing[0]}=#1 [{unit}]"): ["time=#1 [s]", "friction=#1 [1]"],
+    ("--column", "{role}=#{best[0] + 1}"): ["time=#3"],
     ("--column", "{role}=NAME [{unit}]"): ["position=NAME [0.8 rad]", "velocity=NAME [0.8 mm/s]"],
     ("--column", "{role}=NAME [{example}]"): ["friction=NAME [N]", "time=NAME [ms]"],
     ("--column", "{role}={NO_COLUMN}"): ["disturbance=none"],

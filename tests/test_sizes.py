@@ -5,12 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxfric.errors import InputError
+from jaxfric.errors import InputError, words_of_the_command
 from jaxfric.records import VelocitySteps, find_steps, from_arrays, read, read_axis
 
 SLIDER = {"time": "s", "load_point_displacement": "um", "friction": "1", "normal_stress": "MPa"}
 ROTARY = {"time": "s", "position": "rad", "velocity": "rad/s", "motor_force": "N m"}
 LINEAR = {"time": "s", "position": "mm", "velocity": "mm/s", "motor_force": "N"}
+
+
+@pytest.fixture(autouse=True)
+def as_the_command_says():
+    """Messages speak of options, not of arguments."""
+    with words_of_the_command():
+        yield
 
 
 def written(path: Path, units: dict[str, str], role: str = "", size: float = 1.0) -> Path:

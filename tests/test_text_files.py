@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxfric.errors import InputError
+from jaxfric.errors import InputError, words_of_the_command
 from jaxfric.records import read, read_axis, read_steady, read_table
 from jaxfric.records.record import Record
 
@@ -16,6 +16,13 @@ MOVED = 2.0 * TIME + np.maximum(TIME - 5, 0)
 FRICTION = 0.6 + 0.001 * np.arange(ROWS)
 STRESS = 25.0
 HEADER = ["time [s]", "displacement [um]", "friction [1]", "normal stress [MPa]"]
+
+
+@pytest.fixture(autouse=True)
+def as_the_command_says():
+    """Messages speak of options, not of arguments."""
+    with words_of_the_command():
+        yield
 
 
 def cells() -> list[list[str]]:
@@ -316,3 +323,37 @@ def test_names_and_units_are_told_apart(tmp_path: Path) -> None:
     """A last line of words that are units, too, are names where they have roles and others not."""
     text = "Operator,Smith\nt,F\n" + "".join(f"{i},{i}\n" for i in range(30))
     assert read_table(written(tmp_path, text)).names == ("t", "F")
+
+
+def test_columns_by_number(tmp_path: Path) -> None:
+    """Where a header has not as many names as columns, or the same name twice."""
+    body = [[*row[:3], "7", row[3]] for row in cells()]
+    path = written(tmp_path, table(body=body))
+    words = r"names 4 columns, the first row has 5.*--column 'time=#1 \[s\]'"
+    with pytest.raises(InputError, match=words):
+        read(path)
+    with pytest.raises(InputError, match=r"names 4 columns.*numbered #1"):
+        read_axis(path)
+    told = {
+        "time": "#1 [s]",
+        "load_point_displacement": "#2 [um]",
+        "friction": "#3",
+        "normal_stress": "#5 [MPa]",
+    }
+    assert_the_record(read(path, columns=told))
+    with pytest.raises(InputError, match="no column '#6' for friction"):
+        read(path, columns={**told, "friction": "#6"})
+    twice = written(tmp_path, with_column(1, "time [s]", "3"))
+    with pytest.raises(InputError, match=r"'time' \(column 1\).*--column 'time=#1'"):
+        read(twice)
+    assert_the_record(read(twice, columns={"time": "#1"}))
+
+
+def test_names_told_apart_by_their_units(tmp_path: Path) -> None:
+    """A press that writes each channel in its unit and in volts, under one name."""
+    names = ["Time.(s)", "Displ.(um)", "Friction", "Normal stress (MPa)"]
+    body = [[*row, "0.1", "0.2"] for row in cells()]
+    header = [*names, "Displ.(V)", "Normal stress (V)"]
+    assert_the_record(read(written(tmp_path, table(header=header, body=body))))
+    named = read(tmp_path / "run.csv", columns={"load_point_displacement": "Displ. [um]"})
+    assert_the_record(named)

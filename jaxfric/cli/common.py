@@ -21,8 +21,8 @@ Columns = Annotated[
         "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress, "
         "shear_stress (over normal_stress it is friction); of an axis time, position, "
         "motor_force, control_signal, motor_current, reference_position, velocity, "
-        "disturbance (added to the controller's output). ROLE=none: no column has it. May be "
-        "repeated.",
+        "disturbance (added to the controller's output). ROLE=none: no column has it; "
+        "#3 is the third column. May be repeated.",
         negative=(),
     ),
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from ..units import factor, has_dimension, parse_quantity
-from .header import NO_COLUMN, key, split_name_unit
+from .header import NO_COLUMN, fitting, key, numbered, split_name_unit
 
 FORCE_UNITS = {"linear": "N", "rotary": "N m"}
 """Unit of the motor force by coordinate; "%" where the rated torque is not known."""
@@ -239,6 +239,8 @@ def _named(
 ) -> tuple[int, str | None]:
     """Column and unit that the user names for a role."""
     name, unit = split(text, None)
+    if (index := numbered(name, len(names))) is not None:
+        return index, unit if unit is not None else cells[index][1]
     for wanted, override in ((text, None), (name, unit)):
         for have in (list(names), [cell for cell, _ in cells]):
             for same in (str.strip, key):
@@ -258,10 +260,16 @@ def _by_name(
         if index not in taken and known is not None and known[0] == role:
             fits.append((known[1], index))
     fits.sort()
-    if len(fits) > 1 and fits[0][0] == fits[1][0]:
-        both = " and ".join(f"'{cells[i][0]}' (column {i + 1})" for _, i in fits[:2])
-        raise InputError(f"{path}: {both} could both be {role}; rename one of them")
-    return fits[0][1] if fits else None
+    best = [index for rank, index in fits if rank == fits[0][0]]
+    spelt = [None if unit is None else spelling(unit) for _, unit in cells]
+    best = fitting(best, spelt, (*_SI[role], *SIGNAL_UNITS * (role == "disturbance")))
+    if len(best) > 1:
+        both = " and ".join(f"'{cells[i][0]}' (column {i + 1})" for i in best[:2])
+        raise InputError(
+            f"{path}: {both} could both be {role}; say which, as in --column"
+            f" '{role}=#{best[0] + 1}'"
+        )
+    return best[0] if best else None
 
 
 def _not_needed(found: Mapping[str, tuple[int, str | None]], named: set[str]) -> list[str]:

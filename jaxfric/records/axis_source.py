@@ -29,6 +29,7 @@ class Source:
     notes: tuple[str, ...] = ()
     roles: Mapping[str, str] = field(default_factory=dict)
     gains: Mapping[str, float] = field(default_factory=dict)
+    doubt: str = ""
 
 
 def open_source(path: Path) -> Source:
@@ -53,6 +54,7 @@ def open_source(path: Path) -> Source:
         rows,
         content.blank,
         content.notes,
+        doubt=content.doubt,
     )
 
 

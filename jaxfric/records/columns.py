@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from ..units import factor, has_dimension
-from .header import COLUMN_ROLES, NO_COLUMN, key, role_of, split_name_unit
+from .header import COLUMN_ROLES, NO_COLUMN, fitting, key, numbered, role_of, split_name_unit
 from .table import Table
 
 
@@ -90,9 +90,12 @@ def _stresses(table: Table, found: dict[str, tuple[int, str | None]], named: set
 def _named(table: Table, role: str, value: str) -> tuple[int, str | None]:
     """Column and unit that the user names for a role."""
     name, unit = split_name_unit(value)
+    if (index := numbered(name, len(table.names))) is not None:
+        return index, unit if unit is not None else table.units[index]
     for wanted, override in ((value, None), (name, unit)):
         for same in (str.strip, key):
             hits = [i for i, have in enumerate(table.names) if same(have) == same(wanted)]
+            hits = fitting(hits, table.units, () if override is None else (override,))
             if len(hits) == 1:
                 return hits[0], override if override is not None else table.units[hits[0]]
     raise InputError(
@@ -108,10 +111,19 @@ def _by_name(table: Table, role: str, taken: set[int]) -> int | None:
         if index not in taken and known is not None and known[0] == role:
             fits.append((known[1], index))
     fits.sort()
-    if len(fits) > 1 and fits[0][0] == fits[1][0]:
-        names = " and ".join(f"'{table.names[i]}' (column {i + 1})" for _, i in fits[:2])
-        raise InputError(f"{table.path}: {names} could both be {role}; rename one of them")
-    return fits[0][1] if fits else None
+    best = [index for rank, index in fits if rank == fits[0][0]]
+    best = fitting(best, table.units, _dimensions(role))
+    if len(best) > 1:
+        names = " and ".join(f"'{table.names[i]}' (column {i + 1})" for i in best[:2])
+        raise InputError(
+            f"{table.path}: {names} could both be {role}; say which, as in --column"
+            f" '{role}=#{best[0] + 1}'"
+        )
+    return best[0] if best else None
+
+
+def _dimensions(role: str) -> tuple[str, ...]:
+    return ("1", "N", "Pa") if role == "friction" else (COLUMN_ROLES[role],)
 
 
 def _require(table: Table, found: Mapping[str, object]) -> None:
@@ -124,6 +136,13 @@ def _require(table: Table, found: Mapping[str, object]) -> None:
         missing.insert(0, moves[0])
     if not missing:
         return
+    if table.doubt:
+        missing.sort(key=list(COLUMN_ROLES).index)
+        unit = {"friction": "1", "time": "s"}.get(missing[0], "um")
+        raise InputError(
+            f"{table.path}: {table.doubt}; which has no name cannot be told: say which is"
+            f" {', '.join(missing)} by number, as in --column '{missing[0]}=#1 [{unit}]'"
+        )
     machine = any((unit or "").lower() in ("bit", "bits") for unit in table.units)
     hint = (
         " (bits are machine units: give what one bit is)"

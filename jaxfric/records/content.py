@@ -14,7 +14,7 @@ class Content:
     """Columns with names and units as written, before any meaning is given to them.
 
     `malformed` marks rows with a wrong number of cells, `blank` (rows x columns) cells that hold
-    nothing; None where a format has none.
+    nothing; None where a format has none. `doubt`: why the names of columns are only numbers.
     """
 
     names: tuple[str, ...]
@@ -24,6 +24,7 @@ class Content:
     malformed: np.ndarray
     blank: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    doubt: str = ""
 
 
 def filled_rows(blank: np.ndarray | None, used: Iterable[int], count: int) -> slice:

@@ -1,6 +1,9 @@
 """Names of columns: their unit, and the role that a name gives a column in a record."""
 
 import re
+from collections.abc import Iterable, Sequence
+
+from ..units import has_dimension
 
 ROLES = {
     "time": "s",
@@ -73,3 +76,17 @@ def key(name: str) -> str:
 def role_of(name: str) -> tuple[str, int] | None:
     """Role of a column's name and its rank (0: the role's own name); None: no role."""
     return _RANKS.get(key(name))
+
+
+def numbered(text: str, count: int) -> int | None:
+    """Index of a column that is named by its number, `#1` to `#count`."""
+    match = re.fullmatch(r"#(\d+)", text.strip())
+    return int(match[1]) - 1 if match and 0 < int(match[1]) <= count else None
+
+
+def fitting(indices: list[int], units: Sequence[str | None], wanted: Iterable[str]) -> list[int]:
+    """Those of equally named columns whose unit is of a dimension that is wanted; else all."""
+    good = [
+        i for i in indices if units[i] and any(has_dimension(units[i] or "", w) for w in wanted)
+    ]
+    return good if len(indices) > 1 and good else indices

@@ -12,8 +12,12 @@ from .cells import Writing
 
 def read_header(
     above: list[str], rows: list[str], writing: Writing, path: str
-) -> tuple[list[str], list[str | None]]:
-    """Names ("" for none) and units from the last lines above the numbers."""
+) -> tuple[list[str], list[str | None], str]:
+    """Names ("" for none) and units from the last lines above the numbers, and what is in doubt.
+
+    Where there are not as many names as columns, which one has none cannot be told: the columns
+    are then called #1, #2 and so on.
+    """
     written = [line for line in above if line.strip().strip("#").strip(" \t;,\"'")]
     if not written:
         raise InputError(
@@ -29,17 +33,18 @@ def read_header(
         if len(names) <= len(upper) <= most and _are_units(names, upper):
             below, names = [cell.strip("[]() ") for cell in names], upper
     if not least <= len(names) <= most:
-        raise InputError(
-            f"{path}: the header names {len(names)} columns, the first row has"
+        doubt = (
+            f"the header names {len(names)} columns, the first row has"
             f" {len(_without_end(cells[0]))} cells; header: {written[-1].strip()[:80]}"
             + _comma_hint(len(names), least, writing)
         )
+        return [f"#{i + 1}" for i in range(least)], [None] * least, doubt
     if below is not None:
         below += [""] * (len(names) - len(below))
         plain = [header.split_name_unit(name)[0] for name in names]
-        return plain, [None if clock.is_clock_format(unit) else unit for unit in below]
+        return plain, [None if clock.is_clock_format(unit) else unit for unit in below], ""
     pairs = [header.split_name_unit(name) for name in names]
-    return [name for name, _ in pairs], [unit for _, unit in pairs]
+    return [name for name, _ in pairs], [unit for _, unit in pairs], ""
 
 
 def _usual(counts: Iterable[int]) -> int:

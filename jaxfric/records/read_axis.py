@@ -59,7 +59,13 @@ def read_axis(
     """
     source = open_source(Path(path))
     given = {**source.roles, **(columns or {})}
-    uses, notes = assign(source.path, source.names, source.units, given)
+    try:
+        uses, notes = assign(source.path, source.names, source.units, given)
+    except InputError as error:
+        if not source.doubt:
+            raise
+        doubt = f"{source.doubt}; which has no name cannot be told, they are numbered #1, #2, ..."
+        raise InputError(f"{error} ({doubt})") from None
     coordinate = coordinate_of(source.path, uses)
     rows = _rows(source, uses)
     filled = filled_rows(source.blank, (use.index for use in uses.values()), len(rows.lines))

@@ -39,6 +39,8 @@ class Table:
     malformed: np.ndarray
     blank: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    doubt: str = ""
+    """Why the names are only numbers, #1 and so on; else empty."""
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -81,6 +83,7 @@ def read_table(path: str | Path) -> Table:
         malformed=content.malformed,
         blank=content.blank,
         notes=content.notes,
+        doubt=content.doubt,
     )
 
 
