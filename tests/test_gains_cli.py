@@ -7,6 +7,8 @@ import pytest
 from command import assert_refused, run
 from test_gains import fit_content, written
 
+from jaxfric import law_from_parameters
+
 LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
 MACHINE = ("--mass", "2", "--velocity", "2 mm/s")
 SAFE = ("--margin", "stiffness=2")
@@ -136,6 +138,8 @@ def test_laws(law, parameters, words):
         (fit_content(schema="jaxfric.gains/1"), [], ["'jaxfric.gains/1'", "jaxfric.fit/1"]),
         (json.dumps(fit_content(), indent=1)[:300], [], ["damaged (line"]),
         ("[]", [], ["names no schema"]),
+        ({"schema": "jaxfric.steady/1"}, [], ["steady speeds", "under gains", "--law stribeck"]),
+        (fit_content(converged=False), ["--normal-force", "5 N"], ["did not converge"]),
         (fit_content(), [], ["friction coefficient", "--normal-force '500 N'"]),
         (fit_content(friction_unit="N"), ["--normal-force", "5 N"], ["not wanted"]),
         (fit_content(), ["--normal-force", "-5 N"], ["not positive"]),
@@ -171,3 +175,10 @@ def test_output_folder_that_is_a_file():
     assert_refused(run("gains", *LAW, *MACHINE, *SAFE, "--out", "out"), "out is a file")
     assert Path("out").read_text() == "kept"
     assert [p.name for p in Path().iterdir()] == ["out"]
+
+
+def test_the_law_that_a_message_proposes_is_one():
+    law = law_from_parameters("stribeck", "c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1").law
+    assert float(law.c3) == 0.01
+    outcome = run("gains", "--from", written(Path(), {"schema": "jaxfric.steady/1"}), *MACHINE)
+    assert "'c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1'" in outcome.err

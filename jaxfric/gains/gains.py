@@ -223,8 +223,9 @@ def _warnings(best: Basin, region, worst: dict[str, WorstCase], delay) -> list[s
             " --sample-time '1 ms' (in Python sample_time=1e-3)"
         )
     if best.kp <= region.lower[0] * (1 + 1e-6):
+        which = "any positive" if delay is None else "any small"
         texts.append(
-            "k_p is at its lower limit: any positive stiffness meets the requirement; give a"
+            f"k_p is at its lower limit: {which} stiffness meets the requirement; give a"
             " lower limit (--min-kp) if the position must be held"
         )
     if best.kkt > 1e-6 and not best.at_limit:

@@ -33,6 +33,12 @@ def read_saved(path: Path, *schemas: str) -> dict:
         place = f" (line {error.lineno})" if isinstance(error, json.JSONDecodeError) else ""
         raise InputError(f"{path}: not a JSON file, or damaged{place}; make it again") from None
     schema = content.get("schema") if isinstance(content, dict) else None
+    if schema == "jaxfric.steady/1":
+        raise InputError(
+            f"{path}: a curve of steady speeds, whose friction has no memory: what damping it asks"
+            " for stands in it under gains. For margins give its law by name, in N and m/s:"
+            " --law stribeck --parameters 'c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1'"
+        )
     if schema not in schemas:
         found = f"its schema is '{schema}'" if schema else "it names no schema"
         known = " or ".join(f"'{name}' ({_VERBS[name]})" for name in schemas)
