@@ -186,6 +186,18 @@ def test_from_velocity() -> None:
         assert steps.velocities == pytest.approx([2 * UM, 20 * UM], rel=0.01)
 
 
+def test_a_velocity_column_knows_a_step_no_better_than_its_rows() -> None:
+    """No noise at all: the step is anywhere between two rows, 0.1 s apart."""
+    t = np.arange(0, 60, 0.1)
+    off = []
+    for start in 25 + np.linspace(0.005, 0.095, 10):
+        steps = find_steps_in_velocity(t, np.where(t < start, 2, 20) * UM)
+        assert steps.time_errors is not None
+        assert steps.time_errors == pytest.approx([0, 0.1 / np.sqrt(12)], rel=1e-3)
+        off.append(steps.times[1] - start)
+    assert np.std(off) == pytest.approx(0.1 / np.sqrt(12), rel=0.1)
+
+
 def test_it_is_quick() -> None:
     rng = np.random.default_rng(7)
     truth = VelocitySteps(np.arange(13) * 20.0, np.where(np.arange(13) % 2, 10, 1) * UM)

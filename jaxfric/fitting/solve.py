@@ -21,7 +21,8 @@ from .problem import FAILED_MISFIT, Problem, residual_and_jacobian
 # A descent from which the misfit per sample is below this is not compared with others: it
 # fits to the noise (measured from second differences of the record).
 _NOISE_REACHED = 1.1
-_TRIALS = 20  # of a descent, about
+_TRIALS = (10, 80)  # of a descent
+_MOST_TRIALS = _TRIALS[1]
 _DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)
 
 
@@ -76,7 +77,7 @@ def descend(problem: Problem, z: Float[Array, " p"], free: Float[Array, " p"], t
     fixed = z * (1 - free)
     solver = optx.LevenbergMarquardt(rtol=1e-8, atol=tolerance)
     out = optx.least_squares(
-        lambda y, _: residual(fixed + free * y), solver, z, max_steps=80, throw=False
+        lambda y, _: residual(fixed + free * y), solver, z, max_steps=_MOST_TRIALS, throw=False
     )
     return fixed + free * out.value, out.result, out.stats["num_steps"]
 
@@ -92,10 +93,10 @@ def solve(
     """Minimise the sum of squared residuals from up to `refine` of the `starts`.
 
     A descent ends when neither a parameter (unbounded form) nor a residual (in noise units)
-    changes by more than `tolerance`. `progress` is told which descent it is, and about how long
-    what is left takes at the pace of the starts.
+    changes by more than `tolerance`. `progress` is told which descent it is, and how long one
+    takes at the pace of the starts.
     """
-    found_misfits = misfits(problem, starts[:1])  # compiles
+    misfits(problem, starts[:1])  # compiles: the pace is that of computing
     begun = time.perf_counter()
     found_misfits = misfits(problem, starts)
     pace = (time.perf_counter() - begun) / len(starts)
@@ -105,24 +106,30 @@ def solve(
         order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
     samples = float(jnp.sum(problem.weight > 0))
     found: list[Solution] = []
+    last: float | None = None
     for k, i in enumerate(order[:refine]):
-        left = pace * _TRIALS * (min(refine, len(order)) - k)
+        begun = time.perf_counter()
         progress(
             f"descent {k + 1} of at most {min(refine, len(order))} over {int(samples)} rows,"
-            f" about {_rounded(left)} s left at most"
+            f" {_length(pace, last)}"
         )
         feasible = bool(found_misfits[i] < FAILED_MISFIT**2)
         z, result, steps = _descend_safely(problem, starts[i], feasible, tolerance)
         residual, jacobian = residual_and_jacobian(problem, z)
         cost = float(jnp.sum(residual**2))
         found.append(Solution(z, residual, jacobian, result, int(steps), cost))
+        last = time.perf_counter() - begun
         if cost < _NOISE_REACHED * samples:
             break
     return min(found, key=lambda s: s.cost)
 
 
-def _rounded(seconds: float) -> str:
-    return f"{max(1.0, float(f'{seconds:.1g}')):.0f}"
+def _length(pace: float, last: float | None) -> str:
+    """How long a descent takes, from the time of a trial or of the descent before."""
+    if last is not None:
+        return f"the one before took {last:.2g} s"
+    few, many = (f"{pace * trials:.2g}" for trials in _TRIALS)
+    return f"{few} to {many} s and compiling where this is the first of its kind"
 
 
 def _descend_safely(problem, z, feasible: bool, tolerance: float):

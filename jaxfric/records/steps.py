@@ -1,6 +1,6 @@
 """Velocity steps of the load point: written down, or found in a record."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -131,13 +131,19 @@ def find_steps_in_velocity(time: ArrayLike, velocity: ArrayLike) -> VelocityStep
     """The velocity steps of a load point, from its measured velocity [m/s].
 
     The velocity is integrated (trapezoids: a step between two rows is put half way between
-    them) and handed to `find_steps`.
+    them) and handed to `find_steps`. Standard errors of times count that gap.
     """
     t, v = np.asarray(time, np.float64), np.asarray(velocity, np.float64)
     if t.ndim != 1 or t.shape != v.shape:
         raise InputError("find_steps_in_velocity needs two arrays of equal length")
     travelled = np.concatenate([[0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)])
-    return find_steps(t, travelled)
+    found = find_steps(t, travelled)
+    # where between its two rows a velocity stepped, nothing tells: evenly likely over the gap
+    gap = np.diff(t)[np.clip(np.searchsorted(t - t[0], found.times) - 1, 0, len(t) - 2)]
+    assert found.time_errors is not None
+    errors = np.hypot(found.time_errors, gap / np.sqrt(12))
+    errors[0] = 0.0
+    return replace(found, time_errors=errors)
 
 
 def record_steps(record: Record) -> VelocitySteps:
