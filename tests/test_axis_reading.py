@@ -14,6 +14,7 @@ from test_axis_rotary import rotary_text
 import jaxfric
 from jaxfric.axis.closed_loop import Controller, simulate_closed_loop
 from jaxfric.axis.controller_check import disagreement
+from jaxfric.axis.prepare import Preparation
 from jaxfric.axis.reading import read_rows
 from jaxfric.axis.rig import AxisRig
 from jaxfric.records import Drive, axis_from_arrays, read_axis
@@ -182,3 +183,11 @@ def test_rows_at_uneven_times_are_warned_of():
     late = record.time + 0.45 * H * np.sign(np.sin(0.9 * np.arange(len(record))))
     (warning,) = reading(dataclasses.replace(record, time=late)).warnings
     assert "0.1 to 1.9 ms apart (1 as a rule" in warning
+
+
+def test_motion_that_a_low_cutoff_takes_away_is_no_noise():
+    record = a_record(encoder=1e-6)
+    whites = [
+        reading(record, preparation=Preparation(cutoff, 10)).prepared.white for cutoff in (100, 4)
+    ]
+    assert whites == pytest.approx([1e-6, 1e-6], rel=0.1)
