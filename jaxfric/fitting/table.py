@@ -24,6 +24,7 @@ def display_unit(name: str, fit: Fit) -> str:
     """The unit in which a parameter is shown: the record's own for lengths and velocities."""
     friction = fit.record.friction_unit
     length = fit.record.units.get("load_point_displacement", "um")
+    length = "um" if length.startswith("micro") else length
     unit = quantity_of(name).unit
     shown = {"F": friction, "m": length, "F/m": f"{friction}/{length}", "m/s": f"{length}/s"}
     return shown.get(unit, quantity_of(name).unit_for(friction))

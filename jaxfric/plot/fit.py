@@ -13,6 +13,8 @@ from .label import printable
 
 _DATA, _FIT, _STEP, _BAND = "#1f4e79", "#c8501e", "0.55", "0.85"
 _LAGS = 28
+_FEWEST = 10
+"""A lag with fewer pairs of rows than this is not shown."""
 
 
 def draw_fit(fit: Fit, *paths: str | Path) -> None:
@@ -71,7 +73,7 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
         + (f" {row.unit}" if row.unit and row.value != "undetermined" else "")
         for row in rows(fit)
     ]
-    axis.text(
+    box = axis.text(
         1.03,
         1.0,
         "\n".join(lines),
@@ -81,6 +83,11 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
         fontsize=8.5,
         bbox=dict(facecolor="white", edgecolor="0.8", boxstyle="round,pad=0.4"),
     )
+    figure = axis.get_figure(root=True)
+    assert figure is not None
+    extent = box.get_window_extent()
+    room = 0.985 * figure.bbox.x1 - extent.x0
+    box.set_fontsize(8.5 * min(1.0, room / extent.width))
 
 
 def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
@@ -135,7 +142,7 @@ def autocorrelation(
     edges = np.geomspace(lags.min(), lags.max() * (1 + 1e-9), _LAGS + 1)
     which = np.clip(np.searchsorted(edges, lags, side="right") - 1, 0, _LAGS - 1)
     count = np.bincount(which, minlength=_LAGS)
-    full = count > 0
+    full = count >= min(_FEWEST, count.max())
     lag = np.bincount(which, lags, minlength=_LAGS)[full] / count[full]
     first = np.bincount(which, np.concatenate([centred[:-s] ** 2 for s in shifts]), _LAGS)[full]
     second = np.bincount(which, np.concatenate([centred[s:] ** 2 for s in shifts]), _LAGS)[full]
