@@ -12,13 +12,8 @@ import contextlib
 import re
 from collections.abc import Iterator
 
-# Options of the command, and what they are called in Python; "" where it is the same word.
+# Options of the command that are another word in Python; the others are the same word.
 _ARGUMENTS = {
-    **dict.fromkeys(("position-gain", "velocity-gain", "drive-gain", "rated-torque", "stiffness")),
-    **dict.fromkeys(("steps", "parameters", "samples", "out", "scheduler", "mass", "without")),
-    **dict.fromkeys(
-        ("flip", "most", "margin", "velocity", "start", "free", "normal-force", "sample-time")
-    ),
     "with": "with_",
     "min-kp": "lower",
     "kp": "k_p",
@@ -26,6 +21,8 @@ _ARGUMENTS = {
     "from": "the start of record.window()",
     "to": "the stop of record.window()",
 }
+_OF_OTHERS = ("nthreads",)
+"""Options of other programs' commands."""
 _FLAGS = ("drop-bad", "fit-stiffness", "slip-trend", "held", "other-versions")
 _NUMBERS = ("normal-force",)
 """Arguments that are a number in SI where the option is a text with its unit."""
@@ -72,9 +69,9 @@ def _argument(found: re.Match) -> str:
     if name in _FLAGS:
         rest = found[0][len(name) + 2 :]
         return f"{name.replace('-', '_')}=True{rest}"
-    if name not in _ARGUMENTS:  # an option of another command
+    if name in _OF_OTHERS:
         return found[0]
-    said = _ARGUMENTS[name] or name.replace("-", "_")
+    said = _ARGUMENTS.get(name, name.replace("-", "_"))
     value = found["quoted"] or found["bare"] or found["word"]
     if value is None:
         return said

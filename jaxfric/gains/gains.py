@@ -75,6 +75,11 @@ def find_gains(
     InputError : a bad argument; of the kind `NoGains` where no gains within the limits meet the
         requirement.
     """
+    if not isinstance(law, LawSource | AbstractLaw | AbstractDelayLaw):
+        raise InputError(
+            f"the law is a {type(law).__name__}; give jaxfric.law_from_fit('NAME-fit/fit.json'),"
+            " jaxfric.law_from_parameters(...), or a law itself, as RateState(...)"
+        )
     source = law if isinstance(law, LawSource) else LawSource(law, one_sample(law), "law", None)
     if isinstance(velocity, str):
         velocity = np.asarray(parse_values(velocity, "m/s", "velocity"))

@@ -76,6 +76,11 @@ def law_from_fit(
     InputError : file missing, damaged or of another schema; a normal force missing or
         not wanted; parameters that the fit left undetermined.
     """
+    if not isinstance(path, str | Path):
+        raise InputError(
+            f"law_from_fit takes the path of a fit.json, not a {type(path).__name__}; of a Fit at"
+            " hand, write it first: Path('fit.json').write_text(json.dumps(fit.to_json()))"
+        )
     path = Path(path)
     content = read_saved(path, FIT)
     refuse_damage(path, FIT, _damage(content))

@@ -69,7 +69,7 @@ def predict(
         kinds = ("an axis", "read_axis") if saved.is_axis else ("a slider", "read")
         raise InputError(
             f"{saved.path} is a model of {kinds[0]}; read the record with jaxfric.{kinds[1]}, not"
-            f" as a {type(record).__name__}"
+            f" as {type(record).__name__}"
         )
     if isinstance(record, AxisRecord):
         unused = {"stiffness": stiffness, "steps": steps, "free": free}

@@ -257,9 +257,9 @@ def _warnings(setting: _Setting) -> tuple[str, ...]:
     speeds = speeds[speeds > 0]
     beyond = (speeds > _BEYOND * fastest) | (speeds < slowest / _BEYOND)
     if beyond.any():
+        which = ", ".join(f"{1e6 * v:.3g}" for v in np.unique(speeds[beyond].round(12))[:6])
         told.append(
-            f"velocities of {1e6 * speeds[beyond].min():.3g} to {1e6 * speeds[beyond].max():.3g}"
-            f" um/s are outside of those that the model has seen ({1e6 * slowest:.3g} to"
-            f" {1e6 * fastest:.3g} um/s): there it extrapolates"
+            f"velocities of this record ({which} um/s) are outside of those that the model has"
+            f" seen ({1e6 * slowest:.3g} to {1e6 * fastest:.3g} um/s): there it extrapolates"
         )
     return tuple(told)
