@@ -392,7 +392,7 @@ def test_no_word_of_the_figure_lies_on_the_record(start):
     steps = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))
     record = jaxfric.from_arrays(t, friction, load_point_displacement=steps.displacement(t))
     units = {"f0": "1", "A": "1", "B": "1", "L": "m", "K": "1/m", "V0": "m/s"}
-    units |= {"slip_trend": "1/m"}  # the longest line: -0.000000012345 ± 0.000000000010 1/µm
+    units |= {"slip_trend": "1/m"}  # the longest line of the box
     fit = Fit(
         record=record,
         steps=steps,
