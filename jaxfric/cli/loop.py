@@ -70,6 +70,12 @@ def loop(
     ] = None,
     most: Annotated[int, Parameter(help="Largest number of effects that may be added.")] = 3,
     steps: Steps = None,
+    rows: Annotated[
+        int | None,
+        Parameter(
+            help="Of a slider: fit means over neighbouring rows, about so many: quicker by as much."
+        ),
+    ] = None,
     drive_gain: DriveGain = None,
     position_gain: PositionGain = None,
     velocity_gain: VelocityGain = None,
@@ -118,7 +124,8 @@ def loop(
         "--cutoff": cutoff,
     }
     turned = flipped(flip)
-    _refuse_unused(rig, stiffness, law, steps, {**own, "--flip": turned, "--held": held})
+    of_a_slider = {"--law": law != "slip", "--steps": steps, "--rows": rows}
+    _refuse_unused(rig, stiffness, of_a_slider, {**own, "--flip": turned, "--held": held})
     declared = effect_ids(with_, "--with")
     excluded = effect_ids(without, "--without")
     reading: dict[str, Any] = {
@@ -164,7 +171,8 @@ def loop(
             from ..loop import close_loop
 
             assert stiffness is not None
-            result = close_loop(record, stiffness=stiffness, law=law, steps=steps, **search)
+            slider: dict[str, Any] = {"stiffness": stiffness, "law": law, "rows": rows}
+            result = close_loop(record, steps=steps, **slider, **search)
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
         with folder.results() as to:
             (to / "loop.json").write_text(content + "\n", encoding="utf-8")
@@ -177,6 +185,7 @@ def loop(
             "--without": ",".join(excluded),
             "--most": None if most == 3 else str(most),
             "--steps": steps,
+            "--rows": None if rows is None else str(rows),
             "--from": since,
             "--to": until,
             **own,
@@ -278,7 +287,7 @@ def _command(file: Path, given: dict[str, str | None], columns, flags: dict[str,
     return shlex.join(parts)
 
 
-def _refuse_unused(rig, stiffness, law, steps, of_an_axis: dict) -> None:
+def _refuse_unused(rig, stiffness, of_a_slider: dict, of_an_axis: dict) -> None:
     """A slider needs a stiffness, and neither takes options of the other."""
     if rig == "slider":
         if stiffness is None:
@@ -287,10 +296,9 @@ def _refuse_unused(rig, stiffness, law, steps, of_an_axis: dict) -> None:
             )
         refuse_options(rig, of_an_axis)
     else:
-        of_a_slider = {"--stiffness": stiffness, "--law": law != "slip", "--steps": steps}
         loops = ("--position-gain", "--velocity-gain", "--cutoff", "--held")
         of_a_stroke = {o: of_an_axis[o] for o in loops if rig == "steady"}
-        refuse_options(rig, of_a_slider | of_a_stroke)
+        refuse_options(rig, {"--stiffness": stiffness} | of_a_slider | of_a_stroke)
 
 
 def _print(result, folder: Folder) -> None:

@@ -101,7 +101,7 @@ def fit(
     steps = steps_of(record, steps)
     warnings: tuple[str, ...] = ()
     if rows is not None:
-        record, steps, warnings = _thinned(record, rows, steps)
+        record, steps, warnings = few_rows(record, rows, steps)
     if K is not None:
         _refuse_soft(K, record, steps)
     V0 = _reference(reference_velocity, steps)
@@ -134,7 +134,7 @@ def require_float64() -> None:
         )
 
 
-def _thinned(
+def few_rows(
     record: Record, rows: int, steps: VelocitySteps
 ) -> tuple[Record, VelocitySteps, tuple[str, ...]]:
     """Means over neighbouring rows, the steps in their time, and what that costs."""

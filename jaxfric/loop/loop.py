@@ -12,7 +12,7 @@ import numpy as np
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ..errors import InputError
 from ..fitting import Fit, fit
-from ..fitting.fit import prepare, steps_of
+from ..fitting.fit import few_rows, prepare, steps_of
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
 from ..records import Record, VelocitySteps
@@ -52,6 +52,7 @@ def close_loop(
     without: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
     most: int = _MOST,
+    rows: int | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Loop:
     """Fit the base model, then find, add and score the effects that it lacks.
@@ -63,6 +64,7 @@ def close_loop(
         `ON_REQUEST` are considered only as part of the base.
     own : effects of your own beside those of the catalogue.
     most : largest number of effects added, 0 to 3.
+    rows : as of `jaxfric.fit`: means over neighbouring rows, about so many.
     progress : told what is being done.
 
     Returns
@@ -78,12 +80,14 @@ def close_loop(
     """
     begun = time.monotonic()
     record, with_, without = as_record(record), ids_of(with_), ids_of(without)
+    found_steps, thinning = steps_of(record, steps), ()
+    if rows is not None:
+        record, found_steps, thinning = few_rows(record, rows, found_steps)
     stress = _stress(record)
     effects = _effects(record, with_, without, own, stress=stress is not None)
     if not 0 <= most <= _MOST:
         raise InputError(f"most is {most}; choose 0 to {_MOST}")
     progress("base fit of the whole record")
-    found_steps = steps_of(record, steps)
     _refuse_stops(record, found_steps)
     base_fit = fit(
         record,
@@ -121,7 +125,7 @@ def close_loop(
         record=record,
         base_fit=base_fit,
         sigma=floor.sigma,
-        warnings=_warnings(engine, found, base_fit, edge),
+        warnings=(*thinning, *_warnings(engine, found, base_fit, edge)),
         seconds=time.monotonic() - begun,
     )
 
