@@ -265,7 +265,7 @@ class _Pool:
             self.alone = None
             if now - self.last > self.patience:
                 self.patience *= 2
-                self.tell(self._waiting(now - self.last))
+                self.tell(self._waiting())
             return
         if self.alone is None:
             self.alone = now
@@ -276,14 +276,16 @@ class _Pool:
                 f" dask worker {self.address} --nthreads 1"
             )
 
-    def _waiting(self, seconds: float) -> str:
+    def _waiting(self) -> str:
         """Why no chunk came for a while."""
         own = {future.key for future in self.futures}
         under_way = [key for keys in self._ask(self.client.processing).values() for key in keys]
         others = sum(key not in own for key in under_way)
-        text = f"no chunk for {seconds:.0f} s: {self._threads()} threads at {self.address}"
+        text = f"waiting for a chunk: {self._threads()} threads at {self.address}"
         text += f" have {len(under_way) - others} of this study"
-        return f"{text} and {others} tasks of others" if others else f"{text}; waiting"
+        if others:
+            return f"{text} and {others} tasks of others"
+        return f"{text}; the first one of every worker compiles"
 
     def _result(self, future: Any) -> dict[str, np.ndarray] | None:
         """What a future that is done came to; None where that went with a worker.
