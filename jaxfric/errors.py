@@ -65,14 +65,14 @@ def _column(found: re.Match) -> str:
 
 
 def _argument(found: re.Match) -> str:
-    name = found["name"]
+    name: str = found["name"]
     if name in _FLAGS:
         rest = found[0][len(name) + 2 :]
         return f"{name.replace('-', '_')}=True{rest}"
     if name in _OF_OTHERS:
         return found[0]
     said = _ARGUMENTS.get(name, name.replace("-", "_"))
-    value = found["quoted"] or found["bare"] or found["word"]
+    value: str | None = found["quoted"] or found["bare"] or found["word"]
     if value is None:
         return said
     if name in _NUMBERS:

@@ -381,14 +381,13 @@ def test_law_that_also_answers_at_once():
         ({"intervals": 0}, "intervals is 0"),
         ({"ts": jnp.zeros((2, 2))}, "ts has shape"),
         ({"ts": jnp.zeros(0)}, "ts has shape"),
-        ({"ts": jnp.asarray([0.0, jnp.inf])}, "times over inf s"),
+        ({"ts": jnp.asarray([0.0, jnp.inf])}, "ts holds a value that is not finite"),
         ({"start": Start(state=jnp.zeros(1))}, "a delay law has no states"),
-        ({"delay": 0.0}, "delay 0 s"),
     ],
 )
 def test_bad_input_is_refused(policy, words):
     policy = dict(policy)
-    law = HessSoom(0.1, 1.2, 1.0, policy.pop("delay", ALPHA))
+    law = HessSoom(0.1, 1.2, 1.0, ALPHA)
     ts = policy.pop("ts", jnp.asarray(TS))
     with pytest.raises(InputError, match=words) as refusal:
         simulate_delay(jf.Rig(jf.Inertial(1.0, 1.0), law), V0, ts, **policy)

@@ -374,8 +374,8 @@ def test_quantile_is_that_of_the_normal_distribution():
         (dict(stiffness=1e3, steps="0 s: 0 um/s, 5 s: 1 um/s"), "at rest"),
         (dict(stiffness=1e3, steps="0 s: 1 um/s, 1e6 s: 10 um/s"), "record ends"),
         (dict(stiffness=1e3, start=dict(K=1.0)), "no free parameter"),
-        (dict(stiffness=1e3, start=dict(A=-1.0)), "must lie between"),
-        (dict(stiffness=1e3, reference_velocity="-1 um/s"), "must lie between"),
+        (dict(stiffness=1e3, start=dict(A=-1.0)), "must be above 0"),
+        (dict(stiffness=1e3, reference_velocity="-1 um/s"), "must be above 0"),
     ],
 )
 def test_bad_arguments(options, word):

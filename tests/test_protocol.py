@@ -371,7 +371,7 @@ GOOD = {
         ("1,10 um/s", {"--parameters": "f0=0.6, A=0.01, B=0.01"}, ["parameter L is missing"]),
         ("1,10 um/s", {"--parameters": "f0=0.6, C=0.01"}, ["'C' is unknown"]),
         ("1,10 um/s", {"--parameters": "f0"}, ["'f0' is not NAME=VALUE"]),
-        ("1,10 um/s", {"--parameters": "f0=1,A=-1,B=1,L=1um"}, ["parameter A", "between 0"]),
+        ("1,10 um/s", {"--parameters": "f0=1,A=-1,B=1,L=1um"}, ["parameter A", "must be above 0"]),
         ("1,10 um/s", {"--from": "none.json"}, ["none.json", "no such file"]),
         ("1,10 um/s", {"--from": "a", "--parameters": "A=1"}, ["--from excludes"]),
         ("1,10 um/s", {"--law": "dieterich"}, ["dieterich"]),

@@ -54,7 +54,7 @@ BAD = {
     "no V0": (GOOD.replace('V0 = "10 um/s"', ""), ["V0 is missing"]),
     "unit": (GOOD.replace('"6 N"', '"6 m"'), ["[rig] B", "unit of N"]),
     "no unit": (GOOD.replace('"6 N"', "6"), ["[rig] B", "no unit"]),
-    "bounds": (GOOD.replace('"5 um"', '"-5 um"'), ["slip length", "must lie"]),
+    "bounds": (GOOD.replace('"5 um"', '"-5 um"'), ["slip length", "must be above 0"]),
     "unknown axis": (GOOD.replace("k_p =", "kp ="), ["'kp'", "did you mean 'k_p'"]),
     "units of ends": (GOOD.replace('"1 MN/m"', '"1 MN"'), ["[axes] k_p", "'MN'", "N/m"]),
     "kind of axis": (GOOD.replace("logspace", "logspac"), ["'logspac'", "logspace"]),

@@ -237,7 +237,7 @@ def _reference(reference, steps: VelocitySteps) -> float:
         return float(abs(steps.velocities[0]))
     if isinstance(reference, str):
         reference = parse_quantity(reference, "m/s", "reference velocity")
-    return quantity_of("V0").check(float(reference), "reference velocity")
+    return quantity_of("V0").check(float(reference), "--reference-velocity")
 
 
 def prepare(

@@ -113,7 +113,7 @@ def _grid(clock: np.ndarray, longest, either_sign: bool) -> tuple[Array, Array]:
     """Shares (g,) and rates (g, k) of the noises that are tried: one white, then over every clock
     some memories of as many shares."""
     clocks = clock.reshape(len(clock), -1).T
-    shares, rates = [[_share(_LOGITS[0])]], [np.eye(len(clocks))[:1]]
+    shares, rates = [np.asarray([_share(_LOGITS[0])])], [np.eye(len(clocks))[:1]]
     for along, one, most in zip(np.eye(len(clocks)), clocks, np.ravel(longest), strict=True):
         gap = np.median(np.diff(one))
         if not gap > 0:  # at rest most of the time

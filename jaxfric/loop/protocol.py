@@ -363,7 +363,7 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         time=time,
         friction=jnp.full(size, values["f0"], float),
         weight=anchor,
-        clock=time,
+        clock=time[:, None],
         motion=problem.motion.padded(bucket(planned + 1, _VELOCITIES)),
         channels=channels,
     )

@@ -17,36 +17,34 @@ from .start import Start
 
 
 def refuse_impossible(
-    rig: Rig, ts: Array, start: Start, *, motion: AbstractMotion | None = None
+    where: str, rig: Rig, ts: Array, start: Start, *, motion: AbstractMotion | None = None
 ) -> None:
-    """Raise `InputError` for what is known to be impossible.
+    """Raise `InputError`, in the name of the function `where`, for what is known to be impossible.
 
     A parameter of the rig outside its bounds; `ts` not of one dimension, empty, not finite,
     descending, or before the motion begins; a start that is not finite.
     """
     if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
-        raise InputError(
-            f"simulate: ts has shape {jnp.shape(ts)}; give one row of times, not empty"
-        )
-    refuse_outside(rig, "simulate")
+        raise InputError(f"{where}: ts has shape {jnp.shape(ts)}; give one row of times, not empty")
+    refuse_outside(rig, where)
     for name, value in (("velocity", start.velocity), ("elongation", start.elongation)):
-        _refuse_infinite(f"start.{name}", value)
-    _refuse_infinite("start.state", start.state)
-    _refuse_infinite("ts", ts)
+        _refuse_infinite(f"{where}: start.{name}", value)
+    _refuse_infinite(f"{where}: start.state", start.state)
+    _refuse_infinite(f"{where}: ts", ts)
     if not is_known(ts):
         return
     times = np.asarray(ts)
     if np.any(np.diff(times) < 0):
         k = int(np.argmax(np.diff(times) < 0))
         raise InputError(
-            f"simulate: ts must ascend; ts[{k + 1}] = {times[k + 1]:g} s comes after"
+            f"{where}: ts must ascend; ts[{k + 1}] = {times[k + 1]:g} s comes after"
             f" {times[k]:g} s. Sort the times"
         )
     if isinstance(motion, PiecewiseVelocity) and is_known(motion.times):
         begin = float(np.asarray(motion.times)[0])
         if times[0] < begin:
             raise InputError(
-                f"simulate: ts begins at {times[0]:g} s, before the motion, which begins at"
+                f"{where}: ts begins at {times[0]:g} s, before the motion, which begins at"
                 f" {begin:g} s"
             )
 
@@ -63,9 +61,9 @@ def refuse_no_steady_state(initial: dict[str, Array], V: Array) -> None:
         )
 
 
-def _refuse_infinite(name: str, value) -> None:
+def _refuse_infinite(what: str, value) -> None:
     if value is not None and is_known(value) and not np.all(np.isfinite(np.asarray(value))):
-        raise InputError(f"simulate: {name} holds a value that is not finite")
+        raise InputError(f"{what} holds a value that is not finite")
 
 
 def is_possible(

@@ -77,7 +77,7 @@ def simulate_delay(
     start = Start() if start is None else start
     machine, law = _rooms(rig)
     _check(start, rtol, pieces, intervals)
-    refuse_impossible(rig, ts, start)
+    refuse_impossible("simulate_delay", rig, ts, start)
     ts = jnp.asarray(ts)
     V0 = jnp.asarray(velocity, jnp.result_type(float, velocity, ts))
     if is_known(V0) and not 0 < float(V0) < math.inf:

@@ -87,7 +87,7 @@ def simulate(
     if not runaway > 1:
         raise InputError(f"simulate: runaway is {runaway}; it is a factor above 1")
     begin = Start() if start is None else start
-    refuse_impossible(rig, ts, begin, motion=motion)
+    refuse_impossible("simulate", rig, ts, begin, motion=motion)
     ts = jnp.asarray(ts)
     equation = SliderEquation(rig, motion, begin)
     initial = equation.initial()
