@@ -36,7 +36,7 @@ from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
-from jaxfric.report.loop_text import candidates, print_loop
+from jaxfric.report.loop_text import by_velocity, candidates, print_loop
 
 HOSTILE = "<b>&.csv"
 KEYS = (
@@ -475,3 +475,16 @@ def test_help_lists_the_catalogue() -> None:
     shown = run("loop", "--help")
     assert shown.code == 0 and all(id in shown.out for id in CATALOGUE)
     assert all(len(line) <= 80 for line in shown.out.splitlines())
+
+
+def test_a_velocity_without_rows_that_count_has_not_failed():
+    """Only one that was to be predicted and has no finite error has."""
+    loop = make_loop("effects")
+    per_step = (np.nan, np.nan, *loop.before.per_step[2:])
+    blocks = loop.blocks._replace(
+        **{name: loop.blocks.of(name) & (loop.blocks.step != 0) for name in NAMES}
+    )
+    score = dataclasses.replace(loop.before, per_step=per_step)
+    rows = by_velocity(dataclasses.replace(loop, before=score, after=score, blocks=blocks)).rows
+    assert rows[0][2:] == ("no row counts", "–", "–")
+    assert rows[1][3:] == ("failed", "failed")

@@ -162,7 +162,8 @@ def by_velocity(loop: Loop) -> Table:
         shown = format_si(float(velocity), f"{loop.length_unit}/s", f"{length}/s", 4)
         shown = shown.replace("um", "µm")
         both = [s.per_step[k] / loop.sigma for s in (loop.before, loop.after)]
-        rows.append((f"{time:.4g} s", shown, blocks, *(_finite(v, "{:.3f}") for v in both)))
+        errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
+        rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
     head = ("from", "velocity", "block", "before [σ]", "after [σ]")
     title = "Error in every motion segment" if loop.is_axis else "Error at every velocity"
     return Table(title, head, rows)
