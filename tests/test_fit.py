@@ -14,7 +14,7 @@ from public_data import public_record
 
 import jaxfric
 from jaxfric import InputError, VelocitySteps
-from jaxfric.fitting.assemble import _plausible
+from jaxfric.fitting.assemble import _plausible, edge_warnings
 from jaxfric.fitting.fit import _noise, prepare
 from jaxfric.fitting.plausible import bounds_of
 from jaxfric.fitting.problem import Model, residual_and_jacobian, to_free
@@ -434,3 +434,23 @@ def test_64_bit_numbers_are_asked_for():
             jaxfric.fit(record, stiffness=5e3)
     finally:
         jax.config.update("jax_enable_x64", True)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [
+        (0.99, "stick-slip regime: the stiffness is below the critical one of this fit"),
+        (1.01, "near the stability edge (K/K_cr = 1.01)"),
+        (1.99, "near the stability edge"),
+        (2.0, None),
+        (np.inf, None),
+    ],
+)
+def test_a_stiffness_below_or_near_the_critical_one_is_said(ratio, words):
+    said = edge_warnings(2e3 * ratio, 2e3)
+    assert len(said) == (words is not None)
+    assert words is None or said[0].startswith(words)
+
+
+def test_a_law_without_a_critical_stiffness_has_no_edge():
+    assert edge_warnings(1e-9, 0.0) == edge_warnings(1e-9, -3.0) == []

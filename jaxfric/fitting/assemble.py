@@ -212,15 +212,21 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
             f"{'before' if sigmas < 0 else 'after'} the time that the load point shows: "
             "the stiffness may be wrong, the step not sharp, or something lags"
         )
-    K, critical = fit.parameters["K"].value, fit.critical_stiffness()
-    if critical > 0 and critical > K:
-        said.append(
-            f"stick-slip regime: the stiffness is below the critical one of this fit "
-            f"(K/K_cr = {K / critical:.2f}); steady sliding is unstable and A, B, L are suspect"
-        )
-    elif critical > 0 and _NEAR_EDGE * critical > K:
-        said.append(
-            f"near the stability edge (K/K_cr = {K / critical:.2f}): finite velocity steps may "
-            "leave the basin of steady sliding"
-        )
+    said += edge_warnings(fit.parameters["K"].value, fit.critical_stiffness())
     return dataclasses.replace(fit, warnings=tuple(said))
+
+
+def edge_warnings(K: float, critical: float) -> list[str]:
+    """What a stiffness below or near the critical one (same unit; none if 0 or less) means."""
+    if not critical > 0 or _NEAR_EDGE * critical <= K:
+        return []
+    ratio = f"K/K_cr = {K / critical:.2f}"
+    if critical > K:
+        return [
+            f"stick-slip regime: the stiffness is below the critical one of this fit ({ratio});"
+            " steady sliding is unstable and A, B, L are suspect"
+        ]
+    return [
+        f"near the stability edge ({ratio}): finite velocity steps may leave the basin of steady"
+        " sliding"
+    ]
