@@ -50,9 +50,15 @@ def smooth():
     return recorded_stress(TS, 10 * np.exp(HUNTING.logarithm(TS)))
 
 
-@jax.jit
+@eqx.filter_jit
+def simulated(built):
+    """Record and result, compiled once for all rigs of one kind."""
+    found = jf.simulate(built, MOTION, jnp.asarray(TS), rtol=1e-6)
+    return found.recorded, found.result
+
+
 def predict(built):
-    return jf.simulate(built, MOTION, jnp.asarray(TS), rtol=1e-6).recorded
+    return simulated(built)[0]
 
 
 def relative_error(id, stiffness, **values):
@@ -159,10 +165,8 @@ def test_error_is_of_second_order(id):
 
 @pytest.mark.parametrize(("stiffness", "a"), [(3.0, 0.1), (20.0, 3.0)])
 def test_delay_stays_finite(stiffness, a):
-    found = jf.simulate(
-        made("frictional_delay", alpha=a * CROSSING).embed(rig(base(stiffness))), MOTION, TS
-    )
-    assert found.result == jf.RESULTS.successful
+    built = made("frictional_delay", alpha=a * CROSSING).embed(rig(base(stiffness)))
+    assert simulated(built)[1] == jf.RESULTS.successful
 
 
 @pytest.mark.long
