@@ -14,9 +14,9 @@ from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.slack import slacks
 from jaxfric.stability.kernel import DelayKernel, StateSpaceKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider, sampling_delay
-from jaxfric.stability.margins import is_stable, margin, poles
+from jaxfric.stability.margins import _FUNCTIONS, _Analysis, is_stable, margin
 
-NAMES = ("decay", "modulus", "gain", "phase", "delay")
+NAMES = ("decay", "modulus", "phase", "delay")
 
 
 def slider(p):
@@ -29,9 +29,10 @@ def slider(p):
 @jax.jit
 @jax.vmap
 def analysed(p):
-    one = slider(p)
-    s = poles(one)
-    return jnp.stack([margin(name, one) for name in NAMES]), is_stable(one), s.real, s.imag
+    """All from one analysis, as `margins` has it: crossings and poles are compiled once."""
+    of = _Analysis(slider(p))
+    values = jnp.stack([_FUNCTIONS[name](of) for name in NAMES])
+    return values, of.stable, of.poles.real, of.poles.imag
 
 
 def typical(number, seed):
