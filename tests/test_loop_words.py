@@ -78,7 +78,7 @@ def profile(variable, explained, p=1e-9):
     [
         ([], ""),
         ([profile("slip", np.nan, 0.02)], ""),
-        ([profile("slip", np.nan)], "What is left follows slip best (p = 1e-09)."),
+        ([profile("slip", np.nan)], "What the base model leaves follows slip best (p = 1e-09)."),
         ([profile("slip", 0.9, 0.02)], ""),
         ([profile("slip", 0.9), profile("time", 0.7)], "follows slip would explain 90 %"),
         (

@@ -39,7 +39,8 @@ def details_of(record, reading: Reading, told, problem, engine, found: Search, p
         simulated_free = engine.free(tuple(id for id in candidate.effects if id in acting))
         simulated = output_error(problem, candidate.z, simulated_free, record)
         fits += [] if simulated is None else [(when, simulated)]
-    rig = fits[-1][1].rig
+    # the slope and its error are those of one model: the loop's, in the rows that count
+    rig = problem.rig(jnp.asarray(found.final.z))
     middle = jnp.asarray(float(np.median(rows.position)))
 
     def steady(speed: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ def fit(
     steps = steps_of(record, steps)
     warnings: tuple[str, ...] = ()
     if rows is not None:
-        record, steps, warnings = few_rows(record, rows, steps)
+        record, warnings = few_rows(record, rows, steps)
     if K is not None:
         _refuse_soft(K, record, steps)
     V0 = _reference(reference_velocity, steps)
@@ -134,22 +134,17 @@ def require_float64() -> None:
         )
 
 
-def few_rows(
-    record: Record, rows: int, steps: VelocitySteps
-) -> tuple[Record, VelocitySteps, tuple[str, ...]]:
-    """Means over neighbouring rows, the steps in their time, and what that costs."""
+def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, tuple[str, ...]]:
+    """Means over neighbouring rows, and what that costs."""
     few = thinned(record, rows, steps)
-    late = few.time[0] - record.time[0]
-    times = np.concatenate([[0.0], steps.times[1:] - late])
-    steps = VelocitySteps(times, steps.velocities, steps.time_errors, steps.velocity_errors)
     lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
     if lost < _BLUR:
-        return few, steps, ()
+        return few, ()
     text = (
         f"means over {len(record) // len(few)} rows flatten the peaks after the steps by"
         f" {lost:.2g} times the noise that is left: A comes out too small; ask for more --rows"
     )
-    return few, steps, (text,)
+    return few, (text,)
 
 
 def _model(law, states, fit_stiffness, slip_trend, weighting) -> Model:

@@ -135,7 +135,7 @@ def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
         return ""
     if not np.isfinite(best.explained):
         name = _VARIABLES.get(best.variable, best.variable)
-        return f"What is left follows {name} best ({p_text(best.p_value)})."
+        return f"What the base model leaves follows {name} best ({p_text(best.p_value)})."
     names = [
         _VARIABLES.get(p.variable, p.variable)
         for p in location
@@ -143,8 +143,10 @@ def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
     ]
     share = f"{100 * best.explained:.0f} %"
     if len(names) == 1:
-        return f"Friction that follows {names[0]} would explain {share} of what is left."
+        return (
+            f"Friction that follows {names[0]} would explain {share} of what the base model leaves."
+        )
     return (
         f"Friction that follows {' or '.join(names)}, either alone, would explain about {share} of"
-        " what is left."
+        " what the base model leaves."
     )

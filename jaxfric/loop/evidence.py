@@ -17,7 +17,7 @@ from ..fitting.noise import Noise, forgotten, limit_of_share, whiten
 
 _LOGITS = (-9.0, -3.0, -1.0, 0.5, 2.0, 4.0)
 _NEGATIVE = (0.3, 0.65, 0.95)
-_TIMES = 4
+_TIMES = 6
 _AT_ONCE = 8
 _PASSES = 4
 

@@ -82,7 +82,7 @@ def close_loop(
     record, with_, without = as_record(record), ids_of(with_), ids_of(without)
     found_steps, thinning = steps_of(record, steps), ()
     if rows is not None:
-        record, found_steps, thinning = few_rows(record, rows, found_steps)
+        record, thinning = few_rows(record, rows, found_steps)
     stress = _stress(record)
     effects = _effects(record, with_, without, own, stress=stress is not None)
     if not 0 <= most <= _MOST:

@@ -4,8 +4,9 @@ A fit costs time in proportion to its rows, and a recorder often writes far more
 needs. The mean over k rows keeps what they say: white noise falls by sqrt(k), noise that is
 correlated over more than k rows stays as it is, and both are estimated anew from the means, so that
 errors stay right. No mean reaches over a velocity step; rows that fill no group before the next
-step (fewer than k) are left out. What a mean loses is curvature: a peak is flattened by a 24th of
-its second difference, and `blur` says how that compares with the noise that is left.
+step (fewer than k) are left out. The first row is kept as it is, for times count from it. What a
+mean loses is curvature: a peak is flattened by a 24th of its second difference, and `blur` says how
+that compares with the noise that is left.
 """
 
 from dataclasses import replace
@@ -33,14 +34,17 @@ def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
         return record
     # a step lies between rows: the groups after it begin at the first row that has seen it
     edges = np.searchsorted(record.relative_time, steps.times[1:], side="left")
-    edges = np.concatenate([[0], edges, [len(record)]])
+    edges = np.concatenate([[1], edges, [len(record)]])
     starts = [np.arange(a, b - size + 1, size) for a, b in pairwise(edges)]
     first = np.concatenate(starts)
     if len(first) < MIN_ROWS:
         raise InputError(f"--rows {rows}: only {len(first)} means would be left; ask for more rows")
     index = first[:, None] + np.arange(size)
-    means = {role: frozen(values[index].mean(axis=1)) for role, values in record.columns.items()}
-    note = f"means over {size} rows each: {len(first)} of {len(record)} rows"
+    means = {
+        role: frozen(np.concatenate([values[:1], values[index].mean(axis=1)]))
+        for role, values in record.columns.items()
+    }
+    note = f"means over {size} rows each: {len(first) + 1} of {len(record)} rows"
     origin = replace(record.provenance, notes=(*record.provenance.notes, note))
     return replace(record, **means, provenance=origin)
 

@@ -68,7 +68,7 @@ def _encoder(record: AxisRecord, units: dict[str, str]) -> str:
         return "no steps are seen in the position"
     size = _size(unit)
     share = f", {travel / step:.4g} of them over the travel of {travel / size:.5g} {unit}"
-    turn = f" ({2 * np.pi / step:.6g} a turn)" if record.coordinate == "rotary" else ""
+    turn = f" (about {2 * np.pi / step:.4g} a turn)" if record.coordinate == "rotary" else ""
     return f"steps of {step / size:.4g} {unit}{turn}{share}"
 
 
