@@ -215,7 +215,12 @@ def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypa
         early = solution._replace(result=optx.RESULTS.nonlinear_max_steps_reached)
         return assemble.assemble(record, steps, sign, problem, early, noise, **options)
 
+    before = run("fit", "run.csv", *STIFFNESS, *STEPS, "--out", "good")
+    good = Path("good/fit.json").read_bytes()
     monkeypatch.setattr(sys.modules["jaxfric.fitting.fit"], "assemble", ended_early)
+    code, _, err = run("fit", "run.csv", *STIFFNESS, *STEPS, "--out", "good")
+    assert (before.code, code) == (0, 1) and "good keeps the fit that converged" in err
+    assert Path("good/fit.json").read_bytes() == good
     code, out, err = run("fit", "run.csv", *STIFFNESS, *STEPS, "--out", "run-fit")
     assert code == 1
     assert err.splitlines()[-1].startswith("jaxfric: error: the fit did not converge (still moving")

@@ -1,6 +1,7 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
 import sys
+from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -93,8 +94,10 @@ def fit(
             rows=rows,
             progress=progress,
         )
-        progress("drawing the figure")
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
+        if not result.converged and _has_converged(folder.path / "fit.json"):
+            return _complain_and_keep(result, folder, content if json else None)
+        progress("drawing the figure")
         with folder.results() as to:
             (to / "fit.json").write_text(content + "\n")
         folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
@@ -108,6 +111,28 @@ def fit(
     if result.converged:
         return code
     print(f"jaxfric: error: {_not_converged(result)}", file=sys.stderr)
+    return 1
+
+
+def _has_converged(file: Path) -> bool:
+    """Whether a fit that converged was saved here before."""
+    import json as text
+
+    try:
+        return text.loads(file.read_text()).get("converged") is True
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def _complain_and_keep(result, folder: Folder, content: str | None) -> int:
+    """What did not converge does not take the place of what did."""
+    if content is not None:
+        print(content)
+    print(
+        f"jaxfric: error: {_not_converged(result)}. {folder.path} keeps the fit that converged"
+        " there before, and nothing was written; give another folder with --out",
+        file=sys.stderr,
+    )
     return 1
 
 
