@@ -67,7 +67,14 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
             axis.axvline(mark, color="0.6", lw=0.8, ls="--", zorder=0.5)
     axes[2].set_xlim(along.min(), along.max())
     axes[2].set_xlabel(label)
-    axes[1].legend(loc="upper right", ncol=3, fontsize=8, framealpha=0.9, edgecolor="0.9")
+    axes[1].legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncol=3,
+        fontsize=8,
+        frameon=False,
+        borderpad=0.2,
+    )
     shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
     figure.legend(handles=shades, loc="outside lower left", ncol=3, frameon=False, fontsize=9)
     name = printable(loop.record.provenance.path)
