@@ -9,24 +9,30 @@ from ..loop.search import Search
 from ..stability.claims import Curve
 from .fit import AxisFit, inverse_dynamics, output_error
 from .gains import axis_gains, state_gains
+from .prepare import Prepared
+from .problem import AxisProblem
 from .reading import Reading
-from .result import AxisDetails
+from .result import AxisDetails, AxisRows
 from .seen import seen
+
+
+def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:
+    """The problem as published fits of an axis have it: all but stuck rows, force at once."""
+    weight = np.zeros(len(prepared.time))
+    weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
+    return dataclasses.replace(
+        problem,
+        sampler=prepared.usual,
+        friction=jnp.asarray(prepared.usual_force),
+        weight=jnp.asarray(weight),
+    )
 
 
 def details_of(record, reading: Reading, told, problem, engine, found: Search, progress):
     """Both fits of the base and of the final model, over all rows; `told` are the parameters that
     the loop ends with (`Estimate` by name), which stand beside them."""
     prepared, rows = reading.prepared, reading.rows
-    # as published fits of an axis did it: other rows, and the force acts at once
-    weight = np.zeros(len(prepared.time))
-    weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
-    usual_force = dataclasses.replace(
-        problem,
-        sampler=prepared.usual,
-        friction=jnp.asarray(prepared.usual_force),
-        weight=jnp.asarray(weight),
-    )
+    usual_force = as_published(problem, prepared, rows)
     fits: list[tuple[str, AxisFit]] = []
     models = [("before", found.base)]
     models += [] if found.final is found.base else [("after", found.final)]

@@ -45,7 +45,6 @@ class AxisFit:
     """|residual|/|recorded|, of the force or of the position."""
     rms: float
     """Of the residual [N, N m or %; m or rad]."""
-    rig: AxisRig
     converged: bool
     loose: tuple[str, ...] = ()
     """Parameters that the record does not fix: what is uncertain of them would take more than the
@@ -165,7 +164,6 @@ def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> Ax
         std={names[i]: float(abs(slopes[i]) * s) for i, s in zip(free, std, strict=True)},
         relative_error=float(np.linalg.norm(residual) / np.linalg.norm(recorded)),
         rms=rms,
-        rig=problem.rig(jnp.asarray(z)),
         converged=ok,
         loose=tuple(loose),
     )

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..axis.closed_loop import Controller, closed_loop, substeps
+from ..axis.details import as_published
 from ..axis.effects import axis_effect_of
 from ..axis.fit import inverse_dynamics
 from ..axis.prepare import prepare, usual
@@ -177,14 +178,7 @@ def _prepared(
         width=float(about.get("width", rows.width)),
         noise_scale=noise_from_differences(prepared.force[: prepared.rows][rows.used]),
     )
-    weight = np.zeros(len(prepared.time))
-    weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
-    published = dataclasses.replace(
-        problem,
-        sampler=prepared.usual,
-        friction=jnp.asarray(prepared.usual_force),
-        weight=jnp.asarray(weight),
-    )
+    published = as_published(problem, prepared, rows)
     return _Setting(saved, record, problem, published, rows, inside)
 
 
