@@ -61,6 +61,17 @@ def test_one_step_is_cut_by_displacement():
     assert blocks.train[time < 10].all() and blocks.report[-1] and blocks.select.any()
 
 
+def test_two_steps_the_second_reports_and_the_end_of_the_first_selects():
+    """By displacement: the last quarter, at one velocity also of the time."""
+    time = np.linspace(0, 29.9, 300)
+    blocks = split(time, steps(3))
+    assert blocks.by_step
+    for name, rows in (
+        ("train", time < 17.5), ("select", (time >= 17.5) & (time < 20)), ("report", time >= 20)
+    ):  # fmt: skip
+        np.testing.assert_array_equal(blocks.of(name), rows, name)
+
+
 def test_a_short_record_says_what_is_needed():
     with pytest.raises(jf.InputError, match=r"select block would have \d+ rows and needs 20"):
         split(np.linspace(0, 19.9, 60), steps(2))

@@ -1,0 +1,84 @@
+"""The covariance of a fit against dense matrices, where step times are parameters."""
+
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxfric.fitting.noise import Noise
+from jaxfric.fitting.uncertainty import covariance, determined, fair_hold, normal_inverse
+
+ROWS, SHARE, TAU, SIGMA = 30, 0.6, 4.0, 1.7
+CLOCK = np.arange(ROWS) * 1.0
+NOISE = Noise(*map(jnp.asarray, (SIGMA, SHARE, TAU, 0.0)))
+HOLD = np.asarray([1.0, 3.0])
+
+
+def case(hold, noise=None):
+    """Two parameters and the times of two steps; the last rows hold the times back."""
+    columns = np.random.default_rng(0).standard_normal((ROWS, 4))
+    held = np.concatenate([np.zeros((2, 2)), np.diag(hold)], axis=1)
+    solution = SimpleNamespace(
+        residual=jnp.zeros(ROWS + 2), jacobian=jnp.asarray(np.concatenate([columns, held]))
+    )
+    problem = SimpleNamespace(
+        time=CLOCK, clock=jnp.asarray(CLOCK), noise=noise, hold=jnp.asarray(hold),
+        model=SimpleNamespace(names=lambda: ("f0", "A")),
+    )  # fmt: skip
+    return problem, solution, np.asarray(solution.jacobian)
+
+
+def of_the_record():
+    lags = np.abs(CLOCK[:, None] - CLOCK)
+    return SIGMA**2 * ((1 - SHARE) * np.eye(ROWS) + SHARE * np.exp(-lags / TAU))
+
+
+@pytest.mark.parametrize("hold", [HOLD, np.ones(2), np.asarray([0.5, 4.0])], ids=str)
+def test_the_covariance_of_least_squares_under_coloured_noise(hold):
+    """Least squares is a linear map P of the data; what it makes of their covariance is P C P^T.
+
+    A shift of a step, in standard errors, has variance 1; its residual is `hold` times that.
+    """
+    problem, solution, jacobian = case(hold)
+    data = np.zeros((ROWS + 2, ROWS + 2))
+    data[:ROWS, :ROWS], data[ROWS:, ROWS:] = of_the_record(), np.diag(hold**2)
+    P = np.linalg.pinv(jacobian)
+    found = covariance(problem, solution, NOISE)
+    np.testing.assert_allclose(found, P @ data @ P.T, rtol=1e-8)
+
+
+def test_the_covariance_of_whitened_residuals():
+    problem, solution, jacobian = case(HOLD, NOISE)
+    truth = np.linalg.inv(jacobian.T @ jacobian)
+    np.testing.assert_allclose(covariance(problem, solution, NOISE), truth, rtol=1e-8)
+    np.testing.assert_allclose(normal_inverse(solution.jacobian), truth, rtol=1e-8)
+
+
+def test_the_hold_of_a_step_time_is_what_the_record_overstates():
+    """The ratio of the true to the nominal standard error of a shift, of the record alone."""
+    problem, solution, jacobian = case(np.ones(2))
+    columns = jacobian[:ROWS]
+    P = np.linalg.pinv(columns)
+    true, nominal = P @ of_the_record() @ P.T, P @ P.T
+    ratio = np.sqrt(np.diag(true) / np.diag(nominal))[2:]
+    assert np.all(ratio > 1)
+    np.testing.assert_allclose(fair_hold(problem, solution, NOISE), ratio, rtol=1e-8)
+    quiet = NOISE._replace(sigma=jnp.asarray(0.1))
+    np.testing.assert_array_equal(fair_hold(problem, solution, quiet), 1.0)
+
+
+DECADE = np.log(10) / 2 / 1.959963984540054
+
+
+@pytest.mark.parametrize(
+    ("positive", "std", "known"),
+    [(True, 0.99 * DECADE, True), (True, 1.01 * DECADE, False), (True, np.nan, False),
+     (False, 0.5, True), (False, 0.52, False)],
+)  # fmt: skip
+def test_what_a_record_determines(positive, std, known):
+    """A 95 % interval of less than a decade; of a signed one, half of it less than the span."""
+    about = SimpleNamespace(lower=0.0 if positive else -np.inf)
+    model = SimpleNamespace(names=lambda: ("A",), quantity=lambda name: about)
+    problem = SimpleNamespace(model=model, force_scale=2.0)
+    assert determined(problem, np.asarray([std]), 2.0) == [known]

@@ -1,0 +1,229 @@
+"""Parts of the search for gains where the frontier is a formula: no slider, nothing is compiled.
+
+Gains are in natural units, of size 1. A requirement is the function u(v), the least stiffness that
+it asks for at a damping; the reference is the least norm on a fine grid along it.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from jaxfric.gains import frontier, kkt
+from jaxfric.gains import solve as solve_module
+from jaxfric.gains.frontier import Region, Start, alone, basins, lowest
+from jaxfric.gains.kkt import Optimum, _Model, _multipliers, _quadratic, polish
+from jaxfric.gains.solve import _dense, solve
+
+ONES = np.ones(2)
+FREE = Region(ONES, ONES, np.asarray([1e-9, 0.0]), np.full(2, np.inf))
+V = np.linspace(0, 4, 400_001)
+
+
+def one_dip(v):
+    return 1.5 * np.exp(-v)
+
+
+one_dip.number = 1  # of its constraints, as a requirement tells
+
+
+def two_dips(v):
+    dips = 1.2 * np.exp(-(((v - 0.5) / 0.2) ** 2)) + 1.6 * np.exp(-(((v - 1.2) / 0.15) ** 2))
+    return 2.0 - dips
+
+
+def begins(v):
+    """Nothing holds below a damping of 0.7."""
+    return np.where(v < 0.7, np.inf, 1.0 + 0.0 * v)
+
+
+def minima(needed, region=FREE):
+    """All local minima (norm, u, v) along the frontier, by a fine grid."""
+    u = needed(V)
+    norm = np.hypot(u / region.scale[0], V / region.scale[1])
+    before, after = np.append(np.inf, norm[:-1]), np.append(norm[1:], np.inf)
+    at = np.flatnonzero(np.isfinite(norm) & (norm <= before) & (norm < after))
+    return sorted((float(norm[i]), float(u[i]), float(V[i])) for i in at)
+
+
+class Scenario:
+    """A set of one scenario."""
+
+    velocity = np.ones(1)
+    friction = SimpleNamespace(kernel=None)
+
+    def __len__(self):
+        return 1
+
+    def take(self, index):
+        del index
+        return self
+
+    join = take
+
+
+@pytest.fixture(autouse=True)
+def by_formula(monkeypatch):
+    def slacks(requirement, scenarios, unit, gains):
+        u, v = np.atleast_2d(gains).T
+        return np.repeat((u - requirement(v))[:, None], len(scenarios), axis=1)
+
+    def constraints(requirement, scenarios, region, x):
+        h = 1e-6
+        slope = (requirement(x[1] + h) - requirement(x[1] - h)) / (2 * h)
+        c = np.asarray([x[0] - requirement(x[1]), *(x - region.lower), 1e9, 1e9])
+        return c, np.concatenate([[[1.0, -slope]], np.eye(2), -np.eye(2)])
+
+    for module in (frontier, solve_module):
+        monkeypatch.setattr(module, "slacks", slacks)
+    monkeypatch.setattr(kkt, "_constraints", constraints)
+
+
+# ---- the frontier ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("needed", "v", "u"),
+    [(one_dip, 0.3, 1.5 * np.exp(-0.3)), (begins, 0.69, np.inf), (begins, 0.71, 1.0),
+     (lambda v: 0.0 * v, 0.5, 0.0), (lambda v: 5e3 + 0.0 * v, 0.5, np.inf)],
+)  # fmt: skip
+def test_the_lowest_gain_that_is_accepted(needed, v, u):
+    axis = np.geomspace(1e-6, 1e3, 40)
+    (found,) = lowest(needed, Scenario(), FREE, axis, np.asarray([v]))
+    assert found == pytest.approx(u, rel=1e-6, abs=1e-6)
+    assert found >= u
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0), (1.0, 0.4), (0.5, 3.0)])
+@pytest.mark.parametrize("needed", [one_dip, two_dips, begins])
+def test_every_local_minimum_of_the_norm_is_a_basin(needed, scale):
+    region = FREE._replace(scale=np.asarray(scale))
+    truth = minima(needed, region)
+    found = sorted(basins(needed, Scenario(), region), key=lambda one: one.norm)
+    assert len(found) == len(truth) >= 1 + (needed is two_dips and scale == (1.0, 1.0))
+    for one, (norm, _, v) in zip(found, truth, strict=True):
+        assert one.norm == pytest.approx(norm, rel=1e-3)
+        assert one.v == pytest.approx(v, abs=0.03)
+        assert one.u >= needed(np.asarray(one.v)) * (1 - 1e-12)
+
+
+def test_held_by_one_of_the_two_alone():
+    stiff, damped = alone(one_dip, Scenario(), FREE)
+    assert (stiff.u, stiff.v) == (pytest.approx(1.5, rel=1e-6), 0.0)
+    assert damped.u == 1e-9 and damped.v == pytest.approx(np.log(1.5e9), rel=1e-6)
+    (only,) = alone(lambda v: 1.0 - (v > 3.0), Scenario(), FREE._replace(upper=np.full(2, 2.0)))
+    assert (only.u, only.v) == (pytest.approx(1.0, rel=1e-6), 0.0)
+
+
+# ---- the equations of an optimum ---------------------------------------------------------------
+
+
+def model(p, *constraints, limits=(9.0, 9.0, 9.0, 9.0)):
+    """Of constraints (c, g); then the limits of the gains, as a search has them."""
+    c = np.asarray([*(c for c, _ in constraints), *limits], float)
+    g = np.concatenate([np.asarray([g for _, g in constraints], float), np.eye(2), -np.eye(2)])
+    return _Model(c, g, np.asarray(p, float))
+
+
+U, W = (0.0, (1.0, 0.0)), (0.0, (0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("here", "multipliers"),
+    [
+        (model((2, 0), U), {0: 2.0}),
+        (model((-2, 0), U), {}),  # the norm falls away from the limit: it does not hold
+        (model((1, 3), U, W), {0: 1.0, 1: 3.0}),
+        (model((1, -3), U, W), {0: 1.0}),
+        (model((-1, 3), U, W), {1: 3.0}),
+        (model((1, 3), U, (1e-3, (0.0, 1.0))), {0: 1.0}),  # not met: it pulls nothing
+        (model((2, 1), (0.0, (2.0, 0.0)), limits=(9, 0, 9, 9)), {0: 1.0, 2: 1.0}),
+        (model((2, -1), (0.0, (2.0, 0.0)), limits=(9, 9, 9, 0)), {0: 1.0, 4: 1.0}),
+    ],
+)
+def test_multipliers_push_inwards_only(here, multipliers):
+    assert _multipliers(here) == pytest.approx(multipliers)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_step_is_that_of_quadratic_programming(seed):
+    rng = np.random.default_rng(seed)
+    bend = rng.standard_normal((2, 2))
+    bend = bend @ bend.T + 0.3 * np.eye(2)
+    p = rng.standard_normal(2)
+    free = -np.linalg.solve(bend, p)
+    # the free minimum misses the first constraint; the second may or may not decide
+    g = np.stack([-free / np.linalg.norm(free), rng.standard_normal(2)])
+    c = np.asarray([0.4 * np.linalg.norm(free), 0.1])
+    here = model(p, *zip(c, g, strict=True))
+    truth = minimize(
+        lambda d: p @ d + 0.5 * d @ bend @ d, np.zeros(2), method="SLSQP", tol=1e-14,
+        constraints={"type": "ineq", "fun": lambda d: here.c + here.g @ d},
+    )  # fmt: skip
+    np.testing.assert_allclose(_quadratic(here, bend), truth.x, atol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0), (1.0, 0.4)])
+def test_an_optimum_is_the_least_norm(scale):
+    region = FREE._replace(scale=np.asarray(scale))
+    (norm, u, v), *_ = minima(one_dip, region)
+    start = Start(1.2 * one_dip(1.1 * v), 1.1 * v, np.inf)
+    found = polish(one_dip, Scenario(), region, start)
+    assert found.norm == pytest.approx(norm, rel=1e-8) and found.residual < 1e-6
+    np.testing.assert_allclose(found.gains, (u, v), rtol=1e-4)
+    assert found.active == (0,) and not found.at_limit
+    higher = region._replace(lower=np.asarray([1e-9, 1.5 * v]))
+    found = polish(one_dip, Scenario(), higher, Start(1.0, 1.5 * v, np.inf))
+    np.testing.assert_allclose(found.gains, (one_dip(1.5 * v), 1.5 * v), rtol=1e-6)
+    assert found.at_limit
+
+
+# ---- the certificate -------------------------------------------------------------------------
+
+
+def optimum_at(v, needed=one_dip):
+    gains = np.asarray([needed(v), v])
+    return Optimum(gains, float(np.hypot(*gains)), 0.0, (0,), False)
+
+
+@pytest.mark.parametrize(
+    ("factor", "lower", "found"),
+    [
+        (1.0, 0.0, False),
+        (1.3, 0.0, True),
+        (0.7, 0.0, True),
+        (1.3, 1.29, False),  # what is smaller lies below the limit of damping
+    ],
+)
+def test_a_dense_grid_finds_what_is_smaller(factor, lower, found):
+    _, _, v = minima(one_dip)[0]
+    told, region = optimum_at(factor * v), FREE._replace(lower=np.asarray([1e-9, lower * v]))
+    tried, smaller = _dense(one_dip, Scenario(), Scenario(), region, [told])
+    assert tried > 100
+    assert (smaller is not None) == found
+    if smaller is not None:
+        assert np.all(np.hypot(*smaller.T) < told.norm) and np.all(smaller[:, 1] >= lower * v)
+        assert np.all(smaller[:, 0] >= one_dip(smaller[:, 1]))
+
+
+def solved(monkeypatch, stuck):
+    """A solution where the first start is none; `stuck`: whatever starts, the same comes out."""
+    monkeypatch.setattr(
+        solve_module, "polish", lambda *arguments: optimum_at(2.0 if stuck else arguments[3].v)
+    )
+    bad = optimum_at(2.0)
+    monkeypatch.setattr(solve_module, "basins", lambda *_: [Start(*bad.gains, bad.norm)])
+    monkeypatch.setattr(solve_module, "alone", lambda *_: [])
+    return solve(one_dip, Scenario(), FREE)
+
+
+def test_what_the_certificate_finds_is_a_new_start(monkeypatch):
+    found = solved(monkeypatch, stuck=False)
+    assert found.rounds > 1 and found.smaller_found == 0
+    assert found.optima[0].norm == pytest.approx(minima(one_dip)[0][0], rel=2e-3)
+
+
+def test_a_certificate_that_fails_says_so(monkeypatch):
+    found = solved(monkeypatch, stuck=True)
+    assert found.smaller_found > 0 and found.optima[0].norm == optimum_at(2.0).norm

@@ -1,0 +1,248 @@
+"""What a search takes and what a verdict says, by tables of made-up candidates: nothing is fitted.
+
+Every row alters one condition; a threshold that moves turns a row.
+"""
+
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxfric.loop import search as search_module
+from jaxfric.loop.engine import Engine
+from jaxfric.loop.screen import Screened
+from jaxfric.loop.search import fault, search
+from jaxfric.loop.verdict import _verdict, conclude, held_out
+
+SIGMA = 2e-3
+BLOCKS = SimpleNamespace(
+    train=np.arange(100) < 60, select=(np.arange(100) >= 60) & (np.arange(100) < 80),
+    report=np.arange(100) >= 80, step=np.zeros(100, int),
+)  # fmt: skip
+
+
+def candidate(effects=(), bic=0.0, *, train=1.0, select=1.0, report=1.0, **more):
+    """A fit whose residual has the given rms [sigma] in each block; its noise has unit size."""
+    sizes = {"train": train, "select": select, "report": report}
+    residual = sum(size * getattr(BLOCKS, name) for name, size in sizes.items())
+    common = {"z": np.ones(4), "noise": None, "physical": True, "failed": False, "refused": ""}
+    rms = {name: SIGMA * size for name, size in sizes.items()}
+    return Made(effects=tuple(effects), bic=bic, rms=rms, residual=residual, **{**common, **more})
+
+
+class Made(SimpleNamespace):
+    """A candidate of which fields may be replaced, as of a NamedTuple."""
+
+    def _replace(self, **changes):
+        return Made(**{**vars(self), **changes})
+
+
+# ---- the search ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rows_worth", [60.0, 15.0])
+@pytest.mark.parametrize("parameters", [1, 5, 8])
+def test_every_parameter_costs_the_logarithm_of_the_independent_rows(parameters, rows_worth):
+    """BIC = -2 ln L + p ln n; of correlated noise n is what the train rows are worth, not 60."""
+    noise = SimpleNamespace(sigma=jnp.asarray(3.0), log_likelihood=jnp.asarray(-40.0))
+    weight = 1.0 * BLOCKS.train
+    engine = SimpleNamespace(
+        weight=weight,
+        noise=lambda residual, columns: noise,
+        # columns of ones are asked for: their whitened squares are n/sigma^2
+        whiten=lambda columns, noise, *_: (
+            columns * weight[:, None] * np.sqrt(rows_worth / 60) / float(noise.sigma)
+        ),
+        _predictive=lambda residual, noise: 7.0,
+    )
+    rows = SimpleNamespace(residual=np.ones(100), extra=np.asarray([1.0, 2.0]))
+    bic, found = Engine.bic(engine, rows, parameters)
+    assert bic == pytest.approx(80.0 + 5.0 + 7.0 + parameters * np.log(rows_worth), rel=1e-12)
+    assert found is noise
+
+
+@pytest.mark.parametrize(
+    ("altered", "words"),
+    [
+        ({}, ""),
+        ({"bic": -10.01}, ""),
+        ({"bic": -9.99}, "too little evidence"),
+        ({"bic": 0.0}, "too little evidence"),
+        ({"bic": np.nan}, "too little evidence"),
+        ({"train": 1.0049}, ""),
+        ({"train": 1.0051}, "fits the train block worse"),
+        ({"select": 1.019}, ""),
+        ({"select": 1.021}, "predicts the select block worse"),
+        ({"select": np.nan}, "predicts the select block worse"),
+        ({"physical": False}, "impossible parameters"),
+        ({"failed": True}, "did not converge"),
+    ],
+)
+def test_what_keeps_a_candidate_from_being_taken(altered, words):
+    """Beside a base of rms 1 sigma everywhere, where chance leaves no room at all."""
+    assert fault(candidate(), candidate("a", **{"bic": -50.0, **altered}), 0.0) == words
+
+
+@pytest.mark.parametrize(
+    ("select", "words"), [(1.19, ""), (1.21, "predicts the select block worse")]
+)
+def test_chance_on_the_select_block_is_two_standard_errors(select, words):
+    assert fault(candidate(), candidate("a", -50.0, select=select), 0.1) == words
+
+
+def searched(monkeypatch, *screened, loose=(), **fitted):
+    """A search that offers a and b; `fitted`: what a refit of each gives."""
+    ids = ("a", "b")
+    engine = SimpleNamespace(
+        always=(), blocks=BLOCKS, offered=[SimpleNamespace(id=id) for id in ids],
+        stopwatch=SimpleNamespace(typical=0.1, listen=None),
+        rms_error=lambda used, noise: 0.0,
+        model=SimpleNamespace(
+            effects=[SimpleNamespace(id=id) for id in ids],
+            columns=lambda some: [ids.index(id) for id in some],
+            amplitudes=lambda id: [ids.index(id)],
+        ),
+        refit=lambda effects, start, exact=False: candidate(
+            effects, **fitted.get("_".join(effects), {})
+        ),
+    )  # fmt: skip
+    asked = [Screened(id, gain, np.ones(4), p) for id, gain, p in screened]
+    monkeypatch.setattr(search_module, "screen", lambda *_: asked)
+    monkeypatch.setattr(search_module, "not_fixed", lambda *_: loose)
+    monkeypatch.setattr(search_module, "aliases", lambda *_: (ids, np.eye(2)))
+    found = search(engine, [np.zeros(4)], None, most=1, progress=lambda _: None)
+    return found.final.effects, {c.effects: c.refused for c in found.tried if c.refused}
+
+
+GOOD = {"bic": -50.0}
+
+
+@pytest.mark.parametrize(
+    ("p_value", "more", "found", "refused"),
+    [
+        (0.0099, {"a": GOOD}, ("a",), {}),
+        (0.0101, {"a": GOOD}, (), {("a",): "may be chance"}),
+        (0.0, {"a": GOOD, "loose": ("a.x", "a.y")}, (), {("a",): "a.x, a.y not fixed"}),
+        (0.0, {"a": {"bic": -9.0}}, (), {("a",): "too little evidence"}),
+        (0.0, {"a": {**GOOD, "select": 1.03}}, (), {("a",): "predicts the select block worse"}),
+    ],
+)
+def test_what_a_search_takes(monkeypatch, p_value, more, found, refused):
+    assert searched(monkeypatch, ("a", 60.0, p_value), **more) == (found, refused)
+
+
+@pytest.mark.parametrize(
+    ("second", "asked"),
+    [((5.0, 0.0099), True), ((5.0, 0.0101), False), ((-0.1, 0.0), False), ((0.1, 0.0), True)],
+)
+def test_what_may_be_chance_is_not_even_fitted(monkeypatch, second, asked):
+    """Two refits beside the base are made in any case: b, the third asked, is not one of them."""
+    first = [("a", 60.0, 0.5), ("a", 60.0, 0.5)]
+    _, refused = searched(monkeypatch, *first, ("b", *second))
+    assert (("b",) in refused) == asked
+
+
+# ---- the verdict -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sizes", "error"),
+    [
+        ({}, 1.0),
+        ({"train": 9.0}, 1.0),
+        ({"select": 3.0}, np.sqrt(5.0)),
+        ({"report": 3.0}, np.sqrt(5.0)),
+        ({"select": 2.0, "report": 2.0}, 2.0),
+    ],
+)
+def test_the_held_out_error_is_that_of_the_select_and_report_blocks(sizes, error):
+    engine = SimpleNamespace(blocks=BLOCKS, problem=SimpleNamespace(noise_scale=SIGMA))
+    assert held_out(engine, candidate(**sizes)) == pytest.approx(SIGMA * error)
+
+
+FLOOR = SimpleNamespace(sigma=SIGMA, held_out=1.1, train=1.1)
+LEFT = ["structure is left"]
+
+
+def found(*effects, base=1.0, tried=()):
+    """A search that found some effects; `base`: train rms of the base [sigma]."""
+    start = candidate((), 0.0, train=base)
+    final = candidate(effects, -100.0) if effects else start
+    others = [candidate(ids, bic, **more) for ids, bic, more in tried]
+    return SimpleNamespace(
+        base=start, final=final, tried=[start, final, *others], ids=("a", "b"), cosines=np.eye(2)
+    )
+
+
+@pytest.mark.parametrize(
+    ("search", "reasons", "rivals", "verdict"),
+    [
+        (found(), [], [], "no_missing_effect"),
+        (found("a"), [], [], "effects"),
+        (found("a"), [], [("a", "b")], "ambiguous"),
+        (found("a"), LEFT, [], "outside_catalogue"),
+        (found("a"), LEFT, [("a", "b")], "outside_catalogue"),
+        # nothing was found, and something is left: it must be seen in the size of the residual,
+        # and no effect may have come near to explaining it
+        (found(base=1.07), LEFT, [], "outside_catalogue"),
+        (found(base=1.05), LEFT, [], "too_weak"),
+        (found(base=1.5, tried=[(("a",), -9.9, {})]), LEFT, [], "too_weak"),
+        (found(base=1.5, tried=[(("a",), -10.1, {})]), LEFT, [], "outside_catalogue"),
+        (found(base=1.5, tried=[(("a",), -2.1, {})]), LEFT, [], "too_weak"),
+        (found(base=1.5, tried=[(("a",), -1.9, {})]), LEFT, [], "outside_catalogue"),
+        (found(base=1.5, tried=[(("a",), -5.0, {"failed": True})]), LEFT, [], "outside_catalogue"),
+    ],
+)
+def test_the_verdict(search, reasons, rivals, verdict):
+    assert _verdict(search, reasons, rivals, FLOOR, None) == verdict
+
+
+def concluded(search, *, edge=None, tests=None):
+    engine = SimpleNamespace(
+        blocks=BLOCKS,
+        problem=SimpleNamespace(noise_scale=SIGMA),
+        model=SimpleNamespace(effects=[SimpleNamespace(id="a", separated_by="more slip")]),
+    )
+    return conclude(engine, search, FLOOR, tests or {}, edge=edge, located="")
+
+
+@pytest.mark.parametrize(
+    ("edge", "failed", "withheld"),
+    [(None, False, False), (1.11, False, False), (1.09, False, True), (0.5, False, True),
+     (1.11, True, True), (None, True, True)],
+)  # fmt: skip
+def test_no_verdict_at_the_edge_of_stability(edge, failed, withheld):
+    """K/K_cr below 1.1, or a base fit that runs away."""
+    search = found("a")
+    search.base.failed = failed
+    told = concluded(search, edge=edge)
+    assert told.verdict == ("ambiguous" if withheld else "effects")
+    assert ("No verdict" in told.sentence) == withheld == bool(told.reasons)
+    if withheld and edge is not None:
+        assert f"{edge:.2f}" in told.sentence
+
+
+@pytest.mark.parametrize(
+    ("sizes", "reason"),
+    [
+        ({}, None),
+        ({"select": 1.09, "report": 1.09, "train": 1.09}, None),
+        ({"select": 1.11, "report": 1.11}, "held-out error is 1.110 sigma; noise alone gives 1.10"),
+        ({"train": 1.11}, "train error is 1.110 sigma; noise alone gives 1.10"),
+        ({"select": np.nan}, "held-out error is nan"),
+    ],
+)
+def test_an_effect_is_confirmed_by_what_it_leaves(sizes, reason):
+    search = found("a")
+    search.final = candidate(("a",), -100.0, **sizes)
+    told = concluded(search)
+    assert told.verdict == ("effects" if reason is None else "outside_catalogue")
+    assert [reason in text for text in told.reasons] == ([] if reason is None else [True])
+
+
+@pytest.mark.parametrize(("p", "verdict"), [(0.011, "effects"), (0.009, "outside_catalogue")])
+def test_structure_that_is_left_is_no_confirmation(p, verdict):
+    told = concluded(found("a"), tests={"block_means": p})
+    assert told.verdict == verdict
+    assert told.reasons == () if verdict == "effects" else "structure is left" in told.reasons[0]
