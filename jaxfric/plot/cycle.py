@@ -20,11 +20,11 @@ from .stability import (
     legend_below,
     mass_text,
     new_figure,
-    plain_log,
     prefixed,
     save,
     tidy,
 )
+from .ticks import plain_log
 
 # Velocities this much below the command count as stuck, and are drawn no lower.
 _STUCK = 1e-4

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from ..fitting import Fit
 from ..fitting.table import rows
 from .label import printable
+from .ticks import plain_log
 
 _DATA, _FIT, _STEP, _BAND = "#1f4e79", "#c8501e", "0.55", "0.85"
 _LAGS = 28
@@ -109,7 +110,7 @@ def _autocorrelation(axis: Axes, fit: Fit) -> None:
     model = fit.noise.correlated_share * np.exp(-lag / memory)
     axis.plot(lag, model, color=_FIT, lw=1.2, ls="--", label="noise model")
     axis.axhline(0, color="0.3", lw=0.6)
-    axis.set_xscale("log")
+    plain_log(axis, "x")
     axis.set_ylim(min(-0.3, 1.1 * float(value.min())), 1.02)
     axis.set_xlabel(label)
     axis.set_ylabel("autocorrelation")

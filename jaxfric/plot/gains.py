@@ -33,13 +33,13 @@ from .stability import (
     legend_below,
     mass_text,
     new_figure,
-    plain_log,
     prefixed,
     save,
     shade,
     speed,
     tidy,
 )
+from .ticks import plain_log
 
 _GRID, _COARSE, _HARD, _VELOCITIES = 121, 9, 24, 61
 _COLOURS = (BLUE, "#2a9d8f", "0.45", "#8a5a9e")

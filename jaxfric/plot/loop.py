@@ -13,7 +13,8 @@ from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
 from ..loop.structure import p_text
 from .label import printable
-from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, plain_log, prefixed, save, tidy
+from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, prefixed, save, tidy
+from .ticks import plain_log
 
 ALIAS = 0.95
 """Effects whose sensitivities have at least this |cosine| are not told apart."""

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from ..records.record import Record
 from ..records.steps import VelocitySteps
 from .label import printable
+from .ticks import plain_log
 
 _DATA, _LINE, _STEP = "#1f4e79", "#c8501e", "0.55"
 _MOST_LABELS = 8
@@ -87,7 +88,7 @@ def _velocity(axis: Axes, record: Record, steps: VelocitySteps | None) -> None:
         )
         speeds = np.abs(steps.velocities)
         if (steps.velocities > 0).all() and speeds.max() > 20 * speeds.min():
-            axis.set_yscale("log")
+            plain_log(axis, "y")
     axis.set_ylabel("load-point\nvelocity [µm/s]")
 
 

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from ..rig.friction import (
     AbstractStribeck,
@@ -32,6 +31,7 @@ from ..stability.analysis import (
     theorem_over_velocity,
 )
 from ..stability.delay_analysis import delay_stiffness
+from .ticks import plain_log
 
 BLUE, ORANGE, GREY, BLACK = "#1f4e79", "#c8501e", "0.55", "0.15"
 STABLE, UNSTABLE, BAND = "#cfe0ee", "#f4d9cc", "#fff2c4"
@@ -86,19 +86,6 @@ def tidy(axis: Axes, title: str) -> None:
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_axisbelow(True)
     axis.grid(True, which="major", color="0.92", zorder=0)
-
-
-def plain_log(axes: Axes, which: str) -> None:
-    """A logarithmic axis, "x" or "y", with numbers such as 0.1, 20 or 1000 in place of powers."""
-    axes.set(**{f"{which}scale": "log"})
-    axis = axes.xaxis if which == "x" else axes.yaxis
-    low, high = sorted(axes.get_xlim() if which == "x" else axes.get_ylim())
-    if not 1e-5 < low < high < 1e6:
-        return
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    few = math.log10(high / low) < 1.2
-    shown = FuncFormatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
-    axis.set_minor_formatter(shown if few else NullFormatter())
 
 
 def legend_below(axis: Axes, *, columns: int = 2) -> None:

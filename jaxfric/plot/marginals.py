@@ -1,0 +1,147 @@
+"""Curves of a study: every output over every parameter, whatever the others are."""
+
+import itertools
+import textwrap
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from .side import Side, code_colour, side_of
+from .stability import BLUE, new_figure, prefixed
+from .ticks import plain_log
+
+_BINS, _MOST = 16, 400_000
+_WIDE = 22
+
+
+class _Band(NamedTuple):
+    """What nine in ten members have, and their median, at every value of a parameter."""
+
+    x: np.ndarray
+    low: np.ndarray
+    middle: np.ndarray
+    high: np.ndarray
+
+
+def draw_marginals(found: Any, outputs: Sequence[str], coded: Sequence[str]) -> Figure | None:
+    """Every output over every parameter: the median and the range of nine in ten, or shares.
+
+    Outputs `coded` are codes, whose shares are drawn. All panels of a row share one scale. An
+    output that has no number anywhere has no row; the title names it. None where no parameter
+    varies, or nothing has a number.
+    """
+    members, columns = _thinned(found)
+    values = {name: np.asarray(found[name].isel(members).values).ravel() for name in outputs}
+    empty = [n for n in outputs if n not in coded and not np.isfinite(values[n]).any()]
+    shown = [n for n in outputs if n not in empty]
+    if not (shown and columns):
+        return None
+    figure = new_figure(2.9 * len(columns) + 1.6, 2.1 * len(shown) + 0.8)
+    axes = figure.subplots(len(shown), len(columns), sharex="col", sharey="row", squeeze=False)
+    for row, name in zip(axes, shown, strict=True):
+        label = "\n".join(textwrap.wrap(found[name].attrs.get("long_name", name), _WIDE))
+        if name in coded:
+            unit = "share"
+            _codes(row, columns, values[name], found[name].attrs["flag_meanings"].split())
+        else:
+            unit = _numbers(row, columns, values[name], found[name].attrs.get("units", "1"))
+        row[0].set_ylabel(f"{label}\n[{unit}]" if unit else label, fontsize=8.5)
+    for axis, (side, _) in zip(axes[-1], columns.values(), strict=True):
+        axis.set_xlabel(side.label.replace(" [", "\n["), fontsize=8.5)
+        if side.log:
+            plain_log(axis, "x")
+    for axis in axes.ravel():
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(which="both", labelsize=8)
+    figure.suptitle(_title(found, empty), x=0.01, ha="left", fontsize=10.5)
+    return figure
+
+
+def _title(found: Any, empty: Sequence[str]) -> str:
+    title = "Over all other parameters: median, and where nine in ten lie; shares of codes"
+    names = ", ".join(found[name].attrs.get("long_name", name) for name in empty)
+    return f"{title}\nNo number anywhere: {names}" if names else title
+
+
+def _thinned(found: Any) -> tuple[dict[str, slice], dict[str, tuple[Side, np.ndarray]]]:
+    """Members to read, no more than some hundred thousand, and what each parameter is for them."""
+    dims = tuple(found["outcome"].dims)
+    steps = dict.fromkeys(dims, 1)
+    sizes = {d: found.sizes[d] for d in dims}
+    while np.prod([-(-sizes[d] // steps[d]) for d in dims], dtype=float) > _MOST:
+        widest = max(dims, key=lambda d: sizes[d] / steps[d])
+        steps[widest] += 1
+    members = {d: slice(None, None, steps[d]) for d in dims}
+    shape = tuple(-(-sizes[d] // steps[d]) for d in dims)
+    columns = {}
+    for name in itertools.chain(found.coords):
+        about = found[name]
+        if about.dims[0] not in dims or about.ndim != 1:
+            continue
+        side = side_of(found, name)
+        part = side.values[members[about.dims[0]]]
+        if np.ptp(part) == 0:
+            continue
+        if name != about.dims[0]:  # a sampled column: in bins
+            side, part = _binned(side, part)
+        place = [-1 if d == about.dims[0] else 1 for d in dims]
+        columns[name] = side, np.broadcast_to(part.reshape(place), shape).ravel()
+    return members, columns
+
+
+def _binned(side: Side, values: np.ndarray) -> tuple[Side, np.ndarray]:
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, _BINS + 1)))
+    place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    log = bool(values.min() > 0 and values.max() > 20 * values.min())
+    return Side(side.name, middle, side.label, log), middle[place]
+
+
+def _numbers(row: Sequence[Axes], columns: dict, values: np.ndarray, unit: str) -> str:
+    """A row of bands on one scale; the unit in which they are drawn."""
+    finite = np.abs(values[np.isfinite(values)])
+    size, text = (1.0, "")
+    if unit != "1":
+        size, text = prefixed(float(np.percentile(finite, 95)), unit)
+    bands = [_band(at, size * values) for _, at in columns.values()]
+    for axis, band in zip(row, bands, strict=True):
+        x, low, middle, high = band
+        known = int(np.isfinite(middle).sum())
+        axis.fill_between(x, low, high, color=BLUE, alpha=0.18, lw=0)
+        axis.plot(x, middle, color=BLUE, lw=1.4, marker="." if known < 6 else None)
+        axis.grid(True, color="0.93")
+    low = np.concatenate([band.low for band in bands])
+    high = np.concatenate([band.high for band in bands])
+    if np.nanmin(low) > 0 and np.nanmax(high) > 50 * np.nanmin(low):
+        plain_log(row[0], "y")  # all panels of the row share it
+    return text.replace("*", " ")
+
+
+def _band(at: np.ndarray, values: np.ndarray) -> _Band:
+    rows = []
+    for x in np.unique(at):
+        part = values[(at == x) & np.isfinite(values)]
+        rows.append((x, *(np.percentile(part, [5, 50, 95]) if part.size else [np.nan] * 3)))
+    return _Band(*np.asarray(rows).T)
+
+
+def _codes(row: Sequence[Axes], columns: dict, values: np.ndarray, names: list[str]) -> None:
+    """A row of shares of codes, explained at its right."""
+    colours = [code_colour(i, name) for i, name in enumerate(names)]
+    for axis, (_, at) in zip(row, columns.values(), strict=True):
+        x = np.unique(at)
+        shares = [[np.mean(values[at == v] == i) for v in x] for i in range(len(names))]
+        axis.stackplot(x, np.asarray(shares), colors=colours, lw=0)
+    row[0].set_ylim(0, 1)
+    handles = [
+        Patch(facecolor=colours[i], label=name.replace("_", " "))
+        for i, name in enumerate(names)
+        if (values == i).any()
+    ]
+    row[-1].legend(
+        handles=handles, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8
+    )

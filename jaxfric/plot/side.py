@@ -1,0 +1,45 @@
+"""What the figures of a study share: a parameter as an axis, and the colours of codes."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .stability import STABLE, prefixed
+
+_COLOURS = {
+    "steady": STABLE,
+    "stable": STABLE,
+    "computed": STABLE,
+    "limit_cycle": "#e3a27f",
+    "unstable": "#e3a27f",
+    "escape": "#8a3b12",
+    "failed": "0.8",
+    "error": "#8a3b12",
+}
+_MORE = ("#7a9cc6", "#8a5a9e", "#2a9d8f", "0.6", "#c9b458", "0.85")
+
+
+class Side(NamedTuple):
+    """A parameter as an axis of a figure: its values there, in a unit with a prefix."""
+
+    name: str
+    values: np.ndarray
+    label: str
+    log: bool
+
+
+def side_of(found: Any, name: str) -> Side:
+    """A parameter of a study, a dimension or a sampled column, as an axis."""
+    about = found[name]
+    values = np.asarray(about.values, float)
+    unit = about.attrs.get("units", "1")
+    size, text = (1.0, "") if unit == "1" else prefixed(float(np.abs(values).max()), unit)
+    label = about.attrs.get("long_name", name)
+    label = f"{label} {name}" if label != name else name
+    label += f" [{text.replace('*', ' ')}]" if text else ""
+    return Side(name, size * values, label, about.attrs.get("spacing") == "log")
+
+
+def code_colour(index: int, name: str) -> str:
+    """The colour of a code, by its name, else by its number."""
+    return _COLOURS.get(name, _MORE[index % len(_MORE)])

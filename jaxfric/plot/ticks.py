@@ -1,0 +1,53 @@
+"""Numbers along logarithmic axes."""
+
+import math
+
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator
+
+_MANY_DECADES = 1.2
+
+
+def plain_log(axes: Axes, which: str) -> None:
+    """A logarithmic axis, "x" or "y", with numbers such as 0.1, 20 or 1000 in place of powers.
+
+    It has two numbers or more however short it is, also where its limits change later.
+    """
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_minor_locator(LogLocator(subs=range(2, 10)))
+
+    def shown(x: float, place: int | None) -> str:
+        del place
+        low, high = sorted(axis.get_view_interval())
+        digits = shown_digits(low, high)
+        return _text(x) if not digits or f"{x:e}"[0] in digits else ""
+
+    axis.set_major_formatter(FuncFormatter(shown))
+    axis.set_minor_formatter(FuncFormatter(shown))
+
+
+def shown_digits(low: float, high: float) -> str:
+    """Leading digits of the ticks from `low` to `high` that bear a number; "" for all ticks.
+
+    Powers of ten where there are two, with 2 and 5 in between where the axis is short; else every
+    tick.
+    """
+    if math.log10(high / low) > _MANY_DECADES and _count("1", low, high) > 1:
+        return "1"
+    return "125" if _count("125", low, high) > 1 else ""
+
+
+def _count(digits: str, low: float, high: float) -> int:
+    """How many numbers with one of these digits and noughts lie from `low` to `high`."""
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    ticks = [int(digit) * 10.0**power for power in powers for digit in digits]
+    return sum(low * (1 - 1e-9) <= tick <= high * (1 + 1e-9) for tick in ticks)
+
+
+def _text(x: float) -> str:
+    if 1e-5 < x < 1e6:
+        return f"{x:g}"
+    digits, power = f"{x:e}".split("e")
+    many = "" if float(digits) == 1 else rf"{float(digits):g}\times"
+    return rf"${many}10^{{{int(power)}}}$"
