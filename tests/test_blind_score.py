@@ -338,6 +338,55 @@ def test_results_are_written(tmp_path, corpus):
         assert (tmp_path / name).stat().st_size > 10_000
 
 
+def measured(about, source="basalt"):
+    noise = {"sigma": 3e-4, "correlation": None, "kind": "measured", "source": source}
+    return about | {"noise": noise}
+
+
+def test_measured_noise_has_numbers_of_its_own():
+    corpus = []
+    for i in range(20):  # 18 clean, one too weak, one with a false name; half of them without mass
+        verdict = "no_missing_effect" if i < 18 else ("too_weak", "effects")[i - 18]
+        found = ["gain"] if i == 19 else []
+        about = measured(truth()) | {"plant": ("quasi-static", "inertial")[i % 2]}
+        corpus.append((about, loop(found, values(gain__g=0.1), verdict=verdict), {}))
+    for i in range(20):  # one wrong; two of the right ones are not confirmed
+        id, verdict = "viscous" if i == 0 else "second_state", "outside_catalogue"
+        fitted = RIGHT if i else values(viscous__c=1.0) | {"A": 0.02, "B": 0.02, "L": 1e-5}
+        said = loop([id], fitted, verdict=verdict if i in (1, 2) else "effects")
+        corpus.append((measured(truth(SECOND), "p655-run"), said, {}))
+    found = score.numbers(scores_of(corpus))
+    assert not [n for n in found if n.what.startswith(("no effect", "one effect"))]
+    table = {n.what: (n.of, n.reached) for n in found}
+    assert table["measured, no effect: `no_missing_effect`"] == ("18/20", True)
+    assert table["measured, no effect: an effect confirmed"] == ("1/20", False)
+    assert table["measured, no effect, plant without mass: `no_missing_effect`"] == ("9/10", True)
+    assert table["measured, rho 0.5: alias group right"] == ("19/20", True)
+    assert table["measured, rho 0.5: of these, confirmed"] == ("17/19", False)
+    assert table["measured, rho 0.5: a wrong group confirmed"] == ("1/20", None)
+    assert table["measured, rho 1: alias group right"] == ("0/0", None)
+    # 57 of 60 are within 92 .. 98 %; all 60 would be too many
+    assert table["measured, 95 % intervals of A, B, L cover, extended fits"] == ("57/60", True)
+    corpus[20] = corpus[30]
+    found = {n.what: n for n in score.numbers(scores_of(corpus))}
+    assert found["measured, 95 % intervals of A, B, L cover, extended fits"].reached is False
+    rows = score.tables(scores_of(corpus))["by_source"]
+    assert [(r["source"], r["records"]) for r in rows] == [("basalt", 20), ("p655-run", 20)]
+
+
+def test_numbers_of_the_first_study_know_no_other_noise(corpus):
+    before = score.numbers(scores_of(corpus))
+    wider = corpus + [(measured(about), found, run) for about, found, run in corpus]
+    wider = score.numbers(scores_of(wider))
+    assert wider[: len(before) - 3] == before[:-3] and len(wider) > len(before)
+    in_time = truth() | {"noise": {"sigma": 3e-4, "correlation": None, "kind": "time"}}
+    (one,) = scores_of([(in_time, loop([], values(), verdict="no_missing_effect"), {})])
+    named_ = [
+        n for n in score.numbers([one]) if n.what == "in time, no effect: `no_missing_effect`"
+    ]
+    assert [(n.of, n.target) for n in named_] == [("1/1", None)]
+
+
 def test_the_study_is_as_declared():
     whole = study.selected()
     seeds = [item.tries[0].seed for item in whole]
@@ -409,8 +458,10 @@ def test_records_are_treated_in_processes(tmp_path, capsys):
 
 
 def test_the_scorer_knows_neither_side():
-    text = Path(score.__file__).read_text(encoding="utf-8")
-    lines = [x.split() for x in text.splitlines() if x.strip().startswith(("import ", "from "))]
-    roots = {words[1].split(".")[0] for words in lines}
-    assert roots <= {*sys.stdlib_module_names, "numpy", "matplotlib"}
+    shares = importlib.import_module("fits.blind.shares")
+    for module, own in ((score, {".shares"}), (shares, set())):
+        text = Path(module.__file__).read_text(encoding="utf-8")
+        lines = [x.split() for x in text.splitlines() if x.strip().startswith(("import ", "from "))]
+        roots = {words[1].split(".")[0] for words in lines if words[1] not in own}
+        assert roots <= {*sys.stdlib_module_names, "numpy", "matplotlib"}
     assert np.isfinite(score.percentile([1.0], 0.5))

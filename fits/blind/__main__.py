@@ -1,4 +1,6 @@
-"""Run the blind study: `python -m fits.blind --out DIR [--share 0.1 | --slice ci] [--workers 2]`.
+"""Run a blind study: `python -m fits.blind --out DIR [--share 0.1 | --slice ci] [--workers 2]`.
+
+--noise measured and --noise time are studies of their own, each for a folder of its own.
 
 Makes the records of `study` that are missing in DIR, closes the loop on each in processes of
 their own, scores all that is in DIR and prints the numbers beside the targets. A run that was
@@ -22,9 +24,9 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from . import score
+from . import measured, score
 from .generate import UnreachableError, make, write
-from .study import ALIASED, CONDITIONS, Item, selected
+from .study import ALIASED, STUDIES, Item, selected
 
 _RECORDS_PER_PROCESS = 20  # compiled functions pile up in a process that sees many lengths
 
@@ -205,7 +207,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--slice", dest="part", help="ci: a dozen records")
     parser.add_argument("--workers", type=int, default=2)
-    conditions = ", ".join(condition.name for condition in CONDITIONS)
+    parser.add_argument("--noise", choices=STUDIES, default="rows", help="which study")
+    conditions = ", ".join(c.name for conditions in STUDIES.values() for c in conditions)
     parser.add_argument("--only", action="append", default=[], help=f"condition: {conditions}")
     parser.add_argument("--limit", type=float, default=900.0, help="seconds for a record")
     parser.add_argument("--retry", action="store_true", help="try again what failed")
@@ -216,8 +219,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("--workers must be 1 or more and --limit positive")
     share = 1.0 if asked.share is None else asked.share
     try:
-        items = selected(share=share, shift=asked.shift, part=asked.part, only=tuple(asked.only))
-    except ValueError as error:
+        only = tuple(asked.only)
+        items = selected(
+            share=share, shift=asked.shift, part=asked.part, only=only, study=asked.noise
+        )
+        if asked.noise == "measured":
+            measured.folder()
+    except (ValueError, FileNotFoundError) as error:
         parser.error(str(error))
     todo = [item for item in items if not is_done(item, asked.out, retry=asked.retry)]
     print(f"{len(items)} records, {len(items) - len(todo)} of them done before", flush=True)

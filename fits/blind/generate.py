@@ -12,8 +12,10 @@ A record is drawn from its seed (and from what is asked of it), never from the c
                 step ("thinned"); the step falls between two samples
     plant       without mass, or with a mass and a dashpot that move friction by less than
                 a twentieth of the noise (`inertial`)
-    noise       standard deviation 3e-4, white or AR(1) from sample to sample; displacements have
-                0.02 um, the normal stress 5e-5 of itself
+    noise       standard deviation 3e-4; white or AR(1) from sample to sample; or correlated in
+                time ("time": Ornstein-Uhlenbeck, its time log-uniform in [0.05, 2] s, exact at
+                the record's uneven rows); or cut from a measured record ("measured-...", see
+                `measured`). Displacements have 0.02 um, the normal stress 5e-5 of itself
 
 How large the effect is: rho is the rms, over the noise's standard deviation, of what a refit of
 the base (f0, A, B, L free; K as declared; the recorded normal stress known) leaves of the
@@ -33,12 +35,14 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from . import measured
 from .plants import EFFECTS, Base, Protocol, RunawayError, Stress, simulate, simulate_base
 
 UM = 1e-6
@@ -46,6 +50,8 @@ SIGMA = 3e-4
 SLIP_PER_STEP = 150 * UM
 LEVELS = tuple(v * UM for v in (1.0, 3.0, 10.0, 30.0, 100.0))
 CORRELATIONS = {"white": 0.0, "ar1-0.7": 0.7, "ar1-0.9": 0.9}
+MEASURED = "measured-"
+NOISES = (*CORRELATIONS, "time", *(MEASURED + source for source in measured.SOURCES))
 PLANTS = ("quasi-static", "inertial")
 SAMPLINGS = ("uniform", "thinned")
 CHANNELS = ("slip", "normal_stress", "load_point")
@@ -74,7 +80,7 @@ class Request:
         for known, asked, what in (
             (tuple(EFFECTS), self.effects, "effect"),
             (CHANNELS, self.channels, "channel"),
-            (tuple(CORRELATIONS), (self.noise,), "noise"),
+            (NOISES, (self.noise,), "noise"),
             (PLANTS, (self.plant,), "plant"),
             (SAMPLINGS, (self.sampling,), "sampling"),
         ):
@@ -432,6 +438,7 @@ def _attempt(request: Request, rng: np.random.Generator, redraws: Counter[str]) 
         raise UnreachableError("the true stiffness is too near the critical one")
     path = simulate(draw.base, draw.protocol, effects, draw.t, stress=draw.stress)
     rho, biased = refit(path.record)
+    columns, about = _columns(request, draw, path)
     truth = {
         "schema": "jaxfric.blind/1",
         "seed": request.seed,
@@ -445,7 +452,7 @@ def _attempt(request: Request, rng: np.random.Generator, redraws: Counter[str]) 
         "critical_stiffness": (draw.base.B - draw.base.A) / draw.base.L,
         "plant": "inertial" if draw.base.m > 0 else "quasi-static",
         "sampling": request.sampling,
-        "noise": {"sigma": SIGMA, "correlation": CORRELATIONS[request.noise]},
+        "noise": {"sigma": SIGMA, **about},
         "redraws": dict(redraws),
     }
     declared = {
@@ -454,7 +461,7 @@ def _attempt(request: Request, rng: np.random.Generator, redraws: Counter[str]) 
         "starts [s]": draw.protocol.starts.tolist(),
         "velocities [m/s]": list(draw.protocol.velocities),
     }
-    return Blind(request, _columns(request, draw, path), declared, truth)
+    return Blind(request, columns, declared, truth)
 
 
 def _cosine(draw: Draw, refit: Refit, effects) -> float:
@@ -476,10 +483,39 @@ def noise(rng: np.random.Generator, count: int, correlation: float) -> np.ndarra
     return out
 
 
-def _columns(request: Request, draw: Draw, path) -> dict[str, np.ndarray]:
-    """The recorded channels. The load point is the commanded one; its encoder an extra."""
+def noise_in_time(rng: np.random.Generator, t: np.ndarray, memory: float) -> np.ndarray:
+    """Ornstein-Uhlenbeck at the times `t`: covariance SIGMA^2 exp(-|t - t'|/memory)."""
+    keep = np.exp(-np.diff(t, prepend=-np.inf) / memory)
+    drive = SIGMA * np.sqrt(1 - keep**2) * rng.standard_normal(len(t))
+    out = drive.copy()
+    for i in range(1, len(t)):
+        out[i] += keep[i] * out[i - 1]
+    return out
+
+
+def noise_of(request: Request, draw: Draw, rng: np.random.Generator) -> tuple[np.ndarray, dict]:
+    """The friction's noise, and what the truth says of it."""
+    if request.noise in CORRELATIONS:
+        correlation = CORRELATIONS[request.noise]
+        return noise(rng, len(draw.t), correlation), {"correlation": correlation}
+    if request.noise == "time":
+        memory = _log(rng, 0.05, 2.0)
+        about = {"correlation": None, "kind": "time", "memory [s]": memory}
+        return noise_in_time(rng, draw.t, memory), about
+    source = request.noise.removeprefix(MEASURED)
+    edges = [*np.searchsorted(draw.t, draw.protocol.starts), len(draw.t)]
+    cut = measured.cut(source, [int(b - a) for a, b in pairwise(edges)], rng)
+    return SIGMA * cut, {"correlation": None, "kind": "measured", "source": source}
+
+
+def _columns(request: Request, draw: Draw, path) -> tuple[dict[str, np.ndarray], dict]:
+    """The recorded channels, and what there is to say of the noise.
+
+    The load point is the commanded one; its encoder an extra.
+    """
     rng, count = request.entropy(0, 1), len(draw.t)
-    friction = path.record + noise(rng, count, CORRELATIONS[request.noise])
+    noises, about = noise_of(request, draw, rng)
+    friction = path.record + noises
     blur = _ENCODER * rng.standard_normal((3, count))
     gauge = 1.0 + _GAUGE * rng.standard_normal(count)
     columns = {
@@ -493,7 +529,7 @@ def _columns(request: Request, draw: Draw, path) -> dict[str, np.ndarray]:
         columns["normal_stress [MPa]"] = _STRESS * path.stress * gauge
     if "load_point" in request.channels:
         columns["load_point_encoder [um]"] = (path.load_point + blur[2]) / UM
-    return columns
+    return columns, about
 
 
 _FORMATS = {"[s]": "%.7f", "[um]": "%.4f", "[1]": "%.7f", "[MPa]": "%.5f"}
@@ -527,7 +563,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rho", type=float, default=0.5)
     parser.add_argument("--count", type=int, default=1, help="records, with consecutive seeds")
     parser.add_argument("--seed", type=int, default=0, help="of the first")
-    parser.add_argument("--noise", choices=CORRELATIONS, default="white")
+    parser.add_argument("--noise", choices=NOISES, default="white")
     parser.add_argument("--plant", choices=PLANTS, default="quasi-static")
     parser.add_argument("--sampling", choices=SAMPLINGS, default="uniform")
     parser.add_argument("--channels", default="", help=f"of {','.join(CHANNELS)}")
@@ -542,7 +578,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             )
             blind = make(request)
             print(write(blind, asked.out), f"redrawn {sum(blind.truth['redraws'].values())} times")
-    except (ValueError, UnreachableError) as error:
+    except (ValueError, UnreachableError, FileNotFoundError) as error:
         parser.error(str(error))
 
 

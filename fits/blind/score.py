@@ -21,8 +21,8 @@ place of the first: (B, L) and (B2, L2) are then exchanged, if that is nearer, u
 effect acts on the first state alone. For exp(-(V/Vs)^d) jaxfric holds d at 1: fs and Vs then have
 no truth to cover.
 
-Intervals beside shares are Wilson's 95 %. Those beside a median or a percentile q are the
-percentiles at Wilson's limits of q; those beside a ratio of medians are bootstrapped (seeded).
+Noise cut from measured records or correlated in time has numbers of its own. Intervals beside
+numbers: `shares`.
 """
 
 import argparse
@@ -37,6 +37,8 @@ from typing import Any
 
 import numpy as np
 
+from .shares import Number, bias_ratio, percentile, quantile, share, wilson
+
 CONFIRMED = ("effects", "ambiguous")
 NO_NAME = ("outside_catalogue", "ambiguous", "too_weak")
 BASE = ("A", "B", "L")
@@ -48,7 +50,6 @@ _FIRST_STATE = {
     "normal_stress",
 }
 _STATES = {"B": "second_state.B2", "L": "second_state.L2"}
-_Z = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Score:
     kind: str
     true: list[str]
     rho: float
-    correlation: float
+    correlation: float | None
     plant: str
     sampling: str
     error: str | None
@@ -77,9 +78,14 @@ class Score:
     covered: dict[str, bool] = field(default_factory=dict)
     undetermined: list[str] = field(default_factory=list)
     seconds: float | None = None
+    clock: str = "row"
+    """Of the noise: from row to row; "measured", cut from a record; "time", correlated in it."""
+    source: str | None = None
 
     @property
     def noise(self) -> str:
+        if self.clock != "row":
+            return {"measured": "measured", "time": "in time"}[self.clock]
         return f"AR(1) {self.correlation:g}" if self.correlation else "white"
 
     @property
@@ -105,7 +111,9 @@ def score(name: str, truth: dict, loop: dict | None, run: dict | None = None) ->
         "kind": kind,
         "true": true,
         "rho": float(truth["rho"]["wanted"]),
-        "correlation": float(noise["correlation"]),
+        "correlation": noise["correlation"],
+        "clock": noise.get("kind", "row"),
+        "source": noise.get("source"),
         "plant": truth["plant"],
         "sampling": truth["sampling"],
     }
@@ -241,79 +249,70 @@ def _load(path: Path) -> dict | None:
 # Numbers
 
 
-def wilson(count: float, total: int) -> tuple[float, float]:
-    """95 % interval of a share of `count` in `total`."""
-    if total == 0:
-        return 0.0, 1.0
-    p, z2 = count / total, _Z**2
-    middle = (p + z2 / (2 * total)) / (1 + z2 / total)
-    half = _Z / (1 + z2 / total) * math.sqrt(p * (1 - p) / total + z2 / (4 * total**2))
-    return max(0.0, middle - half), min(1.0, middle + half)
-
-
-def percentile(values: Sequence[float], q: float) -> float:
-    """The percentile by the nearest rank above: it may be infinite."""
-    rank = min(len(values) - 1, max(0, math.ceil(q * len(values) - 1e-9) - 1))
-    return sorted(values)[rank]
-
-
-@dataclass(frozen=True)
-class Number:
-    """One number of the study. `sense` is ">=" or "<=" with a target; without one: to be told."""
-
-    what: str
-    value: float | None
-    low: float | None
-    high: float | None
-    of: str
-    """Where it comes from: "93/100", or a count of records."""
-    sense: str = ""
-    target: float | None = None
-    share: bool = True
-
-    @property
-    def reached(self) -> bool | None:
-        if self.target is None or self.value is None:
-            return None
-        return self.value >= self.target if self.sense == ">=" else self.value <= self.target
-
-
-def share(what: str, marks: Sequence[bool], sense: str = "", target: float | None = None) -> Number:
-    """A share of records."""
-    n, k = len(marks), sum(marks)
-    if not n:
-        return Number(what, None, None, None, "0/0", sense, target)
-    return Number(what, k / n, *wilson(k, n), f"{k}/{n}", sense, target)
-
-
-def quantile(what: str, values: Sequence[float], q: float, target: float | None = None) -> Number:
-    """A percentile that should be small."""
-    n, sense = len(values), "<=" if target is not None else ""
-    if not n:
-        return Number(what, None, None, None, "0", sense, target, share=False)
-    low, high = wilson(q * n, n)
-    at, least, most = (percentile(values, each) for each in (q, low, high))
-    return Number(what, at, least, most, str(n), sense, target, share=False)
-
-
-def bias_ratio(what: str, pairs: Sequence[tuple[float, float]], target: float) -> Number:
-    """Median bias after over median bias before, of (before, after)."""
-    if not pairs:
-        return Number(what, None, None, None, "0", "<=", target, share=False)
-    table = np.array(pairs)
-
-    def ratio(rows: np.ndarray) -> float:
-        before, after = np.median(rows, axis=0)
-        return float(after / before) if before > 0 else math.inf
-
-    rng, n = np.random.default_rng(0), len(table)
-    drawn = [ratio(table[rng.integers(0, n, n)]) for _ in range(1000)]
-    low, high = percentile(drawn, 0.025), percentile(drawn, 0.975)
-    return Number(what, ratio(table), low, high, str(n), "<=", target, share=False)
-
-
 def numbers(scores: Sequence[Score], *, missing: int = 0) -> list[Number]:
     """The numbers to reach, and what belongs beside them. `missing` records were never made."""
+    clocks = {s.clock for s in scores} or {"row"}
+    out = _rows_noise(scores) if "row" in clocks else []
+    out += [n for clock in ("measured", "time") if clock in clocks for n in _other(scores, clock)]
+    out.append(share("failed or never made", [bool(s.error) for s in scores] + [True] * missing))
+    seconds = [s.seconds for s in scores if s.seconds is not None]
+    out.append(quantile("seconds for a record, in the study: median", seconds, 0.5))
+    return [*out, quantile("seconds for a record, in the study: 90th", seconds, 0.9)]
+
+
+def _other(scores: Sequence[Score], clock: str) -> list[Number]:
+    """Under noise cut from measured records, which has targets, and noise correlated in time."""
+    here = [s for s in scores if s.clock == clock]
+    at, aim = f"{here[0].noise}, ", clock == "measured"
+
+    def share_of(what: str, marks, sense: str, target: float, most: float | None = None) -> Number:
+        return share(at + what, marks, sense, target, most=most) if aim else share(at + what, marks)
+
+    out, none = [], [s for s in here if s.kind == "none"]
+    for text, some in (
+        ("no effect", none),
+        ("no effect, plant without mass", [s for s in none if s.plant == "quasi-static"]),
+    ):
+        clean = [s.verdict == "no_missing_effect" for s in some]
+        out += [
+            share_of(f"{text}: `no_missing_effect`", clean, ">=", 0.9),
+            share_of(f"{text}: an effect confirmed", [s.confirmed for s in some], "<=", 0.02),
+        ]
+    for rho in (0.2, 0.5, 1.0):
+        one, text = [s for s in here if s.kind == "one" and s.rho == rho], f"rho {rho:g}: "
+        if not one and not aim:
+            continue
+        right, sure = [s.group for s in one], [s.confirmed for s in one if s.group]
+        wrong = [s.confirmed and not s.group for s in one]
+        rows = (
+            (text + "alias group right", right, 0.95),
+            (text + "of these, confirmed", sure, 0.9),
+        )
+        if rho >= 0.5:
+            out += [share_of(what, marks, ">=", target) for what, marks, target in rows]
+        else:
+            out += [share(at + what, marks) for what, marks, _ in rows]
+        out += [
+            share(at + text + "exact", [s.exact for s in one]),
+            share(at + text + "a wrong group confirmed", wrong),
+        ]
+    outside = [not s.confirmed for s in here if s.kind == "outside"]
+    if outside or aim:
+        out.append(share_of("effect taken out: not confirmed", outside, ">=", 0.85))
+    one = [s for s in here if s.kind == "one" and s.found]
+    covered = [s.covered[k] for s in one for k in BASE if k in s.covered]
+    known = [s.covered[k] for s in one if s.exact for k in BASE if k in s.covered]
+    text = "95 % intervals of A, B, L cover, "
+    out.append(share_of(text + "extended fits", covered, ">=", 0.92, 0.98))
+    out.append(share(at + text + "those of the right effect", known))
+    heldout = [s.heldout_true for s in here if s.kind == "one"]
+    for q, text in ((0.5, "median"), (0.9, "90th percentile")):
+        out.append(quantile(f"{at}one effect: held-out rms / true sigma, {text}", heldout, q))
+    return out
+
+
+def _rows_noise(scores: Sequence[Score]) -> list[Number]:
+    """Under noise that is white or correlated from row to row."""
 
     def some(kind: str, correlation: float = 0.0, rhos: tuple[float, ...] = ()) -> list[Score]:
         return [
@@ -351,11 +350,8 @@ def numbers(scores: Sequence[Score], *, missing: int = 0) -> list[Number]:
         share("one effect under AR(1) 0.9, rho 0.5: confirmed", [s.confirmed for s in colour]),
         share("the same: alias group right", [s.group for s in colour]),
         share("the same: exact", [s.exact for s in colour]),
-        share("failed or never made", [s.error is not None for s in scores] + [True] * missing),
     ]
-    seconds = [s.seconds for s in scores if s.seconds is not None]
-    out.append(quantile("seconds for a record, in the study: median", seconds, 0.5))
-    return [*out, quantile("seconds for a record, in the study: 90th", seconds, 0.9)]
+    return out
 
 
 def _fits(seen: Sequence[Score]) -> list[Number]:
@@ -394,13 +390,19 @@ def tables(scores: Sequence[Score]) -> dict[str, list[dict]]:
             {**dict(zip(names, k, strict=True)), **_summary(rows[k])} for k in sorted(rows, key=str)
         ]
 
-    one = [s for s in scores if s.kind in ("one", "lacking") and s.correlation == 0.0]
+    shown = main_noise(scores)
+    one = [s for s in scores if s.kind in ("one", "lacking") and s.noise == shown]
     strong = [s for s in one if s.rho >= 0.2]
     return {
         "by_condition": grouped(
             lambda s: (s.kind, s.rho, s.noise, s.plant),
             ("kind", "rho", "noise", "plant"),
             scores,
+        ),
+        "by_source": grouped(
+            lambda s: (s.kind, s.rho, s.source),
+            ("kind", "rho", "source"),
+            [s for s in scores if s.source is not None],
         ),
         "by_effect": grouped(
             lambda s: ("+".join(s.true), s.kind), ("effect", "kind"), [s for s in strong if s.true]
@@ -410,6 +412,12 @@ def tables(scores: Sequence[Score]) -> dict[str, list[dict]]:
             for (k, rho, noise, true), counts in _confusion(scores).items()
         ],
     }
+
+
+def main_noise(scores: Sequence[Score]) -> str:
+    """The noise of most records of the study, white where there is any."""
+    kinds = Counter(s.noise for s in scores)
+    return "white" if kinds["white"] or not kinds else kinds.most_common(1)[0][0]
 
 
 def _summary(rows: Sequence[Score]) -> dict:
@@ -474,6 +482,7 @@ def numbers_table(found: Sequence[Number]) -> str:
     for n in found:
         unit = _percent if n.share else _plain
         goal = f"{n.sense} {unit(n.target)}" if n.target is not None else ""
+        goal = f"{unit(n.target)} .. {unit(n.most)}" if n.most is not None else goal
         mark = {None: "", True: "yes", False: "**no**"}[n.reached]
         mark = "no records" if n.value is None else mark
         span = "" if n.value is None else f"{unit(n.low)} .. {unit(n.high)}"
@@ -514,7 +523,10 @@ def page(scores, found: Sequence[Number], parts: dict[str, list[dict]], missing)
             " is true, and the catalogue does not have it.",
         ]
     lines += ["", "## By condition", "", *_rows(parts["by_condition"])]
-    lines += ["", "## By effect (white noise, rho >= 0.2)", "", *_rows(parts["by_effect"])]
+    if parts["by_source"]:
+        lines += ["", "## By the record that the noise is of", "", *_rows(parts["by_source"])]
+    about = f"{main_noise(scores)} noise"
+    lines += ["", f"## By effect ({about}, rho >= 0.2)", "", *_rows(parts["by_effect"])]
     lines += ["", "## Truth and what was found", "", "![confusion](confusion.png)", ""]
     for row in parts["confusion"]:
         counts = ", ".join(f"{what} {n}" for what, n in Counter(row["found"]).most_common())
@@ -546,11 +558,12 @@ def _rows(table: Sequence[dict]) -> list[str]:
 
 
 def draw(scores: Sequence[Score], out: Path) -> None:
-    """confusion.png and .svg: truth (rows) against what was confirmed (columns), white noise."""
+    """confusion.png and .svg: truth (rows) against what was confirmed (columns), `main_noise`."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    shown = [s for s in scores if s.correlation == 0.0 and s.kind in ("none", "one", "lacking")]
+    shown = [s for s in scores if s.noise == main_noise(scores)]
+    shown = [s for s in shown if s.kind in ("none", "one", "lacking")]
     rows = ["none", *sorted({e for s in shown for e in s.true if len(s.true) == 1})]
     silent = ["no_missing_effect", "too_weak", "outside_catalogue", "failed"]
     named = sorted({s.outcome for s in shown} - set(silent))
