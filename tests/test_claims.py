@@ -14,6 +14,7 @@ from jaxfric.stability.claims import (
     Claim,
     Curve,
     Unseen,
+    _step,
     above_curve,
     curve_claim,
     rate_state_claim,
@@ -60,6 +61,9 @@ def test_what_a_curve_may_say(altered, kind, reason):
         (0.010, [0.005], 0.0026, True, "open", "sign"),
         (0.005, [0.010], 0.0026, True, "open", "sign"),
         (0.005, [0.010], 0.002, True, "critical", None),
+        (0.010, [0.004, 0.009], 0.001, True, "critical", None),
+        (0.010, [0.004, 0.005], 0.0006, True, "open", "sign"),
+        (0.0, [0.010], 0.002, True, "open", "direct"),
         (0.010, [0.005], 0.002, False, "open", "determined"),
         (0.010, [0.005], math.nan, True, "open", "determined"),
         (0.010, [math.nan], 0.002, True, "open", "determined"),
@@ -129,6 +133,32 @@ def test_slow_runs_above_a_straight_line_are_found():
 def test_runs_on_the_line_are_not_above_it():
     assert sum(above_curve(*straight_line_excess(0.0, seed)) is not None for seed in range(60)) <= 2
     assert above_curve([1, 2, 3, -1, -2], [9, 0, 0, 9, 0], [0.1] * 5) is None
+
+
+def test_runs_that_differ_by_more_than_their_own_errors_are_not_above_it():
+    found = [straight_line_excess(0.0, seed) for seed in range(60)]
+    assert sum(above_curve(v, left, error / 10) is not None for v, left, error in found) <= 2
+
+
+@pytest.mark.parametrize(("own", "scatter"), [(1e-6, None), (3.0, 3.0)])
+def test_the_error_of_a_step_is_that_of_least_squares(own, scatter):
+    """By the residual where it is larger than the errors of the runs, else by those errors."""
+    rng = np.random.default_rng(5)
+    matrix, values = rng.standard_normal((30, 3)), rng.standard_normal(30)
+    coefficients, (left,), *_ = np.linalg.lstsq(matrix, values, rcond=None)
+    scatter = scatter or np.sqrt(left / 27)
+    step, error = _step(matrix, values, np.full(30, own))
+    assert step == pytest.approx(coefficients[0], rel=1e-9)
+    assert error == pytest.approx(
+        scatter * np.sqrt(np.linalg.inv(matrix.T @ matrix)[0, 0]), rel=1e-6
+    )
+
+
+def test_no_more_than_half_of_the_runs_are_slow():
+    """Of 20 the 8 slowest lie above the rest and are told; where it is 12, they are the rule."""
+    speed, error = np.arange(1.0, 21), np.full(20, 0.1)
+    found = [above_curve(speed, 1.0 * (speed <= count), error) for count in (8, 12)]
+    assert [one and one.number for one in found] == [8, None]
 
 
 def test_one_direction_that_lies_above_is_enough():

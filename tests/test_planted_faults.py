@@ -5,7 +5,8 @@ from pathlib import Path
 
 import plant_faults
 import pytest
-from plant_faults import FAULTS, ROOT, Fault, altered, main
+from faults import FAULTS, Fault
+from plant_faults import ROOT, altered, main
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)

@@ -220,6 +220,30 @@ def test_a_damaged_store_is_not_loaded_but_mended(tmp_path, finished, undisturbe
     assert study.load(path).sizes["x"] == 28
 
 
+@pytest.mark.parametrize("damage", ["gone", "flip"])
+def test_damaged_samples_are_not_loaded_but_drawn_again(tmp_path, damage):
+    """The column z of 6 samples, in two chunks; each is written with the block x = y = 0 of its."""
+    path, g = tmp_path / "a", f.grid(2, 2, samples=6)
+    policy = {"outputs": (study.Output("value"),), "kind": "host", "chunk": 12}
+
+    def echo(p):
+        return {"value": p["z"] + p["x"]}
+
+    study.run(echo, g, path, **policy)
+    before, chunk = f.contents(path), path / "z" / "c" / "1"
+    content = chunk.read_bytes()
+    if damage == "gone":
+        chunk.unlink()
+    else:
+        chunk.write_bytes(content[:20] + bytes([content[20] ^ 1]) + content[21:])
+    with pytest.raises(InputError, match=r"1 of 2 chunks \(1\) are not as they were written"):
+        study.load(path)
+    blocks = []
+    study.run(echo, g, path, **policy, progress=blocks.append)
+    assert len(blocks) == 1 and f.contents(path) == before
+    np.testing.assert_array_equal(study.load(path).z, g.samples.draw(0, 6)["z"])
+
+
 def test_whatever_reads_a_damaged_chunk_is_told(tmp_path):
     """Any reader of Zarr: the chunk has a checksum of its own."""
     import zarr

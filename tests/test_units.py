@@ -2,11 +2,20 @@
 
 import subprocess
 import sys
+from itertools import pairwise
 
 import pytest
 
 from jaxfric.errors import InputError
-from jaxfric.units import factor, format_si, has_dimension, is_unit, parse_quantity
+from jaxfric.units import (
+    factor,
+    format_si,
+    has_dimension,
+    is_unit,
+    parse_quantity,
+    parse_values,
+    scale,
+)
 
 
 @pytest.mark.parametrize(
@@ -38,6 +47,23 @@ from jaxfric.units import factor, format_si, has_dimension, is_unit, parse_quant
         ("3000 rpm", "Hz", 50.0),
         ("50 1/s", "Hz", 50.0),
         ("50 turn/s", "Hz", 50.0),
+        ("18000 deg/s", "Hz", 50.0),
+        ("50 revolution/s", "Hz", 50.0),
+        ("3000 1/min", "Hz", 50.0),
+        ("0.05 kHz", "Hz", 50.0),
+        ("3000 rpm", "rad/s", 314.159265358979),
+        ("180 deg/s", "rad/s", 3.14159265358979),
+        ("1 bar", "Pa", 1e5),
+        ("3 psi", "Pa", 3 * 4.4482216152605 / 0.0254**2),  # pounds (force) per square inch
+        ("2 kN/mm", "N/m", 2e6),
+        ("4 N*s/mm", "N*s/m", 4e3),
+        ("3 mm/hour", "m/s", 3e-3 / 3600),
+        ("2.5 min", "s", 150.0),
+        ("250 ms", "s", 0.25),
+        ("250 g", "kg", 0.25),
+        ("35.15 N/V", "N/V", 35.15),
+        ("9.84 mN m", "N m", 9.84e-3),
+        ("0.02 lbf", "N", 0.02 * 4.4482216152605),
     ],
 )
 def test_quantities(text: str, si_unit: str, value: float) -> None:
@@ -100,6 +126,47 @@ def test_refused_factors(unit: str, si_unit: str) -> None:
     assert not has_dimension(unit, si_unit)
 
 
+@pytest.mark.parametrize(
+    ("text", "si_unit", "values"),
+    [
+        ("5 um/s", "m/s", [5e-6]),
+        ("5, 1, 2 um/s", "m/s", [1e-6, 2e-6, 5e-6]),
+        ("1 um/s, 1 mm/s, 1 um/s", "m/s", [1e-6, 1e-3]),
+        ("1..100 um/s", "m/s", [1e-6, 1e-5, 1e-4]),
+        ("1 um/s..1e-2 m/s", "m/s", [1e-6, 1e-4, 1e-2]),
+        ("2..8", "1", [2.0, 4.0, 8.0]),
+    ],
+)
+def test_values(text: str, si_unit: str, values: list[float]) -> None:
+    """One, a list, or a range of three: its middle is the geometric mean of its ends."""
+    assert parse_values(text, si_unit, "x", count=3) == pytest.approx(values, rel=1e-13)
+
+
+def test_a_range_holds_its_ends_exactly_and_as_many_values_as_asked() -> None:
+    found = parse_values("0.1..7 kg", "kg", "x", count=8)
+    assert (found[0], found[-1], len(found)) == (0.1, 7.0, 8)
+    assert [b / a for a, b in pairwise(found)] == pytest.approx([70 ** (1 / 7)] * 7)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("5..1 kg", "range"), ("1..1 kg", "range"), ("1..2..3 kg", "no value"),
+     ("1,,2 kg", "no value"), ("0 kg", "not positive"), ("-1..2 kg", "not positive")],
+)  # fmt: skip
+def test_values_refused(text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        parse_values(text, "kg", "mass")
+
+
+@pytest.mark.parametrize(
+    ("value", "size", "scaled"),
+    # 10 * 1e-6 is not 1e-5 to the last digit; the others are no whole parts of 1
+    [(10.0, 1e-6, 1e-5), (3.0, 0.3, 3.0 * 0.3), (3.0, 7.0, 21.0), (3.0, -0.5, -1.5)],
+)
+def test_scaled_to_the_last_digit(value: float, size: float, scaled: float) -> None:
+    assert scale(value, size) == scaled
+
+
 def test_what_is_a_unit() -> None:
     assert all(is_unit(text) for text in ("MPa", "um/s", "-", "1", "bits", "s"))
     assert not any(is_unit(text) for text in ("Friction", "Displ", "normal_stress"))
@@ -108,6 +175,8 @@ def test_what_is_a_unit() -> None:
 def test_shown_and_read_back() -> None:
     assert format_si(22.86e-6, "m/s", "um/s") == "22.86 um/s"
     assert format_si(0.25, "1", "1") == "0.25"
+    assert format_si(1234.0, "s", "min", 3) == "20.6 min"
+    assert format_si(5e6, "N/m", "kN/mm") == "5 kN/mm"
     assert parse_quantity(format_si(1600.0, "1/m", "1/um"), "1/m", "k") == pytest.approx(1600)
 
 

@@ -3,7 +3,8 @@
 Ordinary least squares minimises r^T r, so under noise of covariance Sigma its parameters have the
 covariance G J^T Sigma J G, G = (J^T J)^-1 (the sandwich form; White 1980,
 doi:10.2307/1912934). If the residual was whitened first, J is the whitened Jacobian W J and
-the covariance is (J^T W^T W J)^-1. The residual of a step time has unit variance in both.
+the covariance is (J^T W^T W J)^-1. The shift of a step time has unit variance in both, and
+its residual is `hold` times that.
 
 Intervals are taken in the unbounded variables, so those of positive quantities are
 multiplicative. A profile interval is where the misfit, minimised over all other parameters,

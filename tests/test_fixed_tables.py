@@ -1,0 +1,135 @@
+"""What a record does not fix of an effect: every limit from both sides, and a made-up engine."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jaxfric.effects import RecordScales
+from jaxfric.loop.fixed import Part, loose, not_fixed
+
+SIZE = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 500.0)
+
+
+@pytest.mark.parametrize(
+    ("unit", "amplitude", "most"),
+    [
+        # a record of 1 mm and 500 s at 1 to 100 um/s, with a friction of 0.6 at most
+        ("F", True, 0.6),
+        ("F s/m", True, 0.6 / 1e-4),
+        ("F s^2/m^2", True, 0.6 / 1e-8),
+        ("F/m", True, 0.6 / 1e-3),
+        ("F/m^2", True, 0.6 / 1e-6),
+        ("F/s", True, 0.6 / 500),
+        ("m", False, 2 * 1e-3),
+        ("m", True, 2 * 1e-3),
+        ("s", False, 2 * 500.0),
+        ("s", True, 2 * 500.0),
+        ("m/s", False, 30 * 1e-4),
+    ],
+)
+def test_the_largest_value_that_a_record_can_show(unit, amplitude, most):
+    for sign in (1, -1):
+        inside, beyond = (
+            loose([Part("p", unit, sign * most * factor, 0.1, amplitude)], 0.6, SIZE)
+            for factor in (0.99, 1.01)
+        )
+        assert (inside, beyond) == ((), ("p",))
+
+
+@pytest.mark.parametrize(
+    ("size", "fixed"), [(0.99 * 1e-6 / 30, False), (1.01 * 1e-6 / 30, True), (np.inf, False)]
+)
+def test_the_smallest_velocity_that_a_record_can_show(size, fixed):
+    found = loose([Part("v", "m/s", size, 0.1, False)], 0.6, SIZE)
+    assert (found == ()) == fixed
+    assert loose([Part("v", "m/s", 1e3, 0.1, True)], 0.6, SIZE) == ()  # an amplitude: no scale
+
+
+@pytest.mark.parametrize(
+    ("errors", "names"),
+    [
+        ([(0.99, True)], ""), ([(1.01, True)], "a"), ([(0.99, False)], ""), ([(1.01, False)], "a"),
+        ([(1.01, True), (0.99, True)], ""),  # sine and cosine: one of them is enough
+        ([(1.01, True), (1.01, True)], "ab"),
+        ([(0.5, True), (1.01, False)], "b"),
+        ([(1.01, True), (0.99, False)], "a"),
+        ([(0.5, True), (0.99, False), (1.01, False)], "c"),
+    ],
+)  # fmt: skip
+def test_errors_up_to_the_value(errors, names):
+    parts = [Part(n, "1", 0.1, *e) for n, e in zip("abc", errors, strict=False)]
+    assert loose(parts, 0.6, SIZE) == tuple(names)
+
+
+NAMES = ("f0", "wave.a", "wave.length", "wave.n", "lag.tau", "late.tau")
+UNITS = ("F", "F", "m", "1", "s", "s")
+VALUES = (0.6, 0.02, 1e-4, 1.5, 1.0, 2.0)
+Z = np.asarray([0.6, -2.0, np.log(1e-4), 0.0, 4.0, 8.0])
+POSITIVE, BOUNDED = "wave.length", "wave.n"
+
+
+def engine(errors, *, correlation=0.0, largest=0.6, failed=False):
+    """Of a friction of `largest`, with errors of z by name, of the two lags correlated."""
+    std = np.asarray([errors.get(name, 0.1) for name in NAMES])
+    spread = np.diag(std**2)
+    spread[4, 5] = spread[5, 4] = correlation * std[4] * std[5]
+    jacobian = np.linalg.cholesky(np.linalg.inv(spread)).T
+    about = {
+        name: SimpleNamespace(
+            unit=unit, lower=0.0 if name == POSITIVE else -np.inf,
+            upper=3.0 if name == BOUNDED else np.inf,
+        )
+        for name, unit in zip(NAMES, UNITS, strict=True)
+    }  # fmt: skip
+
+    def columns(ids):
+        return [i for i, name in enumerate(NAMES) if name.split(".")[0] in ids]
+
+    return SimpleNamespace(
+        names=NAMES, rows=4, weight=np.ones(6),
+        problem=SimpleNamespace(friction=np.asarray([0.01, -largest, 0, 0.01, 99, 99])),
+        free=lambda effects: np.asarray([0, *columns(effects)]),
+        evaluate=lambda z, index: SimpleNamespace(
+            failed=failed, jacobian=jacobian[:, index], extra_jacobian=np.zeros((0, len(index)))
+        ),
+        whiten=lambda columns, noise: columns,
+        values=lambda z: dict(zip(NAMES, VALUES, strict=True)),
+        model=SimpleNamespace(
+            columns=columns, quantity=about.__getitem__,
+            amplitudes=lambda id: [
+                i for i in columns((id,)) if NAMES[i] not in (POSITIVE, BOUNDED)
+            ],
+        ),
+    )  # fmt: skip
+
+
+BOTH = ("lag", "late")
+
+
+@pytest.mark.parametrize(
+    ("effects", "made", "names"),
+    [
+        (("wave",), engine({}), ()),
+        # an amplitude's error is counted in units of it, that of a length is of its logarithm
+        (("wave",), engine({"wave.a": 1.99}), ()),
+        (("wave",), engine({"wave.a": 2.01}), ("wave.a",)),
+        (("wave",), engine({"wave.length": 0.99}), ()),
+        (("wave",), engine({"wave.length": 1.01}), ("wave.length",)),
+        (("wave",), engine({"wave.n": 50.0}), ()),  # between bounds: a matter of shape
+        # the largest friction of the rows, of either sign, and not of the padding
+        (("wave",), engine({}, largest=0.021), ()),
+        (("wave",), engine({}, largest=0.019), ("wave.a",)),
+        (("lag",), engine({"lag.tau": 3.99}), ()),
+        (("lag",), engine({"lag.tau": 4.01}), ("lag.tau",)),
+        (BOTH, engine({}, correlation=0.94), ()),
+        (BOTH, engine({}, correlation=0.96), ("lag.tau", "late.tau")),
+        (BOTH, engine({}, correlation=-0.96), ("lag.tau", "late.tau")),
+        (("lag",), engine({}, correlation=0.96), ()),
+        (("wave", "lag"), engine({"wave.a": 3.0, "lag.tau": 5.0}), ("wave.a", "lag.tau")),
+        (("wave",), engine({}, failed=True), ("wave",)),
+    ],
+)
+def test_what_a_candidate_leaves_open(effects, made, names):
+    candidate = SimpleNamespace(effects=effects, z=Z, noise=None)
+    assert not_fixed(made, candidate, SIZE) == names

@@ -1,0 +1,238 @@
+"""What a prediction says of its numbers: every threshold from both sides, without a simulation."""
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jaxfric.prediction import axis, slider
+from jaxfric.prediction.model import SavedModel
+from jaxfric.prediction.result import Comparison, Prediction, Shift
+from jaxfric.records import VelocitySteps
+from jaxfric.records.record import Provenance
+
+UM = 1e-6
+NONE = np.zeros(3)
+
+
+def prediction(rms, refit, sigma, *shifts):
+    first = Comparison("fit", "friction", rms, "N", 0.1, rms / sigma)
+    second = Comparison("fit", "closed loop", 99.0, "m", 0.1, None)  # is not what is spoken of
+    return Prediction(
+        "fit.json", Provenance(), "slider", "N", (first, second), {"f0": (0.0, 1.0)}, sigma, refit,
+        shifts, NONE, NONE, NONE, None, (), (),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rms", "refit", "sigma", "verdict"),
+    [
+        (1.09, 1.0, 1.0, "noise"),
+        (1.11, 1.0, 1.0, "parameters"),
+        (1.29, 1.29, 1.0, "noise"),
+        (1.31, 1.31, 1.0, "model"),
+        (1.45, 1.31, 1.0, "parameters"),
+        (1.0, 1.2, 1.0, "noise"),  # a refit that went astray: no worse than what was predicted
+    ],
+)
+def test_the_verdict_of_a_prediction(rms, refit, sigma, verdict):
+    assert prediction(rms, refit, sigma).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("rms", "refit", "sigma", "shares"),
+    [
+        (2.0, 1.0, 0.5, (0.75, 0.1875, 0.0625)),
+        (2.0, 2.0, 1.0, (0.0, 0.75, 0.25)),
+        (2.0, 3.0, 1.0, (0.0, 0.75, 0.25)),  # a refit that is worse takes nothing away
+        (2.0, 1.0, 1.5, (0.75, 0.0, 0.25)),  # the scatter is no more than what a refit leaves
+    ],
+)
+def test_shares_of_the_mean_square(rms, refit, sigma, shares):
+    found = prediction(rms, refit, sigma).shares()
+    assert tuple(found[n] for n in ("parameters", "model", "noise")) == pytest.approx(shares)
+
+
+@pytest.mark.parametrize(
+    ("shift", "named"),
+    [
+        (Shift("A", 1.0, 1.29, 0.1), False),
+        (Shift("A", 1.0, 1.31, 0.1), True),
+        (Shift("A", 1.0, 0.69, 0.1), True),
+        (Shift("A", 1.0, 9.0, math.nan), False),
+        (Shift("A", 1.0, 9.0, 0.0), False),
+        (Shift("f0", 0.0, 9.0, 0.1), False),  # it was fitted to this record
+    ],
+)
+def test_parameters_that_differ_do_so_by_three_errors(shift, named):
+    text = prediction(2.0, 1.0, 1.0, shift).sentence
+    assert (f"({shift.name} differ)" in text) == named and "have changed" in text
+
+
+@pytest.mark.parametrize(
+    ("here", "error", "in_sigma"), [(1.4, 0.2, 2.0), (0.6, 0.2, -2.0), (1.4, 0.0, math.nan)]
+)
+def test_a_shift_in_standard_errors(here, error, in_sigma):
+    found = Shift("A", 1.0, here, error).in_sigma
+    assert found == pytest.approx(in_sigma, nan_ok=True)
+
+
+# ---- the saved model -------------------------------------------------------------------------
+
+
+def saved(velocities, *, effects=("viscous",), **changes):
+    def table(*names):
+        return {"parameters": {n: {"value": 1.0, "std": 0.1} for n in names}, "free": list(names)}
+
+    content = {
+        "schema": "jaxfric.loop/1", "law": "slip", "friction_unit": "1", "effects": list(effects),
+        "steps": [[10.0 * k, v] for k, v in enumerate(velocities)],
+        "before": table("f0", "A", "gain.g"), "after": table("f0", "A", "gain.g", "viscous.c"),
+    }  # fmt: skip
+    return SavedModel(Path("loop.json"), {**content, **changes})
+
+
+def test_a_loop_has_a_model_before_and_after():
+    found = saved([UM])
+    assert list(found.tables()) == ["before", "after"]
+    assert list(saved([UM], effects=()).tables()) == ["before"]
+    assert found.effects() == ("gain", "viscous")
+    assert found.values("before") == {"f0": 1.0, "A": 1.0, "gain.g": 1.0}
+    found.content["after"]["parameters"]["A"]["determined"] = False
+    found.content["before"]["parameters"]["f0"]["determined"] = False
+    assert found.undetermined() == ["A"]
+
+
+@pytest.mark.parametrize(
+    ("velocities", "speeds"),
+    [([2 * UM, -9 * UM, 0.0, 3 * UM], (2 * UM, 9 * UM)), ([-UM], (UM, UM)), ([0.0], (0.0, np.inf))],
+)
+def test_speeds_that_a_model_has_seen(velocities, speeds):
+    assert saved(velocities).speeds() == speeds
+    steps = {"times": [0.0], "velocities": velocities}
+    assert saved(velocities, steps=steps).speeds() == speeds
+
+
+@pytest.mark.parametrize(
+    ("here", "told"),
+    [
+        ([1, 10], None), ([11.9, 10], None), ([12.1, 10], "12.1"), ([-12.1, 0], "12.1"),
+        ([0.84, 1, 0], None), ([0.82, 10], "0.82"), ([0.5, 1, 20], "0.5, 20"),
+    ],
+)  # fmt: skip
+def test_velocities_beyond_those_of_the_model(here, told):
+    """A model of 1 to 10 um/s, on a record of others: a fifth more is no extrapolation."""
+    steps = VelocitySteps(np.arange(len(here)) * 9.0, np.asarray(here) * UM)
+    texts = slider._warnings(SimpleNamespace(saved=saved([UM, 10 * UM]), steps=steps))
+    assert len(texts) == (told is not None)
+    assert told is None or f"({told} um/s) are outside" in texts[0]
+
+
+# ---- an axis ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("share", "speed", "told"),
+    [(0.04, 1.0, False), (0.06, 1.0, True), (1.0, 0.359, False), (1.0, 0.361, True),
+     (0.06, -1.0, True)],
+)  # fmt: skip
+def test_rows_faster_than_any_of_the_model(share, speed, told):
+    """A model of 0.3 m/s at most: of more than one row in twenty beyond a fifth more it is told."""
+    velocity = np.where(np.arange(100) < 100 * share, speed, 0.1)
+    rows = SimpleNamespace(velocity=velocity, used=np.ones(100, bool))
+    record = SimpleNamespace(coordinate="linear")
+    for made in (
+        saved([0.3, -0.2]),
+        saved([0.1], location_map=[{"variable": "velocity", "centres": [-0.3, None, 0.2]}]),
+    ):
+        texts = axis._warnings(SimpleNamespace(saved=made, rows=rows, record=record))
+        assert len(texts) == told
+        assert not told or "are faster than 0.3 m/s" in texts[0]
+
+
+def test_an_error_is_compared_with_what_was_recorded():
+    error, recorded = np.asarray([3.0, -4.0]), np.asarray([6.0, 8.0])
+    found = axis._compared("fit", "m", error, recorded, "N", 0.5)
+    assert found.rms == pytest.approx(np.sqrt(12.5)) and found.relative_error == pytest.approx(0.5)
+    assert found.in_sigma == pytest.approx(np.sqrt(50))
+    assert axis._compared("fit", "m", error, recorded, "N", None).in_sigma is None
+
+
+@pytest.mark.parametrize("count", [1e-6, 4e-6])
+def test_the_noise_of_a_position_is_no_less_than_that_of_a_count(count):
+    """An encoder that moves by one count a row in steps: a count is uniform over sqrt(12)."""
+    position = count * np.floor(np.arange(1000) / 7)
+    assert axis._position_noise(position) == pytest.approx(count / np.sqrt(12))
+    noisy = position + 30 * count * np.random.default_rng(0).standard_normal(1000)
+    assert axis._position_noise(noisy) == pytest.approx(30 * count, rel=0.1)
+    assert axis._position_noise(np.zeros(10)) is None
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_the_force_that_the_model_predicts_better_is_taken(monkeypatch, inside):
+    """With and without the disturbance: of the rows that count, at the better model's values."""
+    force, added, weight = np.asarray([5.0, 1.0, 1.0]), np.full(3, 2.0), np.asarray([0.0, 1, 1])
+    truth = (force if inside else force + added) + np.asarray([-40.0, 0.1, 0.1])
+    record = SimpleNamespace(motor_force=force, disturbance_force=added)
+
+    def prepared(saved, record, force, held, inside):
+        problem = SimpleNamespace(friction=force, weight=weight)
+        return SimpleNamespace(problem=problem, inside=inside)
+
+    def error(problem, values):
+        assert "viscous.c" in values
+        return truth - problem.friction
+
+    monkeypatch.setattr(axis, "_prepared", prepared)
+    monkeypatch.setattr(axis, "_force_error", error)
+    assert axis._setting(saved([0.3]), record, None).inside is inside
+    record.disturbance_force = np.zeros(3)
+    assert axis._setting(saved([0.3]), record, None).inside is None
+
+
+# ---- how far parameters went -----------------------------------------------------------------
+
+
+def test_the_error_of_an_axis_shift_is_that_of_both_fits(monkeypatch):
+    fit = SimpleNamespace(values={"f0": 1.5, "A": 2.0}, std={"f0": 0.3, "A": np.nan}, rms=0.7)
+    monkeypatch.setattr(axis, "inverse_dynamics", lambda problem, z, free: fit)
+    monkeypatch.setattr(axis, "_free", lambda problem, values: np.zeros(2))
+    problem = SimpleNamespace(model=SimpleNamespace(names=lambda: ("f0", "A")))
+    made = saved([UM])
+    made.content["after"]["parameters"]["f0"]["std"] = 0.4
+    rms, (first, second) = axis._refit(SimpleNamespace(saved=made, problem=problem), "after")
+    assert rms == 0.7 and math.isnan(second.error)
+    assert (first.name, first.model, first.here) == ("f0", 1.0, 1.5)
+    assert first.error == pytest.approx(0.5) and first.in_sigma == pytest.approx(1.0)
+
+
+def test_the_error_of_a_slider_shift_counts_correlated_noise_and_its_own_fit(monkeypatch):
+    """Two parameters and the time of a step, held by a residual of variance 1; A is exp z."""
+    rng, rows = np.random.default_rng(3), 12
+    columns = rng.standard_normal((rows, 3))
+    jacobian = np.concatenate([columns, [[0.0, 0.0, 1.0]]])
+    root = rng.standard_normal((rows, rows)) / 9
+    problem = SimpleNamespace(
+        model=SimpleNamespace(names=lambda: ("f0", "A")),
+        time=np.arange(rows), clock=None, weight=None, noise_scale=2.0,
+        from_free=lambda z: np.asarray([z[0], np.exp(z[1])]),
+    )  # fmt: skip
+    z = np.asarray([0.5, 0.0, 0.3])
+    refit = SimpleNamespace(
+        z=z, values={"f0": 0.5, "A": 1.0}, error=np.ones(rows), jacobian=jacobian
+    )
+    monkeypatch.setattr(slider, "estimate_noise", lambda *_: None)
+    monkeypatch.setattr(slider, "sandwich", lambda clock, J, noise: J.T @ root @ root.T @ J)
+    made = saved([UM])
+    for name in ("gain.g", "viscous.c"):
+        made.content["after"]["free"].remove(name)
+    first, second = slider._shifts(SimpleNamespace(saved=made, problem=problem), "after", refit)
+    data = np.zeros((rows + 1, rows + 1))
+    data[:rows, :rows], data[rows, rows] = root @ root.T, 1.0
+    P = np.linalg.pinv(jacobian)
+    spread = np.sqrt(np.diag(P @ data @ P.T))
+    assert first.error == pytest.approx(np.hypot(0.1, spread[0]), rel=1e-6)
+    assert second.error == pytest.approx(np.hypot(0.1, np.sinh(spread[1])), rel=1e-6)
+    assert (first.model, first.here, second.here) == (1.0, 0.5, 1.0)
