@@ -1,5 +1,6 @@
 """`jaxfric stability` and `jaxfric simulate`: what they print and write, and every figure."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -16,9 +17,12 @@ from jaxfric.gains.ends import ENDS, EndState
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.result import Basin, Certificate, Gains, WorstCase
 from jaxfric.gains.scenarios import Scenarios
+from jaxfric.gains.slack import slacks
 from jaxfric.gains.solve import make_region
-from jaxfric.gains.source import law_from_parameters
+from jaxfric.gains.source import law_from_parameters, stack
+from jaxfric.plot.gain_map import _map_axes, _over_scenarios, draw_gain_map
 from jaxfric.plot.gains import draw_end_map, draw_gains
+from jaxfric.plot.stability import new_figure
 from jaxfric.stability.analysis import steady_point
 
 SLIP = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
@@ -294,6 +298,43 @@ def test_the_figure_of_gains() -> None:
     text = Path("gains.svg").read_text()
     for words in ("meets the requirement in every scenario", "recommended", "k_cr(k_v)"):
         assert words in text
+
+
+def test_the_optimum_is_no_second_mark_below_the_recommended_gains() -> None:
+    figure, result = new_figure(6, 5), golden_gains()
+    axis = figure.subplots()
+    draw_gain_map(axis, result)
+    marked = {line.get_marker(): line.get_label() for line in axis.lines}
+    assert marked["*"].startswith("recommended, optimum: stiff")
+    assert marked["D"].startswith("optimum: damped")
+
+
+def test_the_map_of_a_late_controller_shows_gains_of_its_size() -> None:
+    """Without delay damping alone would do, at 1000 N s/m; 5 ms late no more than about m/T is
+    stable: of a mass alone, T w < 1 rad at w = k_v/m."""
+    result = golden_gains()
+    late = Scenarios.product(result.scenarios.laws, [1e-3, 2e-3, 4e-3], [0.05], 5e-3)
+    slow = dataclasses.replace(result, scenarios=late, delay=5e-3, basins=result.basins[:1])
+    k_v = _map_axes(slow, None, 2000.0)[1][-1]
+    assert 0 < k_v < 500
+    assert _map_axes(result, lambda v: 2000 + 0 * v, 2000.0)[1][-1] == 2600
+
+
+def test_a_map_shows_the_least_slack_of_all_scenarios() -> None:
+    result = golden_gains()
+    laws = stack(
+        [
+            law_from_parameters("slip", f"A=1 N, B={B} N, L=1 mm, V0=2 mm/s").law
+            for B in (2.5, 3.0, 2.8)
+        ]
+    )
+    scenarios = Scenarios.product(laws, [1e-3, 2e-3, 4e-3, 8e-3], [1.0, 2.0])
+    many = dataclasses.replace(result, scenarios=scenarios)
+    k_p, k_v = np.linspace(1, 6000, 121), np.linspace(0, 2500, 121)
+    gains = np.stack(np.meshgrid(k_p, k_v), axis=-1).reshape(-1, 2)
+    some = np.arange(5, len(gains), 197)
+    brute = slacks(many.requirement, scenarios, many.region.unit, gains[some]).min(axis=1)
+    np.testing.assert_allclose(_over_scenarios(many, gains)[0][some], brute, rtol=1e-9)
 
 
 def test_the_figure_of_ends() -> None:

@@ -1,49 +1,39 @@
 """Figures of recommended gains: where they lie among all gains, and how much they leave."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from ..gains.ends import ENDS, EndState
-from ..gains.margins import margin_values
+from ..gains.margins import several_margins
 from ..gains.result import Gains
 from ..gains.scenarios import Scenarios
-from ..gains.slack import slacks
 from ..stability.analysis import SteadyPoint, theorem_over_damping
-from ..stability.linear import LinearSlider
-from ..stability.margins import UNITS, is_stable
-from ..stability.theorem import theorem
+from ..stability.margins import UNITS
+from .gain_map import draw_gain_map, star
 from .stability import (
     BAND,
     BLACK,
     BLUE,
     ORANGE,
     STABLE,
-    UNSTABLE,
     draw_boundaries,
     draw_curve,
-    from_zero,
     gain_units,
     legend_below,
     mass_text,
     new_figure,
     prefixed,
     save,
-    shade,
     speed,
     tidy,
 )
 from .ticks import plain_log
 
-_GRID, _COARSE, _HARD, _VELOCITIES = 121, 9, 24, 61
+_VELOCITIES = 61
 _COLOURS = (BLUE, "#2a9d8f", "0.45", "#8a5a9e")
-_FEASIBLE = "#7fb08a"
 _END_COLOURS = {
     "steady": STABLE,
     "limit_cycle": "#e3a27f",
@@ -69,7 +59,7 @@ def draw_gains(result: Gains, folder: str | Path) -> list[str]:
     whole, top, bottom = (
         figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1])
     )
-    _map(whole, result)
+    draw_gain_map(whole, result)
     _margins(top, result)
     draw_curve(bottom, result.scenarios.law(0), result.scenarios.velocity, title="Friction law")
     bottom.legend(loc="best", frameon=True, framealpha=0.95, edgecolor="0.9", fontsize=8)
@@ -108,155 +98,15 @@ def _unit(name: str) -> str:
     return "" if UNITS[name] == "1" else f" {UNITS[name]}"
 
 
-def _map(axis: Axes, result: Gains) -> None:
-    k_cr_at, needed = _boundary(result.scenarios)
-    k_p, k_v = _map_axes(result, k_cr_at, needed)
-    gains = np.stack(np.meshgrid(k_p, k_v), axis=-1).reshape(-1, 2)
-    hard = _hardest(result, gains)
-    slack = slacks(result.requirement, hard, result.region.unit, gains).min(axis=1)
-    stable = _stable(hard, gains)
-    shape = len(k_v), len(k_p)
-    level = np.where(slack >= 0, 2, np.where(stable, 1, 0)).reshape(shape)
-    sizes, units = gain_units(k_p, k_v)
-    x, y = sizes[0] * k_p, sizes[1] * k_v
-    shade(axis, x, y, np.minimum(level, 1), [UNSTABLE, STABLE])
-    if (level == 2).any():
-        smooth = np.clip(slack.reshape(shape), -1.0, 1.0)
-        axis.contourf(x, y, smooth, levels=[0.0, 2.0], colors=[_FEASIBLE])
-    for colour, text, code in (
-        (_FEASIBLE, "meets the requirement in every scenario", 2),
-        (STABLE, "stable, but misses it somewhere", 1),
-        (UNSTABLE, "unstable somewhere", 0),
-    ):
-        if (level == code).any():
-            axis.plot([], [], "s", color=colour, ms=9, label=text)
-    if result.delay is None:  # the theorem's boundaries are of a spring, which answers at once
-        draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
-    _iso_norm(axis, result, k_p, k_v, sizes)
-    for basin in result.basins:
-        axis.plot(
-            sizes[0] * basin.kp, sizes[1] * basin.kv, "D", mfc="white", mec=BLACK, ms=8, mew=1.5,
-            clip_on=False, zorder=6, label=f"optimum: {basin.name} (norm {basin.norm:.3g})",
-        )  # fmt: skip
-    recommended = f"recommended{_simulated(result)}"
-    _star(axis, sizes[0] * result.kp, sizes[1] * result.kv, recommended)
-    axis.set_xlim(0, x[-1])
-    axis.set_ylim(0, y[-1])
-    axis.set_xlabel(f"position gain k_p [{units[0]}]")
-    axis.set_ylabel(f"velocity gain k_v [{units[1]}]")
-    number = len(result.scenarios)
-    tidy(axis, f"All gains, in {number} scenario{'' if number == 1 else 's'}")
-    axis.grid(False)
-    legend_below(axis)
-
-
-def _simulated(result: Gains) -> str:
-    """What the nonlinear check found, for the legend."""
-    checked = result.simulation
-    if checked is None:
-        return ""
-    text = f": {checked.steady} of {checked.checked} simulated starts end steady"
-    if checked.basin is None:
-        return text
-    more = "" if checked.basin_lost else " or more"
-    return f"{text},\nvelocity may jump by a factor {checked.basin:.3g}{more}"
-
-
-def _boundary(scenarios: Scenarios):
-    """k_cr as a function of k_v, largest over the scenarios, and the damping that all need."""
-    mass = jnp.zeros(len(scenarios)) if scenarios.mass is None else jnp.asarray(scenarios.mass)
-
-    @eqx.filter_jit
-    def largest(k_v):
-        def one(friction, mass):
-            return theorem(friction.kernel, friction.slope + k_v, mass).critical_stiffness
-
-        return jnp.max(jax.vmap(one)(scenarios.friction, mass))
-
-    def k_cr(k_v: np.ndarray) -> np.ndarray:
-        return np.asarray([float(largest(jnp.asarray(v))) for v in k_v])
-
-    high = 1.0
-    while float(largest(jnp.asarray(high))) > 0 and high < 1e15:
-        high *= 10
-    low = high
-    while low > 1e-15 and float(largest(jnp.asarray(low))) == 0:
-        low /= 10
-    if low <= 1e-15:
-        return k_cr, 0.0
-    for _ in range(40):
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if float(largest(jnp.asarray(middle))) > 0 else (low, middle)
-    return k_cr, high
-
-
-def _map_axes(result: Gains, k_cr_at, needed: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gains to show: all optima, and the boundaries of the linear theory."""
-    k_v = max([1.25 * needed, *(1.3 * b.kv for b in result.basins), 1.3 * result.kv])
-    k_v = k_v if k_v > 0 else float(result.region.unit[1])
-    k_cr = k_cr_at(np.asarray([0.02, 0.25]) * needed) if needed > 0 else np.zeros(0)
-    finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
-    k_p = [1.4 * b.kp for b in result.basins] + [1.4 * result.kp]
-    k_p += [1.4 * min(finite.max(), 4 * finite.min())] if finite.size else []
-    most = max(k_p) if max(k_p) > 1e-3 * result.region.unit[0] else result.region.unit[0]
-    return from_zero(float(most), _GRID), np.linspace(0, k_v, _GRID)
-
-
-def _hardest(result: Gains, gains: np.ndarray) -> Scenarios:
-    """The scenarios that decide, somewhere on a coarse grid of the gains, or at an optimum."""
-    scenarios = result.scenarios
-    if len(scenarios) <= _HARD:
-        return scenarios
-    rows = gains.reshape(_GRID, _GRID, 2)
-    pick = np.linspace(0, _GRID - 1, _COARSE).astype(int)
-    coarse = rows[np.ix_(pick, pick)].reshape(-1, 2)
-    optima = np.asarray([[basin.kp, basin.kv] for basin in result.basins])
-    slack = slacks(
-        result.requirement, scenarios, result.region.unit, np.concatenate([optima, coarse])
-    )
-    worst = np.argsort(slack, axis=1)[:, 0]
-    chosen, count = np.unique(worst, return_counts=True)
-    return scenarios.take(chosen[np.argsort(-count)][:_HARD])
-
-
-def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
-    """Whether each pair of gains is stable in all scenarios."""
-    mass, delay = (None if x is None else jnp.asarray(x) for x in (scenarios.mass, scenarios.delay))
-
-    @eqx.filter_jit
-    def run(friction, mass, delay, gains):
-        def one(pair, friction, mass, delay):
-            return is_stable(LinearSlider(mass, pair[0], pair[1], friction, delay))
-
-        over = jax.vmap(one, (None, 0, *(None if x is None else 0 for x in (mass, delay))))
-        every = jax.vmap(over, (0, None, None, None))(gains, friction, mass, delay)
-        return jnp.all(every, axis=1)
-
-    return np.asarray(run(scenarios.friction, mass, delay, jnp.asarray(gains)))
-
-
-def _iso_norm(axis: Axes, result: Gains, k_p, k_v, sizes: Sequence[float]) -> None:
-    """The ellipse of equal norm through the smallest optimum."""
-    angle = np.linspace(0, np.pi / 2, 200)
-    norm = result.basins[0].norm
-    x = norm * result.region.scale[0] * np.cos(angle)
-    y = norm * result.region.scale[1] * np.sin(angle)
-    axis.plot(sizes[0] * x, sizes[1] * y, color=BLACK, lw=1, ls=":", label="equal norm")
-
-
 def _margins(axis: Axes, result: Gains) -> None:
     """Required margins at the recommended gains, least over masses and samples, by velocity."""
     names: tuple[str, ...] = result.requirement.names
     low, high = (float(f(result.scenarios.velocity)) for f in (np.min, np.max))
-    beyond = _other_velocities(result.scenarios, np.geomspace(low / 3, 3 * high, _VELOCITIES))
-    scenarios = result.scenarios.join(beyond)
-    velocities, place = np.unique(scenarios.velocity, return_inverse=True)
+    velocities, values = _least_margins(result, names, low / 3, 3 * high)
     size, unit = prefixed(float(np.sqrt(low * high)), "m/s")
     several = len(names) > 1
     for i, (name, required) in enumerate(zip(names, result.requirement.values, strict=True)):
-        values = margin_values(name, scenarios, np.asarray([result.kp, result.kv]))
-        least = np.full(len(velocities), np.inf)
-        np.minimum.at(least, place, values)
+        least = values[name]
         shown = least / required if several and required > 0 else least
         shown = np.where(np.isfinite(shown), shown, np.nan)
         text = f"{name} (required {required:g}{_unit(name)})" if several else name
@@ -283,8 +133,35 @@ def _margins(axis: Axes, result: Gains) -> None:
     axis.legend(loc="best", frameon=True, framealpha=0.95, edgecolor="0.9", fontsize=8)
 
 
-def _other_velocities(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios:
-    """Every pair of sample and mass at other velocities."""
+def _least_margins(
+    result: Gains, names: tuple[str, ...], low: float, high: float
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Velocities from `low` to `high`, and at each the least of every margin at the gains.
+
+    Where scenarios are, of all of them; at the ends of every mass and sample; between, of those
+    masses and samples that are the least at any of these velocities.
+    """
+    gains = np.asarray([result.kp, result.kv])
+    known = result.scenarios.join(_at(result.scenarios, np.asarray([low, high])))
+    found = several_margins(names, known, gains)
+    worst = []
+    for values in found.values():
+        order = np.lexsort((values, known.velocity))
+        worst.append(order[np.unique(known.velocity[order], return_index=True)[1]])
+    some = known.take(np.unique(np.concatenate(worst)))
+    more = _at(some, np.geomspace(low, high, _VELOCITIES)[1:-1])
+    extra = several_margins(names, more, gains)
+    velocities, place = np.unique(
+        np.concatenate([known.velocity, more.velocity]), return_inverse=True
+    )
+    least = {name: np.full(len(velocities), np.inf) for name in names}
+    for name in names:
+        np.minimum.at(least[name], place, np.concatenate([found[name], extra[name]]))
+    return velocities, least
+
+
+def _at(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios:
+    """Every pair of sample and mass of the scenarios at other velocities."""
     number = len(scenarios)
     mass = np.zeros(number) if scenarios.mass is None else scenarios.mass
     pairs = np.unique(np.stack([scenarios.sample, mass], axis=1), axis=0)
@@ -332,7 +209,7 @@ def draw_end_map(
         where = f" at {speed(float(point.velocity))}, {mass_text(mass)}"
         _linear_boundary(axis, point, mass, np.linspace(k_v[0], k_v[-1], 200), sizes)
     if optimum is not None:
-        _star(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "recommended")
+        star(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "recommended")
     axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
     axis.set_ylim(sizes[1] * k_v[0], sizes[1] * k_v[-1])
     axis.set_xlabel(f"position gain k_p [{units[0]}]")
@@ -353,13 +230,6 @@ def _shade_ends(axis: Axes, ends: EndState, x: np.ndarray, y: np.ndarray) -> Non
     for i, name in enumerate(names):
         if (codes == i).any():
             axis.plot([], [], "s", color=_END_COLOURS[name], ms=9, label=_END_NAMES[name])
-
-
-def _star(axis: Axes, x: float, y: float, label: str) -> None:
-    """The recommended gains."""
-    axis.plot(
-        x, y, "*", color=BLACK, ms=17, mec="white", mew=0.8, clip_on=False, zorder=7, label=label
-    )
 
 
 def _linear_boundary(axis: Axes, point: SteadyPoint, mass, k_v, sizes) -> None:

@@ -5,7 +5,7 @@ import math
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator
 
-_MANY_DECADES = 1.2
+_MANY_DECADES = 1.6
 
 
 def plain_log(axes: Axes, which: str) -> None:

@@ -1,0 +1,244 @@
+"""The map of all gains under a recommendation: what every scenario accepts, and the optima."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..gains.result import Basin, Gains
+from ..gains.scenarios import Scenarios
+from ..gains.slack import paired_slacks
+from ..stability.linear import LinearSlider
+from ..stability.margins import is_stable
+from ..stability.theorem import theorem
+from .stability import (
+    BLACK,
+    STABLE,
+    UNSTABLE,
+    draw_boundaries,
+    from_zero,
+    gain_units,
+    legend_below,
+    shade,
+    tidy,
+)
+
+_GRID, _CELLS, _DAMPINGS = 121, 12, 64
+_FEASIBLE = "#7fb08a"
+_MEANS = {"stiff": "stiffness", "damped": "damping"}
+
+
+def draw_gain_map(axis: Axes, result: Gains) -> None:
+    """What all scenarios accept, the boundaries of the linear theory, and the optima.
+
+    At every gain only the scenarios count that are the worst at the corners of a coarser grid
+    around it, or at an optimum: a few of thousands.
+    """
+    k_cr_at, needed = _boundary(result.scenarios)
+    k_p, k_v = _map_axes(result, k_cr_at, needed)
+    gains = np.stack(np.meshgrid(k_p, k_v), axis=-1).reshape(-1, 2)
+    shape = len(k_v), len(k_p)
+    slack, stable = (x.reshape(shape) for x in _over_scenarios(result, gains))
+    level = np.where(slack >= 0, 2, np.where(stable, 1, 0))
+    sizes, units = gain_units(k_p, k_v)
+    x, y = sizes[0] * k_p, sizes[1] * k_v
+    shade(axis, x, y, np.minimum(level, 1), [UNSTABLE, STABLE])
+    if (level == 2).any():
+        axis.contourf(x, y, np.clip(slack, -1.0, 1.0), levels=[0.0, 2.0], colors=[_FEASIBLE])
+    for colour, text, code in (
+        (_FEASIBLE, "meets the requirement in every scenario", 2),
+        (STABLE, "stable, but misses it somewhere", 1),
+        (UNSTABLE, "unstable somewhere", 0),
+    ):
+        if (level == code).any():
+            axis.plot([], [], "s", color=colour, ms=9, label=text)
+    if result.delay is None:  # the theorem's boundaries are of a spring, which answers at once
+        draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
+    _iso_norm(axis, result, k_p, k_v, sizes)
+    for basin in result.basins:
+        if _is_recommended(basin, result):
+            continue
+        axis.plot(
+            sizes[0] * basin.kp, sizes[1] * basin.kv, "D", mfc="white", mec=BLACK, ms=8, mew=1.5,
+            clip_on=False, zorder=6, label=_of(basin),
+        )  # fmt: skip
+    here = "".join(f", {_of(b)}" for b in result.basins if _is_recommended(b, result))
+    recommended = f"recommended{here}{_simulated(result)}"
+    star(axis, sizes[0] * result.kp, sizes[1] * result.kv, recommended)
+    axis.set_xlim(0, x[-1])
+    axis.set_ylim(0, y[-1])
+    axis.set_xlabel(f"position gain k_p [{units[0]}]")
+    axis.set_ylabel(f"velocity gain k_v [{units[1]}]")
+    number = len(result.scenarios)
+    tidy(axis, f"All gains, in {number} scenario{'' if number == 1 else 's'}")
+    axis.grid(False)
+    legend_below(axis)
+
+
+def _is_recommended(basin: Basin, result: Gains) -> bool:
+    return bool(np.allclose([basin.kp, basin.kv], [result.kp, result.kv], rtol=1e-6))
+
+
+def _of(basin: Basin) -> str:
+    """What an optimum, or the way that is none, is called in the legend."""
+    what = f"optimum: {basin.name}" if basin.minimum else f"{_MEANS[basin.name]} alone"
+    return f"{what} (norm {basin.norm:.3g})"
+
+
+def _simulated(result: Gains) -> str:
+    """What the nonlinear check found, for the legend."""
+    checked = result.simulation
+    if checked is None:
+        return ""
+    text = f": {checked.steady} of {checked.checked} simulated starts end steady"
+    if checked.basin is None:
+        return text
+    more = "" if checked.basin_lost else " or more"
+    return f"{text},\nvelocity may jump by a factor {checked.basin:.3g}{more}"
+
+
+def _boundary(scenarios: Scenarios):
+    """k_cr as a function of k_v, largest over the scenarios, and the damping that all need."""
+    mass = jnp.zeros(len(scenarios)) if scenarios.mass is None else jnp.asarray(scenarios.mass)
+
+    @eqx.filter_jit
+    def largest(k_v):
+        def one(friction, mass):
+            return theorem(friction.kernel, friction.slope + k_v, mass).critical_stiffness
+
+        return jnp.max(jax.vmap(one)(scenarios.friction, mass))
+
+    def k_cr(k_v: np.ndarray) -> np.ndarray:
+        return np.asarray([float(largest(jnp.asarray(v))) for v in k_v])
+
+    high = 1.0
+    while float(largest(jnp.asarray(high))) > 0 and high < 1e15:
+        high *= 10
+    low = high
+    while low > 1e-15 and float(largest(jnp.asarray(low))) == 0:
+        low /= 10
+    if low <= 1e-15:
+        return k_cr, 0.0
+    for _ in range(40):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if float(largest(jnp.asarray(middle))) > 0 else (low, middle)
+    return k_cr, high
+
+
+def _map_axes(result: Gains, k_cr_at, needed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gains to show: all optima, and the boundaries of the linear theory, which is of a controller
+    that answers at once; of a late one as much damping as leaves the optima stable."""
+    k_v = [1.3 * b.kv for b in result.basins] + [1.3 * result.kv]
+    k_p = [1.4 * b.kp for b in result.basins] + [1.4 * result.kp]
+    if result.delay is None:
+        k_v.append(1.25 * needed)
+        k_cr = k_cr_at(np.asarray([0.02, 0.25]) * needed) if needed > 0 else np.zeros(0)
+        finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
+        k_p += [1.4 * min(finite.max(), 4 * finite.min())] if finite.size else []
+    else:
+        k_v.append(1.25 * _most_damping(result))
+    highest = max(k_v) if max(k_v) > 0 else float(result.region.unit[1])
+    most = max(k_p) if max(k_p) > 1e-3 * result.region.unit[0] else result.region.unit[0]
+    return from_zero(float(most), _GRID), np.linspace(0, highest, _GRID)
+
+
+def _most_damping(result: Gains) -> float:
+    """The largest k_v with which a late controller is stable at the k_p of an optimum, in all
+    scenarios of one sample of the law; 0 where there is none."""
+    tried = np.geomspace(1e-6, 10, _DAMPINGS) * result.region.unit[1]
+    k_p = np.asarray([b.kp for b in result.basins])
+    gains = np.stack(np.meshgrid(k_p, tried), axis=-1).reshape(-1, 2)
+    one = np.flatnonzero(result.scenarios.sample == result.scenarios.sample[0])
+    row, column = np.divmod(np.arange(len(gains) * len(one)), len(one))
+    stable = _stable(result.scenarios.take(one[column]), gains[row])
+    held = stable.reshape(len(gains), len(one)).all(axis=1)
+    return float(gains[held, 1].max(initial=0.0))
+
+
+def _over_scenarios(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least slack, and whether it is stable, at every pair of gains of the map."""
+    scenarios, number = result.scenarios, len(gains)
+    if len(scenarios) <= 2 * _CELLS:
+        row, column = np.divmod(np.arange(number * len(scenarios)), len(scenarios))
+    else:
+        row, column = _deciding(result, gains)
+    slack = np.full(number, np.inf)
+    values = paired_slacks(result.requirement, scenarios, result.region.unit, gains[row], column)
+    np.minimum.at(slack, row, values)
+    stable = np.ones(number, bool)
+    np.logical_and.at(stable, row, _stable(scenarios.take(column), gains[row]))
+    return slack, stable
+
+
+def _deciding(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the gains, and with each a scenario that may decide there."""
+    pick = np.linspace(0, _GRID - 1, _CELLS + 1).astype(int)
+    coarse = gains.reshape(_GRID, _GRID, 2)[np.ix_(pick, pick)].reshape(-1, 2)
+    optima = np.asarray([[basin.kp, basin.kv] for basin in result.basins])
+    worst = _worst(result, np.concatenate([coarse, optima]))
+    corner = worst[: len(coarse)].reshape(len(pick), len(pick))
+    cell = np.clip(np.searchsorted(pick, np.arange(_GRID), side="right") - 1, 0, _CELLS - 1)
+    up, right = np.meshgrid(cell, cell, indexing="ij")
+    around = [corner[up + i, right + j].reshape(-1) for i in (0, 1) for j in (0, 1)]
+    at_optima = [np.full(len(gains), index) for index in np.unique(worst[len(coarse) :])]
+    every = np.stack(around + at_optima, axis=1)
+    place = np.repeat(np.arange(len(gains)), every.shape[1])
+    row, column = np.unique(np.stack([place, every.reshape(-1)], axis=1), axis=0).T
+    return row, column
+
+
+def _worst(result: Gains, gains: np.ndarray) -> np.ndarray:
+    """The worst scenario at every pair of gains: the worst velocity and mass under one sample of
+    the law, the worst sample there, and once more from that one."""
+    scenarios = result.scenarios
+    mass = np.zeros(len(scenarios)) if scenarios.mass is None else scenarios.mass
+    sample, place = scenarios.sample, np.stack([scenarios.velocity, mass], axis=1)
+    found = np.zeros(len(gains), int)
+    for _ in range(2):
+        found = _least(result, gains, sample[found, None] == sample)
+        found = _least(result, gains, (place[found, None] == place).all(axis=2))
+    return found
+
+
+def _least(result: Gains, gains: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Of the scenarios `asked` at every pair of gains that of the least slack."""
+    row, column = np.nonzero(asked)
+    unit = result.region.unit
+    values = paired_slacks(result.requirement, result.scenarios, unit, gains[row], column)
+    order = np.lexsort((values, row))
+    _, begin = np.unique(row[order], return_index=True)
+    return column[order][begin]
+
+
+def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
+    """Whether each scenario is stable at its pair of gains."""
+    mass, delay = (None if x is None else jnp.asarray(x) for x in (scenarios.mass, scenarios.delay))
+    axes = (0, *(None if x is None else 0 for x in (mass, delay)), 0)
+
+    @eqx.filter_jit
+    def run(friction, mass, delay, gains):
+        def one(friction, mass, delay, pair):
+            return is_stable(LinearSlider(mass, pair[0], pair[1], friction, delay))
+
+        return jax.vmap(one, axes)(friction, mass, delay, gains)
+
+    return np.asarray(run(scenarios.friction, mass, delay, jnp.asarray(gains)))
+
+
+def _iso_norm(axis: Axes, result: Gains, k_p, k_v, sizes: Sequence[float]) -> None:
+    """The ellipse of equal norm through the smallest optimum."""
+    angle = np.linspace(0, np.pi / 2, 200)
+    norm = result.basins[0].norm
+    x = norm * result.region.scale[0] * np.cos(angle)
+    y = norm * result.region.scale[1] * np.sin(angle)
+    axis.plot(sizes[0] * x, sizes[1] * y, color=BLACK, lw=1, ls=":", label="equal norm")
+
+
+def star(axis: Axes, x: float, y: float, label: str) -> None:
+    """The recommended gains."""
+    axis.plot(
+        x, y, "*", color=BLACK, ms=17, mec="white", mew=0.8, clip_on=False, zorder=7, label=label
+    )
