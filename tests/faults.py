@@ -13,6 +13,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
 )
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
+FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
 
 
 class Fault(NamedTuple):
@@ -166,6 +167,8 @@ FAULTS = (
     Fault("more than all friction", "loop/fixed.py",
           "return size * scales.fastest**-m <= force", "return True", FIXED),
     Fault("padding is friction", "loop/fixed.py", ")[: engine.rows])))", "))))", FIXED),
+    Fault("--rows is not heeded", "loop/loop.py", "if rows is not None:", "if False:", FEW_ROWS),
+    Fault("--rows is not handed on", "cli/loop.py", '"rows": rows}', '"rows": None}', VERB),
     Fault("two lags may act against each other", "loop/fixed.py",
           "    found += [engine.names[lags[k]] for k in inseparable(spread[np.ix_(at, at)])]\n",
           "", FIXED),

@@ -401,7 +401,7 @@ def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     def close_loop(record, *, progress, **options) -> Loop:
         progress("screening 17 effects")
-        asked.update(options, rows=len(record))
+        asked.update(options, read=len(record))
         return make_loop("no_missing_effect")
 
     def draw(name: str, loop: Loop, folder: Path) -> list[str]:
@@ -428,7 +428,8 @@ def test_the_verb(closed: dict[str, Any]) -> None:
         "with_": ("slip_trend", "gain"),
         "without": ("thermal",),
         "most": 2,
-        "rows": 91,
+        "rows": None,
+        "read": 91,
     }
     assert out.startswith("no_missing_effect: ") and "most2/loop.html (open it" in out
     assert "jaxfric: screening 17 effects\n" in err and "jaxfric: warning: K is 1.6" in err
@@ -441,6 +442,14 @@ def test_the_verb(closed: dict[str, Any]) -> None:
         "--with slip_trend,gain --without thermal --most 2"
         in Page((folder / "loop.html").read_text(encoding="utf-8")).text
     )
+
+
+def test_few_rows_through_the_verb(closed: dict[str, Any]) -> None:
+    code, _, err = run("loop", "run.csv", "--stiffness", "5e-3/um", "--rows", 1000)
+    assert code == 0, err
+    assert closed["rows"] == 1000 and closed["read"] == 91
+    page = Page(Path("run-loop-rows1000/loop.html").read_text(encoding="utf-8"))
+    assert "--rows 1000" in page.text
 
 
 def test_the_verb_in_a_script(closed: dict[str, Any]) -> None:

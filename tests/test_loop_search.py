@@ -295,6 +295,29 @@ def test_a_load_point_that_stops_or_turns_is_refused_before_anything_is_fitted(
     )
 
 
+@pytest.mark.parametrize(("rows", "size"), [(None, 1), (400, 2), (399, 3)])
+def test_few_rows_are_means_before_anything_is_fitted(monkeypatch, rows, size):
+    """Two velocities, 400 rows each: the first row, then means of `size` rows, none over the step.
+
+    The whole loop on few rows is not run here: it takes a quarter of a minute.
+    """
+    record, up, fitted = plain([UM, 10 * UM], rows=800), [UM, 10 * UM], []
+
+    def fit(record, **options):
+        fitted.append(record)
+        raise jf.InputError("no need to go on")
+
+    monkeypatch.setattr("jaxfric.loop.loop.fit", fit)
+    with pytest.raises(jf.InputError, match="no need"):
+        close_loop(record, stiffness=1e3, steps=steps_of(up), rows=rows)
+    starts = np.concatenate([np.arange(1, 401 - size, size), np.arange(400, 801 - size, size)])
+    for role in ("time", "friction", "load_point_displacement"):
+        values = getattr(record, role)
+        means = np.mean([values[starts + k] for k in range(size)], axis=0)
+        found = getattr(fitted[0], role)
+        np.testing.assert_allclose(found, np.append(values[0], means), rtol=1e-12)
+
+
 def test_a_base_fit_that_did_not_converge_is_refused():
     base: Any = SimpleNamespace(converged=False, result="no luck")
     with pytest.raises(jf.InputError, match=r"did not converge \(no luck\)"):
