@@ -20,6 +20,7 @@ from jaxfric.effects import CATALOGUE, null, parameters
 
 sys.path.append(str(Path(__file__).parents[1]))
 score = importlib.import_module("fits.blind.score")
+scored_one = importlib.import_module("fits.blind.scored")
 study = importlib.import_module("fits.blind.study")
 runner = importlib.import_module("fits.blind.__main__")
 plants = importlib.import_module("fits.blind.plants")
@@ -104,7 +105,7 @@ def test_a_wrong_group_is_not_right():
 
 
 def test_every_true_effect_needs_a_found_one_of_its_own():
-    right = score.group_right
+    right = scored_one.group_right
     assert right(["a", "b"], ["c", "a"], [["c", "b"], ["a"]])
     assert right(["a", "b"], ["a", "c"], [["a", "b"], ["c", "a"]])
     assert not right(["a", "b"], ["a", "c"], [["a", "b"], ["c"]])  # one group for both
@@ -152,8 +153,8 @@ def test_parameters_are_those_of_jaxfric():
     drawn = {id: dict.fromkeys(names, 2.0) for id, names in plants.EFFECTS.items()}
     for id in set(CATALOGUE) & set(drawn) - {"stribeck"}:
         names = {f"{id}.{name}" for name in parameters(CATALOGUE[id])}
-        assert set(score.expected(truth({id: drawn[id]}), 1e-6)) == {"A", "B", "L", *names}
-    about = score.expected(truth(drawn, m=0.5, k_v=0.25), 2e-6)
+        assert set(scored_one.expected(truth({id: drawn[id]}), 1e-6)) == {"A", "B", "L", *names}
+    about = scored_one.expected(truth(drawn, m=0.5, k_v=0.25), 2e-6)
     assert about["evolution_cutoff.c"] == 0.5 and "stribeck.fs" not in about
     assert about["inertia.m"] == 2.5 and about["damping.k_v"] == 2.25
     assert about["L"] == pytest.approx(8e-6 * 2.0**2) and about["thermal.a_T"] == 4.0
@@ -200,7 +201,7 @@ def told():
     nulls = {pair: float(getattr(null(CATALOGUE[pair[0]]), pair[1])) for pair in names}
     laws, rows = [], []
     for effects in [{id: KEY[id]} for id in KEY] + [{}]:
-        about = score.expected(truth(effects, V0=PROTOCOL.velocities[0]), V_REF)
+        about = scored_one.expected(truth(effects, V0=PROTOCOL.velocities[0]), V_REF)
         laws.append([about[k] for k in ("A", "B", "L")])
         rows.append([about.get(f"{i}.{n}", nulls[i, n]) for i, n in names])
     predicted = jax.jit(jax.vmap(predict))(jnp.asarray(laws), jnp.asarray(rows))
@@ -333,9 +334,102 @@ def test_results_are_written(tmp_path, corpus):
     assert confusion["second_state"] in ({"second_state": 8, "viscous": 2}, {"failed": 1})
     page = (tmp_path / "results.md").read_text()
     assert "**second_state**: second_state 8, viscous 2" in page and "1 x lost" in page
+    assert "## Strictly" in page and len(results["strict"]) > 10
     assert "**no**" in page and "no records" in page and "none of 60" in page
     for name in ("confusion.png", "confusion.svg"):
         assert (tmp_path / name).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("found", "verdict", "groups", "cosine", "expected"),
+    [  # group, sure group, confirmed, named
+        (["second_state"], "effects", [["second_state"]], 0.0, (True, True, True, True)),
+        (["second_state"], "too_weak", [["second_state"]], 0.0, (True, True, False, False)),
+        # a refit within 10 of BIC: told where it is confirmed, no more than a guess elsewhere
+        (["run_in"], "ambiguous", [["run_in", "second_state"]], 0.0, (True, True, True, False)),
+        (["run_in"], "too_weak", [["run_in", "second_state"]], 0.0, (True, False, False, False)),
+        # what the record cannot tell apart counts, sure or not
+        (["run_in"], "too_weak", [["run_in", "second_state"]], 0.96, (True, True, False, False)),
+        (["run_in"], "too_weak", [["run_in", "second_state"]], 0.94, (True, False, False, False)),
+        (["run_in"], "effects", [["run_in"]], 0.0, (False, False, True, False)),
+        ([], "effects", [], 0.0, (False, False, False, False)),
+    ],
+)
+def test_what_strict_words_mean(found, verdict, groups, cosine, expected):
+    said = loop(found, RIGHT, verdict=verdict, groups=groups)
+    ids, cosines = said["aliasing"]["ids"], np.eye(len(IDS))
+    i, j = ids.index("run_in"), ids.index("second_state")
+    cosines[i, j] = cosines[j, i] = cosine
+    said["aliasing"]["cosines"] = cosines.tolist()
+    one = scored(truth(SECOND), said)
+    assert (one.group, one.sure_group, one.confirmed, one.named) == expected
+    assert one.group_size == max((len(g) for g in groups), default=0)
+
+
+def strictly(corpus):
+    found = score.strict(scores_of(corpus))
+    return {
+        each.number.what: (each.number.of, each.published and each.published.of) for each in found
+    }
+
+
+def test_inertia_counts_and_the_report_block_stands_alone():
+    lacks = loop([], values(), verdict="no_missing_effect", rms=(3e-4, 6e-4))
+    corpus = [(truth({"inertia": {"m": 3.0}}), lacks, {})]
+    corpus += [(truth(SECOND), loop(["second_state"], RIGHT, rms=(9e-4, 3e-4)), {})] * 3
+    table, at = strictly(corpus), "white, one effect, rho 0.5: "
+    for what in ("right group, confirmed", "right group", "named"):
+        assert table[at + what] == ("3/4", "3/3")
+    assert table[at + "a wrong name confirmed"] == ("0/4", "0/3")
+    (one, *_), right = scores_of(corpus), scores_of(corpus)[1]
+    assert one.kind == "lacking" and one.heldout_report == pytest.approx(2.0)
+    assert right.heldout_report == pytest.approx(1.0) and right.heldout_true > 1.5
+    numbers = {e.number.what: e for e in score.strict(scores_of(corpus))}
+    tail = numbers[at + "held-out rms / true sigma, 90th percentile"]
+    assert tail.number.value == pytest.approx(2.0) and tail.number.reached is False
+    lost = scored(truth(), loop([], values(), verdict="no_missing_effect", rms=(3e-4, None)))
+    assert lost.heldout_report == math.inf
+
+
+def test_coverage_at_the_weakest_strength_stands_in_the_table():
+    off = values() | {"A": 0.0103}
+    silent = (truth(SECOND, rho=0.1), loop([], off, verdict="no_missing_effect"), {})
+    corpus = [silent] * 3 + [(truth(SECOND, rho=0.1), loop(["second_state"], RIGHT | off), {})]
+    table = strictly(corpus)
+    what = "white, one effect, rho 0.1: 95 % intervals of A, B, L cover"
+    assert table[what] == ("8/12", None)
+    corpus = [(truth(SECOND), loop(["second_state"], RIGHT), {}), (*corpus[0][:2], {})]
+    corpus[1] = (truth(SECOND), *corpus[1][1:])
+    assert strictly(corpus)[what.replace("0.1", "0.5")] == ("5/6", "3/3")
+
+
+def test_nulls_are_told_by_plant_and_silence_by_its_kind():
+    corpus = []
+    for i in range(6):
+        verdict = ("no_missing_effect", "too_weak", "effects")[i % 3]
+        found = ["gain"] if i % 3 == 2 else []
+        about = truth() | {"plant": "inertial" if i == 5 else "quasi-static"}
+        corpus.append((about, loop(found, values(gain__g=0.1), verdict=verdict), {}))
+    for verdict in ("outside_catalogue", "too_weak", "ambiguous", "no_missing_effect"):
+        found = ["run_in"] if verdict == "ambiguous" else []
+        said = loop(found, values(), verdict=verdict)
+        corpus.append((truth(SECOND, rho=1.0), said, {"without": ["second_state"]}))
+    table = strictly(corpus)
+    assert table["white, no effect, without mass: a name confirmed"] == ("1/5", "2/6")
+    assert table["white, no effect, without mass: `no_missing_effect`"] == ("2/5", None)
+    assert table["white, no effect, with mass: a name confirmed"] == ("1/1", "2/6")
+    assert table["white, effect taken out: outside or too weak"] == ("2/4", "3/4")
+
+
+def test_strict_numbers_stand_beside_the_published():
+    corpus = [(truth({"inertia": {"m": 3.0}}), loop([], values(), verdict="too_weak"), {})]
+    corpus += [(truth(SECOND), loop(["second_state"], RIGHT), {})]
+    page = score.strict_table(score.strict(scores_of(corpus)))
+    (row,) = [x for x in page.splitlines() if "rho 0.5: named" in x]
+    assert "| 1/2 | 50.0 % |" in row and row.endswith("| **no** | 100.0 % (1/1) |")
+    same = score.strict_table(score.strict(scores_of(corpus[1:])))
+    (row,) = [x for x in same.splitlines() if "rho 0.5: named" in x]
+    assert row.endswith("| yes |  |")
 
 
 def measured(about, source="basalt"):
@@ -458,9 +552,10 @@ def test_records_are_treated_in_processes(tmp_path, capsys):
 
 
 def test_the_scorer_knows_neither_side():
-    shares = importlib.import_module("fits.blind.shares")
-    for module, own in ((score, {".shares"}), (shares, set())):
-        text = Path(module.__file__).read_text(encoding="utf-8")
+    names = ("score", "scored", "aims", "strict", "shares")
+    own = {f".{name}" for name in names}
+    for name in names:
+        text = Path(score.__file__).with_name(f"{name}.py").read_text(encoding="utf-8")
         lines = [x.split() for x in text.splitlines() if x.strip().startswith(("import ", "from "))]
         roots = {words[1].split(".")[0] for words in lines if words[1] not in own}
         assert roots <= {*sys.stdlib_module_names, "numpy", "matplotlib"}
