@@ -5,6 +5,9 @@ Compiled functions are kept in pytest's cache folder: many tests compile the sam
 
 import gc
 import os
+import subprocess
+import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import jax
@@ -13,15 +16,32 @@ import pytest
 jax.config.update("jax_enable_x64", True)
 _LARGE = 2.5e9
 gc.disable()  # the heap of a worker is large: its collection took 6 % of the time
+_QUICK_COMPILER = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+"""Nearly all that the tests do is compile; so it takes half the time, and rounds otherwise. With
+XLA_FLAGS set, if only to nothing, they run what a user runs."""
 
 
 def pytest_configure(config):
-    """Share compiled functions between tests, workers and runs."""
+    """Share compiled functions between tests, workers and runs, and compile them quickly."""
+    if "XLA_FLAGS" not in os.environ and _known(_QUICK_COMPILER, config):
+        os.environ["XLA_FLAGS"] = _QUICK_COMPILER  # workers and commands of tests inherit it
     folder = Path(config.rootpath) / ".pytest_cache" / "jax"
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)  # the command leaves it then
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def _known(flags: str, config) -> bool:
+    """Whether this XLA has the flags: it ends the process at one that it does not know."""
+    key = f"jaxlib {version('jaxlib')}/{flags.replace(' ', '')}"
+    known = config.cache.get(key, None)
+    if known is None:
+        ask = [sys.executable, "-c", "import jax; jax.numpy.zeros(1) + 1"]
+        found = subprocess.run(ask, env={**os.environ, "XLA_FLAGS": flags}, capture_output=True)
+        known = found.returncode == 0
+        config.cache.set(key, known)
+    return known
 
 
 @pytest.fixture(scope="module", autouse=True)
