@@ -97,7 +97,7 @@ def searched(monkeypatch, *screened, loose=(), **fitted):
     engine = SimpleNamespace(
         always=(), blocks=BLOCKS, offered=[SimpleNamespace(id=id) for id in ids],
         stopwatch=SimpleNamespace(typical=0.1, listen=None),
-        rms_error=lambda used, noise: 0.0,
+        rms_error=lambda used, noise: 0.0, learn_noise=lambda base: base,
         model=SimpleNamespace(
             effects=[SimpleNamespace(id=id) for id in ids],
             columns=lambda some: [ids.index(id) for id in some],
@@ -161,7 +161,7 @@ def test_the_held_out_error_is_that_of_the_select_and_report_blocks(sizes, error
     assert held_out(engine, candidate(**sizes)) == pytest.approx(SIGMA * error)
 
 
-FLOOR = SimpleNamespace(sigma=SIGMA, held_out=1.1, train=1.1)
+FLOOR = SimpleNamespace(sigma=SIGMA, later=SIGMA, held_out=1.1, train=1.1)
 LEFT = ["structure is left"]
 
 
