@@ -1,0 +1,148 @@
+"""Numbers quoted in the READMEs of `fits/` are those of the JSON that lies beside them.
+
+A number counts as right if the value, rounded to the digits that are quoted, is it.
+"""
+
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+FITS = Path(__file__).resolve().parents[1] / "fits"
+NUMBER = r"(-?\d*\.?\d+(?:e-?\d+)?)"
+
+
+def page(name):
+    """The text of a README, without bold marks and line breaks within sentences."""
+    return (FITS / name / "README.md").read_text(encoding="utf-8").replace("**", "")
+
+
+def content(path):
+    return json.loads((FITS / path).read_text(encoding="utf-8"))
+
+
+def agrees(quoted, value):
+    """Whether the value, rounded to the digits of `quoted`, is it."""
+    mantissa, _, power = quoted.partition("e")
+    digits = len(mantissa.partition(".")[2])
+    return abs(float(quoted) - value) <= 0.5000001 * 10.0 ** (int(power or 0) - digits)
+
+
+def stale(text, pattern, *values):
+    """What of a sentence is not so, in words; the sentence must be there once.
+
+    `pattern` has # for every number and spaces for any space.
+    """
+    parts = [re.escape(part) for part in pattern.split("#")]
+    found = re.findall(NUMBER.join(parts).replace(r"\ ", r"\s+"), text)
+    if len(found) != 1:
+        return [f"'{pattern}' stands there {len(found)} times"]
+    quoted = found[0] if isinstance(found[0], tuple) else found
+    assert len(quoted) == len(values)
+    pairs = zip(quoted, values, strict=True)
+    return [f"'{pattern}': {q}, is {v:.6g}" for q, v in pairs if not agrees(q, v)]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("p655", "1e-3"), ("basalt_step4", "1e-3"), ("sepiolite_step1", "1e-3"), ("emps", "N")],
+)
+def test_errors_of_a_loop_before_and_after(name, unit):
+    loop, text = content(f"{name}/loop/loop.json"), page(name)
+    scale = 1e3 if unit == "1e-3" else 1.0
+    sigma = re.search(rf"rms in {unit} \(in sigma = {NUMBER}", text)
+    assert sigma and agrees(sigma[1], loop["noise"]["sigma"])
+    before, after = loop["before"], loop["after"]
+    for block in ("train", "select", "report"):
+        (row,) = re.findall(rf"^\| {block}\b[^|]*\|(.*)\|$", text, re.M)
+        known = [
+            x
+            for fit in (before, after)
+            for x in (scale * fit[f"{block}_rms"], fit["in_sigma"][block])
+        ]
+        assert not stale(row, "# (#) | # (#)", *known)
+    assert f"Verdict: `{loop['verdict']}`" in text or name == "emps"
+    (head,) = re.findall(r"after: \+ ([\w, ]+) \|", text)
+    assert head.split(", ") == loop["effects"]
+
+
+def test_basalts_held_out_error():
+    loop = content("basalt_step4/loop/loop.json")
+    rows = {k: loop["blocks"][k] for k in ("select", "report")}
+
+    def held_out(fit):
+        squares = sum(n * fit["in_sigma"][k] ** 2 for k, n in rows.items())
+        return math.sqrt(squares / sum(rows.values()))
+
+    said = "the error falls from # to # sigma"
+    assert not stale(page("basalt_step4"), said, *map(held_out, (loop["before"], loop["after"])))
+
+
+def test_torques_of_screw_drives():
+    for name, rows in (
+        ("screwdrive1", {"Coulomb and viscous friction, directions apart": "before",
+                         "+ stribeck, n = 1": "after"}),
+        ("screwdrive2", {"Coulomb and viscous friction, directions apart": "after"}),
+    ):  # fmt: skip
+        found = content(f"{name}/loop/steady.json")
+        for row, fit in rows.items():
+            values = [1e3 * found[fit][k] for k in ("rms", "heldout_rms")]
+            assert not stale(page(name), f"| {row} | # | # |", *values)
+    bic = content("screwdrive1/loop/steady.json")["after"]["delta_bic"]
+    assert not stale(page("screwdrive1"), "| + stribeck, n = 1 | 0.0329 | 0.052 | # |", -abs(bic))
+
+
+def test_shares_of_the_blind_study():
+    results, text = content("blind/results.json"), page("blind")
+    numbers = {n["what"]: n for n in results["numbers"]}
+    aims = [n for n in numbers.values() if n["reached"] is not None]
+
+    def hits(what):
+        return int(numbers[what]["of"].split("/")[0])
+
+    strengths = [f"one effect, rho {rho}: " for rho in ("0.2", "0.5", "1")]
+    right = [hits(at + "alias group right") for at in strengths]
+    assert right == [hits(at + "alias group right and confirmed") for at in strengths]
+    one = "one effect, rho >= 0.2: "
+    error = f"{one}held-out rms / true sigma, "
+    for pattern, values in (
+        ("are those of `--share 0.1 --shift 8`: # of the 1260 records", [len(results["records"])]),
+        ("Of # targets # are reached", [len(aims), sum(n["reached"] for n in aims)]),
+        ("the right group in #, # and # of 19 at rho 0.2, 0.5 and 1, confirmed every time", right),
+        ("confirmed every time; exact in #, # and #.", [hits(at + "exact") for at in strengths]),
+        (
+            "Held-out error # sigma in the median, # at the 90th percentile;",
+            [numbers[error + q]["value"] for q in ("median", "90th percentile")],
+        ),
+        (
+            "#, # and # % of the bias of A, B and L are left",
+            [
+                100 * numbers[f"one effect, rho >= 0.5: bias of {k}, after / before"]["value"]
+                for k in "ABL"
+            ],
+        ),
+        (
+            "95 % intervals of A, B, L cover # %, those of fits of the right effect # %",
+            [
+                100 * numbers[f"{one}95 % intervals of A, B, L cover, {fits}"]["value"]
+                for fits in ("extended fits", "those of the right effect")
+            ],
+        ),
+    ):
+        assert not stale(text, pattern, *values)
+    assert not any(hits(w) for w in numbers if w.startswith(("no effect", "rho 0.1: a wrong")))
+
+
+def test_a_stale_digit_is_seen():
+    assert agrees("1.035", 1.0354) and not agrees("1.035", 1.0356)
+    assert agrees("2e-9", 2.4e-9) and not agrees("2e-9", 2.6e-9)
+    assert agrees(".064", 0.0641) and not agrees("19", 18)
+    text = "the error falls\nfrom 1.35 to 1.03 sigma. 3 of 4 are right"
+    said = "the error falls from # to # sigma"
+    assert not stale(text, said, 1.352, 1.031) and not stale(text, "# of 4 are", 3)
+    assert stale(text, said, 1.36, 1.031) == [f"'{said}': 1.35, is 1.36"]
+    assert stale(text, "the error rises to #", 1.0) == [
+        "'the error rises to #' stands there 0 times"
+    ]
