@@ -4,6 +4,7 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
+from jaxfric.plot.loop import _cell
 from jaxfric.plot.marginals import draw_marginals
 from jaxfric.plot.stability import new_figure
 from jaxfric.plot.ticks import plain_log
@@ -81,3 +82,13 @@ def test_panels_of_a_row_share_one_scale() -> None:
 def test_a_study_of_one_member_has_no_curves() -> None:
     found = study_of(gain=(lambda k, v: k / 1e4, "gain")).isel(k_p=[0], V0=[0])
     assert draw_marginals(found, ["gain"], []) is None
+
+
+@pytest.mark.parametrize(
+    ("cosine", "text", "framed"),
+    [(0.949, ".94", False), (0.95, ".95", True), (0.944, ".94", False), (0.996, "1.0", True)],
+)
+def test_every_cosine_that_reads_as_alike_is_framed(cosine, text, framed) -> None:
+    axis = new_figure(3, 3).subplots()
+    _cell(axis, 1, 0, cosine)
+    assert axis.texts[0].get_text() == text and bool(axis.patches) == framed

@@ -68,6 +68,32 @@ def test_missing_friction_is_found_where_it_is_seen_and_stays_small_where_not():
     assert abs(found.amplitudes[2]) < size and found.errors[2] == pytest.approx(size, rel=0.01)
 
 
+def test_errors_of_missing_friction_are_of_what_the_base_does_not_take_up():
+    """Eight bumps whose mean the base takes up, of which one is 5 errors high: it stands out."""
+    rng, n, error = np.random.default_rng(1), 4000, 1e-3
+    columns, _ = np.linalg.qr(rng.standard_normal((n, 8)))
+    own = (columns - columns.mean(axis=1, keepdims=True)) / error
+    left = rng.standard_normal(n) - own[:, 2] * 5 * error
+    whole = float(left @ left), float(n)
+    found = _profile("slip", "m", np.arange(8.0), own, left, whole, 0.1)[1]
+    np.testing.assert_allclose(found.errors, error * np.sqrt(7 / 8), rtol=0.1)
+    above = found.amplitudes / found.errors
+    assert np.argmax(above) == 2 and above[2] > 3 and np.abs(np.delete(above, 2)).max() < 3
+
+
+def test_p_counts_structure_that_the_bumps_leave_as_their_bars_do():
+    """A fall of 60 in a sum of squares that stays 100 times that of the noise is no more than
+    chance: an F test with 2 degrees of freedom says so."""
+    rng, n = np.random.default_rng(0), 2000
+    columns, _ = np.linalg.qr(rng.standard_normal((n, 3)))
+    left = columns @ [5.0, 6.0, np.sqrt(2e5)]
+    whole = float(left @ left), float(n)
+    found = _profile("slip", "m", np.arange(2.0), columns[:, :2], left, whole, 1e9)[1]
+    rest = (whole[0] - 61) / (n - 2)
+    assert found.p_value == pytest.approx(stats.f.sf(61 / 2 / rest, 2, n - 2), rel=0.01)
+    assert found.explained < 0.005 and found.p_value > 0.5
+
+
 def profile(variable, explained, p=1e-9):
     one = np.ones(1)
     return LocationProfile(variable, "m", one, one, one, explained, p)

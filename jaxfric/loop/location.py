@@ -3,7 +3,9 @@
 Bumps of friction as functions of one variable (slip, velocity, state, time, time or slip since the
 step, wavelength) are sent through the linearised slider and fitted together with the base.
 The variable whose bumps take most of the structure away is where friction differs. Every variable
-is asked alone: their shares overlap and do not add up to one.
+is asked alone: their shares overlap and do not add up to one. What the base's own parameters take
+up is left out of a profile and of its errors; structure that the bumps leave counts as noise, in
+the errors and in p.
 """
 
 from collections.abc import Sequence
@@ -23,6 +25,7 @@ from .structure import chi_square_tail
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _CHANCE = 0.01
+_MOSTLY = 0.5
 _LARGEST = 3.0
 """Standard deviation of missing friction before anything is known, over the rms of the residual."""
 
@@ -94,24 +97,27 @@ def _profile(variable, unit, centres, own, left, whole, size) -> tuple[float, Lo
     used = values > 1e-6 * max(values[-1], 1e-300)
     seen = vectors[:, used].T @ side
     gain, degrees = float(np.sum(seen**2 / values[used])), int(used.sum())
-    # structure that these bumps leave is no noise, and makes their sizes as uncertain as if it were
+    # structure that these bumps leave is no noise, and makes them as uncertain as if it were
     beyond = max((whole[0] - gain) / max(whole[1] - degrees, 1.0), 1.0)
     # what the base takes up may have any size: none is assumed far above what is left
     scaled = np.maximum(values, 0.0) / beyond + 1 / size**2
-    inverse = (vectors / scaled) @ vectors.T
+    # and it is left out, but of a bump of which the base takes up the greater part
+    taken = values / beyond < 1 / size**2
+    mostly = np.sum(vectors[:, taken] ** 2, axis=1) > _MOSTLY
+    kept = np.where(taken, mostly[:, None], True) * vectors
     # predicted minus recorded: what must be added has the other sign
-    amplitudes = -inverse @ side / beyond
-    errors = np.sqrt(np.diag(inverse))
+    amplitudes = -(kept / scaled) @ (vectors.T @ side) / beyond
+    errors = np.sqrt(np.sum(kept**2 / scaled, axis=1))
     unseen = np.diag(gram) <= 1e-9 * max(np.max(np.diag(gram)), 1e-300)
     amplitudes, errors = np.where(unseen, np.nan, amplitudes), np.where(unseen, np.nan, errors)
-    explained, p = share_of(gain, degrees, whole), chi_square_tail(gain, degrees)
+    explained, p = share_of(gain, degrees, whole), chi_square_tail(gain / beyond, degrees)
     profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, p)
     return gain - degrees, profile
 
 
 def _ripples(variable, unit, centres, own, left, whole, size) -> tuple[float, LocationProfile]:
-    del size  # a sine and a cosine are known each for itself
     """Each wavelength alone, a sine and a cosine: many together would follow anything."""
+    del size  # a sine and a cosine are known each for itself
     amplitudes, errors, gains = np.zeros((3, len(centres)))
     for k in range(len(centres)):
         pair = own[:, 2 * k : 2 * k + 2]
@@ -121,8 +127,9 @@ def _ripples(variable, unit, centres, own, left, whole, size) -> tuple[float, Lo
         errors[k] = np.sqrt(0.5 * np.trace(inverse))
         gains[k] = side @ inverse @ side
     best = float(np.max(gains))
-    errors *= np.sqrt(np.maximum((whole[0] - gains) / max(whole[1] - 2, 1.0), 1.0))
-    p = min(1.0, len(centres) * chi_square_tail(best, 2))
+    beyond = np.maximum((whole[0] - gains) / max(whole[1] - 2, 1.0), 1.0)
+    errors *= np.sqrt(beyond)
+    p = min(1.0, len(centres) * chi_square_tail(float(np.max(gains / beyond)), 2))
     explained = share_of(best, 2, whole)
     return best - 2, LocationProfile(variable, unit, centres, amplitudes, errors, explained, p)
 

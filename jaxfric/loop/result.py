@@ -89,7 +89,7 @@ class LocationProfile:
     centres: np.ndarray
     amplitudes: np.ndarray
     errors: np.ndarray
-    """Standard errors of the amplitudes, in the unit of friction."""
+    """Standard errors of what the base does not take up, in the unit of friction."""
     explained: float
     """Share of the structure of the base's residual that bumps in this variable alone take away;
     nan where there is no more of it than chance."""

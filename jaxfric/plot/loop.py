@@ -238,8 +238,8 @@ def _save_location(loop: Loop, folder: Path) -> list[str]:
         " and do not add up to 100 %.\nIn units of the rms that the base leaves in its train block,"
         f" {size * left:.3g} {unit}".rstrip()
         + ", of which the noise of a row is the dotted"
-        f" {loop.sigma / left:.2g}.\nThe machine shows a part of it only, and neighbours of"
-        " opposite sign cancel. Bars: standard error.",
+        f" {loop.sigma / left:.2g}.\nLeft out is what the base's own parameters take up. The"
+        " machine shows a part only, and neighbours of opposite sign cancel. Bars: standard error.",
         x=0.01,
         ha="left",
         fontsize=10.5,
@@ -288,7 +288,8 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
     if np.all(x > 0) and np.max(x) > many * np.min(x):
         plain_log(axis, "x")
     axis.set_xlabel(label if unit in ("", "1") else f"{label} [{unit}]")
-    share = f" alone explains {100 * profile.explained:.0f} %"
+    some = f"{100 * profile.explained:.0f}" if profile.explained >= 0.005 else "less than 1"
+    share = f" alone explains {some} %"
     told = np.isfinite(profile.explained) and profile.p_value < SIGNIFICANT
     tidy(axis, f"{name}{share if told else ''}\n{_p(profile.p_value)}")
 
@@ -342,7 +343,7 @@ def save_aliasing(
     axis.tick_params(length=0)
     axis.spines[:].set_visible(False)
     notes = [f"0: nothing alike, {what} tells them apart", "1: the same, no fit can tell"]
-    notes.append(f"framed: {ALIAS:.2f} or more, not told apart")
+    notes.append(f"framed: {ALIAS:.2f} or more, not told apart to first order")
     if added:
         notes.append("orange names: effects that were added")
     if np.any(~np.isfinite(cosines[np.tri(number, k=-1, dtype=bool)])):
@@ -362,6 +363,8 @@ def _cell(axis: Axes, i: int, j: int, value: float) -> None:
         return
     alike = value >= ALIAS
     text = "1.0" if value >= 0.995 else f"{value:.2f}".removeprefix("0")
+    if not alike and float(text) >= ALIAS:  # rounded up to what is framed
+        text = f"{ALIAS - 0.01:.2f}".removeprefix("0")
     colour = "white" if value > 0.7 else BLACK
     weight = "bold" if alike else "normal"
     axis.text(j, i, text, ha="center", va="center", fontsize=8, color=colour, fontweight=weight)
