@@ -11,7 +11,7 @@ from jaxfric.axis.fit import inverse_dynamics
 from jaxfric.axis.prepare import Preparation
 from jaxfric.axis.problem import BaseLaw, make_problem
 from jaxfric.axis.reading import read_rows
-from jaxfric.axis.seen import _stairs, _stops, doubts
+from jaxfric.axis.seen import _stairs, _stops, doubts, slowest_told
 from jaxfric.loop.superset import Superset
 from jaxfric.records import axis_from_arrays
 
@@ -97,3 +97,18 @@ def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
         both = inverse_dynamics(problem, np.asarray(z), np.arange(4))
         assert both.loose == () and both.values["F_c"] == pytest.approx(0.3, rel=0.05)
         assert set(inverse_dynamics(one_way, np.asarray(z), np.arange(4)).loose) == {"F_c", "F_0"}
+
+
+@pytest.mark.parametrize(
+    ("width", "unseen", "slowest", "why"),
+    [
+        (1e-5, [], 0.02, "only 2 % of the rows are slower"),
+        (0.01, [], 0.04, "rows below 0.02 m/s do not count"),
+        (1e-5, [0.5], 0.51, "only 2 % of the rows above 0.5 m/s are slower"),
+        (0.2, [0.5], 0.8, "rows below 0.4 m/s do not count"),
+    ],
+)
+def test_slower_motion_is_left_out_for_the_reason_that_decides(width, unseen, slowest, why):
+    speed = np.linspace(0, 1, 1001)
+    found, told = slowest_told(speed, width, "m", unseen)
+    assert found == pytest.approx(slowest, abs=2e-3) and told.startswith(why)

@@ -5,7 +5,7 @@ of the fitted friction, rows at low speed that lie above it, and speeds at which
 its way, or the low-pass took away stairs of its motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -41,7 +41,7 @@ def seen(engine: Engine, found: Candidate, rows: AxisRows, prepared: Prepared, u
     """Of the fit `found`; `unit` is that of the position, for words."""
     speed = np.abs(rows.velocity[rows.used])
     fastest = float(speed.max())
-    unseen = [Unseen(f"rows below {2 * rows.width:.2g} {unit}/s do not count", 2 * rows.width)]
+    unseen = []
     stops, at = _stops(rows)
     if stops:
         unseen.append(Unseen(f"it stopped {stops} times on its way", at))
@@ -55,13 +55,36 @@ def seen(engine: Engine, found: Candidate, rows: AxisRows, prepared: Prepared, u
                 at,
             )
         )
-    slowest = max(4 * rows.width, float(np.quantile(speed, _QUANTILE)))
-    faster = speed[speed > max(one.speed for one in unseen)]
+    slowest, why = slowest_told(speed, rows.width, unit, [one.speed for one in unseen])
+    unseen = [Unseen(why, np.nextafter(slowest, 0.0)), *unseen]
     unseen += [Unseen(why, np.inf) for why in doubts(engine, found, rows)]
-    if len(faster):
-        slowest = max(slowest, float(np.quantile(faster, _QUANTILE)))
     error = slope_error(engine, found, float(np.median(rows.position)))
     return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
+
+
+def slowest_told(
+    speed: np.ndarray, width: float, unit: str, unseen: Sequence[float]
+) -> tuple[float, str]:
+    """The speed from which the slope of friction is told, and why not below, in words.
+
+    speed : of the rows that count. width : of the smoothed sign of the velocity. unseen : speeds up
+    to which no steady motion was seen.
+    """
+    rare = f"only {100 * _QUANTILE:g} % of the rows"
+    limits = [
+        (
+            4 * width,
+            f"rows below {2 * width:.2g} {unit}/s do not count, and up to twice that friction is"
+            " rounded off where the velocity turns",
+        ),
+        (float(np.quantile(speed, _QUANTILE)), f"{rare} are slower"),
+    ]
+    edge = max(unseen, default=0.0)
+    faster = speed[speed > edge]
+    if edge and len(faster):
+        text = f"{rare} above {edge:.2g} {unit}/s are slower"
+        limits.append((float(np.quantile(faster, _QUANTILE)), text))
+    return max(limits)
 
 
 def doubts(engine: Engine, found: Candidate, rows: AxisRows) -> list[str]:
