@@ -11,6 +11,7 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,9 @@ from command import assert_refused, record_text, run, written
 from matplotlib.image import imread
 from rich.console import Console
 
+from jaxfric.axis.gains_result import AxisGains
+from jaxfric.axis.prepare import Preparation
+from jaxfric.axis.result import AxisDetails
 from jaxfric.cli import loop as verb
 from jaxfric.effects import CATALOGUE
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate
@@ -36,7 +40,7 @@ from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
-from jaxfric.report.loop_text import by_velocity, candidates, print_loop
+from jaxfric.report.loop_text import apart, by_velocity, candidates, print_loop
 
 HOSTILE = "<b>&.csv"
 KEYS = (
@@ -497,3 +501,47 @@ def test_a_velocity_without_rows_that_count_has_not_failed():
     rows = by_velocity(dataclasses.replace(loop, before=score, after=score, blocks=blocks)).rows
     assert rows[0][2:] == ("no row counts", "–", "–")
     assert rows[1][3:] == ("failed", "failed")
+
+
+@pytest.mark.parametrize(
+    ("delta_bic", "converged", "words"),
+    [
+        (None, True, "cannot tell it from slip_trend; what would: "),
+        (1475.0, True, "cannot tell it from slip_trend; what would: "),
+        (20.0, False, "cannot tell it from slip_trend; what would: "),
+        (
+            20.0,
+            True,
+            "tells it from every other effect; a refit tells it from slip_trend (BIC 1",
+        ),
+    ],
+)
+def test_a_refit_tells_effects_that_look_alike(delta_bic, converged, words):
+    """To first order time_drift and slip_trend are the same; the model has 1480 of BIC."""
+    loop = make_loop("ambiguous")
+    more = CandidateScore(("slip_trend",), delta_bic or 0.0, 1, 1, {}, True, converged, False)
+    tried = loop.candidates + ((more,) if delta_bic else ())
+    lines = apart(dataclasses.replace(loop, candidates=tried))
+    assert lines[0].startswith(f"time_drift: this record {words}")
+    assert ("slip_trend or time_drift" in lines[-1]) == (not words.startswith("tells"))
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown"), [("microns", "1 µm/s"), ("0.05 um", "1 µm/s"), ("mm", "0.001 mm/s")]
+)
+def test_velocities_bear_a_symbol_of_length(unit: str, shown: str) -> None:
+    loop = make_loop("effects")
+    units = {**loop.record.units, "load_point_displacement": unit}
+    record = dataclasses.replace(loop.record, units=units)  # pyright: ignore[reportArgumentType]
+    assert by_velocity(dataclasses.replace(loop, record=record)).rows[0][1] == shown
+
+
+@pytest.mark.parametrize(
+    ("drive", "columns"),
+    [(None, 2), (SimpleNamespace(K_d=2.0, K_p=None, velocity_gain=3.0, signal="V", gain=1.0), 3)],
+)
+def test_a_drive_of_which_nothing_is_known_has_no_column(drive, columns) -> None:
+    record: Any = SimpleNamespace(force_unit="N", drive=drive, coordinate="linear")
+    details = AxisDetails((), Preparation(50.0, 1), 1e-3, record, AxisGains(1.0, -2.0, 2.0, None))
+    table = details._gains("m")
+    assert len(table.head) == columns and {len(row) for row in table.rows} == {columns}

@@ -197,7 +197,10 @@ class AxisDetails:
                 ", (18)-(20) and (25): linear, and of an ideal drive; lags and sampling ask for"
                 " more. The critical k_p at the drive is in 1/s at its k_v"
             )
-        return Table("Gains", ("", "in force", "at the drive"), rows, note)
+        head = ("", "in force", "at the drive")
+        if not any(row[-1] for row in rows):  # a drive of which nothing is known
+            head, rows = head[:-1], [row[:-1] for row in rows]
+        return Table("Gains", head, rows, note)
 
     def to_json(self) -> dict:
         """Under "axis": what was prepared how, and the fits."""

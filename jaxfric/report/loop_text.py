@@ -30,8 +30,10 @@ BLOCKS = {
 }
 SIGNIFICANT = 0.01
 _ALIAS = 0.95
+_TOLD = 10.0
 _MOST_CANDIDATES = 10
 _WIDE = 105
+_LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
 
 
 def spoken(loop: Loop, text: str) -> str:
@@ -279,17 +281,25 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
 
 
 def apart(loop: Loop) -> list[str]:
-    """For every effect added, what it may be confused with and what would separate them."""
+    """For every effect added, what it may be confused with and what would separate them.
+
+    Effects that look alike to first order are told apart where a refit with the other in place of
+    the one was tried and is worse by more than 10 of BIC.
+    """
     out = []
     for id, *others in loop.alias_groups:
-        if not others:
-            near, value = _nearest(loop, id)
-            text = f"{id}: this record tells it from every other effect"
-            out.append(text + (f" (most alike: {near}, cosine {value:.2f})" if near else ""))
+        alike = [other for other in others if not _tells(loop, id, other)]
+        refits = [f"{o} (BIC {_worse(loop, id, o):.0f} worse)" for o in others if o not in alike]
+        told = f"; a refit tells it from {' and '.join(refits)}" if refits else ""
+        if alike:
+            text = f"{id}: this record cannot tell it from {' or '.join(alike)}"
+            wanted = loop.separations.get(id)
+            out.append(f"{text}; what would: {wanted}{told}" if wanted else text + told)
             continue
-        text = f"{id}: this record cannot tell it from {' or '.join(others)}"
-        wanted = loop.separations.get(id)
-        out.append(f"{text}; what would: {wanted}" if wanted else text)
+        text = f"{id}: this record tells it from every other effect"
+        near, value = _nearest(loop, id)
+        text += f" (most alike: {near}, cosine {value:.2f})" if near and not told else ""
+        out.append(text + told)
     pairs = alias_pairs(loop)
     if not out:
         out.append("no effect was added")
@@ -299,15 +309,35 @@ def apart(loop: Loop) -> list[str]:
 
 
 def alias_pairs(loop: Loop) -> list[tuple[str, str, float]]:
-    """Pairs of effects with |cosine| of .95 and more, most alike first."""
+    """Pairs of effects with |cosine| of .95 and more that no refit tells apart, most alike
+    first."""
     ids, cosines = loop.alias_ids, np.asarray(loop.alias_cosines)
     found = [
         (ids[j], ids[i], float(cosines[i, j]))
         for i in range(len(ids))
         for j in range(i)
         if cosines[i, j] >= _ALIAS
+        and not (_tells(loop, ids[j], ids[i]) or _tells(loop, ids[i], ids[j]))
     ]
     return sorted(found, key=lambda pair: -pair[2])
+
+
+def _tells(loop: Loop, id: str, other: str) -> bool:
+    """Whether a refit tells the effect `id` of the model from another."""
+    return _worse(loop, id, other) > _TOLD
+
+
+def _worse(loop: Loop, id: str, other: str) -> float:
+    """By how much BIC is worse with `other` in place of `id` in the model; nan where that was not
+    fitted, or did not converge."""
+    model = frozenset(loop.after.effects)
+    if id not in model or other in model:
+        return math.nan
+    swapped = model - {id} | {other}
+    known = {frozenset(c.effects): c for c in reversed(loop.ranked())}
+    if model not in known or swapped not in known or not known[swapped].converged:
+        return math.nan
+    return known[model].delta_bic - known[swapped].delta_bic
 
 
 def _nearest(loop: Loop, id: str) -> tuple[str, float]:
@@ -336,7 +366,12 @@ def splitting(loop: Loop) -> str:
 
 
 def _length(loop: Loop) -> str:
-    return loop.record.units.get("load_point_displacement", "um")
+    """The record's unit of length by its symbol; um where it has none, as "0.05 um"."""
+    told = loop.record.units.get("load_point_displacement", "um")
+    if told == "rad":
+        return told
+    size = factor(told, "m", "length")
+    return next((name for name, one in _LENGTHS if math.isclose(size, one)), "um")
 
 
 def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
