@@ -195,3 +195,9 @@ def _registry() -> Any:
 
 def _example(si_unit: str) -> str:
     return _EXAMPLES.get(si_unit, "0.6" if si_unit == "1" else f"1 {si_unit}")
+
+
+def between(low: float, high: float, unit: str, *, digits: int = 3) -> str:
+    """A range in words, "2 to 5 s"; one number where both ends read the same."""
+    ends = [f"{value:.{digits}g}" for value in (low, high)]
+    return f"{ends[0]} {unit}" if ends[0] == ends[1] else f"{ends[0]} to {ends[1]} {unit}"

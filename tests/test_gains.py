@@ -25,7 +25,7 @@ from jaxfric.gains.result import Basin, WorstCase
 from jaxfric.gains.scenarios import Scenarios, one_sample
 from jaxfric.gains.slack import slacks
 from jaxfric.gains.solve import make_region, solve
-from jaxfric.gains.source import stack
+from jaxfric.gains.source import seen_velocities, stack
 from jaxfric.gains.verify import JumpSizes
 from jaxfric.rig.friction import GaussianStribeck
 
@@ -462,3 +462,20 @@ def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
         schedule(source, velocity=(3e-3, 2e-3), mass=0.5, margin=marginal)
     with pytest.raises(InputError, match="ratio > finest > 1"):
         schedule(source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.1)
+
+
+@pytest.mark.parametrize(
+    ("velocities", "told"),
+    [
+        ([1e-6, 2e-5], None),  # twice beyond, as far as that goes
+        ([1e-6, 1e-3], "1e-06 to 1e-05 m/s and asked at 1e-06 to 0.001 m/s, up to 100 times"),
+        ([1e-7], "asked at 1e-07 m/s, up to 10 times"),
+        ([], None),
+    ],
+)
+def test_a_law_is_told_to_be_asked_beyond_its_record(velocities, told):
+    law = rate_state(1.0, 3.0, 1e-3, 2e-3)
+    lines = LawSource(law, stack([law]), "fitted", 2e-3, seen=(1e-6, 1e-5)).unseen(velocities)
+    assert len(lines) == (told is not None) and (told or "") in "".join(lines)
+    assert LawSource(law, stack([law]), "stated", 2e-3).unseen([1.0]) == ()
+    assert seen_velocities([0.0, 1e-5, -1e-6]) == (1e-6, 1e-5) and seen_velocities([0.0]) is None

@@ -8,6 +8,7 @@ import pytest
 
 from jaxfric.errors import InputError
 from jaxfric.units import (
+    between,
     factor,
     format_si,
     has_dimension,
@@ -193,3 +194,8 @@ def test_records_and_units_need_no_jax() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stdout.split()) == (0, []), done.stderr
+
+
+def test_a_range_whose_ends_read_the_same_is_one_number() -> None:
+    assert between(0.001999, 0.0021, "s") == "0.002 to 0.0021 s"
+    assert between(0.0019999, 0.0020001, "s") == "0.002 s"

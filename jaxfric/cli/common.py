@@ -3,7 +3,7 @@
 import contextlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -223,6 +223,12 @@ Mass = Annotated[
 ]
 
 
+def warn(lines: Iterable[str]) -> None:
+    """Print each line as a warning on stderr."""
+    for line in lines:
+        print(f"jaxfric: warning: {line}", file=sys.stderr)
+
+
 def read_law(
     fit: Path | None,
     law: str | None,
@@ -246,8 +252,7 @@ def read_law(
             if not force > 0:
                 raise InputError(f"--normal-force: '{normal_force}' is not positive")
         source = law_from_file(fit, normal_force=force, samples=samples, seed=seed)
-        for warning in source.warnings:
-            print(f"jaxfric: warning: {warning}", file=sys.stderr)
+        warn(source.warnings)
         return source
     if law is None or parameters is None:
         raise InputError(

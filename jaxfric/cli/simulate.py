@@ -18,6 +18,7 @@ from .common import (
     prepare_jax,
     read_law,
     told,
+    warn,
 )
 from .folder import choose_law_folder
 from .stability import read_damping, read_one_mass, read_positive
@@ -91,6 +92,7 @@ def simulate(
         raise InputError("--jump and --at-rest exclude each other; give one")
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
+    warn(source.unseen(velocities))
     folder = choose_law_folder(out, from_, law)
     rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities)
     with told(quiet=True) as progress:

@@ -18,6 +18,7 @@ from .common import (
     read_law,
     read_masses,
     told,
+    warn,
 )
 from .folder import choose_law_folder
 
@@ -62,6 +63,7 @@ def stability(
     k_v = read_damping(kv)
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
+    warn(source.unseen(velocities))
     folder = choose_law_folder(out, from_, law)
     from ..stability.analysis import study
 

@@ -175,6 +175,7 @@ def _result(
         source.text,
         warnings=(
             *source.warnings,
+            *source.unseen(scenarios.velocity),
             *_warnings(parts[0], region, worst, scenarios.delay),
         ),
         delay=None if scenarios.delay is None else float(scenarios.delay[0]),

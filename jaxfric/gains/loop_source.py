@@ -50,6 +50,7 @@ from .source import (
     law_quantity,
     numbered,
     rate_state,
+    seen_velocities,
 )
 
 CERTAIN = ("no_missing_effect", "effects", "ambiguous")
@@ -131,6 +132,7 @@ def law_from_loop(
         text,
         velocity,
         (*_verdict(content), *_left_out(effects, values, scale)),
+        seen_velocities([step[-1] for step in content.get("steps", []) if isinstance(step, list)]),
     )
 
 

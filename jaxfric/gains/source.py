@@ -1,7 +1,7 @@
 """Where a friction law for control comes from: a fit's file, or parameters given one by one."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from ..rig.friction import (
     SlipEvolution,
 )
 from ..stability.claims import rate_state_claim
-from ..units import parse_quantity
+from ..units import between, parse_quantity
 from .saved import FIT, missing_key, read_saved, refuse_damage, sampled, table_damage, values_of
 
 EVOLUTIONS = {"slip": SlipEvolution, "ageing": AgeingEvolution}
@@ -37,6 +37,7 @@ _CURVES = {
     "dahl": Dahl,
 }
 LAWS = (*EVOLUTIONS, *_CURVES)
+_BEYOND = 2.0
 _F0 = 50.0
 """Steady friction in units of A where f0 is not given: of rock and metal it is 30 to 100."""
 
@@ -55,6 +56,24 @@ class LawSource:
     """A velocity of the record [m/s], for where none is given."""
     warnings: tuple[str, ...] = ()
     """What must be known before it is relied on, a line each."""
+    seen: tuple[float, float] | None = None
+    """Slowest and fastest velocity of the record [m/s]; None where there is none."""
+
+    def unseen(self, velocities: Sequence[float] | np.ndarray) -> tuple[str, ...]:
+        """A line where some of the `velocities` [m/s] lie more than twice beyond the record's."""
+        V = np.abs(np.asarray(velocities, float))
+        V = V[V > 0]
+        if self.seen is None or V.size == 0:
+            return ()
+        low, high = self.seen
+        if V.min() >= low / _BEYOND and V.max() <= _BEYOND * high:
+            return ()
+        worst = max(V.max() / high, low / V.min())
+        return (
+            f"the law is fitted to velocities of {between(low, high, 'm/s')} and asked at"
+            f" {between(V.min(), V.max(), 'm/s')}, up to {worst:.3g} times beyond: no row of the"
+            " record tested it there",
+        )
 
 
 def law_from_fit(
@@ -93,7 +112,17 @@ def law_from_fit(
     law = rate_state(values, states, evolution, scale)
     text = f"{content['law']} law, {states} state(s), fitted: {path}"
     samples_of = rate_state(columns, states, evolution, scale)
-    return LawSource(law, samples_of, text, values["V0"], _doubts(content, states))
+    steps = content.get("steps")
+    seen = seen_velocities(steps.get("velocities") if isinstance(steps, dict) else None)
+    return LawSource(law, samples_of, text, values["V0"], _doubts(content, states), seen)
+
+
+def seen_velocities(velocities: object) -> tuple[float, float] | None:
+    """Slowest and fastest [m/s] of the velocities in a file, rest left out; None without any."""
+    if not isinstance(velocities, list):
+        return None
+    sizes = [abs(v) for v in velocities if isinstance(v, int | float) and v != 0]
+    return (min(sizes), max(sizes)) if sizes else None
 
 
 def _doubts(content: Mapping, states: int) -> tuple[str, ...]:

@@ -93,7 +93,7 @@ def _simulated(result: Gains) -> str:
     checked = result.simulation
     if checked is None:
         return ""
-    text = f": {checked.steady} of {checked.checked} simulated starts end steady"
+    text = f":\n{checked.steady} of {checked.checked} simulated starts end steady"
     if checked.basin is None:
         return text
     more = "" if checked.basin_lost else " or more"

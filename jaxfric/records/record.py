@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..units import between
 from .header import ROLES
 from .sizes import refuse_sizes
 from .window import Bound, bounds
@@ -58,10 +59,9 @@ class Sampling:
         )
 
     def __str__(self) -> str:
-        return (
-            f"{self.rows} rows over {self.duration:.4g} s, every {self.median:.3g} s"
-            f" ({self.shortest:.3g} to {self.longest:.3g} s)"
-        )
+        text = f"{self.rows} rows over {self.duration:.4g} s, every {self.median:.3g} s"
+        ends = between(self.shortest, self.longest, "s")
+        return text if ends == f"{self.median:.3g} s" else f"{text} ({ends})"
 
 
 @dataclass(frozen=True, eq=False)

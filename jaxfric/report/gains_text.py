@@ -1,6 +1,7 @@
 """Gains as lines of text."""
 
 from ..gains.result import Basin, Gains
+from ..units import between
 
 
 def describe(gains: Gains) -> list[str]:
@@ -38,11 +39,11 @@ def _smallest(gains: Gains) -> str:
 def _scenarios(gains: Gains) -> str:
     scenarios = gains.scenarios
     low, high = scenarios.velocity.min(), scenarios.velocity.max()
-    text = f"{len(scenarios)}, velocity {low:.3g} to {high:.3g} m/s"
+    text = f"{len(scenarios)}, velocity {between(low, high, 'm/s')}"
     if scenarios.mass is None:
         text += ", no mass"
     else:
-        text += f", mass {scenarios.mass.min():.3g} to {scenarios.mass.max():.3g} kg"
+        text += f", mass {between(scenarios.mass.min(), scenarios.mass.max(), 'kg')}"
     count = len(set(scenarios.sample.tolist()))
     text += f", {count} sample{'s' if count > 1 else ''} of the law"
     if gains.confidence < 1:

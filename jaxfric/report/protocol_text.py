@@ -1,6 +1,7 @@
 """A planned protocol as tables and lines of text, for the terminal."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,6 +19,11 @@ _NOTE = (
 _SAME = 0.9995
 
 
+def _speeds(V: Sequence[float]) -> str:
+    low, high = speed_text(min(V)), speed_text(max(V))
+    return low if low == high else f"{low} to {high}"
+
+
 def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
     """The plan in a few lines."""
     V = plan.velocities
@@ -27,7 +33,7 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
     edge = "any stiffness is stable" if plan.ratio is None else f"K/K_cr = {plan.ratio:.2f}"
     base = ", ".join(_parameter(plan, name) for name in plan.parameters)
     return [
-        f"plan: {len(V)} velocities, {speed_text(min(V))} to {speed_text(max(V))},"
+        f"plan: {len(V)} velocities, {_speeds(V)},"
         f" {format_si(plan.slip_per_step, 'm', 'um', 4)} each: {_duration(plan.duration)},"
         f" {total} rows",
         f"machine: K = {K * 1e-6:.4g} {unit}, {edge}; noise {_number(plan.noise)}"
