@@ -6,6 +6,8 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import optimistix as optx
@@ -23,7 +25,9 @@ from command import (
 )
 
 from jaxfric.cli import app as cli
-from jaxfric.cli.folder import NOTES
+from jaxfric.cli.call import Call
+from jaxfric.cli.fit import _complain_and_keep, _misfit, _not_converged
+from jaxfric.cli.folder import NOTES, Folder
 from jaxfric.cli.told import told
 
 FILES = ["fit.json", "fit.png", "fit.svg"]
@@ -244,6 +248,27 @@ def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypa
         assert_refused(run(*command), "run-fit/fit.json: this fit did not converge (still moving")
 
 
+@pytest.mark.parametrize(
+    ("files", "here", "not_here"),
+    [
+        (["fit.json", "fit.png"], ["takes its fit.json. Look at o/fit.png: are the"], []),
+        (["fit.json"], ["takes its fit.json. Are the steps"], ["fit.png"]),
+        ([], ["mean nothing. Are the steps"], ["fit.png", "fit.json"]),
+    ],
+)
+def test_what_did_not_converge_names_files_that_are_there(files, here, not_here, capsys) -> None:
+    """And what is not written at all still tells its warnings, before its error."""
+    result: Any = SimpleNamespace(result="still moving", warnings=("loud", "late"))
+    folder = Folder(Path("o"), Call("fit", "", {}), (), files)
+    said = _not_converged(result, folder)
+    assert all(words in said for words in here) and not any(words in said for words in not_here)
+    assert _complain_and_keep(result, folder) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[:2] == ["jaxfric: warning: loud", "jaxfric: warning: late"] and len(lines) == 3
+    assert lines[2].startswith("jaxfric: error: the fit did not converge (still moving)")
+    assert "o keeps the fit" in lines[2]
+
+
 @pytest.mark.parametrize("out", ["run.csv", "run.csv/below", "n" * 300])
 def test_an_output_folder_that_cannot_be(out: str) -> None:
     assert_refused(run("fit", "run.csv", *STIFFNESS, "--out", out), "output folder", "--out")
@@ -305,10 +330,6 @@ def test_ids_of_effects_in_help_are_those_of_the_catalogues() -> None:
 
 
 def test_a_gross_misfit_points_to_the_loop() -> None:
-    from types import SimpleNamespace
-
-    from jaxfric.cli.fit import _misfit
-
     friction = np.random.default_rng(0).standard_normal(4000)
     of = {"record": SimpleNamespace(friction=friction), "converged": True}
     assert _misfit(SimpleNamespace(rms=1.5, **of)) == []

@@ -1,6 +1,7 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -96,7 +97,9 @@ def fit(
         )
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
         if not result.converged and _has_converged(folder.path / "fit.json"):
-            return _complain_and_keep(result, folder, content if json else None)
+            if json:
+                print(content)
+            return _complain_and_keep(result, folder)
         progress("drawing the figure")
         with folder.results() as to:
             (to / "fit.json").write_text(content + "\n")
@@ -105,13 +108,17 @@ def fit(
         print(content)
     else:
         _print_fit(result, folder)
-    for warning in (*result.warnings, *_misfit(result)):
-        print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    _warn((*result.warnings, *_misfit(result)))
     code = folder.close()
     if result.converged:
         return code
-    print(f"jaxfric: error: {_not_converged(result)}", file=sys.stderr)
+    print(f"jaxfric: error: {_not_converged(result, folder)}", file=sys.stderr)
     return 1
+
+
+def _warn(warnings: Iterable[str]) -> None:
+    for warning in warnings:
+        print(f"jaxfric: warning: {warning}", file=sys.stderr)
 
 
 def _has_converged(file: Path) -> bool:
@@ -124,24 +131,25 @@ def _has_converged(file: Path) -> bool:
         return False
 
 
-def _complain_and_keep(result, folder: Folder, content: str | None) -> int:
+def _complain_and_keep(result, folder: Folder) -> int:
     """What did not converge does not take the place of what did."""
-    if content is not None:
-        print(content)
+    _warn(result.warnings)
     print(
-        f"jaxfric: error: {_not_converged(result)}. {folder.path} keeps the fit that converged"
-        " there before, and nothing was written; give another folder with --out",
+        f"jaxfric: error: {_not_converged(result, folder)}. {folder.path} keeps the fit that"
+        " converged there before, and nothing was written; give another folder with --out",
         file=sys.stderr,
     )
     return 1
 
 
-def _not_converged(result) -> str:
+def _not_converged(result, folder: Folder) -> str:
+    """What to do; of files only those that this run wrote are named."""
+    no_use = ", and no other verb takes its fit.json" if "fit.json" in folder.files else ""
+    figure = f"Look at {folder.path / 'fit.png'}: are" if "fit.png" in folder.files else "Are"
     return (
-        f"the fit did not converge ({result.result}): its numbers mean nothing, and no other verb"
-        " takes its fit.json. Look at fit.png: are the steps right ('jaxfric record'), is the"
-        " stiffness? Else cut the record to fewer steps (--from, --to), or state a start, as in"
-        " --start 'A=0.01, B=0.012, L=20 um'"
+        f"the fit did not converge ({result.result}): its numbers mean nothing{no_use}. {figure}"
+        " the steps right ('jaxfric record'), is the stiffness? Else cut the record to fewer steps"
+        " (--from, --to), or state a start, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
 
 
