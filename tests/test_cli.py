@@ -1,5 +1,6 @@
 """The command: what it prints and writes, and how it ends."""
 
+import inspect
 import json
 import os
 import subprocess
@@ -28,7 +29,7 @@ from jaxfric.cli import app as cli
 from jaxfric.cli.call import Call
 from jaxfric.cli.fit import _complain_and_keep, _misfit, _not_converged
 from jaxfric.cli.folder import NOTES, Folder
-from jaxfric.cli.told import told
+from jaxfric.cli.told import doing, told
 
 FILES = ["fit.json", "fit.png", "fit.svg"]
 
@@ -303,7 +304,7 @@ def test_an_interrupt_at_a_figure_keeps_the_numbers(
         cli.main()
     assert ended.value.code == 130
     told = "jaxfric: interrupted at the figure; the numbers are in run-fit/\n"
-    assert capsys.readouterr().err == told
+    assert without_beats(capsys.readouterr().err) == told
     assert names("run-fit") == ["fit.json"]
 
 
@@ -316,7 +317,7 @@ def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, cap
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 130
-    assert capsys.readouterr().err == "jaxfric: interrupted; nothing was written\n"
+    assert without_beats(capsys.readouterr().err) == "jaxfric: interrupted; nothing was written\n"
     assert names(".") == ["run.csv"]
 
 
@@ -399,18 +400,50 @@ def test_as_a_process() -> None:
 
 
 def test_silence_is_broken_and_what_was_said_last_is_said_again(monkeypatch, capsys) -> None:
-    monkeypatch.setattr("jaxfric.cli.told.BEAT", 0.05)
+    monkeypatch.setattr("jaxfric.cli.told.FIRST", 0.05)
+    monkeypatch.setattr("jaxfric.cli.told.BEAT", 0.1)
     with told(quiet=True) as progress:
         assert capsys.readouterr().err == ""
         progress("trial 3 of at most 80")
-        time.sleep(0.12)
+        time.sleep(0.5)
         said = capsys.readouterr().err
-    assert said.splitlines()[0] == "jaxfric: 0 s: trial 3 of at most 80"
+    lines = said.splitlines()
+    assert lines[0] == "jaxfric: 0 s: trial 3 of at most 80"
+    assert lines[2] == "jaxfric: 0 s: trial 3 of at most 80 (begun 0 s ago)"
     assert without_beats(said) == ""
-    time.sleep(0.1)
+    time.sleep(0.2)
     with told(quiet=False) as progress:
         progress("drawing figures")
     assert capsys.readouterr().err == "jaxfric: drawing figures\n"
+
+
+def test_the_first_word_comes_before_a_verb_has_done_anything(monkeypatch, capsys) -> None:
+    """The silence of its imports is broken; after `told` nothing is, where results are printed."""
+    monkeypatch.setattr("jaxfric.cli.told.FIRST", 0.02)
+    monkeypatch.setattr("jaxfric.cli.told.BEAT", 0.6)
+    said = []
+
+    def slow() -> None:
+        for silence in (0.4, 0.8):
+            time.sleep(silence)
+            said.append(capsys.readouterr().err.partition("\n")[0][len("jaxfric: 0 s: ") :])
+            doing("reading run.csv")
+        with told(quiet=True):
+            pass
+        time.sleep(0.7)
+
+    def quick() -> None:
+        time.sleep(0.2)
+
+    nothing = inspect.signature(slow).bind()
+    verbs = [slow, quick]
+    parsed = SimpleNamespace(parse_args=lambda *_, **__: (verbs.pop(0), nothing, {}))
+    monkeypatch.setattr(cli, "app", parsed)
+    monkeypatch.setattr(cli, "_VERBS", (slow,))
+    assert cli._run([]) == 0
+    assert said == ["starting", "reading run.csv"]
+    assert capsys.readouterr().err == ""
+    assert cli._run([]) == 0 and capsys.readouterr().err == ""  # no verb, as --help is none
 
 
 def test_a_reader_that_goes_away() -> None:

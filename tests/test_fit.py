@@ -2,8 +2,10 @@
 
 import dataclasses
 import json
+import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -34,6 +36,34 @@ def synthetic(seed: int, **options) -> tuple[jaxfric.Record, VelocitySteps, obje
         made.time, made.friction, load_point_displacement=made.load_point_displacement
     )
     return record, VelocitySteps(np.array(made.truth.starts), np.array(made.truth.velocities)), made
+
+
+def test_descents_are_counted_within_their_stage(monkeypatch):
+    """Of one state and then of more; stand-ins for all that computes."""
+    told, module, zeros = [], sys.modules["jaxfric.fitting.fit"], np.zeros(3)
+
+    def solve(problem, starts, given, progress):
+        progress("descent 1 of at most 3")
+        return SimpleNamespace(z=zeros)
+
+    rig = SimpleNamespace(machine=SimpleNamespace(stiffness=1.0))
+    problem: Any = SimpleNamespace(rig=lambda z: rig, motion=None, with_model=lambda model: None)
+    data = SimpleNamespace(time=zeros, friction=zeros, count=zeros)
+    monkeypatch.setattr(module, "_solve", solve)
+    monkeypatch.setattr(module, "prepare", lambda *_, **__: problem)
+    monkeypatch.setattr(module, "one_state_starts", lambda *_, **__: np.ones((1, 4)))
+    monkeypatch.setattr(module, "more_state_starts", lambda *_, **__: np.ones((1, 6)))
+    monkeypatch.setattr(module, "average", lambda *_: data)
+    monkeypatch.setattr(module, "simulate", lambda *_: SimpleNamespace(velocity=zeros, slip=zeros))
+    record: Any = SimpleNamespace(relative_time=zeros, friction=zeros)
+    for states in (1, 2):
+        given: Any = (record, 1.0, None, Model(states=states), 1.0, None, None)
+        module._solve_in_stages(*given, told.append)
+    assert told == [
+        "descent 1 of at most 3",
+        "stage 1 of 2, one state: descent 1 of at most 3",
+        "stage 2 of 2, 2 states: descent 1 of at most 3",
+    ]
 
 
 @pytest.mark.parametrize(

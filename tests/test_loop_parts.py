@@ -14,6 +14,7 @@ from jaxfric.loop import search as search_module
 from jaxfric.loop.engine import Candidate, Column
 from jaxfric.loop.evidence import evidence, log_determinant
 from jaxfric.loop.fixed import Part, inseparable, loose
+from jaxfric.loop.pace import Stopwatch
 from jaxfric.loop.screen import (
     Screened,
     Screening,
@@ -474,7 +475,7 @@ class Fitted:
 
     always, ids = (), "abcd"
     blocks = SimpleNamespace(select=np.ones(100, bool))
-    stopwatch = SimpleNamespace(typical=0.1)
+    stopwatch = Stopwatch([0.1])
 
     def rms_error(self, used, noise):
         del noise

@@ -133,9 +133,9 @@ def test_spans_of_time(least, most, words):
 
 
 def test_what_is_left_of_a_search_shrinks():
-    """One second a fit: 3 rounds of a screening and 4 refits, and 3 more at the end."""
-    told = []
-    pace = Pace(told.append, 60 / 14, rounds=3, refits=4)
+    """One minute a fit: 3 rounds of a screening and 4 refits, and 3 more at the end."""
+    told, watch = [], Stopwatch([60 / 14])
+    pace = Pace(told.append, watch, rounds=3, refits=4)
     pace.screening("screening", 0)
     pace.refitting("refitting", 0, 1, 4)
     pace.screening("screening", 2)
@@ -146,6 +146,40 @@ def test_what_is_left_of_a_search_shrinks():
         "screening; 4 to 8 min left",
         "refitting (2 of 2); 2 to 4 min left",
     ]
+
+
+def test_what_is_left_falls_within_a_stage_too():
+    """Ten minutes a fit, of 14 linearisations. One that takes 28 is learnt from; so is a machine
+    that becomes busy."""
+    told, watch = [], Stopwatch()
+
+    def linearised(times, seconds=600 / 14):
+        for _ in range(times):
+            watch.seconds.append(seconds)
+            watch.listen(len(watch.seconds), watch.typical)
+
+    linearised(3)
+    pace = Pace(told.append, watch, rounds=3, refits=4, silent=0.0)
+    pace.refitting("refitting", 2, 1, 2)
+    assert told == ["refitting (2 of 2); 20 to 40 min left"]
+    linearised(7)
+    assert told[-1] == "refitting (2 of 2); 15 to 35 min left" and len(told) == 8
+    linearised(7)
+    assert told[-1] == "refitting (2 of 2); 11 to 31 min left"
+    linearised(14)
+    assert told[-1] == "refitting (2 of 2); 10 to 30 min left"
+    pace.refitting("refitting", 2, 0, 2)  # of (14 + 28)/2 linearisations
+    assert told[-1] == "refitting (1 of 2); 45 to 75 min left"
+    linearised(8, 1200 / 14)
+    assert told[-1] == "refitting (1 of 2); 79 min to 2 h left"  # (3 - 8/21) of 30 min
+    count = len(told)
+    pace.silent = 60.0
+    linearised(5)
+    assert len(told) == count
+    pace.end()
+    pace.silent = 0.0
+    linearised(5)
+    assert len(told) == count
 
 
 def test_slow_work_is_told_now_and_then():

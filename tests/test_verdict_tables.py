@@ -11,6 +11,7 @@ import pytest
 
 from jaxfric.loop import search as search_module
 from jaxfric.loop.engine import Engine
+from jaxfric.loop.pace import Stopwatch
 from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import fault, search
 from jaxfric.loop.verdict import _verdict, conclude, held_out
@@ -96,7 +97,7 @@ def searched(monkeypatch, *screened, loose=(), **fitted):
     ids = ("a", "b")
     engine = SimpleNamespace(
         always=(), blocks=BLOCKS, offered=[SimpleNamespace(id=id) for id in ids],
-        stopwatch=SimpleNamespace(typical=0.1, listen=None),
+        stopwatch=Stopwatch([0.1]),
         rms_error=lambda used, noise: 0.0, learn_noise=lambda base: base,
         model=SimpleNamespace(
             effects=[SimpleNamespace(id=id) for id in ids],

@@ -22,6 +22,7 @@ from .record import record
 from .simulate import simulate
 from .stability import stability
 from .study import study
+from .told import telling
 
 app = cyclopts.App(
     name="jaxfric",
@@ -29,7 +30,8 @@ app = cyclopts.App(
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
-for verb in (record, fit, loop, predict, protocol, gains, stability, simulate, study):
+_VERBS = (record, fit, loop, predict, protocol, gains, stability, simulate, study)
+for verb in _VERBS:
     app.command(verb)
 
 
@@ -58,7 +60,8 @@ def _run(arguments: list[str]) -> int:
     try:
         with _quiet(), words_of_the_command():
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
-            with calling(verb, bound, arguments):
+            telling_of_it = telling() if verb in _VERBS else contextlib.nullcontext()
+            with calling(verb, bound, arguments), telling_of_it:
                 code = verb(*bound.args, **bound.kwargs)
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from ..errors import InputError
+from .told import doing as doing
 from .told import told as told
 
 File = Annotated[Path, Parameter(help="The record: a CSV or other table of columns.")]
@@ -181,6 +182,7 @@ def flipped(flip: Sequence[str] | None) -> str | Literal[False]:
 
 def prepare_jax() -> None:
     """64-bit numbers, and a compilation cache in the user's cache folder if there can be one."""
+    doing("loading JAX")
     import jax
 
     from ..cache import cache_compiled

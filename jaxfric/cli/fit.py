@@ -7,7 +7,19 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from .common import Columns, DropBad, File, Out, Since, Steps, Until, prepare_jax, read_record, told
+from .common import (
+    Columns,
+    DropBad,
+    File,
+    Out,
+    Since,
+    Steps,
+    Until,
+    doing,
+    prepare_jax,
+    read_record,
+    told,
+)
 from .folder import Folder, choose_folder
 
 _MISFIT = 2.0
@@ -71,6 +83,7 @@ def fit(
     """
     import json as text
 
+    doing(f"reading {file.name}")
     measured = read_record(file, column, drop_bad, since, until)
     prepare_jax()
     from ..fitting import fit as run
@@ -96,17 +109,17 @@ def fit(
             progress=progress,
         )
         content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-        if not result.converged and _has_converged(folder.path / "fit.json"):
-            if json:
-                print(content)
-            return _complain_and_keep(result, folder)
-        progress("drawing the figure")
-        with folder.results() as to:
-            (to / "fit.json").write_text(content + "\n")
-        folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
+        keeps = not result.converged and _has_converged(folder.path / "fit.json")
+        if not keeps:
+            progress("drawing the figure")
+            with folder.results() as to:
+                (to / "fit.json").write_text(content + "\n")
+            folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
     if json:
         print(content)
-    else:
+    if keeps:
+        return _complain_and_keep(result, folder)
+    if not json:
         _print_fit(result, folder)
     _warn((*result.warnings, *_misfit(result)))
     code = folder.close()

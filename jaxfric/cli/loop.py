@@ -25,6 +25,7 @@ from .common import (
     Until,
     VelocityGain,
     axis_roles,
+    doing,
     effect_ids,
     flipped,
     prepare_jax,
@@ -137,6 +138,7 @@ def loop(
     }
     if rig == "steady":
         refuse_options(rig, {"--from": since, "--to": until})
+        doing(f"reading {file.name}")
         from ..records import read_steady
 
         return _steady(file, read_steady(file, **reading), declared, excluded, out, json)
@@ -248,11 +250,14 @@ def _steady(file: Path, curve, declared, excluded, out: Path | None, as_json: bo
     from ..report.steady_text import to_json
 
     folder = choose_folder(out, file.stem, file)
-    result = close_steady_loop(curve, with_=declared, without=excluded)
-    content = text.dumps(to_json(result), indent=1, allow_nan=False)
-    with folder.results() as to:
-        (to / "steady.json").write_text(content + "\n", encoding="utf-8")
-    folder.draw("curve", lambda to: draw_steady(result, to))
+    with told(quiet=True) as progress:
+        progress("fitting the curve of friction over velocity")
+        result = close_steady_loop(curve, with_=declared, without=excluded)
+        content = text.dumps(to_json(result), indent=1, allow_nan=False)
+        with folder.results() as to:
+            (to / "steady.json").write_text(content + "\n", encoding="utf-8")
+        progress("drawing the figure")
+        folder.draw("curve", lambda to: draw_steady(result, to))
     if as_json:
         print(content)
     else:

@@ -17,6 +17,7 @@ from .common import (
     Steps,
     VelocityGain,
     axis_roles,
+    doing,
     flipped,
     prepare_jax,
     read_record,
@@ -81,6 +82,7 @@ def predict(
     of_a_slider = {"--stiffness": stiffness, "--steps": steps, "--free": free is not None}
     kind = "an axis" if saved.is_axis else "a slider"
     refuse_unused(f"{model}, a model of {kind}", of_a_slider if saved.is_axis else of_an_axis)
+    doing(f"reading {record.name}")
     measured = read_record(record, column, drop_bad) if not saved.is_axis else None
     if saved.is_axis:
         from ..records import read_axis

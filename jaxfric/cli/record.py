@@ -18,9 +18,11 @@ from .common import (
     Until,
     VelocityGain,
     axis_roles,
+    doing,
     flipped,
     read_record,
     refuse_options,
+    told,
     windowed,
 )
 from .folder import Folder, choose_folder
@@ -59,6 +61,7 @@ def record(
     refuse_options(rig, unused if rig == "slider" else {**unused, "--steps": steps})
     if rig == "steady":
         refuse_options(rig, {"--from": since, "--to": until})
+    doing(f"reading {file.name}")
     if rig == "slider":
         return _slider(read_record(file, column, drop_bad, since, until), file, steps, out)
     reading: dict[str, Any] = {
@@ -121,9 +124,11 @@ def _steady(file, reading: dict[str, Any], out) -> int:
 
 
 def _show(folder: Folder, drawing, lines: list[str]) -> int:
-    with folder.results():
-        pass  # what is understood is told; only the figure is written
-    folder.draw("the figure", drawing)
+    with told(quiet=True) as progress:
+        progress("drawing the figure")
+        with folder.results():
+            pass  # what is understood is told; only the figure is written
+        folder.draw("the figure", drawing)
     for line in lines:
         print(line)
     if folder.files:

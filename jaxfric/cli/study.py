@@ -241,9 +241,11 @@ def _draw(store: str, out: str | None) -> int:
     folder = choose_folder(Path(out or f"{name}-figures"), "", *inputs)
     if out is None:
         folder.refuse_another_input()
-    with folder.results():
-        pass
-    names = folder.draw("figures", lambda to: draw_study(found, to))
+    with told(quiet=True) as progress:
+        progress("drawing figures")
+        with folder.results():
+            pass
+        names = folder.draw("figures", lambda to: draw_study(found, to))
     if names:
         pictures = [name for name in names if name.endswith(".png")]
         print(f"written: {folder.path}/{', '.join(pictures)} (and .svg)")

@@ -2,63 +2,130 @@
 
 On a terminal one line changes. Elsewhere (a file, a pipe, a notebook) there is no such line: work
 that says nothing for five seconds is then told of by a line with the seconds spent so far and the
-last message, which says what is left where that is known ("trial 3 of at most 80").
+last message, which says what is left where that is known ("trial 3 of at most 80"), and how long
+ago that was.
+
+The command begins to tell before its verb imports anything, and the first word comes early: on a
+busy machine to import JAX alone takes many seconds. What is quick says nothing.
 """
 
 import contextlib
+import contextvars
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 
+FIRST = 0.6
+"""The longest silence [s] before the first word, where there is no terminal."""
 BEAT = 5.0
-"""The longest silence [s] where there is no terminal."""
+"""The longest silence [s] after it."""
 
 
 class Teller:
-    """Lines on stderr: one for every message if `each`, and one wherever `beat` s were silent."""
+    """Lines on stderr: one for every message if `each`, and one wherever there was silence for
+    `first` s at the beginning, for `beat` s later."""
 
-    def __init__(self, *, each: bool, beat: float):
-        self.each, self.beat = each, beat
+    def __init__(self, *, each: bool, first: float, beat: float):
+        self.each, self.longest, self.beat = each, first, beat
         self.message = "starting"
-        self.begun = self.last = time.monotonic()
+        self.begun = self.last = self.since = time.monotonic()
         self.lock, self.ended = threading.Lock(), threading.Event()
+        self.thread = threading.Thread(target=self._watch, daemon=True)
+        self.thread.start()
 
     def __call__(self, message: str) -> None:
         """Say what is being done from now on."""
         with self.lock:
-            self.message = message
+            self.doing(message)
             if self.each:
                 self._print(message)
 
-    def watch(self) -> None:
+    def doing(self, message: str) -> None:
+        """The same without a line of its own."""
+        self.message, self.since = message, time.monotonic()
+
+    def end(self) -> None:
+        """Break no more silence; to be called twice is no mistake."""
+        self.ended.set()
+        self.thread.join()
+
+    def _watch(self) -> None:
         """Break every silence until `ended` is set."""
-        while not self.ended.wait(max(0.0, self.last + self.beat - time.monotonic())):
+        while not self.ended.wait(max(0.0, self.last + self.longest - time.monotonic())):
             with self.lock:
-                if time.monotonic() - self.last >= self.beat:
-                    self._print(f"{time.monotonic() - self.begun:.0f} s: {self.message}")
+                now = time.monotonic()
+                if now - self.last >= self.longest:
+                    old = now - self.since
+                    ago = f" (begun {old:.0f} s ago)" if old >= self.beat else ""
+                    self._print(f"{now - self.begun:.0f} s: {self.message}{ago}")
 
     def _print(self, text: str) -> None:
-        self.last = time.monotonic()
+        self.last, self.longest = time.monotonic(), self.beat
         with contextlib.suppress(OSError, ValueError):  # stderr was closed: work goes on
             print(f"jaxfric: {text}", file=sys.stderr, flush=True)
 
 
-@contextlib.contextmanager
-def told(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Tell on stderr what is being done, see this file. With `quiet` only silences are broken."""
-    if sys.stderr.isatty():
+class Line:
+    """One line of a terminal that changes."""
+
+    def __init__(self):
         from rich.console import Console
+
+        self.each = False
+        self.status = Console(stderr=True, highlight=False).status("starting")
+        self.status.start()
+
+    def __call__(self, message: str) -> None:
+        """Say what is being done from now on."""
         from rich.markup import escape
 
-        with Console(stderr=True, highlight=False).status("starting") as status:
-            yield lambda message: status.update(escape(message))
-        return
-    teller = Teller(each=not quiet, beat=BEAT)
-    watch = threading.Thread(target=teller.watch, daemon=True)
-    watch.start()
+        self.status.update(escape(message))
+
+    def doing(self, message: str) -> None:
+        """The same: there is but one line."""
+        self(message)
+
+    def end(self) -> None:
+        """Take the line away; to be called twice is no mistake."""
+        self.status.stop()
+
+
+_NOW: contextvars.ContextVar[Teller | Line | None] = contextvars.ContextVar("told", default=None)
+
+
+def _begin() -> Teller | Line:
+    return Line() if sys.stderr.isatty() else Teller(each=False, first=FIRST, beat=BEAT)
+
+
+@contextlib.contextmanager
+def telling() -> Iterator[None]:
+    """Tell of all that is done in the block, at the latest until a `told` in it ends."""
+    teller = _begin()
+    token = _NOW.set(teller)
+    try:
+        yield
+    finally:
+        _NOW.reset(token)
+        teller.end()
+
+
+@contextlib.contextmanager
+def told(*, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Tell on stderr what is being done, see this file. With `quiet` only silences are broken.
+
+    What is printed after the block is not disturbed by a line of a terminal.
+    """
+    teller = _NOW.get() or _begin()
+    teller.each = not quiet
     try:
         yield teller
     finally:
-        teller.ended.set()
-        watch.join()
+        teller.end()
+
+
+def doing(message: str) -> None:
+    """Say it where a silence is broken, and on a terminal; no line of its own."""
+    teller = _NOW.get()
+    if teller is not None:
+        teller.doing(message)

@@ -293,7 +293,7 @@ def _solve_in_stages(
     )
     if model.states == 1:
         return problem, _solve(problem, starts, start, progress)
-    first = _solve(problem, starts, None, progress)
+    first = _solve(problem, starts, None, _within("stage 1 of 2, one state", progress))
     data = average(time, friction, steps)
     full = data.count > 0
     seen = simulate(problem.rig(first.z), problem.motion, jnp.asarray(data.time[full]))
@@ -310,7 +310,13 @@ def _solve_in_stages(
     if len(starts) == 0:
         starts = split_state(np.asarray(problem.from_free(first.z)), model.states)
     problem = problem.with_model(model)
-    return problem, _solve(problem, starts, start, progress)
+    stage = f"stage 2 of 2, {model.states} states"
+    return problem, _solve(problem, starts, start, _within(stage, progress))
+
+
+def _within(stage: str, progress: Callable[[str], None]) -> Callable[[str], None]:
+    """Tells which stage it is that counts its descents."""
+    return lambda text: progress(f"{stage}: {text}")
 
 
 def _solve(

@@ -1,24 +1,27 @@
 """What is left of a search, in seconds of this machine: told with every message.
 
 One linearisation of the record takes the same time whatever is asked of it, and nearly all of a
-search is made of them. The median so far is what one takes here: the first, with its compilation,
-does not count, and a busy machine does.
+search is made of them. The median of the latest is what one takes here: one with its compilation
+does not count, and a busy machine does. How many a joint fit takes is learnt from those before it.
 """
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 
 _PER_FIT = 14
 """Linearisations of a joint fit, about; screening all effects is worth as much."""
+_LATEST = 15
+_SILENT = 10.0
+"""Within a stage what is left is told again after so many seconds."""
 
 
 class Stopwatch:
     """How long the same work took each time [s]."""
 
-    def __init__(self):
-        self.seconds: list[float] = []
+    def __init__(self, seconds: Sequence[float] = ()):
+        self.seconds = list(seconds)
         self.listen: Callable[[int, float], None] = lambda number, seconds: None
 
     @contextmanager
@@ -30,8 +33,8 @@ class Stopwatch:
 
     @property
     def typical(self) -> float:
-        """Their median."""
-        return statistics.median(self.seconds) if self.seconds else float("inf")
+        """The median of the latest."""
+        return statistics.median(self.seconds[-_LATEST:]) if self.seconds else float("inf")
 
 
 def now_and_then(
@@ -50,31 +53,67 @@ def now_and_then(
 
 
 class Pace:
-    """Tells what is done and about how long the rest takes.
+    """Tells what is done and about how long the rest takes, which falls within a stage too.
 
-    `linearisation` is the seconds of one. A search has at most `rounds`, each of a screening and
-    of `refits` fits; the fewest there can be is one of two.
+    A search has at most `rounds`, each of a screening and of `refits` fits; the fewest there can
+    be is one of two.
     """
 
     def __init__(
-        self, progress: Callable[[str], None], linearisation: float, rounds: int, refits: int
+        self,
+        progress: Callable[[str], None],
+        stopwatch: Stopwatch,
+        rounds: int,
+        refits: int,
+        *,
+        silent: float = _SILENT,
     ):
-        self.progress, self.rounds, self.refits = progress, rounds, refits
-        self.fit = _PER_FIT * linearisation
+        self.progress, self.stopwatch = progress, stopwatch
+        self.rounds, self.refits, self.silent = rounds, refits, silent
+        self.text, self.least, self.most = "", 0, 0
+        self.begun = len(stopwatch.seconds)
+        self.counts = [_PER_FIT]
+        self.last = time.monotonic()
+        self.fits = False
+        stopwatch.listen = self._again
 
     def screening(self, text: str, number: int) -> None:
         """Of round `number`, from 0: it, two refits and the last steps are left at least."""
         whole = 1 + self.refits
-        self._tell(text, 4, (self.rounds - number) * whole + 3)
+        self._begin(text, 4, (self.rounds - number) * whole + 3, fits=False)
 
     def refitting(self, text: str, number: int, place: int, of: int) -> None:
         """The refit `place` of so many, from 0, in round `number`."""
         left = of - place
         later = (self.rounds - number - 1) * (1 + self.refits)
-        self._tell(f"{text} ({place + 1} of {of})", left + 1, left + later + 3)
+        self._begin(f"{text} ({place + 1} of {of})", left + 1, left + later + 3, fits=True)
 
-    def _tell(self, text: str, least: int, most: int) -> None:
-        self.progress(f"{text}; {span(least * self.fit, most * self.fit)} left")
+    def end(self) -> None:
+        """Of the stages whose number is known: no more is told of them."""
+        self.stopwatch.listen = lambda number, seconds: None
+
+    def _begin(self, text: str, least: int, most: int, *, fits: bool) -> None:
+        if self.fits and self._done():
+            self.counts.append(self._done())
+        self.text, self.least, self.most, self.fits = text, least, most, fits
+        self.begun = len(self.stopwatch.seconds)
+        self._tell()
+
+    def _again(self, number: int, seconds: float) -> None:
+        if self.text and time.monotonic() - self.last >= self.silent:
+            self._tell()
+
+    def _done(self) -> int:
+        return len(self.stopwatch.seconds) - self.begun
+
+    def _tell(self) -> None:
+        """Durations in fits; of the stage under way there is always one linearisation left."""
+        self.last, done = time.monotonic(), self._done()
+        each = statistics.mean(self.counts)
+        share = done / max(each, done + 1)
+        fit = each * self.stopwatch.typical
+        left = span((self.least - share) * fit, (self.most - share) * fit)
+        self.progress(f"{self.text}; {left} left")
 
 
 def span(least: float, most: float) -> str:

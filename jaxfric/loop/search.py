@@ -60,7 +60,7 @@ def search(
     current, tried = base, [base]
     rounds: list[tuple[Screened, ...]] = []
     accepted: list[tuple[str, ...]] = [()]
-    pace = Pace(progress, engine.stopwatch.typical, most, _REFITS)
+    pace = Pace(progress, engine.stopwatch, most, _REFITS)
     while len(current.effects) < most and not base.failed:
         missing = len(engine.offered) - len(current.effects) - len(engine.always)
         if not missing:
@@ -73,6 +73,7 @@ def search(
             break
         current = _exact(engine, better, tried)
         accepted.append(current.effects)
+    pace.end()
     progress("what can be told apart")
     ids, cosines = aliases(engine, current, scales)
     before = current
