@@ -178,6 +178,7 @@ def test_a_slider_through_the_command() -> None:
     written(Path("run.csv"), record_text())
     code, out, err = run("predict", slider_model(), "run.csv", *STEPS)
     assert code == 0 and "warning" not in err
+    assert "stiffness is the model's, " in out and "(--stiffness, in" in out
     assert "of this record f0 was fitted" in out and "Have the parameters changed?" in out
     folder = Path(out.split("written: ")[1].split("/prediction.json")[0])
     assert folder.name.startswith("run-by-fit-predict")
@@ -187,6 +188,8 @@ def test_a_slider_through_the_command() -> None:
     model, here = content["refitted"]["f0"]["model"], content["refitted"]["f0"]["here"]
     assert model == 0.5 and here == pytest.approx(0.6, abs=1e-3)
     assert content["comparisons"][0]["rms"] == pytest.approx(2e-4, rel=0.3)
+    own = ("--stiffness", "5e-3/um", "--out", "own")
+    assert "stiffness is the model's" not in run("predict", "fit.json", "run.csv", *STEPS, *own).out
     code, out, err = run("predict", "fit.json", "run.csv", *STEPS, "--free", "", "--json")
     assert json.loads(out)["refitted"] == {}
     assert json.loads(out)["comparisons"][0]["rms"] == pytest.approx(0.1, rel=0.02)

@@ -43,6 +43,8 @@ class _Setting(NamedTuple):
     steps: VelocitySteps
     sign: float
     stiffness: float
+    own: bool
+    """Whether the stiffness was stated for this record; else it is the model's."""
 
 
 class _Found(NamedTuple):
@@ -163,7 +165,7 @@ def _setting(saved: SavedModel, record: Record, stiffness, steps) -> _Setting:
         problem = dataclasses.replace(problem, normal_stress=padded)
     if effects:
         problem = seen_between(problem, values["A"] / float(K), values["L"])
-    return _Setting(saved, record, problem, found, sign, float(K))
+    return _Setting(saved, record, problem, found, sign, float(K), stiffness is not None)
 
 
 def _start(setting: _Setting, name: str) -> np.ndarray:
@@ -243,7 +245,14 @@ def _notes(setting: _Setting, free: Sequence[str]) -> tuple[str, ...]:
     told = f"of this record {what} was fitted"
     if len(setting.problem.shifted):
         told += ", and the times of its velocity steps within their error"
-    return (told,)
+    if setting.own:
+        return (told,)
+    unit = unit_of("K", setting.record.friction_unit)
+    return (
+        told,
+        f"stiffness is the model's, {setting.stiffness:.4g} {unit}: if another machine made this"
+        " record, state its own (--stiffness, in Python stiffness=)",
+    )
 
 
 def _warnings(setting: _Setting) -> tuple[str, ...]:
