@@ -230,7 +230,11 @@ def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypa
     assert code == 1
     assert err.splitlines()[-1].startswith("jaxfric: error: the fit did not converge (still moving")
     assert "stable" not in out and "critical" not in out and out.count("undetermined") == 4
+    assert "noise" in before.out and "noise" not in out
+    assert "did not converge" in Path("run-fit/fit.svg").read_text()
+    assert "did not converge" not in Path("good/fit.svg").read_text()
     content = strict_json(Path("run-fit/fit.json").read_text())
+    assert set(content["noise"].values()) == {None}
     assert content["converged"] is False and content["critical_stiffness"] is None
     of = ("--from", "run-fit/fit.json", "--normal-force", "5 N", "--velocity", "1 um/s")
     written(

@@ -28,7 +28,12 @@ Columns = Annotated[
     ),
 ]
 DropBad = Annotated[
-    bool, Parameter(negative=(), help="Leave out rows with cells that are no numbers.")
+    bool,
+    Parameter(
+        negative=(),
+        help="Leave out rows with cells that are no numbers, of a slider also those far out of"
+        " their neighbours.",
+    ),
 ]
 Steps = Annotated[
     str | None,
@@ -129,6 +134,7 @@ def read_record(
     from ..records import read
 
     record = read(file, columns=_roles(columns, "friction=mu"), drop_bad=drop_bad)
+    warn(record.provenance.doubts)
     return windowed(record, since, until)
 
 

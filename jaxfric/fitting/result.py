@@ -136,6 +136,11 @@ class Fit:
             return Claim("open", ("L is not determined",))
         return claim
 
+    def _noise(self) -> dict:
+        """Null where the fit did not converge: what it leaves is no noise."""
+        found = {"sigma": _number(self.noise.sigma), **self.noise.to_json()}
+        return found if self.converged else dict.fromkeys(found)
+
     def to_json(self) -> dict:
         """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
         origin = self.record.provenance
@@ -157,10 +162,7 @@ class Fit:
             "critical_stiffness": _number(kcr),
             "sum_of_squares": _number(self.sum_of_squares),
             "rms": _number(self.rms),
-            "noise": {
-                "sigma": _number(self.noise.sigma),
-                **self.noise.to_json(),
-            },
+            "noise": self._noise(),
             "weighting": self.weighting,
             "converged": self.converged,
             "iterations": self.iterations,

@@ -77,10 +77,11 @@ def summary(fit: Fit) -> list[str]:
         f"{len(fit.record)} rows, {fit.result}"
         + (f" in {fit.iterations} iterations" if fit.converged else ""),
         f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
-        f"noise {noise.sigma:.3g}{unit}, {_colour(noise)}",
     ]
+    if fit.converged:  # else what is left is the failure of the fit, not noise
+        lines.append(f"noise {noise.sigma:.3g}{unit}, {_colour(noise)}")
     lines.append(_stability(fit))
-    pairs = correlations(fit)
+    pairs = correlations(fit) if fit.converged else []
     if pairs:
         lines.append("correlated errors: " + ", ".join(pairs))
     return lines

@@ -47,7 +47,9 @@ def fit_figure(fit: Fit) -> Figure:
     name = printable(fit.record.provenance.path)
     states = "" if fit.model.states == 1 else f", {fit.model.states} states"
     title = f"{name}: {fit.model.law} law{states}"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
+    colour = "black" if fit.converged else _FIT
+    title += "" if fit.converged else "; did not converge, its numbers mean nothing"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False, color=colour)
     figure.align_ylabels(list(axes))
     return figure
 
@@ -93,11 +95,14 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
 
 def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     sigma = fit.noise.sigma
-    axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=_BAND, lw=0, zorder=0, label="±1.96 σ of noise")
+    if fit.converged:
+        text = "±1.96 σ of noise"
+        axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=_BAND, lw=0, zorder=0, label=text)
     axis.plot(along, fit.residual, color=_DATA, lw=0.7)
     axis.axhline(0, color="0.3", lw=0.6)
     axis.set_ylabel("record − fit")
-    axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
+    if fit.converged:
+        axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
 
 
 def _autocorrelation(axis: Axes, fit: Fit) -> None:
@@ -107,8 +112,9 @@ def _autocorrelation(axis: Axes, fit: Fit) -> None:
     band = 1.96 / np.sqrt(count)
     axis.fill_between(lag, -band, band, color=_BAND, lw=0, label="95 % band of white noise")
     axis.plot(lag, value, "o-", color=_DATA, ms=3, lw=0.8, label="residual")
-    model = fit.noise.correlated_share * np.exp(-lag / memory)
-    axis.plot(lag, model, color=_FIT, lw=1.2, ls="--", label="noise model")
+    if fit.converged:
+        model = fit.noise.correlated_share * np.exp(-lag / memory)
+        axis.plot(lag, model, color=_FIT, lw=1.2, ls="--", label="noise model")
     axis.axhline(0, color="0.3", lw=0.6)
     plain_log(axis, "x")
     axis.set_ylim(min(-0.3, 1.1 * float(value.min())), 1.02)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from ..units import factor, has_dimension
+from . import axis_header
 from .header import COLUMN_ROLES, NO_COLUMN, fitting, key, numbered, role_of, split_name_unit
 from .table import Table
 
@@ -143,6 +144,12 @@ def _require(table: Table, found: Mapping[str, object]) -> None:
             f"{table.path}: {table.doubt}; which has no name cannot be told: say which is"
             f" {', '.join(missing)} by number, as in --column '{missing[0]}=#1 [{unit}]'"
         )
+    if _of_an_axis(table):
+        raise InputError(
+            f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}."
+            " These are of a servo axis, which is read with --rig axis ('jaxfric record', 'jaxfric"
+            " loop')"
+        )
     machine = any((unit or "").lower() in ("bit", "bits") for unit in table.units)
     hint = (
         " (bits are machine units: give what one bit is)"
@@ -155,6 +162,14 @@ def _require(table: Table, found: Mapping[str, object]) -> None:
         f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
         f"{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'"
     )
+
+
+def _of_an_axis(table: Table) -> bool:
+    """Whether the columns are those of a servo axis: its position and its motor."""
+    known = [axis_header.role_of(name) for name in table.names]
+    roles = {one[0] for one in known if one is not None}
+    motor = {"motor_force", "control_signal", "motor_current"}
+    return "position" in roles and bool(roles & motor)
 
 
 def _with_unit(table: Table, role: str, index: int, unit: str | None) -> Assigned:

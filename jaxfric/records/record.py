@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..units import between
+from . import standing_out
 from .header import ROLES
 from .sizes import refuse_sizes
 from .window import Bound, bounds
@@ -34,6 +35,8 @@ class Provenance:
     rows_read: int = 0
     dropped: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    """Cells that stand far out of their neighbours, a line a column: where, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -211,15 +214,33 @@ def build(
         role: np.where(np.abs(values) < SMALLEST, 0.0, values) for role, values in columns.items()
     }
     keep, dropped = _good_rows(columns, origin.path, lines, malformed, drop_bad)
+    si_units = {**ROLES, "friction": friction_unit}
+    doubts = ()
+    if drop_bad:
+        keep, dropped = _without(columns, keep, dropped)
+    else:
+        here = {role: values[keep] for role, values in columns.items()}
+        doubts = standing_out.told(origin.path, here, lines[keep], si_units)
     kept = {role: frozen(values[keep]) for role, values in columns.items()}
     count = int(keep.sum())
     if count < MIN_ROWS:
         raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
-    si_units = {**ROLES, "friction": friction_unit}
     refuse_sizes(kept, si_units, units, origin.path, lines[keep])
     rows_read, dropped = origin.rows_read + len(lines), {**origin.dropped, **dropped}
-    origin = replace(origin, rows_read=rows_read, dropped=dropped)
+    origin = replace(origin, rows_read=rows_read, dropped=dropped, doubts=doubts)
     return Record(**kept, friction_unit=friction_unit, units=dict(units), provenance=origin)
+
+
+def _without(
+    columns: Mapping[str, np.ndarray], keep: np.ndarray, dropped: dict[str, int]
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Rows to keep and the count of the others, less those with cells that stand far out."""
+    rows = np.flatnonzero(keep)
+    far = [standing_out.standing_out(role, values[rows]) for role, values in columns.items()]
+    wild = np.any(far, axis=0)
+    keep = keep.copy()
+    keep[rows[wild]] = False
+    return keep, dropped | ({"far out of its neighbours": int(wild.sum())} if wild.any() else {})
 
 
 def _good_rows(

@@ -1,0 +1,68 @@
+"""Cells that stand far out of their neighbours: typed over, or a glitch of the recorder."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..units import format_si
+
+_RANGES = 2.0
+"""A cell stands out that lies beyond both neighbours by this many times the range of the rest."""
+_LEVEL = 0.2
+"""And by this share of the median: no peak of friction after a velocity step is as high."""
+_STEPS = 10.0
+"""Of a column that advances: by this many times the largest advance of the rest."""
+_FEW, _SHARE, _TOLD = 3, 0.01, 3
+_ADVANCE = ("load_point_displacement", "load_point_encoder", "slip")
+
+
+def standing_out(role: str, values: np.ndarray) -> np.ndarray:
+    """Which of n cells of a column stand far out of both neighbours: True there [n].
+
+    A cell stands out by its distance from the interval between its neighbours (of the first and
+    last the two next to it). The rest are all but the m = max(3, n/100) farthest of either side.
+    Where more than m cells would stand out none does: they are what the column is like.
+
+    Not tried: two wrong cells side by side; a cell that is wrong by less.
+    """
+    x = np.asarray(values, float)
+    if role == "time" or len(x) < 4:
+        return np.zeros(len(x), bool)
+    before = np.concatenate([[x[2]], x[:-1]])
+    after = np.concatenate([x[1:], [x[-3]]])
+    out = np.maximum(x - np.maximum(before, after), np.minimum(before, after) - x)
+    m = max(_FEW, int(np.ceil(_SHARE * len(x))))
+    if role in _ADVANCE:
+        steps = np.sort(np.abs(np.diff(x)))
+        allowed = _STEPS * steps[max(len(steps) - 1 - m, 0)]
+    else:
+        order = np.sort(x)
+        rest = order[max(len(x) - 1 - m, 0)] - order[min(m, len(x) - 1)]
+        allowed = max(_RANGES * rest, _LEVEL * abs(float(np.median(x))))
+    found = (out > allowed) & (allowed > 0)
+    return found if found.sum() <= m else np.zeros(len(x), bool)
+
+
+def told(
+    path: str, columns: Mapping[str, np.ndarray], lines: np.ndarray, units: Mapping[str, str]
+) -> tuple[str, ...]:
+    """A line for every column with cells that stand out: where, what, and what to do.
+
+    `units` are the SI units of the columns; `lines` the places of the rows in the file.
+    """
+    found = []
+    for role, values in columns.items():
+        rows = np.flatnonzero(standing_out(role, values))
+        if not len(rows):
+            continue
+        unit = units[role]
+        shown = {"m": "um", "m/s": "um/s", "Pa": "MPa"}.get(unit, unit)
+        cells = ", ".join(
+            f"{format_si(float(values[k]), unit, shown, 5)} in row {lines[k]}" for k in rows[:_TOLD]
+        )
+        more = f" and {len(rows) - _TOLD} more" if len(rows) > _TOLD else ""
+        found.append(
+            f"{path}: {role} stands far out of its neighbours: {cells}{more}. A wrong cell can make"
+            " a fit run away: correct it, or leave the row out (--drop-bad)"
+        )
+    return tuple(found)
