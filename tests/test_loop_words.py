@@ -184,9 +184,11 @@ def test_what_is_left_falls_within_a_stage_too():
 
 def test_slow_work_is_told_now_and_then():
     told, watch = [], Stopwatch()
-    for seconds in (3600.0, 0.0):
+    for seconds in (0.0, 3600.0, 0.0):
         watch.listen = now_and_then(told.append, "base fit", seconds=seconds)
         with watch():
             pass
-    assert len(told) == 1 and told[0].startswith("base fit: 2 linearisations so far, ")
+    assert len(told) == 2 and told[1].startswith("base fit: 3 linearisations so far, ")
+    assert told[0].startswith("base fit: the first linearisation took ")
+    assert told[0].endswith(" s, with compiling")
     assert 0 < watch.typical < 1

@@ -47,7 +47,10 @@ def now_and_then(
         nonlocal last
         if time.monotonic() - last >= seconds:
             last = time.monotonic()
-            progress(f"{text}: {number} linearisations so far, {each:.2g} s each")
+            if number == 1:
+                progress(f"{text}: the first linearisation took {each:.2g} s, with compiling")
+            else:
+                progress(f"{text}: {number} linearisations so far, {each:.2g} s each")
 
     return listen
 
