@@ -16,9 +16,9 @@ import jaxfric as jf
 from fits.blind import plants
 from jaxfric.effects import CATALOGUE
 from jaxfric.loop import protocol as module
-from jaxfric.loop.outlook import Outlook, Smallest
+from jaxfric.loop.outlook import Change, Outlook, Protocol, Smallest
 from jaxfric.loop.protocol import plan
-from jaxfric.report.protocol_text import advice, apart, changes, effects
+from jaxfric.report.protocol_text import _stay, advice, apart, changes, effects
 
 UM = 1e-6
 NOISE = 3e-4
@@ -255,6 +255,32 @@ def test_the_recommendation_is_the_first_of_the_fewest(twelve):
     assert recommended(two, two, ((0, 1),), ((1, 2),)).key == "slip_x4"
     assert recommended(two, ((0, 1),), None, ()).key == "dwell"
     assert recommended(two, two, None) is None
+
+
+def test_advice_names_what_the_table_shows_and_what_was_not_tried():
+    """The catalogue would tell slip_trend from time_drift by a dwell: the table shows whether."""
+    ids = ("slip_trend", "time_drift")
+
+    def outlook(alike):
+        cosines = np.where(np.eye(2, dtype=bool), 1.0, 0.97 if alike else 0.1)
+        seen = tuple(Smallest(id, ("x",), "1", 0.1, {}, 0.1, 0.1) for id in ids)
+        return Outlook(ids, cosines, seen, np.zeros(1), np.zeros(1))
+
+    def told(dwell_helps):
+        slow = Change("dwell", "a slow dwell at 0.3 um/s appended", 1.0, outlook(not dwell_helps))
+        return Protocol(
+            (1e-6,), 1e-4, 1e3, NOISE, None, 10, "1", "slip", PLANT, (), 1e2, 2.0,
+            outlook(True), (slow,), (), 1.0,
+        )  # fmt: skip
+
+    useless = told(False)
+    assert "dwell" not in advice(useless)
+    assert "not tried here: different velocities at equal slip" in advice(useless)
+    assert advice(told(True)).startswith("Recommended: a slow dwell at 0.3 um/s appended.")
+    other = dataclasses.replace(useless, changes=(*useless.changes, told(True).changes[0]))
+    assert "(separated by a slow dwell at 0.3 um/s appended; not tried" in _stay(
+        other, other.outlook
+    )
 
 
 def test_effects_may_be_declared_and_left_out():

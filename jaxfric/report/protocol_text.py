@@ -17,6 +17,14 @@ _NOTE = (
     " shape that is seen best; to first order, white noise, every row fitted"
 )
 _SAME = 0.9995
+_TRIED = {
+    "slip_x2": ("longer than",),
+    "dwell": ("dwell",),
+    "repeat": ("the first velocity repeated",),
+    "slip_channel": ("slip channel",),
+    "load_point_channel": ("load-point encoder",),
+}
+"""Words of the catalogue's hints that a change of the table answers."""
 
 
 def _speeds(V: Sequence[float]) -> str:
@@ -68,14 +76,14 @@ def advice(plan: Protocol) -> str:
     best = plan.recommended()
     left = plan.outlook if best is None else best.outlook
     assert left is not None
-    stay = _stay(left, "" if best is None else best.text)
+    stay = _stay(plan, left)
     if best is None:
-        return f"None of these changes leaves fewer pairs. What would help: {stay}."
+        return f"None of these changes leaves fewer pairs. Pair by pair: {stay}."
     text = (
         f"Recommended: {best.text}. It separates {_list(plan.separated(best)) or 'no pair'} and"
         f" leaves {len(left.pairs())} of {pairs} pairs"
     )
-    return f"{text}. What would help there: {stay}." if stay else f"{text}."
+    return f"{text}: {stay}." if stay else f"{text}."
 
 
 def effects(plan: Protocol) -> Table:
@@ -137,22 +145,28 @@ def _list(pairs) -> str:
     return ", ".join(f"{a}/{b}" for a, b in pairs)
 
 
-def _stay(outlook: Outlook, made: str) -> str:
-    """Pairs that are not told apart, and what would separate them, as the catalogue says.
+def _stay(plan: Protocol, outlook: Outlook) -> str:
+    """Pairs that are not told apart, the changes in the table that separate them, and what the
+    catalogue knows besides, which was not tried here.
 
-    What is in the change `made` already is not said again.
+    A hint of the catalogue that names a change of the table is left out: the table answers it.
     """
+    tried = [word for change in plan.changes for word in _TRIED.get(change.key, ())]
     texts = []
     for a, b, value in outlook.pairs():
+        separates = [c.text for c in plan.changes if (a, b) in plan.separated(c)]
         hints = [
             hint
             for id, other in ((a, b), (b, a))
             if id in CATALOGUE and other in CATALOGUE[id].confused_with
             for hint in CATALOGUE[id].separated_by.split(", ")
-            if hint not in made
+            if not any(word in hint for word in tried)
         ]
-        hints += ["they differ only where they are large"] if value > _SAME else []
-        texts.append(f"{a} or {b}" + (f" ({', or '.join(dict.fromkeys(hints))})" if hints else ""))
+        said = [f"separated by {separates[0]}"] if separates else []
+        said += [f"not tried here: {' or '.join(dict.fromkeys(hints))}"] if hints else []
+        said += ["they differ only where they are large"] if value > _SAME else []
+        said = said or ["no change in the table separates them"]
+        texts.append(f"{a} or {b} ({'; '.join(said)})")
     return "; ".join(texts)
 
 
