@@ -19,6 +19,7 @@ from jaxfric.records import (
     read_table,
     record_steps,
 )
+from jaxfric.records.joints import fit_broken_line
 from jaxfric.records.steps import speeds_without_steps
 
 UM = 1e-6
@@ -325,3 +326,18 @@ def test_figure(tmp_path: Path, mode: str) -> None:
     )
     draw_record(record, None if mode == "no steps" else steps, tmp_path / "record.png")
     assert (tmp_path / "record.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_error_of_a_step_s_time_rests_on_the_noise_of_its_whole_lines() -> None:
+    """Forty rows near a step leave their scatter uncertain by a ninth, up to a third of it short;
+    the error is hardly ever smaller than what the noise of all rows says, and holds on average."""
+    rng, sigma = np.random.default_rng(3), 0.02e-6
+    t = np.concatenate([np.arange(300) * 0.1, 30 + np.arange(400) * 0.0125])
+    exact = np.where(t < 30, t * 1e-6, 30e-6 + (t - 30) * 1e-5)
+    lines = [fit_broken_line(t, exact + rng.normal(0, sigma, len(t)), 0.07) for _ in range(60)]
+    z = np.asarray([(line.joints[0] - 30) / line.joint_errors[0] for line in lines])
+    errors = np.asarray([line.joint_errors[0] for line in lines])
+    assert 0.75 < np.sqrt(np.mean(z**2)) < 1.25
+    # of lines of 20 rows each side that end at the joint: 4 sigma^2/n each
+    expected = sigma * np.sqrt(2 * 4 / 20) / 9e-6
+    assert np.quantile(errors, 0.05) > 0.92 * expected

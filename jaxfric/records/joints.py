@@ -36,10 +36,11 @@ def fit_broken_line(t: np.ndarray, y: np.ndarray, least_change: float) -> Broken
     lines = sums.lines(rows[:-1], rows[1:])
     parts = sums.residual(rows)
     widening = np.array([_correlation_factor(part) for part in parts])
+    white = np.array([_white_variance(part) for part in parts])
     joints, joint_errors = np.zeros(len(rows) - 2), np.zeros(len(rows) - 2)
     for j in range(len(joints)):
         local = _near(sums, rows[j : j + 3])
-        joints[j], joint_errors[j] = _joint(sums, local, widening[j : j + 2])
+        joints[j], joint_errors[j] = _joint(sums, local, widening[j : j + 2], white[j : j + 2])
     variance = lines.sum_squares / np.maximum(lines.count - 2, 1)
     edges = np.concatenate([sums.t[:1], joints, sums.t[-1:]])
     return BrokenLine(
@@ -75,18 +76,32 @@ def _near(sums: Sums, rows: np.ndarray) -> np.ndarray:
     return local
 
 
-def _joint(sums: Sums, rows: np.ndarray, widening: np.ndarray) -> tuple[float, float]:
-    """Time at which two lines meet, with its standard error; else the row between them."""
+def _joint(
+    sums: Sums, rows: np.ndarray, widening: np.ndarray, white: np.ndarray
+) -> tuple[float, float]:
+    """Time at which two lines meet, with its standard error; else the row between them.
+
+    The scatter of the few rows near the joint is itself known to a sixth; it counts as no smaller
+    than `white`, the variance of white noise of the whole lines.
+    """
     two: Lines = sums.lines(rows[:-1], rows[1:])
     between = float(sums.t[rows[1]])
     joint = float(two.meet()[0])
     near = sums.t[min(rows[1] + 3, rows[2] - 1)] - sums.t[max(rows[1] - 3, rows[0])]
     if not abs(joint - between) <= near:
         joint = between
-    variance = widening * two.sum_squares / np.maximum(two.count - 2, 1)
+    variance = widening * np.maximum(two.sum_squares / np.maximum(two.count - 2, 1), white)
     at_joint = variance / two.count + variance / two.spread * (joint - two.mean_time) ** 2
     change = max(abs(float(two.slope[1] - two.slope[0])), 1e-300)
     return joint, float(np.sqrt(at_joint.sum())) / change
+
+
+def _white_variance(rest: np.ndarray) -> float:
+    """Variance of the white part of a residual, from differences of neighbours: blind to drift and,
+    by their median, to single jumps."""
+    if len(rest) < 20:
+        return 0.0
+    return float(0.5 * (1.4826 * np.median(np.abs(np.diff(rest)))) ** 2)
 
 
 def _correlation_factor(rest: np.ndarray) -> float:
