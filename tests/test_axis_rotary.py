@@ -54,7 +54,9 @@ def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
     assert err.count("no ink") == 1 and "location was not drawn" in err and "Traceback" not in err
     names = {p.name for p in Path("joint-loop").iterdir()}
     kept = {
-        f"{n}.{kind}" for n in ("residual", "aliasing", "candidates") for kind in ("png", "svg")
+        f"{n}.{kind}"
+        for n in ("residual", "noise", "aliasing", "candidates")
+        for kind in ("png", "svg")
     }
     assert names - {".jaxfric.json"} == {"loop.json", "loop.html", *kept}
     found = json.loads(Path("joint-loop/loop.json").read_text())

@@ -178,7 +178,8 @@ def test_fit_json(fitted: tuple[Outcome, dict]) -> None:
     assert content["parameters"]["K"]["value"] == pytest.approx(5e3)
     assert content["rms"] == pytest.approx((content["sum_of_squares"] / 91) ** 0.5)
     assert content["noise"]["sigma"] == pytest.approx(2e-4, rel=0.3)
-    assert content["noise"]["correlation_time"] > 0
+    assert content["noise"]["parts"] == []  # 91 rows do not show that it is correlated
+    assert set(content["noise"]["longest"]) == {"time", "path", "rows"}
 
 
 def test_json_is_alone_on_stdout_and_a_rerun_replaces() -> None:

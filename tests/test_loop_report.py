@@ -25,7 +25,7 @@ from jaxfric.axis.prepare import Preparation
 from jaxfric.axis.result import AxisDetails
 from jaxfric.cli import loop as verb
 from jaxfric.effects import CATALOGUE
-from jaxfric.fitting import Estimate, Fit, NoiseEstimate
+from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.problem import Model
 from jaxfric.loop.result import (
     VERDICTS,
@@ -82,7 +82,8 @@ def make_loop(
     parameters = _parameters(size, unit, 1.0)
     fit = Fit(
         record, steps, Model(law="slip"), parameters, ("f0", "A", "B", "L"), np.eye(4) * 1e-8,
-        np.eye(4), friction, 1.0, sigma, NoiseEstimate(sigma, 0.3, 0.8), True, "converged", 7,
+        np.eye(4), friction, 1.0, sigma, NoiseEstimate(sigma, (NoisePart(0.3, "time", 0.8),)),
+        True, "converged", 7,
         "ordinary", (),
     )  # fmt: skip
     effects = EFFECTS.get(verdict, ())
@@ -186,7 +187,7 @@ def _score(effects, residual, blocks, parameters, sigma: float, p: float) -> Sco
         parameters=parameters,
         free=free,
         covariance=np.diag([parameters[name].std ** 2 for name in free]),
-        noise=NoiseEstimate(sigma, 0.3, 0.8),
+        noise=NoiseEstimate(sigma, (NoisePart(0.3, "time", 0.8),)),
         tests={"ljung_box": p, "block_means": min(1.0, 2 * p), "step_locked": min(1.0, 30 * p)},
     )
 

@@ -360,11 +360,12 @@ def test_refit_recovers_the_plant_of_a_clean_record(soft):
 
 
 def dense_covariance(engine: Engine, noise) -> np.ndarray:
-    """Of all rows of the record: white noise, and one that forgets over one of the clocks."""
+    """Of all rows of the record: white noise, and an exponential that forgets over its clock."""
     time = np.asarray(engine.problem.time)[: engine.rows]
     clock = np.stack([time, PROTOCOL.displacement(time), np.arange(len(time))], axis=1)
-    forgotten = np.abs(clock[:, None] - clock) @ (1 / np.asarray(noise.memory))
-    share = float(noise.share)
+    forgotten = np.abs(clock[:, None] - clock) @ np.asarray(noise.rates[0])[:3]
+    share, none = noise.share.tolist()
+    assert none == 0
     return float(noise.sigma) ** 2 * ((1 - share) * np.eye(len(time)) + share * np.exp(-forgotten))
 
 
@@ -423,8 +424,8 @@ def test_bic_is_a_dense_likelihood_and_a_prediction(soft):
         z = start(engine, values)
         rows = engine.evaluate(z, engine.free(()))
         bic, noise = engine.bic(rows, parameters)
-        memory = np.asarray(noise.memory)
-        assert np.all((memory <= engine.longest * (1 + 1e-9)) | np.isinf(memory))
+        slowest = noise.rates @ engine.longest  # of what a part forgets over the longest memory
+        assert np.all((slowest >= 1 - 1e-9) | (noise.share == 0))
         dense, predicted = dense_bic(engine, rows, noise, parameters)
         assert engine._predictive(rows.residual, noise) == pytest.approx(predicted, rel=1e-6)
         found.append((bic, dense))

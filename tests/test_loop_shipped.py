@@ -35,7 +35,8 @@ def test_nothing_is_missing_and_errors_are_those_of_the_fit(tmp_path, monkeypatc
     loop, by_loop = parameters("loop", Path("three.csv"))
     assert loop["verdict"] == "no_missing_effect"
     for content in (fit, loop):
-        assert content["noise"]["correlation_time"] == pytest.approx(2.0, rel=0.3)
+        (part,) = content["noise"]["parts"]
+        assert part["over"] == "time" and part["memory"] == pytest.approx(2.0, rel=0.3)
         assert content["noise"]["correlated_share"] == pytest.approx(0.5, abs=0.1)
     for name in TRUTH:
         assert by_loop[name]["std"] == pytest.approx(by_fit[name]["std"], rel=0.25)

@@ -10,13 +10,24 @@ from scipy.linalg import cholesky, null_space
 from scipy.stats import multivariate_normal
 
 from jaxfric.fitting.noise import (
+    EXPONENTIAL,
     Noise,
-    _restricted,
-    estimate_noise,
-    limit_of_share,
+    innovations,
+    limit_of_negative,
+    noise_of,
     rms_error,
     sandwich,
     whiten,
+)
+from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart, noise_estimate
+from jaxfric.fitting.noise_search import (
+    Family,
+    estimate_noise,
+    limits_of,
+    noises_around,
+    parts_at,
+    profile_noise,
+    restricted,
 )
 
 N, P = 60, 3
@@ -32,7 +43,14 @@ def covariance(time, sigma, share, tau):
 
 
 def as_noise(sigma, share, tau):
-    return Noise(*(jnp.asarray(x) for x in (sigma, share, tau, 0.0)))
+    return noise_of(sigma, share, tau)
+
+
+def likeliest(*arrays, **options):
+    """The noise that is found, and the share and memory of its first part."""
+    found = estimate_noise(*arrays, **options)
+    assert found.family.second is None
+    return found.noise, float(found.noise.share[0]), float(1 / np.max(found.noise.rates[0]))
 
 
 def design(rng, time):
@@ -114,8 +132,11 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     residual = rng.normal(size=N) + 3.0 * jacobian[:, 2] / 1e5
     share, tau = (np.array(x) for x in zip(*[p[1:] for p in PARAMETERS], strict=True))
     columns = np.column_stack([residual, jacobian])
-    rates = jnp.asarray(1 / tau)[:, None]
-    found, sigma = _restricted(time, np.ones(N), columns, jnp.asarray(share), rates)
+    g = len(tau)
+    shares = jnp.stack([jnp.asarray(share), jnp.zeros(g)], axis=1)
+    rates = jnp.stack([jnp.asarray(1 / tau), jnp.ones(g)], axis=1)[:, :, None]
+    rows = jnp.asarray(time)[:, None], jnp.ones(N), jnp.asarray(columns), jnp.ones(())
+    found, sigma = restricted(*rows, shares, rates, jnp.full(g, EXPONENTIAL))
     truth = [
         restricted_by_definition(time, residual, jacobian, *p) for p in zip(share, tau, strict=True)
     ]
@@ -140,10 +161,8 @@ def test_the_estimate_is_the_largest_likelihood():
     time = uneven(rng, 150)
     jacobian = design(rng, time)
     residual = simulated_noise(rng, time, 1e-3, 0.6, 4.0)
-    best = estimate_noise(time, np.ones(150), residual, jacobian)
-    here, sigma = restricted_by_definition(
-        time, residual, jacobian, float(best.share), float(best.memory[0])
-    )
+    best, share, memory = likeliest(time, np.ones(150), residual, jacobian)
+    here, sigma = restricted_by_definition(time, residual, jacobian, share, memory)
     assert float(best.sigma) == pytest.approx(sigma, rel=1e-6)
     for logit in np.linspace(-5, 5, 7):
         for tau in np.geomspace(0.3, 0.5 * np.ptp(time), 7):
@@ -160,9 +179,8 @@ def test_known_noise_is_recovered():
         rng = np.random.default_rng(seed)
         time = uneven(rng, 1000)
         residual = simulated_noise(rng, time, 1e-3, 0.6, 3.0)
-        found = estimate_noise(time, np.ones(1000), residual, design(rng, time))
-        odds = found.share / (1 - found.share)
-        records.append(np.log([found.sigma, odds, found.memory[0]]))
+        found, share, memory = likeliest(time, np.ones(1000), residual, design(rng, time))
+        records.append(np.log([found.sigma, share / (1 - share), memory]))
     mean, spread = np.mean(records, 0), np.std(records, 0, ddof=1)
     assert np.all(spread < [0.1, 0.4, 0.4])
     assert np.all(np.abs(mean - truth) < 3 * spread / np.sqrt(20) + 0.03)
@@ -173,36 +191,33 @@ def test_white_noise_is_found_white():
     time = uneven(rng, 1000)
     residual = 2e-3 * rng.normal(size=1000)
     found = estimate_noise(time, np.ones(1000), residual, design(rng, time))
-    correlated = found.share * np.exp(-0.5 / found.memory[0])
-    assert correlated < 0.1 and float(found.sigma) == pytest.approx(2e-3, rel=0.1)
+    assert found.family == Family()
+    assert float(found.noise.sigma) == pytest.approx(2e-3, rel=0.1)
 
 
 def test_rows_of_weight_zero_change_no_estimate():
     rng = np.random.default_rng(5)
     time = uneven(rng, 150)
     columns = np.column_stack([simulated_noise(rng, time, 1e-3, 0.6, 4.0), design(rng, time)])
-    plain = estimate_noise(time, np.ones(150), columns[:, 0], columns[:, 1:])
+    plain = likeliest(time, np.ones(150), columns[:, 0], columns[:, 1:])
     t, weight, values = padded(rng, time, columns, 30)
-    found = estimate_noise(t, weight, values[:, 0], values[:, 1:])
+    found = likeliest(t, weight, values[:, 0], values[:, 1:])
     # The grid of correlation times follows the median interval, which the rows between change.
     _assert_as_likely(found, plain, columns, time)
     at_end = np.append(time, np.full(30, time[-1]))
     rows = np.concatenate([columns, np.full((30, 4), 7.0)])
-    found = estimate_noise(at_end, np.append(np.ones(150), np.zeros(30)), rows[:, 0], rows[:, 1:])
-    np.testing.assert_allclose(found.sigma, plain.sigma, rtol=1e-6)
-    np.testing.assert_allclose(found.share, plain.share, rtol=1e-6)
-    np.testing.assert_allclose(found.memory, plain.memory, rtol=1e-6)
+    found = likeliest(at_end, np.append(np.ones(150), np.zeros(30)), rows[:, 0], rows[:, 1:])
+    np.testing.assert_allclose(found[0].sigma, plain[0].sigma, rtol=1e-6)
+    np.testing.assert_allclose(found[1:], plain[1:], rtol=1e-5)
 
 
 def _assert_as_likely(found, plain, columns, time):
     values = [
-        restricted_by_definition(
-            time, columns[:, 0], columns[:, 1:], float(n.share), float(n.memory[0])
-        )[0]
+        restricted_by_definition(time, columns[:, 0], columns[:, 1:], *n[1:])[0]
         for n in (found, plain)
     ]
     assert abs(values[0] - values[1]) < 0.05
-    np.testing.assert_allclose(found.sigma, plain.sigma, rtol=0.05)
+    np.testing.assert_allclose(found[0].sigma, plain[0].sigma, rtol=0.05)
 
 
 @pytest.mark.parametrize("parameters", PARAMETERS)
@@ -254,9 +269,11 @@ def test_negative_correlation_against_dense_algebra():
     found = white[np.ix_(kept, kept)]
     np.testing.assert_allclose(found.T @ found, inverse, atol=1e-8 * np.abs(inverse).max())
     for tau in (0.5, 1.0):
-        limit = float(limit_of_share(np.exp(-1 / tau))) / 0.98
+        limit = float(limit_of_negative(np.exp(-1 / tau))) / 0.98
         least = [
-            np.linalg.eigvalsh(covariance(np.arange(400.0), 1.0, -part * limit, tau))[0]
+            np.linalg.eigvalsh(
+                np.eye(400) - part * limit * covariance(np.arange(400.0), 1.0, 1.0, tau)
+            )[0]
             for part in (0.97, 1.03)
         ]
         assert least[0] > 0 > least[1]
@@ -269,14 +286,14 @@ def test_differentiated_noise_is_known_as_such():
     white, position = rng.standard_normal((2, 1501))
     made = white[1:] + 1.5 * np.diff(position)
     column = np.ones((1500, 1))
-    found = estimate_noise(time, one, made, column, jnp.asarray(1.0), True)
-    rho = float(found.share) * np.exp(-1 / float(found.memory[0]))
+    found = estimate_noise(time, one, made, column, np.asarray(1.0), either_sign=True).noise
+    rho = float(found.share[0]) * np.exp(-float(found.rates[0, 0]))
     # variance 1 + 2 1.5^2, covariance of neighbours -1.5^2
     assert float(found.sigma) == pytest.approx(np.sqrt(5.5), rel=0.05)
     assert rho == pytest.approx(-2.25 / 5.5, abs=0.06)
     left = np.asarray(whiten(time, one, made[:, None], found))[:, 0]
     assert abs(np.mean(left[1:] * left[:-1])) < 3 / np.sqrt(1500) + 0.03
-    positive = estimate_noise(time, one, made, column, jnp.asarray(1.0))
+    positive = estimate_noise(time, one, made, column, np.asarray(1.0)).noise
     assert float(found.log_likelihood) > float(positive.log_likelihood) + 50
 
 
@@ -300,9 +317,9 @@ def test_noise_over_time_or_over_the_path_is_that_of_a_dense_gaussian(over, memo
     clock = clocks(rng, N)
     weight = np.ones(N)
     weight[20:29] = 0
-    on, one = weight > 0, jnp.ones(())
+    on = weight > 0
     C = dense(clock.T, over, 1.0, 0.7, memory)[np.ix_(on, on)]
-    noise = Noise(one, 0.7 * one, jnp.full(3, jnp.inf).at[over].set(memory), one)
+    noise = noise_of(1.0, 0.7, jnp.full(3, jnp.inf).at[over].set(memory))
     white = np.asarray(whiten(clock, weight, np.eye(N), noise))[np.ix_(on, on)]
     inverse = np.linalg.inv(C)
     np.testing.assert_allclose(white.T @ white, inverse, atol=1e-9 * np.abs(inverse).max())
@@ -328,5 +345,128 @@ def test_the_memory_of_noise_does_not_change_when_rows_are_thinned(over, memory)
     even = (np.arange(2000) % 2 == 0).astype(float)
     for weight in (np.ones(2000), even):
         found = estimate_noise(clock, weight, residual, column)
-        assert float(found.memory[over]) == pytest.approx(memory, rel=0.3)
-        assert np.all(np.isinf(np.delete(found.memory, over)))
+        assert found.family == Family(first=over)
+        assert float(1 / found.noise.rates[0, over]) == pytest.approx(memory, rel=0.3)
+        assert np.all(np.delete(found.noise.rates[0], over) == 0)
+
+
+def rho(d, beta):
+    """Of a resonator, from the roots of its equation; of an exponential."""
+    if beta <= EXPONENTIAL:
+        return np.exp(-d)
+    s = np.sqrt(-beta + 0j)
+    return (np.exp(-d) * (np.cosh(s * d) + np.sinh(s * d) / s)).real
+
+
+def two_parts(beta):
+    """Noise of time and of the path, twice as large in the second half; and its covariance."""
+    rng = np.random.default_rng(13)
+    clock = clocks(rng, N)
+    scale = np.where(np.arange(N) < N // 2, 1.0, 2.0)
+    rates = jnp.asarray([[0.5, 0.0, 0.0], [0.0, 3e5, 0.0]])
+    numbers = (0.7, [0.3, 0.45], rates, beta, scale, 0.0)
+    apart = np.abs(clock[:, None] - clock)
+    C = (
+        0.25 * np.eye(N)
+        + 0.3 * np.exp(-0.5 * apart[..., 0])
+        + 0.45 * rho(3e5 * apart[..., 1], beta)
+    )
+    return clock, Noise(*map(jnp.asarray, numbers)), 0.49 * C * scale * scale[:, None]
+
+
+@pytest.mark.parametrize("beta", [EXPONENTIAL, -0.9, -0.3, 0.5, 30.0])
+def test_two_parts_on_two_clocks_are_a_dense_gaussian(beta):
+    """Whitening, determinant, sandwich and the error of a rms; some rows do not count."""
+    clock, noise, C = two_parts(beta)
+    weight = np.ones(N)
+    weight[[3, 30, 31, 32]] = 0
+    on = weight > 0
+    white, log_det = innovations(clock, weight, np.eye(N), noise)
+    white = np.asarray(white)[np.ix_(on, on)] / 0.7
+    inverse = np.linalg.inv(C[np.ix_(on, on)])
+    np.testing.assert_allclose(white.T @ white, inverse, atol=1e-9 * np.abs(inverse).max())
+    dense_det = np.linalg.slogdet(C[np.ix_(on, on)])[1]
+    assert float(log_det) + on.sum() * np.log(0.49) == pytest.approx(dense_det, abs=1e-7)
+    jacobian = np.random.default_rng(14).normal(size=(N, P))
+    np.testing.assert_allclose(
+        sandwich(clock, jacobian, noise), jacobian.T @ C @ jacobian, rtol=1e-9
+    )
+    error = np.sqrt(0.5 * np.sum(C[np.ix_(on, on)] ** 2)) / np.trace(C[np.ix_(on, on)])
+    assert rms_error(clock, weight, noise) == pytest.approx(error, rel=1e-9)
+    told = noise_estimate(noise, 2.0, np.ones(3))
+    assert told.sigma == pytest.approx(1.4)
+    apart = np.abs(clock - clock[0])[1:]
+    np.testing.assert_allclose(told.correlation(apart), R0(C)[1:], atol=1e-9)
+
+
+def R0(C):
+    """Correlation of every row with the first."""
+    return C[0] / np.sqrt(C[0, 0] * np.diag(C))
+
+
+def driven(rng, n, beta, memory):
+    """A resonator driven by white noise, by steps of a hundredth of its memory (Euler)."""
+    w, substeps = 1 + beta, int(100 / memory)
+    dt, x, v, found = 1 / (memory * substeps), 0.0, 0.0, []
+    for k in range(substeps * n):
+        x, v = x + v * dt, v - (2 * v + w * x) * dt + 2 * np.sqrt(w * dt) * rng.normal()
+        if k % substeps == 0:
+            found.append(x)
+    return np.asarray(found)
+
+
+def test_a_filtered_recorder_and_a_slow_part_are_told_apart():
+    """The families of a driven oscillator, of the sum of two exponentials, and their sizes."""
+    rng = np.random.default_rng(15)
+    n, column = 1500, np.ones((1500, 1))
+    rows, one = np.arange(float(n)), np.ones(1500)
+    smooth = driven(rng, n, 4.0, 4.0)
+    found = estimate_noise(rows, one, smooth + 0.2 * rng.normal(size=n), column, np.asarray(30.0))
+    assert found.family == Family(second=0, resonates=True)
+    part = noise_estimate(found.noise, 1.0, np.ones(1)).parts[0]
+    assert part.swings and part.period == pytest.approx(2 * np.pi * 4.0 / 2.0, rel=0.15)
+    assert part.memory == pytest.approx(4.0, rel=0.3)
+    fast, slow = (simulated_noise(rng, rows, 1.0, 1.0, tau) for tau in (1.5, 25.0))
+    both = fast + slow + 0.5 * rng.normal(size=n)
+    found = estimate_noise(rows, one, both, column, np.asarray(60.0))
+    parts = noise_estimate(found.noise, 1.0, np.ones(1)).parts
+    memories = sorted(part.memory for part in parts)
+    assert len(parts) == 2 and memories[0] < 4 and memories[1] > 12
+    # the sizes and memories that were drawn are no likelier, nor is what is near them
+    truth = np.log([1 / 0.25, 1.5, 1 / 0.25, 25.0])
+    again = profile_noise(
+        rows, one, both, column, np.asarray(60.0), Family(first=0, second=0), [truth]
+    )
+    assert found.value > again.value - 0.2
+
+
+def test_noise_forgets_no_later_than_it_may():
+    """Of a resonator without a swing the longer of its two memories; white comes first."""
+    limits = limits_of(np.arange(100.0), np.ones(100), np.asarray(8.0))
+    family = Family(first=0, second=0, resonates=True)
+    high = np.array([0.0, np.log(8.0), 0.0, np.log(8.0), 0.5 * np.log(0.5) - np.log(8.0)])
+    _, rates, beta = parts_at(family, high[None], limits)
+    slow = rates[0, 1, 0] * (1 - np.sqrt(-beta[0]))
+    assert 1 / rates[0, 0, 0] == pytest.approx(8.0) and 1 / slow == pytest.approx(8.0)
+    share, rates, beta = noises_around(family, [high, high + 0.5], limits)
+    slowest = rates[:, 1, 0] * (1 - np.sqrt(np.clip(-beta, 0.0, 1.0)))
+    kept = (share[:, 1] > 0) & (beta > EXPONENTIAL)
+    assert np.all(share[0] == 0) and np.all(share[1:].sum(axis=1) < 1) and len(kept) > 20
+    assert np.all(1 / slowest[kept] < 8.0 * (1 + 1e-9))
+
+
+def test_noise_in_words():
+    parts = (
+        NoisePart(0.4, "rows", 2.9),
+        NoisePart(0.3, "path", 3.4e-6),
+        NoisePart(0.01, "time", 1.0),
+    )
+    told = NoiseEstimate(1e-3, parts, (2.0, 1e-5, 25.0))
+    assert told.text() == (
+        "40 % of its variance correlated over 2.9 rows, 30 % over 3.4 µm of load-point motion"
+    )
+    assert told.bound() == "2 s or 10 µm of load-point motion or 25 rows"
+    assert NoiseEstimate(1.0, parts[2:]).text() == NoiseEstimate(1.0).text() == "white"
+    assert NoiseEstimate(1.0, (NoisePart(-0.4, "time", 1.0),)).text().startswith("alternating")
+    swing = NoisePart(0.5, "time", 0.5, beta=25.0)
+    assert swing.text() == "0.5 s, swinging every 0.628 s"

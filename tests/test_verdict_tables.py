@@ -199,13 +199,13 @@ def test_the_verdict(search, reasons, rivals, verdict):
     assert _verdict(search, reasons, rivals, FLOOR, None) == verdict
 
 
-def concluded(search, *, edge=None, tests=None):
+def concluded(search, *, edge=None, tests=None, floor=None):
     engine = SimpleNamespace(
         blocks=BLOCKS,
         problem=SimpleNamespace(noise_scale=SIGMA),
         model=SimpleNamespace(effects=[SimpleNamespace(id="a", separated_by="more slip")]),
     )
-    return conclude(engine, search, FLOOR, tests or {}, edge=edge, located="")
+    return conclude(engine, search, floor or FLOOR, tests or {}, edge=edge, located="")
 
 
 @pytest.mark.parametrize(
@@ -240,6 +240,17 @@ def test_an_effect_is_confirmed_by_what_it_leaves(sizes, reason):
     told = concluded(search)
     assert told.verdict == ("effects" if reason is None else "outside_catalogue")
     assert [reason in text for text in told.reasons] == ([] if reason is None else [True])
+
+
+@pytest.mark.parametrize(("later", "verdict"), [(1.5, "effects"), (1.0, "outside_catalogue")])
+def test_rows_that_are_held_out_have_noise_of_their_own(later, verdict):
+    """An error of 1.6 sigma is none where the noise of those rows is 1.5 sigma."""
+    search = found("a")
+    search.final = candidate(("a",), -100.0, select=1.6, report=1.6)
+    floor = SimpleNamespace(**{**vars(FLOOR), "later": later * SIGMA})
+    told = concluded(search, floor=floor)
+    assert told.verdict == verdict
+    assert (f"{1.6 / later:.2f} sigma" in told.sentence) and bool(told.reasons) == (later == 1.0)
 
 
 @pytest.mark.parametrize(("p", "verdict"), [(0.011, "effects"), (0.009, "outside_catalogue")])

@@ -18,12 +18,12 @@ from ..fitting.start import noise_from_differences
 from ..loop.assemble import declared, loop_of, refuse_both, score_of, where_it_sits
 from ..loop.engine import Candidate, Engine
 from ..loop.estimates import estimates
-from ..loop.location import locate
+from ..loop.location import Bumps, locate
 from ..loop.result import Loop, Score
 from ..loop.search import search
 from ..loop.split import Blocks
 from ..loop.superset import Superset
-from ..loop.verdict import conclude, innovations, noise_floor
+from ..loop.verdict import conclude, noise_floor, questions
 from ..records.axis_record import AxisRecord
 from ..records.given import as_axis_record
 from .details import details_of
@@ -97,18 +97,19 @@ def close_axis_loop(
         width=rows.width,
         noise_scale=noise_scale,
     )
-    engine = _engine(problem, blocks)
+    engine = _engine(problem, blocks, rows)
     scales = scales_of(rows, prepared, blocks)
     z = declared(engine, _start(problem, blocks.train), scales, tuple(with_))
-    engine = _engine(problem, blocks, tuple(with_))
+    engine = _engine(problem, blocks, rows, tuple(with_))
     found = search(engine, [z], scales, most=most, progress=progress)
     progress("where the structure sits")
-    floor = noise_floor(engine, found.final, rows.path)
-    location = locate(
-        engine, found.base, floor.noise, friction_bumps(engine, rows, unit=length_of(record))
-    )
-    before = _score(engine, found.base, record, rows)
-    after = before if found.final is found.base else _score(engine, found.final, record, rows)
+    floor = noise_floor(engine, found.final)
+    bumps = friction_bumps(engine, rows, unit=length_of(record))
+    location = locate(engine, found.base, floor.noise, bumps)
+    before = _score(engine, found.base, record, rows, bumps)
+    after = before
+    if found.final is not found.base:
+        after = _score(engine, found.final, record, rows, bumps)
     where = where_it_sits(location)
     told = conclude(engine, found, floor, dict(after.tests), edge=None, located=where)
     return loop_of(
@@ -127,15 +128,19 @@ def close_axis_loop(
     )
 
 
-def _engine(problem: AxisProblem, blocks: Blocks, with_: tuple[str, ...] = ()) -> Engine:
+def _engine(
+    problem: AxisProblem, blocks: Blocks, rows: AxisRows, with_: tuple[str, ...] = ()
+) -> Engine:
     return Engine(
         problem,  # pyright: ignore[reportArgumentType]
         blocks,
         np.zeros(0, int),
         with_,
         shapes=axis_shapes,
+        path=rows.path,
         longest=np.asarray([_NOISE_ROWS * float(problem.time[1] - problem.time[0])]),
         either_sign=True,
+        by_step=False,
     )
 
 
@@ -165,7 +170,9 @@ def _start(problem: AxisProblem, train: np.ndarray) -> np.ndarray:
     return np.asarray(problem.to_free(values))
 
 
-def _score(engine: Engine, candidate: Candidate, record: AxisRecord, rows: AxisRows) -> Score:
+def _score(
+    engine: Engine, candidate: Candidate, record: AxisRecord, rows: AxisRows, bumps: list[Bumps]
+) -> Score:
     found, free, covariance = estimates(engine, candidate, record.force_unit)
     if record.coordinate == "rotary":
         found = {n: dataclasses.replace(e, unit=rotary_unit(e.unit)) for n, e in found.items()}
@@ -175,7 +182,7 @@ def _score(engine: Engine, candidate: Candidate, record: AxisRecord, rows: AxisR
         candidate,
         (found, free, covariance),
         np.where(rows.used, size, np.nan),
-        innovations(engine, candidate, rows.path),
+        questions(engine, candidate, rows.path, bumps),
         step=rows.segment,
         count=int(rows.segment.max()) + 1,
     )

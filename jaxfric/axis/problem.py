@@ -4,7 +4,6 @@ Residual of every decimated row: (predicted - recorded force)/noise scale. It ha
 `jaxfric.loop` fits: parameters in one vector of unbounded variables, rows with weights.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,7 +14,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..effects import parameters
-from ..fitting.noise import Noise, whiten
 from ..fitting.problem import FAILED_MISFIT
 from ..loop.superset import Superset
 from ..quantity import Quantity, quantities
@@ -65,7 +63,6 @@ class AxisProblem(eqx.Module):
     width: Float[Array, ""]
     reach: Float[Array, ""]
     sizes: Sizes
-    noise: Noise | None
     hold: Float[Array, "0"]
     channels: tuple[()]
     model: Superset = eqx.field(static=True)
@@ -126,9 +123,9 @@ class AxisProblem(eqx.Module):
         least = jnp.minimum(jnp.min(both[0] - both[1]) / 2, rig.coulomb)
         return bool(least >= -_NEGLIGIBLE * self.sizes.force)
 
-    def whitened(self, noise: Noise) -> "AxisProblem":
-        """The same problem with residuals in units of `noise` and uncorrelated under it."""
-        return dataclasses.replace(self, noise=noise)
+    def plain(self) -> "AxisProblem":
+        """Itself: its residuals are in units of `noise_scale`, as correlated as they are."""
+        return self
 
     def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
         """Motor force at the decimated rows. A derivative by one of the parameters is cheaper where
@@ -140,10 +137,8 @@ class AxisProblem(eqx.Module):
         return self.sampler(force)
 
     def residual(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
-        """(predicted - recorded)/noise_scale, whitened if a noise is set; 0 without weight."""
+        """(predicted - recorded)/noise_scale; 0 without weight."""
         residual = (self.predict(z) - self.friction) / self.noise_scale
-        if self.noise is not None:
-            residual = whiten(self.clock, self.weight, residual[:, None], self.noise)[:, 0]
         return jnp.where(jnp.isfinite(residual), residual, FAILED_MISFIT) * self.weight
 
 
@@ -184,7 +179,6 @@ def make_problem(
         width=jnp.asarray(width),
         reach=jnp.asarray(slowest * float(prepared.time[1] - prepared.time[0])),
         sizes=sizes,
-        noise=None,
         hold=jnp.zeros(0),
         channels=(),
         model=model,

@@ -9,10 +9,12 @@ import optimistix as optx
 
 from ..records import Record, VelocitySteps
 from ..units import format_si
-from .noise import LONGEST, Noise
+from .noise import Noise
+from .noise_estimate import noise_estimate
+from .noise_search import longest_memory
 from .plausible import bounds_of
 from .problem import FAILED_MISFIT, Model, Problem, natural, residual_and_jacobian
-from .result import Estimate, Fit, NoiseEstimate, unit_of
+from .result import Estimate, Fit, unit_of
 from .solve import Solution
 from .uncertainty import (
     QUANTILE,
@@ -74,11 +76,7 @@ def assemble(
         predicted=predicted,
         sum_of_squares=float(np.sum(misfit**2)),
         rms=float(np.sqrt(np.mean(misfit**2))),
-        noise=NoiseEstimate(
-            float(noise.sigma) * scale,
-            float(noise.share),
-            *(float(x) for x in noise.memory),
-        ),
+        noise=noise_estimate(noise, scale, longest_memory(problem.clock)),
         converged=ended,
         result="every trial ran away" if failed else result,
         iterations=solution.num_steps,
@@ -151,9 +149,8 @@ def _estimates(
 
 def noise_wanders(clock, noise: Noise) -> bool:
     """Whether most of the noise has the longest memory that is searched."""
-    clock = np.asarray(clock).reshape(len(clock), -1)
-    share = np.asarray(noise.memory) / np.maximum(np.ptp(clock, axis=0), 1e-300)
-    return bool(noise.share > 0.5 and np.min(share) > 0.9 * LONGEST)
+    slow = np.asarray(noise.rates) @ longest_memory(clock) < 1 / 0.9
+    return bool(np.sum(np.asarray(noise.share)[slow]) > 0.5)
 
 
 def _plausible(record: Record, steps: VelocitySteps, sign: float, problem, solution) -> list[bool]:

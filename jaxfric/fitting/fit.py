@@ -16,7 +16,8 @@ from ..records.thin import blur, thinned
 from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
-from .noise import LONGEST, Noise, estimate_noise
+from .noise import Noise
+from .noise_search import estimate_noise, longest_memory
 from .problem import (
     FAILED_MISFIT,
     LAWS,
@@ -346,7 +347,7 @@ def _noise(problem: Problem, solution: Solution) -> Noise:
     """Noise of a memory that the record shows several times, and not below the residual's size."""
     clock = problem.clock
     residual, jacobian = data_part(problem, solution)
-    span = jnp.max(clock, axis=0) - jnp.min(clock, axis=0)
-    found = estimate_noise(clock, problem.weight, residual, jacobian, LONGEST * span)
+    longest = longest_memory(clock)
+    found = estimate_noise(clock, problem.weight, residual, jacobian, longest).noise
     size = jnp.sqrt(jnp.sum(residual**2) / jnp.sum(problem.weight > 0))
     return found._replace(sigma=jnp.maximum(found.sigma, size))

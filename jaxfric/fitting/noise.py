@@ -1,23 +1,29 @@
-"""The noise of a record: white plus an exponentially correlated part, by likelihood.
+"""The noise of a record: white, and up to two correlated parts, as a process of few states.
 
-    r = e + s,   var e = sigma^2 (1 - c),   cov s(t), s(t') = sigma^2 c exp(-|t - t'|/tau)
+    r_i = s_i (e_i + a_i + b_i),   var e = sigma^2 (1 - c_1 - c_2)
+    cov a_i, a_j = sigma^2 c_1 exp(-d_1),   cov b_i, b_j = sigma^2 c_2 rho(d_2)
+    rho(d) = exp(-d),   or of a resonator   rho(d) = exp(-d) (cos w d + sin(w d)/w),  w^2 = beta
 
-A clock t is what noise forgets over: time (amplifier, servo), the path of the load point
-(roughness, gouge: ten times as fast at ten times the velocity), or the samples of a recorder whose
-filter follows its rate. Clocks of a record are the columns of an array (n, k); a column alone may
-be (n,). The estimate takes the clock of the largest likelihood, of equal ones the first; a record
-may be sampled anew at every velocity, so the number of the row is no stand-in for time.
+s is the scale of a row. d is what a part forgets between two rows: its rates times how far the
+clocks of the record have moved. Clocks are time (amplifier, servo), the path of the load point
+(roughness, gouge: ten times as fast at ten times the velocity) and the samples of a recorder whose
+filter follows its rate; they are the columns of an array (n, k). A clock alone may be (n,).
 
-s is an Ornstein-Uhlenbeck process, so a scalar Kalman filter gives the likelihood at uneven
-sampling in one pass. Nothing in that pass needs c to be positive: with c < 0 neighbouring rows
-differ by more than chance, as where the noise of a position is differentiated. That is a covariance
-while |c| < (1 - a)/(2 a), a = exp(-gap/tau). The likelihood is the restricted one (REML): the
-residual of a fit has lost the directions of its parameters, and without correcting for that a long
-correlation time is under-estimated. sigma is profiled out; c and tau are found on a grid that zooms
-in. Source: Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), 2.7 and
-appendix B.
+a is an Ornstein-Uhlenbeck process. b is another one, or a damped oscillator driven by white noise,
+b'' + 2 b' + (1 + beta) b, whose record is smooth: an amplifier's filter (beta <= 0: real roots) or
+a servo that swings (beta > 0). One Kalman filter whitens any number of columns in one pass at
+uneven sampling, rows left out included. Nothing in it needs c_1 to be positive: with c_1 < 0
+neighbouring rows differ by more than chance, as where the noise of a position is differentiated;
+`limit_of_negative` says how far that is a covariance. How a noise is found is in `noise_search`.
+
+Sources: Foreman-Mackey et al. 2017 (doi:10.3847/1538-3881/aa9332) for such terms in linear time;
+Kelly et al. 2014 (doi:10.1088/0004-637X/788/1/33) for filters of white noise at uneven sampling.
+tinygp's quasi-separable kernels solve the same equations, but with one coordinate for all terms:
+parts with clocks of their own, a negative one, rows passed over, and the restricted likelihood of
+many columns would still have to be written around them.
 """
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -26,60 +32,79 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-_GRID = 6
-_ZOOMS = 3
-_LOGIT_RANGE = 5.0
 _HIDDEN = 1e12  # variance of a row that is to be passed over
-LONGEST = 0.1
-"""Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
-too seldom for its size to be known, and a likelihood makes it as large as it likes."""
-_SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
+_CRITICAL = 1e-3
+PARTS = 2
+"""Correlated parts of a noise; those it lacks have no share."""
+EXPONENTIAL = -1.0
+"""beta of a second part that is exponential, as no resonator is."""
 
 
 class Noise(NamedTuple):
-    """Standard deviation, share of its square that is correlated, and over how much of each clock:
-    infinite for the clocks that it does not follow."""
+    """Standard deviation of a row of scale 1, and the parts that are correlated."""
 
     sigma: Float[Array, ""]
-    share: Float[Array, ""]
-    memory: Float[Array, " k"]
+    share: Float[Array, " 2"]
+    """Of the variance, by part; the rest is white."""
+    rates: Float[Array, "2 k"]
+    """Forgotten per unit of every clock, by part."""
+    beta: Float[Array, ""]
+    """Of the second part: a resonator above `EXPONENTIAL`, there an exponential."""
+    scale: Float[Array, " *n"]
+    """Of every row, or one of all."""
     log_likelihood: Float[Array, ""]
 
-    @property
-    def rates(self) -> Float[Array, " k"]:
-        """What is forgotten per unit of each clock."""
-        return jnp.atleast_1d(1 / jnp.asarray(self.memory))
 
+def noise_of(
+    sigma: float,
+    share: float = 0.0,
+    memory: float | Array = 1.0,
+    log_likelihood: float | Array = 0.0,
+) -> Noise:
+    """White noise and one exponential part; `memory` over every clock, infinite where it has none.
 
-def forgotten(clock: Float[Array, "n *k"], rates: Float[Array, "*g k"]) -> Float[Array, "n-1 *g"]:
-    """Exponents of what noise forgets from each row to the next, of one or many noise models."""
-    return jnp.abs(jnp.diff(_columns(clock), axis=0)) @ rates.T
+    Shapes: all of them () but `memory` (k,) or ().
+    """
+    one = jnp.ones(())
+    rates = jnp.atleast_1d(1 / jnp.asarray(memory, float))
+    return Noise(
+        sigma * one,
+        jnp.stack([share * one, 0 * one]),
+        jnp.stack([rates, jnp.ones_like(rates)]),
+        EXPONENTIAL * one,
+        one,
+        jnp.asarray(log_likelihood),
+    )
 
 
 def _columns(clock):
     return clock[:, None] if clock.ndim == 1 else clock
 
 
-def _kalman_step(share):
-    """One step of the filter for all noise models: (mean, variance) -> misfit, 1/variance of it."""
-
-    def step(mean, variance, y, hidden, keep):
-        inverse = 1 / (variance + (1 - share) + hidden)
-        misfit = y[:, None] - mean
-        mean = keep * (mean + variance * inverse * misfit)
-        squared = keep * keep
-        variance = squared * variance * (1 - variance * inverse) + share * (1 - squared)
-        return mean, variance, misfit, inverse
-
-    return step
+def _forgotten(clock, noise: Noise) -> Array:
+    """What each part forgets from a row to the next, (n, 2)."""
+    steps = jnp.abs(jnp.diff(_columns(clock), axis=0))
+    return jnp.concatenate([steps, jnp.zeros_like(steps[:1])]) @ noise.rates.T
 
 
-def _filter_inputs(clock, weight, columns, share, rates):
-    keeps = jnp.exp(-forgotten(clock, rates))
-    keeps = jnp.concatenate([keeps, jnp.ones_like(keeps[:1])])
-    hidden = jnp.where(weight > 0, 0.0, _HIDDEN)
-    start = (jnp.zeros((columns.shape[1], share.shape[0])), share)
-    return start, (columns, hidden, keeps)
+def _second(d, beta):
+    """The second part from a row to the next: transition (n,) x 4 and added covariance (n,) x 3.
+
+    Its states are b and its slope, in units of what it forgets.
+    """
+    w = jnp.sqrt(jnp.maximum(beta, _CRITICAL**2))
+    s = jnp.sqrt(jnp.clip(-beta, _CRITICAL**2, 1.0))
+    slow, fast = jnp.exp(-(1 - s) * d), jnp.exp(-(1 + s) * d)
+    one = jnp.exp(-d)
+    c = jnp.where(beta > 0, one * jnp.cos(w * d), 0.5 * (slow + fast))
+    q = jnp.where(beta > 0, one * jnp.sin(w * d) / w, 0.5 * (slow - fast) / s)
+    alone = beta <= EXPONENTIAL
+    size = jnp.where(alone, 1.0, 1 + jnp.where(beta > 0, w * w, -s * s))
+    turn = [jnp.where(alone, one, c + q), q, -size * q, jnp.where(alone, one, c - q)]
+    turn[1], turn[2] = (jnp.where(alone, 0.0, x) for x in turn[1:3])
+    xx, xv, vx, vv = turn
+    added = 1 - xx**2 - size * xv**2, -xx * vx - size * xv * vv, size - vx**2 - size * vv**2
+    return turn, added, size
 
 
 def whiten(
@@ -92,117 +117,77 @@ def whiten(
 
     Rows of zero weight are passed over and come out as 0.
     """
-    share = noise.share[None]
-    start, rows = _filter_inputs(clock, weight, columns, share, noise.rates[None])
-    step = _kalman_step(share)
-
-    def advance(carry, row):
-        *carry, misfit, inverse = step(*carry, *row)
-        return tuple(carry), (misfit * jnp.sqrt(inverse))[:, 0]
-
-    _, white = jax.lax.scan(advance, start, rows, unroll=4)
-    return white * (weight > 0)[:, None] / noise.sigma
+    return innovations(clock, weight, columns, noise)[0] / noise.sigma
 
 
-def limit_of_share(keep):
-    """Largest -c of a covariance whose rows are correlated by `keep` from one to the next."""
-    return 0.98 * (1 - keep) / (2 * keep)
-
-
-def _restricted(clock, weight, columns, share, rates):
-    """Restricted log-likelihood and sigma of every noise model; column 0 is the residual."""
-    start, rows = _filter_inputs(clock, weight, columns, share, rates)
-    step = _kalman_step(share)
-
-    def advance(carry, row):
-        state, gram, log_inverse = carry
-        *state, misfit, inverse = step(*state, *row)
-        gram = gram + misfit[:, None, :] * (misfit * inverse)[None, :, :]
-        log_inverse = log_inverse + jnp.where(row[1] > 0, 0.0, jnp.log(inverse))
-        return (tuple(state), gram, log_inverse), None
-
-    m, g = columns.shape[1], share.shape[0]
-    (_, gram, log_inverse), _ = jax.lax.scan(
-        advance, (start, jnp.zeros((m, m, g)), jnp.zeros(g)), rows, unroll=2
-    )
-    gram = jnp.moveaxis(gram, 2, 0)
-    design = gram[:, 1:, 1:]
-    diagonal = jnp.diagonal(design, axis1=1, axis2=2)
-    used = diagonal > 0  # columns of zeros are padding
-    n, p = jnp.sum(weight > 0), jnp.sum(used[0])
-    scale = jnp.where(used, 1 / jnp.sqrt(jnp.where(used, diagonal, 1.0)), 1.0)
-    ridge = jnp.where(used, 1e-12, 1.0)[:, :, None] * jnp.eye(m - 1)
-    scaled = design * scale[:, :, None] * scale[:, None, :] + ridge
-    projection = gram[:, 1:, 0] * scale
-    solved = jnp.linalg.solve(scaled, projection[..., None])[..., 0]
-    left = jnp.maximum(gram[:, 0, 0] - jnp.sum(projection * solved, axis=1), 1e-300)
-    variance = left / (n - p)
-    log_det = jnp.linalg.slogdet(scaled)[1] - 2 * jnp.sum(jnp.log(scale), axis=1)
-    deviance = (n - p) * (jnp.log(variance) + 1) + log_det - log_inverse
-    return -0.5 * deviance, jnp.sqrt(variance)
-
-
-@eqx.filter_jit
-def estimate_noise(
+def innovations(
     clock: Float[Array, "n *k"],
     weight: Float[Array, " n"],
-    residual: Float[Array, " n"],
-    jacobian: Float[Array, "n p"],
-    longest: Float[Array, "*k"] | None = None,
-    either_sign: bool = False,
-) -> Noise:
-    """Restricted maximum-likelihood noise of a residual with the given Jacobian.
+    columns: Float[Array, "n m"],
+    noise: Noise,
+) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
+    """As of `whiten`, but for sigma = 1; and the log-determinant of that covariance."""
+    used = weight > 0
+    forgotten = _forgotten(clock, noise)
+    first, second = noise.share
+    white = 1 - first - second
+    scaled = columns / jnp.broadcast_to(noise.scale, used.shape)[:, None]
+    turn, added, slope = _second(forgotten[:, 1], noise.beta)
 
-    Its memory is searched from half the median gap of rows to `longest`, by default half the
-    record, in each clock; with `either_sign` also negative correlation, of even sampling.
+    def advance(carry, row):
+        mean, spread = carry
+        y, hidden, f, turn, added = row
+        gain, inverse, spread = _update(spread, white + hidden)
+        misfit = y - mean[0] - mean[1]
+        a, b, v = (m + k * misfit for m, k in zip(mean, gain, strict=True))
+        mean = [f * a, turn[0] * b + turn[1] * v, turn[2] * b + turn[3] * v]
+        out = misfit * jnp.sqrt(inverse), jnp.where(hidden > 0, 0.0, jnp.log(inverse))
+        spread = _forecast(spread, f, turn)
+        spread[0] = spread[0] + first * (1 - f * f)
+        spread[3:] = [x + second * q for x, q in zip(spread[3:], added, strict=True)]
+        return (mean, spread), out
+
+    zero, none = jnp.zeros_like(columns[0]), jnp.zeros_like(first)
+    start = ([zero] * 3, [first, none, none, second, none, second * slope])
+    rows = (scaled, jnp.where(used, 0.0, _HIDDEN), jnp.exp(-forgotten[:, 0]), turn, list(added))
+    _, (found, log_inverse) = jax.lax.scan(advance, start, rows, unroll=4)
+    log_scale = jnp.sum(jnp.where(used, jnp.log(noise.scale), 0.0))
+    return found * used[:, None], 2 * log_scale - jnp.sum(log_inverse)
+
+
+def _update(spread, white):
+    """Gains, the inverse variance of the misfit, and the covariance of the states once it is seen.
+
+    States are a, b and the slope of b, their covariances 11, 12, 13, 22, 23, 33.
     """
-    columns = jnp.concatenate([residual[:, None], jacobian], axis=1)
-    clocks = _columns(clock).T
-    spans = jnp.max(clocks, axis=1) - jnp.min(clocks, axis=1)
-    most = 0.5 * spans if longest is None else jnp.broadcast_to(longest, spans.shape)
-    along = jnp.eye(len(clocks))
-
-    def best_over(which):
-        one, most, span, along = which
-        gap = jnp.nanmedian(jnp.where(weight[1:] > 0, jnp.abs(jnp.diff(one)), jnp.nan))
-        gap = jnp.maximum(gap, _SHORTEST * jnp.maximum(span, 1e-300))  # at rest most of the time
-
-        def likelihood(logit, memory):
-            share = jax.nn.sigmoid(logit)
-            if either_sign:
-                part = jnp.tanh(0.5 * logit)
-                share = jnp.where(part > 0, part, part * limit_of_share(jnp.exp(-gap / memory)))
-            found = _restricted(clock, weight, columns, share, along / memory[:, None])
-            return share, *found
-
-        low = jnp.log(0.5 * gap)
-        return _zoomed(likelihood, low, jnp.maximum(jnp.log(most), low), along)
-
-    found = jax.lax.map(best_over, (clocks, most, spans, along))
-    best = jnp.argmax(found.log_likelihood)
-    return jax.tree.map(lambda x: x[best], found)
+    aa, ab, av, bb, bv, vv = spread
+    seen = aa + ab, ab + bb, av + bv
+    inverse = 1 / (seen[0] + seen[1] + white)
+    gain = tuple(x * inverse for x in seen)
+    pairs = ((0, 0, aa), (0, 1, ab), (0, 2, av), (1, 1, bb), (1, 2, bv), (2, 2, vv))
+    return gain, inverse, [x - gain[i] * seen[j] for i, j, x in pairs]
 
 
-def _zoomed(likelihood, low, high, along) -> Noise:
-    """The likeliest noise on a grid of shares and logarithms of memory that zooms in."""
-    offsets = jnp.linspace(-1.0, 1.0, _GRID)
+def _forecast(spread, f, turn):
+    """What is left of the covariance of the states at the next row."""
+    aa, ab, av, bb, bv, vv = spread
+    p, q, r, s = turn
+    return [
+        f * f * aa,
+        f * (p * ab + q * av),
+        f * (r * ab + s * av),
+        p * p * bb + 2 * p * q * bv + q * q * vv,
+        p * r * bb + (p * s + q * r) * bv + q * s * vv,
+        r * r * bb + 2 * r * s * bv + s * s * vv,
+    ]
 
-    def zoom(carry, _):
-        centre, half = carry
-        logit = jnp.clip(centre[0] + half[0] * offsets, -2 * _LOGIT_RANGE, 2 * _LOGIT_RANGE)
-        log_memory = jnp.clip(centre[1] + half[1] * offsets, low, high)
-        logit, log_memory = (g.ravel() for g in jnp.meshgrid(logit, log_memory))
-        share, value, sigma = likelihood(logit, jnp.exp(log_memory))
-        i = jnp.argmax(jnp.where(jnp.isfinite(value), value, -jnp.inf))
-        memory = jnp.where(along > 0, jnp.exp(log_memory[i]), jnp.inf)
-        best = Noise(sigma[i], share[i], memory, value[i])
-        return (jnp.stack([logit[i], log_memory[i]]), half * (2.0 / (_GRID - 1))), best
 
-    centre = jnp.stack([0.0, 0.5 * (low + high)])
-    half = jnp.stack([_LOGIT_RANGE, 0.5 * (high - low)])
-    _, steps = jax.lax.scan(zoom, (centre, half), length=_ZOOMS)
-    best = jnp.argmax(steps.log_likelihood)
-    return jax.tree.map(lambda x: x[best], steps)
+def limit_of_negative(keep):
+    """Largest -variance of the first part, in units of the white one, that is a covariance.
+
+    `keep` is its correlation from a row to the next: the spectrum is least at zero frequency.
+    """
+    return 0.98 * (1 - keep) / (1 + keep)
 
 
 @eqx.filter_jit
@@ -210,28 +195,59 @@ def sandwich(
     clock: Float[Array, "n *k"], jacobian: Float[Array, "n p"], noise: Noise
 ) -> Float[Array, "p p"]:
     """J^T Sigma J for the noise covariance Sigma, in one pass."""
-    keep = jnp.exp(-forgotten(clock, noise.rates))
-    keep = jnp.concatenate([jnp.ones(1), keep])
+    scaled = jacobian * jnp.broadcast_to(noise.scale, jacobian.shape[:1])[:, None]
+    white = 1 - noise.share[0] - noise.share[1]
+    total = white * scaled.T @ scaled
+    for size, rate in _terms(clock, noise):
+        total = total + (size * _correlated(scaled, jnp.exp(-rate))).real
+    return noise.sigma**2 * total
+
+
+def _terms(clock, noise: Noise) -> list[tuple[Array, Array]]:
+    """The correlated parts as sums of exponentials: sizes, and what each forgets to the next row.
+
+    Sizes and exponents are complex; the sum is real.
+    """
+    first, second = _forgotten(clock, noise).T + 0j
+    near = jnp.where(jnp.abs(noise.beta) < _CRITICAL**2, _CRITICAL**2, noise.beta)
+    alone = noise.beta <= EXPONENTIAL
+    s = jnp.where(alone, 0.5, jnp.sqrt(-near + 0j))
+    slow = jnp.where(alone, 1.0, 0.5 * (1 + 1 / s)), jnp.where(alone, second, (1 - s) * second)
+    fast = jnp.where(alone, 0.0, 0.5 * (1 - 1 / s)), (1 + s) * second
+    a, b = noise.share
+    return [(a, first), (b * slow[0], slow[1]), (b * fast[0], fast[1])]
+
+
+def _correlated(jacobian, turn):
+    """J^T R J, R_ij the product of `turn` from row i to row j."""
+    turn = jnp.concatenate([jnp.ones_like(turn[:1]), turn[:-1]])
 
     def step(carry, row):
         j, k = row
         carry = k * carry + j
         return carry, carry
 
-    _, tail = jax.lax.scan(step, jnp.zeros(jacobian.shape[1]), (jacobian, keep), unroll=8)
+    start = jnp.zeros(jacobian.shape[1], complex)
+    _, tail = jax.lax.scan(step, start, (jacobian, turn), unroll=8)
     one_sided = jacobian.T @ tail
-    gram = jacobian.T @ jacobian
-    correlated = one_sided + one_sided.T - gram
-    return noise.sigma**2 * ((1 - noise.share) * gram + noise.share * correlated)
+    return one_sided + one_sided.T - jacobian.T @ jacobian
 
 
 def rms_error(clock: Float[Array, "n *k"], used, noise: Noise) -> float:
     """Relative standard error of the rms of noise over the `used` rows (a mask or 0 and 1).
 
-    sqrt(sum rho^2/2)/n over all pairs of rows, rho their correlation: correlated rows count
-    for fewer. Squares of rho are those of a noise of share c^2 and half the memory.
+    sqrt(sum_ij (s_i s_j rho_ij)^2/2)/sum_i s_i^2, rho the correlation and s the scale of rows:
+    correlated rows count for fewer, and so do those beside others with more noise.
     """
-    used = jnp.asarray(used, float)
-    squared = Noise(jnp.ones(()), noise.share**2, 0.5 * noise.memory, noise.log_likelihood)
-    total = float(sandwich(clock, used[:, None], squared)[0, 0])
-    return math.sqrt(0.5 * total) / max(float(used.sum()), 1.0)
+    sizes = jnp.asarray(used, float) * noise.scale**2
+    return math.sqrt(0.5 * float(_squares(clock, sizes, noise))) / max(float(sizes.sum()), 1e-300)
+
+
+@eqx.filter_jit
+def _squares(clock, sizes, noise: Noise):
+    """Sum over all pairs of rows of the square of their correlation, times both sizes."""
+    terms = _terms(clock, noise)
+    total = (1 - jnp.sum(noise.share) ** 2) * jnp.sum(sizes**2) + 0j
+    for (a, p), (b, q) in itertools.product(terms, terms):
+        total = total + a * b * _correlated(sizes[:, None], jnp.exp(-p - q))[0, 0]
+    return total.real

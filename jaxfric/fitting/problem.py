@@ -222,6 +222,10 @@ class Problem(eqx.Module):
         """The same problem with residuals in units of `noise` and uncorrelated under it."""
         return dataclasses.replace(self, noise=noise, hold=jnp.ones_like(self.hold))
 
+    def plain(self) -> "Problem":
+        """The same problem with residuals in units of `noise_scale`, as correlated as they are."""
+        return dataclasses.replace(self, noise=None, hold=jnp.ones_like(self.hold))
+
     def holding(self, hold: np.ndarray) -> "Problem":
         """The same problem with other weights on the shifts of the step times."""
         return dataclasses.replace(self, hold=jnp.asarray(hold))

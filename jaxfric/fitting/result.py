@@ -1,6 +1,5 @@
 """What a fit returns."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ from ..records import Record, VelocitySteps
 from ..rig import Rig
 from ..rig.friction import RateState, critical_stiffness
 from ..stability.claims import Claim, rate_state_claim
+from .noise_estimate import NoiseEstimate
 from .problem import Model, build_rig, quantity_of
 
 SCHEMA = "jaxfric.fit/1"
@@ -35,36 +35,6 @@ class Estimate:
     free: bool = True
     determined: bool = True
     profiled: bool = False
-
-
-@dataclass(frozen=True)
-class NoiseEstimate:
-    """Noise of the residual: standard deviation (unit of friction), the share of its square that is
-    exponentially correlated, and over which time [s], path of the load point [m] or number of
-    samples; two of the three are infinite."""
-
-    sigma: float
-    correlated_share: float
-    correlation_time: float
-    correlation_length: float = math.inf
-    correlation_samples: float = math.inf
-
-    def memory(self) -> str:
-        """Over what it is correlated: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
-        if math.isfinite(self.correlation_samples):
-            return f"{self.correlation_samples:.2g} rows"
-        if math.isfinite(self.correlation_length):
-            return f"{self.correlation_length * 1e6:.3g} µm of load-point motion"
-        return f"{self.correlation_time:.3g} s"
-
-    def to_json(self) -> dict:
-        """Its numbers, null for what is infinite."""
-        return {
-            "correlated_share": _number(self.correlated_share),
-            "correlation_time": _number(self.correlation_time),
-            "correlation_length": _number(self.correlation_length),
-            "correlation_samples": _number(self.correlation_samples),
-        }
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..units import factor, format_si
 from .problem import quantity_of
-from .result import Fit, NoiseEstimate
+from .result import Fit
 
 
 class Row(NamedTuple):
@@ -79,7 +79,7 @@ def summary(fit: Fit) -> list[str]:
         f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
     ]
     if fit.converged:  # else what is left is the failure of the fit, not noise
-        lines.append(f"noise {noise.sigma:.3g}{unit}, {_colour(noise)}")
+        lines.append(f"noise {noise.sigma:.3g}{unit}, {noise.text()}")
     lines.append(_stability(fit))
     pairs = correlations(fit) if fit.converged else []
     if pairs:
@@ -102,9 +102,3 @@ def _stability(fit: Fit) -> str:
             f" stable at any stiffness, from {low} to {high}"
         )
     return f"nothing is said of stability: {'; '.join(claim.reasons)}"
-
-
-def _colour(noise: NoiseEstimate) -> str:
-    if noise.correlated_share < 0.05:
-        return "white"
-    return f"{100 * noise.correlated_share:.0f} % of its variance correlated over {noise.memory()}"

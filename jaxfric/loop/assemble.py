@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..fitting import NoiseEstimate
+from ..fitting.noise_estimate import noise_estimate
 from .engine import Candidate, Engine
 from .estimates import candidate_scores
 from .result import LocationProfile, Loop, Score, ScreenedEffect
@@ -53,7 +53,7 @@ def score_of(
     `estimated` are its parameters, the names of the free ones, and their covariance; `residual`
     is nan in rows that do not count, `step` the part of each row.
     """
-    scale, noise = float(engine.problem.noise_scale), candidate.noise
+    scale = float(engine.problem.noise_scale)
     parameters, free, covariance = estimated
     return Score(
         effects=candidate.effects,
@@ -63,10 +63,12 @@ def score_of(
         parameters=parameters,
         free=free,
         covariance=covariance,
-        noise=NoiseEstimate(
-            scale * float(noise.sigma),
-            float(noise.share),
-            *(float(x) for x in noise.memory),
+        noise=noise_estimate(
+            candidate.noise,
+            scale,
+            engine.longest,
+            pace=() if engine.pace is None else engine.pace.tolist(),
+            scales=engine.scale_by_step(),
         ),
         tests=tests,
     )

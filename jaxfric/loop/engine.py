@@ -1,8 +1,9 @@
 """Fits of candidates: one superset problem, any choice of free effects, noise profiled anew.
 
-A candidate is the base and some effects, all their parameters free together. Its noise (white plus
-exponentially correlated) is estimated with it, never taken from another one: noise estimated from
-a fit that lacks an effect swallows the effect.
+A candidate is the base and some effects, all their parameters free together. The sizes, memories
+and periods of its noise are estimated with it, never taken from another one: noise estimated from
+a fit that lacks an effect swallows the effect. Which parts the noise has is found once, from what
+the base leaves when everything smooth is taken out (`Engine.learn_noise`).
 """
 
 from typing import NamedTuple, Protocol
@@ -15,11 +16,20 @@ from jaxtyping import Array, Float, Int
 
 from ..effects import RecordScales, near_null
 from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.noise import Noise, estimate_noise, rms_error, whiten
+from ..fitting.noise import Noise, innovations, noise_of, rms_error
+from ..fitting.noise_search import (
+    Family,
+    estimate_noise,
+    limits_of,
+    noises_around,
+    profile_noise,
+)
+from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.problem import FAILED_MISFIT, Problem
-from .evidence import log_determinant
 from .pace import Stopwatch
+from .smooth import smooth_columns
 from .split import NAMES, Blocks
+from .step_noise import own_clock, pace_of_steps, scale_of_steps
 from .superset import Superset
 
 _PASSES = 2
@@ -28,7 +38,6 @@ _ROUGH = 1e-4
 _TRIALS = 60
 _NOISE_SHARE = 0.1
 _SHORTEST_LIMIT = 10.0
-_WHITE = 1e-9
 _AT_ONCE = 16
 _WIDE = 64
 
@@ -107,7 +116,9 @@ class Engine:
     Noise forgets over no more than a tenth of the mean duration, path or number of rows of a
     velocity: what lasts longer is structure, which a slow noise would explain away. `longest` sets
     other limits, for each clock of the problem; with `either_sign` neighbouring rows may also be
-    correlated negatively.
+    correlated negatively. `path` is that of the load point or axis at every row: what is smooth
+    along it, and along the path since each step, is no noise. With `by_step` noise may differ from
+    step to step in scale and in pace.
     """
 
     def __init__(
@@ -119,8 +130,10 @@ class Engine:
         without: tuple[str, ...] = (),
         *,
         shapes: Shapes,
+        path: np.ndarray | None = None,
         longest: np.ndarray | None = None,
         either_sign: bool = False,
+        by_step: bool = True,
     ):
         assert isinstance(problem.model, Superset)
         self.model: Superset = problem.model
@@ -134,6 +147,11 @@ class Engine:
         per_velocity = np.ptp(clock, axis=0) / (int(blocks.step.max()) + 1)
         limit = np.maximum(shortest, _NOISE_SHARE * per_velocity)
         self.longest = limit if longest is None else longest
+        if by_step:  # a last clock, which `learn_noise` may set going
+            still = jnp.pad(problem.clock, ((0, 0), (0, 1)))
+            problem = eqx.tree_at(lambda p: p.clock, problem, still)
+            self.longest = np.append(self.longest, 0.0)
+        self.by_step, self.pace = by_step, None
         weight = np.zeros(problem.time.shape[0])
         weight[: self.rows] = blocks.train
         self.weight = weight
@@ -142,7 +160,12 @@ class Engine:
         self.known = known
         self.problem = eqx.tree_at(lambda p: p.weight, problem, jnp.asarray(weight))
         self.white = white_noise(problem.clock.shape[1])
-        self.everywhere = problem.whitened(self.white)
+        self.everywhere = problem.plain()
+        path = np.arange(self.rows) if path is None else path
+        self.smooth = smooth_columns(path, blocks.step, len(weight))
+        self.family: Family | None = None
+        self.noises: tuple[np.ndarray, ...] = ()
+        self.scale = np.ones(len(weight))
         self.names = self.model.names()
         self.base = list(range(len(self.model.base.names())))
         self.shifts = [len(self.names) + int(k) for k in shifted]
@@ -179,15 +202,79 @@ class Engine:
 
     def noise(self, residual: np.ndarray, columns: np.ndarray) -> Noise:
         """Noise of the train block, the directions of `columns` taken out."""
+        return self._noise(residual, columns).noise
+
+    def _noise(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
         problem = self.problem
-        return estimate_noise(
-            problem.clock,
-            problem.weight,
-            jnp.asarray(residual),
-            padded_columns(columns),
-            jnp.asarray(self.longest),
-            self.either_sign,
-        )
+        rows = problem.clock, problem.weight, residual, padded_columns(columns), self.longest
+        if self.family is None:
+            return estimate_noise(*rows, either_sign=self.either_sign, scale=self.scale)
+        return profile_noise(*rows, self.family, self.noises, scale=self.scale)
+
+    def learn_noise(self, candidate: Candidate) -> Candidate:
+        """The candidate with the noise that is found when everything smooth is taken out.
+
+        All later ones have the same parts, their sizes, memories and periods found anew. A pace and
+        a scale for every velocity step are taken where the likelihood rises by what they cost.
+        """
+        rows = self.evaluate(candidate.z, self.free(candidate.effects))
+        if rows.failed:
+            return candidate
+        columns = np.concatenate([rows.residual[:, None], rows.jacobian, self.smooth], axis=1)
+        train = columns * self.weight[:, None]
+        train = train[:, np.linalg.norm(train, axis=0) > 0]
+        found = self._noise(train[:, 0], train[:, 1:])
+        if self.by_step:
+            found = self._with_pace(found, columns, train)
+            found = self._with_scale(found, columns, train)
+        self.family, self.noises = found.family, (found.theta,)
+        own = rows.jacobian * self.weight[:, None]
+        self.noises += (self._noise(rows.residual * self.weight, own).theta,)
+        return self.candidate(candidate.effects, candidate.z, rows)
+
+    def _with_pace(self, found: FoundNoise, columns, train) -> FoundNoise:
+        """The noise with a clock whose pace is that of each step, if that is likelier."""
+        before, step = (self.problem, self.longest), self.blocks.step
+        pace = pace_of_steps(columns[: self.rows], step)
+        clock = np.array(self.problem.clock)
+        clock[:, -1] = own_clock(pace, step, len(clock))
+        self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jnp.asarray(clock))
+        self.longest = np.append(self.longest[:-1], self.longest[-2] / np.max(pace))
+        paced = self._noise(train[:, 0], train[:, 1:])
+        more = paced.family.parameters - found.family.parameters + len(pace) - 1
+        if 2 * (paced.value - found.value) > more * np.log(self.weight.sum()):
+            self.pace = pace
+            return paced
+        self.problem, self.longest = before
+        return found
+
+    def _with_scale(self, found: FoundNoise, columns, train) -> FoundNoise:
+        """The noise with a scale of each step, if that is likelier."""
+        everything = np.zeros(len(columns))
+        everything[: self.rows] = 1.0
+        white = self.whiten(columns * everything[:, None], found.noise, everything)[: self.rows]
+        own = scale_of_steps(white, self.blocks.step, self.blocks.train)
+        self.scale[: self.rows] = own
+        self.family, self.noises = found.family, (found.theta,)
+        scaled = self._noise(train[:, 0], train[:, 1:])
+        more = len(np.unique(self.blocks.step[self.blocks.train])) - 1
+        if 2 * (scaled.value - found.value) > more * np.log(self.weight.sum()):
+            return scaled
+        self.scale = np.ones(len(columns))
+        return found
+
+    def scale_by_step(self) -> tuple[float, ...]:
+        """Scale of the noise of each velocity step; nothing where they have one."""
+        if np.ptp(self.scale[: self.rows]) == 0:
+            return ()
+        first = np.unique(self.blocks.step, return_index=True)[1]
+        return tuple(self.scale[first].tolist())
+
+    def trial_noises(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Noises to screen under: shares (g, 2), rates (g, 2, k) and betas (g,)."""
+        assert self.family is not None, "learn_noise comes first"
+        limits = limits_of(self.problem.clock, self.weight, self.longest)
+        return noises_around(self.family, self.noises, limits)
 
     def bic(self, rows: "Rows", parameters: int) -> tuple[float, Noise]:
         """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows.
@@ -207,10 +294,11 @@ class Engine:
         """-2 ln p of the select block given the train block, at the noise of the train block."""
         problem, total = self.problem, 0.0
         for weight, sign in ((self.known, 1.0), (self.weight, -1.0)):
-            white = self.whiten(residual[:, None], noise, weight)
-            size = jnp.log(noise.sigma**2) * weight.sum() + log_determinant(
-                problem.clock, jnp.asarray(weight), noise.share, noise.rates
+            white, size = _innovations(
+                problem.clock, jnp.asarray(weight), jnp.asarray(residual)[:, None], noise
             )
+            white, rows = np.asarray(white) / float(noise.sigma), weight.sum()
+            size = float(size) + 2 * rows * np.log(float(noise.sigma))
             total += sign * float(np.sum(white**2) + size)
         return total
 
@@ -222,8 +310,8 @@ class Engine:
         parts = []
         for begin in range(0, columns.shape[1], wide):
             part = columns[:, begin : begin + wide]
-            white = _whiten(clock, weight, padded_columns(part, size=wide), noise)
-            parts.append(np.asarray(white)[:, : part.shape[1]])
+            white, _ = _innovations(clock, weight, padded_columns(part, size=wide), noise)
+            parts.append(np.asarray(white)[:, : part.shape[1]] / float(noise.sigma))
         return np.concatenate(parts, axis=1) if parts else np.array(columns)
 
     def rms_error(self, used: np.ndarray, noise: Noise) -> float:
@@ -257,11 +345,17 @@ class Engine:
 
         Driven from here, it needs no more compiled than the Jacobian that screening needs too.
         """
-        problem, z = self.problem.whitened(noise), np.array(z)
+        z = np.array(z)
 
         def both(y):
             z[index] = y
-            return self._linearised(problem, z, index)
+            rows = self.evaluate(z, index)
+            columns = np.concatenate([rows.residual[:, None], rows.jacobian], axis=1)
+            if not rows.failed:
+                columns = self.whiten(columns * self.weight[:, None], noise)
+            more = np.concatenate([rows.extra[:, None], rows.extra_jacobian], axis=1)
+            columns = np.concatenate([columns, more])
+            return columns[:, 0], columns[:, 1:]
 
         z[index], _ = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
         return z
@@ -328,7 +422,7 @@ def _evaluate(problem: Problem, z: Float[Array, " q"], index: Int[Array, " m"]):
     return jax.vmap(push, out_axes=(None, -1))(tangents)
 
 
-_whiten = eqx.filter_jit(whiten)
+_innovations = eqx.filter_jit(innovations)
 
 
 @eqx.filter_jit
@@ -338,8 +432,7 @@ def _natural(problem: Problem, z: Float[Array, " q"]):
 
 def white_noise(clocks: int) -> Noise:
     """Of sigma 1, for a problem with so many clocks."""
-    one = jnp.ones(())
-    return Noise(one, _WHITE * one, jnp.ones(clocks), jnp.zeros(()))
+    return noise_of(1.0, 0.0, jnp.ones(clocks))
 
 
 def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]:

@@ -13,11 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fitting.noise import Noise, forgotten, limit_of_share, whiten
+from ..fitting.noise import Noise, innovations
 
-_LOGITS = (-9.0, -3.0, -1.0, 0.5, 2.0, 4.0)
-_NEGATIVE = (0.3, 0.65, 0.95)
-_TIMES = 6
 _AT_ONCE = 8
 _PASSES = 4
 
@@ -29,7 +26,8 @@ class Evidence(NamedTuple):
     """Shape (g, m, m), in units of sigma = 1."""
     log_determinant: np.ndarray
     """Of the covariance at sigma = 1, shape (g,)."""
-    noises: tuple[Noise, ...]
+    noises: tuple[np.ndarray, np.ndarray, np.ndarray]
+    """Shares (g, 2), rates (g, 2, k) and betas (g,)."""
     rows: float
     extra: np.ndarray
     """Products (m, m) of rows of unit variance."""
@@ -85,57 +83,34 @@ def evidence(
     columns: np.ndarray,
     extra: np.ndarray,
     extra_columns: np.ndarray,
-    longest: np.ndarray,
-    *,
-    either_sign: bool = False,
+    noises: tuple[np.ndarray, np.ndarray, np.ndarray],
+    scale: np.ndarray | None = None,
 ) -> Evidence:
     """Products of the residual and some columns (rows of zero weight are passed over).
 
-    The extra rows are data of unit variance, uncorrelated with the others. `longest` is the
-    longest memory of noise in each clock; with `either_sign` correlation may be negative.
+    The extra rows are data of unit variance, uncorrelated with the others. `noises` are shares
+    (g, 2), rates (g, 2, k) and betas (g,), all with the same `scale` of every row.
     """
     n, m = columns.shape
     pad = -(m + 2) % 32
     parts = [residual[:, None], columns, np.zeros((n, pad)), np.ones((n, 1))]
     all_columns = jnp.asarray(np.concatenate(parts, axis=1))
-    share, rates = _grid(np.asarray(clock)[np.asarray(weight) > 0], longest, either_sign)
-    products, log_det = _products(clock, weight, all_columns, share, rates)
-    products = np.array(products)
+    rows = jnp.asarray(clock), jnp.asarray(weight), all_columns
+    rows = (*rows, jnp.ones(n) if scale is None else jnp.asarray(scale))
+    products, log_det = [], []
+    for begin in range(0, len(noises[2]), _AT_ONCE):
+        at = np.minimum(np.arange(begin, begin + _AT_ONCE), len(noises[2]) - 1)
+        some = (jnp.asarray(x[at]) for x in noises)
+        found = _products(*rows, *some)
+        products.append(np.asarray(found[0]))
+        log_det.append(np.asarray(found[1]))
+    g = len(noises[2])
     more = np.concatenate([extra[:, None], extra_columns], axis=1)
-    extra_products = np.zeros(products.shape[1:])
+    extra_products = np.zeros(products[0].shape[1:])
     extra_products[: m + 1, : m + 1] = more.T @ more
-    noises = tuple(_noise(s, r) for s, r in zip(share, rates, strict=True))
-    rows = float(np.sum(np.asarray(weight) > 0))
-    return Evidence(products, np.asarray(log_det), noises, rows, extra_products)
-
-
-def _grid(clock: np.ndarray, longest, either_sign: bool) -> tuple[Array, Array]:
-    """Shares (g,) and rates (g, k) of the noises that are tried: one white, then over every clock
-    some memories of as many shares."""
-    clocks = clock.reshape(len(clock), -1).T
-    shares, rates = [np.asarray([_share(_LOGITS[0])])], [np.eye(len(clocks))[:1]]
-    for along, one, most in zip(np.eye(len(clocks)), clocks, np.ravel(longest), strict=True):
-        gap = np.median(np.diff(one))
-        if not gap > 0:  # at rest most of the time
-            continue
-        memories = np.geomspace(0.5 * gap, max(most, 0.5 * gap), _TIMES)
-        own = np.repeat(_share(np.asarray(_LOGITS[1:])), _TIMES)
-        if either_sign:
-            limits = limit_of_share(np.exp(-gap / memories))
-            own = np.append(own, -np.outer(_NEGATIVE, limits).ravel())
-        shares.append(own)
-        rates.append(along / np.resize(memories, len(own))[:, None])
-    return jnp.asarray(np.concatenate(shares)), jnp.asarray(np.concatenate(rates))
-
-
-def _share(logit):
-    return 1 / (1 + np.exp(-logit))
-
-
-def _noise(share: Array, rates: Array) -> Noise:
-    """Of sigma 1."""
-    one = jnp.ones_like(share)
-    return Noise(one, share, 1 / rates, one)
+    number = float(np.sum(np.asarray(weight) > 0))
+    both = np.concatenate(products)[:g], np.concatenate(log_det)[:g]
+    return Evidence(*both, noises, number, extra_products)
 
 
 @eqx.filter_jit
@@ -143,29 +118,15 @@ def _products(
     clock: Float[Array, "n *k"],
     weight: Float[Array, " n"],
     columns: Float[Array, "n m"],
-    share: Float[Array, " g"],
-    rates: Float[Array, "g k"],
+    scale: Float[Array, " n"],
+    share: Float[Array, "g 2"],
+    rates: Float[Array, "g 2 k"],
+    beta: Float[Array, " g"],
 ):
-    def under(noise):
-        white = whiten(clock, weight, columns, _noise(*noise))
-        return white.T @ white, log_determinant(clock, weight, *noise)
+    one = jnp.ones(())
 
-    return jax.lax.map(under, (share, rates), batch_size=_AT_ONCE)
+    def under(share, rates, beta):
+        return innovations(clock, weight, columns, Noise(one, share, rates, beta, scale, one))
 
-
-@eqx.filter_jit
-def log_determinant(clock, weight, share, rates):
-    """Of the noise covariance of the rows with weight, at sigma = 1."""
-
-    def step(carry, row):
-        variance, total = carry
-        keep, used = row
-        now = variance + 1 - share
-        total = total + jnp.where(used, jnp.log(now), 0.0)
-        after = jnp.where(used, variance * (1 - variance / now), variance)
-        squared = keep * keep
-        return (squared * after + share * (1 - squared), total), None
-
-    keeps = jnp.append(jnp.exp(-forgotten(clock, rates)), 1.0)
-    (_, total), _ = jax.lax.scan(step, (share, jnp.zeros_like(share)), (keeps, weight > 0))
-    return total
+    white, log_determinant = jax.vmap(under)(share, rates, beta)
+    return jnp.einsum("gni,gnj->gij", white, white), log_determinant

@@ -28,7 +28,7 @@ from .search import Search, search
 from .shapes import friction_shapes
 from .split import Blocks, split
 from .superset import Superset
-from .verdict import conclude, innovations, noise_floor
+from .verdict import conclude, noise_floor, questions
 
 _MOST = 3
 # Half as much again in time, and right to first order only.
@@ -104,15 +104,19 @@ def close_loop(
     slip = np.asarray(base_fit.steps.displacement(record.relative_time))
     scales = _scales(base_fit, record, slip)
     z = declared(engine, _start(engine, base_fit, found_steps), scales, tuple(with_))
-    engine = Engine(problem, blocks, felt, tuple(with_), tuple(without), shapes=friction_shapes)
+    engine = Engine(
+        problem, blocks, felt, tuple(with_), tuple(without), shapes=friction_shapes, path=slip
+    )
     found = search(engine, [z, _other(engine, z)], scales, most=most, progress=progress)
     progress("where the structure sits")
-    floor = noise_floor(engine, found.final, slip)
-    location = locate(engine, found.base, floor.noise, friction_bumps(engine, found.base))
-    tests = innovations(engine, found.base, slip)
+    floor = noise_floor(engine, found.final)
+    bumps = friction_bumps(engine, found.base)
+    location = locate(engine, found.base, floor.noise, bumps)
+    tests = questions(engine, found.base, slip, bumps)
     before = after = _score(engine, found.base, record, base_fit, tests)
     if found.final is not found.base:
-        tests = innovations(engine, found.final, slip)
+        progress("what is left")
+        tests = questions(engine, found.final, slip, friction_bumps(engine, found.final))
         after = _score(engine, found.final, record, base_fit, tests)
     edge = _edge(base_fit)
     return loop_of(

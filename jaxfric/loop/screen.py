@@ -85,8 +85,8 @@ def screen(
         seen.matrix,
         seen.rows.extra,
         seen.extra,
-        engine.longest,
-        either_sign=engine.either_sign,
+        engine.trial_noises(),
+        engine.scale,
     )
     width = len(seen.base) + max(len(c.places) for c in seen.columns)
     rows = [(), *(c.places for c in seen.columns)]

@@ -56,6 +56,7 @@ def search(
     progress(words)
     engine.stopwatch.listen = now_and_then(progress, words)
     base, agree = _base(engine, starts)
+    base = engine.learn_noise(base)
     engine.stopwatch.listen = lambda number, seconds: None
     current, tried = base, [base]
     rounds: list[tuple[Screened, ...]] = []
@@ -138,11 +139,14 @@ def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Can
 
 
 def _exact(engine: Engine, candidate: Candidate, tried: list[Candidate]) -> Candidate:
-    """A candidate fitted to the end, unless that is no better."""
+    """A candidate fitted to the end, unless that is no better; it takes its place among `tried`."""
     found = engine.refit(candidate.effects, candidate.z, exact=True)
     if found.failed or not found.physical or found.bic > candidate.bic:
         return candidate
-    tried.append(found)
+    rough = (
+        k for k, c in enumerate(tried) if (c.effects, c.bic) == (candidate.effects, candidate.bic)
+    )
+    tried[next(rough)] = found
     return found
 
 

@@ -1,10 +1,11 @@
-"""Is there structure left in a residual? Four tests on innovations, corrected together.
+"""Is something left that follows the drive, the slip, the velocity or the time since a step?
 
-With the sizes of the train and of the held-out error, which a verdict also asks about, six: noise
-alone then fails one of them once in 1/p records.
+The residual is made white under its own noise, whose memory is bounded: what is then left of noise
+is independent, of mean 0 and variance 1 (up to what the fit took away). Whether neighbouring rows
+are alike is a question about the recorder and is not asked.
 
-Innovations are the residual made white under its own noise model; if the model is all there is they
-are independent, of mean 0 and variance 1 (up to what the fit took away).
+With the sizes of the train and of the held-out error, which a verdict also asks about, all answers
+are corrected together: noise alone then fails one of them once in 1/p records.
 """
 
 import math
@@ -12,37 +13,51 @@ import math
 import numpy as np
 from jax.scipy.special import gammaincc
 
-TESTS = {
-    "ljung_box": "neighbouring rows are alike (Ljung-Box)",
+QUESTIONS = {
     "block_means": "slow changes along the record",
     "step_locked": "the same shape after every velocity step",
     "spread_after_step": "larger or smaller just after the velocity steps",
+    "slip": "follows the slip",
+    "position": "follows the position",
+    "time": "follows time",
+    "log_velocity": "follows the velocity",
+    "velocity": "follows the velocity",
+    "state": "follows the state of the contact",
+    "time_since_step": "follows the time since a step",
+    "relaxation_length": "follows the slip since a step",
+    "since_reversal": "follows the distance since a stop",
+    "wavelength": "a ripple along the slip",
 }
-"""What the tests look for."""
-ASKED = len(TESTS) + 2
-"""Questions that one verdict asks of a residual: these, and the sizes of two errors."""
-_LAGS = 20
+"""What the tests look for: three of the innovations, then bumps over one variable (`location`)."""
 _BLOCKS = 24
 _BINS = 12
 
 
-def structure(innovations: np.ndarray, step: np.ndarray, slip: np.ndarray) -> dict[str, float]:
-    """p-values, corrected after Holm for `ASKED` questions: small ones mean structure.
+def asked(tests: dict[str, float]) -> int:
+    """Questions that one verdict asks of a residual: the tests, and the sizes of two errors."""
+    return len(tests) + 2
 
-    ljung_box : autocorrelation up to 20 lags. block_means : means of 24 blocks of rows.
-    step_locked : means over the velocity steps at equal slip since the step. spread_after_step :
-    sizes likewise, by ranks (Kruskal-Wallis), for what changes its sign from step to step.
+
+def structure(
+    innovations: np.ndarray, step: np.ndarray, slip: np.ndarray, followed: dict[str, float]
+) -> dict[str, float]:
+    """p-values, corrected after Holm with those of `followed` (by variable): small ones mean
+    structure.
+
+    block_means : means of 24 blocks of rows. step_locked : means over the velocity steps at equal
+    slip since the step. spread_after_step : sizes likewise, by ranks (Kruskal-Wallis), for what
+    changes its sign from step to step.
     """
     e = innovations - np.mean(innovations)
     e = e / max(float(np.std(e)), 1e-300)
     since = _since_step(step, slip)
     raw = {
-        "ljung_box": _ljung_box(e),
         "block_means": _means(e, np.arange(len(e)) * _BLOCKS // len(e)),
         "step_locked": _means(e, since),
         "spread_after_step": _means(_ranks(np.abs(e[since > 0])), since[since > 0]),
     }
-    return holm(raw, ASKED)
+    raw |= followed
+    return holm(raw, asked(raw))
 
 
 def p_text(p: float) -> str:
@@ -59,13 +74,6 @@ def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
         least = max(least, min(1.0, (asked - i) * raw[name]))
         corrected[name] = least
     return {name: corrected[name] for name in raw}
-
-
-def _ljung_box(e: np.ndarray) -> float:
-    n, lags = len(e), min(_LAGS, len(e) // 5)
-    r = np.asarray([np.dot(e[k:], e[:-k]) for k in range(1, lags + 1)]) / np.dot(e, e)
-    q = n * (n + 2) * np.sum(r**2 / (n - np.arange(1, lags + 1)))
-    return chi_square_tail(float(q), lags)
 
 
 def _means(e: np.ndarray, group: np.ndarray) -> float:

@@ -1,5 +1,6 @@
 """What may be concluded from a search, and in which words."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -9,14 +10,17 @@ from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
+from .location import Bumps, locate
 from .screen import ALIAS, orthonormal
 from .search import ACCEPT, Search
-from .structure import ASKED, TESTS, p_text, structure
+from .structure import QUESTIONS, p_text, structure
 
 _HELD_OUT = 1.06
 _TRAIN = 1.04
 _SIGNIFICANT = 0.01
-"""Chance that noise alone leaves something at any of the questions of `ASKED`."""
+"""Chance that noise alone leaves something at any question that is asked."""
+_QUESTIONS = 12
+"""About as many as are asked of a residual (`structure.asked`)."""
 _MOST_PREDICTED = 0.1
 """Largest mean square of the prediction's own error, over sigma^2, that excuses a misfit."""
 _HINT = 2.0
@@ -28,7 +32,9 @@ class Floor(NamedTuple):
 
     noise: Noise
     sigma: float
-    """In the unit of friction."""
+    """On the train block, in the unit of friction."""
+    later: float
+    """On the rows that are held out: noise may differ from step to step."""
     held_out: float
     train: float
     """Largest rms of the held-out and train rows, over sigma, that noise alone explains."""
@@ -63,40 +69,46 @@ class Conclusion(NamedTuple):
     separations: dict[str, str]
 
 
-def noise_floor(engine: Engine, current: Candidate, slip: np.ndarray) -> Floor:
+def noise_floor(engine: Engine, current: Candidate) -> Floor:
     """Noise with base, effects, and bumps along the record and along each step taken out."""
-    index = engine.free(current.effects)
-    rows = engine.evaluate(current.z, index)
-    residual = rows.residual
-    bumps = _bumps(slip, engine.blocks.step)
-    extra = np.zeros((len(residual), bumps.shape[1]))
-    extra[: engine.rows] = bumps
-    columns = np.concatenate([rows.jacobian, extra], axis=1) * engine.weight[:, None]
-    used = np.linalg.norm(columns, axis=0) > 0
-    noise = engine.noise(residual * engine.weight, columns[:, used])
+    rows = engine.evaluate(current.z, engine.free(current.effects))
+    columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)
+    train = columns * engine.weight[:, None]
+    used = np.linalg.norm(train, axis=0) > 0
+    noise = engine.noise(rows.residual * engine.weight, train[:, used])
     held = engine.blocks.select | engine.blocks.report
     # sigma comes from the train block and has its error
-    later, train = (engine.rms_error(some, noise) for some in (held, engine.blocks.train))
-    # from what is left, and how much of such noise the columns have taken away with them
-    smooth = orthonormal(columns[:, used])
-    left = residual * engine.weight
-    left = left - smooth @ (smooth.T @ left)
-    alone = noise._replace(sigma=jnp.ones(()))
-    taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth), alone))
-    degrees = engine.weight.sum() - float(np.trace(taken))
-    sigma = float(np.sqrt(left @ left / degrees)) * float(engine.problem.noise_scale)
+    later, chance = (engine.rms_error(some, noise) for some in (held, engine.blocks.train))
     errors = _prediction_errors(engine, rows, held, noise)
     errors = errors * min(1.0, _MOST_PREDICTED / max(float(errors.sum()), 1e-300))
+    size = float(engine.problem.noise_scale)
     return Floor(
         noise,
-        sigma,
-        max(_HELD_OUT, largest_rms(float(np.hypot(later, train)), errors)),
-        max(_TRAIN, largest_rms(train, np.zeros(0))),
+        size * _level(engine, rows.residual, columns, engine.blocks.train, noise),
+        size * _level(engine, rows.residual, columns, held, noise),
+        max(_HELD_OUT, largest_rms(float(np.hypot(later, chance)), errors)),
+        max(_TRAIN, largest_rms(chance, np.zeros(0))),
     )
 
 
+def _level(engine: Engine, residual, columns, rows: np.ndarray, noise: Noise) -> float:
+    """rms of noise on some rows (a mask): of what is left there without the smooth columns, and how
+    much of such noise the columns have taken away with them."""
+    mask = np.zeros(len(residual))
+    mask[: len(rows)] = rows
+    columns = columns * mask[:, None]
+    smooth = orthonormal(columns[:, np.linalg.norm(columns, axis=0) > 0])
+    left = residual * mask
+    left = left - smooth @ (smooth.T @ left)
+    alone = noise._replace(sigma=jnp.ones(()))
+    taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth), alone))
+    whole = float(np.sum((mask * np.asarray(noise.scale)) ** 2))
+    share = whole - float(np.trace(taken))
+    return float(np.sqrt(left @ left / share * whole / mask.sum()))
+
+
 def largest_rms(chance: float, errors: np.ndarray) -> float:
-    """rms over sigma that is exceeded as rarely as one question of `ASKED` may be answered wrongly.
+    """rms over sigma that is exceeded as rarely as one of `_QUESTIONS` may be answered wrongly.
 
     `chance` is the relative standard error of the rms of noise. `errors` are mean squares over
     sigma^2 that each of several independent errors of the prediction has on average; their sum is
@@ -106,7 +118,7 @@ def largest_rms(chance: float, errors: np.ndarray) -> float:
     """
     from scipy.stats import chi2, norm
 
-    rare = _SIGNIFICANT / ASKED
+    rare = _SIGNIFICANT / _QUESTIONS
     noise = (1 + float(norm.isf(rare)) * chance) ** 2 - 1
     mean = float(errors.sum())
     if mean <= 0:
@@ -129,13 +141,16 @@ def _prediction_errors(engine: Engine, rows: Rows, held: np.ndarray, noise: Nois
     return np.linalg.svd(seen, compute_uv=False) ** 2 / int(held.sum())
 
 
-def innovations(engine: Engine, candidate: Candidate, slip: np.ndarray) -> dict[str, float]:
+def questions(
+    engine: Engine, candidate: Candidate, slip: np.ndarray, bumps: Sequence[Bumps]
+) -> dict[str, float]:
     """p-values of the structure tests on the train block, under the candidate's own noise."""
     column = np.zeros((engine.problem.time.shape[0], 1))
     column[: engine.rows, 0] = candidate.residual
     rows = engine.blocks.train
     white = engine.whiten(column * engine.weight[:, None], candidate.noise)
-    return structure(white[: engine.rows, 0][rows], engine.blocks.step[rows], slip[rows])
+    followed = {p.variable: p.p_value for p in locate(engine, candidate, candidate.noise, bumps)}
+    return structure(white[: engine.rows, 0][rows], engine.blocks.step[rows], slip[rows], followed)
 
 
 def conclude(
@@ -162,8 +177,8 @@ def conclude(
     rivals = _rivals(search)
     verdict = _verdict(search, reasons, rivals, floor, engine)
     told = Told(
-        held_out(engine, search.base) / floor.sigma,
-        held_out(engine, search.final) / floor.sigma,
+        held_out(engine, search.base) / floor.later,
+        held_out(engine, search.final) / floor.later,
         floor.held_out,
         min(tests.values(), default=1.0),
     )
@@ -186,11 +201,11 @@ def held_out(engine: Engine, candidate: Candidate) -> float:
 
 def _reasons(engine, final: Candidate, floor: Floor, tests) -> list[str]:
     reasons = []
-    left = [f"{TESTS[name]}, {p_text(p)}" for name, p in tests.items() if p < _SIGNIFICANT]
+    left = [f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in tests.items() if p < _SIGNIFICANT]
     if left:
         reasons.append("structure is left in the residual: " + "; ".join(left))
     for name, value, most in (
-        ("held-out", held_out(engine, final) / floor.sigma, floor.held_out),
+        ("held-out", held_out(engine, final) / floor.later, floor.held_out),
         ("train", final.rms["train"] / floor.sigma, floor.train),
     ):
         if not value <= most:
@@ -285,20 +300,3 @@ def _in_vain(search: Search, named: str, told: Told) -> str:
         return f"{named} {verb} little: {told.change()}."
     verb, then = ("fits", "predicts") if one else ("fit", "predict")
     return f"{named} {verb} the train block but {then} the others no better ({told.change()})."
-
-
-def _bumps(slip: np.ndarray, step: np.ndarray, *, number: int = 24) -> np.ndarray:
-    """Hats along the slip of the whole record, and along the slip since each step (shared)."""
-    share = (slip - slip[0]) / max(float(slip[-1] - slip[0]), 1e-300)
-    columns = [_hat(share, k, number) for k in range(number)]
-    since = np.zeros(len(slip))
-    for k in np.unique(step):
-        rows = step == k
-        x = slip[rows] - slip[rows][0]
-        since[rows] = np.sqrt(x / max(float(x[-1]), 1e-300)) if k else 0.0
-    columns += [_hat(since, k, 8) * (step > 0) for k in range(1, 8)]
-    return np.stack(columns, axis=1)
-
-
-def _hat(x: np.ndarray, k: int, number: int) -> np.ndarray:
-    return np.maximum(0.0, 1 - np.abs(x * (number - 1) - k))

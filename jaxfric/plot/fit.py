@@ -10,12 +10,9 @@ from matplotlib.figure import Figure
 from ..fitting import Fit
 from ..fitting.table import rows
 from .label import printable
-from .ticks import plain_log
+from .noise import clocks, draw_autocorrelation
 
 _DATA, _FIT, _STEP, _BAND = "#1f4e79", "#c8501e", "0.55", "0.85"
-_LAGS = 28
-_FEWEST = 10
-"""A lag with fewer pairs of rows than this is not shown."""
 
 
 def draw_fit(fit: Fit, *paths: str | Path) -> None:
@@ -106,54 +103,8 @@ def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
 
 
 def _autocorrelation(axis: Axes, fit: Fit) -> None:
-    """Over what the noise model forgets: time, path of the load point or samples."""
-    clock, label, memory = _clock(fit)
-    lag, value, count = autocorrelation(clock, fit.residual)
-    band = 1.96 / np.sqrt(count)
-    axis.fill_between(lag, -band, band, color=_BAND, lw=0, label="95 % band of white noise")
-    axis.plot(lag, value, "o-", color=_DATA, ms=3, lw=0.8, label="residual")
-    if fit.converged:
-        model = fit.noise.correlated_share * np.exp(-lag / memory)
-        axis.plot(lag, model, color=_FIT, lw=1.2, ls="--", label="noise model")
-    axis.axhline(0, color="0.3", lw=0.6)
-    plain_log(axis, "x")
-    axis.set_ylim(min(-0.3, 1.1 * float(value.min())), 1.02)
-    axis.set_xlabel(label)
-    axis.set_ylabel("autocorrelation")
+    """Of the residual, and of the noise that was found in it."""
+    time = fit.record.relative_time
+    clock = clocks(time, np.asarray(fit.steps.displacement(time)))
+    draw_autocorrelation(axis, clock, fit.residual, fit.noise, model=fit.converged)
     axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
-
-
-def _clock(fit: Fit) -> tuple[np.ndarray, str, float]:
-    noise, time = fit.noise, fit.record.relative_time
-    if np.isfinite(noise.correlation_samples):
-        return np.arange(len(time), dtype=float), "lag [rows]", noise.correlation_samples
-    if np.isfinite(noise.correlation_length):
-        path = np.cumsum(np.abs(np.diff(fit.steps.displacement(time), prepend=0.0)))
-        return 1e6 * path, "lag [µm of load-point motion]", 1e6 * noise.correlation_length
-    return time, "lag [s]", noise.correlation_time
-
-
-def autocorrelation(
-    time: np.ndarray, residual: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Autocorrelation of an unevenly sampled residual in logarithmic bins of lag.
-
-    Returns mean lag in the unit of `time` (any clock), correlation and number of pairs of every bin
-    that has pairs. Rows are paired at logarithmically spaced distances up to a quarter of the
-    record.
-    """
-    centred = residual - residual.mean()
-    shifts = np.unique(np.geomspace(1, max(len(time) // 4, 1), 60).astype(int))
-    lags = np.concatenate([time[s:] - time[:-s] for s in shifts])
-    products = np.concatenate([centred[s:] * centred[:-s] for s in shifts])
-    edges = np.geomspace(lags.min(), lags.max() * (1 + 1e-9), _LAGS + 1)
-    which = np.clip(np.searchsorted(edges, lags, side="right") - 1, 0, _LAGS - 1)
-    count = np.bincount(which, minlength=_LAGS)
-    full = count >= min(_FEWEST, count.max())
-    lag = np.bincount(which, lags, minlength=_LAGS)[full] / count[full]
-    first = np.bincount(which, np.concatenate([centred[:-s] ** 2 for s in shifts]), _LAGS)[full]
-    second = np.bincount(which, np.concatenate([centred[s:] ** 2 for s in shifts]), _LAGS)[full]
-    value = np.bincount(which, products, minlength=_LAGS)[full]
-    value = value / np.maximum(np.sqrt(first * second), 1e-300)
-    # pairs that share rows are not independent: no more of them than there are rows
-    return lag, value, np.minimum(count[full], len(time))

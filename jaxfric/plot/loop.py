@@ -13,6 +13,7 @@ from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
 from ..loop.structure import p_text
 from .label import printable
+from .noise import clocks, draw_autocorrelation, error_of_mean
 from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
@@ -177,8 +178,7 @@ def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray,
 
     An empty group, of mean nan, parts the velocities. Errors [sigma] know that noise is correlated.
     """
-    noise = loop.after.noise
-    clock, memory = _clock(loop)
+    noise, clock = loop.after.noise, _clocks(loop)
     groups: list[np.ndarray] = []
     for step in np.unique(loop.blocks.step):
         rows = np.flatnonzero((loop.blocks.step == step) & np.isfinite(values))
@@ -188,30 +188,41 @@ def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray,
         groups += [rows[a:b] for a, b in itertools.pairwise(cuts)]
         groups.append(rows[:0])
     mean = np.asarray([values[rows].mean() if len(rows) else np.nan for rows in groups])
-    errors = [
-        _error(np.ptp(clock[rows]), len(rows), noise.correlated_share, memory)
-        if len(rows)
-        else np.nan
-        for rows in groups
-    ]
+    errors = [error_of_mean(clock[rows], noise) if len(rows) else np.nan for rows in groups]
     return groups, mean, np.asarray(errors)
 
 
-def _clock(loop: Loop) -> tuple[np.ndarray, float]:
-    """What the noise forgets over, at every row, and over how much of it."""
-    noise, time = loop.after.noise, loop.record.relative_time
-    if np.isfinite(noise.correlation_samples):
-        return np.arange(len(time), dtype=float), noise.correlation_samples
-    if np.isfinite(noise.correlation_length):
-        return np.asarray(loop.base_fit.steps.displacement(time)), noise.correlation_length
-    return time, noise.correlation_time
+def _clocks(loop: Loop) -> np.ndarray:
+    """What the noise may forget over, at every row."""
+    time = loop.record.relative_time
+    path, pace = np.asarray(loop.base_fit.steps.displacement(time)), loop.after.noise.pace
+    return clocks(time, path, np.asarray(pace)[loop.blocks.step] if pace else None)
 
 
-def _error(span: float, rows: int, share: float, memory: float) -> float:
-    """Standard error of the mean of `rows` rows over `span` of a clock, noise of variance 1."""
-    u = span / memory if memory > 0 else np.inf
-    together = 1.0 if u < 1e-6 else 2 * (u + np.expm1(-u)) / u**2 if np.isfinite(u) else 0.0
-    return float(np.sqrt((1 - share) / rows + share * max(together, 1 / rows)))
+# ---- noise -----------------------------------------------------------------------------------
+
+
+def _save_noise(loop: Loop, folder: Path) -> list[str]:
+    """Autocorrelation of what the model leaves where it is fitted, and of the noise model."""
+    figure = new_figure(8.6, 3.9)
+    axis = figure.subplots()
+    residual = np.where(loop.blocks.train, loop.after.residual, np.nan)
+    draw_autocorrelation(axis, _clocks(loop), residual, loop.after.noise)
+    axis.legend(loc="upper right", frameon=False, fontsize=8)
+    tidy(axis, printable(_noise_words(loop)))
+    return save(figure, folder, "noise")
+
+
+def _noise_words(loop: Loop) -> str:
+    """The noise, what makes it as a rule, and the bound of its memory; a line each."""
+    noise = loop.after.noise
+    lines = [f"noise of the record: {noise.text()}"]
+    origins = dict.fromkeys(p.origin for p in noise.parts if p.share > 0.05)
+    if origins:
+        lines.append(f"such noise comes from {', and from '.join(origins)}")
+    if noise.longest:
+        lines.append(f"what lasts longer than {noise.bound()} is not taken for noise")
+    return "\n".join(lines)
 
 
 # ---- location --------------------------------------------------------------------------------
@@ -480,6 +491,7 @@ def _key(axis: Axes) -> None:
 
 DRAWERS: dict[str, Callable[[Loop, Path], list[str]]] = {
     "residual": _save_residual,
+    "noise": _save_noise,
     "location": _save_location,
     "aliasing": _save_aliasing,
     "candidates": _save_candidates,

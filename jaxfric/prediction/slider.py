@@ -17,7 +17,8 @@ from ..effects import effect_of
 from ..errors import InputError
 from ..fitting.fit import forward_steps, prepare, require_float64, steps_of
 from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.noise import estimate_noise, sandwich
+from ..fitting.noise import sandwich
+from ..fitting.noise_search import estimate_noise
 from ..fitting.problem import FAILED_MISFIT, Model, Problem, bucket, residual_and_jacobian, to_free
 from ..fitting.result import unit_of
 from ..fitting.start import noise_from_differences
@@ -221,7 +222,7 @@ def _shifts(setting: _Setting, name: str, refit: _Found) -> tuple[Shift, ...]:
     n = problem.time.shape[0]
     residual = jnp.asarray(refit.error / float(problem.noise_scale))
     padded = jnp.zeros(n).at[: len(refit.error)].set(residual)
-    noise = estimate_noise(problem.clock, problem.weight, padded, columns[:n])
+    noise = estimate_noise(problem.clock, problem.weight, padded, columns[:n]).noise
     inverse = normal_inverse(columns)
     middle = np.array(sandwich(problem.clock, columns[:n], noise))
     held = range(len(free), len(index))

@@ -24,6 +24,12 @@ FIGURES = {
         " their mean with its uncertainty. A line that stays at 0 within its band is noise alone;"
         " anything that repeats after the velocity steps is friction that the model lacks.",
     ),
+    "noise": (
+        "The noise of the record",
+        "How alike rows are, by their distance: what the model leaves, and the noise that was found"
+        " in it. Short correlation comes from the recorder, the servo or the surfaces and is no"
+        " missing friction; what lasts longer than the bound above the figure would be.",
+    ),
     "location": (
         "Where the structure sits",
         "Friction that the base model lacks, drawn against one variable at a time, without asking"
@@ -197,22 +203,12 @@ def _cards(loop: Loop) -> str:
         both = f"{before / loop.sigma:.2f} σ"
         return f"{both} → {after / loop.sigma:.2f} σ" if loop.effects else both
 
-    noise = loop.after.noise
-    share = 100 * noise.correlated_share
-    if share < -5:
-        colour = "alternating: neighbouring rows differ by more than chance"
-    elif share < 5:
-        colour = "white"
-    elif noise.correlation_time <= 1.05 * loop.record.sampling().median:
-        colour = "correlated from row to row only"
-    else:
-        colour = f"{share:.0f} % correlated over {noise.memory()}"
     before, after = loop.before.rms, loop.after.rms
     cards = [
         (pair(before["report"], after["report"]), "error on the report block, seen only once"),
         (pair(before["train"], after["train"]), "error where the model was fitted"),
         (" + ".join(loop.effects) or "none", "effects added"),
-        (colour, "noise of the record"),
+        (loop.after.noise.text(), "noise of the record"),
     ]
     inside = "".join(f"<li><b>{_text(b)}</b><span>{_text(s)}</span></li>" for b, s in cards)
     return f'<ul class="cards">{inside}</ul>'

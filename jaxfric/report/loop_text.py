@@ -13,7 +13,7 @@ from ..fitting.problem import quantity_of
 from ..fitting.table import decimals
 from ..loop.result import ROLES, CandidateScore, Loop, Table
 from ..loop.split import NAMES
-from ..loop.structure import TESTS, p_text
+from ..loop.structure import QUESTIONS, p_text
 from ..units import factor, format_si
 
 HEADLINES = {
@@ -242,7 +242,7 @@ def significance(loop: Loop) -> Table:
     rows = []
     for name, before in loop.before.tests.items():
         both = (before, loop.after.tests.get(name, math.nan))
-        rows.append((spoken(loop, TESTS.get(name, name)), *(p_value(p) for p in both)))
+        rows.append((spoken(loop, QUESTIONS.get(name, name)), *(p_value(p) for p in both)))
     head = ("is it left in the residual?", "p before", "p after")
     note = f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block, corrected)"
     return Table("Tests for structure", head, rows, note)

@@ -1,0 +1,170 @@
+"""The noise of a result: how large, what of it is correlated over what, and what was searched."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .noise import EXPONENTIAL, Noise
+
+CLOCKS = ("time", "path", "rows", "pace")
+"""What noise forgets over: time [s], the path of the load point [m], rows of the record, or rows in
+units of the memory that each velocity step shows."""
+_UNITS = {"time": "s", "path": "m", "rows": "rows", "pace": "memory of a step"}
+_ORIGINS = {
+    "pace": "a recorder set anew at every velocity",
+    "time": "amplifier, filter or servo",
+    "path": "roughness or gouge",
+    "rows": "the recorder's filter",
+}
+_WHITE = 0.05
+_SEEN = 1.0
+
+
+@dataclass(frozen=True)
+class NoisePart:
+    """A correlated part of a noise (see `noise`)."""
+
+    share: float
+    """Of the variance; below 0 neighbouring rows differ by more than chance."""
+    over: str
+    """One of `CLOCKS`."""
+    memory: float
+    """[s], [m] or rows; of a resonator without a swing the longer of two."""
+    beta: float = EXPONENTIAL
+    """Of a resonator; `EXPONENTIAL`: it is none."""
+
+    @property
+    def period(self) -> float:
+        """Of its swing, in the unit of its memory; infinite where it does not swing."""
+        return 2 * math.pi * self.memory / math.sqrt(self.beta) if self.beta > 0 else math.inf
+
+    @property
+    def swings(self) -> bool:
+        """Whether a swing is seen before it is damped away."""
+        return self.beta > _SEEN**2
+
+    def correlation(self, apart: np.ndarray) -> np.ndarray:
+        """rho between rows that are `apart` (n,) on its clock."""
+        d = np.abs(apart) / self.memory
+        if self.beta <= EXPONENTIAL:
+            return np.exp(-d)
+        s = np.sqrt(-self.beta + 1e-12j)
+        d = d if self.beta > 0 else d / (1 - s.real)
+        return (np.exp(-d) * (np.cosh(s * d) + np.sinh(s * d) / s)).real
+
+    def text(self) -> str:
+        """Over what it is correlated: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
+        words = self._size(self.memory)
+        return words + (f", swinging every {self._size(self.period)}" if self.swings else "")
+
+    def _size(self, size: float) -> str:
+        if self.over == "rows":
+            return f"{size:.2g} rows"
+        if self.over == "pace":
+            return f"{size:.2g} rows of the middle velocity, each its own"
+        if self.over == "path":
+            return f"{size * 1e6:.3g} µm of load-point motion"
+        return f"{size:.3g} s"
+
+    @property
+    def origin(self) -> str:
+        """What makes such noise, as a rule."""
+        return "servo or resonance of the machine" if self.swings else _ORIGINS[self.over]
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """Noise of the residual: standard deviation (unit of friction) and its correlated parts, the
+    larger first; the rest is white."""
+
+    sigma: float
+    parts: tuple[NoisePart, ...] = ()
+    longest: tuple[float, ...] = ()
+    """Longest memory that was searched over each of `CLOCKS` that the record has."""
+    pace: tuple[float, ...] = ()
+    """Memory of each velocity step in rows, where noise forgets over that clock."""
+    scale: tuple[float, ...] = ()
+    """Of every velocity step where they differ; their mean square over the train rows is 1."""
+
+    @property
+    def correlated_share(self) -> float:
+        """Share of the variance that is correlated."""
+        return sum(part.share for part in self.parts)
+
+    def text(self) -> str:
+        """In words: "white", or "40 % of its variance correlated over 3 rows"."""
+        if any(part.share < -_WHITE for part in self.parts):
+            return "alternating: neighbouring rows differ by more than chance"
+        told = [p for p in self.parts if p.share >= _WHITE]
+        if not told:
+            return "white"
+        told = [self._in_rows(p) for p in told]
+        first, *more = [f"{100 * p.share:.0f} %" for p in told]
+        words = f"{first} of its variance correlated over {told[0].text()}"
+        rest = zip(more, told[1:], strict=True)
+        return words + "".join(f", {share} over {part.text()}" for share, part in rest)
+
+    def _in_rows(self, part: NoisePart) -> NoisePart:
+        """A part that has the pace of each step, by the rows of the middle one."""
+        if part.over != "pace" or not self.pace:
+            return part
+        middle = sorted(self.pace)[len(self.pace) // 2]
+        return dataclasses.replace(part, memory=middle * part.memory)
+
+    def bound(self) -> str:
+        """The longest memory that was searched, in words; nothing where it is not known."""
+        pairs = zip(CLOCKS[:3], self.longest, strict=False)
+        return " or ".join(NoisePart(1.0, over, most).text() for over, most in pairs)
+
+    def correlation(self, apart: np.ndarray) -> np.ndarray:
+        """Between different rows that are `apart` (n, k) in each of the record's clocks."""
+        total = np.zeros(len(apart))
+        for part in self.parts:
+            total += part.share * part.correlation(apart[:, CLOCKS.index(part.over)])
+        return total
+
+    def to_json(self) -> dict:
+        """Its numbers, null for what is infinite; memories and longest ones in SI and rows."""
+        return {
+            "correlated_share": self.correlated_share if math.isfinite(self.sigma) else None,
+            "parts": [
+                {
+                    "share": part.share,
+                    "over": part.over,
+                    "memory": part.memory,
+                    "unit": _UNITS[part.over],
+                    "period": part.period if part.swings else None,
+                }
+                for part in self.parts
+            ],
+            "longest": dict(zip(CLOCKS[:3], self.longest, strict=False)),
+            "pace": list(self.pace),
+            "scale": list(self.scale),
+        }
+
+
+def noise_estimate(
+    noise: Noise,
+    scale: float,
+    longest: np.ndarray,
+    *,
+    pace: Sequence[float] = (),
+    scales: Sequence[float] = (),
+) -> NoiseEstimate:
+    """Of a residual in units of `scale`; `longest` memory over every clock, `pace` and `scales` of
+    the velocity steps where they differ."""
+    parts = []
+    rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
+    for k, (share, rates) in enumerate(rows):
+        if share != 0:
+            clock, beta = int(np.argmax(rates)), float(noise.beta) if k else EXPONENTIAL
+            slower = 1 - math.sqrt(-beta) if EXPONENTIAL < beta < 0 else 1.0
+            memory = float(1 / rates[clock]) / slower
+            parts.append(NoisePart(float(share), CLOCKS[clock], memory, beta))
+    parts.sort(key=lambda part: -part.share)
+    most = tuple(float(x) for x in np.ravel(longest))
+    size = scale * float(noise.sigma)
+    return NoiseEstimate(size, tuple(parts), most, tuple(pace), tuple(scales))

@@ -1,0 +1,367 @@
+"""Which noise a residual has: by restricted likelihood, from white to two correlated parts.
+
+A `Family` says which parts there are and over which clock each forgets. Its likelihood is the
+restricted one (REML): the residual of a fit has lost the directions of its parameters, and without
+correcting for that a long memory is under-estimated. sigma is profiled out; the rest, in units of
+the white part and as logarithms, is found by Newton's method with damping, whose derivatives are
+differences between noises that are all whitened in one pass.
+
+`estimate_noise` begins with white noise and adds a part where the likelihood rises by more than
+the part's parameters are worth (BIC); `profile_noise` keeps the parts and finds their sizes anew.
+
+Source: Harville 1977 (doi:10.1080/01621459.1977.10480998) for the restricted likelihood.
+"""
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .noise import EXPONENTIAL, PARTS, Noise, innovations, limit_of_negative
+
+LONGEST = 0.1
+"""Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
+too seldom for its size to be known, and a likelihood makes it as large as it likes."""
+_SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
+_AT_ONCE = 24
+_NEWTON = 8
+_STEP = 0.2
+_SETTLED = 0.02
+_SIZES = (-2.0, -0.5, 1.0, 2.5)
+_LARGEST = 9.0
+_NEGATIVE = (-1.0, 1.0, 3.0, 5.0)
+_MEMORIES = 6
+_RESONATOR_SIZES = (-0.5, 2.0)
+_SHAPES = (-1.0, 0.0, 0.75, 1.75)  # of ln(1 + beta)/2
+_SHAPE_ENDS = (-2.0, 4.5)
+_REFINED = 2
+_BETWEEN = (0.0, 0.5, 1.0)
+_SIZES_AROUND = (-1.5, 0.0, 1.5)
+_MEMORIES_AROUND = (-0.7, 0.0, 0.7)
+
+
+Rows = Array | np.ndarray
+
+
+class Family(NamedTuple):
+    """Parts of a noise by the clock that each forgets over; None: it has no such part."""
+
+    first: int | None = None
+    second: int | None = None
+    negative: bool = False
+    """The first part has a negative variance."""
+    resonates: bool = False
+    """The second part is a resonator."""
+
+    @property
+    def parameters(self) -> int:
+        """Beside sigma."""
+        parts = (self.first is not None) + (self.second is not None)
+        return 2 * parts + self.resonates
+
+
+class Limits(NamedTuple):
+    """Between which memories a noise is searched over each clock, (k,)."""
+
+    shortest: np.ndarray
+    longest: np.ndarray
+    gaps: np.ndarray
+    """From row to row, the median."""
+
+
+class Record(NamedTuple):
+    """What a noise is estimated from. Column 0 is the residual, the others are the Jacobian's."""
+
+    clock: Float[Array, "n k"]
+    weight: Float[Array, " n"]
+    columns: Float[Array, "n m"]
+    scale: Float[Array, " *n"]
+    limits: Limits
+    rows: int
+
+
+class Found(NamedTuple):
+    """The likeliest noise of a family."""
+
+    noise: Noise
+    family: Family
+    theta: np.ndarray
+    """Of each part the logarithms of its variance over the white one and of its longest memory;
+    then that of a resonator's natural frequency, ln(sqrt(1 + beta)/memory)."""
+    value: float
+
+
+def estimate_noise(
+    clock: Rows,
+    weight: Rows,
+    residual: Rows,
+    jacobian: Rows,
+    longest: Rows | None = None,
+    *,
+    either_sign: bool = False,
+    scale: Rows | None = None,
+) -> Found:
+    """Restricted maximum-likelihood noise of a residual (n,) with the given Jacobian (n, p).
+
+    `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
+    from half the median gap of rows to `longest`, by default half the record, in each clock; with
+    `either_sign` also negative correlation, of even sampling.
+    """
+    record = _record(clock, weight, residual, jacobian, longest, scale)
+    best = _best_of(record, Family(), np.zeros((1, 0)))
+    for _ in range(2):
+        more = _with_another(record, best, either_sign=either_sign)
+        if more is None:
+            break
+        gain = 2 * (more.value - best.value)
+        if not gain > (more.family.parameters - best.family.parameters) * np.log(record.rows):
+            break
+        best = more
+    return best
+
+
+def profile_noise(
+    clock: Rows,
+    weight: Rows,
+    residual: Rows,
+    jacobian: Rows,
+    longest: Rows | None,
+    family: Family,
+    starts: Sequence[np.ndarray],
+    *,
+    scale: Rows | None = None,
+) -> Found:
+    """The likeliest noise of one family, from some starts (as `Found.theta`)."""
+    record = _record(clock, weight, residual, jacobian, longest, scale)
+    return _best_of(record, family, np.stack(starts), refine=True)
+
+
+def longest_memory(clock: Float[Array, "n *k"]) -> np.ndarray:
+    """Of the noise of a fit: `LONGEST` of the record, over every clock, (k,)."""
+    return LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
+
+
+def noises_around(
+    family: Family, thetas: Sequence[np.ndarray], limits: Limits
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """White noise, and noises of a family around and between some `thetas`.
+
+    Shares (g, 2), rates (g, 2, k) and betas (g,).
+    """
+    white = parts_at(Family(), np.zeros((1, 0)), limits)
+    if not family.parameters:
+        return white
+    first, last = thetas[0], thetas[-1]
+    low, high = _bounds(family, limits)
+    found = []
+    for part in _BETWEEN:
+        centre = first + part * (last - first)
+        sizes = itertools.product(*([_SIZES_AROUND] * (family.parameters // 2)))
+        for size, memory in itertools.product(list(sizes), _MEMORIES_AROUND):
+            more = [x for own in size for x in (own, memory)]
+            found.append(centre + np.array([*more, *([0.0] * family.resonates)]))
+    unique = np.unique(np.clip(np.stack(found), low, high).round(9), axis=0)
+    more = parts_at(family, unique, limits)
+    both = [np.concatenate(pair) for pair in zip(white, more, strict=True)]
+    return both[0], both[1], both[2]
+
+
+def limits_of(clock, weight, longest=None) -> Limits:
+    """From half the median gap of rows with weight to `longest`, by default half the record."""
+    times = np.asarray(clock)
+    times = times.reshape(len(times), -1)
+    on = np.asarray(weight) > 0
+    span = np.ptp(times, axis=0)
+    apart = np.abs(np.diff(times, axis=0))[on[1:]]
+    gaps = np.maximum(np.median(apart, axis=0), _SHORTEST * np.maximum(span, 1e-300))
+    most = 0.5 * span if longest is None else np.broadcast_to(np.asarray(longest), span.shape)
+    return Limits(0.5 * gaps, np.maximum(most, 0.5 * gaps), gaps)
+
+
+def _record(clock, weight, residual, jacobian, longest, scale) -> Record:
+    clock = jnp.asarray(clock)
+    columns = np.concatenate([np.asarray(residual)[:, None], np.asarray(jacobian)], axis=1)
+    return Record(
+        clock[:, None] if clock.ndim == 1 else clock,
+        jnp.asarray(weight),
+        jnp.asarray(columns),
+        jnp.ones(()) if scale is None else jnp.asarray(scale),
+        limits_of(clock, weight, longest),
+        int(np.sum(np.asarray(weight) > 0)),
+    )
+
+
+def _with_another(record: Record, best: Found, *, either_sign: bool) -> Found | None:
+    """The likeliest noise with one part more than `best`."""
+    family, found = best.family, []
+    limits, white = record.limits, not best.family.parameters
+    for k in np.flatnonzero(limits.longest > limits.shortest).tolist():
+        ends = np.log(limits.shortest[k]), np.log(limits.longest[k])
+        memories = np.linspace(ends[0], ends[1], _MEMORIES)
+        grid = list(itertools.product(_SIZES, memories))
+        shapes = itertools.product(_RESONATOR_SIZES, memories[::2], _SHAPES)
+        shapes = [(v, m, s - m) for v, m, s in shapes]
+        if white and either_sign:
+            more = list(itertools.product(_NEGATIVE, memories))
+            found.append(_on_grid(record, Family(first=k, negative=True), best.theta, more))
+        if family.first is None:
+            wider = family._replace(first=k)
+            found.append(_on_grid(record, wider, best.theta, grid, before=True))
+        elif family.second is None:
+            found.append(_on_grid(record, family._replace(second=k), best.theta, grid))
+        if family.second is None:
+            wider = family._replace(second=k, resonates=True)
+            found.append(_on_grid(record, wider, best.theta, shapes))
+    found = sorted(found, key=lambda one: one.family.parameters - one.value)[:_REFINED]
+    found = [_best_of(record, one.family, one.theta[None], refine=True) for one in found]
+    return max(found, key=lambda one: one.value - 3 * one.family.parameters, default=None)
+
+
+def _on_grid(record: Record, family: Family, theta, grid, *, before: bool = False) -> Found:
+    """From the parts that there are, the new one before or after them."""
+    pairs = ((more, theta) if before else (theta, more) for more in grid)
+    return _best_of(record, family, np.array([[*a, *b] for a, b in pairs], float))
+
+
+def _best_of(record: Record, family: Family, starts, *, refine: bool = False) -> Found:
+    """The likeliest of some starts, and from there the likeliest of the family."""
+    starts = _inside(record, family, np.asarray(starts, float))
+    values, sigmas = _values(record, family, starts)
+    i = int(np.argmax(values))
+    theta, value, sigma = starts[i], values[i], sigmas[i]
+    for _ in range(_NEWTON if refine and family.parameters else 0):
+        trials = _inside(record, family, _newton(record, family, theta, value))
+        values, sigmas = _values(record, family, trials)
+        i = int(np.argmax(values))
+        if not values[i] > value:
+            break
+        settled = values[i] - value < _SETTLED
+        theta, value, sigma = trials[i], values[i], sigmas[i]
+        if settled:
+            break
+    return Found(noise_at(record, family, theta, sigma, value), family, theta, float(value))
+
+
+def _newton(record: Record, family: Family, theta: np.ndarray, value: float) -> np.ndarray:
+    """Steps of Newton's method with many dampings, from differences."""
+    q = len(theta)
+    low, high = _bounds(family, record.limits)
+    centre = np.clip(theta, low + _STEP, np.maximum(high - _STEP, low + _STEP))
+    pairs = [(i, j) for i in range(q) for j in range(i)]
+    unit = _STEP * np.eye(q)
+    points = [centre, *(centre + u for u in unit), *(centre - u for u in unit)]
+    points += [centre + unit[i] + unit[j] for i, j in pairs]
+    values, _ = _values(record, family, np.stack(points))
+    plus, minus = values[1 : q + 1], values[q + 1 : 2 * q + 1]
+    slope = (plus - minus) / (2 * _STEP)
+    curve = np.diag((plus + minus - 2 * values[0]) / _STEP**2)
+    for (i, j), both in zip(pairs, values[2 * q + 1 :], strict=True):
+        curve[i, j] = curve[j, i] = (both - plus[i] - plus[j] + values[0]) / _STEP**2
+    scale, vectors = np.linalg.eigh(-curve)
+    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _AT_ONCE)[:, None]
+    steps = (vectors.T @ slope / damped) @ vectors.T
+    return centre + np.clip(steps, -2.0, 2.0)
+
+
+def _bounds(family: Family, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
+    low, high = np.log(limits.shortest), np.log(limits.longest)
+    ends = []
+    for k in (family.first, family.second):
+        if k is not None:
+            ends += [(-_LARGEST, _LARGEST), (low[k], high[k])]
+    if family.resonates:
+        k = family.second
+        ends.append((_SHAPE_ENDS[0] - high[k], _SHAPE_ENDS[1] - low[k]))
+    both = np.array(ends, float).reshape(-1, 2)
+    return both[:, 0], both[:, 1]
+
+
+def _inside(record: Record, family: Family, theta: np.ndarray) -> np.ndarray:
+    return np.clip(theta, *_bounds(family, record.limits))
+
+
+def parts_at(
+    family: Family, theta: np.ndarray, limits: Limits
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Shares (g, 2), rates (g, 2, k) and betas (g,) at some `theta` (g, q)."""
+    g, k = len(theta), len(limits.gaps)
+    size, rates = np.zeros((g, PARTS)), np.ones((g, PARTS, k))
+    beta, place = np.full(g, EXPONENTIAL), 0
+    for part, clock in enumerate((family.first, family.second)):
+        if clock is None:
+            continue
+        size[:, part] = np.exp(theta[:, place])
+        memory = np.exp(theta[:, place + 1])
+        place += 2
+        if part == 0 and family.negative:
+            most = limit_of_negative(np.exp(-limits.gaps[clock] / memory))
+            size[:, 0] *= -most / (1 + size[:, 0])
+        if part == 1 and family.resonates:
+            # four rows a swing or more; of two memories the longer one is bounded
+            fastest = (0.5 * np.pi * memory / limits.gaps[clock]) ** 2
+            shape = np.clip(theta[:, place] + theta[:, place - 1], *_SHAPE_ENDS)
+            beta = np.minimum(np.expm1(2 * shape), fastest)
+            memory = memory * (1 - np.sqrt(np.maximum(-beta, 0.0)))
+        rates[:, part] = np.eye(k)[clock] / memory[:, None]
+    return size / (1 + size.sum(axis=1, keepdims=True)), rates, beta
+
+
+def noise_at(record: Record, family: Family, theta: np.ndarray, sigma, value) -> Noise:
+    """The noise of a family at `theta`."""
+    parts = parts_at(family, theta[None], record.limits)
+    share, rates, beta = (jnp.asarray(x[0]) for x in parts)
+    return Noise(jnp.asarray(sigma), share, rates, beta, record.scale, jnp.asarray(value))
+
+
+def _values(record: Record, family: Family, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Restricted log-likelihoods and sigmas at some `theta` (g, q)."""
+    values, sigmas = [], []
+    for begin in range(0, len(theta), _AT_ONCE):
+        part = theta[begin : begin + _AT_ONCE]
+        full = part[np.minimum(np.arange(_AT_ONCE), len(part) - 1)] if len(part) > 1 else part
+        parts = (jnp.asarray(x) for x in parts_at(family, full, record.limits))
+        found = restricted(record.clock, record.weight, record.columns, record.scale, *parts)
+        values.append(np.asarray(found[0])[: len(part)])
+        sigmas.append(np.asarray(found[1])[: len(part)])
+    value = np.concatenate(values)
+    return np.where(np.isfinite(value), value, -np.inf), np.concatenate(sigmas)
+
+
+@eqx.filter_jit
+def restricted(
+    clock: Float[Array, "n k"],
+    weight: Float[Array, " n"],
+    columns: Float[Array, "n m"],
+    scale: Float[Array, " *n"],
+    share: Float[Array, "g 2"],
+    rates: Float[Array, "g 2 k"],
+    beta: Float[Array, " g"],
+) -> tuple[Float[Array, " g"], Float[Array, " g"]]:
+    """Restricted log-likelihood and sigma of every noise; column 0 is the residual."""
+    one = jnp.ones(())
+
+    def under(share, rates, beta):
+        noise = Noise(one, share, rates, beta, scale, one)
+        return innovations(clock, weight, columns, noise)
+
+    white, log_determinant = jax.vmap(under)(share, rates, beta)
+    gram = jnp.einsum("gni,gnj->gij", white, white)
+    design = gram[:, 1:, 1:]
+    diagonal = jnp.diagonal(design, axis1=1, axis2=2)
+    used = diagonal > 0  # columns of zeros are padding
+    n, p = jnp.sum(weight > 0), jnp.sum(used[0])
+    size = jnp.where(used, 1 / jnp.sqrt(jnp.where(used, diagonal, 1.0)), 1.0)
+    ridge = jnp.where(used, 1e-12, 1.0)[:, :, None] * jnp.eye(design.shape[1])
+    scaled = design * size[:, :, None] * size[:, None, :] + ridge
+    projection = gram[:, 1:, 0] * size
+    solved = jnp.linalg.solve(scaled, projection[..., None])[..., 0]
+    left = jnp.maximum(gram[:, 0, 0] - jnp.sum(projection * solved, axis=1), 1e-300)
+    variance = left / (n - p)
+    log_det = jnp.linalg.slogdet(scaled)[1] - 2 * jnp.sum(jnp.log(size), axis=1)
+    deviance = (n - p) * (jnp.log(variance) + 1) + log_det + log_determinant
+    return -0.5 * deviance, jnp.sqrt(variance)

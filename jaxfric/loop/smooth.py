@@ -1,0 +1,25 @@
+"""What is smooth along a record: no noise has it, so noise is estimated with it taken out."""
+
+import numpy as np
+
+_ALONG, _SINCE = 24, 8
+
+
+def smooth_columns(path: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
+    """Hats along the path of the whole record, and along the path since each step (shared).
+
+    `path` (n,) and the `step` (n,) of each row; `size` rows come out, those beyond n as 0.
+    """
+    share = (path - path[0]) / max(float(path[-1] - path[0]), 1e-300)
+    columns = [_hat(share, k, _ALONG) for k in range(_ALONG)]
+    since = np.zeros(len(path))
+    for k in np.unique(step):
+        rows = step == k
+        x = path[rows] - path[rows][0]
+        since[rows] = np.sqrt(x / max(float(x[-1]), 1e-300)) if k else 0.0
+    columns += [_hat(since, k, _SINCE) * (step > 0) for k in range(1, _SINCE)]
+    return np.pad(np.stack(columns, axis=1), ((0, size - len(path)), (0, 0)))
+
+
+def _hat(x: np.ndarray, k: int, number: int) -> np.ndarray:
+    return np.maximum(0.0, 1 - np.abs(x * (number - 1) - k))

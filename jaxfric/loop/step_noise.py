@@ -1,0 +1,52 @@
+"""How the noise of a record differs from velocity step to velocity step: in size, and in pace.
+
+A recorder may be set anew at every velocity, so that neighbouring rows are as good as independent
+at one and nearly the same at the next. Both are read off what is left when everything smooth is
+taken out; whether they are needed is decided by likelihood (`Engine.learn_noise`).
+"""
+
+import numpy as np
+
+_LEAST_VARIANCE = 1e-4
+_LIKENESS = (0.05, 0.995)
+
+
+def taken_out(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first column without the directions of the others, and the share of each row's variance
+    that they leave."""
+    size = np.linalg.norm(columns, axis=0)
+    basis = np.linalg.qr(columns[:, 1:][:, size[1:] > 0] / size[1:][size[1:] > 0])[0]
+    left = columns[:, 0] - basis @ (basis.T @ columns[:, 0])
+    return left, np.clip(1 - np.sum(basis**2, axis=1), 0.0, 1.0)
+
+
+def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np.ndarray:
+    """Of every row the rms of its step's innovations.
+
+    `white` are the whitened residual and smooth columns (n, 1 + m), `step` the step of each row.
+    Steps that are held out show their own; the mean square over the `train` rows is 1.
+    """
+    left, free = taken_out(white)
+    squares, degrees = (np.bincount(step, x) for x in (left**2, free))
+    variance = squares / np.maximum(degrees, 1.0)
+    variance = np.maximum(variance, _LEAST_VARIANCE * np.max(variance))[step]
+    return np.sqrt(variance / np.mean(variance[train]))
+
+
+def pace_of_steps(columns: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Of each step, over how many rows its noise forgets: -1/ln of the likeness of neighbours.
+
+    `columns` are the residual and smooth columns (n, 1 + m) as they were recorded.
+    """
+    left, _ = taken_out(columns)
+    same = step[1:] == step[:-1]
+    products = np.bincount(step[1:][same], (left[1:] * left[:-1])[same], step.max() + 1)
+    squares = np.bincount(step[1:][same], (0.5 * (left[1:] ** 2 + left[:-1] ** 2))[same])
+    likeness = products / np.maximum(np.pad(squares, (0, len(products) - len(squares))), 1e-300)
+    return -1 / np.log(np.clip(likeness, *_LIKENESS))
+
+
+def own_clock(pace: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
+    """A clock that moves by 1/pace with every row; `size` rows come out, the last one repeated."""
+    moved = np.cumsum(1 / pace[step])
+    return np.pad(moved - moved[0], (0, size - len(moved)), mode="edge")

@@ -1,0 +1,65 @@
+"""Scale and pace of noise by velocity step, against steps of known noise."""
+
+import numpy as np
+import pytest
+
+from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart
+from jaxfric.loop.smooth import smooth_columns
+from jaxfric.loop.step_noise import own_clock, pace_of_steps, scale_of_steps, taken_out
+
+STEP = np.repeat(np.arange(6), 400)
+SMOOTH = smooth_columns(np.arange(2400.0), STEP, 2400)
+
+
+def correlated(rng, memories):
+    """Rows that forget over so many rows, another number in every step; variance 1."""
+    keep = np.exp(-1 / np.asarray(memories))[STEP]
+    out = rng.standard_normal(2400)
+    for i in range(1, 2400):
+        out[i] = keep[i] * out[i - 1] + np.sqrt(1 - keep[i] ** 2) * out[i]
+    return out
+
+
+def test_pace_is_the_memory_of_every_step():
+    memories = np.array([1.0, 3.0, 10.0, 1.0, 5.0, 2.0])
+    noise = correlated(np.random.default_rng(0), memories)
+    slow = 3 * np.sin(np.arange(2400) / 2400 * 9)
+    found = pace_of_steps(np.column_stack([noise + slow, SMOOTH]), STEP)
+    # smooth columns take some of a slow noise away with them
+    np.testing.assert_allclose(np.log(found / memories), 0, atol=0.45)
+    with_slow = pace_of_steps(np.column_stack([noise + slow, np.ones(2400)]), STEP)
+    assert with_slow[0] > 3 * found[0]  # unless what is smooth is taken out
+
+
+def test_scale_is_the_size_of_every_step():
+    sizes = np.array([1.0, 2.0, 0.5, 1.0, 3.0, 1.0])
+    noise = sizes[STEP] * np.random.default_rng(1).standard_normal(2400)
+    train = STEP < 4
+    found = scale_of_steps(np.column_stack([noise, SMOOTH]), STEP, train)
+    truth = sizes[STEP] / np.sqrt(np.mean(sizes[STEP][train] ** 2))
+    np.testing.assert_allclose(np.log(found / truth), 0, atol=0.15)
+    assert np.mean(found[train] ** 2) == pytest.approx(1.0)
+
+
+def test_what_is_taken_out_takes_its_share():
+    """Against a dense projector."""
+    rng = np.random.default_rng(2)
+    columns = rng.standard_normal((40, 5)) * [1, 1e-6, 1, 1e5, 0]
+    left, free = taken_out(columns)
+    X = columns[:, 1:4] / np.linalg.norm(columns[:, 1:4], axis=0)
+    P = np.eye(40) - X @ np.linalg.inv(X.T @ X) @ X.T
+    np.testing.assert_allclose(left, P @ columns[:, 0], atol=1e-9)
+    np.testing.assert_allclose(free, np.diag(P), atol=1e-9)
+
+
+def test_a_clock_of_its_own_moves_with_every_step():
+    clock = own_clock(np.array([2.0, 4.0]), np.array([0, 0, 1, 1]), 6)
+    np.testing.assert_allclose(clock, [0, 0.5, 0.75, 1.0, 1.0, 1.0])
+
+
+def test_noise_with_a_pace_is_told_in_rows():
+    part = NoisePart(0.6, "pace", 1.5)
+    told = NoiseEstimate(1e-3, (part,), (2.0, 1e-5, 25.0, 0.5), pace=(1.0, 4.0, 30.0))
+    assert told.text().endswith("correlated over 6 rows of the middle velocity, each its own")
+    assert told.bound() == "2 s or 10 µm of load-point motion or 25 rows"
+    assert told.to_json()["pace"] == [1.0, 4.0, 30.0]
