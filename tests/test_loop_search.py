@@ -234,7 +234,7 @@ def steps_of(velocities, span=60.0) -> str:
         ({"without": ["secondstate"]}, "did you mean 'second_state'"),
         ({"with_": ["gain"], "without": ["gain"]}, r"gain cannot be both in the base"),
         ({"with_": ["normal_stress"]}, "effect normal_stress needs a column normal_stress"),
-        ({"most": 4}, "most is 4; choose 0 to 3"),
+        ({"most": 9}, "most is 9; choose 0 to 8"),
         ({"most": -1}, "most is -1"),
     ],
 )

@@ -20,7 +20,7 @@ from ..loop.engine import Candidate, Engine
 from ..loop.estimates import estimates
 from ..loop.location import Bumps, locate
 from ..loop.result import Loop, Score
-from ..loop.search import search
+from ..loop.search import MOST, search
 from ..loop.split import Blocks
 from ..loop.superset import Superset
 from ..loop.verdict import conclude, noise_floor, questions
@@ -36,7 +36,6 @@ from .rows import scales_of
 from .seen import doubts
 from .structure import axis_shapes, friction_bumps
 
-_MOST = 3
 # What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.
 _NOISE_ROWS = 1.0
@@ -48,7 +47,7 @@ def close_axis_loop(
     with_: str | Sequence[str] = (),
     without: str | Sequence[str] = (),
     own: Sequence[type[AbstractAxisEffect]] = (),
-    most: int = _MOST,
+    most: int = MOST,
     preparation: Preparation | None = None,
     width: float | None = None,
     held: bool | None = None,
@@ -79,8 +78,8 @@ def close_axis_loop(
     begun = time.monotonic()
     record, with_, without = as_axis_record(record), ids_of(with_), ids_of(without)
     effects = _effects(with_, without, own)
-    if not 0 <= most <= _MOST:
-        raise InputError(f"most is {most}; choose 0 to {_MOST}")
+    if not 0 <= most <= MOST:
+        raise InputError(f"most is {most}; choose 0 to {MOST}")
     progress("preparing the record")
     held = record.drive is not None if held is None else held
     reading = read_rows(record, preparation=preparation, width=width, held=held)

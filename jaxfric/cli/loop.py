@@ -69,7 +69,7 @@ def loop(
             f" {AXIS_EFFECTS}.",
         ),
     ] = None,
-    most: Annotated[int, Parameter(help="Largest number of effects that may be added.")] = 3,
+    most: Annotated[int, Parameter(help="Largest number of effects that may be added.")] = 8,
     steps: Steps = None,
     rows: Annotated[
         int | None,
@@ -185,7 +185,7 @@ def loop(
             "--law": None if law == "slip" else law,
             "--with": ",".join(declared),
             "--without": ",".join(excluded),
-            "--most": None if most == 3 else str(most),
+            "--most": None if most == 8 else str(most),
             "--steps": steps,
             "--rows": None if rows is None else str(rows),
             "--from": since,

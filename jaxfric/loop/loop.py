@@ -24,13 +24,12 @@ from .estimates import estimates
 from .location import friction_bumps, locate
 from .result import Loop, Score
 from .sampling import seen_between
-from .search import Search, search
+from .search import MOST, Search, search
 from .shapes import friction_shapes
 from .split import Blocks, split
 from .superset import Superset
 from .verdict import conclude, noise_floor, questions
 
-_MOST = 3
 # Half as much again in time, and right to first order only.
 ON_REQUEST = ("inertia",)
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
@@ -51,7 +50,7 @@ def close_loop(
     with_: str | Sequence[str] = (),
     without: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
-    most: int = _MOST,
+    most: int = MOST,
     rows: int | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Loop:
@@ -63,7 +62,7 @@ def close_loop(
     with_ : ids of effects that belong to the base; without : ids of those not considered.
         `ON_REQUEST` are considered only as part of the base.
     own : effects of your own beside those of the catalogue.
-    most : largest number of effects added, 0 to 3.
+    most : largest number of effects added, 0 to `search.MOST`.
     rows : as of `jaxfric.fit`: means over neighbouring rows, about so many.
     progress : told what is being done.
 
@@ -85,8 +84,8 @@ def close_loop(
         record, thinning = few_rows(record, rows, found_steps)
     stress = _stress(record)
     effects = _effects(record, with_, without, own, stress=stress is not None)
-    if not 0 <= most <= _MOST:
-        raise InputError(f"most is {most}; choose 0 to {_MOST}")
+    if not 0 <= most <= MOST:
+        raise InputError(f"most is {most}; choose 0 to {MOST}")
     progress("base fit of the whole record")
     _refuse_stops(record, found_steps)
     base_fit = fit(

@@ -2,9 +2,9 @@
 
 1. Base fit and its noise, from several starts. 2. Screen all effects to first order. 3. Refit the
 most promising jointly. 4. Accept the best if BIC falls by more than 10, neither the train nor the
-select block is fitted worse, and its parameters are possible and fixed by the record. 5. Again, up
-to three effects; then drop what is no longer needed, and try in place of each what is easily taken
-for it.
+select block is fitted worse, and its parameters are possible and fixed by the record. 5. Again, as
+long as there is evidence; then drop what is no longer needed, and try in place of each what is
+easily taken for it.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,6 +18,8 @@ from .fixed import not_fixed
 from .pace import Pace, now_and_then
 from .screen import ALIAS, Screened, aliases, screen
 
+MOST = 8
+"""Largest number of effects that a search adds: evidence ends it before, as a rule."""
 _PARTS = (0.1, 0.01, 1e-3)
 _TIE = 2.0
 ACCEPT = 10.0
