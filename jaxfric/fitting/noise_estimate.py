@@ -20,7 +20,7 @@ _ORIGINS = {
     "rows": "the recorder's filter",
 }
 _WHITE = 0.05
-_SEEN = 1.0
+_SEEN = 1.5
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,8 @@ class NoisePart:
     @property
     def origin(self) -> str:
         """What makes such noise, as a rule."""
-        return "servo or resonance of the machine" if self.swings else _ORIGINS[self.over]
+        machine = self.swings and self.over == "time"
+        return "servo or resonance of the machine" if machine else _ORIGINS[self.over]
 
 
 @dataclass(frozen=True)

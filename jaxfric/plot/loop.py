@@ -1,6 +1,7 @@
 """Figures of a closed loop: residual before and after, location map, aliasing, candidates."""
 
 import itertools
+import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -29,6 +30,7 @@ _BLOCKS = {
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
+_NOISE_WIDTH = 88
 _MIDDLE, _LIGHT, _PALE = "#5d8bb3", "#b9cfe2", "0.85"
 _ROLE_COLOURS = {
     "model": BLUE,
@@ -204,12 +206,12 @@ def _clocks(loop: Loop) -> np.ndarray:
 
 def _save_noise(loop: Loop, folder: Path) -> list[str]:
     """Autocorrelation of what the model leaves where it is fitted, and of the noise model."""
-    figure = new_figure(8.6, 3.9)
+    figure = new_figure(8.6, 4.8)
     axis = figure.subplots()
     residual = np.where(loop.blocks.train, loop.after.residual, np.nan)
     draw_autocorrelation(axis, _clocks(loop), residual, loop.after.noise)
     axis.legend(loc="upper right", frameon=False, fontsize=8)
-    tidy(axis, printable(_noise_words(loop)))
+    tidy(axis, _noise_words(loop))
     return save(figure, folder, "noise")
 
 
@@ -222,7 +224,7 @@ def _noise_words(loop: Loop) -> str:
         lines.append(f"such noise comes from {', and from '.join(origins)}")
     if noise.longest:
         lines.append(f"what lasts longer than {noise.bound()} is not taken for noise")
-    return "\n".join(lines)
+    return "\n".join(textwrap.fill(line, _NOISE_WIDTH) for line in lines)
 
 
 # ---- location --------------------------------------------------------------------------------

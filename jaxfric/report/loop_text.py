@@ -143,9 +143,16 @@ def errors(loop: Loop) -> Table:
         "Error before and after",
         ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
         rows,
-        f"σ = {noise} is the noise of a row: no model brings the error below 1 σ, but for chance",
+        f"σ = {noise} is the noise of a row: no model brings the error below 1 σ, but for chance."
+        f" It is {loop.after.noise.text()}{_bound(loop)}",
         (3,),
     )
+
+
+def _bound(loop: Loop) -> str:
+    """Where noise ends and structure begins, where that is known."""
+    bound = loop.after.noise.bound()
+    return f"; what lasts longer than {bound} is not taken for noise" if bound else ""
 
 
 def _errors(both: list[float], size: float, sigma: float) -> tuple[str, ...]:
