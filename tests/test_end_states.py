@@ -119,6 +119,44 @@ def test_a_known_slow_decay_counts():
     assert [name_of(e.code) for e in ends] == ["limit_cycle", "steady", "limit_cycle"]
 
 
+def cycles_of(times, until):
+    """Slip that deviates by 1 on both sides of zero, which it crosses upwards at `times`, straight.
+
+    Time, velocity for V0 = 2, deviation of slip: of one length, the last sample repeated.
+    """
+    nodes = [(t + dt, side) for t in times for dt, side in ((-0.2, -1.0), (0.2, 1.0))]
+    t, x = np.asarray([(0.0, -1.0), *nodes, (until, -1.0)]).T
+    t, x = (np.append(a, np.full(40 - len(a), a[-1])) for a in (t, x))
+    return t, 2.0 + 1.8 * x, x
+
+
+@pytest.mark.parametrize(
+    ("intervals", "period", "spread"),
+    [
+        ([2.0, 2.0, 2.0, 2.0], 2.0, 0.0),
+        ([1.0, 3.0, 1.0, 3.0], 2.0, 1.0),
+        ([2.0, 3.0, 1.5, 2.5], 2.25, 0.75),
+        ([3.0, 1.5, 1.0, 2.5, 2.0], 2.0, 1.0),
+        ([4.0], 4.0, 0.0),
+    ],
+)
+def test_the_spread_of_unequal_cycles(intervals, period, spread):
+    """Half of the range of the intervals of the last half; those before, of 6 s, do not count."""
+    late = 21.0 + np.cumsum([0.0, *intervals])
+    t, v, x = cycles_of([1.0, 7.0, 13.0, *late], 40.0)
+    end = classified(t, v, x, jnp.asarray(2.0), begin=0.0, end=40.0, decay=jnp.inf)
+    assert name_of(end.code) == "limit_cycle"
+    np.testing.assert_allclose([end.period, end.period_spread], [period, spread], atol=1e-12)
+
+
+@pytest.mark.parametrize("late", [[], [25.0]])
+def test_no_spread_below_two_crossings(late):
+    t, v, x = cycles_of([1.0, 7.0, 13.0, *late], 40.0)
+    end = classified(t, v, x, jnp.asarray(2.0), begin=0.0, end=40.0, decay=jnp.inf)
+    assert name_of(end.code) == "unresolved"
+    assert np.isinf(end.period) and np.isinf(end.period_spread)
+
+
 # ---- the linear threshold -----------------------------------------------------------------
 
 
@@ -184,7 +222,8 @@ def scipy_cycle():
     V, d = V0 * np.exp(s.y[1][late]), -s.y[0][late]
     times = s.t_events[0][s.t_events[0] > T / 2]
     assert len(times) > 5
-    return np.ptp(V) / 2, np.ptp(d) / 2, V.min(), np.diff(times).mean()
+    between = np.diff(times)
+    return np.ptp(V) / 2, np.ptp(d) / 2, V.min(), between.mean(), np.ptp(between) / 2
 
 
 def test_limit_cycle_against_scipy():
@@ -192,8 +231,11 @@ def test_limit_cycle_against_scipy():
     assert name_of(end.code) == "limit_cycle"
     found = (end.velocity_amplitude, end.slip_amplitude, end.least_velocity, end.period)
     # Extremes are those of the solver's steps, a little inside the true ones.
-    for value, truth, rel in zip(found, scipy_cycle(), (2e-2, 5e-3, 2e-2, 5e-3), strict=True):
+    *truths, spread = scipy_cycle()
+    for value, truth, rel in zip(found, truths, (2e-2, 5e-3, 2e-2, 5e-3), strict=True):
         assert value == pytest.approx(truth, rel=rel)
+    # All cycles are alike; a crossing lies between two steps of the solver.
+    assert end.period_spread == pytest.approx(spread, abs=1e-3 * float(end.period))
     assert end.velocity_amplitude > 10 * V0 and end.least_velocity < 0.2 * V0
     assert abs(end.growth) < 1e-5
 

@@ -341,7 +341,7 @@ def test_the_figure_of_ends() -> None:
     k_p, k_v = np.linspace(500, 6000, 12), np.linspace(0, 1300, 9)
     soft = jnp.asarray(k_p[None] + 2 * k_v[:, None] < 2000)
     pick = jax.vmap(jax.vmap(lambda soft: ENDS.where(soft, ENDS.limit_cycle, ENDS.steady)))
-    ends = EndState(pick(soft), *(jnp.zeros(soft.shape) for _ in range(5)))
+    ends = EndState(pick(soft), *(jnp.zeros(soft.shape) for _ in range(6)))
     law = law_from_parameters("slip", SLIP[3]).law
     point = eqx.filter_jit(steady_point)(law, jnp.asarray(2e-3))
     options = {"point": point, "mass": 2.0, "optimum": (1488.0, 794.0)}

@@ -13,10 +13,11 @@ pytest.importorskip("zarr")
 pytest.importorskip("xarray")
 
 import jaxfric as jf
-from jaxfric.gains.ends import ENDS
+from jaxfric.gains.ends import ENDS, EndState
 from jaxfric.gains.settle import end_state
 from jaxfric.members import ends as streaming
-from jaxfric.members import run_study
+from jaxfric.members import run_study, sliders
+from jaxfric.members.make import make
 from jaxfric.simulation import ensemble
 from jaxfric.stability.closed_form import critical_rate_state
 from jaxfric.stability.margins import UNITS, is_stable, margins, poles
@@ -261,8 +262,10 @@ def test_ends_of_a_study_are_those_of_the_package(ends):
         ratio = found[name].values[cycle] / getattr(expected, name)[cycle]
         np.testing.assert_allclose(ratio, 1.0, atol=0.02, err_msg=name)
     assert np.all(np.isinf(found.period.values[~cycle]))
-    spread = found.period_spread.values[cycle] / found.period.values[cycle]
-    assert np.all((spread >= 0) & (spread < 0.02))  # of one state: every cycle is like the last
+    for ends_of in (found, expected):
+        spread = np.asarray(ends_of.period_spread)[cycle] / np.asarray(ends_of.period)[cycle]
+        assert np.all((spread >= 0) & (spread < 0.02))  # of one state: all cycles are alike
+        assert np.all(np.isinf(np.asarray(ends_of.period_spread)[~cycle]))
 
 
 def test_a_small_step_of_an_unstable_slider_is_not_steady(ends):
@@ -312,27 +315,47 @@ def test_motions_in_time_are_kept(tmp_path):
         np.testing.assert_allclose(found.force[i, 0], at_V0, atol=2e-5)
 
 
+WITH_MASS = """
+compute = ["simulate"]
+[rig]
+law = "slip"
+A = "1 N"
+B = "3 N"
+L = "1 mm"
+m = "2 kg"
+k_v = "0.5 N*s/m"
+V0 = "2 mm/s"
+[simulate]
+inertia = true
+ratio = 1.1
+[axes]
+k_p = { values = ["1 kN/m", "4 kN/m"] }
+"""
+
+
+def test_a_slider_with_mass_tells_by_how_much_its_cycles_differ(tmp_path, monkeypatch):
+    """What is made of how its motion ends; the motion itself is not simulated here."""
+    k_p = jnp.asarray([1e3, 4e3])
+
+    def told(rig, *_, **__):
+        soft = rig.machine.stiffness < 2e3
+        code = ENDS.where(soft, ENDS.limit_cycle, ENDS.unresolved)
+        return EndState(code, *jnp.asarray([0.1, 1e-4, 1e-5, 2.25, 0.75, 0.0]))
+
+    monkeypatch.setattr(sliders, "end_state", told)
+    made = make(written(tmp_path / "s.toml", WITH_MASS))
+    assert {o.name: o.unit for o in made.outputs}["period_spread"] == "s"
+    found = jax.jit(made.function)({"k_p": k_p})
+    np.testing.assert_array_equal(found["period"], [2.25, np.nan])
+    np.testing.assert_array_equal(found["period_spread"], [0.75, np.nan])
+
+
 @pytest.mark.long
 def test_ends_with_mass(tmp_path):
     """The paper's sample, at half and twice its critical stiffness."""
-    text = """
-    compute = ["simulate"]
-    [rig]
-    law = "slip"
-    A = "1 N"
-    B = "3 N"
-    L = "1 mm"
-    m = "2 kg"
-    k_v = "0.5 N*s/m"
-    V0 = "2 mm/s"
-    [simulate]
-    inertia = true
-    ratio = 1.1
-    [axes]
-    k_p = { values = ["1 kN/m", "4 kN/m"] }
-    """
-    found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
+    found = run_study(written(tmp_path / "s.toml", WITH_MASS), tmp_path / "a")
     assert found.end.values.tolist() == [1, 0]
+    assert 0 <= found.period_spread[0] < 0.02 * found.period[0] and np.isinf(found.period_spread[1])
 
 
 @pytest.mark.long

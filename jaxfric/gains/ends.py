@@ -39,6 +39,8 @@ class EndState(eqx.Module):
     """Smallest velocity [m/s]."""
     period: Float[Array, " *s"]
     """Mean time between upward crossings of the middle of the slip's range [s]."""
+    period_spread: Float[Array, " *s"]
+    """Half of the range of the times between the same crossings [s] (`mean_and_spread`)."""
     growth: Float[Array, " *s"]
     """Rate of ln(largest deviation) between the last two windows [1/s]; negative: decays."""
 
@@ -54,6 +56,7 @@ class EndState(eqx.Module):
             drop(self.slip_amplitude),
             drop(self.least_velocity, -jnp.inf),
             drop(self.period),
+            drop(self.period_spread),
             drop(self.growth),
         )
 
@@ -79,7 +82,7 @@ def classify(
                  limit cycle does: ln(a4/a3) is at least half of ln(a3/a2) where a window holds
                  two cycles, else a quarter of it with a4 < 0.3
     limit_cycle  otherwise, if the slip crosses the middle of its range twice or more in the
-                 last half: amplitude and period are then those of it
+                 last half: amplitude, period and its spread are then those of it
     unresolved   otherwise
     """
     time, velocity, deviation = (jnp.asarray(x) for x in (time, velocity, deviation))
@@ -93,7 +96,7 @@ def classify(
     half = time >= end - 2 * window
     least, most = _range(velocity, half)
     low, high = _range(deviation, half)
-    count, period = _upward(time, deviation - 0.5 * (low + high), half)
+    count, period, spread = _upward(time, deviation - 0.5 * (low + high), half)
     oscillates = count >= 2
     before = jnp.minimum(before, 0.0)
     keeps_on = jnp.where(
@@ -103,8 +106,28 @@ def classify(
     code = ENDS.where(
         steady, ENDS.steady, ENDS.where(oscillates, ENDS.limit_cycle, ENDS.unresolved)
     )
-    period = jnp.where(oscillates & ~steady, period, jnp.inf)
-    return EndState(code, 0.5 * (most - least), 0.5 * (high - low), least, period, last / window)
+    period, spread = (jnp.where(steady, jnp.inf, x) for x in (period, spread))
+    swing, slip = 0.5 * (most - least), 0.5 * (high - low)
+    return EndState(code, swing, slip, least, period, spread, last / window)
+
+
+def mean_and_spread(
+    count: Array, first: Array, last: Array, shortest: Array, longest: Array
+) -> tuple[Float[Array, " *s"], Float[Array, " *s"]]:
+    """Mean period of the cycles between `count` crossings, and its spread [s].
+
+        mean = (last - first)/(count - 1),   spread = (longest - shortest)/2
+
+    first, last : times of the first and last crossing [s].
+    shortest, longest : times between a crossing and the next [s].
+
+    The spread is 0 where all cycles take the same time, or where there is only one. It is no
+    standard error: it says by how much single cycles differ. Both are inf below two crossings.
+    All arrays of one shape.
+    """
+    cycles = jnp.maximum(count - 1, 1)
+    mean, spread = (last - first) / cycles, 0.5 * (longest - shortest)
+    return jnp.where(count >= 2, mean, jnp.inf), jnp.where(count >= 2, spread, jnp.inf)
 
 
 def _largest(time, size, begin, end) -> Float[Array, ""]:
@@ -119,16 +142,20 @@ def _range(x, inside) -> tuple[Float[Array, ""], Float[Array, ""]]:
     return jnp.min(jnp.where(inside, x, jnp.inf)), jnp.max(jnp.where(inside, x, -jnp.inf))
 
 
-def _upward(time, x, inside) -> tuple[Array, Float[Array, ""]]:
-    """Number of upward zero crossings of `x`, and the mean time between them."""
+def _upward(time, x, inside) -> tuple[Array, Float[Array, ""], Float[Array, ""]]:
+    """Number of upward zero crossings of `x`, mean and spread of the times between them."""
     rises = inside[:-1] & (x[:-1] < 0) & (x[1:] >= 0)
     step = jnp.where(rises, x[1:] - x[:-1], 1.0)
     at = time[:-1] - x[:-1] * (time[1:] - time[:-1]) / step
     count = jnp.sum(rises)
     first = jnp.min(jnp.where(rises, at, jnp.inf))
     last = jnp.max(jnp.where(rises, at, -jnp.inf))
-    period = jnp.where(count >= 2, (last - first) / jnp.maximum(count - 1, 1), jnp.inf)
-    return count, period
+    crossings = jnp.sort(jnp.where(rises, at, last))  # what is no crossing repeats the last one
+    between = crossings[1:] - crossings[:-1]
+    cycle = jnp.arange(between.shape[0]) < count - 1
+    shortest = jnp.min(jnp.where(cycle, between, jnp.inf))
+    longest = jnp.max(jnp.where(cycle, between, -jnp.inf))
+    return count, *mean_and_spread(count, first, last, shortest, longest)
 
 
 def counts(ends: EndState) -> dict[str, int]:

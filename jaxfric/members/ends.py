@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..gains.ends import mean_and_spread
 from ..simulation.ensemble import Lanes, Point, Step, integrate
 
 CODES = {
@@ -239,10 +240,10 @@ def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
     low, high = (of.law.V0 * jnp.exp(jnp.clip(u, -700.0, 600.0)) for u in speeds)
     known = (code == LIMIT_CYCLE) | ((code == STEADY) & jnp.isfinite(speeds[0]))
     at_end = (code == STEADY) & ~known  # not followed to its last half: it is steady
-    cycles = jnp.maximum(seen.count - 1, 1)
-    period = jnp.where(cycle.repeats, cycle.period, (seen.last - seen.first) / cycles)
-    low_period, high_period = chosen(cycle.periods, seen.periods)
-    spread = 0.5 * (high_period - low_period)
+    periods = chosen(cycle.periods, seen.periods)
+    count = jnp.where(cycle.repeats, cycle.agree + 2, seen.count)
+    mean, spread = mean_and_spread(count, seen.first, seen.last, *periods)
+    period = jnp.where(cycle.repeats, cycle.period, mean)
 
     def number(x, otherwise, steady):
         return jnp.where(known, x, jnp.where(at_end, steady, otherwise))

@@ -10,7 +10,7 @@ from ..rig.friction import AbstractLaw
 from ..study import Output, Progress, run
 from ..study.function import refuse_clashes
 from ..units import parse_quantity
-from .sliders import ENDINGS, ENDINGS_WITH_MASS, MARGINS, Sliders, traces
+from .sliders import ENDINGS, MARGINS, Sliders, traces
 from .spec import Spec, choose_outputs, read_spec
 
 # Members of a block: as many as compute in about a second, and their traces fit into memory.
@@ -74,9 +74,8 @@ def _sliders(spec: Spec) -> Made:
         known += MARGINS
         usual += [output.name for output in MARGINS]
     if "simulate" in spec.compute:
-        endings = ENDINGS_WITH_MASS if slow else ENDINGS
-        known += endings + traces(samples)
-        usual += [output.name for output in endings]
+        known += ENDINGS + traces(samples)
+        usual += [output.name for output in ENDINGS]
         usual += [output.name for output in traces(samples)] if "samples" in table else []
     outputs = choose_outputs(spec, known, tuple(usual))
     wanted = tuple(output.name for output in outputs)

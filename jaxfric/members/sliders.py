@@ -61,10 +61,7 @@ ENDINGS = (
     Output("period", "s", "period of the limit cycle"),
     Output("period_spread", "s", "half of the range of the periods of its cycles"),
 )
-_OF_END_STATE = ("velocity_amplitude", "slip_amplitude", "least_velocity", "period")
-_NUMBERS = (*_OF_END_STATE, "period_spread")
-ENDINGS_WITH_MASS = tuple(output for output in ENDINGS if output.name != "period_spread")
-"""Those of one slider at a time, which tell no spread."""
+_NUMBERS = tuple(output.name for output in ENDINGS if output.name != "end")
 _SPREAD = 1e6
 # Until a stable slider is at its end; steps of one that cycles.
 _FOLDS, _CYCLING = 12.0, 700.0
@@ -215,8 +212,7 @@ class Sliders:
         # no unstable slider slides steadily: its oscillation is still too small to be seen
         code = jnp.where((code == streaming.STEADY) & (decay < 0), streaming.FAILED, code)
         code = code.astype(jnp.int8)
-        rest = {o.name: getattr(end, o.name) for o in ENDINGS if o.name in _OF_END_STATE}
-        return _coded(rest, code)
+        return _coded({name: getattr(end, name) for name in _NUMBERS}, code)
 
     def _traces(self, p: Mapping[str, Array]) -> dict[str, Array]:
         of, start = self._lanes(p)
