@@ -28,7 +28,7 @@ LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
 too seldom for its size to be known, and a likelihood makes it as large as it likes."""
 _SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
-_AT_ONCE = 24
+_FEW, _AT_ONCE = 8, 24  # noises that are whitened in one pass
 _NEWTON = 8
 _STEP = 0.2
 _SETTLED = 0.02
@@ -263,7 +263,7 @@ def _newton(record: Record, family: Family, theta: np.ndarray, value: float) -> 
     for (i, j), both in zip(pairs, values[2 * q + 1 :], strict=True):
         curve[i, j] = curve[j, i] = (both - plus[i] - plus[j] + values[0]) / _STEP**2
     scale, vectors = np.linalg.eigh(-curve)
-    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _AT_ONCE)[:, None]
+    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _FEW)[:, None]
     steps = (vectors.T @ slope / damped) @ vectors.T
     return centre + np.clip(steps, -2.0, 2.0)
 
@@ -323,7 +323,8 @@ def _values(record: Record, family: Family, theta: np.ndarray) -> tuple[np.ndarr
     values, sigmas = [], []
     for begin in range(0, len(theta), _AT_ONCE):
         part = theta[begin : begin + _AT_ONCE]
-        full = part[np.minimum(np.arange(_AT_ONCE), len(part) - 1)] if len(part) > 1 else part
+        lanes = next(size for size in (1, _FEW, _AT_ONCE) if len(part) <= size)
+        full = part[np.minimum(np.arange(lanes), len(part) - 1)]
         parts = (jnp.asarray(x) for x in parts_at(family, full, record.limits))
         found = restricted(record.clock, record.weight, record.columns, record.scale, *parts)
         values.append(np.asarray(found[0])[: len(part)])
