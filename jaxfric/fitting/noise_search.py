@@ -235,7 +235,7 @@ def _best_of(record: Record, family: Family, starts, *, refine: bool = False) ->
     i = int(np.argmax(values))
     theta, value, sigma = starts[i], values[i], sigmas[i]
     for _ in range(_NEWTON if refine and family.parameters else 0):
-        trials = _inside(record, family, _newton(record, family, theta, value))
+        trials = _inside(record, family, _newton(record, family, theta))
         values, sigmas = _values(record, family, trials)
         i = int(np.argmax(values))
         if not values[i] > value:
@@ -247,7 +247,7 @@ def _best_of(record: Record, family: Family, starts, *, refine: bool = False) ->
     return Found(noise_at(record, family, theta, sigma, value), family, theta, float(value))
 
 
-def _newton(record: Record, family: Family, theta: np.ndarray, value: float) -> np.ndarray:
+def _newton(record: Record, family: Family, theta: np.ndarray) -> np.ndarray:
     """Steps of Newton's method with many dampings, from differences."""
     q = len(theta)
     low, high = _bounds(family, record.limits)
@@ -334,6 +334,27 @@ def _values(record: Record, family: Family, theta: np.ndarray) -> tuple[np.ndarr
 
 
 @eqx.filter_jit
+def products(
+    clock: Float[Array, "n *k"],
+    weight: Float[Array, " n"],
+    columns: Float[Array, "n m"],
+    scale: Float[Array, " *n"],
+    share: Float[Array, "g 2"],
+    rates: Float[Array, "g 2 k"],
+    beta: Float[Array, " g"],
+) -> tuple[Float[Array, "g m m"], Float[Array, " g"]]:
+    """Products of the columns whitened under every noise of sigma 1, and its log-determinants."""
+    one = jnp.ones(())
+
+    def under(share, rates, beta):
+        noise = Noise(one, share, rates, beta, scale, one)
+        return innovations(clock, weight, columns, noise)
+
+    white, log_determinant = jax.vmap(under)(share, rates, beta)
+    return jnp.einsum("gni,gnj->gij", white, white), log_determinant
+
+
+@eqx.filter_jit
 def restricted(
     clock: Float[Array, "n k"],
     weight: Float[Array, " n"],
@@ -344,14 +365,7 @@ def restricted(
     beta: Float[Array, " g"],
 ) -> tuple[Float[Array, " g"], Float[Array, " g"]]:
     """Restricted log-likelihood and sigma of every noise; column 0 is the residual."""
-    one = jnp.ones(())
-
-    def under(share, rates, beta):
-        noise = Noise(one, share, rates, beta, scale, one)
-        return innovations(clock, weight, columns, noise)
-
-    white, log_determinant = jax.vmap(under)(share, rates, beta)
-    gram = jnp.einsum("gni,gnj->gij", white, white)
+    gram, log_determinant = products(clock, weight, columns, scale, share, rates, beta)
     design = gram[:, 1:, 1:]
     diagonal = jnp.diagonal(design, axis1=1, axis2=2)
     used = diagonal > 0  # columns of zeros are padding

@@ -7,13 +7,10 @@ for each of hundreds of candidates at the cost of one.
 
 from typing import NamedTuple
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from ..fitting.noise import Noise, innovations
+from ..fitting.noise_search import products
 
 _AT_ONCE = 8
 _PASSES = 4
@@ -97,36 +94,17 @@ def evidence(
     all_columns = jnp.asarray(np.concatenate(parts, axis=1))
     rows = jnp.asarray(clock), jnp.asarray(weight), all_columns
     rows = (*rows, jnp.ones(n) if scale is None else jnp.asarray(scale))
-    products, log_det = [], []
+    grams, log_det = [], []
     for begin in range(0, len(noises[2]), _AT_ONCE):
         at = np.minimum(np.arange(begin, begin + _AT_ONCE), len(noises[2]) - 1)
         some = (jnp.asarray(x[at]) for x in noises)
-        found = _products(*rows, *some)
-        products.append(np.asarray(found[0]))
+        found = products(*rows, *some)
+        grams.append(np.asarray(found[0]))
         log_det.append(np.asarray(found[1]))
     g = len(noises[2])
     more = np.concatenate([extra[:, None], extra_columns], axis=1)
-    extra_products = np.zeros(products[0].shape[1:])
+    extra_products = np.zeros(grams[0].shape[1:])
     extra_products[: m + 1, : m + 1] = more.T @ more
     number = float(np.sum(np.asarray(weight) > 0))
-    both = np.concatenate(products)[:g], np.concatenate(log_det)[:g]
+    both = np.concatenate(grams)[:g], np.concatenate(log_det)[:g]
     return Evidence(*both, noises, number, extra_products)
-
-
-@eqx.filter_jit
-def _products(
-    clock: Float[Array, "n *k"],
-    weight: Float[Array, " n"],
-    columns: Float[Array, "n m"],
-    scale: Float[Array, " n"],
-    share: Float[Array, "g 2"],
-    rates: Float[Array, "g 2 k"],
-    beta: Float[Array, " g"],
-):
-    one = jnp.ones(())
-
-    def under(share, rates, beta):
-        return innovations(clock, weight, columns, Noise(one, share, rates, beta, scale, one))
-
-    white, log_determinant = jax.vmap(under)(share, rates, beta)
-    return jnp.einsum("gni,gnj->gij", white, white), log_determinant
