@@ -5,6 +5,7 @@ effect: what is under test is then both the law and the balance of forces, and e
 shown to fail when the effect is left out of the rebuilding.
 """
 
+import dataclasses
 import functools
 import importlib
 import json
@@ -66,13 +67,16 @@ def sampled(protocol, count):
     return np.concatenate([start + span * np.arange(count) / count for start, span in spans])
 
 
-def run(effects, *, count=1500, rtol=1e-10):
+def run(effects, *, count=1500, rtol=1e-10, base=BASE):
     stress = STRESS if "normal_stress" in effects else None
-    return plants.simulate(BASE, SHORT, effects, sampled(SHORT, count), stress=stress, rtol=rtol)
+    return plants.simulate(base, SHORT, effects, sampled(SHORT, count), stress=stress, rtol=rtol)
 
 
-def rebuild(path, effects, stressed):
-    """Friction, record, misbalance of forces, slip and load point from u(t), by the catalogue."""
+def rebuild(path, effects, stressed, own=0.0):
+    """Friction, record, misbalance of forces, slip and load point from u(t), by the catalogue.
+
+    `own` is the base's share of the ageing law.
+    """
 
     def p(effect, name, null=0.0):
         return effects.get(effect, {}).get(name, null)
@@ -114,8 +118,10 @@ def rebuild(path, effects, stressed):
         past = u_at(t - p("frictional_delay", "alpha")) if "frictional_delay" in effects else u
         steady = -B * (past - np.log(1 + V / p("evolution_cutoff", "Vc", np.inf)))
         slip = -(V / (L * (V / V0) ** p("velocity_dependent_L", "n"))) * (theta - steady)
-        ageing = (B * V0 / L) * (np.exp(-theta / B) - V / V0)
-        q, h = p("aging", "q"), 1e-6
+        length = L * (V / V0) ** p("velocity_dependent_L", "n")
+        age = (length / V0) * np.exp(theta / B)  # Dieterich's, of a contact
+        ageing = B * (1 + V / p("evolution_cutoff", "Vc", np.inf) - V * age / length) / age
+        q, h = own + p("aging", "q"), 1e-6
         dtheta = (1 - q) * slip + q * ageing
         if stressed:
             log_rate = (np.log(n_at(t + h)) - np.log(n_at(t - h))) / (2 * h)
@@ -159,9 +165,9 @@ def rebuild(path, effects, stressed):
     return f, (1 + p("gain", "g")) * seen + p("time_drift", "r") * path.t, excess, x, x_m
 
 
-def faults(path, effects, stressed=False):
+def faults(path, effects, stressed=False, own=0.0):
     """The largest misfits of friction, record, balance, slip [um] and load point [um]."""
-    f, y, excess, x, x_m = rebuild(path, effects, stressed)
+    f, y, excess, x, x_m = rebuild(path, effects, stressed, own)
     return np.array(
         [
             np.max(np.abs(f - path.friction)),
@@ -187,6 +193,16 @@ def test_effects_that_meet_obey_both_equations():
     names = ("second_state", "viscous", "damping", "servo_lag", "sensor_lag", "gain", "thermal")
     effects = {name: CASES[name] for name in names}
     assert np.all(faults(run(effects), effects) < 2e-6)
+
+
+def test_effects_on_a_base_with_the_ageing_law():
+    names = ("evolution_cutoff", "velocity_dependent_L")
+    effects = {name: CASES[name] for name in names} | {"aging": {"q": -0.3}}
+    path = run(effects, base=dataclasses.replace(BASE, q=1.0))
+    assert np.all(faults(path, effects, own=1.0) < 2e-6)
+    for name in effects:
+        fewer = {k: v for k, v in effects.items() if k != name}
+        assert np.max(faults(path, fewer, own=1.0)) > 1e-4
 
 
 @pytest.mark.parametrize("effect", NULLS)

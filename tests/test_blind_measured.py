@@ -158,7 +158,7 @@ def test_noise_in_time_has_its_covariance():
 
 def test_the_wider_studies_are_as_declared():
     seeds = Counter(i.tries[0].seed for s in study.STUDIES for i in study.selected(study=s))
-    assert max(seeds.values()) == 1 and len(seeds) == 1260 + 420 + 120
+    assert max(seeds.values()) == 1 and len(seeds) == 1260 + 420 + 120 + 190
     whole = study.selected(study="measured")
     count = Counter(item.condition for item in whole)
     assert count == {
@@ -178,7 +178,7 @@ def test_the_wider_studies_are_as_declared():
         assert Counter(r.plant for r in none) == {"quasi-static": 3, "inertial": 3}
         assert {r.noise for r in none} == sources
     assert all(i.without == i.tries[0].effects for i in whole if i.condition.startswith("out"))
-    assert [len(study.selected(study=s, part="ci")) for s in study.STUDIES] == [12, 12, 4]
+    assert [len(study.selected(study=s, part="ci")) for s in study.STUDIES] == [12, 12, 4, 4]
     with pytest.raises(ValueError, match="null-white"):
         study.selected(study="measured", only=("null-white",))
 

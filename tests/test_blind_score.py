@@ -552,7 +552,7 @@ def test_records_are_treated_in_processes(tmp_path, capsys):
 
 
 def test_the_scorer_knows_neither_side():
-    names = ("score", "scored", "aims", "strict", "shares")
+    names = ("score", "scored", "aims", "strict", "shares", "ranges")
     own = {f".{name}" for name in names}
     for name in names:
         text = Path(score.__file__).with_name(f"{name}.py").read_text(encoding="utf-8")

@@ -135,6 +135,33 @@ def test_shares_of_the_blind_study():
     assert not any(hits(w) for w in numbers if w.startswith(("no effect", "rho 0.1: a wrong")))
 
 
+def test_what_the_stored_scores_tell_strictly():
+    records, text = content("blind/results.json")["records"], page("blind")
+    white = [r for r in records if r["kind"] in ("one", "lacking") and not r["correlation"]]
+    by_rho = [[r for r in white if r["rho"] == rho] for rho in (0.1, 0.2, 0.5, 1.0)]
+    assert [len(some) for some in by_rho] == [20] * 4
+    sure = [sum(r["group"] and r["confirmed"] for r in some) for some in by_rho]
+    named = [sum(r["exact"] and r["confirmed"] for r in some) for some in by_rho]
+    wrong = [sum(r["confirmed"] and not r["group"] for r in some) for some in by_rho]
+    assert wrong == [1] * 4
+    covered = [
+        [r["covered"][k] for r in some for k in "ABL" if k in r["covered"]] for some in by_rho
+    ]
+    shares = [100 * sum(marks) / len(marks) for marks in covered]
+    for pattern, values in (
+        ("is confirmed in #, #, # and # of 20 at rho 0.1, 0.2, 0.5 and 1,", sure),
+        ("and named in #, #, # and #; a wrong name is confirmed in one of 20 at each", named),
+        ("of all fits cover #, #, # and # %", shares),
+    ):
+        assert not stale(text, pattern, *values)
+    silent = ("outside_catalogue", "too_weak")
+    out = [r["verdict"] in silent for r in records if r["kind"] == "outside"]
+    assert (sum(out), len(out)) == (4, 6)
+    assert {r["plant"] for r in records if r["kind"] == "none"} == {"inertial"}
+    # scores as they are now say more: with them the study can be counted strictly in full
+    assert not any("sure_group" in r or "heldout_report" in r for r in records)
+
+
 def test_a_stale_digit_is_seen():
     assert agrees("1.035", 1.0354) and not agrees("1.035", 1.0356)
     assert agrees("2e-9", 2.4e-9) and not agrees("2e-9", 2.6e-9)

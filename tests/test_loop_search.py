@@ -17,7 +17,8 @@ from scipy.integrate import odeint
 
 import jaxfric as jf
 from fits.blind import score, study
-from fits.blind.generate import SIGMA, SLIP_PER_STEP, Request, draw_times, make
+from fits.blind.draws import SIGMA, SLIP_PER_STEP, draw_times
+from fits.blind.generate import Request, make
 from fits.blind.plants import Base, Protocol
 from jaxfric.effects import CATALOGUE
 from jaxfric.effects.effect import AbstractLinearEffect, with_term

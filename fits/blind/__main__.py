@@ -1,6 +1,6 @@
 """Run a blind study: `python -m fits.blind --out DIR [--share 0.1 | --slice ci] [--workers 2]`.
 
---noise measured and --noise time are studies of their own, each for a folder of its own.
+--noise measured, time and wide are studies of their own, each for a folder of its own.
 
 Makes the records of `study` that are missing in DIR, closes the loop on each in processes of
 their own, scores all that is in DIR and prints the numbers beside the targets. A run that was
@@ -70,7 +70,14 @@ def close(name: str, item: Item, out: Path) -> str:
     declared = json.loads((out / "records" / name / "declared.json").read_text())
     record = read(out / "records" / name / "record.csv")
     without = tuple(id for id in item.without if id in CATALOGUE)
-    loop = close_loop(record, stiffness=declared["stiffness [1/m]"], without=without).to_json()
+    loop = close_loop(
+        record,
+        stiffness=declared["stiffness [1/m]"],
+        law=declared.get("law") or "slip",
+        # as a user says that the stiffness is not quite known
+        with_=("stiffness",) if declared.get("stiffness known to [1]") else (),
+        without=without,
+    ).to_json()
     _write(out / "loops" / name / "loop.json", loop)
     return f"{loop['verdict']}: {'+'.join(loop['effects']) or '-'}"
 

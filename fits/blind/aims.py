@@ -10,7 +10,12 @@ def numbers(scores: Sequence[Score], *, missing: int = 0) -> list[Number]:
     """The numbers to reach, and what belongs beside them. `missing` records were never made."""
     clocks = {s.clock for s in scores} or {"row"}
     out = _rows_noise(scores) if "row" in clocks else []
-    out += [n for clock in ("measured", "time") if clock in clocks for n in _other(scores, clock)]
+    out += [
+        n
+        for clock in ("measured", "time", "wide")
+        if clock in clocks
+        for n in _other(scores, clock)
+    ]
     out.append(share("failed or never made", [bool(s.error) for s in scores] + [True] * missing))
     seconds = [s.seconds for s in scores if s.seconds is not None]
     out.append(quantile("seconds for a record, in the study: median", seconds, 0.5))
@@ -18,7 +23,7 @@ def numbers(scores: Sequence[Score], *, missing: int = 0) -> list[Number]:
 
 
 def _other(scores: Sequence[Score], clock: str) -> list[Number]:
-    """Under noise cut from measured records, which has targets, and noise correlated in time."""
+    """Under noise cut from measured records, which has targets, in time, and of `wide`."""
     here = [s for s in scores if s.clock == clock]
     at, aim = f"{here[0].noise}, ", clock == "measured"
 

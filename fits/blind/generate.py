@@ -15,7 +15,9 @@ A record is drawn from its seed (and from what is asked of it), never from the c
     noise       standard deviation 3e-4; white or AR(1) from sample to sample; or correlated in
                 time ("time": Ornstein-Uhlenbeck, its time log-uniform in [0.05, 2] s, exact at
                 the record's uneven rows); or cut from a measured record ("measured-...", see
-                `measured`). Displacements have 0.02 um, the normal stress 5e-5 of itself
+                `measured`); or "wide", where all of the above is drawn otherwise (see `wide`):
+                `sampling` is not asked for there. Displacements have 0.02 um, the normal stress
+                5e-5 of itself
 
 How large the effect is: rho is the rms, over the noise's standard deviation, of what a refit of
 the base (f0, A, B, L free; K as declared; the recorded normal stress known) leaves of the
@@ -33,7 +35,7 @@ import json
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -42,22 +44,28 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from . import measured
-from .plants import EFFECTS, Base, Protocol, RunawayError, Stress, simulate, simulate_base
+from . import measured, wide
+from .draws import (
+    LEAST_RATIO,
+    RECIPES,
+    SIGMA,
+    UM,
+    Draw,
+    Recipe,
+    draw_protocol,
+    draw_times,
+    log_uniform,
+)
+from .plants import EFFECTS, Base, RunawayError, Stress, simulate, simulate_base
 
-UM = 1e-6
-SIGMA = 3e-4
-SLIP_PER_STEP = 150 * UM
-LEVELS = tuple(v * UM for v in (1.0, 3.0, 10.0, 30.0, 100.0))
 CORRELATIONS = {"white": 0.0, "ar1-0.7": 0.7, "ar1-0.9": 0.9}
 MEASURED = "measured-"
-NOISES = (*CORRELATIONS, "time", *(MEASURED + source for source in measured.SOURCES))
+NOISES = (*CORRELATIONS, "time", *wide.NOISES, *(MEASURED + source for source in measured.SOURCES))
 PLANTS = ("quasi-static", "inertial")
 SAMPLINGS = ("uniform", "thinned")
 CHANNELS = ("slip", "normal_stress", "load_point")
 _ENCODER, _GAUGE, _STRESS = 0.02 * UM, 5e-5, 10.0  # m, of the stress, MPa
-_ATTEMPTS = 60
-_LEAST_RATIO = 3.0
+_ATTEMPTS, _ATTEMPTS_ALIKE = 60, 10
 
 
 class UnreachableError(RuntimeError):
@@ -97,6 +105,11 @@ class Request:
         }:
             raise ValueError("frictional_delay needs a plant without mass: its solver is explicit")
 
+    @property
+    def wide(self) -> bool:
+        """Whether plant, sampling and all conditions are those of `wide`."""
+        return self.noise in wide.NOISES
+
     def entropy(self, *more: int) -> np.random.Generator:
         """Random numbers of this request. rho has no part in them: only amplitudes differ."""
         text = "|".join(("+".join(self.effects), self.noise, self.plant, self.sampling))
@@ -108,175 +121,19 @@ class Request:
         return f"{self.seed:06d}-{zlib.crc32(key.encode()):08x}"
 
 
-@dataclass(frozen=True)
-class Draw:
-    """A plant without its effects, and when it is sampled."""
-
-    base: Base
-    ratio: float  # K L/max(B - A, 0.2 B)
-    protocol: Protocol
-    t: np.ndarray
-    stress: Stress | None
-
-    @property
-    def fastest(self) -> float:
-        return max(self.protocol.velocities)
-
-    @property
-    def crossing(self) -> float:
-        """Time to slip L at the fastest command [s]: the shortest time of the friction law."""
-        return self.base.L / self.fastest
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """How an effect is drawn.
-
-    shape(rng, draw) : what is fixed before the amplitude is sought
-    parameters(amplitude, shape) : those of the plant
-    start, limit(draw) : amplitude to begin with, and the largest physical one
-    signed : whether the amplitude may be negative
-    """
-
-    shape: Callable[[np.random.Generator, Draw], dict[str, float]]
-    parameters: Callable[[float, dict[str, float]], dict[str, float]]
-    start: Callable[[Draw], float]
-    limit: Callable[[Draw], float]
-    signed: bool = False
-
-
-def _plain(name: str, start, limit, *, signed: bool = False) -> Recipe:
-    """An effect with one parameter, its amplitude."""
-    return Recipe(lambda rng, draw: {}, lambda a, shape: {name: a}, start, limit, signed)
-
-
-def _shaped(name: str, shape, start, limit, *, signed: bool = False) -> Recipe:
-    """An effect with an amplitude and shapes."""
-    return Recipe(shape, lambda a, shape: {name: a, **shape}, start, limit, signed)
-
-
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(math.exp(rng.uniform(math.log(low), math.log(high))))
-
-
-def _total(draw: Draw) -> float:
-    return SLIP_PER_STEP * len(draw.protocol.velocities)
-
-
-RECIPES: dict[str, Recipe] = {
-    "second_state": _shaped(
-        "B2",
-        lambda rng, w: {"L2": min(w.base.L * _log(rng, 3, 10), SLIP_PER_STEP / 2.5)},
-        lambda w: 0.02 * w.base.B,
-        lambda w: w.base.B,
-    ),
-    "aging": _plain("q", lambda w: 0.05, lambda w: 1.0),
-    "velocity_dependent_L": _plain("n", lambda w: 0.02, lambda w: 0.5, signed=True),
-    "evolution_cutoff": Recipe(
-        lambda rng, w: {},
-        lambda a, shape: {"Vc": 1.0 / a if a > 0 else math.inf},
-        lambda w: 0.02 / w.fastest,
-        lambda w: 1.0 / min(w.protocol.velocities),
-    ),
-    "viscous": _plain("c", lambda w: SIGMA / w.fastest, lambda w: 0.3 * w.base.f0 / w.fastest),
-    "stribeck": _shaped(
-        "fs",
-        lambda rng, w: {
-            "Vs": _log(rng, 3 * min(w.protocol.velocities), w.fastest / 3),
-            "d": float(rng.uniform(1, 2)),
-        },
-        lambda w: SIGMA,
-        lambda w: w.base.A,  # beyond, A + V df/dV may be negative
-    ),
-    "slip_trend": _plain(
-        "s", lambda w: SIGMA / _total(w), lambda w: 0.3 * w.base.f0 / _total(w), signed=True
-    ),
-    "run_in": _shaped(
-        "d",
-        lambda rng, w: {"dc": _log(rng, 80 * UM, 0.4 * _total(w))},
-        lambda w: SIGMA,
-        lambda w: 0.3 * w.base.f0,
-        signed=True,
-    ),
-    "position_periodic": Recipe(
-        lambda rng, w: {
-            "lambda": _log(rng, 25 * UM, 250 * UM),
-            "phase": float(rng.uniform(0, 2 * math.pi)),
-        },
-        lambda a, shape: {
-            "a": a * math.cos(shape["phase"]),
-            "b": a * math.sin(shape["phase"]),
-            "lambda": shape["lambda"],
-        },
-        lambda w: SIGMA,
-        lambda w: 0.1 * w.base.f0,
-    ),
-    "normal_stress": _plain("alpha", lambda w: 0.1, lambda w: w.base.f0),
-    "thermal": _shaped(
-        "a_T",
-        lambda rng, w: {"tau_T": _log(rng, 2, 40)},
-        lambda w: SIGMA * w.protocol.velocities[0] / w.fastest,
-        lambda w: 0.3 * w.base.f0 * w.protocol.velocities[0] / w.fastest,
-    ),
-    "frictional_delay": _plain("alpha", lambda w: 0.1 * w.crossing, lambda w: 10 * w.crossing),
-    "stiffness": _plain("kappa", lambda w: 0.03, lambda w: 0.7, signed=True),
-    "damping": _plain(
-        "k_v", lambda w: 0.05 * w.base.A / w.fastest, lambda w: 30 * w.base.A / w.fastest
-    ),
-    "inertia": _plain(
-        "m",
-        lambda w: w.base.K * (0.1 * w.crossing) ** 2,
-        lambda w: w.base.K * (3 * w.crossing) ** 2,
-    ),
-    "servo_lag": _plain("tau", lambda w: 0.05 * w.crossing, lambda w: 10 * w.crossing),
-    "sensor_lag": _plain("tau", lambda w: 0.05 * w.crossing, lambda w: 10 * w.crossing),
-    "sensor_delay": _plain("d", lambda w: 0.05 * w.crossing, lambda w: 10 * w.crossing),
-    "time_drift": _plain(
-        "r",
-        lambda w: SIGMA / sum(w.protocol.durations),
-        lambda w: 0.3 * w.base.f0 / sum(w.protocol.durations),
-        signed=True,
-    ),
-    "gain": _plain("g", lambda w: 0.03, lambda w: 0.5, signed=True),
-}
-
-
-def draw_protocol(rng: np.random.Generator) -> Protocol:
-    """Twelve velocities: every level occurs, and neighbours differ by at most two levels."""
-    while True:
-        path = [int(rng.integers(0, 3))]
-        while len(path) < 12:
-            near = [i for i in range(5) if 0 < abs(i - path[-1]) <= 2]
-            path.append(int(rng.choice(near)))
-        if len(set(path)) == 5:
-            velocities = tuple(LEVELS[i] for i in path)
-            return Protocol(velocities, tuple(SLIP_PER_STEP / v for v in velocities))
-
-
-def draw_times(rng: np.random.Generator, protocol: Protocol, sampling: str) -> np.ndarray:
-    """Sample times [s]; the first is 0, the other velocities begin between two samples."""
-    out = []
-    for start, span in zip(protocol.starts, protocol.durations, strict=True):
-        count = int(rng.integers(225, 276))
-        part = (np.arange(count) + (rng.uniform(0.1, 0.9) if start else 0.0)) / count
-        part = np.expm1(2.5 * part) / math.expm1(2.5) if sampling == "thinned" else part
-        out.append(start + span * part)
-    return np.concatenate(out)
-
-
 def draw_plant(rng: np.random.Generator, request: Request) -> Draw:
     """The plant of a request without its effects."""
-    A, L = _log(rng, 0.004, 0.02), _log(rng, 4 * UM, 15 * UM)
-    B = A * (_log(rng, 0.6, 0.9) if rng.random() < 0.2 else _log(rng, 1.15, 2.2))
-    ratio = _log(rng, _LEAST_RATIO, 8)
+    A, L = log_uniform(rng, 0.004, 0.02), log_uniform(rng, 4 * UM, 15 * UM)
+    B = A * (log_uniform(rng, 0.6, 0.9) if rng.random() < 0.2 else log_uniform(rng, 1.15, 2.2))
+    ratio = log_uniform(rng, LEAST_RATIO, 8)
     base = Base(float(rng.uniform(0.5, 0.75)), A, B, L, ratio * max(B - A, 0.2 * B) / L)
     protocol = draw_protocol(rng)
     t = draw_times(rng, protocol, request.sampling)
     # a hunting servo: slow against the sampling; larger where more structure is asked, so that
     # alpha stays near the laboratory's 0.1 to 0.4
-    size, weight = _log(rng, 0.003, 0.008), rng.dirichlet((4.0, 4.0, 4.0))
+    size, weight = log_uniform(rng, 0.003, 0.008), rng.dirichlet((4.0, 4.0, 4.0))
     phases = rng.uniform(0, 2 * math.pi, 3)
-    periods = [_log(rng, 15, 80) for _ in range(3)]
+    periods = [log_uniform(rng, 15, 80) for _ in range(3)]
     stress = None
     if "normal_stress" in request.effects or "normal_stress" in request.channels:
         size = size * math.sqrt(2) * (request.rho if request.effects else 1.0)
@@ -291,6 +148,17 @@ def draw_plant(rng: np.random.Generator, request: Request) -> Draw:
     return draw
 
 
+def draw_wide(rng: np.random.Generator, request: Request, attempt: int = 0) -> Draw:
+    """The plant of a request of the study `wide`: ten attempts share their conditions."""
+    given = wide.draw_conditions(
+        request.entropy(attempt // _ATTEMPTS_ALIKE, 2), request.noise, request.effects
+    )
+    hunts = "normal_stress" in (*request.effects, *request.channels)
+    hunting = (request.rho if request.effects else 1.0) if hunts else 0.0
+    draw = wide.draw_plant(rng, given, hunting=hunting)
+    return _with_mass(draw) if request.plant == "inertial" or "inertia" in request.effects else draw
+
+
 def _with_mass(draw: Draw) -> Draw:
     """A mass and a dashpot that stay below a twentieth of the noise."""
     still = simulate(draw.base, draw.protocol, {}, draw.t, stress=draw.stress).record
@@ -298,65 +166,83 @@ def _with_mass(draw: Draw) -> Draw:
     for _ in range(8):
         base = replace(draw.base, m=m, k_v=k_v)
         moved = simulate(base, draw.protocol, {}, draw.t, stress=draw.stress).record
-        if np.std(moved - still) < 0.05 * SIGMA:
+        if np.std(moved - still) < 0.05 * draw.sigma:
             return replace(draw, base=base)
         m, k_v = m / 4, k_v / 2
     raise RunawayError("no mass is small enough")
 
 
 class Refit:
-    """The base fitted to a noise-free record: f0, ln A, ln B, ln L free, K declared."""
+    """The base fitted to a noise-free record: f0, ln A, ln B, ln L free, K declared.
+
+    Where the stiffness is declared as uncertain, ln K is free, too.
+    """
 
     def __init__(self, draw: Draw):
         self.draw = draw
         self.base = replace(draw.base, m=0.0, k_v=0.0)
-        self.clean = self.predict(np.zeros(3))
-        steps = 1e-3 * np.eye(3)
+        self.free = 4 if draw.stiffness_error else 3
+        self.clean = self.predict(np.zeros(self.free))
+        steps = 1e-3 * np.eye(self.free)
         columns = [(self.predict(h) - self.predict(-h)) / 2e-3 for h in steps]
         columns.append(np.ones(len(draw.t)))
         self.basis = np.linalg.qr(np.stack(columns, axis=1))[0]
 
     def predict(self, x: np.ndarray) -> np.ndarray:
-        """Friction of the base with A, B, L times exp(x)."""
-        A, B, L = np.multiply((self.base.A, self.base.B, self.base.L), np.exp(x)).tolist()
-        base, w = replace(self.base, A=A, B=B, L=L), self.draw
+        """Friction of the base with A, B, L (and K) times exp(x)."""
+        base, w = self._scaled(x), self.draw
         return simulate_base(base, w.protocol, w.t, stress=w.stress)
+
+    def _scaled(self, x: np.ndarray) -> Base:
+        names = ("A", "B", "L", "K")[: self.free]
+        values = zip(names, np.exp(x).tolist(), strict=True)
+        return replace(self.base, **{k: getattr(self.base, k) * v for k, v in values})
 
     def project(self, record: np.ndarray) -> np.ndarray:
         """Structure that the base's sensitivities leave, over sigma."""
         structure = record - self.clean
-        return (structure - self.basis @ (self.basis.T @ structure)) / SIGMA
+        return (structure - self.basis @ (self.basis.T @ structure)) / self.draw.sigma
 
     def __call__(self, record: np.ndarray) -> tuple[float, Base]:
         """rho, and the base that the refit ends with."""
+
+        draw = self.draw
 
         def residual(x):
             try:
                 left = record - self.predict(x)
             except RunawayError:
                 return np.full(len(record), 1e3)
-            return (left - left.mean()) / SIGMA
+            return (left - left.mean()) / draw.sigma
 
         def slopes(x):
             here = residual(x)
-            return np.stack([(residual(x + h) - here) / 1e-4 for h in 1e-4 * np.eye(3)], axis=1)
+            return np.stack(
+                [(residual(x + h) - here) / 1e-4 for h in 1e-4 * np.eye(self.free)], axis=1
+            )
 
         jac: Any = slopes  # SciPy's annotation of `jac` knows names only
-        fit = least_squares(residual, np.zeros(3), jac=jac, xtol=1e-7, ftol=1e-7, max_nfev=40)
-        A, B, L = np.multiply((self.base.A, self.base.B, self.base.L), np.exp(fit.x)).tolist()
+        fit = least_squares(
+            residual, np.zeros(self.free), jac=jac, xtol=1e-7, ftol=1e-7, max_nfev=40
+        )
         f0 = self.base.f0 + float(np.mean(record - self.predict(fit.x)))
         rho = math.sqrt(2 * fit.cost / len(record))
-        return rho, replace(self.base, f0=f0, A=A, B=B, L=L)
+        return rho, replace(self._scaled(fit.x), f0=f0)
 
 
 def scale(
-    effect: str, draw: Draw, refit: Refit, rho: float, rng: np.random.Generator
+    effect: str,
+    draw: Draw,
+    refit: Refit,
+    rho: float,
+    rng: np.random.Generator,
+    recipes: Mapping[str, Recipe] = RECIPES,
 ) -> tuple[dict[str, float], float]:
     """Parameters of `effect` that leave the structure `rho`; what they leave in a refit.
 
     Raises `UnreachableError` beyond the largest physical amplitude.
     """
-    recipe = RECIPES[effect]
+    recipe = recipes[effect]
     shape, sign = recipe.shape(rng, draw), -1.0 if recipe.signed and rng.random() < 0.5 else 1.0
     amplitude, limit = recipe.start(draw), recipe.limit(draw)
 
@@ -418,7 +304,7 @@ def make(request: Request) -> Blind:
     redraws: Counter[str] = Counter()
     for attempt in range(_ATTEMPTS):
         try:
-            return _attempt(request, request.entropy(attempt), redraws)
+            return _attempt(request, attempt, redraws)
         except (RunawayError, UnreachableError) as error:
             redraws[type(error).__name__] += 1
             last = error
@@ -428,22 +314,26 @@ def make(request: Request) -> Blind:
     )
 
 
-def _attempt(request: Request, rng: np.random.Generator, redraws: Counter[str]) -> Blind:
-    draw = draw_plant(rng, request)
-    refit = Refit(draw)
+def _attempt(request: Request, attempt: int, redraws: Counter[str]) -> Blind:
+    rng = request.entropy(attempt)
+    draw = draw_wide(rng, request, attempt) if request.wide else draw_plant(rng, request)
+    refit, recipes = Refit(draw), wide.WIDE if request.wide else RECIPES
     effects, each = {}, {}
     for effect in request.effects:
-        effects[effect], each[effect] = scale(effect, draw, refit, request.rho, rng)
-    if draw.ratio * math.exp(effects.get("stiffness", {}).get("kappa", 0.0)) < _LEAST_RATIO:
+        effects[effect], each[effect] = scale(effect, draw, refit, request.rho, rng, recipes)
+    if draw.ratio * math.exp(effects.get("stiffness", {}).get("kappa", 0.0)) < draw.least_ratio:
         raise UnreachableError("the true stiffness is too near the critical one")
     path = simulate(draw.base, draw.protocol, effects, draw.t, stress=draw.stress)
+    unknown = request.noise == "wide-law"
+    if unknown:  # the law that a user would declare who knows nothing of it
+        refit = Refit(replace(draw, base=replace(draw.base, q=0.0)))
     rho, biased = refit(path.record)
     columns, about = _columns(request, draw, path)
     truth = {
         "schema": "jaxfric.blind/1",
         "seed": request.seed,
-        "effects": list(request.effects),
-        "parameters": effects,
+        "effects": ["aging"] if unknown else list(request.effects),
+        "parameters": {"aging": {"q": 1.0}} if unknown else effects,
         "rho": {"wanted": request.rho if effects else 0.0, "each": each, "all": rho},
         "cosine": _cosine(draw, refit, effects) if len(effects) == 2 else None,
         "base": {**asdict(draw.base), "V0": draw.protocol.velocities[0]},
@@ -451,17 +341,34 @@ def _attempt(request: Request, rng: np.random.Generator, redraws: Counter[str]) 
         "stiffness_ratio": draw.ratio,
         "critical_stiffness": (draw.base.B - draw.base.A) / draw.base.L,
         "plant": "inertial" if draw.base.m > 0 else "quasi-static",
-        "sampling": request.sampling,
-        "noise": {"sigma": SIGMA, **about},
+        "sampling": draw.sampling if request.wide else request.sampling,
+        "noise": {"sigma": draw.sigma, **about},
         "redraws": dict(redraws),
     }
+    if request.wide:
+        truth["wide"] = _about(request, draw)
     declared = {
-        "stiffness [1/m]": draw.base.K,
-        "noise [1]": SIGMA,
+        "stiffness [1/m]": draw.base.K * math.exp(-draw.stiffness_error),
+        "noise [1]": draw.sigma,
         "starts [s]": draw.protocol.starts.tolist(),
         "velocities [m/s]": list(draw.protocol.velocities),
     }
+    if request.wide:
+        declared["stiffness known to [1]"] = wide.STIFFNESS if draw.stiffness_error else 0.0
+        declared["law"] = None if unknown else truth["wide"]["law"]
     return Blind(request, columns, declared, truth)
+
+
+def _about(request: Request, draw: Draw) -> dict:
+    """Conditions of a record of the study `wide`, for the truth."""
+    return {
+        "law": "ageing" if draw.base.q else "slip",
+        "law_declared": request.noise != "wide-law",
+        "velocities": len(draw.protocol.velocities),
+        "stiffness_error": draw.stiffness_error,
+        "quantum [m]": draw.quantum,
+        "rows": len(draw.t),
+    }
 
 
 def _cosine(draw: Draw, refit: Refit, effects) -> float:
@@ -495,11 +402,14 @@ def noise_in_time(rng: np.random.Generator, t: np.ndarray, memory: float) -> np.
 
 def noise_of(request: Request, draw: Draw, rng: np.random.Generator) -> tuple[np.ndarray, dict]:
     """The friction's noise, and what the truth says of it."""
+    if request.wide:
+        white = draw.sigma * rng.standard_normal(len(draw.t))
+        return white, {"correlation": 0.0, "kind": "wide"}
     if request.noise in CORRELATIONS:
         correlation = CORRELATIONS[request.noise]
         return noise(rng, len(draw.t), correlation), {"correlation": correlation}
     if request.noise == "time":
-        memory = _log(rng, 0.05, 2.0)
+        memory = log_uniform(rng, 0.05, 2.0)
         about = {"correlation": None, "kind": "time", "memory [s]": memory}
         return noise_in_time(rng, draw.t, memory), about
     source = request.noise.removeprefix(MEASURED)
@@ -517,10 +427,13 @@ def _columns(request: Request, draw: Draw, path) -> tuple[dict[str, np.ndarray],
     noises, about = noise_of(request, draw, rng)
     friction = path.record + noises
     blur = _ENCODER * rng.standard_normal((3, count))
-    gauge = 1.0 + _GAUGE * rng.standard_normal(count)
+    gauge = 1.0 + _GAUGE * (draw.sigma / SIGMA) * rng.standard_normal(count)
+    moved = draw.protocol.displacement(draw.t) + blur[0]
+    if draw.quantum:
+        moved = draw.quantum * np.round(moved / draw.quantum)
     columns = {
         "time [s]": draw.t,
-        "load_point_displacement [um]": (draw.protocol.displacement(draw.t) + blur[0]) / UM,
+        "load_point_displacement [um]": moved / UM,
         "friction [1]": friction,
     }
     if "slip" in request.channels:

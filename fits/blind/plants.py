@@ -6,6 +6,7 @@ commanded velocity, f friction coefficient [1], theta state [1], K stiffness ove
 the load point, s its lead over the slider beyond the start [m], n = sigma_n(t)/sigma_n0.
 
 Base    f = f0 + A u + theta,   dtheta/dt = -(V/L) (theta - theta_ss),   theta_ss = -B u
+        or, with q = 1, under the ageing law; the effect `aging` adds its q to that of the base
         ds/dt = V_m - V,   quasi-static:  n f = F0 + K s + k_v (V_m - V)
                            inertial:      m dV/dt = F0 + K s + k_v (V_m - V) - n f
         It begins in steady sliding at V0 with s = 0, which sets F0. The record is f.
@@ -97,6 +98,7 @@ class Base:
     K: float
     m: float = 0.0  # 0: quasi-static
     k_v: float = 0.0
+    q: float = 0.0  # 0: slip law, 1: ageing law
 
 
 @dataclass(frozen=True)
@@ -215,12 +217,14 @@ def simulate_base(
 
     def rates_under(z, t, V_m, t0):
         V = V0 * math.exp(min(z[0], 60.0))
-        dtheta = -(V / L) * (z[1] + B * z[0])
+        slip = -(V / L) * (z[1] + B * z[0])
+        ageing = (B * V0 / L) * (math.exp(min(-z[1] / B, 60.0)) - V / V0)
+        dtheta = (1.0 - base.q) * slip + base.q * ageing
         n, dn = (stress or Stress()).at(t0 + t)
         f = base.f0 + A * z[0] + z[1]
         return (K * (V_m - V) / n - dn * f - dtheta) / A, dtheta
 
-    law, z, out = rates_under if stress else rates, np.zeros(2), np.empty((len(t), 2))
+    law, z, out = rates_under if stress or base.q else rates, np.zeros(2), np.empty((len(t), 2))
     for t0, (here, ts, V_m) in zip(protocol.starts, _segments(protocol, t), strict=True):
         path = _lsoda(law, z, ts, (V_m, t0), rtol, 1e-3 * rtol)
         out[here], z = path[1:-1], path[-1]
@@ -276,7 +280,8 @@ class _Plant:
         self.starts, self.corners = self.protocol.starts.tolist(), self.protocol.corners.tolist()
         self.lags = self._trailing()
         self.Vc = self.number("evolution_cutoff", "Vc", math.inf)
-        self.q, self.n = self.number("aging", "q"), self.number("velocity_dependent_L", "n")
+        self.q = self.base.q + self.number("aging", "q")
+        self.n = self.number("velocity_dependent_L", "n")
         self.c, self.trend = self.number("viscous", "c"), self.number("slip_trend", "s")
         self.fs, self.Vs, self.d = self.numbers("stribeck", (0.0, 1.0, 1.0))
         self.run, self.dc = self.numbers("run_in", (0.0, 1.0))

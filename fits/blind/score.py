@@ -3,7 +3,8 @@
 Reads DIR/truth/NAME/truth.json, DIR/loops/NAME/loop.json and, for what was left out of the
 catalogue and what failed, run.json; writes results.json, results.md and confusion.*. Imports
 neither the generator nor jaxfric. How a record is scored, and what the words mean: `scored`;
-numbers and their targets: `aims`; the same numbers, scored strictly: `strict`.
+numbers and their targets: `aims`; the same numbers, scored strictly: `strict`; where the loop
+breaks on records of the study `wide`: `ranges`.
 """
 
 import argparse
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from .aims import numbers
+from .ranges import RANGES, by_range
 from .scored import BASE, Score, score
 from .shares import Number, percentile, wilson
 from .strict import Strict, strict
@@ -70,6 +72,7 @@ def tables(scores: Sequence[Score]) -> dict[str, list[dict]]:
             ("kind", "rho", "source"),
             [s for s in scores if s.source is not None],
         ),
+        "by_range": by_range(scores),
         "by_effect": grouped(
             lambda s: ("+".join(s.true), s.kind), ("effect", "kind"), [s for s in strong if s.true]
         ),
@@ -225,6 +228,8 @@ def page(scores, found: Sequence[Number], parts: dict[str, list[dict]], missing)
     lines += ["", "## By condition", "", *_rows(parts["by_condition"])]
     if parts["by_source"]:
         lines += ["", "## By the record that the noise is of", "", *_rows(parts["by_source"])]
+    if parts["by_range"]:
+        lines += ["", "## By what a record asks", "", RANGES, "", *_rows(parts["by_range"])]
     about = f"{main_noise(scores)} noise"
     lines += ["", f"## By effect ({about}, rho >= 0.2)", "", *_rows(parts["by_effect"])]
     lines += ["", "## Truth and what was found", "", "![confusion](confusion.png)", ""]

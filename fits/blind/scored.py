@@ -7,7 +7,8 @@ What the words mean
                   of a found one, each in that of another (an effect is in its own alias group)
     confirmed     the verdict is `effects` or `ambiguous`; otherwise the loop names nothing
     kind          none, one, two: that many true effects, all of them in the loop's catalogue;
-                  outside: one was taken out of it; lacking: the catalogue never had it
+                  outside: one was taken out of it; lacking: the catalogue never had it; law: the
+                  law is not that of the base, and nobody said so
     failed        no loop.json: neither exact nor right, never confirmed, its error infinite
     held out      rms over select and report blocks, over the declared sigma (`true`) and over
                   that which the loop estimates (`own`)
@@ -77,13 +78,16 @@ class Score:
     group_size: int = 0
     """Effects in the largest alias group of a found one."""
     clock: str = "row"
-    """Of the noise: from row to row; "measured", cut from a record; "time", correlated in it."""
+    """Of the noise: from row to row; "measured", cut from a record; "time", correlated in it;
+    "wide": white, of the study of that name."""
     source: str | None = None
+    wide: dict[str, Any] | None = None
+    """Of the study `wide`: conditions of the record."""
 
     @property
     def noise(self) -> str:
         if self.clock != "row":
-            return {"measured": "measured", "time": "in time"}[self.clock]
+            return {"measured": "measured", "time": "in time", "wide": "wide"}[self.clock]
         return f"AR(1) {self.correlation:g}" if self.correlation else "white"
 
     @property
@@ -106,6 +110,8 @@ def score(name: str, truth: dict, loop: dict | None, run: dict | None = None) ->
     kind = ("none", "one", "two")[len(true)]
     if without & set(true):
         kind = "outside"
+    elif not truth.get("wide", {}).get("law_declared", True):
+        kind = "law"
     elif loop is not None and not set(true) <= set(loop["aliasing"]["ids"]):
         kind = "lacking"
     told: dict[str, Any] = {
@@ -119,6 +125,7 @@ def score(name: str, truth: dict, loop: dict | None, run: dict | None = None) ->
         "source": noise.get("source"),
         "plant": truth["plant"],
         "sampling": truth["sampling"],
+        "wide": conditions(truth),
     }
     if loop is None:
         return Score(**told, error=run.get("error") or "no loop.json")
@@ -147,6 +154,21 @@ def score(name: str, truth: dict, loop: dict | None, run: dict | None = None) ->
         undetermined=[k for k, v in intervals.items() if v is None and k in after],
         seconds=loop["seconds"],
     )
+
+
+def conditions(truth: dict) -> dict[str, Any] | None:
+    """Those of a record of the study `wide`, by the names of `ranges`."""
+    if (about := truth.get("wide")) is None:
+        return None
+    return {
+        "K/K_cr": truth["stiffness_ratio"],
+        "velocities": about["velocities"],
+        "sigma": truth["noise"]["sigma"],
+        "law": about["law"],
+        "stiffness": "to 5 %" if about["stiffness_error"] else "exact",
+        "load point": "in steps" if about["quantum [m]"] else "smooth",
+        "sampling": truth["sampling"],
+    }
 
 
 def group_right(true: Sequence[str], found: Sequence[str], groups: Sequence[Sequence[str]]) -> bool:
@@ -202,6 +224,8 @@ def expected(truth: dict, V_ref: float) -> dict[str, float]:
         out["position_periodic.wavelength"] = out.pop("position_periodic.lambda")
     if "thermal" in effects:
         out["thermal.a_T"] *= ratio
+    if error := truth.get("wide", {}).get("stiffness_error"):
+        out["stiffness.kappa"] = error
     for id, name in (("damping", "k_v"), ("inertia", "m")):
         if id in effects:
             out[f"{id}.{name}"] += base[name]

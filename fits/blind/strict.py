@@ -55,6 +55,11 @@ def _of(here: Sequence[Score], noise: str) -> Iterable[Strict]:
         yield Strict(quantile(what, sizes, 0.9), None)
         yield from _held_out(at, some)
         yield from _covered(at, some)
+    if law := [s for s in here if s.kind == "law"]:
+        at = f"{noise}, ageing law, not declared: "
+        yield _marks(at + "right group, confirmed", law, _right, lambda s: s.group)
+        yield _marks(at + "named", law, lambda s: s.named, lambda s: s.exact)
+        yield _marks(at + "a wrong name confirmed", law, _wrong, _wrong_group)
     for kind, text in (("two", "two effects"), ("outside", "effect taken out")):
         some = [s for s in here if s.kind == kind or (kind == "two" and len(s.true) == 2)]
         if some and kind == "two":

@@ -15,6 +15,10 @@ Every condition has seeds of its own (`Condition.first` and up, less than 1000 a
 `time`, noise correlated in time, two conditions:
     null-time                                 no effect, 60
     one-time                                  each effect x 3 at rho 0.5
+`wide`, records that ask more than the loop assumes (see `wide.py`), five conditions:
+    null-wide                                 no effect, 60
+    wide-rho0.2, -rho0.5, -rho1               each effect x 2
+    law-wide                                  no effect, the ageing law, and nobody says so: 10
 
 Plants alternate between without mass and with, samplings between uniform and thinned. The delay
 plant has no version with mass. A pair of effects whose structures have a cosine beyond 0.95
@@ -83,6 +87,13 @@ STUDIES = {
             "outside-measured", 24, 1, 3, rho=1.0, noise="measured", without=True, mixed=True
         ),
     ),
+    "wide": (
+        Condition("null-wide", 40, 0, 60, noise="wide", mixed=True),
+        Condition("wide-rho0.2", 41, 1, 2, rho=0.2, noise="wide", mixed=True),
+        Condition("wide-rho0.5", 42, 1, 2, rho=0.5, noise="wide", mixed=True, turn=1),
+        Condition("wide-rho1", 43, 1, 2, rho=1.0, noise="wide", mixed=True, turn=2),
+        Condition("law-wide", 44, 0, 10, noise="wide-law"),
+    ),
     "time": (
         Condition("null-time", 30, 0, 60, noise="time", mixed=True),
         Condition("one-time", 31, 1, 3, rho=0.5, noise="time", mixed=True),
@@ -118,6 +129,10 @@ _SLICE = (
     ("null-time", None, 1),
     ("one-time", "servo_lag", 0),
     ("one-time", "second_state", 1),
+    ("null-wide", None, 0),
+    ("wide-rho0.5", "slip_trend", 0),
+    ("wide-rho1", "second_state", 1),
+    ("law-wide", None, 0),
 )
 """Condition, effect and replicate of the slice for continuous integration."""
 
