@@ -162,8 +162,12 @@ def test_gain_and_stiffness_are_one_without_mass(second):
 def test_nothing_is_found_where_nothing_is_missing():
     record, stiffness, truth = blind(Request(SEED + 1))
     few = offering("second_state", "viscous", "slip_trend")
-    loop = close_loop(record, stiffness=stiffness, **few)
+    # a trend that the base has from the start is fitted, and is none
+    loop = close_loop(record, stiffness=stiffness, with_="slip_trend", **few)
     assert loop.verdict == "no_missing_effect" and loop.effects == () and loop.reasons == ()
+    assert "slip_trend" not in loop.alias_ids
+    trend = loop.after.parameters["slip_trend.s"]
+    assert 0 < abs(trend.value) < 4 * trend.std
     assert loop.after is loop.before and loop.alias_groups == ()
     assert held_out(loop) <= _HELD_OUT
     assert all(value == 0 for value in loop.shifts().values())

@@ -31,7 +31,9 @@ def declared(engine: Engine, z: np.ndarray, scales, with_: tuple[str, ...]) -> n
     """Parameters of the base with its declared effects, each started from its best shape."""
     if not with_:
         return z
-    current = engine.refit((), z)
+    current = engine.learn_noise(engine.refit((), z))
+    if current.failed:
+        return z
     for id in with_:
         one = next(s for s in screen(engine, current, scales) if s.id == id)
         current = refit_safely(engine, (*current.effects, id), one, current)
