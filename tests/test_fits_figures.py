@@ -3,9 +3,11 @@
 A number counts as right if the value, rounded to the digits that are quoted, is it.
 """
 
+import importlib
 import json
 import math
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -160,6 +162,52 @@ def test_what_the_stored_scores_tell_strictly():
     assert {r["plant"] for r in records if r["kind"] == "none"} == {"inertial"}
     # scores as they are now say more: with them the study can be counted strictly in full
     assert not any("sure_group" in r or "heldout_report" in r for r in records)
+
+
+def test_rivals():
+    sys.path.append(str(FITS.parent))
+    compare = importlib.import_module("fits.rivals.compare")
+    results, text = content("rivals/results.json"), page("rivals")
+    assert compare.table(results["rows"]) in text
+    rows = {row["who"]: row for row in results["rows"]}
+    lowest, margin, bic = (
+        {name: rows[f"{title}, {compare.HOW[rule]}"] for name, title in compare.RIVALS.items()}
+        for rule in ("lowest", "margin", "bic")
+    )
+    ours, operon = rows[compare.OURS], lowest["operon"]
+    (constant,) = (row for row in rows.values() if row["who"].startswith("always"))
+    rivals = [*lowest.values(), *margin.values(), *bic.values()]
+    lower = [row["ours lower"][0] for row in rivals]
+    sindy = [row["all right"][0] for row in rivals if row["who"].startswith("PySINDy")]
+
+    def right(row):
+        return row["all right"][0]
+
+    for pattern, values in (
+        (
+            "of # records with an effect and # without",
+            [ours["all right"][1], ours["named on nothing"][1]],
+        ),
+        ("names are right in # and stand for # effects", [right(ours), ours["stands for"][0]]),
+        ("drawn by lot, # of such names", [ours["by width"]]),
+        ("by the lowest error is right in #, with", [right(operon)]),
+        ("stand for # effects, of which # would", [operon["stands for"][0], operon["by width"]]),
+        ("names something on # of the 6", [operon["named on nothing"][0]]),
+        ("names nothing there, and is right in #.", [right(margin["operon"])]),
+        ("PySINDy is right in # at best", [max(sindy)]),
+        ("`relaxation`, answered always, is right in # of #.", constant["all right"]),
+        ("smaller than theirs in # to # of 25 records", [min(lower), max(lower)]),
+        (
+            "time: # s a record in the median, against # s (STLSQ), # s (FROLS) and # s (pyoperon)",
+            [row["seconds"] for row in (ours, *lowest.values())],
+        ),
+    ):
+        assert not stale(text, pattern, *values)
+    assert ours["named on nothing"][0] == margin["operon"]["named on nothing"][0] == 0
+    assert {tuple(bic[k]["named on nothing"]) for k in ("stlsq", "frols")} == {(6, 6)}
+    assert constant["who"] == "always `relaxation`"
+    alone = rows[compare.ALONE]["held out"]
+    assert all(row["held out"][0] < alone[0] for row in rivals)
 
 
 def test_a_stale_digit_is_seen():

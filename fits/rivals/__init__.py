@@ -1,0 +1,1 @@
+"""Rivals on blind records: what others' regressions make of what the loop's base fit leaves."""
