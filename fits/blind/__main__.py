@@ -25,6 +25,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from . import measured, score
+from .cores import one_thread
 from .generate import UnreachableError, make, write
 from .study import ALIASED, STUDIES, Item, selected
 
@@ -119,6 +120,7 @@ def treat(item: Item, out: Path) -> str:
 
 def _work(pipe: Connection, out: Path) -> None:
     """A process: items come in, lines go out."""
+    one_thread()
     from jaxfric.cli.common import prepare_jax
 
     prepare_jax()

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from .axis_generate import Request, UnreachableError, make
+from .cores import one_thread
 from .score import wilson
 
 RHO = {"low": 2.0, "medium": 1.0, "high": 0.5}
@@ -197,7 +198,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if not (given.out / "loops" / f"{label(request)}.json").exists()
     ]
     context = multiprocessing.get_context("spawn")
-    with context.Pool(given.workers, maxtasksperchild=_RECORDS_PER_PROCESS) as pool:
+    crew = {"initializer": one_thread, "maxtasksperchild": _RECORDS_PER_PROCESS}
+    with context.Pool(given.workers, **crew) as pool:
         for k, line in enumerate(pool.imap_unordered(treat, todo), start=1):
             print(f"{k}/{len(todo)} {line}", flush=True)
     print(publish(given.out))

@@ -207,15 +207,18 @@ class Engine:
     def _noise(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
         problem = self.problem
         rows = problem.clock, problem.weight, residual, padded_columns(columns), self.longest
-        if self.family is None:
-            return estimate_noise(*rows, either_sign=self.either_sign, scale=self.scale)
-        return profile_noise(*rows, self.family, self.noises, scale=self.scale)
+        if self.family is not None:
+            return profile_noise(*rows, self.family, self.noises, scale=self.scale)
+        found = estimate_noise(*rows, either_sign=self.either_sign, scale=self.scale)
+        self.family, self.noises = found.family, (found.theta,)
+        return found
 
     def learn_noise(self, candidate: Candidate) -> Candidate:
         """The candidate with the noise that is found when everything smooth is taken out.
 
-        All later ones have the same parts, their sizes, memories and periods found anew. A pace and
-        a scale for every velocity step are taken where the likelihood rises by what they cost.
+        Until then it has the parts that the first residual showed. All later ones have the parts
+        found here, their sizes, memories and periods found anew. A pace and a scale for every
+        velocity step are taken where the likelihood rises by what they cost.
         """
         rows = self.evaluate(candidate.z, self.free(candidate.effects))
         if rows.failed:
@@ -223,6 +226,7 @@ class Engine:
         columns = np.concatenate([rows.residual[:, None], rows.jacobian, self.smooth], axis=1)
         train = columns * self.weight[:, None]
         train = train[:, np.linalg.norm(train, axis=0) > 0]
+        self.family = None
         found = self._noise(train[:, 0], train[:, 1:])
         if self.by_step:
             found = self._with_pace(found, columns, train)
@@ -240,6 +244,7 @@ class Engine:
         clock[:, -1] = own_clock(pace, step, len(clock))
         self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jnp.asarray(clock))
         self.longest = np.append(self.longest[:-1], self.longest[-2] / np.max(pace))
+        self.family = None
         paced = self._noise(train[:, 0], train[:, 1:])
         more = paced.family.parameters - found.family.parameters + len(pace) - 1
         if 2 * (paced.value - found.value) > more * np.log(self.weight.sum()):
