@@ -66,7 +66,7 @@ def loop(cosines=()):
         "blocks": {"by_step": True, "train": 200, "select": 50, "report": 50},
         "noise": {"sigma": 3e-4},
         "before": {
-            "parameters": {k: dict(ESTIMATE) for k in ("A", "B", "L")},
+            "parameters": {k: dict(ESTIMATE) for k in ("f0", "A", "B", "L", "K", "V0")},
             **{f"{k}_rms": 6e-4 for k in ("train", "select", "report")},
         },
         "after": {
@@ -334,6 +334,27 @@ def test_what_cannot_be_compared_is_said_in_one_line(case, tmp_path, monkeypatch
         "no record": "no closed loop to compare with",
     }
     assert end.value.code == 2 and words[case] in said
+
+
+def test_a_rival_that_fails_answers_nothing(monkeypatch):
+    def fails(base):
+        raise ZeroDivisionError("of theirs")
+
+    found = offer(record := base(lambda t, x: np.ones(300)), 1, 0.5, 0.5)
+    monkeypatch.setattr(command, "METHODS", {"stlsq": fails, "frols": lambda base: [found]})
+    told = command.answers_of(record)
+    assert told["stlsq"]["error"] == "ZeroDivisionError: of theirs" and not told["frols"]["error"]
+    for rule in answers.RULES:
+        silent, said = (told[rival]["rules"][rule] for rival in ("stlsq", "frols"))
+        assert silent["claims"] == [] and silent["rms"] == pytest.approx(dict.fromkeys(RMS, 1.0))
+        assert said["claims"] == [["slip", ("slip",), 1.0]] and said["rms"]["select"] == 0.5
+
+
+def test_a_loop_without_a_base_is_said():
+    broken = loop()
+    broken["before"]["parameters"]["A"] = {"value": None}
+    with pytest.raises(bases.UnlikeLoopError, match="tells no base"):
+        bases.base_of(Path("nowhere.csv"), broken)
 
 
 def test_the_page_tells_the_kinds_as_they_are():

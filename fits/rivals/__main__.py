@@ -32,17 +32,20 @@ def missing() -> list[str]:
 
 
 def answers_of(base: Base) -> dict:
-    """What every rival answers by every rule, for JSON."""
+    """What every rival answers by every rule, for JSON; one that fails answers nothing."""
     out = {}
     for name, method in METHODS.items():
-        begun = time.monotonic()
-        offers = method(base)
+        begun, offers, error = time.monotonic(), [], None
+        try:
+            offers = method(base)
+        except Exception as failure:  # of another's package: counted, and told
+            error = f"{type(failure).__name__}: {failure}"
         seconds, rules = time.monotonic() - begun, {}
         for rule in RULES:
             ends = chosen(base, offers, rule)
             rms = {block: base.rms(ends.left, block) for block in ("train", "select", "report")}
             rules[rule] = {"claims": [list(c) for c in spoken(ends)], "rms": rms}
-        out[name] = {"seconds": seconds, "offers": len(offers), "rules": rules}
+        out[name] = {"seconds": seconds, "offers": len(offers), "error": error, "rules": rules}
     return out
 
 
@@ -61,11 +64,13 @@ def publish(out: Path, known, lost: dict[str, int], answers: dict[str, dict]) ->
     found = list(everyone(known, answers))
     rows = [summary(who, m, found[0][1]) for who, m in found]
     each = [outcome(who, m) for who, marks in found for m in marks]
+    failed = sum(told[rival]["error"] is not None for told in answers.values() for rival in told)
     content = finite(
         {
             "schema": "jaxfric.rivals/1",
             "records": len(known),
             "left_out": lost,
+            "failed": failed,
             "rows": rows,
             "each": each,
         }
@@ -73,7 +78,9 @@ def publish(out: Path, known, lost: dict[str, int], answers: dict[str, dict]) ->
     text = json.dumps(content, indent=1, allow_nan=False)
     (out / "results.json").write_text(text + "\n", encoding="utf-8")
     gone = ", ".join(f"{n} {why}" for why, n in lost.items())
-    text = f"{len(known)} records (left out: {gone})\n\n{table(rows)}\n"
+    text = (
+        f"{len(known)} records (left out: {gone}; rivals failed {failed} times)\n\n{table(rows)}\n"
+    )
     (out / "results.md").write_text(text, encoding="utf-8")
     return text
 

@@ -68,11 +68,14 @@ def base_of(record: Path, loop: dict) -> Base:
     from jaxfric.records import read
     from jaxfric.records.steps import VelocitySteps
 
+    told, at = loop["before"]["train_rms"], loop["before"]["parameters"]
+    values = [at[k]["value"] for k in ("f0", "A", "B", "L", "K", "V0")]
+    if told is None or None in values:
+        raise UnlikeLoopError("its loop tells no base")
     known = read(record)
     times, velocities = np.array(loop["steps"]).T
     blocks = split(known.relative_time, VelocitySteps(times, velocities))
-    p = np.array([loop["before"]["parameters"][k]["value"] for k in ("f0", "A", "B", "L")])
-    fixed = np.array([loop["before"]["parameters"][k]["value"] for k in ("K", "V0")])
+    p, fixed = np.array(values[:4]), np.array(values[4:])
     stress = _stress(known)
 
     def run(size: np.ndarray):
@@ -94,7 +97,6 @@ def base_of(record: Path, loop: dict) -> Base:
         velocities,
         np.append(p, fixed),
     )
-    told = loop["before"]["train_rms"]
     if abs(base.rms(base.residual, "train") / told - 1) > _AGREE:
         found = base.rms(base.residual, "train")
         raise UnlikeLoopError(
