@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 from command import run, written
 
-from jaxfric.axis import AXIS_CATALOGUE
+from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
 from jaxfric.plot.loop import DRAWERS
 
-OFFERED = {"cubic", "direction_asymmetry"}
+OFFERED = {"cubic", "log_viscous"}
 TRUTH = {"M": 0.05, "F_v": 0.04, "F_c": 0.3, "F_0": 0.02}
 
 
-def rotary_text(rows=900, noise=5e-3, cubic=0.03) -> str:
-    """A joint of 0.05 kg m^2 that moves back and forth: 50 Hz, deg and mN m."""
+def rotary_text(rows=900, noise=5e-3, cubic=0.03, thinning=0.0) -> str:
+    """A joint of 0.05 kg m^2 that moves back and forth: 50 Hz, deg and mN m; `thinning` is c of
+    c ln(1 + |v|/(0.2 rad/s)) sgn v."""
     random = np.random.default_rng(5)
     t = np.arange(rows) / 50
     w, slow = 2 * np.pi * 0.4, 2 * np.pi * 0.045
@@ -26,6 +27,7 @@ def rotary_text(rows=900, noise=5e-3, cubic=0.03) -> str:
     v = w * np.cos(w * t) * np.sin(slow * t + 0.5) + slow * np.sin(w * t) * np.cos(slow * t + 0.5)
     a = np.gradient(v, t)
     torque = 0.05 * a + 0.04 * v + 0.3 * np.sign(v) + 0.02 + cubic * v**3
+    torque += thinning * np.sign(v) * np.log(1 + np.abs(v) / 0.2)
     torque += noise * random.standard_normal(rows)
     lines = ["time [s],position [deg],motor_torque [mN m]"]
     both = zip(t, np.degrees(q), 1e3 * torque, strict=True)
@@ -74,3 +76,15 @@ def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
     for text in (out, page.split("<h2>How to read this")[0]):
         for wrong in (" m/s", " N s", "s/m", " mm", "N/m"):
             assert wrong not in text, wrong
+
+
+def test_friction_that_grows_with_the_logarithm_of_speed_is_named(tmp_path):
+    """Not the cubic, which is offered too; its bend is found, and both parts of what grows."""
+    path = tmp_path / "oiled.csv"
+    written(path, rotary_text(cubic=0.0, thinning=0.1))
+    loop = close_axis_loop(path, without=sorted(set(AXIS_CATALOGUE) - OFFERED))
+    assert loop.effects == ("log_viscous",), (loop.verdict, loop.sentence)
+    wanted = {"M": 0.05, "F_c": 0.3, "log_viscous.c": 0.1, "log_viscous.v_c": 0.2}
+    for name, value in wanted.items():
+        found = loop.after.parameters[name]
+        assert abs(found.value - value) < 4 * found.std < 2 * value, name

@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
+from jaxfric.axis import AXIS_CATALOGUE
+from jaxfric.axis.gains import axis_gains
 from jaxfric.axis.prepare import shifted
+from jaxfric.axis.rig import AxisRig
 from jaxfric.axis.state import Bristle, RateState
 
 
@@ -35,6 +38,39 @@ def test_the_force_of_rate_and_state_friction(velocity, direct):
     found = law.force(*map(jnp.asarray, (theta, sign, velocity)))
     assert float(found) == pytest.approx(sign * (5 * direct + theta), rel=1e-12)
     assert float(law.steady(jnp.asarray(velocity))) == pytest.approx(-3 * direct, rel=1e-12)
+
+
+def oiled(c: float, v_c: float, viscous=0.0, width=1e-6) -> AxisRig:
+    rig = AxisRig(1.0, viscous, 2.0, 0.0, width=width)
+    return AXIS_CATALOGUE["log_viscous"](c=jnp.asarray(c), v_c=jnp.asarray(v_c)).embed(rig)
+
+
+def friction(rig: AxisRig, velocity):
+    v = jnp.asarray(velocity, float)
+    return np.asarray(rig.friction(jnp.zeros_like(v), v, jnp.zeros_like(v), ()))
+
+
+@pytest.mark.parametrize(
+    ("velocity", "more"),
+    # c = 5/ln 2 and v_c = 1 mm/s: 5 where speed has doubled 1 + |v|/v_c once, 10 where twice
+    [(1e-3, 5.0), (3e-3, 10.0), (-3e-3, -10.0), (1.023, 50.0), (-1e-3, -5.0)],
+)
+def test_friction_that_grows_with_the_logarithm_of_speed(velocity, more):
+    found = friction(oiled(5 / np.log(2), 1e-3), velocity) - 2.0 * np.sign(velocity)
+    assert float(found) == pytest.approx(more, rel=1e-12)
+
+
+def test_its_bend_is_no_less_than_the_width_of_the_sign():
+    narrow, wide = oiled(1.0, 1e-9, width=1e-3), oiled(1.0, 1e-3, width=1e-3)
+    np.testing.assert_array_equal(friction(narrow, [0.01, -0.2]), friction(wide, [0.01, -0.2]))
+
+
+def test_its_slope_is_that_of_which_gains_are_told():
+    """dF/dv = F_v + c/(v_c + |v|), least where the axis is fastest: k_v > 0.5 - 0.3/(0.2 + 1)."""
+    found = axis_gains(lambda v: friction(oiled(0.3, 0.2, -0.5), v), 1e-2, 1.0)
+    assert abs(found.worst_velocity) == 1.0
+    assert found.slope == pytest.approx(-0.5 + 0.3 / 1.2, rel=1e-3)
+    assert found.least_damping == pytest.approx(0.25, rel=1e-3)
 
 
 T = np.arange(40) * 0.1

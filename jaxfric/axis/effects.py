@@ -128,7 +128,7 @@ class Stribeck(AbstractAxisEffect):
     id: ClassVar[str] = "stribeck"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ fs exp(-(|v|/vs)^n) sgn v"
-    confused_with: ClassVar[tuple[str, ...]] = ("cubic", "presliding")
+    confused_with: ClassVar[tuple[str, ...]] = ("cubic", "presliding", "log_viscous")
     separated_by: ClassVar[str] = "steady speeds around vs, apart from reversals"
     channel: ClassVar[str | None] = None
     fs: Float[Array, ""] = quantity("fs", "F", "more friction at low speed", default=0.0)
@@ -145,6 +145,42 @@ class Stribeck(AbstractAxisEffect):
 
     def physical(self):
         return self.fs > 0
+
+
+class _LogViscous(AbstractAxisTerm):
+    c: Array
+    v_c: Array
+
+    def force(self, at: Point):
+        return self.c * jnp.log1p(jnp.abs(at.velocity) / self.v_c) * at.sign
+
+
+class LogViscous(AbstractAxisEffect):
+    """+ c ln(1 + |v|/v_c) sgn v: friction that grows with speed, ever less.
+
+    Like viscous friction c v/v_c well below v_c, c more for every factor of e above it: a lubricant
+    that thins with shear (Eyring 1936, doi:10.1063/1.1749836, has an asinh of the speed, which is
+    linear and then logarithmic too). v_c is no less than the width of the smoothed sign, below
+    which friction is not described.
+    """
+
+    id: ClassVar[str] = "log_viscous"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ c ln(1 + |v|/v_c) sgn v"
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "stribeck")
+    separated_by: ClassVar[str] = "two decades of speed"
+    channel: ClassVar[str | None] = None
+    c: Float[Array, ""] = quantity("c", "F", "growth over a factor of e in speed", default=0.0)
+    v_c: Float[Array, ""] = quantity("v_c", "m/s", "speed of the bend", lower=0.0, default=1.0)
+
+    def embed(self, rig):
+        return _with(rig, _LogViscous(self.c, jnp.maximum(self.v_c, rig.width)))
+
+    def grid(self, scales):
+        return {"v_c": tuple(np.geomspace(0.1 * scales.slowest, scales.fastest, 12))}
+
+    def physical(self):
+        return self.c > 0
 
 
 class _Ripple(AbstractAxisTerm):
@@ -296,7 +332,7 @@ class RateAndState(AbstractAxisEffect):
     equation: ClassVar[str] = (
         "+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L)(-B ln(1 + |v|/v_c) - theta)"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "presliding", "cubic")
+    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "presliding", "cubic", "log_viscous")
     separated_by: ClassVar[str] = "steps of velocity within a stroke, and reversals"
     channel: ClassVar[str | None] = None
     A: Float[Array, ""] = quantity("A", "F", "direct effect", default=0.0)
@@ -387,6 +423,7 @@ AXIS_CATALOGUE: dict[str, type[AbstractAxisEffect]] = {
         DirectionAsymmetry,
         Cubic,
         Stribeck,
+        LogViscous,
         PositionPeriodic,
         PositionDependence,
         TimeDrift,
