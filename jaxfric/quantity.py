@@ -34,6 +34,8 @@ class Quantity:
     upper: float = math.inf
     closed: bool = False
     """Whether the lower bound itself is allowed, at which the parameter does nothing."""
+    shape_only: bool = False
+    """Whether what an effect does may be known without it: the record need not fix it."""
 
     def unit_for(self, force_unit: str) -> str:
         """The SI unit when friction is given in `force_unit` ("1" or "N")."""
@@ -96,9 +98,10 @@ def quantity(
     upper: float = math.inf,
     default: float | None = None,
     closed: bool = False,
+    shape_only: bool = False,
 ):
     """Declare a module field that holds a `Quantity` (converted to a JAX array)."""
-    metadata = {"quantity": Quantity(symbol, unit, text, lower, upper, closed)}
+    metadata = {"quantity": Quantity(symbol, unit, text, lower, upper, closed, shape_only)}
     if default is None:
         return eqx.field(converter=_as_array, metadata=metadata)
     return eqx.field(converter=_as_array, metadata=metadata, default=default)

@@ -69,8 +69,9 @@ Z = np.asarray([0.6, -2.0, np.log(1e-4), 0.0, 4.0, 8.0])
 POSITIVE, BOUNDED = "wave.length", "wave.n"
 
 
-def engine(errors, *, correlation=0.0, largest=0.6, failed=False):
-    """Of a friction of `largest`, with errors of z by name, of the two lags correlated."""
+def engine(errors, *, correlation=0.0, largest=0.6, failed=False, free_shape=""):
+    """Of a friction of `largest`, with errors of z by name, of the two lags correlated; what one
+    parameter does is known without it."""
     std = np.asarray([errors.get(name, 0.1) for name in NAMES])
     spread = np.diag(std**2)
     spread[4, 5] = spread[5, 4] = correlation * std[4] * std[5]
@@ -78,7 +79,7 @@ def engine(errors, *, correlation=0.0, largest=0.6, failed=False):
     about = {
         name: SimpleNamespace(
             unit=unit, lower=0.0 if name == POSITIVE else -np.inf,
-            upper=3.0 if name == BOUNDED else np.inf,
+            upper=3.0 if name == BOUNDED else np.inf, shape_only=name == free_shape,
         )
         for name, unit in zip(NAMES, UNITS, strict=True)
     }  # fmt: skip
@@ -117,6 +118,8 @@ BOTH = ("lag", "late")
         (("wave",), engine({"wave.length": 0.99}), ()),
         (("wave",), engine({"wave.length": 1.01}), ("wave.length",)),
         (("wave",), engine({"wave.n": 50.0}), ()),  # between bounds: a matter of shape
+        (("wave",), engine({"wave.length": 50.0}, free_shape="wave.length"), ()),
+        (("wave",), engine({"wave.a": 2.01}, free_shape="wave.length"), ("wave.a",)),
         # the largest friction of the rows, of either sign, and not of the padding
         (("wave",), engine({}, largest=0.021), ()),
         (("wave",), engine({}, largest=0.019), ("wave.a",)),

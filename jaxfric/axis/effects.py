@@ -161,7 +161,8 @@ class LogViscous(AbstractAxisEffect):
     Like viscous friction c v/v_c well below v_c, c more for every factor of e above it: a lubricant
     that thins with shear (Eyring 1936, doi:10.1063/1.1749836, has an asinh of the speed, which is
     linear and then logarithmic too). v_c is no less than the width of the smoothed sign, below
-    which friction is not described.
+    which friction is not described; where all speeds are far above it, Coulomb friction takes up
+    what it does, and c is known without it.
     """
 
     id: ClassVar[str] = "log_viscous"
@@ -171,7 +172,9 @@ class LogViscous(AbstractAxisEffect):
     separated_by: ClassVar[str] = "two decades of speed"
     channel: ClassVar[str | None] = None
     c: Float[Array, ""] = quantity("c", "F", "growth over a factor of e in speed", default=0.0)
-    v_c: Float[Array, ""] = quantity("v_c", "m/s", "speed of the bend", lower=0.0, default=1.0)
+    v_c: Float[Array, ""] = quantity(
+        "v_c", "m/s", "speed of the bend", lower=0.0, default=1.0, shape_only=True
+    )
 
     def embed(self, rig):
         return _with(rig, _LogViscous(self.c, jnp.maximum(self.v_c, rig.width)))
@@ -435,6 +438,8 @@ AXIS_CATALOGUE: dict[str, type[AbstractAxisEffect]] = {
     )
 }
 """The effects of an axis by id."""
+AXIS_STEADY_CURVES = (Cubic.id, Stribeck.id, LogViscous.id)
+"""Those that are a curve of the velocity, the same but for its sign in both directions."""
 
 
 def axis_effect_of(id: str) -> type[AbstractAxisEffect]:

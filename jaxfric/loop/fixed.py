@@ -81,7 +81,8 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
         parts, amplitudes = [], engine.model.amplitudes(id)
         for i in engine.model.columns((id,)):
             about = engine.model.quantity(engine.names[i])
-            if math.isfinite(about.upper):  # an exponent between bounds: a matter of shape only
+            # an exponent between bounds, or where a logarithm begins: a matter of shape only
+            if math.isfinite(about.upper) or about.shape_only:
                 continue
             own = error[i] / (max(abs(candidate.z[i]), 1e-300) if i in amplitudes else 1.0)
             name = engine.names[i]
