@@ -74,8 +74,9 @@ class Rows(NamedTuple):
 
     @property
     def failed(self) -> bool:
-        """Whether the simulation failed at these parameters."""
-        return bool(np.any(np.abs(self.residual) >= FAILED_MISFIT))
+        """Whether the simulation failed at these parameters, or its derivatives did."""
+        reached = bool(np.all(np.abs(self.residual) < FAILED_MISFIT))
+        return not (reached and bool(np.all(np.isfinite(self.jacobian))))
 
 
 class Column(NamedTuple):
