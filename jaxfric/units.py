@@ -47,6 +47,12 @@ def parse_quantity(text: str, si_unit: str, what: str) -> float:
     return value
 
 
+def speed_text(V: float, digits: int = 3) -> str:
+    """A velocity [m/s] in a readable unit."""
+    unit = next((u for u, size in (("um/s", 3e-4), ("mm/s", 0.3)) if size > V), "m/s")
+    return format_si(float(f"{V:.{digits - 1}e}"), "m/s", unit, digits + 1)
+
+
 def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list[float]:
     """Positive values of a text, in `si_unit`, ascending: one, a list, or a range.
 

@@ -11,6 +11,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
     f"tests/test_{name}_tables.py"
     for name in ("fit", "gains", "axis", "steps", "fixed", "prediction")
 )
+FAMILY = "tests/test_family_tables.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
@@ -59,6 +60,33 @@ FAULTS = (
           "_HINT < max(gains) <= ACCEPT", "False", VERDICT),
     Fault("rivals are forgotten", "loop/verdict.py",
           'return "ambiguous" if rivals else "effects"', 'return "effects"', VERDICT),
+    Fault("derivatives may be no numbers", "loop/engine.py",
+          "return not (reached and bool(np.all(np.isfinite(self.jacobian))))",
+          "return not reached", VERDICT),
+    Fault("a curve whose shape is not told is named all the same", "loop/verdict.py",
+          "[*rivals, *families], floor", "rivals, floor", VERDICT),
+    Fault("a family is told whatever is left", "loop/verdict.py",
+          'families if verdict == "ambiguous" else ()', "families", VERDICT),
+    Fault("another shape may be hardly worse", "loop/family.py", "AS_GOOD = 10.0",
+          "AS_GOOD = 1.0", FAMILY),
+    Fault("as many velocities as parameters fix a curve", "loop/family.py",
+          "self.velocities <= self.parameters", "self.velocities < self.parameters", FAMILY),
+    Fault("another shape pays for no parameter", "loop/curves.py",
+          "len(engine.model.columns(rig.effects)) + width",
+          "len(engine.model.columns(rig.effects))", FAMILY),
+    Fault("the named curve stays beside the other", "loop/curves.py",
+          "rows.residual - columns[:, first]", "rows.residual", FAMILY),
+    Fault("curves that no step tells apart are two", "loop/curves.py", "_CLEAR = 3.0",
+          "_CLEAR = 0.0", FAMILY),
+    Fault("neighbouring velocities are two", "loop/curves.py", "SAME_VELOCITY = 0.9",
+          "SAME_VELOCITY = 0.99", FAMILY),
+    Fault("a state follows a curve at once", "loop/slider_curves.py",
+          "keep * out[-1] + (1 - keep) * value", "value", FAMILY),
+    Fault("where a logarithm begins must be fixed", "loop/fixed.py",
+          "math.isfinite(about.upper) or about.shape_only", "math.isfinite(about.upper)", FIXED),
+    Fault("friction grows with the logarithm of speed, to ten", "axis/effects.py",
+          "jnp.log1p(jnp.abs(at.velocity) / self.v_c) * at.sign",
+          "jnp.log1p(jnp.abs(at.velocity) / self.v_c) / jnp.log(10.0) * at.sign", AXIS),
     Fault("the held-out error is that of the train block", "loop/verdict.py",
           "    rows = engine.blocks.select | engine.blocks.report\n    scale",
           "    rows = engine.blocks.train\n    scale", VERDICT),

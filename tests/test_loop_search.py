@@ -34,7 +34,7 @@ KEYS = {
     "schema", "record", "friction_unit", "law", "stiffness", "reference_velocity", "steps",
     "verdict", "sentence", "reasons", "effects", "alias_groups", "separations", "candidates",
     "screened", "before", "after", "shifts_in_sigma", "noise", "tests", "location_map",
-    "aliasing", "blocks", "warnings", "seconds",
+    "aliasing", "blocks", "warnings", "seconds", "families",
 }  # fmt: skip
 
 
@@ -215,6 +215,46 @@ def test_an_effect_of_ones_own_is_found():
     assert found.unit in ("1", "") and held_out(loop) <= _HELD_OUT
     assert abs(loop.after.parameters["A"].value / plant.A - 1) < 0.02
     assert loop.separations == {} or loop.separations["quadratic"] == "more slip"
+
+
+def bent_record(c: float):
+    """Base and c u^3, u = ln V/V0, at three velocities, by LSODA: (A + 3 c u^2) u' = K (V_m - V) -
+    theta'."""
+    plant, V0 = Base(0.6, 0.009, 0.012, 9 * UM, 0.0), UM
+    K = 5 * (plant.B - plant.A) / plant.L
+    velocities = tuple(UM * v for v in (1, 10, 1, 3, 10, 3, 1, 10, 3, 1, 3, 10))
+    protocol = Protocol(velocities, tuple(SLIP_PER_STEP / v for v in velocities))
+    rng = np.random.default_rng(SEED)
+    t = draw_times(rng, protocol, "uniform")
+    y, f = np.zeros(2), np.empty(len(t))
+
+    def rate(y, _, command):
+        V = V0 * math.exp(min(y[0], 40.0))
+        theta = -(V / plant.L) * (y[1] + plant.B * y[0])
+        return [(K * (command - V) - theta) / (plant.A + 3 * c * y[0] ** 2), theta]
+
+    for begin, span, V in zip(protocol.starts, protocol.durations, velocities, strict=True):
+        here = (t >= begin) & (t < begin + span)
+        at = np.concatenate([[0.0], t[here] - begin, [span]])
+        path = odeint(rate, y, at, args=(V,), rtol=1e-10, atol=1e-13)
+        f[here] = plant.f0 + plant.A * path[1:-1, 0] + path[1:-1, 1] + c * path[1:-1, 0] ** 3
+        y = path[-1]
+    friction = f + SIGMA * rng.standard_normal(len(t))
+    return record_of(t, protocol.displacement(t), friction), K
+
+
+@pytest.mark.long
+def test_a_curve_that_is_not_in_the_catalogue_is_named_by_its_family():
+    """A cubic in ln V at three velocities: stribeck follows it, and is no more than one that does;
+    the truth is among the other shapes that fit."""
+    record, stiffness = bent_record(2.5e-4)
+    loop = close_loop(record, stiffness=stiffness, **offering("stribeck", "viscous", "slip_trend"))
+    assert loop.verdict == "ambiguous" and loop.effects == ("stribeck",)
+    (family,) = loop.families
+    assert (family.velocities, family.parameters) == (3, 5)
+    assert "a cubic in ln V" in family.fitting and "a quadratic in ln V" not in family.fitting
+    assert all(not 1e-6 < one.velocity < 1e-5 for one in family.decided_by[:1])
+    assert "steady curve of velocity" in loop.sentence and loop.reasons == ()
 
 
 def plain(velocities, span=60.0, rows=400):

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from jaxfric.loop import search as search_module
-from jaxfric.loop.engine import Engine
+from jaxfric.loop.engine import Engine, Rows
+from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
 from jaxfric.loop.pace import Stopwatch
 from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import fault, search
@@ -61,6 +62,17 @@ def test_every_parameter_costs_the_logarithm_of_the_independent_rows(parameters,
     bic, found = Engine.bic(engine, rows, parameters)
     assert bic == pytest.approx(80.0 + 5.0 + 7.0 + parameters * np.log(rows_worth), rel=1e-12)
     assert found is noise
+
+
+@pytest.mark.parametrize(
+    ("residual", "slope", "failed"),
+    [(3.0, 1.0, False), (-1e9, 1.0, True), (np.nan, 1.0, True), (3.0, np.nan, True),
+     (3.0, -np.inf, True)],
+)  # fmt: skip
+def test_a_simulation_whose_derivatives_are_no_numbers_has_failed(residual, slope, failed):
+    """The likelihood of a noise would be none either."""
+    rows = Rows(np.asarray([0.0, residual]), np.asarray([[1.0], [slope]]), np.ones(0), np.ones(0))
+    assert rows.failed is failed
 
 
 @pytest.mark.parametrize(
@@ -199,13 +211,15 @@ def test_the_verdict(search, reasons, rivals, verdict):
     assert _verdict(search, reasons, rivals, FLOOR, None) == verdict
 
 
-def concluded(search, *, edge=None, tests=None, floor=None):
+def concluded(search, *, edge=None, tests=None, floor=None, curve=None):
     engine = SimpleNamespace(
         blocks=BLOCKS,
         problem=SimpleNamespace(noise_scale=SIGMA),
-        model=SimpleNamespace(effects=[SimpleNamespace(id="a", separated_by="more slip")]),
+        model=SimpleNamespace(
+            effects=[SimpleNamespace(id=id, separated_by="more slip") for id in ("a", "b")]
+        ),
     )
-    return conclude(engine, search, floor or FLOOR, tests or {}, edge=edge, located="")
+    return conclude(engine, search, floor or FLOOR, tests or {}, edge=edge, located="", curve=curve)
 
 
 @pytest.mark.parametrize(
@@ -258,3 +272,49 @@ def test_structure_that_is_left_is_no_confirmation(p, verdict):
     told = concluded(found("a"), tests={"block_means": p})
     assert told.verdict == verdict
     assert told.reasons == () if verdict == "effects" else "structure is left" in told.reasons[0]
+
+
+def curve(worse: float, velocities=7, decided=()):
+    """What fits in place of the effect a, a steady curve of 3 parameters with those of the base."""
+    others = (OtherShape("a quadratic in ln V", worse),)
+    return CurveFamily(("a",), velocities, 3, others, decided)
+
+
+@pytest.mark.parametrize(
+    ("family", "verdict"),
+    [
+        (curve(10.1), "effects"),
+        (curve(9.9), "ambiguous"),
+        (curve(50.0, velocities=3), "ambiguous"),
+        (curve(50.0, velocities=4), "effects"),
+    ],
+)
+def test_a_curve_whose_shape_is_not_told_is_named_by_its_family(family, verdict):
+    told = concluded(found("a"), curve=family)
+    assert told.verdict == verdict and told.reasons == ()
+    assert told.families == ((family,) if verdict == "ambiguous" else ())
+    assert ("steady curve of velocity" in told.sentence) == (verdict == "ambiguous")
+
+
+def test_what_is_said_of_a_family():
+    decided = (Decisive(1e-4, 30.0), Decisive(2.3e-7, 5.0))
+    told = concluded(found("a", "b"), curve=curve(2.0, decided=decided))
+    assert told.sentence == (
+        "The model lacks b and a steady curve of velocity (a is one that fits, a quadratic in ln V"
+        " another): held-out error 1.00 sigma with, 1.00 without, BIC 100 lower. Steady sliding at"
+        " 100 um/s or 0.23 um/s would tell."
+    )
+    content = told.families[0].to_json()
+    assert (content["family"], content["effects"], content["velocities"]) == (
+        "steady_curve",
+        ["a"],
+        7,
+    )
+    assert content["fitting"] == ["a quadratic in ln V"]
+    assert [one["velocity"] for one in content["decided_by"]] == [1e-4, 2.3e-7]
+    assert "2.0 higher" in told.families[0].why()
+
+
+def test_what_is_left_keeps_a_family_from_being_named():
+    told = concluded(found("a"), tests={"block_means": 1e-5}, curve=curve(2.0))
+    assert told.verdict == "outside_catalogue" and told.families == ()

@@ -16,6 +16,7 @@ from ..effects import ids_of
 from ..errors import InputError
 from ..fitting.start import noise_from_differences
 from ..loop.assemble import declared, loop_of, refuse_both, score_of, where_it_sits
+from ..loop.curves import curve_family
 from ..loop.engine import Candidate, Engine
 from ..loop.estimates import estimates
 from ..loop.location import Bumps, locate
@@ -26,6 +27,7 @@ from ..loop.superset import Superset
 from ..loop.verdict import conclude, noise_floor, questions
 from ..records.axis_record import AxisRecord
 from ..records.given import as_axis_record
+from .curves import axis_curves
 from .details import details_of
 from .effects import AXIS_CATALOGUE, AbstractAxisEffect, axis_effect_of
 from .prepare import Preparation
@@ -110,7 +112,10 @@ def close_axis_loop(
     if found.final is not found.base:
         after = _score(engine, found.final, record, rows, bumps)
     where = where_it_sits(location)
-    told = conclude(engine, found, floor, dict(after.tests), edge=None, located=where)
+    curve = axis_curves(engine, found.final, rows, length_of(record))
+    curve = curve_family(engine, found.final, curve)
+    tests = dict(after.tests)
+    told = conclude(engine, found, floor, tests, edge=None, located=where, curve=curve)
     return loop_of(
         engine,
         found,

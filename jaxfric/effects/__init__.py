@@ -1,6 +1,7 @@
 """The catalogue of effects: what a model may lack, one room at a time."""
 
 from .catalogue import CATALOGUE as CATALOGUE
+from .catalogue import STEADY_CURVES as STEADY_CURVES
 from .catalogue import effect_of as effect_of
 from .catalogue import near_null as near_null
 from .effect import AbstractEffect as AbstractEffect

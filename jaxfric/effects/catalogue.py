@@ -45,6 +45,8 @@ _ALL: tuple[type[AbstractEffect], ...] = (
     Gain,
 )
 CATALOGUE: dict[str, type[AbstractEffect]] = {effect.id: effect for effect in _ALL}
+STEADY_CURVES = (EvolutionCutoff.id, Viscous.id, Stribeck.id)
+"""Those that change no more than what friction of steady sliding is at a velocity."""
 _FIRST_ORDER: dict[type[AbstractEffect], type[AbstractEffect]] = {FrictionalDelay: FirstOrderDelay}
 
 

@@ -117,6 +117,7 @@ def loop_of(
         alias_cosines=found.cosines,
         warnings=warnings,
         details=details,
+        families=told.families,
         seconds=seconds,
     )
 

@@ -19,6 +19,7 @@ from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from .assemble import declared, loop_of, refuse_both, score_of, where_it_sits
+from .curves import curve_family
 from .engine import Candidate, Engine
 from .estimates import estimates
 from .location import friction_bumps, locate
@@ -26,6 +27,7 @@ from .result import Loop, Score
 from .sampling import seen_between
 from .search import MOST, Search, search
 from .shapes import friction_shapes
+from .slider_curves import slider_curves
 from .split import Blocks, split
 from .superset import Superset
 from .verdict import conclude, noise_floor, questions
@@ -117,11 +119,12 @@ def close_loop(
         progress("what is left")
         tests = questions(engine, found.final, slip, friction_bumps(engine, found.final))
         after = _score(engine, found.final, record, base_fit, tests)
-    edge = _edge(base_fit)
+    edge, where = _edge(base_fit), where_it_sits(location)
+    curve = curve_family(engine, found.final, slider_curves(engine, found.final, base_fit.steps))
     return loop_of(
         engine,
         found,
-        conclude(engine, found, floor, tests, edge=edge, located=where_it_sits(location)),
+        conclude(engine, found, floor, tests, edge=edge, located=where, curve=curve),
         before,
         after,
         location,

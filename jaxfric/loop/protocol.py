@@ -33,7 +33,7 @@ from ..fitting.problem import (
 from ..fitting.result import tidy_unit
 from ..records import VelocitySteps
 from ..rig.friction import critical_stiffness
-from ..units import format_si
+from ..units import speed_text
 from .engine import Candidate, Engine
 from .loop import ON_REQUEST
 from .outlook import Change, Outlook, Protocol, Smallest
@@ -313,12 +313,6 @@ def _changes(plan: _Variant) -> list[_Variant]:
         if not had and not (key == "repeat" and V[-1] == back):
             out.append(dataclasses.replace(plan, key=key, text=text, **change))
     return out
-
-
-def speed_text(V: float) -> str:
-    """A velocity [m/s] in a readable unit."""
-    unit = next((u for u, size in (("um/s", 3e-4), ("mm/s", 0.3)) if size > V), "m/s")
-    return format_si(V, "m/s", unit, 3)
 
 
 def _times(variant: _Variant, rows: int) -> tuple[np.ndarray, np.ndarray]:

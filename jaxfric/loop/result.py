@@ -10,6 +10,7 @@ import numpy as np
 from ..fitting import Estimate, NoiseEstimate
 from ..fitting.problem import LAWS
 from ..records import Provenance, Sampling, VelocitySteps
+from .family import CurveFamily
 from .split import NAMES, Blocks
 
 SCHEMA = "jaxfric.loop/1"
@@ -175,6 +176,9 @@ class Loop:
     seconds: float
     details: "LoopDetails | None" = None
     """What else a kind of rig has to tell."""
+    families: tuple[CurveFamily, ...] = ()
+    """Where the verdict rests on a curve whose shape the record does not tell: what is missing is
+    one of its family, of which the effect that is named is one."""
 
     @property
     def is_axis(self) -> bool:
@@ -269,6 +273,7 @@ class Loop:
             "effects": list(self.effects),
             "alias_groups": [list(group) for group in self.alias_groups],
             "separations": dict(self.separations),
+            "families": [family.to_json() for family in self.families],
             "candidates": [
                 {
                     "effects": list(c.effects),

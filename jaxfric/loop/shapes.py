@@ -75,7 +75,7 @@ def _shaped_columns(engine: Engine, rig: Rig, response, effect, shapes, place: i
     found = columns_of(engine, id, shapes, place)
     scale = np.asarray([float(problem._scale(names[i])) for i in amplitudes])
     friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
-    return found, friction / float(problem.noise_scale), _extra_rows(engine, slip)
+    return found, friction / float(problem.noise_scale), extra_rows(engine, slip)
 
 
 def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -89,7 +89,7 @@ def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndar
     return friction, slip
 
 
-def _extra_rows(engine: Engine, slip: np.ndarray) -> np.ndarray:
+def extra_rows(engine: Engine, slip: np.ndarray) -> np.ndarray:
     """What a change of slip does to the extra rows; friction terms move no load point."""
     rows = []
     for channel in engine.problem.channels:

@@ -10,6 +10,7 @@ from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
+from .family import CurveFamily
 from .location import Bumps, locate
 from .screen import ALIAS, orthonormal
 from .search import ACCEPT, Search
@@ -67,6 +68,7 @@ class Conclusion(NamedTuple):
     reasons: tuple[str, ...]
     alias_groups: tuple[tuple[str, ...], ...]
     separations: dict[str, str]
+    families: tuple[CurveFamily, ...] = ()
 
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
@@ -161,8 +163,10 @@ def conclude(
     *,
     edge: float | None,
     located: str,
+    curve: CurveFamily | None = None,
 ) -> Conclusion:
-    """The verdict. `edge` is K/K_cr of the base fit, `located` what the location map says."""
+    """The verdict. `edge` is K/K_cr of the base fit, `located` what the location map says, `curve`
+    what fits in place of the steady curve of velocity that the search found."""
     final, base = search.final, search.base
     groups = _groups(search)
     separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}
@@ -175,15 +179,17 @@ def conclude(
         return Conclusion("ambiguous", text, (f"{why}: the verdict is withheld",), (), {})
     reasons = _reasons(engine, final, floor, tests)
     rivals = _rivals(search)
-    verdict = _verdict(search, reasons, rivals, floor, engine)
+    families = () if curve is None or not curve.untold else (curve,)
+    verdict = _verdict(search, reasons, [*rivals, *families], floor, engine)
     told = Told(
         held_out(engine, search.base) / floor.later,
         held_out(engine, search.final) / floor.later,
         floor.held_out,
         min(tests.values(), default=1.0),
     )
-    sentence = sentence_of(verdict, search, told, rivals, located)
-    return Conclusion(verdict, sentence, tuple(reasons), groups, separations)
+    families = families if verdict == "ambiguous" else ()
+    sentence = sentence_of(verdict, search, told, rivals, located, families)
+    return Conclusion(verdict, sentence, tuple(reasons), groups, separations, families)
 
 
 def effect_of_engine(engine: Engine, id: str):
@@ -260,7 +266,7 @@ def _swapped(search: Search, id: str) -> list[str]:
     return list(found)
 
 
-def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str) -> str:
+def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str, families=()) -> str:
     """The verdict in words."""
     named = " and ".join(search.final.effects)
     before = f"held-out error {told.before:.2f} sigma"
@@ -281,10 +287,21 @@ def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str) 
             )
         return " ".join(part for part in (what, _in_vain(search, named, told), located) if part)
     gain = search.base.bic - search.final.bic
+    pairs = "; ".join(f"{a} or {b}" for a, b in rivals)
+    if families:
+        (curve,) = families
+        sure = [id for id in search.final.effects if id not in curve.effects]
+        what = " and ".join([*sure, curve.name()])
+        alike = f", or what looks like it ({pairs})" if pairs else ""
+        wanted = f" {_upper(curve.wanted())} would tell." if curve.decided_by else ""
+        return f"The model lacks {what}{alike}: {told.change()}, BIC {gain:.0f} lower.{wanted}"
     if rivals:
-        pairs = "; ".join(f"{a} or {b}" for a, b in rivals)
         return f"The model lacks {named}, or what looks like it ({pairs}): {told.change()}."
     return f"The model lacks {named}: {told.change()}, BIC {gain:.0f} lower."
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _in_vain(search: Search, named: str, told: Told) -> str:

@@ -11,6 +11,7 @@ from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
 from ..fitting.table import decimals
+from ..loop.family import CurveFamily
 from ..loop.result import ROLES, CandidateScore, Loop, Table
 from ..loop.split import NAMES
 from ..loop.structure import QUESTIONS, p_text
@@ -53,6 +54,9 @@ def spoken(loop: Loop, text: str) -> str:
 
 def headline(loop: Loop) -> str:
     """The verdict in a few words."""
+    if loop.families:
+        others = [id for id in loop.effects if not any(id in f.effects for f in loop.families)]
+        return "Missing: " + " and ".join([*others, "a curve of velocity whose shape is not told"])
     text = HEADLINES.get(loop.verdict, loop.verdict)
     return text.format(effects=" and ".join(loop.effects) or "an effect")
 
@@ -303,6 +307,10 @@ def apart(loop: Loop) -> list[str]:
             wanted = loop.separations.get(id)
             out.append(f"{text}; what would: {wanted}{told}" if wanted else text + told)
             continue
+        family = next((f for f in loop.families if id in f.effects), None)
+        if family is not None:
+            out.append(_of_family(id, family) + told)
+            continue
         text = f"{id}: this record tells it from every other effect"
         near, value = _nearest(loop, id)
         text += f" (most alike: {near}, cosine {value:.2f})" if near and not told else ""
@@ -313,6 +321,13 @@ def apart(loop: Loop) -> list[str]:
     text = "; ".join(f"{a} or {b} ({value:.3f})" for a, b, value in pairs)
     out.append(f"pairs that this record cannot tell apart: {text or 'none'}")
     return out
+
+
+def _of_family(id: str, family: CurveFamily) -> str:
+    """What an effect may be confused with where the shape of its curve is not told."""
+    text = f"{id}: this record does not tell it from a steady curve of another shape"
+    text += f" ({family.why()})"
+    return f"{text}; what would: {family.wanted()}" if family.decided_by else text
 
 
 def alias_pairs(loop: Loop) -> list[tuple[str, str, float]]:

@@ -8,8 +8,7 @@ import numpy as np
 from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..loop.outlook import Change, Outlook, Protocol, Smallest
-from ..loop.protocol import speed_text
-from ..units import format_si
+from ..units import format_si, speed_text
 from .loop_text import Table, shown_unit
 
 _NOTE = (

@@ -1,0 +1,69 @@
+"""Steady curves of an axis' friction: forces of its measured motion."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..loop.curves import Curve, CurveRig
+from ..loop.engine import Candidate, Engine
+from .effects import AXIS_STEADY_CURVES
+from .prepare import shifted
+from .problem import AxisProblem
+from .result import AxisRows
+
+
+def axis_curves(engine: Engine, final: Candidate, rows: AxisRows, unit: str) -> CurveRig:
+    """The curves of a fit that change sign with the velocity, over the speeds of the rows that
+    train or select; `unit` is that of the position. Below the slowest a curve stays as it is
+    there: those rows do not count."""
+    problem: AxisProblem = engine.problem  # pyright: ignore[reportAssignmentType]
+    known = engine.blocks.train | engine.blocks.select
+    speed = np.abs(rows.velocity[known])
+    ends = np.asarray([max(float(np.min(speed)), rows.width), float(np.max(speed))])
+
+    def send(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
+        V = np.asarray(problem.motion.velocity)
+        along = np.maximum(np.abs(V), ends[0])
+        columns = np.concatenate([_base(np.abs(V)), curve(along)], axis=1)
+        seen = np.asarray(_seen(problem, jnp.asarray(final.z), jnp.asarray(columns)))
+        return seen, np.zeros((0, seen.shape[1]))
+
+    return CurveRig(
+        effects=tuple(id for id in final.effects if id in AXIS_STEADY_CURVES),
+        declared=tuple(id for id in engine.always if id in AXIS_STEADY_CURVES),
+        speeds=ends,
+        counted=False,
+        replaced=("F_c", "F_v"),
+        base=_base,
+        lowest=1,
+        parameters=2,
+        level=lambda z, V: _level(problem, z, V),
+        send=send,
+        unit=f"{unit}/s",
+    )
+
+
+def _base(V: np.ndarray) -> np.ndarray:
+    return np.stack([np.ones_like(V), V], axis=1)
+
+
+def _level(problem: AxisProblem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """(F(v) - F(-v))/2 where the axis is in the middle of its motion."""
+    rig, v = problem.rig(jnp.asarray(z)), jnp.asarray(V)
+    at, zero = jnp.mean(problem.motion.position) + jnp.zeros_like(v), jnp.zeros_like(v)
+    both = [rig.friction(at, s * v, zero, rig.steady(s * v)) for s in (1.0, -1.0)]
+    return np.asarray(both[0] - both[1]) / 2
+
+
+@eqx.filter_jit
+def _seen(problem: AxisProblem, z, curves):
+    """Recorded force by curves (N, k) of the speed, each with the sign of the velocity."""
+    rig = problem.rig(z)
+    sign = rig.sign(problem.motion.velocity)
+
+    def one(curve):
+        force = shifted(sign * curve, problem.interval, lag=rig.lag, lead=rig.delay, late=rig.late)
+        return problem.sampler(force) / problem.noise_scale
+
+    return jax.vmap(one, 1, 1)(curves)

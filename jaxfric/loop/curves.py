@@ -1,0 +1,198 @@
+"""Curves of other shapes in place of those of a fit, to first order about it.
+
+The steady curve that the fit added is taken out and another put in its place, together with the
+part of the base that is such a curve itself (f0, A and B of a slider). What changes of friction
+along the motion is small where the other curve fits, so it is sent through the linearised dynamics
+and the rest of the parameters follow linearly: one least-squares problem a shape, under the noise
+of the fit. BIC is then that of any candidate, with its noise found anew.
+
+Other shapes: polynomials in ln V, and broken lines in ln V that have a value for every velocity.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from .engine import Candidate, Engine, Rows
+from .family import AS_GOOD, CurveFamily, Decisive, OtherShape
+
+Curve = Callable[[np.ndarray], np.ndarray]
+"""Speeds (m,) to friction (m, k)."""
+SAME_VELOCITY = 0.9
+"""Two found velocities are one from this ratio on."""
+_HIGHEST = 3
+_DEGREES = {1: "a line in ln V", 2: "a quadratic in ln V", 3: "a cubic in ln V"}
+_FREE = "a value for every velocity"
+_CLEAR = 3.0
+_DECADE = 10.0
+_GRID = 241
+_MOST = 3
+
+
+class CurveRig(NamedTuple):
+    """What a kind of rig tells of its steady curves; speeds in m/s or rad/s, positive."""
+
+    effects: tuple[str, ...]
+    """Of the fit, those that are such curves."""
+    declared: tuple[str, ...]
+    """Of those that the base was given, too."""
+    speeds: np.ndarray
+    """Of the motion segments that train or select."""
+    counted: bool
+    """Whether the rig slides at these speeds only."""
+    replaced: tuple[str, ...]
+    """Parameters of the base that `base` stands for."""
+    base: Curve
+    """The steady curves of the base."""
+    lowest: int
+    """Degree of the first power of ln V that the base has not."""
+    parameters: int
+    """Of the steady curve of the base."""
+    level: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    """Friction of steady sliding at parameters z and speeds (m,)."""
+    send: Callable[[Curve], tuple[np.ndarray, np.ndarray]]
+    """Columns of `base`, then of a curve: recorded friction, and the extra rows; noise units."""
+    unit: str
+
+
+def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily | None:
+    """What else fits in place of the steady curves of a fit; None where it has none."""
+    if not rig.effects or final.failed:
+        return None
+    speeds = distinct(rig.speeds)
+    null = np.array(final.z)
+    for id in rig.effects:
+        null[engine.model.amplitudes(id)] = 0.0
+    own = engine.model.columns((*rig.effects, *rig.declared))
+    parameters = rig.parameters + len(own)
+
+    def added(V: np.ndarray) -> np.ndarray:
+        return rig.level(final.z, V) - rig.level(null, V)
+
+    shapes = _shapes(rig, speeds)
+    if not shapes:
+        return CurveFamily(
+            rig.effects, len(speeds) if rig.counted else None, parameters, (), (), rig.unit
+        )
+    index = engine.free(final.effects)
+    rows = engine.evaluate(final.z, index)
+    gone = [*engine.model.columns(rig.effects), *(engine.names.index(n) for n in rig.replaced)]
+    kept = [k for k, i in enumerate(index) if i not in gone]
+    widths = [curve(speeds).shape[1] for _, curve in shapes]
+    sent = rig.send(
+        lambda V: np.concatenate([added(V)[:, None], *(c(V) for _, c in shapes)], axis=1)
+    )
+    first, begin = rig.base(speeds).shape[1], 0
+    grid = _grid(speeds, counted=rig.counted)
+    named, found = rig.level(final.z, grid), []
+    for (words, curve), width in zip(shapes, widths, strict=True):
+        at = [*range(first), *range(first + 1 + begin, first + 1 + begin + width)]
+        begin += width
+        left, weights = _refitted(engine, final, rows, kept, sent, first, at)
+        count = len(index) - len(engine.model.columns(rig.effects)) + width
+        worse = engine.bic(left, count)[0] - final.bic
+        level = rig.level(null, grid)
+        level = level + np.concatenate([rig.base(grid), curve(grid)], axis=1) @ weights
+        found.append((OtherShape(words, float(worse)), level))
+    error = step_error(engine, final)
+    return CurveFamily(
+        rig.effects,
+        len(speeds) if rig.counted else None,
+        parameters,
+        *_sorted_out(grid, named, found, speeds, error),
+        rig.unit,
+    )
+
+
+def _refitted(engine: Engine, final: Candidate, rows: Rows, kept, sent, first: int, at):
+    """Rows with the added curve taken out and columns `at` of those sent put in, fitted together
+    with the parameters `kept`; and the weights of the columns."""
+    columns, more = sent
+    matrix = np.concatenate([columns[:, at], rows.jacobian[:, kept]], axis=1)
+    extra = np.concatenate([more[:, at], rows.extra_jacobian[:, kept]], axis=1)
+    residual, extra_residual = rows.residual - columns[:, first], rows.extra - more[:, first]
+    both = np.concatenate([residual[:, None], matrix], axis=1)
+    white = engine.whiten(both * engine.weight[:, None], final.noise)
+    white = np.concatenate([white, np.concatenate([extra_residual[:, None], extra], axis=1)])
+    size = np.linalg.norm(white[:, 1:], axis=0)
+    size = np.where(size > 0, size, 1.0)
+    found = np.linalg.lstsq(white[:, 1:] / size, -white[:, 0], rcond=1e-11)[0] / size
+    left = rows._replace(residual=residual + matrix @ found, extra=extra_residual + extra @ found)
+    return left, found[: len(at)]
+
+
+def distinct(speeds: np.ndarray) -> np.ndarray:
+    """Speeds that differ, ascending: of those within a tenth of the slowest one, their mean."""
+    groups: list[list[float]] = []
+    for speed in np.sort(np.abs(speeds[speeds != 0])).tolist():
+        if groups and groups[-1][0] >= SAME_VELOCITY * speed:
+            groups[-1].append(speed)
+        else:
+            groups.append([speed])
+    return np.asarray([float(np.mean(group)) for group in groups])
+
+
+def _shapes(rig: CurveRig, speeds: np.ndarray) -> list[tuple[str, Curve]]:
+    """Other shapes by their words. Between velocities the transients tell of a curve, so that a
+    cubic may be known of three."""
+    centre = np.log(np.sqrt(speeds[0] * speeds[-1]))
+
+    def powers(degree: int) -> Curve:
+        used = range(rig.lowest, degree + 1)
+        return lambda V: np.stack([(np.log(V) - centre) ** k for k in used], axis=1)
+
+    found = [(words, powers(degree)) for degree, words in _DEGREES.items() if degree >= rig.lowest]
+    if rig.counted and len(speeds) - rig.parameters > _HIGHEST + 1 - rig.lowest:
+        corners = np.log(speeds[1:-1])
+        found.append((_FREE, lambda V: np.maximum(np.log(V)[:, None] - corners, 0.0)))
+    return found
+
+
+def _grid(speeds: np.ndarray, *, counted: bool) -> np.ndarray:
+    """Speeds to ask for, of two digits, from a tenth of the slowest to ten times the fastest; not
+    those that the record has."""
+    grid = np.geomspace(speeds[0] / _DECADE, _DECADE * speeds[-1], _GRID)
+    grid = np.unique([float(f"{V:.1e}") for V in grid])
+    if not counted:
+        return grid
+    apart = np.abs(np.log(grid[:, None] / speeds)).min(axis=1)
+    return grid[apart > -np.log(SAME_VELOCITY)]
+
+
+def _sorted_out(grid, named, found, speeds, error) -> tuple[tuple, tuple]:
+    """Other shapes, best first, and the velocities that decide.
+
+    A shape that is nowhere clearly apart from the named one is that one, in other words.
+    """
+    found = [f for f in found if np.max(np.abs(f[1] - named)) > _CLEAR * error]
+    found = sorted(found, key=lambda f: f[0].worse)
+    fitting = [level for other, level in found if other.worse < AS_GOOD]
+    levels = np.stack([named, *(fitting or [level for _, level in found])])
+    return tuple(other for other, _ in found), deciding(grid, levels, speeds, error)
+
+
+def deciding(
+    grid: np.ndarray, levels: np.ndarray, speeds: np.ndarray, error: float
+) -> tuple[Decisive, ...]:
+    """Where curves differ most: the best velocity of every gap between those of the record, and
+    beyond them, if they differ there by more than 3 errors; the three clearest.
+
+    grid : speeds (m,). levels : friction of every curve there (c, m). speeds : those of the record,
+    ascending. error : of the mean of one more step.
+    """
+    apart = np.ptp(levels, axis=0) / error
+    gap = np.searchsorted(speeds, grid)
+    best = [max(np.flatnonzero(gap == k), key=lambda i: apart[i]) for k in np.unique(gap)]
+    clear = sorted((i for i in best if apart[i] > _CLEAR), key=lambda i: -apart[i])
+    return tuple(Decisive(float(grid[i]), float(apart[i])) for i in clear[:_MOST])
+
+
+def step_error(engine: Engine, final: Candidate) -> float:
+    """Standard error of the mean of a motion segment, in the unit of friction: of all rows that
+    train, as many independent ones as their noise leaves, and shared among the segments."""
+    rows = engine.blocks.train
+    segments = len(np.unique(engine.blocks.step[rows]))
+    ones = engine.whiten(np.ones((len(engine.weight), 1)) * engine.weight[:, None], final.noise)
+    # whitened: one over the standard error of the mean of all
+    return float(engine.problem.noise_scale) * float(np.sqrt(segments / np.sum(ones**2)))

@@ -1,0 +1,118 @@
+"""A family of effects where its shape cannot be told: some steady curve of velocity is missing.
+
+Friction of steady sliding, f_ss(V), is known at the velocities of a record and between them only
+as far as its transients show it. Where a curve has as many parameters as there are velocities it
+goes through any values, and where a curve of another shape fits as well the record does not say
+which it is. That a curve is missing is then certain; which one is not.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ..units import speed_text
+
+AS_GOOD = 10.0
+"""BIC by which a curve of another shape must be worse to be ruled out."""
+_AND = 2
+
+
+class OtherShape(NamedTuple):
+    """A curve of another shape, fitted in place of the named one."""
+
+    shape: str
+    """In words."""
+    worse: float
+    """BIC with it less that of the fit; below 0 it fits better."""
+
+    def to_json(self) -> dict:
+        """Its part of `loop.json`."""
+        return {"shape": self.shape, "worse_by": self.worse}
+
+
+class Decisive(NamedTuple):
+    """A velocity at which curves that fit differ."""
+
+    velocity: float
+    """[m/s], or [rad/s]."""
+    errors: float
+    """Between the highest and the lowest of them, over the error of the mean of one more step."""
+
+    def to_json(self) -> dict:
+        """Its part of `loop.json`."""
+        return {"velocity": self.velocity, "errors": self.errors}
+
+
+class CurveFamily(NamedTuple):
+    """The effects of a fit that are a steady curve of velocity, and what else would be one."""
+
+    effects: tuple[str, ...]
+    """Those named."""
+    velocities: int | None
+    """How many differ in the rows that train or select; None where velocity takes all values."""
+    parameters: int
+    """Of the steady curve, those of the base among them."""
+    others: tuple[OtherShape, ...]
+    """All that were fitted, best first."""
+    decided_by: tuple[Decisive, ...]
+    """Velocities at which the shapes that fit differ most, and clearly; the clearest first."""
+    unit: str = "m/s"
+
+    @property
+    def fitting(self) -> tuple[str, ...]:
+        """Other shapes that fit as well."""
+        return tuple(o.shape for o in self.others if o.worse < AS_GOOD)
+
+    @property
+    def interpolates(self) -> bool:
+        """Whether the curve has as many parameters as there are velocities."""
+        return self.velocities is not None and self.velocities <= self.parameters
+
+    @property
+    def untold(self) -> bool:
+        """Whether the record does not tell the shape."""
+        return self.interpolates or bool(self.fitting)
+
+    def name(self) -> str:
+        """What is missing, in words."""
+        fit = "is one that fits" if len(self.effects) == 1 else "together are one that fits"
+        also = f", {_listed(self.fitting)} another" if len(self.fitting) == 1 else ""
+        also = f", {_listed(self.fitting)} are others" if len(self.fitting) > 1 else also
+        return f"a steady curve of velocity ({' and '.join(self.effects)} {fit}{also})"
+
+    def wanted(self) -> str:
+        """Velocities that would decide, in words; nothing where there are none."""
+        if not self.decided_by:
+            return ""
+        rotary = self.unit == "rad/s"
+        told = [f"{d.velocity:.2g} rad/s" if rotary else speed_text(d.velocity, 2)
+                for d in self.decided_by]  # fmt: skip
+        return f"steady sliding at {_listed(told, 'or')}"
+
+    def why(self) -> str:
+        """Why the shape is not told, in words."""
+        parts = []
+        if self.interpolates:
+            parts.append(f"{self.velocities} velocities, {self.parameters} parameters of the curve")
+        for other in self.others:
+            if other.worse < AS_GOOD:
+                side = "lower" if other.worse < 0 else "higher"
+                parts.append(f"{other.shape}: BIC {abs(other.worse):.1f} {side}")
+        return "; ".join(parts)
+
+    def to_json(self) -> dict:
+        """Its part of `loop.json`; SI."""
+        return {
+            "family": "steady_curve",
+            "effects": list(self.effects),
+            "velocities": self.velocities,
+            "parameters": self.parameters,
+            "others": [other.to_json() for other in self.others],
+            "fitting": list(self.fitting),
+            "decided_by": [one.to_json() for one in self.decided_by],
+        }
+
+
+def _listed(names: Sequence[str], last: str = "and") -> str:
+    if len(names) < _AND:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} {last} {names[-1]}"

@@ -1,0 +1,84 @@
+"""Steady curves of a slider's friction, sent through its linearised motion."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..effects import STEADY_CURVES
+from ..records import VelocitySteps
+from ..rig.friction.extended import BlendedEvolution, Contact, ExtendedLaw
+from .curves import Curve, CurveRig
+from .engine import Candidate, Engine
+from .response import Response, linear_response
+from .shapes import extra_rows, respond
+
+_LATE = "evolution_cutoff"
+"""The curve that friction reaches over the slip length, not at once."""
+
+
+def slider_curves(engine: Engine, final: Candidate, steps: VelocitySteps) -> CurveRig:
+    """The curves of a fit. A curve of another shape acts at once, as the base's A ln V does, or
+    over the slip length, as -B ln V does, where those of the fit act so."""
+    effects = tuple(id for id in final.effects if id in STEADY_CURVES)
+    known = engine.blocks.train | engine.blocks.select
+    laws: dict[bytes, ExtendedLaw] = {}  # a rig takes longer to make than its curve
+
+    def level(z: np.ndarray, V: np.ndarray) -> np.ndarray:
+        if z.tobytes() not in laws:
+            law = engine.problem.rig(jnp.asarray(z)).friction
+            assert isinstance(law, ExtendedLaw)
+            laws[z.tobytes()] = law
+        return _level(laws[z.tobytes()], V)
+
+    return CurveRig(
+        effects=effects,
+        declared=tuple(id for id in engine.always if id in STEADY_CURVES),
+        speeds=np.asarray(steps.velocities)[np.unique(engine.blocks.step[known])],
+        counted=True,
+        replaced=("f0", "A", "B"),
+        base=lambda V: np.stack([np.ones_like(V), np.log(V), np.log(V)], axis=1),
+        lowest=2,
+        parameters=2,
+        level=level,
+        send=lambda curve: _sent(engine, final, curve, late=set(effects) == {_LATE}),
+        unit="m/s",
+    )
+
+
+def _level(law: ExtendedLaw, V: np.ndarray) -> np.ndarray:
+    """Friction of steady sliding, without what has states of its own or follows slip or time."""
+    base, speed, still = law.base, jnp.asarray(V), jnp.zeros_like(jnp.asarray(V))
+    total = base.f0 + base.A * jnp.log(speed / base.V0)
+    total += base.evolution.steady_state(speed / base.V0, base.B[0], base.V0)
+    for term in law.terms:
+        if not term.states and term.shift(Contact(speed, still, still, still, base)) is None:
+            total += term.force(Contact(speed, still, still, still, base))
+    return np.asarray(total)
+
+
+def _sent(
+    engine: Engine, final: Candidate, curve: Curve, *, late: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of 1, ln V at once, ln V over the slip length, and of a curve."""
+    response = linear_response(engine.at(final.z, engine.problem), jnp.asarray(final.z))
+    V = np.asarray(response.velocity)
+    log, more = np.log(V)[:, None], curve(V)
+    slow = followed(response, np.concatenate([log, more] if late else [log], axis=1))
+    forces = [np.ones_like(log), log, slow[:, :1], slow[:, 1:] if late else more]
+    friction, slip = respond(response, np.concatenate(forces, axis=1))
+    size = float(engine.problem.noise_scale)
+    return friction / size, extra_rows(engine, slip)
+
+
+def followed(response: Response, curves: np.ndarray) -> np.ndarray:
+    """What a state that follows curves (k+1, c) over the slip length makes of them:
+    h' = (V/L) (curve - h), from steady sliding on."""
+    law = response.rig.friction
+    assert isinstance(law, ExtendedLaw) and isinstance(law.base.evolution, BlendedEvolution)
+    lengths = float(law.base.L[0]) * np.asarray(response.velocity / law.base.V0) ** float(
+        law.base.evolution.n
+    )
+    share = np.exp(-np.diff(np.asarray(response.slip)) / (0.5 * (lengths[1:] + lengths[:-1])))
+    middle, out = 0.5 * (curves[1:] + curves[:-1]), [curves[0]]
+    for keep, value in zip(share, middle, strict=True):
+        out.append(keep * out[-1] + (1 - keep) * value)
+    return np.stack(out)
