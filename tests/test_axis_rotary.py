@@ -62,7 +62,8 @@ def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
     }
     assert names - {".jaxfric.json"} == {"loop.json", "loop.html", *kept}
     found = json.loads(Path("joint-loop/loop.json").read_text())
-    assert found["effects"] == ["cubic"]
+    assert found["effects"] == ["cubic"] and found["verdict"] == "effects"
+    assert found["families"] == []  # no curve in ln V is a cubic in v over two decades
     values = found["after"]["parameters"]
     for name, value in TRUTH.items():
         assert values[name]["value"] == pytest.approx(value, rel=0.1), name
@@ -79,7 +80,8 @@ def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
 
 
 def test_friction_that_grows_with_the_logarithm_of_speed_is_named(tmp_path):
-    """Not the cubic, which is offered too; its bend is found, and both parts of what grows."""
+    """Not the cubic, which is offered too; its bend is found, and both parts of what grows. A
+    parabola in ln V bends so too: the family is told, and that slower or faster motion decides."""
     path = tmp_path / "oiled.csv"
     written(path, rotary_text(cubic=0.0, thinning=0.1))
     loop = close_axis_loop(path, without=sorted(set(AXIS_CATALOGUE) - OFFERED))
@@ -88,3 +90,8 @@ def test_friction_that_grows_with_the_logarithm_of_speed_is_named(tmp_path):
     for name, value in wanted.items():
         found = loop.after.parameters[name]
         assert abs(found.value - value) < 4 * found.std < 2 * value, name
+    assert loop.verdict == "ambiguous" and loop.families[0].velocities is None
+    assert "a quadratic in ln V" in loop.families[0].fitting
+    assert "a line in ln V" not in loop.families[0].fitting
+    assert any(one.velocity > 3.0 for one in loop.families[0].decided_by)
+    assert " rad/s" in loop.sentence and "um/s" not in loop.sentence

@@ -9,6 +9,7 @@ import io
 import itertools
 import json
 import re
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,6 +28,7 @@ from jaxfric.cli import loop as verb
 from jaxfric.effects import CATALOGUE
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.problem import Model
+from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
 from jaxfric.loop.result import (
     VERDICTS,
     CandidateScore,
@@ -40,7 +42,7 @@ from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
-from jaxfric.report.loop_text import apart, by_velocity, candidates, print_loop
+from jaxfric.report.loop_text import apart, by_velocity, candidates, headline, print_loop
 
 HOSTILE = "<b>&.csv"
 KEYS = (
@@ -546,3 +548,22 @@ def test_a_drive_of_which_nothing_is_known_has_no_column(drive, columns) -> None
     details = AxisDetails((), Preparation(50.0, 1), 1e-3, record, AxisGains(1.0, -2.0, 2.0, None))
     table = details._gains("m")
     assert len(table.head) == columns and {len(row) for row in table.rows} == {columns}
+
+
+def test_a_curve_whose_shape_is_not_told_is_said_to_be_so():
+    """In the headline, in what can be told apart, on the page and in the file for programs."""
+    loop = make_loop("ambiguous")
+    id = loop.effects[0]
+    family = CurveFamily(
+        (id,), 3, 5, (OtherShape("a cubic in ln V", -10.2), OtherShape("a line in ln V", 80.0)),
+        (Decisive(1e-4, 110.0), Decisive(1e-7, 33.0)),
+    )  # fmt: skip
+    told = dataclasses.replace(loop, families=(family,))
+    assert headline(told) == "Missing: a curve of velocity whose shape is not told"
+    line = next(text for text in apart(told) if "steady curve" in text)
+    assert line.startswith(f"{id}: ") and not any("steady curve" in text for text in apart(loop))
+    for words in ("3 velocities, 5 parameters", "a cubic in ln V: BIC 10.2 lower", "100 um/s"):
+        assert words in line
+    assert "a line in ln V" not in line and "tells it from every other" not in line
+    assert escape(line) in page(told, {}, version="0", command="jaxfric loop")
+    assert told.to_json()["families"][0]["fitting"] == ["a cubic in ln V"]

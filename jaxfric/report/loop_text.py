@@ -306,10 +306,10 @@ def apart(loop: Loop) -> list[str]:
             text = f"{id}: this record cannot tell it from {' or '.join(alike)}"
             wanted = loop.separations.get(id)
             out.append(f"{text}; what would: {wanted}{told}" if wanted else text + told)
-            continue
         family = next((f for f in loop.families if id in f.effects), None)
         if family is not None:
-            out.append(_of_family(id, family) + told)
+            out.append(_of_family(id, family) + ("" if alike else told))
+        if alike or family is not None:
             continue
         text = f"{id}: this record tells it from every other effect"
         near, value = _nearest(loop, id)
