@@ -12,6 +12,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
     for name in ("fit", "gains", "axis", "steps", "fixed", "prediction")
 )
 FAMILY = "tests/test_family_tables.py"
+RIVALS = "tests/test_rival_tables.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
@@ -36,6 +37,12 @@ FAULTS = (
     Fault("BIC counts correlated rows as independent", "loop/engine.py",
           "effective = min(max(effective, 2.0), float(self.weight.sum()))",
           "effective = float(self.weight.sum())", VERDICT),
+    Fault("a rival may fit worse by any amount", "loop/rivals.py",
+          "c.bic - search.final.bic < ACCEPT and", "True and", RIVALS),
+    Fault("errors do not know of rivals", "loop/rivals.py",
+          "total += w * np.outer(apart, apart)", "total += 0 * np.outer(apart, apart)", RIVALS),
+    Fault("a rival counts for more the worse it fits", "loop/rivals.py",
+          "np.exp(-0.5 * (bic - bic.min()))", "np.exp(0.5 * (bic - bic.min()))", RIVALS),
     Fault("any fall of BIC is enough", "loop/search.py",
           "current.bic - candidate.bic > ACCEPT,", "current.bic - candidate.bic > 0,", VERDICT),
     Fault("BIC need fall by 1 only", "loop/search.py", "ACCEPT = 10.0", "ACCEPT = 1.0", VERDICT),

@@ -21,6 +21,7 @@ from ..loop.engine import Candidate, Engine
 from ..loop.estimates import estimates
 from ..loop.location import Bumps, locate
 from ..loop.result import Loop, Score
+from ..loop.rivals import all_rivals
 from ..loop.search import MOST, search
 from ..loop.split import Blocks
 from ..loop.superset import Superset
@@ -110,7 +111,7 @@ def close_axis_loop(
     before = _score(engine, found.base, record, rows, bumps)
     after = before
     if found.final is not found.base:
-        after = _score(engine, found.final, record, rows, bumps)
+        after = _score(engine, found.final, record, rows, bumps, all_rivals(found))
     where = where_it_sits(location)
     curve = axis_curves(engine, found.final, rows, length_of(record))
     curve = curve_family(engine, found.final, curve)
@@ -175,9 +176,14 @@ def _start(problem: AxisProblem, train: np.ndarray) -> np.ndarray:
 
 
 def _score(
-    engine: Engine, candidate: Candidate, record: AxisRecord, rows: AxisRows, bumps: list[Bumps]
+    engine: Engine,
+    candidate: Candidate,
+    record: AxisRecord,
+    rows: AxisRows,
+    bumps: list[Bumps],
+    rivals: Sequence[Candidate] = (),
 ) -> Score:
-    found, free, covariance = estimates(engine, candidate, record.force_unit)
+    found, free, covariance = estimates(engine, candidate, record.force_unit, rivals)
     if record.coordinate == "rotary":
         found = {n: dataclasses.replace(e, unit=rotary_unit(e.unit)) for n, e in found.items()}
     size = float(engine.problem.noise_scale) * candidate.residual[: len(rows.time)]

@@ -1,5 +1,7 @@
 """Values, errors and intervals of the parameters of a candidate."""
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -9,17 +11,22 @@ from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
 from .engine import Candidate, Engine
 from .result import CandidateScore
+from .rivals import disagreement
 from .search import Search
 
 _ROWS = 32
 
 
 def estimates(
-    engine: Engine, candidate: Candidate, friction_unit: str
+    engine: Engine,
+    candidate: Candidate,
+    friction_unit: str,
+    rivals: Sequence[Candidate] = (),
 ) -> tuple[dict[str, Estimate], tuple[str, ...], np.ndarray]:
     """Parameters by name (SI), names of the free ones, and their covariance.
 
-    By least squares under the candidate's own noise; intervals in the unbounded variables.
+    By least squares under the candidate's own noise; intervals in the unbounded variables. Errors
+    cover what fits that are as good, the `rivals`, say of the same parameters.
     """
     z = candidate.z
     index = engine.free(candidate.effects)
@@ -31,6 +38,7 @@ def estimates(
         train = rows.jacobian * engine.weight[:, None]
         white = engine.whiten(train, engine.noise(rows.residual * engine.weight, train))
         spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
+        spread = spread + disagreement(engine, candidate, rivals, index)
     place = {int(i): k for k, i in enumerate(index)}
     own = [place[int(i)] for i in named]
     std = np.sqrt(np.diag(spread))[own]

@@ -24,6 +24,7 @@ from .engine import Candidate, Engine
 from .estimates import estimates
 from .location import friction_bumps, locate
 from .result import Loop, Score
+from .rivals import all_rivals
 from .sampling import seen_between
 from .search import MOST, Search, search
 from .shapes import friction_shapes
@@ -118,7 +119,7 @@ def close_loop(
     if found.final is not found.base:
         progress("what is left")
         tests = questions(engine, found.final, slip, friction_bumps(engine, found.final))
-        after = _score(engine, found.final, record, base_fit, tests)
+        after = _score(engine, found.final, record, base_fit, tests, all_rivals(found))
     edge, where = _edge(base_fit), where_it_sits(location)
     curve = curve_family(engine, found.final, slider_curves(engine, found.final, base_fit.steps))
     return loop_of(
@@ -269,8 +270,10 @@ def _other(engine: Engine, z: np.ndarray) -> np.ndarray:
     return other
 
 
-def _score(engine: Engine, candidate: Candidate, record: Record, base: Fit, tests) -> Score:
-    found, free, covariance = estimates(engine, candidate, record.friction_unit)
+def _score(
+    engine: Engine, candidate: Candidate, record: Record, base: Fit, tests, rivals=()
+) -> Score:
+    found, free, covariance = estimates(engine, candidate, record.friction_unit, rivals)
     found = {**found, "K": base.parameters["K"], "V0": base.parameters["V0"]}
     return score_of(
         engine,

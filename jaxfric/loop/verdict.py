@@ -12,6 +12,7 @@ from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
 from .family import CurveFamily
 from .location import Bumps, locate
+from .rivals import rival_fits
 from .screen import ALIAS, orthonormal
 from .search import ACCEPT, Search
 from .structure import QUESTIONS, p_text, structure
@@ -244,26 +245,14 @@ def _groups(search: Search) -> tuple[tuple[str, ...], ...]:
         alike = search.cosines[ids.index(id)]
         order = sorted(range(len(ids)), key=lambda j: -alike[j])
         like = [ids[j] for j in order if ids[j] != id and alike[j] > ALIAS]
-        as_good = [e for e in _swapped(search, id) if e not in like]
+        as_good = [e for e in rival_fits(search, id) if e not in like]
         found.append((id, *like, *as_good))
     return tuple(found)
 
 
 def _rivals(search: Search) -> list[tuple[str, str]]:
     """Pairs (found, rival): refits with another effect in place of one that fit about as well."""
-    return sorted({(id, other) for id in search.final.effects for other in _swapped(search, id)})
-
-
-def _swapped(search: Search, id: str) -> list[str]:
-    """Effects that fit about as well in place of `id`, best first."""
-    kept = {e for e in search.final.effects if e != id}
-    found = {}
-    for c in sorted(search.tried, key=lambda c: c.bic):
-        new = set(c.effects) - kept
-        close = c.bic - search.final.bic < ACCEPT and c.physical and not c.failed
-        if close and kept < set(c.effects) and len(new) == 1 and id not in new:
-            found[new.pop()] = None
-    return list(found)
+    return sorted({(id, other) for id in search.final.effects for other in rival_fits(search, id)})
 
 
 def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str, families=()) -> str:

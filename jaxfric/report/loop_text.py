@@ -197,6 +197,8 @@ def moved(loop: Loop) -> Table:
     marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
     head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
     note = "shift: after minus before, in standard deviations of the fit after"
+    if loop.verdict == "ambiguous" and loop.effects:
+        note += "\n± and intervals cover what the fits with its rivals make of the same parameters"
     return Table("Parameters", head, rows, note + _also_fitted(loop), marked)
 
 

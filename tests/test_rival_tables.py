@@ -1,0 +1,64 @@
+"""What rivals add to errors, by tables of made-up candidates and by drawing from their mixture."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jaxfric.loop.rivals import all_rivals, disagreement, rival_fits
+
+INDEX = np.array([0, 1, 2])
+COLUMNS = {"viscous": 2, "damping": 3, "aging": 4}
+
+
+def candidate(effects, bic, z, *, physical=True, failed=False):
+    z = np.asarray(z, float)
+    return SimpleNamespace(effects=effects, bic=bic, z=z, physical=physical, failed=failed)
+
+
+ENGINE = SimpleNamespace(free=lambda effects: np.array([0, 1, *(COLUMNS[e] for e in effects)]))
+FINAL = candidate(("viscous",), 100.0, [1.0, 2.0, 3.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("other", "rival"),
+    [
+        (candidate(("damping",), 109.9, np.zeros(5)), True),
+        (candidate(("damping",), 110.0, np.zeros(5)), False),  # evidence against it
+        (candidate(("damping",), 99.0, np.zeros(5), physical=False), False),
+        (candidate(("damping",), 99.0, np.zeros(5), failed=True), False),
+        (candidate(("viscous", "damping"), 101.0, np.zeros(5)), False),  # beside, not in place
+        (candidate((), 101.0, np.zeros(5)), False),
+    ],
+)
+def test_a_rival_fits_about_as_well_in_place_of_an_effect(other, rival):
+    search = SimpleNamespace(final=FINAL, tried=(FINAL, other))
+    assert list(rival_fits(search, "viscous")) == (["damping"] if rival else [])
+    assert all_rivals(search) == ([other] if rival else [])
+
+
+def test_of_two_fits_with_the_same_rival_the_better_counts():
+    worse = candidate(("damping",), 105.0, np.zeros(5))
+    better = candidate(("damping",), 101.0, np.zeros(5))
+    search = SimpleNamespace(final=FINAL, tried=(worse, FINAL, better))
+    assert rival_fits(search, "viscous") == {"damping": better}
+
+
+def test_errors_cover_the_mixture_of_all_fits_that_are_as_good():
+    """Mean squares from the value reported, of draws from the fits in proportion to exp(-BIC/2)."""
+    rivals = [
+        candidate(("damping",), 101.0, [1.5, 1.8, 0.0, 7.0, 0.0]),
+        candidate(("aging",), 103.0, [0.2, 2.4, 0.0, 0.0, 9.0]),
+    ]
+    covariance = np.array([[0.2, 0.05, 0.0], [0.05, 0.1, 0.02], [0.0, 0.02, 0.3]])
+    random = np.random.default_rng(0)
+    odds = np.exp([0.0, -0.5, -1.5])
+    which = random.choice(3, size=400_000, p=odds / odds.sum())
+    # a rival says nothing of the effect that it lacks
+    centres = np.array([[1.0, 2.0, 3.0], [1.5, 1.8, 3.0], [0.2, 2.4, 3.0]])
+    draws = centres[which] + random.multivariate_normal(np.zeros(3), covariance, len(which))
+    apart = draws - centres[0]
+    expected = apart.T @ apart / len(which)
+    found = covariance + disagreement(ENGINE, FINAL, rivals, INDEX)
+    np.testing.assert_allclose(found, expected, atol=5e-3)
+    assert np.all(disagreement(ENGINE, FINAL, [], INDEX) == 0)
