@@ -13,6 +13,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
 )
 FAMILY = "tests/test_family_tables.py"
 RIVALS = "tests/test_rival_tables.py"
+PARTS = "tests/test_loop_parts.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
@@ -132,6 +133,11 @@ FAULTS = (
           "system[:2, 2:] = -g[rows].T", "system[:2, 2:] = g[rows].T", GAINS),
     Fault("a bristle without damping", "axis/state.py",
           " + self.sigma_1 * bend", " + 0.0 * bend", AXIS),
+    Fault("two opposing lags in one model", "loop/engine.py",
+          "len(own) < 2 or own", "len(own) < 3 or own", f"{PARTS} -k the_sum"),
+    Fault("lags asked for that cannot start", "axis/loop.py",
+          "() if with_ is None else (IN_TIME,)", "(IN_TIME,)",
+          "tests/test_axis_reading.py -k two_lags"),
     Fault("lag and lead do not act on each other", "axis/prepare.py",
           "lag * (lead - late)", "-lag * late", AXIS),
     Fault("samples without a checksum", "study/marks.py",

@@ -12,6 +12,7 @@ from command import assert_refused, run, written
 from test_axis_rotary import rotary_text
 
 import jaxfric
+from jaxfric.axis import close_axis_loop
 from jaxfric.axis.closed_loop import Controller, simulate_closed_loop
 from jaxfric.axis.controller_check import disagreement
 from jaxfric.axis.prepare import Preparation
@@ -191,3 +192,26 @@ def test_motion_that_a_low_cutoff_takes_away_is_no_noise():
         reading(record, preparation=Preparation(cutoff, 10)).prepared.white for cutoff in (100, 4)
     ]
     assert whites == pytest.approx([1e-6, 1e-6], rel=0.1)
+
+
+def test_two_lags_are_in_one_model_where_both_are_asked_for(monkeypatch):
+    """None is found beside another; `--with` of both starts from both."""
+    engines = []
+
+    def declared(engine, z, *_):
+        engines.append(engine)
+        return z
+
+    def search(engine, *_, **__):
+        engines.append(engine)
+        raise jaxfric.InputError("no need to go on")
+
+    monkeypatch.setattr("jaxfric.axis.loop.declared", declared)
+    monkeypatch.setattr("jaxfric.axis.loop.search", search)
+    for asked, beside in ((("servo_lag", "sensor_lag"), True), (("servo_lag",), False)):
+        with pytest.raises(jaxfric.InputError, match="no need to go on"):
+            close_axis_loop(a_record(), with_=asked)
+        begun, searched = engines[-2:]
+        both = ("servo_lag", "sensor_lag")
+        assert begun.apart(both) and searched.apart(both) == beside
+        assert not searched.apart((*both, "sensor_delay"))

@@ -1,6 +1,7 @@
 """Parts of the loop that need no fit: blocks, structure tests, likelihoods, screening's algebra."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +13,7 @@ from jaxfric.effects import RecordScales
 from jaxfric.fitting.noise import noise_of
 from jaxfric.fitting.noise_search import Family, estimate_noise, limits_of, noises_around
 from jaxfric.loop import search as search_module
-from jaxfric.loop.engine import Candidate, Column
+from jaxfric.loop.engine import Candidate, Column, Engine
 from jaxfric.loop.evidence import evidence
 from jaxfric.loop.fixed import Part, inseparable, loose
 from jaxfric.loop.pace import Stopwatch
@@ -77,6 +78,29 @@ def test_two_steps_the_second_reports_and_the_end_of_the_first_selects():
 def test_a_short_record_says_what_is_needed():
     with pytest.raises(jf.InputError, match=r"select block would have \d+ rows and needs 20"):
         split(np.linspace(0, 19.9, 60), steps(2))
+
+
+@pytest.mark.parametrize(
+    ("base", "effects", "added"),
+    [
+        ((), (), "lag late delay drift"),
+        ((), ("lag",), "drift"),
+        ((), ("drift", "delay"), ""),
+        (("late",), (), "drift"),
+        (("late",), ("drift",), ""),
+        (("lag", "late"), (), "drift"),  # both were asked for
+    ],
+    ids=str,
+)
+def test_two_effects_of_which_the_sum_is_known_are_not_in_one_model(base, effects, added):
+    offered = tuple(SimpleNamespace(id=id) for id in ("lag", "late", "delay", "drift"))
+    group = (frozenset({"lag", "late", "delay"}),)
+    engine: Any = SimpleNamespace(offered=offered, one_of=group, always=base)
+    engine.apart = lambda effects: Engine.apart(engine, effects)
+    assert " ".join(e.id for e in Engine.addable(engine, effects)) == added
+    assert engine.apart((*effects, "lag")) == (
+        set(effects) <= {"lag", "drift"} and base != ("late",)
+    )
 
 
 def test_holm_against_a_worked_example():

@@ -438,6 +438,11 @@ AXIS_CATALOGUE: dict[str, type[AbstractAxisEffect]] = {
     )
 }
 """The effects of an axis by id."""
+
+IN_TIME = frozenset(e.id for e in (ServoLag, SensorLag, SensorDelay))
+"""Effects that move force and motion in time against each other. To first order a record shows
+their sum alone, and two of them that act against each other smooth the error of the encoder, which
+lowers the residual whatever the axis does: one of them stands for all."""
 AXIS_STEADY_CURVES = (Cubic.id, Stribeck.id, LogViscous.id)
 """Those that are a curve of the velocity, the same but for its sign in both directions."""
 

@@ -30,7 +30,7 @@ from ..records.axis_record import AxisRecord
 from ..records.given import as_axis_record
 from .curves import axis_curves
 from .details import details_of
-from .effects import AXIS_CATALOGUE, AbstractAxisEffect, axis_effect_of
+from .effects import AXIS_CATALOGUE, IN_TIME, AbstractAxisEffect, axis_effect_of
 from .prepare import Preparation
 from .problem import AxisProblem, BaseLaw, make_problem
 from .reading import read_rows
@@ -134,14 +134,16 @@ def close_axis_loop(
 
 
 def _engine(
-    problem: AxisProblem, blocks: Blocks, rows: AxisRows, with_: tuple[str, ...] = ()
+    problem: AxisProblem, blocks: Blocks, rows: AxisRows, with_: tuple[str, ...] | None = None
 ) -> Engine:
+    """With a base that has `with_`, to search from; without, to start such a base."""
     return Engine(
         problem,  # pyright: ignore[reportArgumentType]
         blocks,
         np.zeros(0, int),
-        with_,
+        with_ or (),
         shapes=axis_shapes,
+        one_of=() if with_ is None else (IN_TIME,),
         path=rows.path,
         longest=np.asarray([_NOISE_ROWS * float(problem.time[1] - problem.time[0])]),
         either_sign=True,

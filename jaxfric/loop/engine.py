@@ -112,7 +112,9 @@ class Engine:
     """Fits candidates of one record; `problem` has a `Superset` model. Only train rows count.
 
     `shifted` are the indices of the problem's shifts of step times that are parameters, `always`
-    the ids of effects that belong to the base, `without` of those that are not offered.
+    the ids of effects that belong to the base, `without` of those that are not offered. `one_of`
+    are groups of effects of which a record determines what they do together: no two of one group
+    are in one model, unless they belong to the base.
 
     Noise forgets over no more than a tenth of the mean duration, path or number of rows of a
     velocity: what lasts longer is structure, which a slow noise would explain away. `longest` sets
@@ -131,6 +133,7 @@ class Engine:
         without: tuple[str, ...] = (),
         *,
         shapes: Shapes,
+        one_of: tuple[frozenset[str], ...] = (),
         path: np.ndarray | None = None,
         longest: np.ndarray | None = None,
         either_sign: bool = False,
@@ -142,6 +145,7 @@ class Engine:
         self.stopwatch = Stopwatch()
         self.either_sign = either_sign
         self.offered = tuple(e for e in self.model.effects if e.id not in without)
+        self.one_of = one_of
         self.rows = len(blocks.train)
         clock = np.asarray(problem.clock)[: self.rows]
         shortest = _SHORTEST_LIMIT * np.median(np.diff(clock, axis=0), axis=0)
@@ -172,6 +176,17 @@ class Engine:
         self.shifts = [len(self.names) + int(k) for k in shifted]
         heavy = tuple(e.id for e in self.model.effects if near_null(e) is not e)
         self._heavy = self.model.columns(heavy)
+
+    def addable(self, effects: tuple[str, ...]) -> tuple:
+        """The effects that are offered and can be added to a candidate with `effects`."""
+        present = (*self.always, *effects)
+        absent = [e for e in self.offered if e.id not in present]
+        return tuple(e for e in absent if self.apart((*effects, e.id)))
+
+    def apart(self, effects: tuple[str, ...]) -> bool:
+        """Whether no two effects are of one group of `one_of`, but for those of the base."""
+        together = [group & {*self.always, *effects} for group in self.one_of]
+        return all(len(own) < 2 or own <= set(self.always) for own in together)
 
     def at(self, z: np.ndarray, problem: Problem) -> Problem:
         """`problem`, one of the engine's, as it is simulated at `z`: lighter where it can be.

@@ -48,11 +48,15 @@ class Screening(NamedTuple):
     columns: tuple[Column, ...]
 
 
-def sensitivities(engine: Engine, current: Candidate, scales: RecordScales) -> Screening:
-    """All columns at a fit; train and other rows alike."""
+def sensitivities(
+    engine: Engine, current: Candidate, scales: RecordScales, *, addable: bool = False
+) -> Screening:
+    """All columns at a fit, or those of the effects that can be added to it; train and other rows
+    alike."""
     free = engine.free(current.effects)
     present = (*engine.always, *current.effects)
     missing = [e for e in engine.offered if e.id not in present]
+    missing = engine.addable(current.effects) if addable else missing
     shaped = engine.shapes(engine, current.z, missing, scales)
     with_shapes = {column.id for column in shaped.columns}
     plain = [e for e in missing if e.id not in with_shapes]
@@ -75,8 +79,9 @@ def sensitivities(engine: Engine, current: Candidate, scales: RecordScales) -> S
 def screen(
     engine: Engine, current: Candidate, scales: RecordScales, *, seed: int = 0
 ) -> list[Screened]:
-    """All effects that are not in `current`, the most promising first."""
-    seen, share = _likeliest(engine, current, sensitivities(engine, current, scales))
+    """All effects that can be added to `current`, the most promising first."""
+    every = sensitivities(engine, current, scales, addable=True)
+    seen, share = _likeliest(engine, current, every)
     problem = engine.problem
     known = evidence(
         problem.clock,

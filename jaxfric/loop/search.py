@@ -65,7 +65,7 @@ def search(
     accepted: list[tuple[str, ...]] = [()]
     pace = Pace(progress, engine.stopwatch, most, _REFITS)
     while len(current.effects) < most and not base.failed:
-        missing = len(engine.offered) - len(current.effects) - len(engine.always)
+        missing = len(engine.addable(current.effects))
         if not missing:
             break
         pace.screening(f"screening {missing} effects", len(rounds))
@@ -220,9 +220,8 @@ def _swapped(engine, current: Candidate, alike, rounds, scales, tried, progress)
         others = [b for b in ids if b != id and cosines[ids.index(id), ids.index(b)] > ALIAS]
         for other in others:
             effects = tuple(other if e == id else e for e in current.effects)
-            if len(set(effects)) < len(effects) or any(
-                set(c.effects) == set(effects) for c in tried
-            ):
+            known = any(set(c.effects) == set(effects) for c in tried)
+            if known or len(set(effects)) < len(effects) or not engine.apart(effects):
                 continue
             start = np.array(current.z)
             start[engine.model.amplitudes(id)] = 0.0
