@@ -494,6 +494,13 @@ class Fitted:
     def learn_noise(self, candidate):
         return candidate
 
+    def addable(self, effects):
+        return [e for e in self.offered if e.id not in effects]
+
+    def apart(self, effects):
+        del effects
+        return True
+
     def rms_error(self, used, noise):
         del noise
         return 1 / np.sqrt(2 * used.sum())

@@ -195,6 +195,28 @@ def test_white_noise_is_found_white():
     assert float(found.noise.sigma) == pytest.approx(2e-3, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_second_part_is_found_where_there_is_hardly_any_white_noise(seed):
+    """At least as likely as the truth: 0.5 exp(-d/30) + 0.49 r(d/1.5), r a swing of six rows."""
+    rng, n = np.random.default_rng(seed), 400
+    time = np.arange(float(n))
+    apart = np.abs(time[:, None] - time)
+    decay, turn = apart / 1.5, 2 * np.pi * apart / 6
+    swing = np.exp(-decay) * (np.cos(turn) + np.sin(turn) / (2 * np.pi * 1.5 / 6))
+    covariance = 0.5 * np.exp(-apart / 30) + 0.49 * swing + 0.01 * np.eye(n)
+    residual = 1e-3 * np.linalg.cholesky(covariance) @ rng.normal(size=n)
+    jacobian = design(rng, time)
+    found = estimate_noise(time, np.ones(n), residual, jacobian)
+    # restricted likelihood of the truth, sigma profiled, with the constants of the estimate
+    inverse = np.linalg.inv(covariance)
+    normal = jacobian.T @ inverse @ jacobian
+    left = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ inverse @ residual)
+    free = n - jacobian.shape[1]
+    variance = left @ inverse @ left / free
+    sizes = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(normal)[1]
+    assert found.value > -0.5 * (free * (np.log(variance) + 1) + sizes) - 0.5
+
+
 def test_rows_of_weight_zero_change_no_estimate():
     rng = np.random.default_rng(5)
     time = uneven(rng, 150)

@@ -109,6 +109,7 @@ def searched(monkeypatch, *screened, loose=(), **fitted):
     ids = ("a", "b")
     engine = SimpleNamespace(
         always=(), blocks=BLOCKS, offered=[SimpleNamespace(id=id) for id in ids],
+        addable=lambda effects: [e for e in ids if e not in effects],
         stopwatch=Stopwatch([0.1]),
         rms_error=lambda used, noise: 0.0, learn_noise=lambda base: base,
         model=SimpleNamespace(

@@ -29,11 +29,13 @@ LONGEST = 0.1
 too seldom for its size to be known, and a likelihood makes it as large as it likes."""
 _SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
 _FEW, _AT_ONCE = 8, 24  # noises that are whitened in one pass
-_NEWTON = 8
+_NEWTON = 12
 _STEP = 0.2
 _SETTLED = 0.02
-_SIZES = (-2.0, -0.5, 1.0, 2.5)
+_SIZES = (-2.0, -0.5, 1.0, 2.5)  # of a new part, logarithms over what there is
 _LARGEST = 9.0
+_TOTALS, _RATIOS = (0.0, 3.0), (-1.0, 1.0)  # of two parts: logarithms over white, of one to other
+_INNER = 3
 _NEGATIVE = (-1.0, 1.0, 3.0, 5.0)
 _MEMORIES = 6
 _RESONATOR_SIZES = (-0.5, 2.0)
@@ -200,12 +202,14 @@ def _with_another(record: Record, best: Found, *, either_sign: bool) -> Found | 
     """The likeliest noise with one part more than `best`."""
     family, found = best.family, []
     limits, white = record.limits, not best.family.parameters
+    # beside a part that is nearly all of the noise a few times the white one is nothing
+    there = -np.log(max(float(1 - best.noise.share.sum()), np.exp(-_LARGEST)))
     for k in np.flatnonzero(limits.longest > limits.shortest).tolist():
         ends = np.log(limits.shortest[k]), np.log(limits.longest[k])
         memories = np.linspace(ends[0], ends[1], _MEMORIES)
-        grid = list(itertools.product(_SIZES, memories))
-        shapes = itertools.product(_RESONATOR_SIZES, memories[::2], _SHAPES)
-        shapes = [(v, m, s - m) for v, m, s in shapes]
+        grid = [(there + v, m) for v, m in itertools.product(_SIZES, memories)]
+        shapes = itertools.product(_RESONATOR_SIZES, memories, _SHAPES)
+        shapes = [(there + v, m, s - m) for v, m, s in shapes]
         if white and either_sign:
             more = list(itertools.product(_NEGATIVE, memories))
             found.append(_on_grid(record, Family(first=k, negative=True), best.theta, more))
@@ -218,8 +222,31 @@ def _with_another(record: Record, best: Found, *, either_sign: bool) -> Found | 
             wider = family._replace(second=k, resonates=True)
             found.append(_on_grid(record, wider, best.theta, shapes))
     found = sorted(found, key=lambda one: one.family.parameters - one.value)[:_REFINED]
-    found = [_best_of(record, one.family, one.theta[None], refine=True) for one in found]
+    found = [
+        _best_of(record, one.family, starts, refine=True)
+        for one in found
+        for starts in (one.theta[None], _both_parts(one.family, limits))
+        if len(starts)
+    ]
     return max(found, key=lambda one: one.value - 3 * one.family.parameters, default=None)
+
+
+def _both_parts(family: Family, limits: Limits) -> np.ndarray:
+    """Starts of two parts at once, (g, q): beside one that has taken what is another's, the other
+    is not found. None of a family with one part."""
+    if family.first is None or family.second is None or family.negative:
+        return np.zeros((0, family.parameters))
+    inner = [
+        np.linspace(np.log(limits.shortest[k]), np.log(limits.longest[k]), _INNER + 2)[1:-1]
+        for k in (family.first, family.second)
+    ]
+    shapes = _SHAPES[1:] if family.resonates else _SHAPES[:1]
+    found = []
+    for total, ratio in itertools.product(_TOTALS, _RATIOS):
+        for one, two, shape in itertools.product(*inner, shapes):
+            start = [total + 0.5 * ratio, one, total - 0.5 * ratio, two, shape - two]
+            found.append(start[: family.parameters])
+    return np.array(found)
 
 
 def _on_grid(record: Record, family: Family, theta, grid, *, before: bool = False) -> Found:
@@ -235,8 +262,11 @@ def _best_of(record: Record, family: Family, starts, *, refine: bool = False) ->
     i = int(np.argmax(values))
     theta, value, sigma = starts[i], values[i], sigmas[i]
     for _ in range(_NEWTON if refine and family.parameters else 0):
-        trials = _inside(record, family, _newton(record, family, theta))
+        around, trials = _newton(record, family, theta)
+        trials = _inside(record, family, trials)
         values, sigmas = _values(record, family, trials)
+        if not values.max() > value:  # a kink: a resonator of as few rows a swing as may be
+            trials, values, sigmas = around
         i = int(np.argmax(values))
         if not values[i] > value:
             break
@@ -247,8 +277,16 @@ def _best_of(record: Record, family: Family, starts, *, refine: bool = False) ->
     return Found(noise_at(record, family, theta, sigma, value), family, theta, float(value))
 
 
-def _newton(record: Record, family: Family, theta: np.ndarray) -> np.ndarray:
-    """Steps of Newton's method with many dampings, from differences."""
+class _Seen(NamedTuple):
+    """Where likelihoods and sigmas are known."""
+
+    theta: np.ndarray
+    values: np.ndarray
+    sigmas: np.ndarray
+
+
+def _newton(record: Record, family: Family, theta: np.ndarray) -> tuple[_Seen, np.ndarray]:
+    """What the differences show, and from there steps of Newton's method with many dampings."""
     q = len(theta)
     low, high = _bounds(family, record.limits)
     centre = np.clip(theta, low + _STEP, np.maximum(high - _STEP, low + _STEP))
@@ -256,7 +294,8 @@ def _newton(record: Record, family: Family, theta: np.ndarray) -> np.ndarray:
     unit = _STEP * np.eye(q)
     points = [centre, *(centre + u for u in unit), *(centre - u for u in unit)]
     points += [centre + unit[i] + unit[j] for i, j in pairs]
-    values, _ = _values(record, family, np.stack(points))
+    seen = _Seen(np.stack(points), *_values(record, family, np.stack(points)))
+    values = seen.values
     plus, minus = values[1 : q + 1], values[q + 1 : 2 * q + 1]
     slope = (plus - minus) / (2 * _STEP)
     curve = np.diag((plus + minus - 2 * values[0]) / _STEP**2)
@@ -265,7 +304,7 @@ def _newton(record: Record, family: Family, theta: np.ndarray) -> np.ndarray:
     scale, vectors = np.linalg.eigh(-curve)
     damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _FEW)[:, None]
     steps = (vectors.T @ slope / damped) @ vectors.T
-    return centre + np.clip(steps, -2.0, 2.0)
+    return seen, centre + np.clip(steps, -2.0, 2.0)
 
 
 def _bounds(family: Family, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
