@@ -105,7 +105,7 @@ def test_headers(header: list[str], words: list[str]) -> None:
 
 def test_no_header() -> None:
     text = record_text().split("\n", 1)[1]
-    both_refuse(written(Path("run.csv"), text), "no header", "time [s]")
+    both_refuse(written(Path("run.csv"), text), "no header", "time=#1 [s]", "time=1 kHz")
 
 
 @pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "0.6e", "n/a", "1e999", "0.6 0.7"])

@@ -357,3 +357,46 @@ def test_names_told_apart_by_their_units(tmp_path: Path) -> None:
     assert_the_record(read(written(tmp_path, table(header=header, body=body))))
     named = read(tmp_path / "run.csv", columns={"load_point_displacement": "Displ. [um]"})
     assert_the_record(named)
+
+
+def headless(folder: Path, count: int = 40) -> Path:
+    """Position, force and velocity of an axis, or slip of a press: columns alone, a tab at the end
+    of every line."""
+    path = folder / "log.txt"
+    rows = [f"{0.5 * i:.3f}\t{0.6 + 0.001 * i:.4f}\t{50.0:.1f}\t" for i in range(count)]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("rate", ["100 Hz", "10 ms", "0.01 s", "0.1 kHz"])
+def test_columns_without_a_header_or_times_are_read_by_number_and_rate(tmp_path, rate):
+    path = headless(tmp_path)
+    columns = {"load_point_displacement": "#1 [um]", "friction": "#2", "time": rate}
+    record = read(path, columns=columns)
+    np.testing.assert_allclose(record.time, 0.01 * np.arange(40), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(record.load_point_displacement, 0.5e-6 * np.arange(40), atol=1e-18)
+    assert any("one row every 0.01 s, as stated" in note for note in record.provenance.notes)
+    columns = {"position": "#1 [rad]", "motor_force": "#2 [N m]", "time": rate}
+    axis = read_axis(path, columns=columns)
+    np.testing.assert_allclose(axis.time, 0.01 * np.arange(40), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(axis.position, 0.5 * np.arange(40))
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({}, ["no header", "by number", "'time=#1 [s]'", "'time=1 kHz'"]),
+        ({"time": "#1 [s]"}, ["no header", "load_point_displacement=#1 [um]"]),
+        ({"time": "0 Hz"}, ["'0 Hz' is not positive"]),
+        ({"time": "-1 ms"}, ["'-1 ms' is not positive"]),
+        ({"time": "10 um"}, ["not a unit of s"]),
+        ({"time": "10"}, ["'10' has no unit"]),
+    ],
+)
+def test_what_is_missing_without_a_header_is_said(tmp_path, columns, words):
+    path = headless(tmp_path)
+    with pytest.raises(InputError) as caught:
+        read(path, columns={"friction": "#2", **columns} if columns else {})
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+    with pytest.raises(InputError, match="position=#1"):
+        read_axis(path, columns={"time": "1 kHz"})

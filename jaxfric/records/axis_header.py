@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ..errors import InputError
 from ..units import factor, has_dimension, parse_quantity
 from .header import NO_COLUMN, fitting, key, numbered, split_name_unit
+from .sampled import HOW
 
 FORCE_UNITS = {"linear": "N", "rotary": "N m"}
 """Unit of the motor force by coordinate; "%" where the rated torque is not known."""
@@ -302,9 +303,10 @@ def _require(
     have = ", ".join(name if unit is None else f"{name} [{unit}]" for name, unit in cells)
     unit = {"time": "s", "position": "mm", "motor_force": "N"}[missing[0]]
     hint = _nearest(missing[0], [name for name, _ in cells], listed=False) or ";"
+    rate = f", {HOW}" if "time" in missing else ""
     raise InputError(
         f"{path} has no column for {' and '.join(missing)}; it has: {have}{hint} map one, as in"
-        f" --column '{missing[0]}=NAME [{unit}]'"
+        f" --column '{missing[0]}=NAME [{unit}]'{rate}"
     )
 
 

@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..units import factor, has_dimension
 from . import axis_header
 from .header import COLUMN_ROLES, NO_COLUMN, fitting, key, numbered, role_of, split_name_unit
+from .sampled import HOW
 from .table import Table
 
 
@@ -141,8 +142,8 @@ def _require(table: Table, found: Mapping[str, object]) -> None:
         missing.sort(key=list(COLUMN_ROLES).index)
         unit = {"friction": "1", "time": "s"}.get(missing[0], "um")
         raise InputError(
-            f"{table.path}: {table.doubt}; which has no name cannot be told: say which is"
-            f" {', '.join(missing)} by number, as in --column '{missing[0]}=#1 [{unit}]'"
+            f"{table.path}: {table.doubt}; say by number which column is {', '.join(missing)}, as"
+            f" in --column '{missing[0]}=#1 [{unit}]'{_or_rate(missing)}"
         )
     if _of_an_axis(table):
         raise InputError(
@@ -160,8 +161,12 @@ def _require(table: Table, found: Mapping[str, object]) -> None:
     unit = {"friction": "1", "time": "s"}.get(missing[0], "0.01 um" if machine else "um")
     raise InputError(
         f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
-        f"{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'"
+        f"{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{_or_rate(missing)}"
     )
+
+
+def _or_rate(missing: list[str]) -> str:
+    return f", {HOW}" if "time" in missing else ""
 
 
 def _of_an_axis(table: Table) -> bool:

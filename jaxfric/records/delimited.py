@@ -30,7 +30,7 @@ def parse(text: str, path: str) -> Content:
     numbers = [i for i in range(start, len(lines)) if _is_row(lines[i])]
     rows = [lines[i] for i in numbers]
     writing = Writing(writing.delimiter, has_decimal_commas(rows, writing.delimiter))
-    names, units, doubt = read_header(lines[:start], rows[:_SAMPLE], writing, path)
+    names, units, doubt = read_header(lines[:start], rows[:_SAMPLE], writing)
     notes = ["numbers have decimal commas"] if writing.decimal_comma else []
     if not ended and _is_cut_off(rows, writing, len(names)):
         notes.append(f"the last line, '{rows[-1].strip()[:60]}', is cut off and left out")

@@ -4,28 +4,24 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 
-from ..errors import InputError
 from ..units import is_unit
 from . import axis_header, clock, header
 from .cells import Writing
 
 
 def read_header(
-    above: list[str], rows: list[str], writing: Writing, path: str
+    above: list[str], rows: list[str], writing: Writing
 ) -> tuple[list[str], list[str | None], str]:
     """Names ("" for none) and units from the last lines above the numbers, and what is in doubt.
 
-    Where there are not as many names as columns, which one has none cannot be told: the columns
-    are then called #1, #2 and so on.
+    Where there are none, or not as many as columns, which one has none cannot be told: the
+    columns are then called #1, #2 and so on.
     """
     written = [line for line in above if line.strip().strip("#").strip(" \t;,\"'")]
-    if not written:
-        raise InputError(
-            f"{path} has no header; the first line must name the columns, as in"
-            " 'time [s],load_point_displacement [um],friction [1]'"
-        )
     cells = [writing.cells(row) for row in rows]
     least, most = _usual(len(_without_end(row)) for row in cells), _usual(map(len, cells))
+    if not written:
+        return [f"#{i + 1}" for i in range(least)], [None] * least, "it has no header"
     names = _header_cells(written[-1], writing, least, most)
     below: list[str] | None = None
     if len(written) > 1:

@@ -10,6 +10,7 @@ from ..units import scale
 from .columns import assign
 from .content import filled_rows
 from .record import EMPTY_ROWS, Provenance, Record, build
+from .sampled import with_rate
 from .table import Table, read_table
 
 
@@ -27,7 +28,8 @@ def read(
       stress and a normal stress but no friction, friction is their quotient.
     - `columns`: names of columns for roles that the header does not give away, such as
       `{"friction": "mu_corrected"}`; `NAME [unit]` sets the unit, which may carry a factor:
-      `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`.
+      `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`. `#3` is the third column, also of a
+      file without a header; `{"time": "1 kHz"}` or "1 ms" says how often rows were taken.
     - `drop_bad`: leave out rows that are not whole instead of refusing the file.
 
     **Returns:** a `Record`; its `provenance` says what was assumed and left out.
@@ -42,7 +44,8 @@ def to_record(
     table: Table, *, columns: Mapping[str, str] | None = None, drop_bad: bool = False
 ) -> Record:
     """A table as a record; arguments and errors as for `read`."""
-    assigned, notes = assign(table, columns or {})
+    table, columns = with_rate(table, columns or {})
+    assigned, notes = assign(table, columns)
     rows = filled_rows(table.blank, (use.index for use in assigned.values()), len(table))
     values = {
         role: scale(table.columns[use.index][rows], use.size) for role, use in assigned.items()

@@ -14,6 +14,7 @@ from .axis_record import AxisRecord, Rows, build
 from .axis_source import Source, open_source
 from .content import filled_rows
 from .record import EMPTY_ROWS, Provenance
+from .sampled import with_rate
 
 _MOTION = ("position", "velocity", "reference_position")
 _FORCE = ("motor_force", "disturbance_force")
@@ -43,7 +44,8 @@ def read_axis(
       `NAME [unit]`: `{"position": "x [mm]", "control_signal": "u [V]"}`. Roles: time, position,
       reference_position, velocity, motor_force, control_signal, motor_current, disturbance (a
       force, or a control signal or current, that was added to the controller's output). `none` in
-      place of a name says that no column has that role.
+      place of a name says that no column has that role; `{"time": "1 kHz"}` or "1 ms" says how
+      often rows were taken.
     - `drive_gain`: motor force per control signal, "35.15 N/V" ("0.05 N m/A" for a current).
     - `position_gain`, `velocity_gain`: kp [1/s] and kv of two nested loops, force = kv (kp
       (reference - position) - velocity), "160 1/s" and, of a control signal, "240 V s/m", of a
@@ -58,13 +60,13 @@ def read_axis(
     its gain, and a gain or rated torque that nothing in the file needs.
     """
     source = open_source(Path(path))
-    given = {**source.roles, **(columns or {})}
+    source, given = with_rate(source, {**source.roles, **(columns or {})})
     try:
         uses, notes = assign(source.path, source.names, source.units, given)
     except InputError as error:
         if not source.doubt:
             raise
-        doubt = f"{source.doubt}; which has no name cannot be told, they are numbered #1, #2, ..."
+        doubt = f"{source.doubt}; columns are numbered #1, #2, ..., as in 'position=#1 [rad]'"
         raise InputError(f"{error} ({doubt})") from None
     coordinate = coordinate_of(source.path, uses)
     rows = _rows(source, uses)
