@@ -102,7 +102,7 @@ FAULTS = (
           "if not value <= most:", 'if name == "train" and not value <= most:', VERDICT),
     Fault("no edge of stability", "loop/verdict.py", "_EDGE = 1.1", "_EDGE = 0.0", VERDICT),
     Fault("a base fit that runs away gets a verdict", "loop/verdict.py",
-          "if base.failed or (edge", "if (edge", VERDICT),
+          "if base.failed and edge is None:", "if False:", VERDICT),
     Fault("structure is left out of the verdict", "loop/verdict.py",
           "if p < _SIGNIFICANT]", "if p < 0]", VERDICT),
     Fault("the end of the first of two steps trains, its begin selects", "loop/split.py",

@@ -7,9 +7,11 @@ from numpy.polynomial import Polynomial
 
 from jaxfric.axis import AXIS_CATALOGUE
 from jaxfric.axis.gains import axis_gains
+from jaxfric.axis.loop import unit_of_residuals
 from jaxfric.axis.prepare import shifted
 from jaxfric.axis.rig import AxisRig
 from jaxfric.axis.state import Bristle, RateState
+from jaxfric.fitting.problem import FAILED_MISFIT
 
 
 @pytest.mark.parametrize(
@@ -90,3 +92,16 @@ def test_a_signal_moved_in_time(lag, lead, late):
     found = shifted(jnp.asarray(x(T)), 0.1, **{k: jnp.asarray(v) for k, v in times.items()})
     # differences at the ends have one side only
     np.testing.assert_allclose(found[2:-2], truth(T)[2:-2], rtol=1e-10)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6, 0.02])
+def test_a_bad_fit_of_a_commanded_force_is_not_a_failed_simulation(noise):
+    """A force that is switched has no noise; a misfit of ten times its span stays a number."""
+    t = np.arange(2000)
+    force = 0.05 * np.sign(np.sin(2 * np.pi * t / 500)) + noise * np.random.default_rng(0).normal(
+        size=len(t)
+    )
+    unit = unit_of_residuals(force)
+    assert 10 * np.ptp(force) / unit <= FAILED_MISFIT
+    if noise == 0.02:
+        assert unit == pytest.approx(noise, rel=0.1)

@@ -235,8 +235,8 @@ def test_no_verdict_at_the_edge_of_stability(edge, failed, withheld):
     told = concluded(search, edge=edge)
     assert told.verdict == ("ambiguous" if withheld else "effects")
     assert ("No verdict" in told.sentence) == withheld == bool(told.reasons)
-    if withheld and edge is not None:
-        assert f"{edge:.2f}" in told.sentence
+    if withheld:  # an axis has no stiffness to check
+        assert (f"{edge:.2f}" if edge is not None else "cannot be simulated") in told.sentence
 
 
 @pytest.mark.parametrize(

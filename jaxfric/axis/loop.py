@@ -42,6 +42,7 @@ from .structure import axis_shapes, friction_bumps
 # What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.
 _NOISE_ROWS = 1.0
+_LEAST_UNIT = 1e-3
 
 
 def close_axis_loop(
@@ -89,7 +90,7 @@ def close_axis_loop(
     prepared, rows, blocks = reading.prepared, reading.rows, reading.blocks
     for note in reading.notes:
         progress(note)
-    noise_scale = noise_from_differences(prepared.force[: prepared.rows][rows.used])
+    noise_scale = unit_of_residuals(prepared.force[: prepared.rows][rows.used])
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = rows.used
     problem = make_problem(
@@ -198,6 +199,12 @@ def _score(
         step=rows.segment,
         count=int(rows.segment.max()) + 1,
     )
+
+
+def unit_of_residuals(force: np.ndarray) -> float:
+    """In which residuals are counted: about the noise, but not so little that a bad fit of a
+    commanded force, which has none, counts as a simulation that failed."""
+    return max(noise_from_differences(force), _LEAST_UNIT * float(np.ptp(force)))
 
 
 def length_of(record: AxisRecord) -> str:

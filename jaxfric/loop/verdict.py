@@ -171,8 +171,17 @@ def conclude(
     final, base = search.final, search.base
     groups = _groups(search)
     separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}
-    if base.failed or (edge is not None and edge < _EDGE):
-        why = f"K/K_cr is {edge:.2f}" if edge is not None else "the fit runs away"
+    if base.failed and edge is None:
+        text = (
+            "No verdict: where its fit ended, the base model cannot be simulated, so nothing can be"
+            " said of what it lacks. Check the units and signs of the columns, and of a slider its"
+            " stiffness."
+        )
+        return Conclusion(
+            "ambiguous", text, ("the fit runs away: the verdict is withheld",), (), {}
+        )
+    if edge is not None and (base.failed or edge < _EDGE):
+        why = f"K/K_cr is {edge:.2f}"
         text = (
             f"No verdict: the base fit sits at the edge of stability ({why}), where a small misfit"
             " of the law looks like a large effect; use a stiffer machine, or check --stiffness."
