@@ -4,6 +4,7 @@ Read from the source by AST, so imports inside functions count and nothing is ex
 """
 
 import ast
+import functools
 import graphlib
 from collections import defaultdict
 from pathlib import Path
@@ -63,13 +64,19 @@ def read_package():
 SOURCES = read_package()
 
 
+@functools.cache
+def nodes(source):
+    """Everything in a text; the package is parsed once for all tests."""
+    return tuple(ast.walk(ast.parse(source)))
+
+
 def imports(name, source, is_package, known):
     """Modules of the package that a module imports, anywhere in its source."""
     package = name.split(".") if name else []
     if not is_package:
         package = package[:-1]
     found = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, ast.ImportFrom):
             if node.level:
                 base = package[: len(package) - (node.level - 1)]
@@ -128,7 +135,7 @@ def classes(sources):
     """Class name -> (base names, own abstract names) of every class in the package."""
     table = {}
     for source, _ in sources.values():
-        for node in ast.walk(ast.parse(source)):
+        for node in nodes(source):
             if isinstance(node, ast.ClassDef):
                 bases = [_base_name(base) for base in node.bases]
                 table[node.name] = (bases, any(_is_abstract(item) for item in node.body))
@@ -180,7 +187,7 @@ def override_faults(sources):
     """No method that a base class of the package implements is written again below it."""
     methods = {}
     for source, _ in sources.values():
-        for node in ast.walk(ast.parse(source)):
+        for node in nodes(source):
             if isinstance(node, ast.ClassDef):
                 methods[node.name] = {
                     item.name: _is_abstract(item)

@@ -169,9 +169,7 @@ def at_shapes(effect, amplitude):
 @pytest.mark.parametrize(
     "id",
     [
-        pytest.param(
-            id, marks=[pytest.mark.long] * (id in ("direction_asymmetry", "stribeck", "cubic"))
-        )
+        pytest.param(id, marks=[pytest.mark.long] * (id in ("stribeck", "cubic")))
         for id in AXIS_CATALOGUE
     ],
 )
@@ -337,6 +335,7 @@ def test_blind_records(effect):
         assert loop.verdict in ("effects", "ambiguous") and effect in loop.effects
 
 
+@pytest.mark.long
 def test_a_blind_record_with_few_effects_offered():
     offered = {"direction_asymmetry", "cubic", "time_drift"}
     loop = blind(8, "direction_asymmetry", without=sorted(set(AXIS_CATALOGUE) - offered))

@@ -189,7 +189,7 @@ def with_mass(kind):
     return sliders, ends(*jnp.asarray(batch).T)
 
 
-@pytest.mark.parametrize("kind", ["slip", pytest.param("ageing", marks=pytest.mark.long)])
+@pytest.mark.parametrize("kind", ["ageing", pytest.param("slip", marks=pytest.mark.long)])
 def test_small_perturbations_grow_below_the_critical_stiffness(kind):
     sliders, found = with_mass(kind)
     found = jax.tree.map(lambda x: x[: len(SMALL)], found)

@@ -58,7 +58,7 @@ def golden_source():
 def test_random_cases_against_minimisation_in_one_dimension():
     """k_cr(k_v) of (25) is convex, so the norm has one minimum, near either end by its scales."""
     rng, nearer = np.random.default_rng(11), []
-    for _ in range(60):
+    for _ in range(30):
         p, scale = random_case(rng)
         (norm, kv, kp), *rest = local_minima(p, scale)
         found = single(p, {"stiffness": 1.0}, scale)
@@ -71,7 +71,7 @@ def test_random_cases_against_minimisation_in_one_dimension():
         )
         assert best.residual < 1e-9 and found.smaller_found == 0 and found.grid_points > 1e4
         nearer.append(kp / scale[0] > kv / scale[1])
-    assert 10 < sum(nearer) < 50
+    assert 5 < sum(nearer) < 25
 
 
 def test_reference_finds_a_planted_second_minimum():
