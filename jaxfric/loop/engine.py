@@ -216,18 +216,27 @@ class Engine:
         with self.stopwatch():
             return _in_parts(self.at(z, problem), z, index)
 
-    def noise(self, residual: np.ndarray, columns: np.ndarray) -> Noise:
-        """Noise of the train block, the directions of `columns` taken out."""
-        return self._noise(residual, columns).noise
+    def noise(self, residual: np.ndarray, columns: np.ndarray, *, afresh: bool = False) -> Noise:
+        """Noise of the train block, the directions of `columns` taken out; `afresh`: of whatever
+        parts it has."""
+        found = self._anew(residual, columns) if afresh else self._noise(residual, columns)
+        return found.noise
 
     def _noise(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
-        problem = self.problem
-        rows = problem.clock, problem.weight, residual, padded_columns(columns), self.longest
         if self.family is not None:
+            rows = self._noise_rows(residual, columns)
             return profile_noise(*rows, self.family, self.noises, scale=self.scale)
-        found = estimate_noise(*rows, either_sign=self.either_sign, scale=self.scale)
+        found = self._anew(residual, columns)
         self.family, self.noises = found.family, (found.theta,)
         return found
+
+    def _anew(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
+        rows = self._noise_rows(residual, columns)
+        return estimate_noise(*rows, either_sign=self.either_sign, scale=self.scale)
+
+    def _noise_rows(self, residual: np.ndarray, columns: np.ndarray):
+        problem = self.problem
+        return problem.clock, problem.weight, residual, padded_columns(columns), self.longest
 
     def learn_noise(self, candidate: Candidate) -> Candidate:
         """The candidate with the noise that is found when everything smooth is taken out.

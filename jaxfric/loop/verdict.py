@@ -73,12 +73,15 @@ class Conclusion(NamedTuple):
 
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
-    """Noise with base, effects, and bumps along the record and along each step taken out."""
+    """Noise with base, effects, and bumps along the record and along each step taken out.
+
+    Its parts are found anew: what the base left may have looked like one that is none.
+    """
     rows = engine.evaluate(current.z, engine.free(current.effects))
     columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)
     train = columns * engine.weight[:, None]
     used = np.linalg.norm(train, axis=0) > 0
-    noise = engine.noise(rows.residual * engine.weight, train[:, used])
+    noise = engine.noise(rows.residual * engine.weight, train[:, used], afresh=True)
     held = engine.blocks.select | engine.blocks.report
     # sigma comes from the train block and has its error
     later, chance = (engine.rms_error(some, noise) for some in (held, engine.blocks.train))
