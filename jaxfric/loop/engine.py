@@ -251,8 +251,7 @@ class Engine:
         columns = np.concatenate([rows.residual[:, None], rows.jacobian, self.smooth], axis=1)
         train = columns * self.weight[:, None]
         train = train[:, np.linalg.norm(train, axis=0) > 0]
-        self.family = None
-        found = self._noise(train[:, 0], train[:, 1:])
+        found = self._anew(train[:, 0], train[:, 1:])
         if self.by_step:
             found = self._with_pace(found, columns, train)
             found = self._with_scale(found, columns, train)
@@ -269,8 +268,7 @@ class Engine:
         clock[:, -1] = own_clock(pace, step, len(clock))
         self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jnp.asarray(clock))
         self.longest = np.append(self.longest[:-1], self.longest[-2] / np.max(pace))
-        self.family = None
-        paced = self._noise(train[:, 0], train[:, 1:])
+        paced = self._anew(train[:, 0], train[:, 1:])
         more = paced.family.parameters - found.family.parameters + len(pace) - 1
         if 2 * (paced.value - found.value) > more * np.log(self.weight.sum()):
             self.pace = pace
