@@ -42,7 +42,7 @@ from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
-from jaxfric.report.loop_text import apart, by_velocity, candidates, headline, print_loop
+from jaxfric.report.loop_text import apart, by_velocity, candidates, headline, print_loop, splitting
 
 HOSTILE = "<b>&.csv"
 KEYS = (
@@ -383,6 +383,27 @@ def test_a_record_of_one_step_says_that_less_can_be_told() -> None:
     for shown in (" ".join(printed(loop, 80).split()), page_of(loop).text):
         assert "too few velocity steps" in shown and "4 pairs that it cannot separate" in shown
         assert "train, select, report" in shown
+
+
+@pytest.mark.parametrize(
+    ("steps", "words", "not_words"),
+    [
+        (1, "split by displacement", "velocity step:"),
+        (2, "the step before it is cut: its start is fitted, its end selects", "no step is both"),
+        (3, "no step is both fitted and held out", "cut"),
+        (12, "no step is both fitted and held out", "cut"),
+    ],
+)
+def test_what_is_said_of_a_split_is_so(steps, words, not_words) -> None:
+    """A step with rows in train and in another block is both fitted and held out."""
+    V = VELOCITIES[: steps + 1]
+    times = VelocitySteps(np.concatenate([[0.0], np.cumsum(150e-6 / V[:-1])]), V)
+    end = times.times[-1] + 150e-6 / V[-1]
+    blocks = split(_times(times, end, 100 * len(V)), times)
+    both = set(blocks.step[blocks.train]) & set(blocks.step[blocks.select | blocks.report])
+    assert bool(both) == (steps < 3)
+    text = splitting(dataclasses.replace(make_loop("effects"), blocks=blocks))
+    assert words in text and not_words not in text
 
 
 @pytest.mark.parametrize(

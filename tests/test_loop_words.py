@@ -25,6 +25,7 @@ def said(verdict, effects, told, rivals=(), located=""):
         ("outside_catalogue", ("stiffness",), (1.0, 1.0, 1.06, 1e-4), "changes little", "help"),
         ("outside_catalogue", ("stiffness",), (1.5, 1.3, 1.06, 1e-4), "stiffness helps", "noise"),
         ("outside_catalogue", ("a", "b"), (1.5, 1.3, 1.06, 1e-4), "a and b help", "noise"),
+        ("outside_catalogue", tuple("abc"), (1.5, 1.3, 1.06, 1e-4), "a, b and c help", "noise"),
         ("outside_catalogue", ("a",), (1.5, 1.5, 1.06, 1e-4), "no better", "help"),
         ("outside_catalogue", ("a",), (1.304, 1.296, 1.06, 1e-4), "no better", "help"),
         ("outside_catalogue", ("a",), (1.01, 1.2, 1.06, 1e-4), "no better", "help"),
@@ -111,6 +112,12 @@ def profile(variable, explained, p=1e-9):
             [profile("slip", 1.0), profile("time", 0.98), profile("wavelength", 0.95, 0.3)],
             "follows slip or time, either alone, would explain about 100 %",
         ),
+        (
+            [profile("slip", 1.0), profile("time", 0.98), profile("position", 0.97)],
+            "follows slip, time or position, each alone, would explain about 100 %",
+        ),
+        ([profile("slip", 0.004)], "follows slip would explain less than 1 % of what"),
+        ([profile("slip", 0.006)], "follows slip would explain 1 % of what"),
     ],
 )
 def test_where_structure_sits(profiles, words):

@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..fitting.noise_estimate import noise_estimate
 from .engine import Candidate, Engine
 from .estimates import candidate_scores
+from .family import listed
 from .result import LocationProfile, Loop, Score, ScreenedEffect
 from .screen import screen
 from .search import Search, refit_safely
@@ -123,6 +124,8 @@ def loop_of(
 
 
 _NEARLY = 0.9
+_EITHER = 2
+_LEAST_SHOWN = 0.005
 _VARIABLES = {
     "log_velocity": "velocity",
     "relaxation_length": "the slip since a step",
@@ -146,12 +149,13 @@ def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
         for p in location
         if p.explained >= _NEARLY * best.explained and p.p_value <= 0.01
     ]
-    share = f"{100 * best.explained:.0f} %"
+    left = f"{share_text(best.explained)} of what the base model leaves."
     if len(names) == 1:
-        return (
-            f"Friction that follows {names[0]} would explain {share} of what the base model leaves."
-        )
-    return (
-        f"Friction that follows {' or '.join(names)}, either alone, would explain about {share} of"
-        " what the base model leaves."
-    )
+        return f"Friction that follows {names[0]} would explain {left}"
+    alone = "either alone" if len(names) == _EITHER else "each alone"
+    return f"Friction that follows {listed(names, 'or')}, {alone}, would explain about {left}"
+
+
+def share_text(share: float) -> str:
+    """A share in percent; what rounds to 0 is not nothing."""
+    return f"{100 * share:.0f} %" if share >= _LEAST_SHOWN else "less than 1 %"

@@ -75,9 +75,9 @@ class CurveFamily(NamedTuple):
     def name(self) -> str:
         """What is missing, in words."""
         fit = "is one that fits" if len(self.effects) == 1 else "together are one that fits"
-        also = f", {_listed(self.fitting)} another" if len(self.fitting) == 1 else ""
-        also = f", {_listed(self.fitting)} are others" if len(self.fitting) > 1 else also
-        return f"a steady curve of velocity ({' and '.join(self.effects)} {fit}{also})"
+        also = f", {listed(self.fitting)} another" if len(self.fitting) == 1 else ""
+        also = f", {listed(self.fitting)} are others" if len(self.fitting) > 1 else also
+        return f"a steady curve of velocity ({listed(self.effects)} {fit}{also})"
 
     def wanted(self) -> str:
         """Velocities that would decide, in words; nothing where there are none."""
@@ -86,7 +86,7 @@ class CurveFamily(NamedTuple):
         rotary = self.unit == "rad/s"
         told = [f"{d.velocity:.2g} rad/s" if rotary else speed_text(d.velocity, 2)
                 for d in self.decided_by]  # fmt: skip
-        return f"steady sliding at {_listed(told, 'or')}"
+        return f"steady sliding at {listed(told, 'or')}"
 
     def why(self) -> str:
         """Why the shape is not told, in words."""
@@ -112,7 +112,8 @@ class CurveFamily(NamedTuple):
         }
 
 
-def _listed(names: Sequence[str], last: str = "and") -> str:
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """Names as a list in words: "a", "a and b", "a, b and c"."""
     if len(names) < _AND:
         return "".join(names)
     return f"{', '.join(names[:-1])} {last} {names[-1]}"

@@ -10,7 +10,7 @@ from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
-from .family import CurveFamily
+from .family import CurveFamily, listed
 from .location import Bumps, locate
 from .rivals import rival_fits
 from .screen import ALIAS, orthonormal
@@ -269,7 +269,7 @@ def _rivals(search: Search) -> list[tuple[str, str]]:
 
 def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str, families=()) -> str:
     """The verdict in words."""
-    named = " and ".join(search.final.effects)
+    named = listed(search.final.effects)
     before = f"held-out error {told.before:.2f} sigma"
     if verdict == "no_missing_effect":
         return f"Nothing is missing: the base model fits to the noise ({before})."
@@ -292,7 +292,7 @@ def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str, 
     if families:
         (curve,) = families
         sure = [id for id in search.final.effects if id not in curve.effects]
-        what = " and ".join([*sure, curve.name()])
+        what = listed([*sure, curve.name()])
         alike = f", or what looks like it ({pairs})" if pairs else ""
         wanted = f" {_upper(curve.wanted())} would tell." if curve.decided_by else ""
         return f"The model lacks {what}{alike}: {told.change()}, BIC {gain:.0f} lower.{wanted}"

@@ -4,6 +4,7 @@ import base64
 from collections.abc import Mapping
 from html import escape
 
+from ..loop.family import listed
 from ..loop.result import Loop
 from .loop_text import (
     Table,
@@ -189,7 +190,7 @@ def _details(title: str, content: str) -> str:
 
 def _head(loop: Loop, name: str) -> str:
     law = loop.base_name
-    declared = " and ".join(loop.before.effects)
+    declared = listed(loop.before.effects)
     asked = f"{name}: what does the {law}{' with ' + declared if declared else ''} lack?"
     reasons = _list([spoken(loop, reason) for reason in loop.reasons])
     return (

@@ -11,9 +11,9 @@ from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
 from ..fitting.table import decimals
-from ..loop.family import CurveFamily
+from ..loop.family import CurveFamily, listed
 from ..loop.result import ROLES, CandidateScore, Loop, Table
-from ..loop.split import NAMES
+from ..loop.split import NAMES, Blocks
 from ..loop.structure import QUESTIONS, p_text
 from ..units import factor, format_si
 
@@ -56,9 +56,9 @@ def headline(loop: Loop) -> str:
     """The verdict in a few words."""
     if loop.families:
         others = [id for id in loop.effects if not any(id in f.effects for f in loop.families)]
-        return "Missing: " + " and ".join([*others, "a curve of velocity whose shape is not told"])
+        return "Missing: " + listed([*others, "a curve of velocity whose shape is not told"])
     text = HEADLINES.get(loop.verdict, loop.verdict)
-    return text.format(effects=" and ".join(loop.effects) or "an effect")
+    return text.format(effects=listed(loop.effects) or "an effect")
 
 
 def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[Table]:
@@ -303,9 +303,9 @@ def apart(loop: Loop) -> list[str]:
     for id, *others in loop.alias_groups:
         alike = [other for other in others if not _tells(loop, id, other)]
         refits = [f"{o} (BIC {_worse(loop, id, o):.0f} worse)" for o in others if o not in alike]
-        told = f"; a refit tells it from {' and '.join(refits)}" if refits else ""
+        told = f"; a refit tells it from {listed(refits)}" if refits else ""
         if alike:
-            text = f"{id}: this record cannot tell it from {' or '.join(alike)}"
+            text = f"{id}: this record cannot tell it from {listed(alike, 'or')}"
             wanted = loop.separations.get(id)
             out.append(f"{text}; what would: {wanted}{told}" if wanted else text + told)
         family = next((f for f in loop.families if id in f.effects), None)
@@ -377,12 +377,23 @@ def _nearest(loop: Loop, id: str) -> tuple[str, float]:
 def splitting(loop: Loop) -> str:
     """How the record was split, and what that means."""
     if loop.blocks.by_step:
-        return spoken(loop, "split by velocity step: no step is both fitted and held out")
+        return spoken(loop, f"split by velocity step: {_whole_steps(loop.blocks)}")
     count = len(alias_pairs(loop))
     return (
         "the record has too few velocity steps to hold whole ones out: it was split by displacement"
         " into before, transient and tail. Fewer effects can be told apart: the aliasing matrix"
         f" shows {count or 'no'} pair{'' if count == 1 else 's'} that it cannot separate"
+    )
+
+
+def _whole_steps(blocks: Blocks) -> str:
+    """Whether all steps are held out whole, and what is done with one that is not."""
+    held = blocks.select | blocks.report
+    if not np.isin(blocks.step[held], blocks.step[blocks.train]).any():
+        return "no step is both fitted and held out"
+    return (
+        "the last step reports, whole and never fitted; the step before it is cut: its start is"
+        " fitted, its end selects"
     )
 
 
