@@ -38,11 +38,20 @@ from jaxfric.loop.result import (
     ScreenedEffect,
 )
 from jaxfric.loop.split import NAMES, split
+from jaxfric.loop.verdict import Told
 from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
-from jaxfric.report.loop_text import apart, by_velocity, candidates, headline, print_loop, splitting
+from jaxfric.report.loop_text import (
+    apart,
+    by_velocity,
+    candidates,
+    errors,
+    headline,
+    print_loop,
+    splitting,
+)
 
 HOSTILE = "<b>&.csv"
 KEYS = (
@@ -337,6 +346,38 @@ def test_every_verdict(verdict: str) -> None:
     assert {"train_rms", "select_rms", "report_rms", "in_sigma", "parameters"} <= set(
         content["before"]
     )
+
+
+def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(tmp_path: Path) -> None:
+    """Rows held out are noisier by a quarter: their errors are in their own noise everywhere."""
+    loop = make_loop("effects")
+    noisy = dataclasses.replace(loop, sigma_held_out=1.25 * loop.sigma)
+    for name, factor in (("train", 1.0), ("select", 1.25), ("report", 1.25)):
+        values = [s.rms[name] / (factor * loop.sigma) for s in (loop.before, loop.after)]
+        for number, shown in zip(values, errors(noisy).rows[NAMES.index(name)][-2:], strict=True):
+            assert shown == f"{number:.3f}"
+        content = noisy.to_json()
+        both = [content[fit]["in_sigma"][name] for fit in ("before", "after")]
+        assert both == pytest.approx(values)
+        assert errors(loop).rows[NAMES.index(name)][-1] == f"{factor * values[1]:.3f}"
+    held = [loop.heldout(s) / (1.25 * loop.sigma) for s in (loop.before, loop.after)]
+    told = Told(*held, 1.1, 1.0).change()
+    assert told == "held-out error {:.2f} -> {:.2f} sigma".format(*held)
+    row = errors(noisy).rows[-1][-2:]
+    assert told == "held-out error {:.2f} -> {:.2f} sigma".format(*map(float, row))
+    assert (
+        "0.3 × 10⁻³ where the model is fitted, 0.375 × 10⁻³ in rows held out" in errors(noisy).note
+    )
+    assert "held out" not in errors(loop).note
+    steps = [float(row[-1]) for row in by_velocity(noisy).rows]
+    old = [float(row[-1]) for row in by_velocity(loop).rows]
+    assert np.divide(old[-2:], steps[-2:]) == pytest.approx(1.25, rel=0.002)
+    assert steps[1] == old[1] and content["noise"]["sigma_held_out"] == 1.25 * loop.sigma
+    DRAWERS["residual"](noisy, tmp_path)
+    drawing = (tmp_path / "residual.svg").read_text()
+    for number in held:
+        assert f"held-out error {number:.2f} σ" in drawing
+    assert "in rows held out 0.375" in drawing
 
 
 def test_numbers_are_those_of_the_loop() -> None:

@@ -128,6 +128,9 @@ def test_before_and_after_are_the_residuals(second):
         assert part.covariance.shape == (len(part.free),) * 2
         stds = [part.parameters[name].std for name in part.free]
         np.testing.assert_allclose(np.sqrt(np.diag(part.covariance)), stds, rtol=1e-6)
+    assert loop.sigma_held_out != loop.sigma  # and the sentence says its errors in that
+    both = [f"{loop.heldout(s) / loop.sigma_held_out:.2f}" for s in (loop.before, loop.after)]
+    assert " -> ".join(both) in loop.sentence
     moved = loop.after.parameters["A"].value - loop.before.parameters["A"].value
     assert loop.shifts()["A"] == pytest.approx(moved / loop.after.parameters["A"].std)
 

@@ -234,6 +234,7 @@ def test_no_verdict_at_the_edge_of_stability(edge, failed, withheld):
     search.base.failed = failed
     told = concluded(search, edge=edge)
     assert told.verdict == ("ambiguous" if withheld else "effects")
+    assert told.sigma_held_out == FLOOR.later
     assert ("No verdict" in told.sentence) == withheld == bool(told.reasons)
     if withheld:  # an axis has no stiffness to check
         assert (f"{edge:.2f}" if edge is not None else "cannot be simulated") in told.sentence

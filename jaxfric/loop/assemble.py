@@ -119,6 +119,7 @@ def loop_of(
         warnings=warnings,
         details=details,
         families=told.families,
+        sigma_held_out=told.sigma_held_out,
         seconds=seconds,
     )
 

@@ -165,7 +165,8 @@ class Loop:
     before: Score
     after: Score
     sigma: float
-    """Standard deviation of the noise with everything smooth taken out [unit of friction]."""
+    """Standard deviation of the noise of the train rows with everything smooth taken out [unit of
+    friction]."""
     location: tuple[LocationProfile, ...]
     """Of the base's residual, most telling variable first."""
     alias_ids: tuple[str, ...]
@@ -179,6 +180,8 @@ class Loop:
     families: tuple[CurveFamily, ...] = ()
     """Where the verdict rests on a curve whose shape the record does not tell: what is missing is
     one of its family, of which the effect that is named is one."""
+    sigma_held_out: float = float("nan")
+    """As `sigma`, of the rows that are held out; nan where it is not known apart."""
 
     @property
     def is_axis(self) -> bool:
@@ -209,6 +212,16 @@ class Loop:
         """rms of select and report blocks together."""
         rows = self.blocks.select | self.blocks.report
         return float(np.sqrt(np.mean(score.residual[rows] ** 2)))
+
+    def row_sigma(self) -> np.ndarray:
+        """The noise of every row: `sigma_held_out` of rows that are held out, else `sigma`."""
+        held = self.blocks.select | self.blocks.report
+        known = np.isfinite(self.sigma_held_out)
+        return np.where(held & known, self.sigma_held_out, self.sigma)
+
+    def sigma_of(self, rows: np.ndarray) -> float:
+        """rms of the noise of some rows (a mask), the unit in which their error is told."""
+        return float(np.sqrt(np.mean(self.row_sigma()[rows] ** 2))) if rows.any() else self.sigma
 
     def ranked(self) -> list[CandidateScore]:
         """The models that were fitted, each once, best Delta BIC first; failed ones last."""
@@ -253,6 +266,14 @@ class Loop:
             return 1e6, "10⁻⁶"
         return (1e3, "10⁻³") if level < 0.1 else (1.0, "")
 
+    def sigma_texts(self) -> tuple[str, ...]:
+        """`sigma` as text, and the noise of the rows held out where that is another number."""
+        size, unit = self.readable()
+        times = " × " if unit.startswith("10") else " "
+        held = self.sigma_of(self.blocks.select | self.blocks.report)
+        texts = (f"{size * sigma:.3g}{times}{unit}".rstrip() for sigma in (self.sigma, held))
+        return tuple(dict.fromkeys(texts))
+
     def to_json(self) -> dict:
         """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""
         origin = self.record.provenance
@@ -294,6 +315,7 @@ class Loop:
             "shifts_in_sigma": {k: _number(v) for k, v in self.shifts().items()},
             "noise": {
                 "sigma": _number(self.sigma),
+                "sigma_held_out": _number(self.sigma_held_out),
                 **self.after.noise.to_json(),
             },
             "tests": {
@@ -327,10 +349,16 @@ class Loop:
 
     def _score(self, score: Score) -> dict:
         rms = {f"{name}_rms": _number(value) for name, value in score.rms.items()}
+        step = self.blocks.step
         return {
             **rms,
-            "in_sigma": {name: _number(v / self.sigma) for name, v in score.rms.items()},
-            "per_step_in_sigma": [_number(v / self.sigma) for v in score.per_step],
+            "in_sigma": {
+                name: _number(v / self.sigma_of(self.blocks.of(name)))
+                for name, v in score.rms.items()
+            },
+            "per_step_in_sigma": [
+                _number(v / self.sigma_of(step == k)) for k, v in enumerate(score.per_step)
+            ],
             "parameters": {
                 name: {
                     "value": _number(e.value),

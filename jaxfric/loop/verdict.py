@@ -70,6 +70,7 @@ class Conclusion(NamedTuple):
     alias_groups: tuple[tuple[str, ...], ...]
     separations: dict[str, str]
     families: tuple[CurveFamily, ...] = ()
+    sigma_held_out: float = float("nan")
 
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
@@ -180,16 +181,14 @@ def conclude(
             " said of what it lacks. Check the units and signs of the columns, and of a slider its"
             " stiffness."
         )
-        return Conclusion(
-            "ambiguous", text, ("the fit runs away: the verdict is withheld",), (), {}
-        )
+        return _withheld(text, "the fit runs away", floor)
     if edge is not None and (base.failed or edge < _EDGE):
         why = f"K/K_cr is {edge:.2f}"
         text = (
             f"No verdict: the base fit sits at the edge of stability ({why}), where a small misfit"
             " of the law looks like a large effect; use a stiffer machine, or check --stiffness."
         )
-        return Conclusion("ambiguous", text, (f"{why}: the verdict is withheld",), (), {})
+        return _withheld(text, why, floor)
     reasons = _reasons(engine, final, floor, tests)
     rivals = _rivals(search)
     families = () if curve is None or not curve.untold else (curve,)
@@ -202,7 +201,14 @@ def conclude(
     )
     families = families if verdict == "ambiguous" else ()
     sentence = sentence_of(verdict, search, told, rivals, located, families)
-    return Conclusion(verdict, sentence, tuple(reasons), groups, separations, families)
+    told = sentence, tuple(reasons), groups, separations, families
+    return Conclusion(verdict, *told, sigma_held_out=floor.later)
+
+
+def _withheld(sentence: str, why: str, floor: Floor) -> Conclusion:
+    """No verdict, and why."""
+    reasons = (f"{why}: the verdict is withheld",)
+    return Conclusion("ambiguous", sentence, reasons, (), {}, sigma_held_out=floor.later)
 
 
 def effect_of_engine(engine: Engine, id: str):

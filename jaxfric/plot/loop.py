@@ -57,13 +57,13 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
     _velocities(axes[0], loop, along, marks)
     added = " + ".join(loop.effects)
     after = f"After: with {added}" if added else "After: no effect was added, the same"
-    reach = _reach(loop)
+    reach, held = _reach(loop), loop.sigma_of(loop.blocks.select | loop.blocks.report)
     for axis, score, title in (
         (axes[1], loop.before, f"Before: {_base(loop)}"),
         (axes[2], loop.after, after),
     ):
-        _residual(axis, loop, -score.residual / loop.sigma, along, reach)
-        tidy(axis, f"{title}   (held-out error {loop.heldout(score) / loop.sigma:.3g} σ)")
+        _residual(axis, loop, -score.residual / loop.row_sigma(), along, reach)
+        tidy(axis, f"{title}   (held-out error {loop.heldout(score) / held:.2f} σ)")
     for axis in axes:
         _blocks(axis, loop, along)
         axis.grid(False)
@@ -82,7 +82,8 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
     shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
     figure.legend(handles=shades, loc="outside lower left", ncol=3, frameon=False, fontsize=9)
     name = printable(loop.record.provenance.path)
-    title = f"{name}: record minus model, in units of the noise σ = {_noise(loop)}"
+    noise = ", in rows held out ".join(loop.sigma_texts())
+    title = f"{name}: record minus model, in units of the noise σ = {noise}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(list(axes))
     return save(figure, folder, "residual")
@@ -91,12 +92,6 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
 def _base(loop: Loop) -> str:
     """The base model in words: its law, and effects that were declared from the start."""
     return " with ".join([loop.base_name, *loop.before.effects])
-
-
-def _noise(loop: Loop) -> str:
-    size, unit = loop.readable()
-    number = f"{loop.sigma * size:.3g}"
-    return f"{number} × {unit}" if unit.startswith("10") else f"{number} {unit}".strip()
 
 
 def _abscissa(loop: Loop) -> tuple[np.ndarray, str, np.ndarray]:
@@ -112,10 +107,9 @@ def _abscissa(loop: Loop) -> tuple[np.ndarray, str, np.ndarray]:
 
 def _reach(loop: Loop) -> float:
     """Half the height of the residual panels [sigma]: a few extreme rows may lie outside."""
-    sizes = np.abs(np.concatenate([loop.before.residual, loop.after.residual])) / loop.sigma
-    means = np.concatenate(
-        [_bins(loop, s.residual / loop.sigma)[1] for s in (loop.before, loop.after)]
-    )
+    both = [s.residual / loop.row_sigma() for s in (loop.before, loop.after)]
+    sizes = np.abs(np.concatenate(both))
+    means = np.concatenate([_bins(loop, values)[1] for values in both])
     return float(max(4.0, 1.1 * np.nanquantile(sizes, 0.998), 1.25 * np.nanmax(np.abs(means))))
 
 
@@ -448,10 +442,11 @@ def _bars(axis: Axes, names: list[str], values: list[float], colours: list[str])
 
 
 def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequence[str]) -> None:
-    values = np.asarray([c.heldout_rms / loop.sigma for c in tried], float)
+    sigma = loop.sigma_of(loop.blocks.select)
+    values = np.asarray([c.heldout_rms / sigma for c in tried], float)
     known = np.isfinite(values)
     places = np.arange(len(tried))
-    base = loop.before.rms["select"] / loop.sigma
+    base = loop.before.rms["select"] / sigma
     worst = 1.5 * max(base, 1.0)
     axis.scatter(
         np.minimum(values, worst)[known], places[known], s=42, zorder=3,

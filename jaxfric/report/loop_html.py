@@ -59,8 +59,9 @@ _COLOURS = {
 _MEANING = (
     (
         "σ (sigma)",
-        "The noise of one row of the record, found with everything smooth taken out. An error of"
-        " 1.00 σ cannot be made smaller by any model, but for chance.",
+        "The noise of one row of the record, found with everything smooth taken out; rows that are"
+        " held out have their own. An error of 1.00 σ cannot be made smaller by any model, but for"
+        " chance.",
     ),
     (
         "train, select, report",
@@ -200,14 +201,14 @@ def _head(loop: Loop, name: str) -> str:
 
 
 def _cards(loop: Loop) -> str:
-    def pair(before: float, after: float) -> str:
-        both = f"{before / loop.sigma:.2f} σ"
-        return f"{both} → {after / loop.sigma:.2f} σ" if loop.effects else both
+    def pair(name: str) -> str:
+        sigma = loop.sigma_of(loop.blocks.of(name))
+        both = f"{loop.before.rms[name] / sigma:.2f} σ"
+        return f"{both} → {loop.after.rms[name] / sigma:.2f} σ" if loop.effects else both
 
-    before, after = loop.before.rms, loop.after.rms
     cards = [
-        (pair(before["report"], after["report"]), "error on the report block, seen only once"),
-        (pair(before["train"], after["train"]), "error where the model was fitted"),
+        (pair("report"), "error on the report block, seen only once"),
+        (pair("train"), "error where the model was fitted"),
         (" + ".join(loop.effects) or "none", "effects added"),
         (loop.after.noise.text(), "noise of the record"),
     ]

@@ -137,20 +137,27 @@ def errors(loop: Loop) -> Table:
     for name in NAMES:
         both = [loop.before.rms[name], loop.after.rms[name]]
         count = str(int(loop.blocks.of(name).sum()))
-        rows.append((f"{name}: {BLOCKS[name]}", count, *_errors(both, size, loop.sigma)))
+        sigma = loop.sigma_of(loop.blocks.of(name))
+        rows.append((f"{name}: {BLOCKS[name]}", count, *_errors(both, size, sigma)))
     both = [loop.heldout(loop.before), loop.heldout(loop.after)]
-    count = str(int((loop.blocks.select | loop.blocks.report).sum()))
-    rows.append(("held out: select and report", count, *_errors(both, size, loop.sigma)))
-    times = " × " if unit.startswith("10") else " "
-    noise = f"{size * loop.sigma:.3g}{times}{unit}".rstrip()
+    held = loop.blocks.select | loop.blocks.report
+    sigma = loop.sigma_of(held)
+    rows.append(("held out: select and report", str(int(held.sum())), *_errors(both, size, sigma)))
     return Table(
         "Error before and after",
         ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
         rows,
-        f"σ = {noise} is the noise of a row: no model brings the error below 1 σ, but for chance."
-        f" It is {loop.after.noise.text()}{_bound(loop)}",
+        f"{_what_sigma_is(loop)}; no model brings the error below 1 σ, but for chance. Noise is"
+        f" {loop.after.noise.text()}{_bound(loop)}",
         (3,),
     )
+
+
+def _what_sigma_is(loop: Loop) -> str:
+    here, *later = loop.sigma_texts()
+    if not later:
+        return f"σ = {here} is the noise of a row"
+    return f"σ is the noise of a row: {here} where the model is fitted, {later[0]} in rows held out"
 
 
 def _bound(loop: Loop) -> str:
@@ -174,7 +181,7 @@ def by_velocity(loop: Loop) -> Table:
         blocks = ", ".join(name for name in NAMES if (loop.blocks.of(name) & here).any())
         shown = format_si(float(velocity), f"{loop.length_unit}/s", f"{length}/s", 4)
         shown = shown.replace("um", "µm")
-        both = [s.per_step[k] / loop.sigma for s in (loop.before, loop.after)]
+        both = [s.per_step[k] / loop.sigma_of(here) for s in (loop.before, loop.after)]
         errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
         rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
     head = ("from", "velocity", "block", "before [σ]", "after [σ]")
@@ -269,7 +276,7 @@ def candidates(loop: Loop, *, most: int) -> Table:
             " + ".join(c.effects) or "base",
             _finite(c.delta_bic, "{:+.1f}").replace("-", "−"),
             _finite(c.train_rms / loop.sigma, "{:.3f}"),
-            _finite(c.heldout_rms / loop.sigma, "{:.3f}"),
+            _finite(c.heldout_rms / loop.sigma_of(loop.blocks.select), "{:.3f}"),
             _role(loop, c),
         )
         for c in found[:most]
