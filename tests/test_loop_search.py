@@ -163,14 +163,25 @@ def test_gain_and_stiffness_are_one_without_mass(second):
 
 
 def test_nothing_is_found_where_nothing_is_missing():
+    """Of the whole catalogue."""
+    record, stiffness, truth = blind(Request(SEED + 1))
+    loop = close_loop(record, stiffness=stiffness, own=[Quadratic], without=["quadratic"])
+    nothing_was_found(loop, truth)
+
+
+@pytest.mark.long
+def test_a_trend_that_the_base_has_from_the_start_is_fitted_and_is_none():
     record, stiffness, truth = blind(Request(SEED + 1))
     few = offering("second_state", "viscous", "slip_trend")
-    # a trend that the base has from the start is fitted, and is none
     loop = close_loop(record, stiffness=stiffness, with_="slip_trend", **few)
-    assert loop.verdict == "no_missing_effect" and loop.effects == () and loop.reasons == ()
+    nothing_was_found(loop, truth)
     assert "slip_trend" not in loop.alias_ids
     trend = loop.after.parameters["slip_trend.s"]
     assert 0 < abs(trend.value) < 4 * trend.std
+
+
+def nothing_was_found(loop, truth) -> None:
+    assert loop.verdict == "no_missing_effect" and loop.effects == () and loop.reasons == ()
     assert loop.after is loop.before and loop.alias_groups == ()
     assert held_out(loop) <= _HELD_OUT
     assert all(value == 0 for value in loop.shifts().values())

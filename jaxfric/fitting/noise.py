@@ -150,7 +150,7 @@ def innovations(
     zero, none = jnp.zeros_like(columns[0]), jnp.zeros_like(first)
     start = ([zero] * 3, [first, none, none, second, none, second * slope])
     rows = (scaled, jnp.where(used, 0.0, _HIDDEN), jnp.exp(-forgotten[:, 0]), turn, list(added))
-    _, (found, log_inverse) = jax.lax.scan(advance, start, rows, unroll=4)
+    _, (found, log_inverse) = jax.lax.scan(advance, start, rows)
     log_scale = jnp.sum(jnp.where(used, jnp.log(noise.scale), 0.0))
     return found * used[:, None], 2 * log_scale - jnp.sum(log_inverse)
 
@@ -228,7 +228,7 @@ def _correlated(jacobian, turn):
         return carry, carry
 
     start = jnp.zeros(jacobian.shape[1], complex)
-    _, tail = jax.lax.scan(step, start, (jacobian, turn), unroll=8)
+    _, tail = jax.lax.scan(step, start, (jacobian, turn))
     one_sided = jacobian.T @ tail
     return one_sided + one_sided.T - jacobian.T @ jacobian
 

@@ -28,7 +28,8 @@ LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
 too seldom for its size to be known, and a likelihood makes it as large as it likes."""
 _SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
-_FEW, _AT_ONCE = 8, 24  # noises that are whitened in one pass
+_AT_ONCE = 8  # noises that are whitened in one pass
+_DAMPINGS = 8
 _NEWTON = 12
 _STEP = 0.2
 _SETTLED = 0.02
@@ -302,7 +303,7 @@ def _newton(record: Record, family: Family, theta: np.ndarray) -> tuple[_Seen, n
     for (i, j), both in zip(pairs, values[2 * q + 1 :], strict=True):
         curve[i, j] = curve[j, i] = (both - plus[i] - plus[j] + values[0]) / _STEP**2
     scale, vectors = np.linalg.eigh(-curve)
-    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _FEW)[:, None]
+    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _DAMPINGS)[:, None]
     steps = (vectors.T @ slope / damped) @ vectors.T
     return seen, centre + np.clip(steps, -2.0, 2.0)
 
@@ -362,8 +363,7 @@ def _values(record: Record, family: Family, theta: np.ndarray) -> tuple[np.ndarr
     values, sigmas = [], []
     for begin in range(0, len(theta), _AT_ONCE):
         part = theta[begin : begin + _AT_ONCE]
-        lanes = next(size for size in (1, _FEW, _AT_ONCE) if len(part) <= size)
-        full = part[np.minimum(np.arange(lanes), len(part) - 1)]
+        full = part[np.minimum(np.arange(_AT_ONCE), len(part) - 1)]  # one shape is compiled
         parts = (jnp.asarray(x) for x in parts_at(family, full, record.limits))
         found = restricted(record.clock, record.weight, record.columns, record.scale, *parts)
         values.append(np.asarray(found[0])[: len(part)])
