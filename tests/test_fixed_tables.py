@@ -5,8 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from jaxfric.axis.effects import Presliding
 from jaxfric.effects import RecordScales
 from jaxfric.loop.fixed import Part, loose, not_fixed
+from jaxfric.quantity import quantities
 
 SIZE = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 500.0)
 
@@ -136,3 +138,37 @@ BOTH = ("lag", "late")
 def test_what_a_candidate_leaves_open(effects, made, names):
     candidate = SimpleNamespace(effects=effects, z=Z, noise=None)
     assert not_fixed(made, candidate, SIZE) == names
+
+
+AXIS = RecordScales(np.nan, 1e-4, 0.2, 1e-3, 0.2, 0.01, 15.0)
+BRISTLE = {"presliding.a": 25.0, "presliding.sigma_1": 1.2e4, "presliding.x_c": 1.5e-5}
+
+
+@pytest.mark.parametrize(
+    ("errors", "names"),
+    [
+        # at 0.2 m/s such a damping would be 2400 N, but there the bristle no longer bends
+        ((0.1, 0.1, 0.1), ()),
+        ((0.1, 9.0, 0.1), ()),  # Dahl's bristle is known where its damping is not
+        ((1.01, 0.1, 0.1), ("presliding.a",)),
+        ((0.1, 0.1, 1.01), ("presliding.x_c",)),
+    ],
+)
+def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
+    own = tuple(BRISTLE)
+    about = dict(zip(own, quantities(Presliding).values(), strict=True))
+    made = SimpleNamespace(
+        names=own, rows=2, weight=np.ones(3),
+        problem=SimpleNamespace(friction=np.asarray([100.0, -100.0, 0.0])),
+        free=lambda effects: np.arange(3),
+        evaluate=lambda z, index: SimpleNamespace(
+            failed=False, jacobian=np.diag(1 / np.asarray(errors)), extra_jacobian=np.zeros((0, 3))
+        ),
+        whiten=lambda columns, noise: columns,
+        values=lambda z: BRISTLE,
+        model=SimpleNamespace(
+            columns=lambda ids: [0, 1, 2], amplitudes=lambda id: [0, 1], quantity=about.__getitem__
+        ),
+    )  # fmt: skip
+    candidate = SimpleNamespace(effects=("presliding",), z=np.ones(3), noise=None)
+    assert not_fixed(made, candidate, AXIS) == names  # pyright: ignore[reportArgumentType]

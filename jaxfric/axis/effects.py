@@ -292,6 +292,9 @@ class TimeDrift(AbstractAxisEffect):
 class Presliding(AbstractAxisEffect):
     """+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c: Coulomb friction comes back over a
     distance. Dahl's bristle, and LuGre's with its damping.
+
+    The damping acts where the bristle bends, at low speed within some x_c of a reversal: sigma_1
+    times the speed of a stroke is no force, and a record may show the bristle without it.
     """
 
     id: ClassVar[str] = "presliding"
@@ -301,7 +304,9 @@ class Presliding(AbstractAxisEffect):
     separated_by: ClassVar[str] = "slow reversals, smaller than the presliding distance"
     channel: ClassVar[str | None] = None
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction on a bristle", default=0.0)
-    sigma_1: Float[Array, ""] = quantity("sigma_1", "F s/m", "damping of the bristle", default=0.0)
+    sigma_1: Float[Array, ""] = quantity(
+        "sigma_1", "F s/m", "damping of the bristle", default=0.0, shape_only=True
+    )
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0, default=1.0)
 
     def embed(self, rig):
