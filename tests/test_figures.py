@@ -4,10 +4,15 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
-from jaxfric.plot.loop import _cell
+from jaxfric.axis.steady import close_steady_loop
+from jaxfric.loop.result import LocationProfile
+from jaxfric.plot import steady
+from jaxfric.plot.loop import _cell, _share_and_p
 from jaxfric.plot.marginals import draw_marginals
+from jaxfric.plot.side import by_factors
 from jaxfric.plot.stability import new_figure
 from jaxfric.plot.ticks import plain_log
+from jaxfric.records.steady import SteadyCurve
 
 
 def labels(axis) -> list[str]:
@@ -79,9 +84,80 @@ def test_panels_of_a_row_share_one_scale() -> None:
     assert left.get_ylabel().replace("\n", " ") == long
 
 
+@pytest.mark.parametrize(
+    ("values", "log"),
+    [
+        ([1, 10], True),
+        ([1, 3, 10], True),
+        ([10, 1, 3], True),
+        ([1, 2, 3, 4, 5, 6, 7, 8, 9, 10], False),
+        ([1, 7], False),
+        ([0, 10], False),
+        ([-1, 10], False),
+        ([5], False),
+        ([1, 5, 10], False),
+        ([1, 4, 10], True),
+    ],
+)
+def test_listed_values_that_differ_by_factors_stand_on_a_logarithmic_axis(values, log) -> None:
+    assert by_factors(1e-6 * np.asarray(values, float)) == log
+
+
+def test_the_title_of_the_curves_of_a_study_stays_within_the_figure() -> None:
+    """Also where many outputs have no number; and two velocities, 1 and 10, are a decade."""
+    nothing = {f"n{i}": (lambda k, v: np.nan * k, f"what nobody knows of {i}") for i in range(9)}
+    found = study_of(gain=(lambda k, v: k / 1e4, "gain"), **nothing)
+    figure = draw_marginals(found, list(found.data_vars)[:-1], [])
+    assert isinstance(figure, matplotlib.figure.Figure)
+    assert figure.axes[1].get_xscale() == "log"
+    figure.draw_without_rendering()
+    assert figure._suptitle.get_window_extent().x1 <= figure.bbox.x1  # pyright: ignore
+    assert "what nobody knows of 8" in figure.get_suptitle().replace("\n", " ")
+
+
 def test_a_study_of_one_member_has_no_curves() -> None:
     found = study_of(gain=(lambda k, v: k / 1e4, "gain")).isel(k_p=[0], V0=[0])
     assert draw_marginals(found, ["gain"], []) is None
+
+
+def test_no_legend_of_a_steady_curve_lies_on_a_panel(monkeypatch, tmp_path) -> None:
+    """A run at any speed may have any friction: within a panel a legend hides what is there."""
+    speed = np.concatenate([-np.geomspace(0.5, 20, 8)[::-1], np.geomspace(0.5, 20, 8)])
+    one = np.ones(16)
+    force = 2 * np.sign(speed) + np.sign(speed) * np.exp(-np.abs(speed))
+    curve = SteadyCurve(speed, force, one, one, one, 0.01 * one, 0 * one, tuple("abcdefghijklmnop"))
+    drawn = []
+    monkeypatch.setattr(steady, "save", lambda figure, *_: drawn.append(figure) or [])
+    steady.draw_steady(close_steady_loop(curve), tmp_path)
+    (figure,) = drawn
+    figure.draw_without_rendering()
+    legends = [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]
+    assert {t.get_text() for one in legends for t in one.get_texts()} >= {
+        "runs: mean ± its error", "error of the means", "base: Coulomb and viscous",
+    }  # fmt: skip
+    for legend in legends:
+        for axis in figure.axes:
+            assert not legend.get_window_extent().overlaps(axis.get_window_extent())
+
+
+@pytest.mark.parametrize(
+    ("explained", "p", "words"),
+    [
+        (0.98, 0.0, "slip alone explains 98 %\np < 1e-12"),
+        (
+            0.004,
+            0.0,
+            "slip alone explains less than 1 %\np < 1e-12: hardly chance, but a tiny share",
+        ),
+        (0.011, 1e-3, "slip alone explains 1 %\np = 0.001"),
+        (0.5, 0.0101, "slip\np = 0.01: no more than chance"),
+        (np.nan, 1e-15, "slip\np < 1e-12, but all that is left is too little to have shares of"),
+        (np.nan, np.nan, "slip\np unknown"),
+    ],
+)
+def test_a_share_and_its_p_are_told_together(explained, p, words) -> None:
+    one = np.ones(1)
+    assert _share_and_p("slip", LocationProfile("slip", "m", one, one, one, explained, p)) == words
 
 
 @pytest.mark.parametrize(

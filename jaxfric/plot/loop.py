@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 
+from ..loop.assemble import share_text
 from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
 from ..loop.structure import p_text
@@ -30,6 +31,7 @@ _BLOCKS = {
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
+_TINY = 0.01
 _NOISE_WIDTH = 88
 _MIDDLE, _LIGHT, _PALE = "#5d8bb3", "#b9cfe2", "0.85"
 _ROLE_COLOURS = {
@@ -246,7 +248,10 @@ def _save_location(loop: Loop, folder: Path) -> list[str]:
         f" {size * left:.3g} {unit}".rstrip()
         + ", of which the noise of a row is the dotted"
         f" {loop.sigma / left:.2g}.\nLeft out is what the base's own parameters take up. The"
-        " machine shows a part only, and neighbours of opposite sign cancel. Bars: standard error.",
+        " machine shows a part only, and neighbours of opposite sign cancel. Bars: standard error."
+        "\np: how often noise of this size would show as much, each variable by itself. The table"
+        " of tests has larger p as a rule: it takes each model's own\nresidual for the size and"
+        " memory of noise, and corrects for all that is asked.",
         x=0.01,
         ha="left",
         fontsize=10.5,
@@ -295,10 +300,19 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
     if np.all(x > 0) and np.max(x) > many * np.min(x):
         plain_log(axis, "x")
     axis.set_xlabel(label if unit in ("", "1") else f"{label} [{unit}]")
-    some = f"{100 * profile.explained:.0f}" if profile.explained >= 0.005 else "less than 1"
-    share = f" alone explains {some} %"
-    told = np.isfinite(profile.explained) and profile.p_value < SIGNIFICANT
-    tidy(axis, f"{name}{share if told else ''}\n{_p(profile.p_value)}")
+    tidy(axis, _share_and_p(name, profile))
+
+
+def _share_and_p(name: str, profile: LocationProfile) -> str:
+    """Title of a panel: what the variable explains, and whether that may be chance."""
+    p = p_text(profile.p_value)
+    if not profile.p_value < SIGNIFICANT:
+        return f"{name}\n{p}{': no more than chance' if np.isfinite(profile.p_value) else ''}"
+    if not np.isfinite(profile.explained):
+        return f"{name}\n{p}, but all that is left is too little to have shares of"
+    share = share_text(profile.explained)
+    tiny = ": hardly chance, but a tiny share" if profile.explained < _TINY else ""
+    return f"{name} alone explains {share}\n{p}{tiny}"
 
 
 def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:
@@ -308,11 +322,6 @@ def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:
     V0 = loop.base_fit.values().get("V0", 1.0)
     of = min(1.0, V0, key=lambda unit: abs(np.mean(logarithm) + np.log(unit) - middle))
     return of * np.exp(logarithm)
-
-
-def _p(value: float) -> str:
-    chance = ": no more than chance" if value >= SIGNIFICANT else ""
-    return p_text(value) + chance
 
 
 # ---- aliasing --------------------------------------------------------------------------------

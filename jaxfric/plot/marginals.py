@@ -15,7 +15,7 @@ from .stability import BLUE, new_figure, prefixed
 from .ticks import plain_log
 
 _BINS, _MOST = 16, 400_000
-_WIDE = 22
+_WIDE, _LETTERS = 22, 11
 
 
 class _Band(NamedTuple):
@@ -57,14 +57,17 @@ def draw_marginals(found: Any, outputs: Sequence[str], coded: Sequence[str]) -> 
     for axis in axes.ravel():
         axis.spines[["top", "right"]].set_visible(False)
         axis.tick_params(which="both", labelsize=8)
-    figure.suptitle(_title(found, empty), x=0.01, ha="left", fontsize=10.5)
+    title = _title(found, empty, round(_LETTERS * figure.get_figwidth()))
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5)
     return figure
 
 
-def _title(found: Any, empty: Sequence[str]) -> str:
-    title = "Over all other parameters: median, and where nine in ten lie; shares of codes"
+def _title(found: Any, empty: Sequence[str], width: int) -> str:
+    """What is drawn, and what is not; lines of no more than `width` letters."""
+    lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
     names = ", ".join(found[name].attrs.get("long_name", name) for name in empty)
-    return f"{title}\nNo number anywhere: {names}" if names else title
+    lines += [f"No number anywhere: {names}"] if names else []
+    return "\n".join(textwrap.fill(line, width) for line in lines)
 
 
 def _thinned(found: Any) -> tuple[dict[str, slice], dict[str, tuple[Side, np.ndarray]]]:

@@ -16,6 +16,7 @@ _COLOURS = {
     "failed": "0.8",
     "error": "#8a3b12",
 }
+_FAR = 8.0
 _MORE = ("#7a9cc6", "#8a5a9e", "#2a9d8f", "0.6", "#c9b458", "0.85")
 
 
@@ -37,7 +38,20 @@ def side_of(found: Any, name: str) -> Side:
     label = about.attrs.get("long_name", name)
     label = f"{label} {name}" if label != name else name
     label += f" [{text.replace('*', ' ')}]" if text else ""
-    return Side(name, size * values, label, about.attrs.get("spacing") == "log")
+    log = about.attrs.get("spacing") == "log" or (about.dims == (name,) and by_factors(values))
+    return Side(name, size * values, label, log)
+
+
+def by_factors(values: np.ndarray) -> bool:
+    """Whether listed values differ by factors rather than by steps: 1, 3, 10 and not 1, 2, 3.
+
+    They are positive, reach over a factor of `_FAR`, and their logarithms lie more evenly.
+    """
+    listed = np.unique(values)
+    if len(listed) < 2 or listed[0] <= 0 or listed[-1] < _FAR * listed[0]:
+        return False
+    steps, factors = np.diff(listed), np.diff(np.log(listed))
+    return bool(np.ptp(factors) / factors.mean() <= np.ptp(steps) / steps.mean())
 
 
 def code_colour(index: int, name: str) -> str:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 
 from ..axis.steady import SteadyLoop
 from ..records.steady import SteadyCurve
@@ -58,9 +59,14 @@ def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
     top.set_ylabel(f"friction [{unit}]")
     bottom.set_ylabel(f"run − model [{unit}]")
     bottom.set_xlabel(f"speed [{shown}]")
-    top.legend(fontsize=8, loc="upper left")
-    bottom.legend(fontsize=8, loc="upper right")
     rms = " -> ".join(f"{m.rms / size:.3g}" for m, _, _ in lines)
     tidy(top, f"{printable(curve.provenance.path)}: friction at steady speed")
     tidy(bottom, f"What the models leave: rms {rms} {unit}")
+    entries: dict[str, Artist] = {}
+    for axis in (bottom, top):
+        handles, labels = axis.get_legend_handles_labels()
+        entries |= dict(zip(labels, handles, strict=True))
+    figure.legend(
+        entries.values(), entries, loc="outside lower left", ncol=3, frameon=False, fontsize=8.5
+    )  # off the data
     return save(figure, Path(folder), "curve")

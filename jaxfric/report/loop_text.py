@@ -264,7 +264,11 @@ def significance(loop: Loop) -> Table:
         both = (before, loop.after.tests.get(name, math.nan))
         rows.append((spoken(loop, QUESTIONS.get(name, name)), *(p_value(p) for p in both)))
     head = ("is it left in the residual?", "p before", "p after")
-    note = f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block, corrected)"
+    note = (
+        f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block; beside the noise"
+        " of each model's own residual, corrected for all that is asked. Those of the figure"
+        " location are beside σ, each by itself)"
+    )
     return Table("Tests for structure", head, rows, note)
 
 
