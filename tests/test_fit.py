@@ -23,6 +23,7 @@ from jaxfric.fitting.plausible import bounds_of
 from jaxfric.fitting.problem import Model, residual_and_jacobian, to_free
 from jaxfric.fitting.result import Estimate, Fit
 from jaxfric.fitting.start import one_state_starts
+from jaxfric.fitting.table import summary
 from jaxfric.fitting.uncertainty import QUANTILE
 from jaxfric.plot.fit import fit_figure
 
@@ -254,6 +255,28 @@ def test_a_given_start_far_off_survives():
     far = jaxfric.fit(record, stiffness="5e-3/um", start=start)
     near = jaxfric.fit(record, stiffness="5e-3/um")
     assert far.sum_of_squares == pytest.approx(near.sum_of_squares, rel=1e-4)
+
+
+def test_glitches_are_passed_over():
+    """Rows of 12 to 300 sigma, two of them neighbours; none of the record without them."""
+    record = jaxfric.read(DATA / "velocity_step.csv")
+    clean = jaxfric.fit(record, stiffness="5e-3/um")
+    assert clean.noise.glitches.rows == ()
+    rows, friction = [57, 200, 201, 300], np.array(record.friction)
+    friction[rows] += clean.noise.sigma * np.array([30.0, -12.0, -12.0, 300.0])
+    fit = jaxfric.fit(dataclasses.replace(record, friction=friction), stiffness="5e-3/um")
+    assert fit.noise.glitches.rows == tuple(rows)
+    assert "4 rows stand out of the noise" in fit.warnings[0]
+    assert "rows 64, 207, 208 and 1 more" in fit.warnings[0]  # lines of the file
+    assert fit.to_json()["noise"]["glitches"]["rows"] == rows
+    assert summary(fit)[0].startswith(f"{len(record)} rows, 4 passed over, ")
+    np.testing.assert_allclose(fit.residual[rows], clean.residual[rows] + friction[rows]
+                               - record.friction[rows], atol=clean.noise.sigma)  # fmt: skip
+    assert fit.rms == pytest.approx(clean.rms, rel=0.01)
+    for name in fit.free:
+        one, other = fit.parameters[name], clean.parameters[name]
+        assert one.value == pytest.approx(other.value, abs=0.3 * other.std)
+        assert one.std == pytest.approx(other.std, rel=0.05)
 
 
 @pytest.mark.long

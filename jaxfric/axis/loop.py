@@ -105,6 +105,7 @@ def close_axis_loop(
     z = declared(engine, _start(problem, blocks.train), scales, tuple(with_))
     engine = _engine(problem, blocks, rows, tuple(with_))
     found = search(engine, [z], scales, most=most, progress=progress)
+    rows = dataclasses.replace(rows, used=rows.used & engine.passed_on())
     progress("where the structure sits")
     floor = noise_floor(engine, found.final)
     bumps = friction_bumps(engine, rows, unit=length_of(record))

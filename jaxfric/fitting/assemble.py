@@ -9,8 +9,9 @@ import optimistix as optx
 
 from ..records import Record, VelocitySteps
 from ..units import format_si
+from .glitches import Glitches
 from .noise import Noise
-from .noise_estimate import noise_estimate
+from .noise_estimate import noise_estimate, noise_words
 from .noise_search import longest_memory
 from .plausible import bounds_of
 from .problem import FAILED_MISFIT, Model, Problem, natural, residual_and_jacobian
@@ -36,14 +37,20 @@ def assemble(
     solution: Solution,
     noise: Noise,
     *,
+    glitches: Glitches,
+    written: float,
     profile: bool,
     progress: Callable[[str], None],
 ) -> Fit:
-    """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit."""
+    """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit, `glitches`
+    are passed over, and friction is recorded in steps of `written`."""
     rows = len(record)
     failed = solution.cost >= FAILED_MISFIT**2
-    plain, _ = residual_and_jacobian(dataclasses.replace(problem, noise=None), solution.z)
+    every = jnp.asarray(np.arange(len(problem.weight)) < rows, float)
+    seen = dataclasses.replace(problem, noise=None, weight=every)
+    plain, _ = residual_and_jacobian(seen, solution.z)
     misfit = np.asarray(plain)[:rows] * float(problem.noise_scale)
+    counted = misfit[np.asarray(problem.weight)[:rows] > 0]
     predicted = record.friction + sign * misfit
     spread = covariance(problem, solution, noise)
     profiles = progress if profile else None
@@ -74,9 +81,11 @@ def assemble(
         covariance=matrix,
         correlation=np.divide(matrix, product, out=np.full_like(matrix, np.nan), where=product > 0),
         predicted=predicted,
-        sum_of_squares=float(np.sum(misfit**2)),
-        rms=float(np.sqrt(np.mean(misfit**2))),
-        noise=noise_estimate(noise, scale, longest_memory(problem.clock)),
+        sum_of_squares=float(np.sum(counted**2)),
+        rms=float(np.sqrt(np.mean(counted**2))),
+        noise=noise_estimate(
+            noise, scale, longest_memory(problem.clock), glitches=glitches, steps=written
+        ),
         converged=ended,
         result="every trial ran away" if failed else result,
         iterations=solution.num_steps,
@@ -187,7 +196,7 @@ def _contradicted(record: Record, steps: VelocitySteps) -> list[str]:
 
 def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     """The fit with what its user should know; `moved` are steps far from where they were found."""
-    said = _contradicted(fit.record, fit.steps)
+    said = [*_contradicted(fit.record, fit.steps), *noise_words(fit.noise, fit.record)]
     if not fit.converged:
         said.append(f"the fit did not converge ({fit.result}): do not use its parameters")
         return dataclasses.replace(fit, warnings=tuple(said))

@@ -16,6 +16,7 @@ from ..records.thin import blur, thinned
 from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
+from .glitches import NO_GLITCHES, ROUNDS, Glitches, find_glitches
 from .noise import Noise
 from .noise_search import estimate_noise, longest_memory
 from .problem import (
@@ -29,6 +30,7 @@ from .problem import (
     residual_and_jacobian,
     to_free,
 )
+from .quantisation import least_noise, recorded_steps
 from .result import Fit, unit_of
 from .solve import Solution, solve
 from .start import average, more_state_starts, noise_from_differences, one_state_starts, split_state
@@ -110,18 +112,31 @@ def fit(
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
     progress(f"compiling, then fitting {len(record)} rows")
     problem, solution = _solve_in_stages(record, sign, forward, model, K, V0, start, progress)
-    noise = _noise(problem, solution)
+    written = recorded_steps(record.friction)
+    noise = _noise(problem, solution, written)
+    problem, solution, noise, glitches = _without_glitches(
+        problem, solution, noise, forward, written
+    )
     if len(problem.hold) and weighting == "ordinary":
         problem = problem.holding(fair_hold(problem, solution, noise))
         solution = solve(problem, solution.z[None], refine=1)
-        noise = _noise(problem, solution)
+        noise = _noise(problem, solution, written)
     if weighting == "whitened" and solution.cost < FAILED_MISFIT**2:
         solution = solve(problem.whitened(noise), solution.z[None], refine=1)
-        noise = _noise(problem, _evaluate(problem, solution))
+        noise = _noise(problem, _evaluate(problem, solution), written)
         problem = problem.whitened(noise)
         solution = solve(problem, solution.z[None], refine=1)
     found = assemble(
-        record, steps, sign, problem, solution, noise, profile=profile, progress=progress
+        record,
+        steps,
+        sign,
+        problem,
+        solution,
+        noise,
+        glitches=glitches,
+        written=written,
+        profile=profile,
+        progress=progress,
     )
     return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
 
@@ -251,7 +266,7 @@ def prepare(
     A step time is a parameter where its error, through the spring, is felt above the noise.
     """
     friction = sign * record.friction
-    noise_scale = noise_from_differences(friction)
+    noise_scale = max(noise_from_differences(friction), least_noise(recorded_steps(friction)))
     shifted = None
     if steps.time_errors is not None:
         slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
@@ -343,11 +358,36 @@ def _evaluate(problem: Problem, solution: Solution) -> Solution:
     return solution._replace(residual=residual, jacobian=jacobian)
 
 
-def _noise(problem: Problem, solution: Solution) -> Noise:
-    """Noise of a memory that the record shows several times, and not below the residual's size."""
-    clock = problem.clock
+def _noise(problem: Problem, solution: Solution, steps: float = 0.0) -> Noise:
+    """Noise of a memory that the record shows several times, not below the residual's size nor that
+    of the recorder's `steps`."""
+    clock, least = problem.clock, least_noise(steps) / float(problem.noise_scale)
     residual, jacobian = data_part(problem, solution)
     longest = longest_memory(clock)
-    found = estimate_noise(clock, problem.weight, residual, jacobian, longest).noise
+    found = estimate_noise(clock, problem.weight, residual, jacobian, longest, least=least).noise
     size = jnp.sqrt(jnp.sum(residual**2) / jnp.sum(problem.weight > 0))
     return found._replace(sigma=jnp.maximum(found.sigma, size))
+
+
+def _without_glitches(
+    problem: Problem, solution: Solution, noise: Noise, steps: VelocitySteps, written: float
+) -> tuple[Problem, Solution, Noise, Glitches]:
+    """The fit without rows that stand out of its noise, which are found at most twice; the
+    recorder writes in steps of `written`."""
+    glitches = NO_GLITCHES
+    step = np.searchsorted(np.asarray(steps.times), np.asarray(problem.time), side="right") - 1
+    for _ in range(ROUNDS):
+        if solution.cost >= FAILED_MISFIT**2:
+            break
+        residual, jacobian = (np.asarray(x) for x in data_part(problem, solution))
+        columns, weight = np.column_stack([residual, jacobian]), np.asarray(problem.weight)
+        before = glitches
+        glitches = find_glitches(problem.clock, weight, columns, noise, step, before=before)
+        if glitches.rows == before.rows:
+            break
+        weight = np.array(weight)
+        weight[list(glitches.rows)] = 0.0
+        problem = dataclasses.replace(problem, weight=jnp.asarray(weight))
+        solution = solve(problem, solution.z[None], refine=1)
+        noise = _noise(problem, solution, written)
+    return problem, solution, noise, glitches

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .glitches import NO_GLITCHES, Glitches, ToldRecord, glitch_words
 from .noise import EXPONENTIAL, Noise
+from .quantisation import least_noise, step_words
 
 CLOCKS = ("time", "path", "rows", "pace")
 """What noise forgets over: time [s], the path of the load point [m], rows of the record, or rows in
@@ -21,6 +23,7 @@ _ORIGINS = {
 }
 _WHITE = 0.05
 _SEEN = 1.5
+_MOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -89,11 +92,27 @@ class NoiseEstimate:
     """Memory of each velocity step in rows, where noise forgets over that clock."""
     scale: tuple[float, ...] = ()
     """Of every velocity step where they differ; their mean square over the train rows is 1."""
+    glitches: Glitches = NO_GLITCHES
+    """Rows that stand out of the noise and are passed over."""
+    steps: float = 0.0
+    """Steps in which friction is recorded [unit of friction]; 0 where it is continuous."""
 
     @property
     def correlated_share(self) -> float:
         """Share of the variance that is correlated."""
         return sum(part.share for part in self.parts)
+
+    @property
+    def written(self) -> bool:
+        """Whether the recorder's steps are most of the white part."""
+        white = self.sigma**2 * (1 - self.correlated_share)
+        return least_noise(self.steps) ** 2 > _MOST * white
+
+    def origins(self) -> tuple[str, ...]:
+        """What makes such noise, as a rule, its correlated parts first."""
+        found = [part.origin for part in self.parts if part.share > _WHITE]
+        found += [f"the recorder's steps of {self.steps:.2g}"] * self.written
+        return tuple(dict.fromkeys(found))
 
     def text(self) -> str:
         """In words: "white", or "40 % of its variance correlated over 3 rows"."""
@@ -144,6 +163,8 @@ class NoiseEstimate:
             "longest": dict(zip(CLOCKS[:3], self.longest, strict=False)),
             "pace": list(self.pace),
             "scale": list(self.scale),
+            "glitches": self.glitches.to_json(),
+            "recorded_steps": self.steps,
         }
 
 
@@ -154,9 +175,12 @@ def noise_estimate(
     *,
     pace: Sequence[float] = (),
     scales: Sequence[float] = (),
+    glitches: Glitches = NO_GLITCHES,
+    steps: float = 0.0,
 ) -> NoiseEstimate:
     """Of a residual in units of `scale`; `longest` memory over every clock, `pace` and `scales` of
-    the velocity steps where they differ."""
+    the velocity steps where they differ, `glitches` that are passed over, and the `steps` of the
+    recorder [unit of friction]."""
     parts = []
     rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
     for k, (share, rates) in enumerate(rows):
@@ -168,4 +192,10 @@ def noise_estimate(
     parts.sort(key=lambda part: -part.share)
     most = tuple(float(x) for x in np.ravel(longest))
     size = scale * float(noise.sigma)
-    return NoiseEstimate(size, tuple(parts), most, tuple(pace), tuple(scales))
+    return NoiseEstimate(size, tuple(parts), most, tuple(pace), tuple(scales), glitches, steps)
+
+
+def noise_words(noise: NoiseEstimate, record: ToldRecord) -> tuple[str, ...]:
+    """What a user should know of the noise of a record: rows passed over, coarse steps."""
+    coarse = step_words(noise.steps, noise.sigma, record.provenance.path)
+    return (*glitch_words(noise.glitches, record), *coarse)

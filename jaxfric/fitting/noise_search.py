@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .noise import EXPONENTIAL, PARTS, Noise, innovations, limit_of_negative
+from .whitened import compiled_innovations
 
 LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
@@ -108,12 +109,14 @@ def estimate_noise(
     *,
     either_sign: bool = False,
     scale: Rows | None = None,
+    least: float = 0.0,
 ) -> Found:
     """Restricted maximum-likelihood noise of a residual (n,) with the given Jacobian (n, p).
 
     `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
     from half the median gap of rows to `longest`, by default half the record, in each clock; with
-    `either_sign` also negative correlation, of even sampling.
+    `either_sign` also negative correlation, of even sampling. `least` is the smallest standard
+    deviation of the white part, as of a recorder's steps.
     """
     record = _record(clock, weight, residual, jacobian, longest, scale)
     best = _best_of(record, Family(), np.zeros((1, 0)))
@@ -125,7 +128,7 @@ def estimate_noise(
         if not gain > (more.family.parameters - best.family.parameters) * np.log(record.rows):
             break
         best = more
-    return best
+    return not_below(record, best, least)
 
 
 def profile_noise(
@@ -138,10 +141,49 @@ def profile_noise(
     starts: Sequence[np.ndarray],
     *,
     scale: Rows | None = None,
+    least: float = 0.0,
 ) -> Found:
-    """The likeliest noise of one family, from some starts (as `Found.theta`)."""
+    """The likeliest noise of one family, from some starts (as `Found.theta`); `least` as of
+    `estimate_noise`."""
     record = _record(clock, weight, residual, jacobian, longest, scale)
-    return _best_of(record, family, np.stack(starts), refine=True)
+    return not_below(record, _best_of(record, family, np.stack(starts), refine=True), least)
+
+
+def not_below(record: Record, found: Found, least: float) -> Found:
+    """The noise with a white part of the standard deviation `least`, if it has a smaller one.
+
+    What white noise gains the correlated parts lose, in proportion; where they have less than that
+    the whole grows. The likelihood is that of the noise that comes out.
+    """
+    sigma, share = float(found.noise.sigma), np.asarray(found.noise.share)
+    if sigma**2 * (1 - share.sum()) >= least**2:
+        return found
+    if share.sum() < 0:
+        sigma = least / float(np.sqrt(1 - share.sum()))
+    else:
+        left = max(sigma**2 - least**2, 0.0)
+        sigma = float(np.sqrt(least**2 + left))
+        share = share / max(float(share.sum()), 1e-300) * left / sigma**2
+    unit = found.noise._replace(sigma=jnp.ones(()), share=jnp.asarray(share))
+    value = _restricted_at(record, unit, sigma)
+    noise = unit._replace(sigma=jnp.asarray(sigma), log_likelihood=jnp.asarray(value))
+    return found._replace(noise=noise, value=value)
+
+
+def _restricted_at(record: Record, unit: Noise, sigma: float) -> float:
+    """Restricted log-likelihood of a noise whose sigma is given, as of `restricted`."""
+    columns = np.asarray(record.columns)
+    used = np.concatenate([[True], np.linalg.norm(columns[:, 1:], axis=0) > 0])
+    white, log_determinant = compiled_innovations(
+        record.clock, record.weight, jnp.asarray(columns), unit
+    )
+    white = np.asarray(white)[:, used]
+    basis, triangle = np.linalg.qr(white[:, 1:])
+    left = white[:, 0] - basis @ (basis.T @ white[:, 0])
+    free = record.rows - basis.shape[1]
+    log_det = 2 * float(np.sum(np.log(np.abs(np.diag(triangle)))))
+    deviance = 2 * free * np.log(sigma) + float(left @ left) / sigma**2
+    return -0.5 * (deviance + log_det + float(log_determinant))
 
 
 def longest_memory(clock: Float[Array, "n *k"]) -> np.ndarray:

@@ -214,7 +214,7 @@ class Problem(eqx.Module):
         """The same record with another model."""
         return dataclasses.replace(self, model=model)
 
-    def possible(self, z: Float[Array, " q"]) -> bool:
+    def possible(self, z: Float[Array, " q"] | np.ndarray) -> bool:
         """Whether the whole friction is possible: a slider's always is."""
         return True
 

@@ -53,7 +53,9 @@ class Fit:
     predicted: np.ndarray
     """Fitted friction at the rows of the record."""
     sum_of_squares: float
+    """Of the rows that count: those that stand out of the noise are passed over."""
     rms: float
+    """Of the same rows."""
     noise: NoiseEstimate
     converged: bool
     result: str

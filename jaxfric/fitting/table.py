@@ -73,8 +73,9 @@ def correlations(fit: Fit, least: float = 0.7) -> list[str]:
 def summary(fit: Fit) -> list[str]:
     """What else there is to say of a fit, line by line."""
     noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
+    left_out = len(noise.glitches.rows)
     lines = [
-        f"{len(fit.record)} rows, {fit.result}"
+        f"{len(fit.record)} rows{f', {left_out} passed over' if left_out else ''}, {fit.result}"
         + (f" in {fit.iterations} iterations" if fit.converged else ""),
         f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
     ]

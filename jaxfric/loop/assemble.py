@@ -1,12 +1,13 @@
 """What the loops of sliders and of axes share around the search: its start and its outcome."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from ..fitting.noise_estimate import noise_estimate
+from ..fitting.noise_estimate import noise_estimate, noise_words
 from .engine import Candidate, Engine
 from .estimates import candidate_scores
 from .family import listed
@@ -58,6 +59,8 @@ def score_of(
     """
     scale = float(engine.problem.noise_scale)
     parameters, free, covariance = estimated
+    residual = np.array(residual)
+    residual[list(engine.glitches.rows)] = np.nan
     return Score(
         effects=candidate.effects,
         rms={name: candidate.rms[name] for name in NAMES},
@@ -72,6 +75,8 @@ def score_of(
             engine.longest,
             pace=() if engine.pace is None else engine.pace.tolist(),
             scales=engine.scale_by_step(),
+            glitches=engine.glitches,
+            steps=engine.steps,
         ),
         tests=tests,
     )
@@ -98,6 +103,7 @@ def loop_of(
     details: Any = None,
 ) -> Loop:
     """The result of a search and of what was concluded from it."""
+    alone = dataclasses.replace(after.noise, sigma=sigma)  # everything smooth taken out
     return Loop(
         record=record,
         base_fit=base_fit,
@@ -116,7 +122,7 @@ def loop_of(
         location=location,
         alias_ids=found.ids,
         alias_cosines=found.cosines,
-        warnings=warnings,
+        warnings=(*noise_words(alone, record), *warnings),
         details=details,
         families=told.families,
         sigma_held_out=told.sigma_held_out,

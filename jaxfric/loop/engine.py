@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..effects import RecordScales, near_null
+from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.noise import Noise, innovations, noise_of, rms_error
+from ..fitting.noise import Noise, noise_of, rms_error
 from ..fitting.noise_search import (
     Family,
     estimate_noise,
@@ -26,6 +27,8 @@ from ..fitting.noise_search import (
 )
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.problem import FAILED_MISFIT, Problem
+from ..fitting.quantisation import least_noise, recorded_steps
+from ..fitting.whitened import compiled_innovations, padded_columns, whitened
 from .pace import Stopwatch
 from .smooth import smooth_columns
 from .split import NAMES, Blocks
@@ -39,7 +42,6 @@ _TRIALS = 60
 _NOISE_SHARE = 0.1
 _SHORTEST_LIMIT = 10.0
 _AT_ONCE = 16
-_WIDE = 64
 
 
 class Candidate(NamedTuple):
@@ -141,7 +143,7 @@ class Engine:
     ):
         assert isinstance(problem.model, Superset)
         self.model: Superset = problem.model
-        self.blocks, self.always, self.shapes = blocks, always, shapes
+        self.always, self.shapes = always, shapes
         self.stopwatch = Stopwatch()
         self.either_sign = either_sign
         self.offered = tuple(e for e in self.model.effects if e.id not in without)
@@ -157,20 +159,19 @@ class Engine:
             problem = eqx.tree_at(lambda p: p.clock, problem, still)
             self.longest = np.append(self.longest, 0.0)
         self.by_step, self.pace = by_step, None
-        weight = np.zeros(problem.time.shape[0])
-        weight[: self.rows] = blocks.train
-        self.weight = weight
-        known = weight.copy()
-        known[: self.rows] += blocks.select
-        self.known = known
-        self.problem = eqx.tree_at(lambda p: p.weight, problem, jnp.asarray(weight))
+        self.problem = problem
+        self.glitches = NO_GLITCHES
+        self.steps = recorded_steps(np.asarray(problem.friction)[: self.rows])
+        self.least = least_noise(self.steps) / float(problem.noise_scale)
+        self._weigh(blocks)
         self.white = white_noise(problem.clock.shape[1])
         self.everywhere = problem.plain()
         path = np.arange(self.rows) if path is None else path
-        self.smooth = smooth_columns(path, blocks.step, len(weight))
+        self.smooth = smooth_columns(path, blocks.step, len(self.weight))
         self.family: Family | None = None
         self.noises: tuple[np.ndarray, ...] = ()
-        self.scale = np.ones(len(weight))
+        self.noise_alone = self.white
+        self.scale = np.ones(len(self.weight))
         self.names = self.model.names()
         self.base = list(range(len(self.model.base.names())))
         self.shifts = [len(self.names) + int(k) for k in shifted]
@@ -187,6 +188,15 @@ class Engine:
         """Whether no two effects are of one group of `one_of`, but for those of the base."""
         together = [group & {*self.always, *effects} for group in self.one_of]
         return all(len(own) < 2 or own <= set(self.always) for own in together)
+
+    def _weigh(self, blocks: Blocks) -> None:
+        """Let the rows of the blocks count, and no others."""
+        weight = np.zeros(self.problem.time.shape[0])
+        weight[: self.rows] = blocks.train
+        known = weight.copy()
+        known[: self.rows] += blocks.select
+        self.blocks, self.weight, self.known = blocks, weight, known
+        self.problem = eqx.tree_at(lambda p: p.weight, self.problem, jnp.asarray(weight))
 
     def at(self, z: np.ndarray, problem: Problem) -> Problem:
         """`problem`, one of the engine's, as it is simulated at `z`: lighter where it can be.
@@ -225,14 +235,17 @@ class Engine:
     def _noise(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
         if self.family is not None:
             rows = self._noise_rows(residual, columns)
-            return profile_noise(*rows, self.family, self.noises, scale=self.scale)
+            family, noises = self.family, self.noises
+            return profile_noise(*rows, family, noises, scale=self.scale, least=self.least)
         found = self._anew(residual, columns)
         self.family, self.noises = found.family, (found.theta,)
         return found
 
     def _anew(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
         rows = self._noise_rows(residual, columns)
-        return estimate_noise(*rows, either_sign=self.either_sign, scale=self.scale)
+        return estimate_noise(
+            *rows, either_sign=self.either_sign, scale=self.scale, least=self.least
+        )
 
     def _noise_rows(self, residual: np.ndarray, columns: np.ndarray):
         problem = self.problem
@@ -243,27 +256,71 @@ class Engine:
 
         Until then it has the parts that the first residual showed. All later ones have the parts
         found here, their sizes, memories and periods found anew. A pace and a scale for every
-        velocity step are taken where the likelihood rises by what they cost.
+        velocity step are taken where the likelihood rises by what they cost. Glitches are passed
+        over from here on, in all blocks: then the candidate is fitted and its noise found anew.
         """
+        found, rows = self._learned(candidate)
+        for _ in range(ROUNDS):
+            if rows.failed or not self._pass_over(rows):
+                break
+            found = self.refit(found.effects, found.z, exact=True)
+            self._forget()
+            found, rows = self._learned(found)
+        return found
+
+    def _pass_over(self, rows: "Rows") -> bool:
+        """Leave rows out of the blocks that stand out of the noise; whether there are any."""
+        columns = np.concatenate([rows.residual[:, None], rows.jacobian, self.smooth], axis=1)
+        counts, before = np.zeros(len(columns)), self.glitches
+        counts[: self.rows] = self.blocks.train | self.blocks.select | self.blocks.report
+        step = np.pad(self.blocks.step, (0, len(columns) - self.rows), mode="edge")
+        self.glitches = find_glitches(
+            self.problem.clock,
+            counts,
+            columns * counts[:, None],
+            self.noise_alone,
+            step,
+            before=before,
+        )
+        if self.glitches.rows == before.rows:
+            return False
+        keep = self.passed_on()
+        block = {name: self.blocks.of(name) & keep for name in NAMES}
+        self._weigh(self.blocks._replace(**block))
+        return True
+
+    def _forget(self) -> None:
+        """Scale and pace of the steps, which `_learned` finds anew."""
+        self.scale = np.ones(len(self.weight))
+        if self.pace is not None:
+            clock = np.array(self.problem.clock)
+            clock[:, -1] = 0.0
+            self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jnp.asarray(clock))
+            self.longest, self.pace = np.append(self.longest[:-1], 0.0), None
+
+    def _learned(self, candidate: Candidate) -> tuple[Candidate, "Rows"]:
+        """`learn_noise` once; and the rows that it is learned from."""
         rows = self.evaluate(candidate.z, self.free(candidate.effects))
         if rows.failed:
-            return candidate
+            return candidate, rows
         columns = np.concatenate([rows.residual[:, None], rows.jacobian, self.smooth], axis=1)
         train = columns * self.weight[:, None]
         train = train[:, np.linalg.norm(train, axis=0) > 0]
         found = self._anew(train[:, 0], train[:, 1:])
+        self.noise_alone = found.noise  # a glitch would hide in a scale of its step
         if self.by_step:
             found = self._with_pace(found, columns, train)
             found = self._with_scale(found, columns, train)
         self.family, self.noises = found.family, (found.theta,)
         own = rows.jacobian * self.weight[:, None]
         self.noises += (self._noise(rows.residual * self.weight, own).theta,)
-        return self.candidate(candidate.effects, candidate.z, rows)
+        return self.candidate(candidate.effects, candidate.z, rows), rows
 
     def _with_pace(self, found: FoundNoise, columns, train) -> FoundNoise:
         """The noise with a clock whose pace is that of each step, if that is likelier."""
         before, step = (self.problem, self.longest), self.blocks.step
-        pace = pace_of_steps(columns[: self.rows], step)
+        on = self.passed_on()
+        pace = pace_of_steps(columns[: self.rows][on], step[on])
         clock = np.array(self.problem.clock)
         clock[:, -1] = own_clock(pace, step, len(clock))
         self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jnp.asarray(clock))
@@ -278,11 +335,11 @@ class Engine:
 
     def _with_scale(self, found: FoundNoise, columns, train) -> FoundNoise:
         """The noise with a scale of each step, if that is likelier."""
-        everything = np.zeros(len(columns))
-        everything[: self.rows] = 1.0
+        on, everything = self.passed_on(), np.zeros(len(columns))
+        everything[: self.rows] = on
         white = self.whiten(columns * everything[:, None], found.noise, everything)[: self.rows]
-        own = scale_of_steps(white, self.blocks.step, self.blocks.train)
-        self.scale[: self.rows] = own
+        own = scale_of_steps(white[on], self.blocks.step[on], self.blocks.train[on])
+        self.scale[: self.rows][on] = own
         self.family, self.noises = found.family, (found.theta,)
         scaled = self._noise(train[:, 0], train[:, 1:])
         more = len(np.unique(self.blocks.step[self.blocks.train])) - 1
@@ -290,6 +347,12 @@ class Engine:
             return scaled
         self.scale = np.ones(len(columns))
         return found
+
+    def passed_on(self) -> np.ndarray:
+        """Mask of the rows of the record that are no glitches."""
+        on = np.ones(self.rows, bool)
+        on[list(self.glitches.rows)] = False
+        return on
 
     def scale_by_step(self) -> tuple[float, ...]:
         """Scale of the noise of each velocity step; nothing where they have one."""
@@ -322,7 +385,7 @@ class Engine:
         """-2 ln p of the select block given the train block, at the noise of the train block."""
         problem, total = self.problem, 0.0
         for weight, sign in ((self.known, 1.0), (self.weight, -1.0)):
-            white, size = _innovations(
+            white, size = compiled_innovations(
                 problem.clock, jnp.asarray(weight), jnp.asarray(residual)[:, None], noise
             )
             white, rows = np.asarray(white) / float(noise.sigma), weight.sum()
@@ -334,13 +397,7 @@ class Engine:
         """Columns (rows of a weight, by default train; others 0) in units of the noise, and
         uncorrelated."""
         weight = jnp.asarray(self.weight if weight is None else weight)
-        clock, wide = self.problem.clock, 1 if columns.shape[1] == 1 else _WIDE
-        parts = []
-        for begin in range(0, columns.shape[1], wide):
-            part = columns[:, begin : begin + wide]
-            white, _ = _innovations(clock, weight, padded_columns(part, size=wide), noise)
-            parts.append(np.asarray(white)[:, : part.shape[1]] / float(noise.sigma))
-        return np.concatenate(parts, axis=1) if parts else np.array(columns)
+        return whitened(self.problem.clock, weight, columns, noise)
 
     def rms_error(self, used: np.ndarray, noise: Noise) -> float:
         """See `fitting.noise.rms_error`; `used` is a mask of the rows of the record."""
@@ -450,9 +507,6 @@ def _evaluate(problem: Problem, z: Float[Array, " q"], index: Int[Array, " m"]):
     return jax.vmap(push, out_axes=(None, -1))(tangents)
 
 
-_innovations = eqx.filter_jit(innovations)
-
-
 @eqx.filter_jit
 def _natural(problem: Problem, z: Float[Array, " q"]):
     return problem.from_free(z)
@@ -461,12 +515,6 @@ def _natural(problem: Problem, z: Float[Array, " q"]):
 def white_noise(clocks: int) -> Noise:
     """Of sigma 1, for a problem with so many clocks."""
     return noise_of(1.0, 0.0, jnp.ones(clocks))
-
-
-def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]:
-    """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
-    more = -columns.shape[1] % size
-    return jnp.asarray(np.pad(columns, ((0, 0), (0, more))))
 
 
 def columns_of(engine: Engine, id: str, shapes, place: int) -> list[Column]:

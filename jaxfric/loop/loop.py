@@ -13,6 +13,7 @@ from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows, prepare, steps_of
+from ..fitting.noise_estimate import noise_words
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
 from ..records import Record, VelocitySteps
@@ -294,7 +295,9 @@ def _edge(base: Fit) -> float | None:
 
 
 def _warnings(engine: Engine, found: Search, base: Fit, edge) -> tuple[str, ...]:
-    warnings = list(base.warnings)
+    # the loop speaks of its own noise
+    own = noise_words(base.noise, base.record)
+    warnings = [text for text in base.warnings if text not in own]
     if edge is not None and edge < _NEAR:
         warnings.append(
             f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the basin"

@@ -7,17 +7,10 @@ taken out; whether they are needed is decided by likelihood (`Engine.learn_noise
 
 import numpy as np
 
+from ..fitting.whitened import taken_out
+
 _LEAST_VARIANCE = 1e-4
 _LIKENESS = (0.05, 0.995)
-
-
-def taken_out(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first column without the directions of the others, and the share of each row's variance
-    that they leave."""
-    size = np.linalg.norm(columns, axis=0)
-    basis = np.linalg.qr(columns[:, 1:][:, size[1:] > 0] / size[1:][size[1:] > 0])[0]
-    left = columns[:, 0] - basis @ (basis.T @ columns[:, 0])
-    return left, np.clip(1 - np.sum(basis**2, axis=1), 0.0, 1.0)
 
 
 def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ..fitting import Fit
 from ..fitting.table import rows
 from .label import printable
-from .noise import clocks, draw_autocorrelation
+from .noise import clocks, draw_autocorrelation, mark_glitches
 
 _DATA, _FIT, _STEP, _BAND = "#1f4e79", "#c8501e", "0.55", "0.85"
 
@@ -95,7 +95,8 @@ def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     if fit.converged:
         text = "±1.96 σ of noise"
         axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=_BAND, lw=0, zorder=0, label=text)
-    axis.plot(along, fit.residual, color=_DATA, lw=0.7)
+    axis.plot(along, _counted(fit), color=_DATA, lw=0.7)
+    mark_glitches(axis, along, fit.noise.glitches)
     axis.axhline(0, color="0.3", lw=0.6)
     axis.set_ylabel("record − fit")
     if fit.converged:
@@ -106,5 +107,12 @@ def _autocorrelation(axis: Axes, fit: Fit) -> None:
     """Of the residual, and of the noise that was found in it."""
     time = fit.record.relative_time
     clock = clocks(time, np.asarray(fit.steps.displacement(time)))
-    draw_autocorrelation(axis, clock, fit.residual, fit.noise, model=fit.converged)
+    draw_autocorrelation(axis, clock, _counted(fit), fit.noise, model=fit.converged)
     axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
+
+
+def _counted(fit: Fit) -> np.ndarray:
+    """The residual; nan where a row is passed over."""
+    residual = np.array(fit.residual)
+    residual[list(fit.noise.glitches.rows)] = np.nan
+    return residual

@@ -15,7 +15,7 @@ from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
 from ..loop.structure import p_text
 from .label import printable
-from .noise import clocks, draw_autocorrelation, error_of_mean
+from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
 from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
@@ -65,6 +65,7 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
         (axes[2], loop.after, after),
     ):
         _residual(axis, loop, -score.residual / loop.row_sigma(), along, reach)
+        mark_glitches(axis, along, score.noise.glitches)
         tidy(axis, f"{title}   (held-out error {loop.heldout(score) / held:.2f} σ)")
     for axis in axes:
         _blocks(axis, loop, along)
@@ -76,7 +77,7 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
     axes[1].legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
-        ncol=3,
+        ncol=4,
         fontsize=8,
         frameon=False,
         borderpad=0.2,
@@ -215,7 +216,7 @@ def _noise_words(loop: Loop) -> str:
     """The noise, what makes it as a rule, and the bound of its memory; a line each."""
     noise = loop.after.noise
     lines = [f"noise of the record: {noise.text()}"]
-    origins = dict.fromkeys(p.origin for p in noise.parts if p.share > 0.05)
+    origins = noise.origins()
     if origins:
         lines.append(f"such noise comes from {', and from '.join(origins)}")
     if noise.longest:

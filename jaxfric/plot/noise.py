@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
+from ..fitting.glitches import Glitches
 from ..fitting.noise_estimate import NoiseEstimate
 from .stability import BAND, BLUE, ORANGE
 from .ticks import plain_log
@@ -72,3 +73,20 @@ def error_of_mean(clock: np.ndarray, noise: NoiseEstimate) -> float:
     together = noise.correlation(apart.reshape(-1, clock.shape[1])).mean()
     variance = (1 - noise.correlated_share) / n + together
     return float(np.sqrt(max(variance, 0.0)))
+
+
+def mark_glitches(axis: Axes, along: np.ndarray, glitches: Glitches) -> None:
+    """Crosses at the upper edge of a panel over the rows that are passed over, if there are any."""
+    count = len(glitches.rows)
+    if not count:
+        return
+    axis.plot(
+        along[list(glitches.rows)],
+        np.full(count, 0.97),
+        "x",
+        color=ORANGE,
+        ms=5,
+        mew=1.3,
+        transform=axis.get_xaxis_transform(),
+        label=f"{count} row{'s' if count > 1 else ''} passed over",
+    )

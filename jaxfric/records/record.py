@@ -37,6 +37,8 @@ class Provenance:
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     """Cells that stand far out of their neighbours, a line a column: where, and what to do."""
+    lines: np.ndarray | None = field(default=None, compare=False, repr=False)
+    """The place of every row in the file; None where rows are not those of a file."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,8 @@ def cut(
         )
     kept = {role: frozen(values[inside]) for role, values in columns.items()}
     note = f"rows from {start:g} to {stop:g} s"
-    return {**kept, "provenance": replace(origin, notes=(*origin.notes, note))}
+    lines = None if origin.lines is None else origin.lines[inside]
+    return {**kept, "provenance": replace(origin, notes=(*origin.notes, note), lines=lines)}
 
 
 def from_arrays(
@@ -228,6 +231,7 @@ def build(
     refuse_sizes(kept, si_units, units, origin.path, lines[keep])
     rows_read, dropped = origin.rows_read + len(lines), {**origin.dropped, **dropped}
     origin = replace(origin, rows_read=rows_read, dropped=dropped, doubts=doubts)
+    origin = replace(origin, lines=lines[keep])
     return Record(**kept, friction_unit=friction_unit, units=dict(units), provenance=origin)
 
 

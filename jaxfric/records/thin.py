@@ -45,7 +45,7 @@ def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
         for role, values in record.columns.items()
     }
     note = f"means over {size} rows each: {len(first) + 1} of {len(record)} rows"
-    origin = replace(record.provenance, notes=(*record.provenance.notes, note))
+    origin = replace(record.provenance, notes=(*record.provenance.notes, note), lines=None)
     return replace(record, **means, provenance=origin)
 
 

@@ -1,0 +1,226 @@
+"""Glitches of a recorder: single rows, or two or three neighbours, far out of the noise.
+
+Every row is predicted from the rows before it and, with the rows turned round, from those after
+it, by the noise that was found (one Kalman pass each way). A run of up to three rows is a glitch
+if its first row stands out of what went before and its last one out of what follows, to the same
+side. A step of friction does not: its first row stands out of what went before, and the row before
+that one out of what follows, to the other side. Nor does what lasts longer than three rows.
+
+How far is far: farther than noise alone gives once in a hundred records of as many rows, in units
+of the median error of the same velocity step: noise differs from step to step, and a median does
+not know of a few wrong rows, as a standard deviation does. Noise is not always normal, so its law
+is a Student's t with as many degrees of freedom as the body of the prediction errors shows (their
+median and their 93rd percentile, which a hundredth of wrong rows and their neighbours hardly move):
+under heavy tails the limit rises, and next to nothing is passed over. Rows beside a velocity step
+are spared: friction is steep there, and a model may lack what it does.
+
+Source: Chang, Tiao & Chen 1988 (doi:10.1080/00401706.1988.10488367) for single outliers and level
+shifts by what noise predicts. Not tried: glitches at more than a hundredth of the rows, or longer
+than three rows.
+"""
+
+from typing import NamedTuple, Protocol
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..records import Provenance
+from .noise import Noise
+from .noise_search import Rows
+from .whitened import taken_out, whitened
+
+LONGEST = 3
+"""Rows of a glitch, at most."""
+ROUNDS = 2
+"""How often noise is learned anew without what stands out of it."""
+_CHANCE = 0.01
+"""That noise alone gives a record of so many rows one glitch."""
+_SHARE = 0.01
+"""Of the rows, at most: what is more frequent is what the noise is like."""
+_BODY, _SHOULDER = 0.5, 0.93
+_UPPER = 0.5 * (1 + _BODY)
+_NORMAL = 0.6744897501960817  # median size of a normal error
+_FEWEST = 50
+_BESIDE, _PART = (5, 10), 0.1
+_TOLD = 3
+_SHARED = 20
+"""Rows that the errors of all steps count for beside those of one."""
+
+
+class Glitches(NamedTuple):
+    """Rows that are passed over because they stand out of the noise."""
+
+    rows: tuple[int, ...] = ()
+    """Of those that are fitted, from 0: means over rows, and of an axis prepared rows, have other
+    numbers than the rows of the file."""
+    beyond: float = 0.0
+    """[standard deviations of the noise of its velocity step, of a row predicted from others]"""
+    tails: int = 0
+    """Rows that stand out as far, but are too many to be glitches: none is passed over."""
+
+    def to_json(self) -> dict:
+        """Its numbers; the rows that are fitted count from 0."""
+        return self._asdict() | {"rows": list(self.rows), "count": len(self.rows)}
+
+
+NO_GLITCHES = Glitches()
+
+
+def beside_steps(step: np.ndarray) -> np.ndarray:
+    """Rows (n,) beside where the `step` of the rows changes: three before, whose times may be
+    wrong, and after it a tenth of the shorter of the two steps, but five to ten rows."""
+    near = np.zeros(len(step), bool)
+    edges = np.flatnonzero(np.diff(step)) + 1
+    ends = np.concatenate([[0], edges, [len(step)]])
+    for before, edge, after in zip(ends, edges, ends[2:], strict=False):
+        reach = int(np.clip(_PART * min(edge - before, after - edge), *_BESIDE))
+        near[max(edge - LONGEST, 0) : edge + reach] = True
+    return near
+
+
+def prediction_errors(
+    clock: Rows, weight: Rows, columns: np.ndarray, noise: Noise
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of every row its error, in standard deviations, when predicted from the rows before it, and
+    from those after it; each (n,).
+
+    Column 0 of `columns` (n, m) is the residual, the others are what a model may still explain of
+    it. Rows of `weight` 0 are passed over: 0.
+    """
+    found = []
+    for turn in (slice(None), slice(None, None, -1)):
+        scale = noise.scale[turn] if jnp.ndim(noise.scale) else noise.scale
+        when, on = (jnp.asarray(np.asarray(x)[turn]) for x in (clock, weight))
+        white = whitened(when, on, columns[turn], noise._replace(scale=scale))
+        left, free = taken_out(white)
+        found.append((left / np.sqrt(np.maximum(free, _SHARE)))[turn])
+    return found[0], found[1]
+
+
+def in_sizes_of_steps(
+    ahead: np.ndarray, back: np.ndarray, step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of prediction (n,) either way over the median of those of the same step, as it would
+    be of errors of unit variance and a normal law; one of few rows is near that of all steps."""
+    size, every = np.ones(len(step)), np.concatenate([ahead, back])
+    whole = float(np.median(np.abs(every)))
+    for own in (step == k for k in np.unique(step)):
+        middle = float(np.median(np.abs(np.concatenate([ahead[own], back[own]]))))
+        size[own] = np.sqrt((own.sum() * middle**2 + _SHARED * whole**2) / (own.sum() + _SHARED))
+    size = np.maximum(size / _NORMAL, 1e-300)
+    return ahead / size, back / size
+
+
+def standing_out(
+    ahead: np.ndarray, back: np.ndarray, spared: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Which of n rows are glitches, by their errors of prediction either way; and how far out such
+    rows are at least, in standard deviations of a normal law with the same median error.
+
+    `spared` rows (a mask) are none.
+    """
+    n = len(ahead)
+    size, law = _law(np.concatenate([ahead, back]))
+    # what noise alone gives once in a hundred records of so many rows
+    beyond = float(law.isf(0.5 * _CHANCE / (LONGEST * n)))
+    limit = size * beyond if size > 0 else np.inf
+    found = np.zeros(n, bool)
+    for side in (1, -1):
+        first, last = side * ahead > limit, side * back > limit
+        here = np.zeros(n, bool)
+        for size in range(1, LONGEST + 1):
+            for begin in np.flatnonzero(first[: n - size + 1] & last[size - 1 :]):
+                # what a shorter glitch explains needs no longer one
+                if size == 1 or not here[begin : begin + size].any():
+                    here[begin : begin + size] = True
+        # rows beside them that stand out one way only are of the same event
+        found |= here & _short(here | first | last)
+    return found & ~spared, beyond * _NORMAL / float(law.ppf(_UPPER))
+
+
+def _law(errors: np.ndarray):
+    """Student's t whose median and 93rd percentile are those of the sizes of some errors: their
+    scale, and the law for a scale of 1."""
+    from scipy.stats import t
+
+    body, shoulder = np.quantile(np.abs(errors), [_BODY, _SHOULDER])
+    freedom = np.geomspace(1.0, 1e3, 60)
+    sizes = [t.ppf(0.5 * (1 + level), freedom) for level in (_BODY, _SHOULDER)]
+    # their ratio falls with the degrees of freedom
+    ratio = -shoulder / max(float(body), 1e-300)
+    own = float(np.exp(np.interp(ratio, -sizes[1] / sizes[0], np.log(freedom))))
+    return float(body) / float(t.ppf(_UPPER, own)), t(own)
+
+
+def _short(found: np.ndarray) -> np.ndarray:
+    """Those of the rows that are together with no more than `LONGEST` others."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], found.astype(int), [0]]))).reshape(-1, 2)
+    short = np.zeros(len(found), bool)
+    for begin, end in edges:
+        short[begin:end] = end - begin <= LONGEST
+    return short
+
+
+def find_glitches(
+    clock: Rows,
+    weight: Rows,
+    columns: np.ndarray,
+    noise: Noise,
+    step: np.ndarray,
+    *,
+    before: Glitches = NO_GLITCHES,
+    least: float = 1.0,
+) -> Glitches:
+    """The glitches among n rows, with those known `before`, whose weight is 0.
+
+    `columns` as of `prediction_errors`; `step` (n,) is the velocity step of every row. Rows that
+    are wrong by less than `least` in the unit of the residual are none, which keeps rounding out.
+    Where more than a hundredth of the rows would be glitches no more of them are.
+    """
+    rows, known = np.flatnonzero(np.asarray(weight) > 0), list(before.rows)
+    if len(rows) < _FEWEST:
+        return before
+    ahead, back = (x[rows] for x in prediction_errors(clock, weight, columns, noise))
+    if not (np.isfinite(ahead).all() and np.isfinite(back).all()):
+        return before
+    # of an axis only rows that move count: those beside a reversal are the first of them
+    sizes = in_sizes_of_steps(ahead, back, step[rows])
+    found, beyond = standing_out(*sizes, beside_steps(step[rows]))
+    found &= np.maximum(np.abs(ahead), np.abs(back)) * float(noise.sigma) > least
+    count = int(found.sum())
+    if not count:
+        return before
+    if count + len(known) > _SHARE * (len(rows) + len(known)):
+        return before if known else Glitches((), beyond, count)
+    return Glitches(tuple(sorted([*known, *rows[found].tolist()])), beyond)
+
+
+class ToldRecord(Protocol):
+    """What is told of a record."""
+
+    @property
+    def relative_time(self) -> np.ndarray: ...
+    @property
+    def provenance(self) -> Provenance: ...
+
+
+def glitch_words(glitches: Glitches, record: ToldRecord) -> tuple[str, ...]:
+    """What a user should know of them: how many, how far out, and where the first ones are."""
+    origin, time = record.provenance, record.relative_time
+    far = f"{glitches.beyond:.2g} standard deviations"
+    if glitches.tails:
+        return (
+            f"{origin.path}: {glitches.tails} rows stand out of the noise by more than {far}: so"
+            " many are what the noise is like (heavy tails), and none is passed over",
+        )
+    if not glitches.rows:
+        return ()
+    first, number = list(glitches.rows[:_TOLD]), len(glitches.rows)
+    if origin.lines is not None and len(origin.lines) == len(time):
+        where = f"row{'s' if number > 1 else ''} {', '.join(str(origin.lines[k]) for k in first)}"
+    else:
+        where = f"at {', '.join(f'{time[k]:.5g} s' for k in first)}"
+    where += f" and {number - len(first)} more" if number > len(first) else ""
+    those = "rows stand out of the noise by more than {} and are passed over"
+    those = those if number > 1 else those.replace("rows stand", "row stands").replace("are", "is")
+    return (f"{origin.path}: {number} {those.format(far)}: {where}",)

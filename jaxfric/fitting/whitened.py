@@ -1,0 +1,39 @@
+"""Whitening of any number of columns with few compilations: sixty-four at a time."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .noise import Noise, innovations
+
+_WIDE = 64
+
+compiled_innovations = eqx.filter_jit(innovations)
+"""`fitting.noise.innovations`, compiled once for every shape."""
+
+
+def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]:
+    """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
+    more = -columns.shape[1] % size
+    return jnp.asarray(np.pad(columns, ((0, 0), (0, more))))
+
+
+def whitened(clock, weight, columns: np.ndarray, noise: Noise) -> np.ndarray:
+    """The columns (n, m) in units of the noise and uncorrelated, as of `fitting.noise.whiten`."""
+    wide = 1 if columns.shape[1] == 1 else _WIDE
+    parts = []
+    for begin in range(0, columns.shape[1], wide):
+        part = columns[:, begin : begin + wide]
+        white, _ = compiled_innovations(clock, weight, padded_columns(part, size=wide), noise)
+        parts.append(np.asarray(white)[:, : part.shape[1]] / float(noise.sigma))
+    return np.concatenate(parts, axis=1) if parts else np.array(columns)
+
+
+def taken_out(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first column without the directions of the others, and the share of each row's variance
+    that they leave."""
+    size = np.linalg.norm(columns, axis=0)
+    basis = np.linalg.qr(columns[:, 1:][:, size[1:] > 0] / size[1:][size[1:] > 0])[0]
+    left = columns[:, 0] - basis @ (basis.T @ columns[:, 0])
+    return left, np.clip(1 - np.sum(basis**2, axis=1), 0.0, 1.0)
