@@ -28,6 +28,7 @@ from jaxfric.cli import loop as verb
 from jaxfric.effects import CATALOGUE
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.problem import Model
+from jaxfric.fitting.table import summary
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
 from jaxfric.loop.result import (
     VERDICTS,
@@ -361,7 +362,7 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(tmp_path: 
         assert both == pytest.approx(values)
         assert errors(loop).rows[NAMES.index(name)][-1] == f"{factor * values[1]:.3f}"
     held = [loop.heldout(s) / (1.25 * loop.sigma) for s in (loop.before, loop.after)]
-    told = Told(*held, 1.1, 1.0).change()
+    told = Told(held[0], held[1], 1.1, 1.0).change()
     assert told == "held-out error {:.2f} -> {:.2f} sigma".format(*held)
     row = errors(noisy).rows[-1][-2:]
     assert told == "held-out error {:.2f} -> {:.2f} sigma".format(*map(float, row))
@@ -378,6 +379,22 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(tmp_path: 
     for number in held:
         assert f"held-out error {number:.2f} σ" in drawing
     assert "in rows held out 0.375" in drawing
+
+
+def test_a_small_part_of_the_noise_is_told_wherever_noise_is(tmp_path: Path) -> None:
+    loop = make_loop("effects")
+    words = "white, and 4 % of its variance correlated over 0.8 s"
+    noise = NoiseEstimate(loop.sigma, (NoisePart(0.04, "time", 0.8),))
+    loop = dataclasses.replace(loop, after=dataclasses.replace(loop.after, noise=noise))
+    assert words in " ".join(printed(loop).split()) and words in page_of(loop).text
+    DRAWERS["noise"](loop, tmp_path)
+    assert f"noise of the record: {words}" in (tmp_path / "noise.svg").read_text()
+    base: Any = loop.base_fit
+    fit = dataclasses.replace(base, noise=noise)
+    (line,) = [line for line in summary(fit) if words in line]
+    assert "larger than the rms" not in line
+    large = dataclasses.replace(noise, sigma=2 * fit.rms)
+    assert any("larger than the rms" in li for li in summary(dataclasses.replace(fit, noise=large)))
 
 
 def test_numbers_are_those_of_the_loop() -> None:

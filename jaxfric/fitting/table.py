@@ -1,12 +1,18 @@
 """The parameters of a fit in the units of its record."""
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 
 from ..units import factor, format_si
+from .noise_estimate import NoiseEstimate
 from .problem import quantity_of
 from .result import Fit
+
+_LEAST, _SMALL = 0.005, 0.05
+"""Shares of a noise that are told as small ones."""
+_ABOVE = 1.1
 
 
 class Row(NamedTuple):
@@ -80,12 +86,34 @@ def summary(fit: Fit) -> list[str]:
         f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
     ]
     if fit.converged:  # else what is left is the failure of the fit, not noise
-        lines.append(f"noise {noise.sigma:.3g}{unit}, {noise.text()}")
+        lines.append(f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}{_above_rms(fit)}")
     lines.append(_stability(fit))
     pairs = correlations(fit) if fit.converged else []
     if pairs:
         lines.append("correlated errors: " + ", ".join(pairs))
     return lines
+
+
+def noise_text(noise: NoiseEstimate) -> str:
+    """`NoiseEstimate.text` with the parts that it leaves out as small, down to half a percent."""
+    told = noise.text()
+    for part in noise.parts:
+        if -_SMALL < part.share <= -_LEAST:
+            told += (
+                f", and {-100 * part.share:.0f} % by which neighbours differ more than by chance"
+            )
+        if _LEAST <= part.share < _SMALL:
+            alone = (dataclasses.replace(part, share=1.0),)
+            words = dataclasses.replace(noise, parts=alone).text()  # "100 % of its variance ..."
+            told += f", and {100 * part.share:.0f} %{words.removeprefix('100 %')}"
+    return told
+
+
+def _above_rms(fit: Fit) -> str:
+    """Why the noise is larger than what the fit leaves, where it is."""
+    if not fit.noise.sigma > _ABOVE * fit.rms:
+        return ""
+    return "; larger than the rms, because the fit takes up a part of noise that lasts so long"
 
 
 def _stability(fit: Fit) -> str:

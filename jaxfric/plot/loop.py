@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 
+from ..fitting.table import noise_text
 from ..loop.assemble import share_text
 from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
@@ -203,11 +204,13 @@ def _clocks(loop: Loop) -> np.ndarray:
 
 def _save_noise(loop: Loop, folder: Path) -> list[str]:
     """Autocorrelation of what the model leaves where it is fitted, and of the noise model."""
-    figure = new_figure(8.6, 4.8)
+    figure = new_figure(10.4, 4.8)
     axis = figure.subplots()
-    residual = np.where(loop.blocks.train, loop.after.residual, np.nan)
+    scale = np.asarray(loop.after.noise.scale or (1.0,))
+    scale = scale[np.minimum(loop.blocks.step, len(scale) - 1)]
+    residual = np.where(loop.blocks.train, loop.after.residual / scale, np.nan)
     draw_autocorrelation(axis, _clocks(loop), residual, loop.after.noise)
-    axis.legend(loc="upper right", frameon=False, fontsize=8)
+    axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
     tidy(axis, _noise_words(loop))
     return save(figure, folder, "noise")
 
@@ -215,7 +218,7 @@ def _save_noise(loop: Loop, folder: Path) -> list[str]:
 def _noise_words(loop: Loop) -> str:
     """The noise, what makes it as a rule, and the bound of its memory; a line each."""
     noise = loop.after.noise
-    lines = [f"noise of the record: {noise.text()}"]
+    lines = [f"noise of the record: {noise_text(noise)}"]
     origins = noise.origins()
     if origins:
         lines.append(f"such noise comes from {', and from '.join(origins)}")

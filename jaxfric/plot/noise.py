@@ -1,14 +1,22 @@
 """Autocorrelation of a residual, measured and modelled, and errors of means under a noise."""
 
+import textwrap
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.axes import Axes
+from scipy.special import ndtri
 
 from ..fitting.glitches import Glitches
 from ..fitting.noise_estimate import NoiseEstimate
+from ..loop.family import listed
 from .stability import BAND, BLUE, ORANGE
 from .ticks import plain_log
 
-_FEWEST, _PAIRED, _MOST = 30, 40, 60
+_FEWEST, _PAIRED, _MOST, _SOME = 30, 40, 60, 400
+_BAND, _CHANCE = 1.96, 0.05
+_RANGES, _LETTERS = 4, 36
 
 
 def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
@@ -19,27 +27,87 @@ def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -
     return np.stack([time, moved, np.arange(float(len(time))), own], axis=1)
 
 
+class Autocorrelation(NamedTuple):
+    """Of a residual, by distance in rows, beside that of its noise model."""
+
+    lag: np.ndarray
+    value: np.ndarray
+    model: np.ndarray
+    """What such a record of such noise shows on average, its mean taken away."""
+    error: np.ndarray
+    """Standard error of `value` under the noise model."""
+
+    def beyond(self) -> list[tuple[float, float, bool]]:
+        """Ranges of distances at which the noise model is not the record's: first and last
+        distance, and whether rows are more alike there than it says.
+
+        A range is out of the 95 % band, and at one of its distances by more than chance, at all
+        that are asked together.
+        """
+        z = (self.value - self.model) / self.error
+        rare = -ndtri(0.5 * _CHANCE / max(len(z), 1))
+        side = np.where(np.abs(z) > _BAND, np.sign(z), 0.0)
+        cuts = np.flatnonzero(np.diff(side)) + 1
+        pieces = [
+            p for p in np.split(np.arange(len(z)), cuts) if np.abs(z[p]).max(initial=0) > rare
+        ]
+        told = sorted(pieces, key=lambda p: -np.abs(z[p]).max())[:_RANGES]
+        ends = sorted((int(p[0]), int(p[-1])) for p in told)
+        return [(float(self.lag[a]), float(self.lag[b]), bool(side[a] > 0)) for a, b in ends]
+
+
 def autocorrelation(
     clock: np.ndarray, residual: np.ndarray, noise: NoiseEstimate
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of a residual whose rows without a value are nan, by distance in rows (logarithmic).
-
-    Returns distances, correlations, those of the noise model over the same pairs, and the number of
-    pairs of each.
-    """
-    left = residual - np.nanmean(residual)
-    spread = max(float(np.nanmean(left**2)), 1e-300)
+) -> Autocorrelation:
+    """Of a residual whose rows without a value are nan, at distances that are spaced by factors."""
+    known = np.isfinite(residual)
+    left = residual - residual[known].mean()
+    spread = max(float(np.mean(left[known] ** 2)), 1e-300)
     shifts = np.unique(np.geomspace(1, max(len(left) // 4, 1), _PAIRED).astype(int))
-    found = []
+    rho, found = _by_rows(clock, known, noise), []
+    apart, n = np.arange(len(rho)), int(known.sum())
+    of_mean = float(2 * np.sum(np.maximum(1 - apart / n, 0.0) * rho) - 1) / n
     for s in shifts:
         product = left[s:] * left[:-s]
         pairs = np.isfinite(product)
         if pairs.sum() < _FEWEST:
             continue
-        model = noise.correlation((clock[s:] - clock[:-s])[pairs])
-        found.append((s, product[pairs].mean() / spread, model.mean(), pairs.sum()))
-    table = np.array(found, float).reshape(-1, 4).T
-    return table[0], table[1], table[2], table[3]
+        model = noise.correlation((clock[s:] - clock[:-s])[pairs]).mean()
+        shown = (model - of_mean) / (1 - of_mean)
+        found.append((s, product[pairs].mean() / spread, shown, pairs.sum()))
+    lag, value, model, count = np.array(found, float).reshape(-1, 4).T
+    return Autocorrelation(lag, value, model, bartlett(rho, lag.astype(int), count))
+
+
+def bartlett(rho: np.ndarray, lag: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Standard error of a measured autocorrelation at distances `lag`, each from `count` pairs of
+    rows, of noise whose autocorrelation is `rho` at 0, 1, 2, ... rows.
+
+    var r_k = (1/n) sum_m (rho_m^2 + rho_(m+k) rho_(m-k) - 4 rho_k rho_m rho_(m-k)
+    + 2 rho_m^2 rho_k^2) over all whole m (Bartlett 1946, doi:10.2307/2983611).
+    """
+    both = np.concatenate([rho[:0:-1], rho])
+    power = np.abs(np.fft.rfft(both, 4 * len(rho))) ** 2
+    # sum of rho_m rho_(m-j) at every j
+    overlap = np.append(np.fft.irfft(power)[: 2 * len(rho)], 0.0)
+    at = rho[np.minimum(lag, len(rho) - 1)] * (lag < len(rho))
+    one, two = (overlap[np.minimum(j, 2 * len(rho))] for j in (lag, 2 * lag))
+    total = overlap[0] * (1 + 2 * at**2) + two - 4 * at * one
+    return np.sqrt(np.maximum(total, 0.0) / count)
+
+
+def _by_rows(clock: np.ndarray, known: np.ndarray, noise: NoiseEstimate) -> np.ndarray:
+    """Correlation of rows 0, 1, 2, ... apart, on average over those `known`, up to half of all."""
+    half = max(len(clock) // 2, 1)
+    shifts = np.unique(np.concatenate([np.arange(1, 65), np.geomspace(1, half, 100)]).astype(int))
+    at, means = [0], [1.0]
+    for s in shifts[shifts <= half]:
+        apart = (clock[s:] - clock[:-s])[known[s:] & known[:-s]]
+        if len(apart):
+            some = np.unique(np.linspace(0, len(apart) - 1, min(len(apart), _SOME)).astype(int))
+            at.append(s)
+            means.append(noise.correlation(apart[some]).mean())
+    return np.interp(np.arange(half + 1), at, means, right=0.0)
 
 
 def draw_autocorrelation(
@@ -50,19 +118,43 @@ def draw_autocorrelation(
     *,
     model: bool = True,
 ) -> None:
-    """Measured and, with `model`, modelled autocorrelation, and the band of white noise."""
-    lag, value, modelled, count = autocorrelation(clock, residual, noise)
-    band = 1.96 / np.sqrt(count)
-    axis.fill_between(lag, -band, band, color=BAND, lw=0, label="95 % band of white noise")
+    """Measured autocorrelation and, with `model`, that of the noise with the band of what such a
+    record shows of it; without, the band of white noise. Labels say where it is left."""
+    found = autocorrelation(clock, residual, noise if model else NoiseEstimate(noise.sigma))
+    lag, value, modelled, error = found
+    band = "the noise model" if model else "white noise"
+    axis.fill_between(
+        lag, modelled - _BAND * error, modelled + _BAND * error, color=BAND, lw=0,
+        label=f"95 % band of {band}",
+    )  # fmt: skip
     axis.plot(lag, value, "o-", color=BLUE, ms=3, lw=0.8, label="residual")
     if model:
         axis.plot(lag, modelled, color=ORANGE, lw=1.2, ls="--", label="noise model")
+        if words := beyond_text(found.beyond()):
+            axis.plot([], [], " ", label=textwrap.fill(words, _LETTERS))
     axis.axhline(0, color="0.3", lw=0.6)
     plain_log(axis, "x")
-    both = np.concatenate([value, modelled if model else value, [-0.25]])
+    both = np.concatenate([value, modelled, [-0.25]])
     axis.set_ylim(1.15 * float(both[np.isfinite(both)].min()), 1.02)
     axis.set_xlabel("distance between rows [rows]")
     axis.set_ylabel("autocorrelation")
+
+
+def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
+    """Where the noise model is not that of the record, in words; nothing where it is."""
+    if not ranges:
+        return ""
+    parts = []
+    for more in (True, False):
+        of_side = [
+            f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b, side in ranges if side == more
+        ]
+        if of_side:
+            alike = "more" if more else "less"
+            parts.append(
+                f"rows {listed(of_side)} apart are {alike} alike than the noise model says"
+            )
+    return "beyond the band: " + "; ".join(parts)
 
 
 def error_of_mean(clock: np.ndarray, noise: NoiseEstimate) -> float:

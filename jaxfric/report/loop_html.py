@@ -4,6 +4,7 @@ import base64
 from collections.abc import Mapping
 from html import escape
 
+from ..fitting.table import noise_text
 from ..loop.family import listed
 from ..loop.result import Loop
 from .loop_text import (
@@ -212,7 +213,7 @@ def _cards(loop: Loop) -> str:
         (pair("report"), "error on the report block, seen only once"),
         (pair("train"), "error where the model was fitted"),
         (" + ".join(loop.effects) or "none", "effects added"),
-        (loop.after.noise.text(), "noise of the record"),
+        (noise_text(loop.after.noise), "noise of the record"),
     ]
     inside = "".join(f"<li><b>{_text(b)}</b><span>{_text(s)}</span></li>" for b, s in cards)
     return f'<ul class="cards">{inside}</ul>'

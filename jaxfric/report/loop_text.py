@@ -10,7 +10,7 @@ from ..axis.problem import BaseLaw
 from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
-from ..fitting.table import decimals
+from ..fitting.table import decimals, noise_text
 from ..loop.family import CurveFamily, listed
 from ..loop.result import ROLES, CandidateScore, Loop, Table
 from ..loop.split import NAMES, Blocks
@@ -148,7 +148,7 @@ def errors(loop: Loop) -> Table:
         ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
         rows,
         f"{_what_sigma_is(loop)}; no model brings the error below 1 σ, but for chance. Noise is"
-        f" {loop.after.noise.text()}{_bound(loop)}",
+        f" {noise_text(loop.after.noise)}{_bound(loop)}",
         (3,),
     )
 
