@@ -29,8 +29,10 @@ FIGURES = {
     "noise": (
         "The noise of the record",
         "How alike rows are, by their distance: what the model leaves, and the noise that was found"
-        " in it. Short correlation comes from the recorder, the servo or the surfaces and is no"
-        " missing friction; what lasts longer than the bound above the figure would be.",
+        " in it, with the band that such noise stays in. Short correlation comes from the"
+        " recorder, the servo or the surfaces and is no missing friction; what lasts longer than"
+        " the bound above the figure would be. Where the record leaves the band, the noise model is not"
+        " quite that of the record, and errors are a little less sure.",
     ),
     "location": (
         "Where the structure sits",
@@ -148,6 +150,7 @@ def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str
         f"<h2>Before and after</h2>{_table(error)}{_paragraph(splitting(loop), 'note')}",
         _details(velocities.title, _table(velocities)),
         _figure(loop, "residual", figures),
+        _figure(loop, "noise", figures),
         f"<h2>What the model is now</h2>{_added(loop)}{_table(parameters)}{_table(tests)}"
         + "".join(_table(table) for table in more),
         _figure(loop, "location", figures),
