@@ -137,6 +137,8 @@ EVENTS = {
     "four rows": lasting(4),
     "six rows": lasting(6, 25.0),
     "a peak": peak(),
+    "a peak with two flanks": 15 * SIGMA * np.exp(-np.abs(TIME - 600) / 2.5),
+    "a higher one": 30 * SIGMA * np.exp(-np.abs(TIME - 600) / 2.5),
     "a large peak": peak(100.0),
     "a slow swing": 30 * SIGMA * np.sin(TIME / 40),
 }

@@ -3,8 +3,10 @@
 Every row is predicted from the rows before it and, with the rows turned round, from those after
 it, by the noise that was found (one Kalman pass each way). A run of up to three rows is a glitch
 if its first row stands out of what went before and its last one out of what follows, to the same
-side. A step of friction does not: its first row stands out of what went before, and the row before
-that one out of what follows, to the other side. Nor does what lasts longer than three rows.
+side, and none of the three rows before it and after it does by six tenths as much. A step of
+friction does not: its first row stands out of what went before, and the row before that one out of
+what follows, to the other side. Nor does what lasts longer than three rows, nor a peak that rises
+and falls.
 
 How far is far: farther than noise alone gives once in a hundred records of as many rows, in units
 of the median error of the same velocity step: noise differs from step to step, and a median does
@@ -43,6 +45,8 @@ _NORMAL = 0.6744897501960817  # median size of a normal error
 _FEWEST = 50
 _BESIDE, _PART = (5, 10), 0.1
 _TOLD = 3
+_NEAR = 0.6
+"""Of the limit: rows beside a glitch stand out of the noise by less than that."""
 _SHARED = 20
 """Rows that the errors of all steps count for beside those of one."""
 
@@ -126,15 +130,18 @@ def standing_out(
     limit = size * beyond if size > 0 else np.inf
     found = np.zeros(n, bool)
     for side in (1, -1):
-        first, last = side * ahead > limit, side * back > limit
+        before, after = side * ahead, side * back
         here = np.zeros(n, bool)
-        for size in range(1, LONGEST + 1):
-            for begin in np.flatnonzero(first[: n - size + 1] & last[size - 1 :]):
+        for rows in range(1, LONGEST + 1):
+            stands = (before[: n - rows + 1] > limit) & (after[rows - 1 :] > limit)
+            for begin in np.flatnonzero(stands):
+                end = begin + rows
+                around = [*before[max(begin - LONGEST, 0) : begin], *after[end : end + LONGEST]]
                 # what a shorter glitch explains needs no longer one
-                if size == 1 or not here[begin : begin + size].any():
-                    here[begin : begin + size] = True
-        # rows beside them that stand out one way only are of the same event
-        found |= here & _short(here | first | last)
+                new = not here[begin:end].any()
+                if new and max(around, default=0.0) <= _NEAR * limit:
+                    here[begin:end] = True
+        found |= here
     return found & ~spared, beyond * _NORMAL / float(law.ppf(_UPPER))
 
 
@@ -150,15 +157,6 @@ def _law(errors: np.ndarray):
     ratio = -shoulder / max(float(body), 1e-300)
     own = float(np.exp(np.interp(ratio, -sizes[1] / sizes[0], np.log(freedom))))
     return float(body) / float(t.ppf(_UPPER, own)), t(own)
-
-
-def _short(found: np.ndarray) -> np.ndarray:
-    """Those of the rows that are together with no more than `LONGEST` others."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], found.astype(int), [0]]))).reshape(-1, 2)
-    short = np.zeros(len(found), bool)
-    for begin, end in edges:
-        short[begin:end] = end - begin <= LONGEST
-    return short
 
 
 def find_glitches(
