@@ -14,7 +14,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
 FAMILY = "tests/test_family_tables.py"
 GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
-PARTS = "tests/test_loop_parts.py"
+PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
@@ -93,6 +93,18 @@ FAULTS = (
           "keep * out[-1] + (1 - keep) * value", "value", FAMILY),
     Fault("where a logarithm begins must be fixed", "loop/fixed.py",
           "math.isfinite(about.upper) or about.shape_only", "math.isfinite(about.upper)", FIXED),
+    Fault("rows as short at a low cutoff", "axis/prepare.py",
+          "rows = round(rows * first / cutoff)", "pass", f"{READING} -k low_cutoff"),
+    Fault("long rows do not stand in their middle", "axis/prepare.py",
+          "np.pi * f * (every - 1) * interval", "np.pi * f * every * interval",
+          f"{READING} -k dense"),
+    Fault("the error of long rows is that of means", "axis/prepare.py",
+          "        row = _of_rows(f, h, every)", "        pass", f"{READING} -k dense"),
+    Fault("gaps are noise", "axis/reading.py",
+          "beside = used[2:] & used[1:-1] & used[:-2]", "beside = used[2:]",
+          f"{READING} -k row_to_row"),
+    Fault("rows of any length are as noisy", "axis/reading.py",
+          "white / np.sqrt(one.decimation), _OF", "white, _OF", f"{READING} -k cutoff_follows"),
     Fault("the damping of a bristle must be fixed", "axis/effects.py",
           '"damping of the bristle", default=0.0, shape_only=True',
           '"damping of the bristle", default=0.0', FIXED),

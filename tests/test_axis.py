@@ -466,6 +466,7 @@ def test_bad_input(tmp_path, monkeypatch):
     assert_refused(run(*given, "--cutoff", "50"), "--cutoff", "no unit")
     assert_refused(run(*given, "--cutoff", "600 Hz"), "cutoff 600 Hz", "500 Hz")
     assert_refused(run(*given, "--cutoff", "0 Hz"), "cutoff 0 Hz", "above 0")
+    assert_refused(run(*given, "--cutoff", "1 Hz"), "leaves 3 rows", "choose one above 3.3 Hz")
     for other in (("--rig", "steady"), ("--stiffness", "1/um")):
         assert_refused(run("loop", "one.csv", *other, "--cutoff", "50 Hz"), "--cutoff", "--rig")
     asked = {}

@@ -15,8 +15,8 @@ import jaxfric
 from jaxfric.axis import close_axis_loop
 from jaxfric.axis.closed_loop import Controller, simulate_closed_loop
 from jaxfric.axis.controller_check import disagreement
-from jaxfric.axis.prepare import Preparation
-from jaxfric.axis.reading import read_rows
+from jaxfric.axis.prepare import Preparation, acceleration_noise, prepare, usual
+from jaxfric.axis.reading import _from_row_to_row, read_rows
 from jaxfric.axis.rig import AxisRig
 from jaxfric.records import Drive, axis_from_arrays, read_axis
 
@@ -146,8 +146,10 @@ def test_a_reversed_force_is_refused_at_once_and_turned(tmp_path, monkeypatch):
     np.testing.assert_allclose(asked, [-recorded, recorded, -recorded])
 
 
-@pytest.mark.parametrize(("encoder", "cutoff"), [(1e-9, 100), (1e-6, 18), (3e-5, 6)])
+@pytest.mark.parametrize(("encoder", "cutoff"), [(1e-9, 100), (1e-6, 18), (3e-5, 18)])
 def test_the_cutoff_follows_the_noise_of_the_encoder(encoder, cutoff):
+    """95 kg at 0.3 N: 0.025 N of 0.04 N at 18 Hz, by the fourth power of the cutoff more above; at
+    3e-5 m 18 Hz is the lowest that leaves 60 rows."""
     found = reading(a_record(encoder=encoder))
     assert found.prepared.preparation.cutoff == pytest.approx(cutoff, rel=0.5)
     assert ("differentiated twice" in " ".join(found.notes)) == (encoder > 1e-8)
@@ -168,7 +170,7 @@ def test_a_direction_that_the_threshold_takes_away_is_found():
         position=step * np.round(q / step), coordinate="rotary",
     )  # fmt: skip
     chosen = reading(record).prepared.preparation
-    for preparation in (None, chosen._replace(cutoff=4 * chosen.cutoff)):
+    for preparation in (None, chosen._replace(cutoff=6 * chosen.cutoff)):
         found = reading(record, preparation=preparation)
         moving = found.rows.velocity[found.rows.used]
         assert (moving > 0).any() and (moving < 0).any() and found.notes
@@ -192,6 +194,59 @@ def test_motion_that_a_low_cutoff_takes_away_is_no_noise():
         reading(record, preparation=Preparation(cutoff, 10)).prepared.white for cutoff in (100, 4)
     ]
     assert whites == pytest.approx([1e-6, 1e-6], rel=0.1)
+
+
+@pytest.mark.parametrize(("cutoff", "rows"), [(200, 10), (100, 10), (50, 10), (45, 22), (25, 40)])
+def test_a_low_cutoff_takes_little_of_what_rows_show(cutoff, rows):
+    """A force of 95 kg under 0.5 m/s^2 at 20 Hz, against the closed form of both filters."""
+    t, w = np.arange(8000) * H, 2 * np.pi * 20
+    force = 95 * 0.5 * np.sin(w * t)
+    made = prepare(t, force / -(95 * w**2), None, force, preparation=usual(H, cutoff))
+    assert made.means.every == rows
+    inside = made.inside[: made.rows]
+    left = 95 * np.asarray(made.forces(made.motion.acceleration)) - made.force
+    left = left[: made.rows][inside]
+    low = 1 / (1 + (20 / cutoff) ** 8) * (np.sin(w * H) / (w * H)) ** 2
+    mean = abs(np.sin(np.pi * 20 * rows * H) / (rows * np.sin(np.pi * 20 * H)))
+    mean = mean if rows == 10 else 1 / np.sqrt(1 + (40 * rows * H) ** 8)
+    whole = 95 * 0.5 / np.sqrt(2)
+    assert np.sqrt(np.mean(left**2)) == pytest.approx((1 - low) * mean * whole, rel=0.02)
+
+
+def test_rows_of_a_low_cutoff_against_dense_algebra():
+    """Responses to impulses: white noise stays white, and that of the acceleration is known."""
+    t, every = np.arange(4000) * H, 40
+    made = prepare(t, np.sin(t), None, t, preparation=usual(H, 25.0))
+    k = len(made.motion.time)
+    own = np.stack([np.asarray(made.forces(jnp.eye(1, k, 2000 + j)[0])) for j in range(every)])
+    found = [np.sum(own[:, lag:] * own[:, : own.shape[1] - lag]) for lag in range(4)]
+    np.testing.assert_allclose(np.asarray(found) * every, [1, 0, 0, 0], atol=0.06)
+    # a straight line comes out at the middle of a row
+    line = np.asarray(made.forces(jnp.arange(float(k))))[20:60]
+    np.testing.assert_allclose(line, np.arange(20, 60) * every + 0.5 * (every - 1), rtol=1e-6)
+    error = []
+    for j in range(every):
+        moved = prepare(t, np.eye(1, 4000, 2000 + j)[0], None, t, preparation=usual(H, 25.0))
+        error.append(np.asarray(moved.forces(moved.motion.acceleration)))
+    truth = np.sqrt(np.sum(np.square(error)))
+    assert acceleration_noise(made) / made.white == pytest.approx(truth, rel=0.01)
+
+
+def test_slow_records_have_all_rows_at_their_cutoff_and_fewer_below_it():
+    assert usual(0.01) == Preparation(20.0, 1)
+    assert [usual(0.01, cutoff).decimation for cutoff in (40, 20, 10, 8, 5)] == [1, 1, 1, 2, 4]
+
+
+def test_noise_from_row_to_row_is_blind_to_what_is_slow_and_to_gaps():
+    """White noise of 0.2 on a steep line, in pieces of which every one begins elsewhere."""
+    n = np.arange(6000)
+    used = n % 30 > 1
+    steep = 3.0 * n + 100.0 * (n // 30 % 7)
+    noise = 0.2 * np.random.default_rng(4).standard_normal(len(n))
+    assert _from_row_to_row(steep + np.where(used, noise, 1e3), used) == pytest.approx(
+        0.2, rel=0.05
+    )
+    assert _from_row_to_row(steep, n % 3 > 0) == np.inf  # no three rows beside each other
 
 
 def test_two_lags_are_in_one_model_where_both_are_asked_for(monkeypatch):

@@ -4,6 +4,9 @@ The position is low-passed without phase (Butterworth, 4th order, forwards and b
 differenced centrally. Forces, recorded and predicted alike, are then taken to fewer rows, by one of
 
 - `Means`: means of consecutive samples. White noise stays white, so the loop uses these rows.
+- the low-pass of longer rows: magnitude 1/sqrt(1 + (f/f_N)^8) without phase, f_N half the rate of
+  the rows. Its power and what is folded on it from above f_N add to 1, to a twentieth, so that
+  white noise stays white, and little gets through of what the position's low-pass, at 2 f_N, takes.
 - `Decimator`: low-passed without phase (Chebyshev, 8th order, forwards and backwards) and sampled,
   as is usual in robotics; published errors are of these rows.
 """
@@ -14,7 +17,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, Num
 
 from ..errors import InputError
 from ..fitting.problem import bucket
@@ -30,6 +33,8 @@ _PASS = 0.8
 _EDGE = 0.2
 _UNEVEN = 0.01
 _MARGIN = 0.5
+_SAME_ROWS = 0.49
+_FEWEST_ROWS = 10
 
 
 class Preparation(NamedTuple):
@@ -46,13 +51,23 @@ class Preparation(NamedTuple):
 
 def usual(interval: float, cutoff: float | None = None) -> Preparation:
     """A tenth of the sampling rate for cutoff and rows (100 Hz and 10 of 1 kHz); records slower
-    than 200 Hz keep all rows, with a cutoff of a fifth. A `cutoff` [Hz] that is given is that of
-    the same rows."""
+    than 200 Hz keep all rows, with a cutoff of a fifth.
+
+    A `cutoff` [Hz] that is given is that of the same rows down to a half of the usual one, where
+    what it takes away of the motion is still less than short rows are worth. Below, one row lasts
+    1/cutoff (of a fast record), and forces, recorded and predicted, are low-passed at half of it:
+    what the position's low-pass takes is little in them at any cutoff.
+    """
     rate = 1 / interval
     share, rows = _CUTOFF_SHARE, round(_ROWS_PER_CUTOFF / _CUTOFF_SHARE)
     if rate < _SLOW:
         share, rows = _SLOW_CUTOFF_SHARE, 1
-    return Preparation(share * rate if cutoff is None else cutoff, rows)
+    first = share * rate
+    if cutoff is None:
+        return Preparation(first, rows)
+    if cutoff > 0 and cutoff < _SAME_ROWS * first:
+        rows = round(rows * first / cutoff)
+    return Preparation(cutoff, rows)
 
 
 class Motion(eqx.Module):
@@ -87,16 +102,17 @@ class Means(AbstractSampler):
 
 
 class Decimator(AbstractSampler):
-    """Zero-phase low-pass, then every n-th sample."""
+    """Low-pass, then every n-th sample."""
 
-    gain: Float[Array, " f"]
-    """Squared magnitude of the filter at the frequencies of the extended signal."""
+    gain: Num[Array, " f"]
+    """Of the filter at the frequencies of the extended signal; complex where rows stand elsewhere
+    than at a sample."""
     margin: int = eqx.field(static=True)
     after: int = eqx.field(static=True)
     every: int = eqx.field(static=True)
 
     def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
-        """The row of sample k is at that sample."""
+        """The row of sample k is at that sample, or where the phase of `gain` puts it."""
         m, more = self.margin, self.after
         before = 2 * signal[0] - signal[m:0:-1]
         after = 2 * signal[-1] - signal[-2 : -more - 2 : -1]
@@ -128,13 +144,15 @@ class Prepared(NamedTuple):
 
     motion: Motion
     means: Means
+    forces: AbstractSampler
+    """Takes forces to the rows of the loop, which stand where those of `means` do."""
     usual: Decimator
     interval: float
     """Between samples [s]."""
     time: np.ndarray
     """Of the rows (n), from 0 [s]."""
     force: np.ndarray
-    """Recorded, by `means` (n)."""
+    """Recorded, by `forces` (n)."""
     usual_force: np.ndarray
     """Recorded, by `usual` (n)."""
     rows: int
@@ -164,14 +182,16 @@ class Prepared(NamedTuple):
 def acceleration_noise(prepared: Prepared) -> float:
     """Standard deviation of the error of a row's acceleration, of the recorded motion's white one.
 
-    White noise through the low-pass (both ways), the central differences and the mean of a row.
+    White noise through the low-pass (both ways), the central differences and that of a row.
     """
     h, every = prepared.interval, prepared.means.every
     f = np.linspace(0, 0.5 / h, _BINS + 1)[1:]
     low = 1 / (1 + (f / prepared.preparation.cutoff) ** (2 * _ORDER))
     slope = np.sin(2 * np.pi * f * h) / h
-    mean = np.sinc(f * every * h) / np.sinc(f * h)
-    gain = slope ** (2 if prepared.of_position else 1) * low * mean
+    row = np.sinc(f * every * h) / np.sinc(f * h)
+    if prepared.forces is not prepared.means:
+        row = _of_rows(f, h, every)
+    gain = slope ** (2 if prepared.of_position else 1) * low * row
     return prepared.white * float(np.sqrt(np.mean(gain**2)))
 
 
@@ -191,8 +211,8 @@ def prepare(
 
     Raises
     ------
-    InputError : a cutoff not between 0 and half the sampling rate; a record shorter than its
-        edges.
+    InputError : a cutoff not between 0 and half the sampling rate, or so low that few rows are
+        left; a record shorter than its edges.
     """
     from scipy import signal
 
@@ -208,6 +228,12 @@ def prepare(
         raise InputError(
             f"the record lasts {time[-1]:.3g} s in {len(time)} rows; {4 * chosen.edge:g} s and 100"
             " rows are needed"
+        )
+    if len(time) < _FEWEST_ROWS * chosen.decimation:
+        raise InputError(
+            f"cutoff {chosen.cutoff:g} Hz: of {time[-1]:.3g} s that leaves"
+            f" {len(time) // chosen.decimation} rows, and {_FEWEST_ROWS} are needed; choose one"
+            f" above {_FEWEST_ROWS / time[-1]:.2g} Hz"
         )
     low = signal.butter(_ORDER, chosen.cutoff * 2 * interval, output="sos")
     raw = position if position is not None else velocity
@@ -229,7 +255,8 @@ def prepare(
         jnp.asarray(np.pad(a, more)),
         jnp.asarray(np.pad(np.cumsum(np.abs(v)) * interval, more, mode="edge")),
     )
-    means, usual_rows = Means(every), _decimator(size, interval, every)
+    means, (long_rows, usual_rows) = Means(every), _decimators(size, interval, every)
+    forces = long_rows if every > usual(interval).decimation else means
     padded = np.pad(recorded, more, "edge")
     acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
     at = (np.arange(size // every) * every + 0.5 * (every - 1)) * interval
@@ -244,10 +271,11 @@ def prepare(
     return Prepared(
         motion,
         means,
+        forces,
         usual_rows,
         interval,
         at,
-        np.asarray(means(jnp.asarray(acting))),
+        np.asarray(forces(jnp.asarray(acting))),
         np.asarray(usual_rows(jnp.asarray(padded))),
         len(time) // every,
         inside,
@@ -279,18 +307,28 @@ def _even(
     return grid, on(position), on(velocity), np.interp(grid, time, force)
 
 
-def _decimator(size: int, interval: float, every: int) -> Decimator:
+def _of_rows(f: np.ndarray, interval: float, every: int) -> np.ndarray:
+    """Gain of the low-pass of long rows at frequencies f [Hz]."""
+    return 1 / np.sqrt(1 + (2 * f * every * interval) ** (2 * _ORDER))
+
+
+def _decimators(size: int, interval: float, every: int) -> tuple[Decimator, Decimator]:
+    """Those of long rows, in the middle of every so many samples, and of publications."""
     from scipy import signal
     from scipy.fft import next_fast_len
 
     margin = max(8, min(round(_MARGIN / interval), size - 2))
     n = int(next_fast_len(size + 2 * margin, real=True) or size + 2 * margin)
-    frequency = 2 * np.pi * np.fft.rfftfreq(n, interval)
-    if every == 1:
-        gain = np.ones_like(frequency)
-    else:
+    f = np.fft.rfftfreq(n, interval)
+    long = _of_rows(f, interval, every) * np.exp(1j * np.pi * f * (every - 1) * interval)
+    published = np.ones_like(f)
+    if every > 1:
         low = signal.cheby1(8, _RIPPLE, _PASS / every, output="sos")
-        _, response = signal.sosfreqz(low, worN=frequency * interval)
+        _, response = signal.sosfreqz(low, worN=2 * np.pi * f * interval)
         level = np.abs(np.asarray(response))
-        gain = (level / level[0]) ** 2
-    return Decimator(gain=jnp.asarray(gain), margin=margin, after=n - size - margin, every=every)
+        published = (level / level[0]) ** 2
+    after = n - size - margin
+    return (
+        Decimator(gain=jnp.asarray(long), margin=margin, after=after, every=every),
+        Decimator(gain=jnp.asarray(published), margin=margin, after=after, every=every),
+    )

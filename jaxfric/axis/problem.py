@@ -173,7 +173,7 @@ def make_problem(
         weight=jnp.asarray(weight),
         clock=jnp.asarray(prepared.time)[:, None],
         motion=motion,
-        sampler=prepared.means,
+        sampler=prepared.forces,
         interval=jnp.asarray(prepared.interval),
         noise_scale=jnp.asarray(noise_scale),
         width=jnp.asarray(width),

@@ -1,10 +1,12 @@
 """From an axis record to the rows that a loop works on: low-pass, sign, disturbance, threshold.
 
-The cutoff of the position's low-pass is the highest at which the encoder's error, differentiated
-twice and times the mass, is less than half of what the base law leaves of the force: below that it
-would cost motion, above it the prediction's own noise would hide friction. Where the rows that move
-faster than the noise of the velocity do not make up a record that can be split, lower cutoffs and
-then a lower threshold are tried.
+The cutoff of the position's low-pass, and with it the number of rows, is the highest at which the
+encoder's error, differentiated twice and times the mass, has less than half of the variance of the
+force's own noise: above that the prediction's noise would hide friction, below it motion or rows
+are lost. The noise of the force is what the base law leaves from row to row, white, where it is
+least over all cutoffs: at high ones the encoder's error is in it, at low ones the structure that is
+looked for. Where the rows that move faster than the noise of the velocity do not make up a record
+that can be split, lower cutoffs, then a lower threshold, then shorter rows are tried.
 """
 
 from typing import NamedTuple
@@ -21,13 +23,16 @@ from .rough import holds_already, refuse_reversed, rough_fit, unexplained_rows
 from .rows import rows_of
 from .split import split
 
-_OF_RESIDUAL = 0.5
+_OF_NOISE, _OF_RESIDUAL = np.sqrt(0.5), 0.25
+"""Largest share of the force's own noise, and of all that the base law leaves."""
 _HALVINGS = 8
 """Cutoffs are tried down by factors of sqrt 2, to a sixteenth."""
 _SLOWEST = 10.0
 """Periods of the cutoff that a record lasts at least."""
 _THRESHOLDS = (1.0, 0.5, 0.25)
 _JITTER, _FEW = 0.2, 0.01
+_FEWEST = 60
+"""Rows that a cutoff leaves at least: those of three blocks (`split`)."""
 
 
 class Reading(NamedTuple):
@@ -131,31 +136,47 @@ def _candidates(record: AxisRecord) -> list[Preparation]:
     interval = float(np.median(np.diff(record.time)))
     first, least = usual(interval), _SLOWEST / float(record.relative_time[-1])
     cutoffs = [first.cutoff / 2 ** (0.5 * k) for k in range(_HALVINGS + 1)]
-    return [first._replace(cutoff=c) for c in cutoffs if c >= least or c == first.cutoff]
+    return [usual(interval, c) for c in cutoffs if c >= least or c == first.cutoff]
 
 
 def _cutoff(record: AxisRecord, force: np.ndarray, held: bool) -> tuple[Preparation, str]:
-    """The preparation whose predicted force is less noisy than what the base law leaves."""
+    """The preparation whose predicted force is less noisy than the recorded one."""
     options, found = _candidates(record), []
     for one in options:
         prepared = _prepare(record, force, one, held)
         rows = rows_of(prepared, None)
-        if rows.used.sum() > 20:
+        if rows.used.sum() >= _FEWEST:
             rough = rough_fit(prepared, rows.used, rows.width)
-            found.append((one, rough, acceleration_noise(prepared)))
+            noise = _from_row_to_row(rough.residual, rows.used) * np.sqrt(one.decimation)
+            found.append((one, rough, acceleration_noise(prepared), noise))
     if not found:
         return options[0], ""
-    mass = max(abs(float(rough.values[0])) for _, rough, _ in found)
-    quiet = [one for one in found if mass * one[2] < _OF_RESIDUAL * one[1].rms]
-    one, _, _ = quiet[0] if quiet else min(found, key=lambda f: f[1].rms)
+    mass = max(abs(float(rough.values[0])) for _, rough, _, _ in found)
+    white = min(noise for *_, noise in found)
+    allowed = [
+        max(_OF_NOISE * white / np.sqrt(one.decimation), _OF_RESIDUAL * rough.rms)
+        for one, rough, _, _ in found
+    ]
+    quiet = [f for f, most in zip(found, allowed, strict=True) if mass * f[2] < most]
+    one = (quiet[0] if quiet else min(found, key=lambda f: mass * f[2]))[0]
     if one.cutoff == options[0].cutoff:
         return one, ""
-    noise, left = mass * found[0][2], found[0][1].rms
+    first, _, noise, _ = found[0]
+    left = white / np.sqrt(first.decimation)
     return one, (
-        f"low-pass of the position at {one.cutoff:.3g} Hz: at {found[0][0].cutoff:.3g} Hz the"
-        f" encoder's error, differentiated twice, would be {noise:.2g} {record.force_unit} in the"
-        f" predicted force, where the base law leaves {left:.2g} {record.force_unit} (--cutoff"
-        " sets another)"
+        f"low-pass of the position at {one.cutoff:.3g} Hz: at {first.cutoff:.3g} Hz the"
+        f" encoder's error, differentiated twice, would be {mass * noise:.2g} {record.force_unit}"
+        f" in the predicted force, beside a noise of {left:.2g} {record.force_unit} in the"
+        " recorded one (--cutoff sets another)"
+    )
+
+
+def _from_row_to_row(residual: np.ndarray, used: np.ndarray) -> float:
+    """The white noise that second differences of neighbouring rows show, blind to what is slow."""
+    second = residual[2:] - 2 * residual[1:-1] + residual[:-2]
+    beside = used[2:] & used[1:-1] & used[:-2]
+    return (
+        1.4826 * float(np.median(np.abs(second[beside]))) / np.sqrt(6) if beside.any() else np.inf
     )
 
 
@@ -167,11 +188,16 @@ def _split(
     held: bool,
     free: bool,
 ) -> tuple[Prepared, AxisRows, Blocks, list[str]]:
-    """Rows and blocks; lower cutoffs (where they are `free`) and thresholds where need be."""
+    """Rows and blocks; where need be lower cutoffs and shorter rows (where they are `free`), and
+    lower thresholds."""
     path, unit = record.provenance.path, "rad" if record.coordinate == "rotary" else "m"
     lower = [c for c in _candidates(record) if c.cutoff < chosen.cutoff] if free else []
     tries = [(chosen, 1.0), *((one, 1.0) for one in lower)]
     tries += [(one, share) for share in _THRESHOLDS[1:] for one in (chosen, *lower)]
+    interval = float(np.median(np.diff(record.time)))
+    if free:  # more rows than those in which a low cutoff takes little motion
+        short = usual(interval).decimation
+        tries += [(one._replace(decimation=short), share) for one, share in tries]
     refused: InputError | None = None
     for one, share in tries if width is None else tries[:1]:
         prepared = _prepare(record, force, one, held)
@@ -183,14 +209,16 @@ def _split(
             continue
         if refused is None:
             return prepared, rows, blocks, []
-        told = f"low-pass of the position at {one.cutoff:.3g} Hz and a threshold of"
+        told = f"low-pass of the position at {one.cutoff:.3g} Hz, rows of"
+        told += f" {1e3 * one.decimation * interval:.3g} ms and a threshold of"
         return (
             prepared,
             rows,
             blocks,
             [
-                f"{told} {2 * rows.width:.2g} {unit}/s: with {chosen.cutoff:.3g} Hz too few rows"
-                " were faster than the noise of the velocity"
+                f"{told} {2 * rows.width:.2g} {unit}/s: with {chosen.cutoff:.3g} Hz and rows of"
+                f" {1e3 * chosen.decimation * interval:.3g} ms too few were faster than the noise"
+                " of the velocity"
             ],
         )
     assert refused is not None

@@ -42,13 +42,13 @@ def rough_fit(
     prepared: Prepared, used: np.ndarray, width: float, *, more: Sequence[np.ndarray] = ()
 ) -> Rough:
     """Least squares over the rows `used` (bool, of the real rows); `more` are columns of rows."""
-    motion, means = prepared.motion, prepared.means
+    motion, at_rows = prepared.motion, prepared.forces
     n = prepared.rows
-    v = np.asarray(means(motion.velocity))[:n]
+    v = np.asarray(at_rows(motion.velocity))[:n]
     columns = [
-        np.asarray(means(motion.acceleration))[:n],
+        np.asarray(at_rows(motion.acceleration))[:n],
         v,
-        np.asarray(means(jnp.tanh(motion.velocity / width)))[:n],
+        np.asarray(at_rows(jnp.tanh(motion.velocity / width)))[:n],
         np.ones(n),
         *(column[:n] for column in more),
     ]
