@@ -284,9 +284,12 @@ def noisy(case: Case, seed: int = 1) -> Engine:
 def test_a_delay_at_its_null_is_simulated_without_states():
     """Only there; a superset without anything cheaper stays as it is."""
     plant, rest = plant_of(SOFT), np.zeros(len(TIMES))
-    effects = (effect_of("viscous"), effect_of("frictional_delay"))
+    effects = (effect_of("viscous"), effect_of("frictional_delay"), effect_of("inertia"))
     engine = engine_of(plant, rest + F0, rest, effects)
     z = np.zeros(len(engine.names) + len(VELOCITIES) - 1)
+
+    def late(z):
+        return not engine.at(z, engine.problem).rig(jnp.asarray(z)).machine.first_order
 
     def states(z):
         return len(
@@ -296,6 +299,8 @@ def test_a_delay_at_its_null_is_simulated_without_states():
     alpha = engine.names.index("frictional_delay.alpha")
     viscous = engine.names.index("viscous.c")
     assert [states(z), states(np.eye(len(z))[viscous]), states(np.eye(len(z))[alpha])] == [1, 1, 4]
+    m = engine.names.index("inertia.m")
+    assert [late(z), late(np.eye(len(z))[alpha]), late(np.eye(len(z))[m])] == [False, False, True]
     plain = engine_of(plant, rest + F0, rest)
     assert plain.at(start(plain), plain.problem) is plain.problem
 

@@ -23,7 +23,7 @@ from fits.blind.plants import Base, Protocol
 from jaxfric.effects import CATALOGUE
 from jaxfric.effects.effect import AbstractLinearEffect, with_term
 from jaxfric.loop import SCHEMA, close_loop
-from jaxfric.loop.loop import ON_REQUEST, _check
+from jaxfric.loop.loop import _check
 from jaxfric.quantity import quantity
 from jaxfric.records import from_arrays
 from jaxfric.rig.friction.extended import AbstractStatelessTerm
@@ -79,7 +79,7 @@ def blind(request: Request):
 
 def offering(*ids: str) -> dict:
     """Arguments of a loop that offers some effects only."""
-    left_out = [id for id in (*CATALOGUE, Quadratic.id) if id not in (*ids, *ON_REQUEST)]
+    left_out = [id for id in (*CATALOGUE, Quadratic.id) if id not in ids]
     return {"own": [Quadratic], "without": left_out}
 
 
@@ -146,7 +146,7 @@ def test_loop_json(second):
     assert sum(content["blocks"][k] for k in ("train", "select", "report")) == len(loop.record)
     assert len(content["before"]["per_step_in_sigma"]) == len(content["steps"]) == 12
     screened = {s["id"] for s in content["screened"]}
-    assert screened == set(CATALOGUE) - {*ON_REQUEST, "normal_stress"}  # no such column
+    assert screened == set(CATALOGUE) - {"normal_stress"}  # no such column
 
 
 def test_gain_and_stiffness_are_one_without_mass(second):

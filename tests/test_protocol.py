@@ -318,7 +318,7 @@ def test_tables(twelve):
     assert {row[0] for row in effects(twelve).rows} == set(twelve.outlook.ids)
     assert len(changes(twelve).rows) == 7
     assert any("slip_trend" in line and "time_drift" in line for line in apart(twelve))
-    assert set(twelve.outlook.ids) == set(CATALOGUE) - {"inertia", "normal_stress"}
+    assert set(twelve.outlook.ids) == set(CATALOGUE) - {"normal_stress"}
 
 
 @pytest.mark.long

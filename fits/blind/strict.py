@@ -5,8 +5,8 @@ What differs
                 whatever the verdict
     right group a confirmed one; where nothing is confirmed, a group may not have grown by refits
                 within 10 of BIC
-    inertia     counts: it is withheld unless it is declared, which is the loop's choice; published:
-                a kind of its own, outside all numbers
+    inertia     counts; published: a kind of its own, outside all numbers, of a loop that did not
+                look for it
     held out    the report block alone; published: with the select block, by which models are chosen
     covered     also at rho 0.1, and of every fit; published: rho 0.2 and more, of extended fits
     no effect   for plants without and with mass apart, and `no_missing_effect` beside no false name

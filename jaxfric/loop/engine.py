@@ -6,6 +6,7 @@ a fit that lacks an effect swallows the effect. Which parts the noise has is fou
 the base leaves when everything smooth is taken out (`Engine.learn_noise`).
 """
 
+import dataclasses
 from typing import NamedTuple, Protocol
 
 import equinox as eqx
@@ -42,6 +43,7 @@ _TRIALS = 60
 _NOISE_SHARE = 0.1
 _SHORTEST_LIMIT = 10.0
 _AT_ONCE = 16
+_HEAVY = 2
 
 
 class Candidate(NamedTuple):
@@ -175,8 +177,8 @@ class Engine:
         self.names = self.model.names()
         self.base = list(range(len(self.model.base.names())))
         self.shifts = [len(self.names) + int(k) for k in shifted]
-        heavy = tuple(e.id for e in self.model.effects if near_null(e) is not e)
-        self._heavy = self.model.columns(heavy)
+        heavy = [e.id for e in self.model.effects if near_null(e) is not e]
+        self._heavy = {id: self.model.columns((id,)) for id in heavy}
 
     def addable(self, effects: tuple[str, ...]) -> tuple:
         """The effects that are offered and can be added to a candidate with `effects`."""
@@ -203,9 +205,10 @@ class Engine:
 
         That is another compilation, but most candidates lack the effects that are heavy.
         """
-        if not self._heavy or np.any(np.asarray(z)[self._heavy]):
-            return problem
-        return problem.with_model(self.model._replace(lighter=True))
+        lighter = tuple(id for id, own in self._heavy.items() if not np.any(np.asarray(z)[own]))
+        if len(lighter) < len(self._heavy):
+            problem = dataclasses.replace(problem, max_steps=_HEAVY * problem.max_steps)
+        return problem.with_model(self.model._replace(lighter=lighter)) if lighter else problem
 
     def free(self, effects: tuple[str, ...]) -> np.ndarray:
         """Indices of the free parameters of a candidate, base and step times first."""

@@ -34,8 +34,6 @@ from .split import Blocks, split
 from .superset import Superset
 from .verdict import conclude, noise_floor, questions
 
-# Half as much again in time, and right to first order only.
-ON_REQUEST = ("inertia",)
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
 _FELT = 0.1
 _STRESS_FELT = 0.3
@@ -64,7 +62,6 @@ def close_loop(
     ----------
     record, stiffness, law, steps : as of `jaxfric.fit`.
     with_ : ids of effects that belong to the base; without : ids of those not considered.
-        `ON_REQUEST` are considered only as part of the base.
     own : effects of your own beside those of the catalogue.
     most : largest number of effects added, 0 to `search.MOST`.
     rows : as of `jaxfric.fit`: means over neighbouring rows, about so many.
@@ -154,11 +151,7 @@ def _effects(
                 f"{record.provenance.path}: effect {id} needs a column {channel} that changes,"
                 " which the record does not have; name it with --column, or leave the effect out"
             )
-    return tuple(
-        e
-        for id, e in known.items()
-        if (e.channel is None or e.channel in columns) and (id not in ON_REQUEST or id in with_)
-    )
+    return tuple(e for e in known.values() if e.channel is None or e.channel in columns)
 
 
 def _stress(record: Record) -> NormalStress | None:

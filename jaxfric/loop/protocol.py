@@ -35,7 +35,6 @@ from ..records import VelocitySteps
 from ..rig.friction import critical_stiffness
 from ..units import speed_text
 from .engine import Candidate, Engine
-from .loop import ON_REQUEST
 from .outlook import Change, Outlook, Protocol, Smallest
 from .sampling import seen_between
 from .screen import Screening, alias_cosines, orthonormal, sensitivities
@@ -229,9 +228,7 @@ def _effects(with_, without, own) -> tuple[type[AbstractEffect], ...]:
             )
     if not any(e.channel is None and id not in (*with_, *without) for id, e in known.items()):
         raise InputError("no effect is left to look at: shorten --with and --without")
-    return tuple(
-        e for id, e in known.items() if e.channel is None and (id not in ON_REQUEST or id in with_)
-    )
+    return tuple(e for e in known.values() if e.channel is None)
 
 
 def _model(values: dict[str, float], law: str, effects, with_) -> Model:

@@ -45,6 +45,9 @@ def _unknowns(equation: SliderEquation, moved) -> dict[str, Array]:
     }
     if isinstance(machine, Inertial):
         y["phi"] = (moved.force - equation.reference) / scale
+    if equation.is_late():  # nearly: where the mass matters it is that of the slider
+        w = jnp.log(moved.velocity / equation.motion.first_velocity())
+        y["w"] = jnp.stack([w, w], axis=1)
     return y
 
 

@@ -20,8 +20,8 @@ class Superset(NamedTuple):
 
     base: Model
     effects: tuple[type[AbstractEffect], ...]
-    lighter: bool = False
-    """Effects as `near_null`: only where those that it changes are at their null."""
+    lighter: tuple[str, ...] = ()
+    """Ids of effects that are taken as `near_null`: only where they are at their null."""
 
     def names(self) -> tuple[str, ...]:
         """The base's names, then those of the effects in order."""
@@ -43,7 +43,7 @@ class Superset(NamedTuple):
         for effect in self.effects:
             fields = list(parameters(effect))
             chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))
-            made = (near_null(effect) if self.lighter else effect)(**chosen)
+            made = (near_null(effect) if effect.id in self.lighter else effect)(**chosen)
             rig = made.embed(rig)
             n += len(fields)
         return rig

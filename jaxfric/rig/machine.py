@@ -23,18 +23,21 @@ class QuasiStatic(AbstractMachine):
 
     f(V, state) = K (x_m - x) + k_v (V_m - V). The law must be invertible in V.
 
-    `mass`, where it is given, is a small one: its inertia m dV/dt is taken off the pull
-    to first order in m, with dV/dt from the balance without it (see `simulation.ode`).
+    `mass`, where it is given, is a small one, whose velocity follows that of the balance
+    late (see `simulation.ode`); with `first_order` its inertia m dV/dt is taken off the
+    pull to first order in m, with dV/dt from the balance without it, which costs less.
     """
 
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
     damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0, closed=True)
     mass: Float[Array, ""] | None = quantity("m", "F s^2/m", "small mass")
+    first_order: bool = eqx.field(static=True, default=False)
 
-    def __init__(self, stiffness, damping=None, mass=None):
+    def __init__(self, stiffness, damping=None, mass=None, *, first_order=False):
         self.stiffness = stiffness
         self.damping = damping
         self.mass = mass
+        self.first_order = first_order
 
     def __check_init__(self):
         refuse_outside(self, "QuasiStatic")

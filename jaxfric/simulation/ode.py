@@ -6,6 +6,7 @@ Unknowns, with F = `law.force_scale()` (for rate-and-state friction, A):
     psi = state/F                         states of the law
     phi = (friction - reference)/F        friction force, only where there is mass
     v   = V/(largest commanded speed)     in place of phi, for a law without direct effect
+    w   = ln(V/V(0)), followed twice      only where a small mass makes the velocity late
 
 The elongation, not the slip, is integrated: slip grows without limit and would lose the
 digits that matter. Where there is mass the friction force takes the place of the velocity,
@@ -29,6 +30,8 @@ from ..motion import AbstractMotion, PiecewiseVelocity
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
 from .start import Start, law_with_states
+
+_FOLLOWS = 3e-4
 
 
 class Slider(NamedTuple):
@@ -87,13 +90,15 @@ class SliderEquation(eqx.Module):
             steady = start.velocity is None and start.state is None
             excess = rest if steady else law.force(V, state, _origin(V)) - self.reference
             y["phi"] = rest + excess / scale
+        if self.is_late():
+            y["w"] = jnp.zeros((2,), rest.dtype)
         return y
 
     def derivative(self, t, y: dict[str, Array], args=None) -> dict[str, Array]:
         """Time derivative of the scaled unknowns [1/s]."""
         del args
         law, scale = self.law, self.law.force_scale()
-        now = self.physical(t, y)
+        now, following = self._now(t, y)
         state_rate = law.rate(now.velocity, now.state, self._at(now.slip, t))
         spring_rate = self.rig.machine.stiffness * (self.motion.velocity(t) - now.velocity)
         dy = {"q": spring_rate / scale, "psi": state_rate / scale}
@@ -104,29 +109,86 @@ class SliderEquation(eqx.Module):
                 return {**dy, "v": acceleration / self.motion.largest_speed()}
             force_rate = self._force_rate(t, now, acceleration, state_rate)
             dy["phi"] = force_rate / scale
+        if following is not None:
+            dy["w"] = following
         return dy
 
     def physical(self, t: Float[Array, ""], y: dict[str, Array]) -> Slider:
         """Force, velocity, slip and state that belong to the scaled unknowns at time `t`."""
+        return self._now(t, y)[0]
+
+    def _now(self, t, y) -> tuple[Slider, Array | None]:
+        """The slider, and dw/dt of one that is late."""
         law, machine = self.law, self.rig.machine
         scale = law.force_scale()
-        slip = self.motion.displacement(t) - scale * y["q"] / machine.stiffness
-        if self.start.elongation is not None:
-            slip = slip + self.start.elongation
+        slip = self._slip(t, y)
         state = scale * y["psi"]
         at = self._at(slip, t)
         if not isinstance(law, AbstractInvertibleLaw):
             velocity = self.motion.largest_speed() * y["v"]
-            return Slider(law.force(velocity, state, at), velocity, slip, state)
+            return Slider(law.force(velocity, state, at), velocity, slip, state), None
         if isinstance(machine, Inertial):
             force = self.reference + scale * y["phi"]
-            return Slider(force, law.velocity(force, state, at), slip, state)
-        stress = self._stress(t)
+            return Slider(force, law.velocity(force, state, at), slip, state), None
+        still = self._balance(t, y, law, slip, state)
+        if not self.is_late():
+            return self._with_small_mass(t, still), None
+        behind, time, share = self._following(t, still, y["w"])
+        lacks = share * ((2 - share) * behind[0] - (1 - share) * behind[1])
+        V = still.velocity * jnp.exp(-lacks)
+        return Slider(law.force(V, state, at), V, slip, state), behind / time
+
+    def _balance(self, t, y, law: AbstractInvertibleLaw, slip, state) -> Slider:
+        """Without mass: the velocity at which friction balances spring and dashpot."""
+        machine, stress = self.rig.machine, self._stress(t)
         pull = self._pull(t, y, jnp.zeros_like(t)) / stress
         damping = None if machine.damping is None else machine.damping / stress
-        velocity = law.velocity(pull, state, at, damping=damping)
+        velocity = law.velocity(pull, state, self._at(slip, t), damping=damping)
         force = pull if damping is None else pull - damping * velocity
-        return self._with_small_mass(t, Slider(force, velocity, slip, state))
+        return Slider(force, velocity, slip, state)
+
+    def is_late(self) -> bool:
+        """Whether the velocity follows that of the balance, as with a small mass."""
+        machine = self.rig.machine
+        if not isinstance(machine, QuasiStatic) or machine.mass is None:
+            return False
+        return not machine.first_order
+
+    def _following(self, t, still: Slider, w) -> tuple[Array, Array, Array]:
+        """How far w is behind what it follows, the time in which it does, and the share s of t_m.
+
+        The mass turns S (V_b - V) into m dV/dt, V_b the velocity of the balance without it and
+        S = n df/dV + k_v. Of a logarithmic direct effect without dashpot S is n A/V, and
+
+            d ln V/dt = (ln V_b - ln V)/t_m,   t_m = m/S
+
+        exactly, ringing included. An explicit solver cannot take a t_m that is much shorter than
+        the time t_s = S V/(K max(V, V_m)) in which the spring relaxes or is loaded. So w_1 follows
+        ln(V_b/V_0) and w_2 follows w_1, both in T, and with b the rates T dw/dt
+
+            ln V = ln V_b - s [(2 - s) b_1 - (1 - s) b_2],   s = t_m/T
+
+        which is w_1 where s is 1, and elsewhere right to the second order in T: an error of some
+        s (T/t_s)^3. T is t_m, or longer where (T/t_s)^2 t_m/t_s stays below 0.0003, up to t_s.
+        """
+        machine, V0 = self.rig.machine, self.motion.first_velocity()
+        assert isinstance(machine, QuasiStatic) and machine.mass is not None
+        V = V0 * jnp.exp(w[0])
+        resistance = self._stress(t) * self._slope(t, still._replace(velocity=V))
+        if machine.damping is not None:
+            resistance = resistance + machine.damping
+        late = machine.mass / resistance
+        fastest = jnp.maximum(V, jnp.abs(self.motion.velocity(t)))
+        spring = resistance * V / (machine.stiffness * fastest)
+        matters = jnp.where(late > _FOLLOWS * spring, late / spring, _FOLLOWS)
+        time = jnp.maximum(late, spring * jnp.sqrt(_FOLLOWS / matters))
+        followed = jnp.stack([jnp.log(still.velocity / V0), w[0]])
+        return followed - w, time, late / time
+
+    def _slip(self, t, y) -> Float[Array, ""]:
+        scale, stiffness = self.law.force_scale(), self.rig.machine.stiffness
+        slip = self.motion.displacement(t) - scale * y["q"] / stiffness
+        return slip if self.start.elongation is None else slip + self.start.elongation
 
     def log_speed(self, t: Float[Array, ""], y: dict[str, Array]) -> Float[Array, ""]:
         """ln(|V| / largest commanded speed); large where the slider runs away."""
@@ -142,7 +204,8 @@ class SliderEquation(eqx.Module):
 
         A step of the command makes it jump, but a mass follows in the time t_m = m/(n f_V + k_v):
         of the jump at t_k the part exp(-(t - t_k)/t_m) is not there yet. The change of ln V that
-        follows is kept below 1, a bound that is felt from the third order in m.
+        follows is kept below 1, a bound that is felt from the third order in m. Derivatives are
+        right where m is zero.
         """
         machine, law = self.rig.machine, self.law
         mass = machine.mass if isinstance(machine, QuasiStatic) else None
@@ -158,7 +221,8 @@ class SliderEquation(eqx.Module):
             drift = drift + still.force * jax.jvp(self._stress, (t,), (jnp.ones_like(t),))[1]
         load = self.rig.drive.lag_rate(self.motion, t) + self._not_yet(t, mass / whole)
         pull_rate = machine.stiffness * (self.motion.velocity(t) - load - V)
-        change = -mass * (pull_rate - drift) / (whole**2 * V)
+        # by the mass alone: what the rest does to it is nothing at the null
+        change = -mass * jax.lax.stop_gradient((pull_rate - drift) / (whole**2 * V))
         change = change / jnp.sqrt(1 + change**2)
         force = still.force + slope * V * change
         return Slider(force, V * jnp.exp(change), still.slip, still.state)
