@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 import pytest
 from command import assert_refused, record_text, run, written
+from matplotlib.figure import Figure
 from matplotlib.image import imread
+from matplotlib.text import Text
 from rich.console import Console
 
 from jaxfric.axis.gains_result import AxisGains
@@ -40,7 +42,8 @@ from jaxfric.loop.result import (
 )
 from jaxfric.loop.split import NAMES, split
 from jaxfric.loop.verdict import Told
-from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop
+from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title
+from jaxfric.plot.stability import tidy
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
@@ -379,6 +382,18 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(tmp_path: 
     for number in held:
         assert f"held-out error {number:.2f} σ" in drawing
     assert "in rows held out 0.375" in drawing
+
+
+def test_the_title_of_a_model_with_many_effects_fits_its_panel() -> None:
+    """Drawn in the panels' letters on a figure as wide as theirs; every word is there."""
+    names = " + ".join(["position_dependence", "direction_asymmetry", "log_viscous"] * 3)
+    text = panel_title(f"After: with {names}   (held-out error 11.47 σ)")
+    assert text.split() == f"After: with {names} (held-out error 11.47 σ)".split()
+    figure = Figure(figsize=(10.0, 4.0))
+    axis = figure.add_axes((0.08, 0.1, 0.9, 0.7))
+    tidy(axis, text)
+    found = [t for t in figure.findobj(Text) if t.get_text() == text]
+    assert [t.get_window_extent().x1 <= figure.bbox.x1 for t in found] == [True]
 
 
 def test_a_small_part_of_the_noise_is_told_wherever_noise_is(tmp_path: Path) -> None:

@@ -33,6 +33,7 @@ _BLOCKS = {
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
 _TINY = 0.01
+_TITLE_WIDTH = 105
 _NOISE_WIDTH = 88
 _MIDDLE, _LIGHT, _PALE = "#5d8bb3", "#b9cfe2", "0.85"
 _ROLE_COLOURS = {
@@ -53,6 +54,11 @@ def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
 # ---- residual --------------------------------------------------------------------------------
 
 
+def panel_title(text: str) -> str:
+    """In lines that are no longer than a panel is wide: a model may have many effects."""
+    return textwrap.fill(text, _TITLE_WIDTH)
+
+
 def _save_residual(loop: Loop, folder: Path) -> list[str]:
     along, label, marks = _abscissa(loop)
     figure = new_figure(10.0, 8.4)
@@ -67,7 +73,7 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
     ):
         _residual(axis, loop, -score.residual / loop.row_sigma(), along, reach)
         mark_glitches(axis, along, score.noise.glitches)
-        tidy(axis, f"{title}   (held-out error {loop.heldout(score) / held:.2f} σ)")
+        tidy(axis, panel_title(f"{title}   (held-out error {loop.heldout(score) / held:.2f} σ)"))
     for axis in axes:
         _blocks(axis, loop, along)
         axis.grid(False)
