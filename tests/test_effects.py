@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxfric as jf
-from jaxfric.effects import CATALOGUE, RecordScales, effect_of, near_null, null, parameters
+from jaxfric.effects import CATALOGUE, RecordScales, effect_of, null, parameters
 from jaxfric.effects.effect import ROOMS
 from jaxfric.rig import recorded_stress
 from jaxfric.rig.friction import Conditions
@@ -44,7 +44,8 @@ def with_all(values, base):
     """
     for id, effect in CATALOGUE.items():
         chosen = {n: v for (i, n), v in zip(NAMES, values, strict=True) if i == id}
-        base = (near_null(effect) if id == "inertia" else effect)(**chosen).embed(base)
+        made = effect(**chosen)
+        base = made.embed_first_order(base) if id == "inertia" else made.embed(base)
     return base
 
 

@@ -3,8 +3,8 @@
 from .catalogue import CATALOGUE as CATALOGUE
 from .catalogue import STEADY_CURVES as STEADY_CURVES
 from .catalogue import effect_of as effect_of
-from .catalogue import near_null as near_null
 from .effect import AbstractEffect as AbstractEffect
+from .effect import AbstractHeavyEffect as AbstractHeavyEffect
 from .effect import AbstractLinearEffect as AbstractLinearEffect
 from .effect import RecordScales as RecordScales
 from .effect import ids_of as ids_of

@@ -3,7 +3,7 @@
 import difflib
 
 from ..errors import InputError
-from .delay import FirstOrderDelay, FrictionalDelay
+from .delay import FrictionalDelay
 from .drive import ServoLag
 from .effect import AbstractEffect
 from .friction import (
@@ -19,7 +19,7 @@ from .friction import (
     VelocityDependentLength,
     Viscous,
 )
-from .machine import Damping, FirstOrderInertia, Inertia, Stiffness
+from .machine import Damping, Inertia, Stiffness
 from .sensor import Gain, SensorDelay, SensorLag, TimeDrift
 
 _ALL: tuple[type[AbstractEffect], ...] = (
@@ -47,16 +47,6 @@ _ALL: tuple[type[AbstractEffect], ...] = (
 CATALOGUE: dict[str, type[AbstractEffect]] = {effect.id: effect for effect in _ALL}
 STEADY_CURVES = (EvolutionCutoff.id, Viscous.id, Stribeck.id)
 """Those that change no more than what friction of steady sliding is at a velocity."""
-_FIRST_ORDER: dict[type[AbstractEffect], type[AbstractEffect]] = {
-    FrictionalDelay: FirstOrderDelay,
-    Inertia: FirstOrderInertia,
-}
-
-
-def near_null(effect: type[AbstractEffect]) -> type[AbstractEffect]:
-    """What has the value and the first derivatives of the plant with `effect` at its null, and is
-    cheaper; itself where there is nothing cheaper."""
-    return _FIRST_ORDER.get(effect, effect)
 
 
 def effect_of(name: str) -> type[AbstractEffect]:

@@ -31,7 +31,7 @@ from jaxtyping import Array, Float
 
 from ..quantity import quantity
 from ..rig.friction.extended import AbstractTerm, Contact
-from .effect import AbstractLinearEffect, extended, with_term
+from .effect import AbstractHeavyEffect, extended, with_term
 
 # c is 0.4/(1 + K L/(4 A)) crossings: a slider answers in A/(K V) itself. Half of it costs twice the
 # steps.
@@ -135,7 +135,7 @@ def _log(ratio: Float[Array, ""]) -> Float[Array, ""]:
     return jnp.where(size > 0, jnp.clip(log, -_LOG_MAX, _LOG_MAX), -_LOG_MAX)
 
 
-class FrictionalDelay(AbstractLinearEffect):
+class FrictionalDelay(AbstractHeavyEffect):
     """theta_ss = -B ln(V(t - alpha)/V0), slip law.
 
     The past is a filter of the present (see this module), so no history is kept. Against a solution
@@ -163,11 +163,16 @@ class FrictionalDelay(AbstractLinearEffect):
         stiff = rig.machine.stiffness * law.L[0] / (_STIFF * law.A)
         return with_term(rig, _DelayTerm(self.alpha, _SHORTEST / (1 + stiff)))
 
+    def embed_first_order(self, rig):
+        return with_term(rig, _FirstOrderTerm(self.alpha))
+
     def physical(self):
         return self.alpha > 0
 
 
 class _FirstOrderTerm(AbstractTerm):
+    """The delay to first order in alpha, without states."""
+
     moves: ClassVar[bool] = True
     states: ClassVar[int] = 0
     alpha: Float[Array, ""]
@@ -185,21 +190,3 @@ class _FirstOrderTerm(AbstractTerm):
 
     def shift(self, at: Contact):
         return self.force(at)
-
-
-class FirstOrderDelay(AbstractLinearEffect):
-    """`FrictionalDelay` to first order in alpha: the same at the null, and without states."""
-
-    id: ClassVar[str] = FrictionalDelay.id
-    room: ClassVar[str] = FrictionalDelay.room
-    equation: ClassVar[str] = FrictionalDelay.equation
-    confused_with: ClassVar[tuple[str, ...]] = FrictionalDelay.confused_with
-    separated_by: ClassVar[str] = FrictionalDelay.separated_by
-    channel: ClassVar[str | None] = None
-    alpha: Float[Array, ""] = quantity("alpha", "s", "delay of friction", default=0.0)
-
-    def embed(self, rig):
-        return with_term(rig, _FirstOrderTerm(self.alpha))
-
-    def physical(self):
-        return self.alpha > 0

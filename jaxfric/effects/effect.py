@@ -78,6 +78,17 @@ class AbstractLinearEffect(AbstractEffect):
         return {}
 
 
+class AbstractHeavyEffect(AbstractLinearEffect):
+    """An effect that is costly to simulate, and has something cheaper to stand for it at its null.
+
+    Most candidates of a loop lack it, and need no more than its derivatives.
+    """
+
+    @abc.abstractmethod
+    def embed_first_order(self, rig: Rig) -> Rig:
+        """The rig that has, at the null, the value and the first derivatives of `embed`'s."""
+
+
 def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quantity]:
     """The quantities of an effect by field name."""
     return quantities(effect)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ..quantity import quantity
 from ..rig import QuasiStatic
-from .effect import AbstractLinearEffect
+from .effect import AbstractHeavyEffect, AbstractLinearEffect
 
 
 class Stiffness(AbstractLinearEffect):
@@ -55,7 +55,7 @@ class Damping(AbstractLinearEffect):
         return self.k_v > 0
 
 
-class Inertia(AbstractLinearEffect):
+class Inertia(AbstractHeavyEffect):
     """m dV/dt = pull - friction, for a base without mass, whose velocity follows late.
 
     See `simulation.ode`. Against a solution with mass (SciPy) the error over the effect is
@@ -65,7 +65,9 @@ class Inertia(AbstractLinearEffect):
         K L/A = 3       7 %     0.9 %   0.1 %
         K L/A = 6               0.6 %   0.04 %          ringing
 
-    for steps of velocity of up to a factor of ten: large only where the mass hardly matters.
+    for steps of velocity of up to a factor of ten: large only where the mass hardly matters. To
+    first order in m, farther off than where the mass delays a velocity by a tenth of the time in
+    which the spring relaxes, half of what it says may be wrong.
     """
 
     id: ClassVar[str] = "inertia"
@@ -79,26 +81,7 @@ class Inertia(AbstractLinearEffect):
     def embed(self, rig):
         return _with_mass(rig, self.m, first_order=False)
 
-    def physical(self):
-        return self.m > 0
-
-
-class FirstOrderInertia(AbstractLinearEffect):
-    """`Inertia` to first order in m, which costs less.
-
-    Its derivative at the null is that of a slider with mass; farther off, where the mass delays a
-    velocity by a tenth of the time in which the spring relaxes, half of what it says may be wrong.
-    """
-
-    id: ClassVar[str] = Inertia.id
-    room: ClassVar[str] = Inertia.room
-    equation: ClassVar[str] = Inertia.equation
-    confused_with: ClassVar[tuple[str, ...]] = Inertia.confused_with
-    separated_by: ClassVar[str] = Inertia.separated_by
-    channel: ClassVar[str | None] = None
-    m: Float[Array, ""] = quantity("m", "F s^2/m", "mass not declared", default=0.0)
-
-    def embed(self, rig):
+    def embed_first_order(self, rig):
         return _with_mass(rig, self.m, first_order=True)
 
     def physical(self):

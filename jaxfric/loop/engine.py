@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..effects import RecordScales, near_null
+from ..effects import AbstractHeavyEffect, RecordScales
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, noise_of, rms_error
@@ -177,7 +177,7 @@ class Engine:
         self.names = self.model.names()
         self.base = list(range(len(self.model.base.names())))
         self.shifts = [len(self.names) + int(k) for k in shifted]
-        heavy = [e.id for e in self.model.effects if near_null(e) is not e]
+        heavy = [e.id for e in self.model.effects if issubclass(e, AbstractHeavyEffect)]
         self._heavy = {id: self.model.columns((id,)) for id in heavy}
 
     def addable(self, effects: tuple[str, ...]) -> tuple:

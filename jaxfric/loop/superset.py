@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
-from ..effects import AbstractEffect, near_null, null, parameters
+from ..effects import AbstractEffect, AbstractHeavyEffect, null, parameters
 from ..fitting.problem import Model
 from ..quantity import Quantity
 from ..rig import Rig
@@ -21,7 +21,7 @@ class Superset(NamedTuple):
     base: Model
     effects: tuple[type[AbstractEffect], ...]
     lighter: tuple[str, ...] = ()
-    """Ids of effects that are taken as `near_null`: only where they are at their null."""
+    """Ids of heavy effects that are taken to first order: only where they are at their null."""
 
     def names(self) -> tuple[str, ...]:
         """The base's names, then those of the effects in order."""
@@ -43,8 +43,11 @@ class Superset(NamedTuple):
         for effect in self.effects:
             fields = list(parameters(effect))
             chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))
-            made = (near_null(effect) if effect.id in self.lighter else effect)(**chosen)
-            rig = made.embed(rig)
+            made = effect(**chosen)
+            if effect.id in self.lighter and isinstance(made, AbstractHeavyEffect):
+                rig = made.embed_first_order(rig)
+            else:
+                rig = made.embed(rig)
             n += len(fields)
         return rig
 
