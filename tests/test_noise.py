@@ -27,7 +27,9 @@ from jaxfric.fitting.noise_search import (
     noises_around,
     parts_at,
     profile_noise,
+    record_of,
     restricted,
+    stretches,
 )
 
 N, P = 60, 3
@@ -460,6 +462,38 @@ def test_a_filtered_recorder_and_a_slow_part_are_told_apart():
         rows, one, both, column, np.asarray(60.0), Family(first=0, second=0), [truth]
     )
     assert found.value > again.value - 0.2
+
+
+def test_a_long_record_is_sought_in_stretches_and_sized_as_a_whole():
+    """20,000 rows of which some are passed over, and slow only in the first half."""
+    rng = np.random.default_rng(3)
+    n, tau = 20_000, 0.5
+    time = np.cumsum(rng.uniform(0.005, 0.015, n))
+    weight = np.ones(n)
+    weight[rng.choice(n, 2000, replace=False)] = 0
+    slow = simulated_noise(rng, time, 1.0, 1.0, tau)
+    noise = 0.5 * rng.standard_normal(n) + slow * np.where(np.arange(n) < n // 2, 1.0, 0.6)
+    jacobian = np.stack([np.ones(n), time, 1.0 * (np.arange(n) < 300)], axis=1)
+
+    record = record_of(time, weight, noise * weight, jacobian * weight[:, None], None, None)
+    part = stretches(record)
+    rows = np.searchsorted(time, np.asarray(part.clock)[:, 0])
+    assert len(rows) == part.rows == 8192
+    np.testing.assert_array_equal(weight[rows], 1)
+    np.testing.assert_array_equal(np.asarray(part.columns)[:, 0], noise[rows])
+    on = np.flatnonzero(weight)
+    apart = np.diff(np.searchsorted(on, rows))
+    assert np.sum(apart > 1) == 7  # neighbours but between the stretches
+    assert np.all((rows < 5000).sum() == np.histogram(rows, 4, (0, n))[0])
+
+    arrays = time, weight, noise * weight, jacobian * weight[:, None]
+    found = estimate_noise(*arrays)
+    assert found.family == Family(first=0)
+    whole = profile_noise(*arrays, None, Family(first=0), [np.array([1.0, np.log(tau)])])
+    assert found.value == pytest.approx(whole.value, abs=0.1)
+    variance = float(found.noise.sigma) ** 2 * float(found.noise.share[0])
+    assert variance == pytest.approx(np.mean((1.0, 0.36)), rel=0.1)
+    assert 1 / float(found.noise.rates[0, 0]) == pytest.approx(tau, rel=0.15)
 
 
 def test_noise_forgets_no_later_than_it_may():

@@ -8,6 +8,7 @@ differences between noises that are all whitened in one pass.
 
 `estimate_noise` begins with white noise and adds a part where the likelihood rises by more than
 the part's parameters are worth (BIC); `profile_noise` keeps the parts and finds their sizes anew.
+Which parts a very long record has is sought in some stretches of it, their sizes in all of it.
 
 Source: Harville 1977 (doi:10.1080/01621459.1977.10480998) for the restricted likelihood.
 """
@@ -47,6 +48,7 @@ _REFINED = 2
 _BETWEEN = (0.0, 0.5, 1.0)
 _SIZES_AROUND = (-1.5, 0.0, 1.5)
 _MEMORIES_AROUND = (-0.7, 0.0, 0.7)
+_STRETCHES, _STRETCH = 8, 1024  # of a record with more rows than these: how many, of so many rows
 
 
 Rows = Array | np.ndarray
@@ -118,7 +120,32 @@ def estimate_noise(
     `either_sign` also negative correlation, of even sampling. `least` is the smallest standard
     deviation of the white part, as of a recorder's steps.
     """
-    record = _record(clock, weight, residual, jacobian, longest, scale)
+    record = record_of(clock, weight, residual, jacobian, longest, scale)
+    part = stretches(record)
+    best = _with_parts(part, either_sign=either_sign)
+    if part is not record:
+        best = _best_of(record, best.family, best.theta[None], refine=True)
+    return not_below(record, best, least)
+
+
+def stretches(record: Record) -> Record:
+    """Stretches of neighbouring rows, spread evenly over a long record; of a shorter one, itself.
+
+    What is correlated over longer than a stretch is seen from stretch to stretch.
+    """
+    if record.rows <= _STRETCHES * _STRETCH:
+        return record
+    counted = np.array_split(np.flatnonzero(np.asarray(record.weight) > 0), _STRETCHES)
+    middle = [(len(rows) - _STRETCH) // 2 for rows in counted]
+    pairs = zip(counted, middle, strict=True)
+    taken = np.concatenate([rows[begin : begin + _STRETCH] for rows, begin in pairs])
+    scale = record.scale[taken] if record.scale.ndim else record.scale
+    clock, weight, columns = (x[taken] for x in (record.clock, record.weight, record.columns))
+    return Record(clock, weight, columns, scale, record.limits, len(taken))
+
+
+def _with_parts(record: Record, *, either_sign: bool) -> Found:
+    """The likeliest noise, part by part, of as many parts as are worth their parameters."""
     best = _best_of(record, Family(), np.zeros((1, 0)))
     for _ in range(2):
         more = _with_another(record, best, either_sign=either_sign)
@@ -128,7 +155,7 @@ def estimate_noise(
         if not gain > (more.family.parameters - best.family.parameters) * np.log(record.rows):
             break
         best = more
-    return not_below(record, best, least)
+    return best
 
 
 def profile_noise(
@@ -145,7 +172,7 @@ def profile_noise(
 ) -> Found:
     """The likeliest noise of one family, from some starts (as `Found.theta`); `least` as of
     `estimate_noise`."""
-    record = _record(clock, weight, residual, jacobian, longest, scale)
+    record = record_of(clock, weight, residual, jacobian, longest, scale)
     return not_below(record, _best_of(record, family, np.stack(starts), refine=True), least)
 
 
@@ -228,7 +255,7 @@ def limits_of(clock, weight, longest=None) -> Limits:
     return Limits(0.5 * gaps, np.maximum(most, 0.5 * gaps), gaps)
 
 
-def _record(clock, weight, residual, jacobian, longest, scale) -> Record:
+def record_of(clock, weight, residual, jacobian, longest, scale) -> Record:
     clock = jnp.asarray(clock)
     columns = np.concatenate([np.asarray(residual)[:, None], np.asarray(jacobian)], axis=1)
     return Record(
