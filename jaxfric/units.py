@@ -13,7 +13,7 @@ from typing import Any
 from .errors import InputError
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_NO_UNIT = {"", "1", "-", "--", "none", "dimensionless", "unitless", "n/a", "coefficient"}
+_NO_UNIT = {"", "1", "-", "--", ".", "none", "dimensionless", "unitless", "n/a", "coefficient"}
 _NEWTON_PER_AMPERE = "N/A"
 """Not available, too, where a number without a unit is wanted."""
 _MACHINE = {"bit", "bits", "count", "counts", "cts", "ticks", "lsb", "adu", "raw"}
@@ -147,7 +147,7 @@ def _spelling(unit: str) -> str:
     unit = unit.strip().replace("µ", "u").replace("μ", "u").replace("·", "*").replace("−", "-")
     if unit.lower() in _NO_UNIT and unit != _NEWTON_PER_AMPERE:
         return ""
-    unit = re.sub(r"\bmicrons\b", "micron", unit)
+    unit = re.sub(r"\b(microns|mic)\b", "micron", unit)
     return re.sub(r"(?<=[A-Za-z])(-?\d)\b", r"^\1", unit)
 
 

@@ -108,6 +108,49 @@ def test_tolerated(tmp_path: Path, mangle) -> None:
     assert len(read(written(tmp_path, mangle(table_text())))) == 30
 
 
+XLOOK_TEXT = """number of records = 424645
+            col 1       col 2       col 3       col 4       col 5
+          LP_Disp  Shr_stress  Nor_stress        Time   mod_mu1_r
+              mic         MPa         MPa         sec           .
+      424645 recs 424645 recs 424645 recs 424645 recs 424645 recs
+"""
+
+
+@pytest.mark.parametrize("first", [1, 87309])
+def test_what_xlook_prints(tmp_path: Path, first: int) -> None:
+    """Names, units, counts; a column of row numbers that has no name."""
+    body = [f"{first + i:7d} {2 * i} {15 + i / 100:.2f} 25 {i / 10:.1f} .7" for i in range(30)]
+    table = read_table(written(tmp_path, XLOOK_TEXT + "\n".join(body) + "\n"))
+    assert table.names == ("row", "LP_Disp", "Shr_stress", "Nor_stress", "Time", "mod_mu1_r")
+    record = read(tmp_path / "run.csv")
+    assert record.load_point_displacement is not None
+    assert record.load_point_displacement[3] == pytest.approx(6e-6)
+    assert record.friction[10] == pytest.approx(15.1 / 25)
+    assert record.time[-1] - record.time[0] == pytest.approx(2.9)
+
+
+def test_what_r_writes(tmp_path: Path) -> None:
+    """Names of rows have no header, and count."""
+    body = [f'"{i + 1}" {2 * i} {i / 10:.1f} .6{i:02d}' for i in range(30)]
+    record = read(written(tmp_path, table_text('"lp_disp [um]" "time [s]" "mu"', body)))
+    assert record.load_point_displacement is not None
+    assert record.load_point_displacement[3] == pytest.approx(6e-6)
+    assert record.friction[29] == 0.629
+
+
+@pytest.mark.parametrize(
+    ("header", "step"),
+    [
+        ("time [s] lp_disp [um] mu", 1),  # which one has no name: the counter, or the last?
+        ("lp_disp [um] time [s] mu", 2),
+        ("time [s] lp_disp [um]", 1),
+    ],
+)
+def test_a_first_column_that_may_not_count(tmp_path: Path, header: str, step: int) -> None:
+    body = [f"{step * i} {2 * i} {i / 10:.1f} .6{i:02d}" for i in range(30)]
+    assert "header names" in refusal(written(tmp_path, table_text(header, body)))
+
+
 def test_columns_in_any_order_with_others(tmp_path: Path) -> None:
     body = [f"9,{i},{0.5},{i / 10},7" for i in range(25)]
     record = read(

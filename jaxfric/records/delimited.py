@@ -14,7 +14,7 @@ from ..errors import InputError
 from . import clock
 from .cells import BLANK, DELIMITERS, Writing, decimals, has_decimal_commas
 from .content import Content
-from .heading import read_header
+from .heading import is_counts, read_header
 
 _MOST_HEADER_LINES = 2000
 _SAMPLE = 50
@@ -51,7 +51,8 @@ def parse(text: str, path: str) -> Content:
 
 def _is_row(line: str) -> bool:
     """Whether a line is no comment and holds more than delimiters."""
-    return bool(line.strip(" \t;,\"'")) and not line.lstrip().startswith("#")
+    holds = bool(line.strip(" \t;,\"'")) and not line.lstrip().startswith("#")
+    return holds and not is_counts(line)
 
 
 def _first_numbers(lines: list[str], path: str) -> tuple[int, Writing]:

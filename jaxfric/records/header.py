@@ -34,8 +34,8 @@ _SYNONYMS = {
     " coefffriction cof mu μ frictionforce shearforce tangentialforce",
     "slip": "slip slipdisplacement faultslip shearslip sliderdisplacement sliderposition",
     "normal_stress": "normalstress effectivenormalstress effnormalstress effectivestress"
-    " normstress sigman sign σn",
-    "shear_stress": "shearstress shearstressonfault shearstr tau τ",
+    " normstress norstress sigman sign σn",
+    "shear_stress": "shearstress shearstressonfault shearstr shrstress tau τ",
 }
 _RANKS = {
     name: (role, rank)

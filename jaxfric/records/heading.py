@@ -1,5 +1,6 @@
 """The names and units of columns, from the lines of text above the numbers."""
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable
@@ -8,6 +9,13 @@ from ..units import is_unit
 from . import axis_header, clock, header
 from .cells import Writing
 
+_COUNTS = re.compile(r"\s*(\d+ recs\s*)+")
+
+
+def is_counts(line: str) -> bool:
+    """Whether a line tells how many rows each column has, as below the names of xlook's text."""
+    return _COUNTS.fullmatch(line) is not None
+
 
 def read_header(
     above: list[str], rows: list[str], writing: Writing
@@ -15,9 +23,11 @@ def read_header(
     """Names ("" for none) and units from the last lines above the numbers, and what is in doubt.
 
     Where there are none, or not as many as columns, which one has none cannot be told: the
-    columns are then called #1, #2 and so on.
+    columns are then called #1, #2 and so on. A first column that counts rows, as R and xlook write
+    one without a name, is called row; a first time without a name may count, too.
     """
     written = [line for line in above if line.strip().strip("#").strip(" \t;,\"'")]
+    written = [line for line in written if not is_counts(line)]
     cells = [writing.cells(row) for row in rows]
     least, most = _usual(len(_without_end(row)) for row in cells), _usual(map(len, cells))
     if not written:
@@ -28,6 +38,8 @@ def read_header(
         upper = _header_cells(written[-2], writing, least, most)
         if len(names) <= len(upper) <= most and _are_units(names, upper):
             below, names = [cell.strip("[]() ") for cell in names], upper
+    if len(names) == least - 1 and _count_rows(cells) and not _is_time(names[0]):
+        names, below = ["row", *names], None if below is None else ["", *below]
     if not least <= len(names) <= most:
         doubt = (
             f"the header names {len(names)} columns, the first row has"
@@ -41,6 +53,19 @@ def read_header(
         return plain, [None if clock.is_clock_format(unit) else unit for unit in below], ""
     pairs = [header.split_name_unit(name) for name in names]
     return [name for name, _ in pairs], [unit for _, unit in pairs], ""
+
+
+def _count_rows(rows: list[list[str]]) -> bool:
+    """Whether the first cells of rows are whole numbers, each one more than that above."""
+    first = [row[0].strip("\"'") for row in rows]
+    if len(first) < 2 or not all(cell.isdecimal() for cell in first):
+        return False
+    return all(int(b) == int(a) + 1 for a, b in itertools.pairwise(first))
+
+
+def _is_time(name: str) -> bool:
+    role = header.role_of(header.split_name_unit(name)[0])
+    return role is not None and role[0] == "time"
 
 
 def _usual(counts: Iterable[int]) -> int:

@@ -24,7 +24,7 @@ def read(
     - `path`: delimited text with a header such as
       `time [s],load_point_displacement [um],friction [1],normal_stress [MPa]`, in any order;
       headers as laboratories write them (`Time(s)`, `Displ(microns)`) are understood, and so are
-      decimal commas and clock times; or a file in xlook's binary format. Where there is a shear
+      decimal commas and clock times; or a file of xlook's, binary or text. Where there is a shear
       stress and a normal stress but no friction, friction is their quotient.
     - `columns`: names of columns for roles that the header does not give away, such as
       `{"friction": "mu_corrected"}`; `NAME [unit]` sets the unit, which may carry a factor:
