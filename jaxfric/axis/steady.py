@@ -17,6 +17,7 @@ import numpy as np
 
 from ..effects import ids_of
 from ..errors import InputError
+from ..loop.thresholds import ACCEPT
 from ..records.steady import SteadyCurve
 from ..stability.claims import Unseen, above_curve
 from .gains import axis_gains
@@ -25,7 +26,6 @@ from .steady_model import SteadyModel, fit_model
 
 STEADY_EFFECTS = ("direction_asymmetry", "stribeck", "cubic")
 _FEWEST = 8
-_ACCEPT = 10.0
 _HINT = 2.0
 
 
@@ -133,7 +133,7 @@ def _slowest_even(speed: np.ndarray, uneven: np.ndarray) -> float:
 
 def _acceptable(current: SteadyModel, model: SteadyModel) -> bool:
     physical = model.values.get("fs", 1.0) > 0
-    return physical and current.bic - model.bic > _ACCEPT and model.heldout < current.heldout
+    return physical and current.bic - model.bic > ACCEPT and model.heldout < current.heldout
 
 
 def _said(curve, base: SteadyModel, final: SteadyModel, best: float) -> tuple[str, str]:
@@ -149,7 +149,7 @@ def _said(curve, base: SteadyModel, final: SteadyModel, best: float) -> tuple[st
         )
     if best > _HINT:
         return "too_weak", (
-            f"Something may be missing, but no effect is supported by more than {_ACCEPT:g} of BIC"
+            f"Something may be missing, but no effect is supported by more than {ACCEPT:g} of BIC"
             f" (best {best:.1f})."
         )
     return "no_missing_effect", f"Nothing is missing: rms {before:.3g} {unit}.{rest}"

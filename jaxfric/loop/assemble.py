@@ -16,6 +16,7 @@ from .screen import screen
 from .search import Search, refit_safely
 from .split import NAMES
 from .structure import p_text
+from .thresholds import SIGNIFICANT
 from .verdict import Conclusion
 
 
@@ -145,7 +146,7 @@ _VARIABLES = {
 
 def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
     """The most telling variables in words; nothing where that is no more than chance."""
-    best = next((p for p in location if p.p_value <= 0.01), None)
+    best = next((p for p in location if p.p_value <= SIGNIFICANT), None)
     if best is None:
         return ""
     if not np.isfinite(best.explained):
@@ -154,7 +155,7 @@ def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
     names = [
         _VARIABLES.get(p.variable, p.variable)
         for p in location
-        if p.explained >= _NEARLY * best.explained and p.p_value <= 0.01
+        if p.explained >= _NEARLY * best.explained and p.p_value <= SIGNIFICANT
     ]
     left = f"{share_text(best.explained)} of what the base model leaves."
     if len(names) == 1:

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .engine import Candidate, Engine, Rows
-from .family import AS_GOOD, CurveFamily, Decisive, OtherShape
+from .family import CurveFamily, Decisive, OtherShape
+from .thresholds import ACCEPT
 
 Curve = Callable[[np.ndarray], np.ndarray]
 """Speeds (m,) to friction (m, k)."""
@@ -167,7 +168,7 @@ def _sorted_out(grid, named, found, speeds, error) -> tuple[tuple, tuple]:
     """
     found = [f for f in found if np.max(np.abs(f[1] - named)) > _CLEAR * error]
     found = sorted(found, key=lambda f: f[0].worse)
-    fitting = [level for other, level in found if other.worse < AS_GOOD]
+    fitting = [level for other, level in found if other.worse < ACCEPT]
     levels = np.stack([named, *(fitting or [level for _, level in found])])
     return tuple(other for other, _ in found), deciding(grid, levels, speeds, error)
 

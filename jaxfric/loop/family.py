@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..units import speed_text
+from .thresholds import ACCEPT
 
-AS_GOOD = 10.0
-"""BIC by which a curve of another shape must be worse to be ruled out."""
 _AND = 2
 
 
@@ -60,7 +59,7 @@ class CurveFamily(NamedTuple):
     @property
     def fitting(self) -> tuple[str, ...]:
         """Other shapes that fit as well."""
-        return tuple(o.shape for o in self.others if o.worse < AS_GOOD)
+        return tuple(o.shape for o in self.others if o.worse < ACCEPT)
 
     @property
     def interpolates(self) -> bool:
@@ -94,7 +93,7 @@ class CurveFamily(NamedTuple):
         if self.interpolates:
             parts.append(f"{self.velocities} velocities, {self.parameters} parameters of the curve")
         for other in self.others:
-            if other.worse < AS_GOOD:
+            if other.worse < ACCEPT:
                 side = "lower" if other.worse < 0 else "higher"
                 parts.append(f"{other.shape}: BIC {abs(other.worse):.1f} {side}")
         return "; ".join(parts)

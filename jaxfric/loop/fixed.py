@@ -17,7 +17,7 @@ from ..effects import RecordScales
 from ..fitting.problem import powers
 from ..fitting.uncertainty import normal_inverse
 from .engine import Candidate, Engine
-from .screen import ALIAS
+from .thresholds import ALIAS
 
 _BEYOND = 2.0
 _FAR = 30.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .screen import ALIAS
+from .thresholds import ALIAS
 
 SCHEMA = "jaxfric.protocol/1"
 

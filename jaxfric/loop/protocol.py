@@ -38,10 +38,10 @@ from .engine import Candidate, Engine
 from .outlook import Change, Outlook, Protocol, Smallest
 from .sampling import seen_between
 from .screen import Screening, alias_cosines, orthonormal, sensitivities
-from .search import ACCEPT
 from .shapes import friction_shapes
 from .split import Blocks
 from .superset import Superset
+from .thresholds import ACCEPT
 
 CHANNEL_NOISE = 1e-7
 """Noise of a displacement channel that a change adds, where none is given [m]."""

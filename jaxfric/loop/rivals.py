@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .engine import Candidate, Engine
-from .search import ACCEPT, Search
+from .search import Search
+from .thresholds import ACCEPT
 
 
 def rival_fits(search: Search, id: str) -> dict[str, Candidate]:

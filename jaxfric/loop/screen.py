@@ -20,7 +20,6 @@ from .structure import chi_square_tail
 
 _DRAWS = 2000
 _KEPT = 8
-ALIAS = 0.95
 """Cosine of two sensitivities beyond which a record does not tell their effects apart."""
 
 

@@ -16,13 +16,13 @@ from ..effects import RecordScales
 from .engine import Candidate, Engine
 from .fixed import not_fixed
 from .pace import Pace, now_and_then
-from .screen import ALIAS, Screened, aliases, screen
+from .screen import Screened, aliases, screen
+from .thresholds import ACCEPT, ALIAS
 
 MOST = 8
 """Largest number of effects that a search adds: evidence ends it before, as a rule."""
 _PARTS = (0.1, 0.01, 1e-3)
 _TIE = 2.0
-ACCEPT = 10.0
 _REFITS = 4
 _WORSE = 1.02
 _TRAIN_WORSE = 1.005

@@ -13,14 +13,13 @@ from .engine import Candidate, Engine, Rows, padded_columns
 from .family import CurveFamily, listed
 from .location import Bumps, locate
 from .rivals import rival_fits
-from .screen import ALIAS, orthonormal
-from .search import ACCEPT, Search
+from .screen import orthonormal
+from .search import Search
 from .structure import QUESTIONS, p_text, structure
+from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
 
 _HELD_OUT = 1.06
 _TRAIN = 1.04
-_SIGNIFICANT = 0.01
-"""Chance that noise alone leaves something at any question that is asked."""
 _QUESTIONS = 12
 """About as many as are asked of a residual (`structure.asked`)."""
 _MOST_PREDICTED = 0.1
@@ -125,7 +124,7 @@ def largest_rms(chance: float, errors: np.ndarray) -> float:
     """
     from scipy.stats import chi2, norm
 
-    rare = _SIGNIFICANT / _QUESTIONS
+    rare = SIGNIFICANT / _QUESTIONS
     noise = (1 + float(norm.isf(rare)) * chance) ** 2 - 1
     mean = float(errors.sum())
     if mean <= 0:
@@ -226,7 +225,7 @@ def held_out(engine: Engine, candidate: Candidate) -> float:
 
 def _reasons(engine, final: Candidate, floor: Floor, tests) -> list[str]:
     reasons = []
-    left = [f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in tests.items() if p < _SIGNIFICANT]
+    left = [f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in tests.items() if p < SIGNIFICANT]
     if left:
         reasons.append("structure is left in the residual: " + "; ".join(left))
     for name, value, most in (
@@ -281,7 +280,7 @@ def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str, 
         return f"Nothing is missing: the base model fits to the noise ({before})."
     if verdict == "too_weak":
         what = "Something may be missing, but too weakly to be named"
-        if told.p_value < _SIGNIFICANT:
+        if told.p_value < SIGNIFICANT:
             what = f"Something is left ({p_text(told.p_value)}), but too little to be named"
         return f"{what}: no effect is supported by more than {ACCEPT:g} of BIC ({before})."
     if verdict == "outside_catalogue":

@@ -15,16 +15,12 @@ from ..loop.assemble import share_text
 from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
 from ..loop.structure import p_text
+from ..loop.thresholds import ACCEPT, ALIAS, SIGNIFICANT
 from .label import printable
 from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
 from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
-ALIAS = 0.95
-"""Effects whose sensitivities have at least this |cosine| are not told apart."""
-ACCEPT = 10.0
-"""Delta BIC from which an effect is taken."""
-SIGNIFICANT = 0.01
 _BLOCKS = {
     "train": ("0.955", "train: the model is fitted here"),
     "select": (BAND, "select: chooses between candidates"),

@@ -15,6 +15,7 @@ from ..loop.family import CurveFamily, listed
 from ..loop.result import ROLES, CandidateScore, Loop, Table
 from ..loop.split import NAMES, Blocks
 from ..loop.structure import QUESTIONS, p_text
+from ..loop.thresholds import ALIAS, SIGNIFICANT
 from ..units import factor, format_si
 
 HEADLINES = {
@@ -29,8 +30,6 @@ BLOCKS = {
     "select": "chooses candidates",
     "report": "scored once",
 }
-SIGNIFICANT = 0.01
-_ALIAS = 0.95
 _TOLD = 10.0
 _MOST_CANDIDATES = 10
 _WIDE = 105
@@ -351,7 +350,7 @@ def alias_pairs(loop: Loop) -> list[tuple[str, str, float]]:
         (ids[j], ids[i], float(cosines[i, j]))
         for i in range(len(ids))
         for j in range(i)
-        if cosines[i, j] >= _ALIAS
+        if cosines[i, j] >= ALIAS
         and not (_tells(loop, ids[j], ids[i]) or _tells(loop, ids[i], ids[j]))
     ]
     return sorted(found, key=lambda pair: -pair[2])

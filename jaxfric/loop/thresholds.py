@@ -1,0 +1,11 @@
+"""What the loop asks of evidence; tables and figures mark the same."""
+
+ACCEPT = 10.0
+"""By how much BIC must fall for an effect to be taken, or a curve of another shape ruled out.
+
+10 is "very strong" evidence (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572).
+"""
+ALIAS = 0.95
+"""|cosine| of their sensitivities above which two effects are not told apart to first order."""
+SIGNIFICANT = 0.01
+"""Chance that noise alone leaves something, at any of the questions that are asked of it."""
