@@ -21,6 +21,8 @@ _ORIGINS = {
     "path": "roughness or gouge",
     "rows": "the recorder's filter",
 }
+_SLOW, _DRIFT = 10.0, "temperature or creep"
+"""Memory [s] from which noise over time is none of the electronics."""
 _WHITE = 0.05
 _SEEN = 1.5
 _MOST = 0.5
@@ -65,9 +67,9 @@ class NoisePart:
 
     def _size(self, size: float) -> str:
         if self.over == "rows":
-            return f"{size:.2g} rows"
+            return f"{_plain(size)} rows"
         if self.over == "pace":
-            return f"{size:.2g} rows of the middle velocity, each its own"
+            return f"{_plain(size)} rows of the middle velocity, each its own"
         if self.over == "path":
             return f"{size * 1e6:.3g} µm of load-point motion"
         return f"{size:.3g} s"
@@ -75,8 +77,15 @@ class NoisePart:
     @property
     def origin(self) -> str:
         """What makes such noise, as a rule."""
-        machine = self.swings and self.over == "time"
-        return "servo or resonance of the machine" if machine else _ORIGINS[self.over]
+        if self.over == "time" and self.swings:
+            return "servo or resonance of the machine"
+        slow = self.over == "time" and self.memory > _SLOW
+        return _DRIFT if slow else _ORIGINS[self.over]
+
+
+def _plain(size: float) -> str:
+    """Two digits, and no power of ten."""
+    return f"{size:.2g}" if size < 100 else f"{float(f'{size:.2g}'):.0f}"
 
 
 @dataclass(frozen=True)

@@ -136,9 +136,8 @@ def _velocities(axis: Axes, loop: Loop, along: np.ndarray, marks: np.ndarray) ->
     wide = np.abs(np.diff(ends)) > 0.03 * np.ptp(along)
     for k in np.flatnonzero(wide):
         at = 0.5 * (ends[k] + ends[k + 1]), shown[k]
-        axis.annotate(
-            f"{shown[k]:.3g}", at, (0, 3), textcoords="offset points", ha="center", fontsize=8
-        )
+        text = f"{float(f'{shown[k]:.3g}'):.15g}"  # 2000, not 2e+03
+        axis.annotate(text, at, (0, 3), textcoords="offset points", ha="center", fontsize=8)
     axis.set_ylabel(f"velocity\n[{unit}]")
     what = "Mean velocity" if loop.is_axis else "Commanded velocity"
     marks_are = "stops and reversals" if loop.is_axis else "velocity steps"
