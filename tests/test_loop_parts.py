@@ -521,9 +521,8 @@ class Fitted:
         return Candidate(tuple(effects), start, np.zeros(100), WHITE, bic, rms, True, False)
 
 
-@pytest.mark.parametrize(("without_b", "kept"), [(-240.0, "cd"), (-220.0, "bcd")])
-def test_beside_the_right_effect_one_that_stood_in_for_it_goes(monkeypatch, without_b, kept):
-    """a and b imitate c; when c has taken the place of a, b is asked for once more."""
+def end_of_search(monkeypatch, bic, loose=""):
+    """Among a to d, of which a and c are alike; what holds one of `loose` is not fixed."""
 
     def screened(engine, current, scales):
         del scales
@@ -533,13 +532,33 @@ def test_beside_the_right_effect_one_that_stood_in_for_it_goes(monkeypatch, with
     cosines = np.eye(4)
     cosines[0, 2] = cosines[2, 0] = 0.99
     monkeypatch.setattr(search_module, "screen", screened)
-    monkeypatch.setattr(search_module, "not_fixed", lambda *_: ())
+    monkeypatch.setattr(
+        search_module,
+        "not_fixed",
+        lambda engine, candidate, scales: tuple(set(loose) & set(candidate.effects)),
+    )
     monkeypatch.setattr(search_module, "aliases", lambda *_: (tuple(Fitted.ids), cosines))
-    bic = {"a": -100.0, "c": -50.0, "ab": -150.0, "ad": -120.0, "abd": -200.0, "bcd": -230.0}
-    engine = Fitted({**bic, "cd": without_b})
-    found = search_module.search(engine, [np.zeros(4)], None, most=3, progress=lambda _: None)
+    engine, told = Fitted(bic), []
+    return search_module.search(engine, [np.zeros(4)], None, most=3, progress=told.append)
+
+
+IMITATED = {"a": -100.0, "c": -50.0, "ab": -150.0, "ad": -120.0, "abd": -200.0, "bcd": -230.0}
+
+
+@pytest.mark.parametrize(("without_b", "kept"), [(-240.0, "cd"), (-220.0, "bcd")])
+def test_beside_the_right_effect_one_that_stood_in_for_it_goes(monkeypatch, without_b, kept):
+    """a and b imitate c; when c has taken the place of a, b is asked for once more."""
+    found = end_of_search(monkeypatch, {**IMITATED, "cd": without_b})
     assert found.accepted[:4] == ((), ("a",), ("a", "b"), ("a", "b", "d"))
     assert set(found.final.effects) == set(kept)
+
+
+def test_what_is_not_fixed_takes_no_place_and_says_why(monkeypatch):
+    found = end_of_search(monkeypatch, IMITATED, loose="c")
+    assert set(found.final.effects) == set("abd")
+    (swapped,) = (c for c in found.tried if set(c.effects) == set("bcd"))
+    assert swapped.bic < found.final.bic
+    assert swapped.refused == "c not fixed"
 
 
 def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False):

@@ -127,8 +127,7 @@ def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Can
         why = fault(current, candidate, chance)
         if not why and one.p_value > _CHANCE:
             why = "may be chance"
-        if not why and (loose := not_fixed(engine, candidate, scales)):
-            why = f"{', '.join(loose)} not fixed"
+        why = why or _unfixed(engine, candidate, scales)
         tried.append(candidate._replace(refused=why))
         if not why:
             accepted.append(candidate)
@@ -138,6 +137,12 @@ def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Can
     tied = [c for c in accepted if c.bic - least < _TIE]
     order = [e.id for e in engine.model.effects]
     return min(tied, key=lambda c: order.index(c.effects[-1]))
+
+
+def _unfixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> str:
+    """Which parameters the record does not fix, in words; nothing where it fixes all."""
+    loose = not_fixed(engine, candidate, scales)
+    return f"{', '.join(loose)} not fixed" if loose else ""
 
 
 def _exact(engine: Engine, candidate: Candidate, tried: list[Candidate]) -> Candidate:
@@ -230,8 +235,10 @@ def _swapped(engine, current: Candidate, alike, rounds, scales, tried, progress)
             start[columns] = seen[0].z[columns]
             progress("refitting with " + ", ".join(effects))
             candidate = engine.refit(effects, start)
-            tried.append(candidate)
-            better = candidate.physical and best.bic - candidate.bic > _TIE
-            if not candidate.failed and better and not not_fixed(engine, candidate, scales):
+            possible = candidate.physical and not candidate.failed
+            better = possible and best.bic - candidate.bic > _TIE
+            why = _unfixed(engine, candidate, scales) if better else ""
+            tried.append(candidate._replace(refused=why))
+            if better and not why:
                 best = candidate
     return best
