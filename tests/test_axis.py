@@ -156,6 +156,29 @@ def test_the_fastest_segments_train():
     assert set(segment[blocks.select]) == {6, 8} and set(segment[blocks.report]) == {9, 11}
 
 
+@pytest.mark.parametrize(
+    ("speed", "rows", "train"),
+    [
+        # the last two are the slowest: they train, and those before them are held back
+        ([5, -5, 4, -4, 4, -4, 4, -4, 9, -9, 1, -1], 30, {0, 1, 2, 3, 8, 9, 10, 11}),
+        # as slow as others but for the noise of a mean: the first of them train
+        ([1.0, -1.0, 4, -4, 4, -4, 9, -9, 4, -4, 0.95, -0.95], 30, {0, 1, 2, 3, 4, 5, 6, 7}),
+        # too few rows to say what friction is at their velocity
+        ([2, -2, 4, -4, 4, -4, 9, -9, 4, -4, 1, -1], [30] * 10 + [19] * 2, None),
+        # with them nothing would be left to hold back
+        ([9, -9, 1, -1], 30, None),
+    ],
+)
+def test_the_slowest_segments_train(speed, rows, train):
+    count = np.broadcast_to(rows, len(speed))
+    velocity = np.repeat(np.asarray(speed, float), count)
+    segment = np.repeat(np.arange(len(speed)), count)
+    blocks = split(segment, np.ones(len(velocity), bool), velocity, "x.csv")
+    slow = {len(speed) - 2, len(speed) - 1}
+    found = set(segment[blocks.train])
+    assert found == train if train else not slow & found
+
+
 # ---- effects ---------------------------------------------------------------------------------
 
 

@@ -13,6 +13,7 @@ _FEWEST = 4
 _ROWS = 20
 _SHARE = 1 / 6
 _BACK = 0.02
+_ALIKE = 1.1
 
 
 def segments(slow: np.ndarray) -> np.ndarray:
@@ -27,7 +28,8 @@ def segments(slow: np.ndarray) -> np.ndarray:
 
 def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
     """Blocks of whole segments: the last that hold a sixth of the rows report, as many before them
-    select, the others train; so do the fastest segment of either direction.
+    select, the others train; so do the fastest segment of either direction and, where enough is
+    left to hold back, the slowest one that has some rows.
 
     `used` marks the rows that count, `path` names the record in messages.
 
@@ -57,27 +59,53 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
             " Record more strokes"
         )
     # what is held back is predicted within the velocities that were trained
-    fastest = {int(segment[used][np.argmax(sign * moving)]) for sign in (1, -1)}
-    rows[list(fastest)] = 0
-    after = np.cumsum(rows[::-1])[::-1] / int(used.sum())  # share of the rows from a segment on
-    report = _from(after, _SHARE)
-    select = _from(after, after[report] + _SHARE)
-    held = used & ~np.isin(segment, list(fastest))
-    blocks = Blocks(
-        used & ~(held & (segment >= select)),
-        held & (segment >= select) & (segment < report),
-        held & (segment >= report),
-        segment,
-        True,
-    )
-    for name in NAMES:
-        found = int(blocks.of(name).sum())
+    fastest, slowest = _extremes(segment[used], moving, rows)
+    blocks = _blocks(segment, used, rows, fastest | slowest)
+    if min(_sizes(blocks).values()) < _ROWS:
+        blocks = _blocks(segment, used, rows, fastest)
+    for name, found in _sizes(blocks).items():
         if found < _ROWS:
             raise InputError(
                 f"{path}: the {name} block would have {found} rows and needs {_ROWS}; record more"
                 " or longer strokes"
             )
     return blocks
+
+
+def _extremes(
+    segment: np.ndarray, velocity: np.ndarray, rows: np.ndarray
+) -> tuple[set[int], set[int]]:
+    """The segments that reach the highest velocity, and the first of the lowest mean velocity, or
+    nearly so, of those that have some rows; of either direction."""
+    mean = np.bincount(segment, velocity, minlength=len(rows)) / np.maximum(rows, 1)
+    fastest, slowest = set(), set()
+    for sign in (1, -1):
+        fastest.add(int(segment[np.argmax(sign * velocity)]))
+        speed = np.where((rows >= _ROWS) & (sign * mean > 0), sign * mean, np.inf)
+        if np.isfinite(speed).any():
+            slowest.add(int(np.argmax(speed <= _ALIKE * speed.min())))
+    return fastest, slowest
+
+
+def _blocks(segment: np.ndarray, used: np.ndarray, rows: np.ndarray, train: set[int]) -> Blocks:
+    """The blocks where the segments `train` do in any case."""
+    rows = np.where(np.isin(np.arange(len(rows)), list(train)), 0, rows)
+    after = np.cumsum(rows[::-1])[::-1] / int(used.sum())  # share of the rows from a segment on
+    report = _from(after, _SHARE)
+    select = _from(after, after[report] + _SHARE)
+    held = used & ~np.isin(segment, list(train))
+    return Blocks(
+        used & ~(held & (segment >= select)),
+        held & (segment >= select) & (segment < report),
+        held & (segment >= report),
+        segment,
+        True,
+    )
+
+
+def _sizes(blocks: Blocks) -> dict[str, int]:
+    """Rows by block."""
+    return {name: int(blocks.of(name).sum()) for name in NAMES}
 
 
 def _from(after: np.ndarray, share: float) -> int:
