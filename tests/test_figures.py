@@ -151,7 +151,7 @@ def test_no_legend_of_a_steady_curve_lies_on_a_panel(monkeypatch, tmp_path) -> N
         ),
         (0.011, 1e-3, "slip alone explains 1 %\np = 0.001"),
         (0.5, 0.0101, "slip\np = 0.01: no more than chance"),
-        (np.nan, 1e-15, "slip\np < 1e-12, but all that is left is too little to have shares of"),
+        (np.nan, 1e-15, "slip\np < 1e-12; too little is left for a share"),
         (np.nan, np.nan, "slip\np unknown"),
     ],
 )

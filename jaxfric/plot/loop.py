@@ -314,7 +314,7 @@ def _share_and_p(name: str, profile: LocationProfile) -> str:
     if not profile.p_value < SIGNIFICANT:
         return f"{name}\n{p}{': no more than chance' if np.isfinite(profile.p_value) else ''}"
     if not np.isfinite(profile.explained):
-        return f"{name}\n{p}, but all that is left is too little to have shares of"
+        return f"{name}\n{p}; too little is left for a share"
     share = share_text(profile.explained)
     tiny = ": hardly chance, but a tiny share" if profile.explained < _TINY else ""
     return f"{name} alone explains {share}\n{p}{tiny}"
