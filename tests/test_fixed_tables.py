@@ -71,12 +71,13 @@ Z = np.asarray([0.6, -2.0, np.log(1e-4), 0.0, 4.0, 8.0])
 POSITIVE, BOUNDED = "wave.length", "wave.n"
 
 
-def engine(errors, *, correlation=0.0, largest=0.6, failed=False, free_shape=""):
-    """Of a friction of `largest`, with errors of z by name, of the two lags correlated; what one
-    parameter does is known without it."""
+def engine(errors, *, correlation=0.0, shape=0.0, largest=0.6, failed=False, free_shape=""):
+    """Of a friction of `largest`, with errors of z by name, of the two lags correlated, and of the
+    wave's height and shape; what one parameter does is known without it."""
     std = np.asarray([errors.get(name, 0.1) for name in NAMES])
     spread = np.diag(std**2)
     spread[4, 5] = spread[5, 4] = correlation * std[4] * std[5]
+    spread[1, 3] = spread[3, 1] = shape * std[1] * std[3]
     jacobian = np.linalg.cholesky(np.linalg.inv(spread)).T
     about = {
         name: SimpleNamespace(
@@ -121,6 +122,9 @@ BOTH = ("lag", "late")
         (("wave",), engine({"wave.length": 1.01}), ("wave.length",)),
         (("wave",), engine({"wave.n": 50.0}), ()),  # between bounds: a matter of shape
         (("wave",), engine({"wave.length": 50.0}, free_shape="wave.length"), ()),
+        # height and shape known together only: sqrt(1 - .9^2) of its error is the height's own
+        (("wave",), engine({"wave.a": 4.5, "wave.n": 50.0}, shape=0.9), ()),
+        (("wave",), engine({"wave.a": 4.7, "wave.n": 50.0}, shape=0.9), ("wave.a",)),
         (("wave",), engine({"wave.a": 2.01}, free_shape="wave.length"), ("wave.a",)),
         # the largest friction of the rows, of either sign, and not of the padding
         (("wave",), engine({}, largest=0.021), ()),
@@ -162,7 +166,8 @@ def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
         problem=SimpleNamespace(friction=np.asarray([100.0, -100.0, 0.0])),
         free=lambda effects: np.arange(3),
         evaluate=lambda z, index: SimpleNamespace(
-            failed=False, jacobian=np.diag(1 / np.asarray(errors)), extra_jacobian=np.zeros((0, 3))
+            failed=False, jacobian=np.diag(1 / np.asarray(errors))[:, index],
+            extra_jacobian=np.zeros((0, len(index))),
         ),
         whiten=lambda columns, noise: columns,
         values=lambda z: BRISTLE,

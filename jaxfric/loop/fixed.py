@@ -3,9 +3,11 @@
 An amplitude is not fixed where it is no larger than its own error, or where it alone would change
 friction by more than the largest friction recorded. A shape is not fixed where its error is as
 large as its value, or where it lies beyond what the record covers: a length beyond twice its path,
-a time beyond twice its duration, a velocity far from all of its own. Two lags of one model whose
-errors are those of their sum or difference alone are not fixed either: they may act against each
-other, and only what they do together is known.
+a time beyond twice its duration, a velocity far from all of its own. What is a matter of shape
+only, as an exponent between bounds, need not be fixed: errors are those of the other parameters
+where it is given. A curve whose shape is open has a family for a name (`family`). Two lags of one
+model whose errors are those of their sum or difference alone are not fixed either: they may act
+against each other, and only what they do together is known.
 """
 
 import math
@@ -68,7 +70,10 @@ def _possible(part: Part, force: float, scales: RecordScales) -> bool:
 
 def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tuple[str, ...]:
     """Names of the parameters of a candidate's effects that the record does not fix."""
+    own = engine.model.columns(candidate.effects)
+    shapes = [i for i in own if _is_shape_only(engine, i)]
     index = engine.free(candidate.effects)
+    index = index[~np.isin(index, shapes)]
     rows = engine.evaluate(candidate.z, index)
     if rows.failed:
         return candidate.effects
@@ -80,19 +85,23 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     for id in candidate.effects:
         parts, amplitudes = [], engine.model.amplitudes(id)
         for i in engine.model.columns((id,)):
-            about = engine.model.quantity(engine.names[i])
-            # an exponent between bounds, or where a logarithm begins: a matter of shape only
-            if math.isfinite(about.upper) or about.shape_only:
+            if i in shapes:
                 continue
-            own = error[i] / (max(abs(candidate.z[i]), 1e-300) if i in amplitudes else 1.0)
-            name = engine.names[i]
-            parts.append(Part(name, about.unit, values[name], own, i in amplitudes))
+            size = max(abs(candidate.z[i]), 1e-300) if i in amplitudes else 1.0
+            name, unit = engine.names[i], engine.model.quantity(engine.names[i]).unit
+            parts.append(Part(name, unit, values[name], error[i] / size, i in amplitudes))
         found += loose(parts, force, scales)
         lags += [i for i in amplitudes if engine.model.quantity(engine.names[i]).unit == "s"]
     place = {int(i): k for k, i in enumerate(index)}
     at = [place[i] for i in lags]
     found += [engine.names[lags[k]] for k in inseparable(spread[np.ix_(at, at)])]
     return tuple(dict.fromkeys(found))
+
+
+def _is_shape_only(engine: Engine, i: int) -> bool:
+    """Whether a parameter is an exponent between bounds, or where a logarithm begins."""
+    about = engine.model.quantity(engine.names[i])
+    return math.isfinite(about.upper) or about.shape_only
 
 
 def inseparable(covariance: np.ndarray) -> list[int]:
