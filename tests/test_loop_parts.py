@@ -521,8 +521,8 @@ class Fitted:
         return Candidate(tuple(effects), start, np.zeros(100), WHITE, bic, rms, True, False)
 
 
-def end_of_search(monkeypatch, bic, loose=""):
-    """Among a to d, of which a and c are alike; what holds one of `loose` is not fixed."""
+def end_of_search(monkeypatch, bic, loose=lambda effects: ()):
+    """Among a to d, of which a and c are alike; `loose`: which of some effects are not fixed."""
 
     def screened(engine, current, scales):
         del scales
@@ -535,7 +535,7 @@ def end_of_search(monkeypatch, bic, loose=""):
     monkeypatch.setattr(
         search_module,
         "not_fixed",
-        lambda engine, candidate, scales: tuple(set(loose) & set(candidate.effects)),
+        lambda engine, candidate, scales: tuple(loose(candidate.effects)),
     )
     monkeypatch.setattr(search_module, "aliases", lambda *_: (tuple(Fitted.ids), cosines))
     engine, told = Fitted(bic), []
@@ -554,11 +554,35 @@ def test_beside_the_right_effect_one_that_stood_in_for_it_goes(monkeypatch, with
 
 
 def test_what_is_not_fixed_takes_no_place_and_says_why(monkeypatch):
-    found = end_of_search(monkeypatch, IMITATED, loose="c")
+    found = end_of_search(monkeypatch, IMITATED, lambda effects: set("c") & set(effects))
     assert set(found.final.effects) == set("abd")
     (swapped,) = (c for c in found.tried if set(c.effects) == set("bcd"))
     assert swapped.bic < found.final.bic
     assert swapped.refused == "c not fixed"
+
+
+@pytest.mark.parametrize(("alone", "kept"), [(-111.0, "c"), (-109.0, "a")])
+def test_a_new_effect_is_asked_without_what_it_leaves_open(monkeypatch, alone, kept):
+    """a is added before c is asked for, and is not fixed beside it."""
+    monkeypatch.setattr(search_module, "_REFITS", 2)
+
+    def loose(effects):
+        return {"a"} if {"a", "c"} <= set(effects) else ()
+
+    found = end_of_search(monkeypatch, {"a": -100.0, "ac": -155.0, "c": alone}, loose)
+    assert found.accepted[1] == ("a",)
+    assert found.final.effects == tuple(kept)
+
+
+@pytest.mark.parametrize(("alone", "kept"), [(-210.0, "cd"), (-201.0, "abd")])
+def test_what_is_not_fixed_beside_a_better_one_stood_in_for_it(monkeypatch, alone, kept):
+    """b is not fixed where c is, which is better by itself than all that imitates it."""
+
+    def loose(effects):
+        return {"b"} if {"b", "c"} <= set(effects) else ()
+
+    found = end_of_search(monkeypatch, {**IMITATED, "cd": alone}, loose)
+    assert set(found.final.effects) == set(kept)
 
 
 def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False):

@@ -109,7 +109,9 @@ def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool
 def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Candidate | None:
     """The best acceptable joint refit of the most promising effects, or None.
 
-    Of those whose BIC is within `_TIE`, which is no evidence, the first of the catalogue.
+    Of those whose BIC is within `_TIE`, which is no evidence, the first of the catalogue. Where
+    what was added before is no longer fixed beside a new effect, it may have stood in for that:
+    then the new one is asked without it.
     """
     accepted: list[Candidate] = []
     asked = [
@@ -127,8 +129,11 @@ def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Can
         why = fault(current, candidate, chance)
         if not why and one.p_value > _CHANCE:
             why = "may be chance"
-        why = why or _unfixed(engine, candidate, scales)
-        tried.append(candidate._replace(refused=why))
+        loose = "" if why else _unfixed(engine, candidate, scales)
+        tried.append(candidate._replace(refused=why or loose))
+        if loose:
+            candidate = _without_unfixed(engine, candidate, one.id, scales, tried)
+            why = fault(current, candidate, chance) or _unfixed(engine, candidate, scales)
         if not why:
             accepted.append(candidate)
     if not accepted:
@@ -143,6 +148,26 @@ def _unfixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> str:
     """Which parameters the record does not fix, in words; nothing where it fixes all."""
     loose = not_fixed(engine, candidate, scales)
     return f"{', '.join(loose)} not fixed" if loose else ""
+
+
+def _without_unfixed(
+    engine: Engine, candidate: Candidate, kept: str, scales: RecordScales, tried: list[Candidate]
+) -> Candidate:
+    """Refitted without the effects that the record does not fix beside `kept`; the same where that
+    is no model of its own, or one that cannot be."""
+    loose = {name.split(".")[0] for name in not_fixed(engine, candidate, scales)}
+    rest = tuple(e for e in candidate.effects if e not in loose)
+    if kept not in rest or len(rest) == len(candidate.effects):
+        return candidate
+    known = [c for c in tried if set(c.effects) == set(rest)]
+    if not known:
+        start = np.array(candidate.z)
+        for id in loose & set(candidate.effects):
+            start[engine.model.amplitudes(id)] = 0.0
+        known.append(engine.refit(rest, start))
+        tried.append(known[0])
+    found = min(known, key=lambda c: c.bic)
+    return found if found.physical and not found.failed else candidate
 
 
 def _exact(engine: Engine, candidate: Candidate, tried: list[Candidate]) -> Candidate:
@@ -219,7 +244,11 @@ def _without_needless(engine: Engine, current: Candidate, tried: list[Candidate]
 
 
 def _swapped(engine, current: Candidate, alike, rounds, scales, tried, progress) -> Candidate:
-    """Every effect replaced by those easily taken for it; the best of all."""
+    """Every effect replaced by those easily taken for it; the best of all.
+
+    Where one is better beside which others are no longer fixed, those may have stood in for it:
+    then it is asked without them.
+    """
     best, (ids, cosines) = current, alike
     for id in current.effects:
         others = [b for b in ids if b != id and cosines[ids.index(id), ids.index(b)] > ALIAS]
@@ -239,6 +268,9 @@ def _swapped(engine, current: Candidate, alike, rounds, scales, tried, progress)
             better = possible and best.bic - candidate.bic > _TIE
             why = _unfixed(engine, candidate, scales) if better else ""
             tried.append(candidate._replace(refused=why))
-            if better and not why:
+            if better and why:
+                candidate = _without_unfixed(engine, candidate, other, scales, tried)
+                better = best.bic - candidate.bic > _TIE
+            if better and not _unfixed(engine, candidate, scales):
                 best = candidate
     return best
