@@ -164,6 +164,43 @@ def test_what_the_stored_scores_tell_strictly():
     assert not any("sure_group" in r or "heldout_report" in r for r in records)
 
 
+def test_shares_under_measured_noise():
+    results, text = content("blind/measured/results.json"), page("blind")
+    numbers = {n["what"]: n for n in results["numbers"]}
+
+    def hits(what):
+        return [int(x) for x in numbers[f"measured, {what}"]["of"].split("/")]
+
+    clean, nothing = hits("no effect: `no_missing_effect`")
+    right = [hits(f"rho {rho}: alias group right") for rho in ("0.2", "0.5", "1")]
+    sure = [hits(f"rho {rho}: of these, confirmed") for rho in ("0.2", "0.5", "1")]
+    assert [n for _, n in sure] == [n for n, _ in right]
+    cover = "95 % intervals of A, B, L cover, "
+    error = "measured, one effect: held-out rms / true sigma, "
+    for pattern, values in (
+        ("nothing is named in # of #, and all # are", [clean, nothing, clean]),
+        (
+            "the right group in # of # at rho 0.2, # of # at 0.5 and # of # at 1",
+            [n for pair in right for n in pair],
+        ),
+        ("confirmed in #, # and # of these", [n for n, _ in sure]),
+        ("# of # are not confirmed; a viscous", hits("effect taken out: not confirmed")),
+        (
+            "95 % intervals of A, B, L cover # %, those of the right effect # %",
+            [
+                100 * numbers[f"measured, {cover}{fits}"]["value"]
+                for fits in ("extended fits", "those of the right effect")
+            ],
+        ),
+        (
+            "Held-out error # sigma in the median and # at the 90th percentile: cut noise",
+            [numbers[error + q]["value"] for q in ("median", "90th percentile")],
+        ),
+    ):
+        assert not stale(text, pattern, *values)
+    assert numbers["measured, no effect: an effect confirmed"]["value"] == 0
+
+
 def test_rivals():
     sys.path.append(str(FITS.parent))
     compare = importlib.import_module("fits.rivals.compare")
