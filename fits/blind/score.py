@@ -274,8 +274,13 @@ def draw(scores: Sequence[Score], out: Path) -> None:
     named = sorted({s.outcome for s in shown} - set(silent))
     columns = [*(e for e in rows[1:] if e in named), *(e for e in named if e not in rows)]
     columns = [*(e for e in columns if "+" not in e), "several", *silent]
-    figure = Figure(figsize=(15, 14), layout="constrained")
-    for ax, rho in zip(figure.subplots(2, 2).flat, (0.1, 0.2, 0.5, 1.0), strict=True):
+    rhos = sorted({s.rho for s in shown if len(s.true) == 1}) or [0.0]
+    down = -(-len(rhos) // 2)
+    figure = Figure(figsize=(15, 7 * down), layout="constrained")
+    panels = figure.subplots(down, 2, squeeze=False).ravel()
+    for ax in panels[len(rhos) :]:
+        ax.set_axis_off()
+    for ax, rho in zip(panels, rhos, strict=False):
         table = np.zeros((len(rows), len(columns)), dtype=int)
         for s in shown:
             if len(s.true) < 2 and (not s.true or s.rho == rho):
