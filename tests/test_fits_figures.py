@@ -10,6 +10,7 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 FITS = Path(__file__).resolve().parents[1] / "fits"
@@ -199,6 +200,38 @@ def test_shares_under_measured_noise():
     ):
         assert not stale(text, pattern, *values)
     assert numbers["measured, no effect: an effect confirmed"]["value"] == 0
+
+
+def test_shares_of_the_axes():
+    results, text = content("blind/axis_results.json"), page("blind")
+    levels, records = results["numbers"].values(), results["records"]
+
+    def total(what):
+        return [sum(level[what][k] for level in levels) for k in (0, 1)]
+
+    errors = {
+        asked: [
+            r["heldout_after"] for r in records if (r["asked"] in ("viscous", "coulomb")) is asked
+        ]
+        for asked in (True, False)
+    }
+    for pattern, values in (
+        ("one more: # records, none of them seen", [len(records)]),
+        ("Nothing missing: # of # are given a name.", total("nothing named")),
+        ("Right group: # of # (", total("right group")),
+        ("target 97 %), # of # confirmed. The other", total("confirmed")),
+        (
+            "Held-out error: # sigma in the median (target 1.02), # at the 90th percentile (target"
+            " 1.06), # at most; records with nothing missing have # at",
+            [
+                np.median(errors[False]),
+                np.quantile(errors[False], 0.9),
+                max(errors[False]),
+                np.quantile(errors[True], 0.9),
+            ],
+        ),
+    ):
+        assert not stale(text, pattern, *values)
 
 
 def test_rivals():
