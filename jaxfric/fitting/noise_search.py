@@ -256,6 +256,7 @@ def limits_of(clock, weight, longest=None) -> Limits:
 
 
 def record_of(clock, weight, residual, jacobian, longest, scale) -> Record:
+    """What a noise is estimated from; arguments as of `estimate_noise`."""
     clock = jnp.asarray(clock)
     columns = np.concatenate([np.asarray(residual)[:, None], np.asarray(jacobian)], axis=1)
     return Record(
