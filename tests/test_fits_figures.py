@@ -166,7 +166,7 @@ def test_what_the_stored_scores_tell_strictly():
 
 
 def test_shares_under_measured_noise():
-    results, text = content("blind/measured/results.json"), page("blind")
+    results, text = content("blind/measured_noise/results.json"), page("blind")
     numbers = {n["what"]: n for n in results["numbers"]}
 
     def hits(what):
