@@ -129,12 +129,14 @@ def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Can
         why = fault(current, candidate, chance)
         if not why and one.p_value > _CHANCE:
             why = "may be chance"
-        loose = "" if why else _unfixed(engine, candidate, scales)
-        tried.append(candidate._replace(refused=why or loose))
+        loose = () if why else not_fixed(engine, candidate, scales)
+        tried.append(candidate._replace(refused=why or _said(loose)))
         if loose:
-            candidate = _without_unfixed(engine, candidate, one.id, scales, tried)
-            why = fault(current, candidate, chance) or _unfixed(engine, candidate, scales)
-        if not why:
+            candidate = _without(engine, candidate, loose, one.id, tried)
+            if candidate is None or fault(current, candidate, chance):
+                continue
+            loose = not_fixed(engine, candidate, scales)
+        if not why and not loose:
             accepted.append(candidate)
     if not accepted:
         return None
@@ -144,30 +146,29 @@ def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Can
     return min(tied, key=lambda c: order.index(c.effects[-1]))
 
 
-def _unfixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> str:
+def _said(loose: Sequence[str]) -> str:
     """Which parameters the record does not fix, in words; nothing where it fixes all."""
-    loose = not_fixed(engine, candidate, scales)
     return f"{', '.join(loose)} not fixed" if loose else ""
 
 
-def _without_unfixed(
-    engine: Engine, candidate: Candidate, kept: str, scales: RecordScales, tried: list[Candidate]
-) -> Candidate:
-    """Refitted without the effects that the record does not fix beside `kept`; the same where that
-    is no model of its own, or one that cannot be."""
-    loose = {name.split(".")[0] for name in not_fixed(engine, candidate, scales)}
-    rest = tuple(e for e in candidate.effects if e not in loose)
-    if kept not in rest or len(rest) == len(candidate.effects):
-        return candidate
+def _without(
+    engine: Engine, candidate: Candidate, loose: Sequence[str], kept: str, tried: list[Candidate]
+) -> Candidate | None:
+    """Refitted without the effects whose parameters are `loose`; None where `kept` is one of them,
+    or that model cannot be."""
+    gone = {name.split(".")[0] for name in loose}
+    if kept in gone:
+        return None
+    rest = tuple(e for e in candidate.effects if e not in gone)
     known = [c for c in tried if set(c.effects) == set(rest)]
     if not known:
         start = np.array(candidate.z)
-        for id in loose & set(candidate.effects):
+        for id in gone:
             start[engine.model.amplitudes(id)] = 0.0
         known.append(engine.refit(rest, start))
         tried.append(known[0])
     found = min(known, key=lambda c: c.bic)
-    return found if found.physical and not found.failed else candidate
+    return found if found.physical and not found.failed else None
 
 
 def _exact(engine: Engine, candidate: Candidate, tried: list[Candidate]) -> Candidate:
@@ -266,11 +267,13 @@ def _swapped(engine, current: Candidate, alike, rounds, scales, tried, progress)
             candidate = engine.refit(effects, start)
             possible = candidate.physical and not candidate.failed
             better = possible and best.bic - candidate.bic > _TIE
-            why = _unfixed(engine, candidate, scales) if better else ""
-            tried.append(candidate._replace(refused=why))
-            if better and why:
-                candidate = _without_unfixed(engine, candidate, other, scales, tried)
-                better = best.bic - candidate.bic > _TIE
-            if better and not _unfixed(engine, candidate, scales):
+            loose = not_fixed(engine, candidate, scales) if better else ()
+            tried.append(candidate._replace(refused=_said(loose)))
+            if loose:
+                candidate = _without(engine, candidate, loose, other, tried)
+                if candidate is None or not best.bic - candidate.bic > _TIE:
+                    continue
+                better = not not_fixed(engine, candidate, scales)
+            if better:
                 best = candidate
     return best
