@@ -647,6 +647,10 @@ def test_a_folder_of_steady_runs(tmp_path: Path) -> None:
     np.testing.assert_allclose(curve.force, means, rtol=1e-12)
     np.testing.assert_array_equal(curve.samples, 300)
     np.testing.assert_allclose(curve.error, curve.std / np.sqrt(curve.effective))
+    np.testing.assert_allclose([rows.force.mean() for rows in curve.rows], curve.force, rtol=1e-12)
+    assert all(len(rows.time) == len(rows.number) == 300 for rows in curve.rows)
+    with pytest.raises(ValueError, match="read-only"):
+        curve.rows[0].force[0] = 0
     expected = 300 * 0.2 / 1.8
     assert np.mean(1 / curve.effective) == pytest.approx(1 / expected, rel=0.4)
     notes = "\n".join(curve.provenance.notes)
@@ -690,6 +694,8 @@ def test_cells_typed_over_do_not_move_the_means(tmp_path: Path) -> None:
     notes = "\n".join(curve.provenance.notes)
     assert "outliers: 3 of 1800 rows do not belong to the others" in notes
     assert "1 of steady/10.csv" in notes
+    kept = curve.rows[curve.names.index("steady/10.csv")].number
+    assert kept.tolist() == [k for k in range(300) if k != 40]
     assert "(row 41: motor_force 9999, the others" in notes
     assert "(row 8: velocity 209.4, the others" in notes
 

@@ -14,16 +14,21 @@ from .quantisation import least_noise, step_words
 CLOCKS = ("time", "path", "rows", "pace")
 """What noise forgets over: time [s], the path of the load point [m], rows of the record, or rows in
 units of the memory that each velocity step shows."""
-_UNITS = {"time": "s", "path": "m", "rows": "rows", "pace": "memory of a step"}
+ROTARY_CLOCKS = ("time", "angle", "rows", "pace")
+"""Those of an axis that turns: its path is an angle [rad]."""
+_UNITS = {"time": "s", "path": "m", "angle": "rad", "rows": "rows", "pace": "memory of a step"}
 _ORIGINS = {
     "pace": "a recorder set anew at every velocity",
     "time": "amplifier, filter or servo",
     "path": "roughness or gouge",
+    "angle": "what turns: screw, bearing, gear or motor",
     "rows": "the recorder's filter",
 }
 _SLOW, _DRIFT = 10.0, "temperature or creep"
 """Memory [s] from which noise over time is none of the electronics."""
 _WHITE = 0.05
+_FAR = 0.9995e-3
+"""A path from which millimetres are told [m]."""
 _SEEN = 1.5
 _MOST = 0.5
 
@@ -35,9 +40,9 @@ class NoisePart:
     share: float
     """Of the variance; below 0 neighbouring rows differ by more than chance."""
     over: str
-    """One of `CLOCKS`."""
+    """One of `CLOCKS` or `ROTARY_CLOCKS`."""
     memory: float
-    """[s], [m] or rows; of a resonator without a swing the longer of two."""
+    """[s], [m], [rad] or rows; of a resonator without a swing the longer of two."""
     beta: float = EXPONENTIAL
     """Of a resonator; `EXPONENTIAL`: it is none."""
 
@@ -70,8 +75,12 @@ class NoisePart:
             return f"{_plain(size)} rows"
         if self.over == "pace":
             return f"{_plain(size)} rows of the middle velocity, each its own"
+        if self.over == "angle":
+            turns = f"{size / (2 * math.pi):.3g}"
+            return f"{turns} turn" if turns == "1" else f"{turns} turns"
         if self.over == "path":
-            return f"{size * 1e6:.3g} µm of load-point motion"
+            length = f"{size * 1e6:.3g} µm" if size < _FAR else f"{size * 1e3:.3g} mm"
+            return f"{length} of load-point motion"
         return f"{size:.3g} s"
 
     @property
@@ -96,7 +105,7 @@ class NoiseEstimate:
     sigma: float
     parts: tuple[NoisePart, ...] = ()
     longest: tuple[float, ...] = ()
-    """Longest memory that was searched over each of `CLOCKS` that the record has."""
+    """Longest memory that was searched over each of `clocks` that the record has."""
     pace: tuple[float, ...] = ()
     """Memory of each velocity step in rows, where noise forgets over that clock."""
     scale: tuple[float, ...] = ()
@@ -105,6 +114,8 @@ class NoiseEstimate:
     """Rows that stand out of the noise and are passed over."""
     steps: float = 0.0
     """Steps in which friction is recorded [unit of friction]; 0 where it is continuous."""
+    clocks: tuple[str, ...] = CLOCKS
+    """What the clocks of the record are: `CLOCKS` or `ROTARY_CLOCKS`."""
 
     @property
     def correlated_share(self) -> float:
@@ -145,14 +156,14 @@ class NoiseEstimate:
 
     def bound(self) -> str:
         """The longest memory that was searched, in words; nothing where it is not known."""
-        pairs = zip(CLOCKS[:3], self.longest, strict=False)
+        pairs = zip(self.clocks[:3], self.longest, strict=False)
         return " or ".join(NoisePart(1.0, over, most).text() for over, most in pairs)
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
         """Between different rows that are `apart` (n, k) in each of the record's clocks."""
         total = np.zeros(len(apart))
         for part in self.parts:
-            total += part.share * part.correlation(apart[:, CLOCKS.index(part.over)])
+            total += part.share * part.correlation(apart[:, self.clocks.index(part.over)])
         return total
 
     def to_json(self) -> dict:
@@ -169,7 +180,7 @@ class NoiseEstimate:
                 }
                 for part in self.parts
             ],
-            "longest": dict(zip(CLOCKS[:3], self.longest, strict=False)),
+            "longest": dict(zip(self.clocks[:3], self.longest, strict=False)),
             "pace": list(self.pace),
             "scale": list(self.scale),
             "glitches": self.glitches.to_json(),
@@ -186,10 +197,11 @@ def noise_estimate(
     scales: Sequence[float] = (),
     glitches: Glitches = NO_GLITCHES,
     steps: float = 0.0,
+    clocks: tuple[str, ...] = CLOCKS,
 ) -> NoiseEstimate:
     """Of a residual in units of `scale`; `longest` memory over every clock, `pace` and `scales` of
-    the velocity steps where they differ, `glitches` that are passed over, and the `steps` of the
-    recorder [unit of friction]."""
+    the velocity steps where they differ, `glitches` that are passed over, the `steps` of the
+    recorder [unit of friction], and what the `clocks` are."""
     parts = []
     rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
     for k, (share, rates) in enumerate(rows):
@@ -197,11 +209,12 @@ def noise_estimate(
             clock, beta = int(np.argmax(rates)), float(noise.beta) if k else EXPONENTIAL
             slower = 1 - math.sqrt(-beta) if EXPONENTIAL < beta < 0 else 1.0
             memory = float(1 / rates[clock]) / slower
-            parts.append(NoisePart(float(share), CLOCKS[clock], memory, beta))
+            parts.append(NoisePart(float(share), clocks[clock], memory, beta))
     parts.sort(key=lambda part: -part.share)
     most = tuple(float(x) for x in np.ravel(longest))
     size = scale * float(noise.sigma)
-    return NoiseEstimate(size, tuple(parts), most, tuple(pace), tuple(scales), glitches, steps)
+    found = tuple(parts), most, tuple(pace), tuple(scales), glitches, steps, clocks
+    return NoiseEstimate(size, *found)
 
 
 def noise_words(noise: NoiseEstimate, record: ToldRecord) -> tuple[str, ...]:

@@ -109,6 +109,16 @@ def noise_text(noise: NoiseEstimate) -> str:
     return told
 
 
+def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:
+    """The noise `of` what, what makes it as a rule, and the bound of its memory; a line each."""
+    lines = [f"noise of {of}: {noise_text(noise)}"]
+    if origins := noise.origins():
+        lines.append(f"such noise comes from {', and from '.join(origins)}")
+    if noise.longest:
+        lines.append(f"what lasts longer than {noise.bound()} is not taken for noise")
+    return lines
+
+
 def _above_rms(fit: Fit) -> str:
     """Why the noise is larger than what the fit leaves, where it is."""
     if not fit.noise.sigma > _ABOVE * fit.rms:

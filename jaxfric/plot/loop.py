@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 
-from ..fitting.table import noise_text
+from ..fitting.table import noise_lines
 from ..loop.assemble import share_text
 from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
@@ -217,14 +217,8 @@ def _save_noise(loop: Loop, folder: Path) -> list[str]:
 
 
 def _noise_words(loop: Loop) -> str:
-    """The noise, what makes it as a rule, and the bound of its memory; a line each."""
-    noise = loop.after.noise
-    lines = [f"noise of the record: {noise_text(noise)}"]
-    origins = noise.origins()
-    if origins:
-        lines.append(f"such noise comes from {', and from '.join(origins)}")
-    if noise.longest:
-        lines.append(f"what lasts longer than {noise.bound()} is not taken for noise")
+    """As of `noise_lines`, wrapped."""
+    lines = noise_lines(loop.after.noise)
     return "\n".join(textwrap.fill(line, _NOISE_WIDTH) for line in lines)
 
 

@@ -57,19 +57,31 @@ class Autocorrelation(NamedTuple):
 
 
 def autocorrelation(
-    clock: np.ndarray, residual: np.ndarray, noise: NoiseEstimate
+    clock: np.ndarray,
+    residual: np.ndarray,
+    noise: NoiseEstimate,
+    part: np.ndarray | None = None,
 ) -> Autocorrelation:
-    """Of a residual whose rows without a value are nan, at distances that are spaced by factors."""
+    """Of a residual whose rows without a value are nan, at distances that are spaced by factors.
+
+    `part` (n,) are the parts of a record that are none of each other's neighbours, as runs: a
+    number for every row, equal ones side by side. Of each part its mean is taken away, and pairs of
+    rows are of one part. Without it the record is one part.
+    """
     known = np.isfinite(residual)
-    left = residual - residual[known].mean()
+    part = np.zeros(len(residual), int) if part is None else part
+    left, counts = np.array(residual, float), []
+    for own in (part == k for k in np.unique(part[known])):
+        left[own] -= residual[own & known].mean()
+        counts.append(int((own & known).sum()))
     spread = max(float(np.mean(left[known] ** 2)), 1e-300)
-    shifts = np.unique(np.geomspace(1, max(len(left) // 4, 1), _PAIRED).astype(int))
-    rho, found = _by_rows(clock, known, noise), []
-    apart, n = np.arange(len(rho)), int(known.sum())
-    of_mean = float(2 * np.sum(np.maximum(1 - apart / n, 0.0) * rho) - 1) / n
+    longest = int(np.unique(part, return_counts=True)[1].max())
+    shifts = np.unique(np.geomspace(1, max(longest // 4, 1), _PAIRED).astype(int))
+    rho, found = _by_rows(clock, known, noise, part, longest), []
+    of_mean = float(np.average([_of_mean(rho, n) for n in counts], weights=counts))
     for s in shifts:
         product = left[s:] * left[:-s]
-        pairs = np.isfinite(product)
+        pairs = np.isfinite(product) & (part[s:] == part[:-s])
         if pairs.sum() < _FEWEST:
             continue
         model = noise.correlation((clock[s:] - clock[:-s])[pairs]).mean()
@@ -77,6 +89,11 @@ def autocorrelation(
         found.append((s, product[pairs].mean() / spread, shown, pairs.sum()))
     lag, value, model, count = np.array(found, float).reshape(-1, 4).T
     return Autocorrelation(lag, value, model, bartlett(rho, lag.astype(int), count))
+
+
+def _of_mean(rho: np.ndarray, n: int) -> float:
+    """Variance of the mean of n rows of variance 1, whose correlation is `rho` by distance."""
+    return float(2 * np.sum(np.maximum(1 - np.arange(len(rho)) / n, 0.0) * rho) - 1) / n
 
 
 def bartlett(rho: np.ndarray, lag: np.ndarray, count: np.ndarray) -> np.ndarray:
@@ -96,13 +113,16 @@ def bartlett(rho: np.ndarray, lag: np.ndarray, count: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(total, 0.0) / count)
 
 
-def _by_rows(clock: np.ndarray, known: np.ndarray, noise: NoiseEstimate) -> np.ndarray:
-    """Correlation of rows 0, 1, 2, ... apart, on average over those `known`, up to half of all."""
-    half = max(len(clock) // 2, 1)
+def _by_rows(
+    clock: np.ndarray, known: np.ndarray, noise: NoiseEstimate, part: np.ndarray, longest: int
+) -> np.ndarray:
+    """Correlation of rows 0, 1, 2, ... apart, on average over those `known` of one `part`, up to
+    half of the `longest` of them."""
+    half = max(longest // 2, 1)
     shifts = np.unique(np.concatenate([np.arange(1, 65), np.geomspace(1, half, 100)]).astype(int))
     at, means = [0], [1.0]
     for s in shifts[shifts <= half]:
-        apart = (clock[s:] - clock[:-s])[known[s:] & known[:-s]]
+        apart = (clock[s:] - clock[:-s])[known[s:] & known[:-s] & (part[s:] == part[:-s])]
         if len(apart):
             some = np.unique(np.linspace(0, len(apart) - 1, min(len(apart), _SOME)).astype(int))
             at.append(s)
@@ -117,10 +137,12 @@ def draw_autocorrelation(
     noise: NoiseEstimate,
     *,
     model: bool = True,
+    part: np.ndarray | None = None,
 ) -> None:
     """Measured autocorrelation and, with `model`, that of the noise with the band of what such a
-    record shows of it; without, the band of white noise. Labels say where it is left."""
-    found = autocorrelation(clock, residual, noise if model else NoiseEstimate(noise.sigma))
+    record shows of it; without, the band of white noise. Labels say where it is left. `part` as of
+    `autocorrelation`."""
+    found = autocorrelation(clock, residual, noise if model else NoiseEstimate(noise.sigma), part)
     lag, value, modelled, error = found
     band = "the noise model" if model else "white noise"
     axis.fill_between(

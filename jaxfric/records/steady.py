@@ -12,7 +12,7 @@ from ..errors import InputError
 from .axis_record import AxisRecord
 from .read_axis import read_axis
 from .record import Provenance
-from .steady_run import Run, steady_run
+from .steady_run import Run, SteadyRows, steady_run
 
 MIN_RUNS = 4
 """A curve needs this many runs."""
@@ -34,6 +34,7 @@ class SteadyCurve:
     - `names`: the runs, by their path below the folder; `uneven`: those that moved unevenly, or
       whose speed is recorded too coarsely to tell; `stuck`: slower ones that are left out because
       they stood still, turned back or were not steady.
+    - `rows`: of every run those that its means are of (empty: not kept).
     - `coordinate` and `units` as for `AxisRecord`; `provenance.notes`: what was left out, and why.
     """
 
@@ -52,6 +53,7 @@ class SteadyCurve:
     force_unit: str = "N"
     units: Mapping[str, str] = field(default_factory=dict)
     provenance: Provenance = field(default_factory=Provenance)
+    rows: tuple[SteadyRows, ...] = ()
 
     def __len__(self) -> int:
         """Number of runs."""
@@ -121,6 +123,7 @@ def read_steady(
         force_unit=first.force_unit,
         units=first.units,
         provenance=_provenance(folder, runs, used, records),
+        rows=tuple(run.rows for run in used if run.rows is not None),
     )
 
 

@@ -1,6 +1,7 @@
 """One run at a steady speed: its steady rows, and their means."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,18 @@ _UNEVEN = 0.25
 """A spread of the speed above this fraction of its mean is told."""
 
 
-@dataclass(frozen=True)
+class SteadyRows(NamedTuple):
+    """The rows of a run of which its means are; arrays (n,), read-only."""
+
+    number: np.ndarray
+    """Their places in the record, from 0."""
+    time: np.ndarray
+    """Since the first row of the record [s]."""
+    force: np.ndarray
+    """[unit of the force of the curve]"""
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
     """Means over the steady part of a run; or why there is none."""
 
@@ -38,6 +50,8 @@ class Run:
     """Whether it moved unevenly, or its speed is recorded too coarsely to tell."""
     outliers: int = 0
     """Rows that are left out because they do not belong to the others."""
+    rows: SteadyRows | None = None
+    """None of a run that is refused."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +110,16 @@ def steady_run(name: str, record: AxisRecord) -> Run:
         note="; ".join(notes),
         uneven=bool(uneven),
         outliers=len(wild),
+        rows=_kept(part),
     )
+
+
+def _kept(part: _Rows) -> SteadyRows:
+    """Copies of the rows, read-only."""
+    kept = SteadyRows(*(np.array(x) for x in (part.number, part.time, part.force)))
+    for values in kept:
+        values.setflags(write=False)
+    return kept
 
 
 def _rows(record: AxisRecord) -> _Rows:
