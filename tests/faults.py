@@ -14,6 +14,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
 FAMILY = "tests/test_family_tables.py"
 GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
+STEADY = "tests/test_steady_noise.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
@@ -293,5 +294,18 @@ FAULTS = (
     Fault("any step is most of the noise", "fitting/noise_estimate.py",
           "least_noise(self.steps) ** 2 > _MOST * white",
           "least_noise(self.steps) ** 2 > 0 * white", QUANTISATION),
+    Fault("steady runs are neighbours of each other", "axis/steady_noise.py",
+          "_APART = 20.0", "_APART = 0.0", STEADY),
+    Fault("a steady run's own size is not taken out", "axis/steady_noise.py",
+          "left = [x / (s if s > 0 else 1.0)", "left = [x / (1.0 if s > 0 else 1.0)", STEADY),
+    Fault("a swing once a turn is not tried", "axis/steady_noise.py",
+          "if not rotary:", "if True:", STEADY),
+    Fault("rows of two steady runs are a pair", "plot/noise.py",
+          "np.isfinite(product) & (part[s:] == part[:-s])", "np.isfinite(product)", STEADY),
+    Fault("steady runs of one mean", "plot/noise.py",
+          "left[own] -= residual[own & known].mean()",
+          "left[own] -= residual[known].mean()", STEADY),
+    Fault("a noise over an angle is told as one of a path", "axis/steady_noise.py",
+          "clocks=ROTARY_CLOCKS if rotary else CLOCKS", "clocks=CLOCKS", STEADY),
 )
 # fmt: on

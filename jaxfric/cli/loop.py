@@ -246,30 +246,36 @@ def _steady(file: Path, curve, declared, excluded, out: Path | None, as_json: bo
     import json as text
 
     from ..axis.steady import close_steady_loop
-    from ..plot.steady import draw_steady
+    from ..axis.steady_noise import steady_noise
+    from ..plot.steady import draw_noise, draw_steady
     from ..report.steady_text import to_json
 
     folder = choose_folder(out, file.stem, file)
-    with told(quiet=True) as progress:
+    with told(quiet=as_json) as progress:
         progress("fitting the curve of friction over velocity")
         result = close_steady_loop(curve, with_=declared, without=excluded)
-        content = text.dumps(to_json(result), indent=1, allow_nan=False)
+        prepare_jax()
+        progress("estimating the noise of the runs")
+        noise = steady_noise(curve)
+        content = text.dumps(to_json(result, noise), indent=1, allow_nan=False)
         with folder.results() as to:
             (to / "steady.json").write_text(content + "\n", encoding="utf-8")
-        progress("drawing the figure")
+        progress("drawing the figures")
         folder.draw("curve", lambda to: draw_steady(result, to))
+        if noise is not None:
+            folder.draw("noise", lambda to: draw_noise(curve, noise, to))
     if as_json:
         print(content)
     else:
-        _print_steady(result, curve, folder)
+        _print_steady(result, curve, noise, folder)
     return folder.close()
 
 
-def _print_steady(result, curve, folder: Folder) -> None:
+def _print_steady(result, curve, noise, folder: Folder) -> None:
     from rich.console import Console
 
     from ..report.loop_text import print_tables
-    from ..report.steady_text import sentence, tables
+    from ..report.steady_text import noise_text, sentence, tables
 
     console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
     console.print(f"{result.verdict}: {result.sentence}", markup=False)
@@ -277,6 +283,11 @@ def _print_steady(result, curve, folder: Folder) -> None:
         console.print(f"  - {note}", markup=False)
     print_tables(console, tables(result))
     console.print(f"\nGains: {sentence(result)}", markup=False)
+    if noise is not None:
+        first, *more = noise_text(noise, curve)
+        console.print(f"\n{first[:1].upper()}{first[1:]}", markup=False)
+        for line in more:
+            console.print(f"  - {line}", markup=False)
     written = f"{folder.path}/{', '.join(folder.files)}"
     console.print(f"written: {written}", markup=False, soft_wrap=True)
 

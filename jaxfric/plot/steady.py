@@ -1,16 +1,23 @@
-"""A figure of the friction of steady speeds: the curve with its models, and what they leave."""
+"""Figures of the friction of steady speeds: the curve with its models and what they leave, and the
+noise of the runs."""
 
+import textwrap
 from pathlib import Path
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 
 from ..axis.steady import SteadyLoop
+from ..axis.steady_noise import SteadyNoise
+from ..fitting.table import noise_lines
 from ..records.steady import SteadyCurve
 from .label import printable
+from .noise import draw_autocorrelation
 from .stability import BLACK, BLUE, GREY, ORANGE, new_figure, save, tidy
+from .ticks import plain_log
 
-_LINE = 400
+_LINE, _NOISE_WIDTH = 400, 150
 
 
 def _with_outliers(curve: SteadyCurve) -> tuple[str, ...]:
@@ -20,11 +27,16 @@ def _with_outliers(curve: SteadyCurve) -> tuple[str, ...]:
     return tuple(name for name, count in zip(curve.names, curve.outliers, strict=True) if count)
 
 
+def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
+    """Factor from SI and unit in which a speed is shown."""
+    return (60 / (2 * np.pi), "1/min") if curve.coordinate == "rotary" else (1.0, "m/s")
+
+
 def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
     """Write `curve` to `folder` as PNG and SVG; the names written."""
     curve = loop.curve
-    unit, speed_unit, size = loop.units()
-    factor, shown = (60 / (2 * np.pi), "1/min") if speed_unit == "rad/s" else (1.0, speed_unit)
+    unit, _, size = loop.units()
+    factor, shown = speed_shown(curve)
     figure = new_figure(9.5, 7.0)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1.2])
     x, y, error = factor * curve.speed, curve.force / size, curve.error / size
@@ -70,3 +82,46 @@ def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
         entries.values(), entries, loc="outside lower left", ncol=3, frameon=False, fontsize=8.5
     )  # off the data
     return save(figure, Path(folder), "curve")
+
+
+def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> list[str]:
+    """Write `noise` to `folder` as PNG and SVG; the names written.
+
+    Left the autocorrelation of what is left of the runs after their means, right the independent
+    samples that each run is worth: by its own rows, as its error has it, and by the noise.
+    """
+    figure = new_figure(11.0, 5.6)
+    left, right = figure.subplots(1, 2)
+    draw_autocorrelation(left, noise.clock, noise.residual, noise.estimate, part=noise.run)
+    tidy(left, "Rows of a run about its mean, all runs together")
+    _samples(right, curve, noise)
+    tidy(right, "Independent samples that a run is worth")
+    words = [*noise_lines(noise.estimate, "the runs"), *filter(None, [noise.turn_text()])]
+    figure.suptitle(
+        "\n".join(textwrap.fill(line, _NOISE_WIDTH) for line in words),
+        fontsize=9.5, x=0.01, ha="left", parse_math=False,
+    )  # fmt: skip
+    handles, labels = left.get_legend_handles_labels()
+    own, told = right.get_legend_handles_labels()  # off the data
+    figure.legend(handles, labels, loc="outside lower left", ncol=2, frameon=False, fontsize=8.5)
+    figure.legend(own, told, loc="outside lower right", frameon=False, fontsize=8.5)
+    return save(figure, Path(folder), "noise")
+
+
+def _samples(axis: Axes, curve: SteadyCurve, noise: SteadyNoise) -> None:
+    """Independent samples of every run over its speed, in two ways."""
+    factor, unit = speed_shown(curve)
+    speed = factor * curve.speed
+    ratio = float(np.median(noise.effective / curve.effective))
+    axis.plot(speed, curve.samples, "-", color=GREY, lw=1.2, label="rows of the run")
+    axis.plot(
+        speed, curve.effective, "o", color=BLUE, ms=4.5,
+        label="by its own rows: the errors of the means rest on these",
+    )  # fmt: skip
+    axis.plot(
+        speed, noise.effective, "D", color=ORANGE, ms=4.5, mfc="none",
+        label=f"by the noise of all runs: {ratio:.2f} times as many (median)",
+    )  # fmt: skip
+    plain_log(axis, "y")
+    axis.set_xlabel(f"speed [{unit}]")
+    axis.set_ylabel("independent samples of a run")

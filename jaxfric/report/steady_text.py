@@ -7,7 +7,11 @@ import numpy as np
 from ..axis.gains_result import AxisGains, Shown
 from ..axis.steady import SteadyLoop, steady_gains
 from ..axis.steady_model import SteadyModel
+from ..axis.steady_noise import SteadyNoise
+from ..fitting.quantisation import step_words
+from ..fitting.table import noise_lines
 from ..loop.result import Table
+from ..records.steady import SteadyCurve
 
 SCHEMA = "jaxfric.steady/1"
 
@@ -19,6 +23,25 @@ def sentence(loop: SteadyLoop) -> str:
     speed = Shown("rpm", np.pi / 30) if rotary else Shown("m/s")
     unit = f"{force} s/rad" if rotary else f"{force} s/m"
     return steady_gains(loop).sentence(Shown(unit, size), speed)
+
+
+def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
+    """What the noise of the runs is, and what it makes of their samples; lines of text."""
+    what, *rest = noise_lines(noise.estimate, "the runs")
+    lines = ["; ".join([what, *rest])]
+    lines += [noise.turn_text()] if noise.turn_text() else []
+    low, middle, high = np.quantile(noise.effective / curve.effective, [0.0, 0.5, 1.0])
+    lines.append(
+        f"independent samples of a run: {_range(noise.effective)} by this noise,"
+        f" {_range(curve.effective)} by its own rows, which the errors of the means rest on;"
+        f" their ratio is {middle:.2f} in the median, {low:.2f} to {high:.2f} over the runs"
+    )
+    lines += step_words(noise.estimate.steps, noise.estimate.sigma, curve.provenance.path)
+    return lines
+
+
+def _range(samples: np.ndarray) -> str:
+    return f"{np.min(samples):.0f} to {np.max(samples):.0f}"
 
 
 def tables(loop: SteadyLoop) -> list[Table]:
@@ -68,8 +91,11 @@ def _unit(name: str, force: str, speed: str) -> str:
     )
 
 
-def to_json(loop: SteadyLoop) -> dict:
-    """The content of `steady.json`, schema "jaxfric.steady/1"; SI or % of the rated torque."""
+def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
+    """The content of `steady.json`, schema "jaxfric.steady/1"; SI or % of the rated torque.
+
+    `noise` is that of the runs, null where it is not known.
+    """
     curve, gains = loop.curve, steady_gains(loop)
 
     def model(m: SteadyModel) -> dict:
@@ -109,6 +135,18 @@ def to_json(loop: SteadyLoop) -> dict:
             **claim_json(gains),
             "sentence": sentence(loop),
         },
+        "noise": None if noise is None else _noise_json(noise, curve),
+    }
+
+
+def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
+    """As of the noise of other loops, a scale for every run; its sigma is of all rows."""
+    return {
+        "sigma": noise.estimate.sigma,
+        **noise.estimate.to_json(),
+        "effective_samples": noise.effective.tolist(),
+        "after_a_turn": noise.after_a_turn,
+        "text": noise_text(noise, curve),
     }
 
 
