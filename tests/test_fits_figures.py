@@ -97,6 +97,42 @@ def test_torques_of_screw_drives():
     assert not stale(page("screwdrive1"), "| + stribeck, n = 1 | 0.0329 | 0.052 | # |", -abs(bic))
 
 
+def test_noise_of_screw_drives():
+    for name, pattern, order in (
+        ("screwdrive1", "has # % of it over # turns and # % over # s", ("angle", "time")),
+        (
+            "screwdrive2",
+            "# % of it swinging every # turns and # % over # turns",
+            ("angle", "angle"),
+        ),
+    ):
+        found, text = content(f"{name}/loop/steady.json"), page(name)
+        noise, turn = found["noise"], 2 * math.pi
+        one, two = noise["parts"]
+        assert (one["over"], two["over"]) == order
+        if name == "screwdrive1":
+            assert (one["period"], two["period"]) == (None, None)
+            sizes = [one["share"], one["memory"] / turn, two["share"], two["memory"]]
+        else:
+            sizes = [two["share"], two["period"] / turn, one["share"], one["memory"] / turn]
+        sizes[::2] = [100 * share for share in sizes[::2]]
+        assert not stale(text, pattern, *sizes)
+        again = 100 * noise["after_a_turn"]
+        assert not stale(text, "# % of its variance is there again one turn later", again)
+        own, model = found["curve"]["effective_samples"], noise["effective_samples"]
+        ratio = np.divide(model, own)
+        told = [np.median(ratio), ratio.min(), ratio.max()]
+        words = "at the median # times as many"
+        tail = " (# to #)" if name == "screwdrive1" else " as its own rows give (# to #)"
+        assert not stale(text, words + tail, *told)
+        ends = [min(model), max(model)]
+        if name == "screwdrive1":
+            said = "it gives a run # to # independent samples where its own rows give # to #"
+            assert not stale(text, said, *ends, min(own), max(own))
+        else:
+            assert not stale(text, "a run is worth # to # independent samples by it", *ends)
+
+
 def test_shares_of_the_blind_study():
     results, text = content("blind/results.json"), page("blind")
     numbers = {n["what"]: n for n in results["numbers"]}
