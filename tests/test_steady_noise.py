@@ -1,9 +1,11 @@
 """The noise of runs at steady speeds: against noise made here with NumPy, and closed forms."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
+from command import run
 
 from jaxfric.axis.steady import close_steady_loop
 from jaxfric.axis.steady_noise import after_a_turn, steady_noise
@@ -213,3 +215,28 @@ def test_curves_without_noise():
     rows = (*still.rows[:3], constant, *still.rows[4:])
     noise = steady_noise(dataclasses.replace(still, rows=rows))
     assert noise is not None and noise.estimate.scale[3] == 0 and 3 not in noise.run
+
+
+def test_the_command_writes_and_tells_the_noise(tmp_path):
+    """Of a folder of runs whose noise is forgotten over 0.25 rad."""
+    random, folder = np.random.default_rng(6), tmp_path / "drive"
+    folder.mkdir()
+    for v in SPEEDS:
+        force = 2 * np.sign(v) + 0.1 * correlated(np.exp(-np.abs(v) * DT / 0.25), random)
+        rows = [f"{DT * k:.2f},{v},{x:.5f}" for k, x in enumerate(force)]
+        text = "\n".join(["time [s],velocity [rad/s],motor_force [N m]", *rows])
+        (folder / f"{v}.csv").write_text(text + "\n", encoding="utf-8")
+    out = tmp_path / "out"
+    code, told, err = run("loop", folder, "--rig", "steady", "--out", out)
+    assert code == 0, err
+    written = {path.name for path in out.iterdir() if not path.name.startswith(".")}
+    assert written == {
+        f"{name}.{kind}" for name in ("curve", "noise") for kind in ("png", "svg")
+    } | {"steady.json"}
+    noise = json.loads((out / "steady.json").read_text(encoding="utf-8"))["noise"]
+    assert noise["parts"][0]["over"] == "angle"
+    assert noise["parts"][0]["memory"] == pytest.approx(0.25, rel=0.25)
+    plain = " ".join(told.split())
+    assert "Noise of the runs: " in plain and "turns" in plain
+    for line in noise["text"][1:]:
+        assert f"- {line}" in plain
