@@ -15,6 +15,7 @@ FAMILY = "tests/test_family_tables.py"
 GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
 STEADY = "tests/test_steady_noise.py"
+ERRORS, WORDS = "tests/test_noise_error.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
@@ -131,6 +132,18 @@ FAULTS = (
     Fault("no edge of stability", "loop/verdict.py", "_EDGE = 1.1", "_EDGE = 0.0", VERDICT),
     Fault("a base fit that runs away gets a verdict", "loop/verdict.py",
           "if base.failed and edge is None:", "if False:", VERDICT),
+    Fault("the errors of a noise are left out of its tests", "fitting/noise_error.py",
+          "variance += np.square(0.5", "variance += 0 * np.square(0.5", ERRORS),
+    Fault("the errors of a noise are twice as large", "fitting/noise_error.py",
+          "np.square(0.5 * np.log", "np.square(2.0 * np.log", ERRORS),
+    Fault("the curvature of a likelihood has the wrong sign", "fitting/noise_search.py",
+          "np.linalg.eigh(-np.where(", "np.linalg.eigh(np.where(", ERRORS),
+    Fault("a profile's p takes its noise for known", "loop/location.py",
+          "self.columns.shape[1], among)", "self.columns.shape[1], np.inf)", WORDS),
+    Fault("the best of many ripples counts as one", "loop/location.py",
+          "float(gains[k] / beyond[k]), len(centres))", "float(gains[k] / beyond[k]), 1)", WORDS),
+    Fault("means of groups take their noise for known", "loop/structure.py",
+          "int(used.sum()) - 1, among)", "int(used.sum()) - 1, math.inf)", PARTS),
     Fault("structure is left out of the verdict", "loop/verdict.py",
           "if p < SIGNIFICANT]", "if p < 0]", VERDICT),
     Fault("the end of the first of two steps trains, its begin selects", "loop/split.py",

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from jaxfric.loop.assemble import where_it_sits
-from jaxfric.loop.location import _profile, share_of
+from jaxfric.loop.location import _profile, _ripples, share_of
 from jaxfric.loop.pace import Pace, Stopwatch, now_and_then, span
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.verdict import Told, sentence_of
@@ -59,7 +59,8 @@ def test_missing_friction_is_found_where_it_is_seen_and_stays_small_where_not():
     own = columns[:, :3] * [1e5, 1e5, 10.0]
     left = rng.standard_normal(n) - own @ [4e-4, -2e-4, 0.1] + 45 * columns[:, 3]
     whole, size = (float(left @ left), float(n)), 1e-3
-    gain, found = _profile("slip", "m", np.arange(3.0), own, left, whole, size)
+    asked = _profile("slip", "m", np.arange(3.0), own, left, whole, size)
+    gain, found = asked.gain, asked.profile
     fall = left @ left - np.sum((left - own @ np.linalg.lstsq(own, left, rcond=None)[0]) ** 2)
     assert gain == pytest.approx(fall - 3, rel=1e-3)
     assert found.explained == pytest.approx(0.5, abs=0.05)
@@ -76,7 +77,7 @@ def test_errors_of_missing_friction_are_of_what_the_base_does_not_take_up():
     own = (columns - columns.mean(axis=1, keepdims=True)) / error
     left = rng.standard_normal(n) - own[:, 2] * 5 * error
     whole = float(left @ left), float(n)
-    found = _profile("slip", "m", np.arange(8.0), own, left, whole, 0.1)[1]
+    found = _profile("slip", "m", np.arange(8.0), own, left, whole, 0.1).profile
     np.testing.assert_allclose(found.errors, error * np.sqrt(7 / 8), rtol=0.1)
     above = found.amplitudes / found.errors
     assert np.argmax(above) == 2 and above[2] > 3 and np.abs(np.delete(above, 2)).max() < 3
@@ -89,10 +90,31 @@ def test_p_counts_structure_that_the_bumps_leave_as_their_bars_do():
     columns, _ = np.linalg.qr(rng.standard_normal((n, 3)))
     left = columns @ [5.0, 6.0, np.sqrt(2e5)]
     whole = float(left @ left), float(n)
-    found = _profile("slip", "m", np.arange(2.0), columns[:, :2], left, whole, 1e9)[1]
+    asked = _profile("slip", "m", np.arange(2.0), columns[:, :2], left, whole, 1e9)
+    found = asked.answered(np.inf)
     rest = (whole[0] - 61) / (n - 2)
     assert found.p_value == pytest.approx(stats.f.sf(61 / 2 / rest, 2, n - 2), rel=0.01)
     assert found.explained < 0.005 and found.p_value > 0.5
+    # the columns that were asked take the fall, and a noise known from 5 squares says less
+    assert np.sum((asked.columns.T @ left) ** 2) == pytest.approx(61)
+    seen = asked._replace(squares=30.0)
+    assert seen.answered(5.0).p_value == pytest.approx(stats.f.sf(15, 2, 5))
+    assert seen.answered(np.inf).p_value == pytest.approx(stats.chi2.sf(30, 2))
+
+
+def test_the_best_of_many_ripples_is_one_of_as_many_chances():
+    """Of twenty wavelengths one is 5 sigma high: its p is twenty times that of two squares."""
+    rng, n = np.random.default_rng(0), 3000
+    own, _ = np.linalg.qr(rng.standard_normal((n, 40)))
+    left = own @ rng.standard_normal(40)
+    left[:] += own[:, 12] * (5 - own[:, 12] @ left)
+    outside = np.linalg.qr(np.column_stack([own, rng.standard_normal(n)]))[0][:, -1]
+    left += np.sqrt(n - left @ left) * outside
+    asked = _ripples("wavelength", "m", np.arange(20.0), own, left, (float(n), float(n)), 1.0)
+    squares = float(np.sum((own[:, 12:14].T @ left) ** 2))
+    assert np.argmax(asked.profile.amplitudes) == 6
+    for among, p in ((np.inf, stats.chi2.sf(squares, 2)), (9.0, stats.f.sf(squares / 2, 2, 9))):
+        assert asked.answered(among).p_value == pytest.approx(20 * p, rel=0.1)
 
 
 def profile(variable, explained, p=1e-9):

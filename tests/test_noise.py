@@ -17,7 +17,9 @@ from jaxfric.fitting.noise import (
     noise_of,
     rms_error,
     sandwich,
+    variances,
     whiten,
+    whiten_transposed,
 )
 from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart, noise_estimate
 from jaxfric.fitting.noise_search import (
@@ -252,6 +254,21 @@ def test_sandwich(parameters):
     truth = jacobian.T @ covariance(time, *parameters) @ jacobian
     found = sandwich(time, jacobian, as_noise(*parameters))
     np.testing.assert_allclose(found, truth, rtol=1e-10, atol=1e-12 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("parameters", PARAMETERS)
+def test_variances_and_transposed_whitening_against_dense_algebra(parameters):
+    """a^T r has the variance a^T Sigma a, and (W^T q)^T r is q^T (W r)."""
+    rng = np.random.default_rng(6)
+    time = uneven(rng)
+    columns = rng.normal(size=(N, P))
+    truth = np.diag(columns.T @ covariance(time, *parameters) @ columns)
+    noise = as_noise(*parameters)
+    np.testing.assert_allclose(variances(time, columns, noise), truth, rtol=1e-10)
+    one = jnp.ones(N)
+    turned = whiten_transposed(jnp.asarray(time), one, jnp.asarray(columns), noise)
+    white = np.asarray(whiten(time, one, np.eye(N), noise))
+    np.testing.assert_allclose(turned, white.T @ columns, atol=1e-10 * np.abs(white).max())
 
 
 def test_sandwich_ignores_rows_without_weight():

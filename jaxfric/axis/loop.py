@@ -19,7 +19,7 @@ from ..loop.assemble import declared, loop_of, refuse_both, score_of, where_it_s
 from ..loop.curves import curve_family
 from ..loop.engine import Candidate, Engine
 from ..loop.estimates import estimates
-from ..loop.location import Bumps, locate
+from ..loop.location import locate
 from ..loop.result import Loop, Score
 from ..loop.rivals import all_rivals
 from ..loop.search import MOST, search
@@ -109,15 +109,16 @@ def close_axis_loop(
     progress("where the structure sits")
     floor = noise_floor(engine, found.final)
     bumps = friction_bumps(engine, rows, unit=length_of(record))
-    location = locate(engine, found.base, floor.noise, bumps)
-    before = _score(engine, found.base, record, rows, bumps)
-    after = before
+    location = locate(engine, found.base, floor.known, bumps)
+    tests = questions(engine, found.base, rows.path, location, floor.known)
+    before = after = _score(engine, found.base, record, rows, tests)
     if found.final is not found.base:
-        after = _score(engine, found.final, record, rows, bumps, all_rivals(found))
+        left = locate(engine, found.final, floor.known, bumps)
+        tests = questions(engine, found.final, rows.path, left, floor.known)
+        after = _score(engine, found.final, record, rows, tests, all_rivals(found))
     where = where_it_sits(location)
     curve = axis_curves(engine, found.final, rows, length_of(record))
     curve = curve_family(engine, found.final, curve)
-    tests = dict(after.tests)
     told = conclude(engine, found, floor, tests, edge=None, located=where, curve=curve)
     return loop_of(
         engine,
@@ -184,7 +185,7 @@ def _score(
     candidate: Candidate,
     record: AxisRecord,
     rows: AxisRows,
-    bumps: list[Bumps],
+    tests: dict[str, float],
     rivals: Sequence[Candidate] = (),
 ) -> Score:
     found, free, covariance = estimates(engine, candidate, record.force_unit, rivals)
@@ -196,7 +197,7 @@ def _score(
         candidate,
         (found, free, covariance),
         np.where(rows.used, size, np.nan),
-        questions(engine, candidate, rows.path, bumps),
+        tests,
         step=rows.segment,
         count=int(rows.segment.max()) + 1,
     )

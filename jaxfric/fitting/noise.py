@@ -220,6 +220,12 @@ def _terms(clock, noise: Noise) -> list[tuple[Array, Array]]:
 
 def _correlated(jacobian, turn):
     """J^T R J, R_ij the product of `turn` from row i to row j."""
+    one_sided = jacobian.T @ _tails(jacobian, turn)
+    return one_sided + one_sided.T - jacobian.T @ jacobian
+
+
+def _tails(jacobian, turn):
+    """Sum over the rows up to each, times the product of `turn` from there: (n, p), complex."""
     turn = jnp.concatenate([jnp.ones_like(turn[:1]), turn[:-1]])
 
     def step(carry, row):
@@ -228,9 +234,33 @@ def _correlated(jacobian, turn):
         return carry, carry
 
     start = jnp.zeros(jacobian.shape[1], complex)
-    _, tail = jax.lax.scan(step, start, (jacobian, turn))
-    one_sided = jacobian.T @ tail
-    return one_sided + one_sided.T - jacobian.T @ jacobian
+    return jax.lax.scan(step, start, (jacobian, turn))[1]
+
+
+@eqx.filter_jit
+def variances(
+    clock: Float[Array, "n *k"], columns: Float[Array, "n p"], noise: Noise
+) -> Float[Array, " p"]:
+    """Of a^T r for every column a and r of this noise: the diagonal of `sandwich`."""
+    scaled = columns * jnp.broadcast_to(noise.scale, columns.shape[:1])[:, None]
+    squares = jnp.sum(scaled**2, axis=0)
+    total = (1 - noise.share[0] - noise.share[1]) * squares
+    for size, rate in _terms(clock, noise):
+        tails = jnp.sum(scaled * _tails(scaled, jnp.exp(-rate)), axis=0)
+        total = total + (size * (2 * tails - squares)).real
+    return noise.sigma**2 * total
+
+
+@eqx.filter_jit
+def whiten_transposed(
+    clock: Float[Array, "n *k"],
+    weight: Float[Array, " n"],
+    white: Float[Array, "n m"],
+    noise: Noise,
+) -> Float[Array, "n m"]:
+    """W^T q for columns q, W as of `whiten`: (W^T q)^T r is q^T (W r)."""
+    linear = jax.linear_transpose(lambda c: whiten(clock, weight, c, noise), white)
+    return linear(white)[0]
 
 
 def rms_error(clock: Float[Array, "n *k"], used, noise: Noise) -> float:

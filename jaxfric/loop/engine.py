@@ -7,6 +7,7 @@ the base leaves when everything smooth is taken out (`Engine.learn_noise`).
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import equinox as eqx
@@ -19,12 +20,14 @@ from ..effects import AbstractHeavyEffect, RecordScales
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, noise_of, rms_error
+from ..fitting.noise_error import KnownNoise, known_noise
 from ..fitting.noise_search import (
     Family,
     estimate_noise,
     limits_of,
     noises_around,
     profile_noise,
+    record_of,
 )
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.problem import FAILED_MISFIT, Problem
@@ -234,6 +237,17 @@ class Engine:
         parts it has."""
         found = self._anew(residual, columns) if afresh else self._noise(residual, columns)
         return found.noise
+
+    def known_noise(
+        self, residual: np.ndarray, columns: np.ndarray, *, afresh: bool = False
+    ) -> KnownNoise:
+        """As `noise`, with its errors."""
+        found = self._anew(residual, columns) if afresh else self._noise(residual, columns)
+        return known_noise(record_of(*self._noise_rows(residual, columns), self.scale), found)
+
+    def denominator_degrees(self, known: KnownNoise, tests: Sequence[np.ndarray]) -> list[float]:
+        """See `KnownNoise`; the columns are zero in rows that do not train."""
+        return known.denominator_degrees(self.problem.clock, jnp.asarray(self.weight), tests)
 
     def _noise(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
         if self.family is not None:

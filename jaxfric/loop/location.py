@@ -5,23 +5,25 @@ step, wavelength) are sent through the linearised slider and fitted together wit
 The variable whose bumps take most of the structure away is where friction differs. Every variable
 is asked alone: their shares overlap and do not add up to one. What the base's own parameters take
 up is left out of a profile and of its errors; structure that the bumps leave counts as noise, in
-the errors and in p.
+the errors and in p. p allows for the errors of the noise itself (`fitting.noise_error`).
 """
 
+import dataclasses
 from collections.abc import Sequence
+from math import nan
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
-from ..fitting.noise import Noise
+from ..fitting.noise_error import KnownNoise
 from ..rig.friction.extended import ExtendedLaw
 from .engine import Candidate, Engine
 from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
 from .shapes import respond
-from .structure import chi_square_tail
+from .structure import chi_square_tail, f_tail
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _CHANCE = 0.01
@@ -39,21 +41,40 @@ class Bumps(NamedTuple):
     columns: np.ndarray
 
 
+class Asked(NamedTuple):
+    """What the bumps of one variable take of what is left."""
+
+    profile: LocationProfile
+    gain: float
+    """Fall of the sum of squares, less its degrees of freedom."""
+    columns: np.ndarray
+    """Orthonormal, (n, k): the k squares that p is of are those of their products."""
+    squares: float
+    """In units of what is left beside them."""
+    times: int
+    """How many such questions were asked, of which this is the best answer."""
+
+    def answered(self, among: float) -> LocationProfile:
+        """The profile with its p-value; the noise is known as from `among` independent squares."""
+        p = self.times * f_tail(self.squares, self.columns.shape[1], among)
+        return dataclasses.replace(self.profile, p_value=min(1.0, p))
+
+
 def locate(
-    engine: Engine, base: Candidate, noise: Noise, bumps: Sequence[Bumps]
+    engine: Engine, base: Candidate, known: KnownNoise, bumps: Sequence[Bumps]
 ) -> tuple[LocationProfile, ...]:
     """Profiles of missing friction over every variable, the most telling first."""
     index = engine.free(base.effects)
     rows = engine.evaluate(base.z, index)
     train = engine.weight[:, None]
     white = engine.whiten(
-        np.concatenate([rows.residual[:, None], rows.jacobian], axis=1) * train, noise
+        np.concatenate([rows.residual[:, None], rows.jacobian], axis=1) * train, known.noise
     )
     basis = orthonormal(white[:, 1:])
     left = white[:, 0] - basis @ (basis.T @ white[:, 0])
     whole = float(left @ left), float(engine.weight.sum()) - basis.shape[1]
     seen = np.concatenate([one.columns for one in bumps], axis=1)
-    seen = engine.whiten(seen * train, noise)
+    seen = engine.whiten(seen * train, known.noise)
     seen = seen - basis @ (basis.T @ seen)
     found, begin = [], 0
     for variable, unit, centres, columns in bumps:
@@ -62,7 +83,9 @@ def locate(
         profile = _ripples if own.shape[1] == 2 * len(centres) else _profile
         size = _LARGEST * base.rms["train"]
         found.append(profile(variable, unit, centres, own, left, whole, size))
-    return tuple(p for _, p in sorted(found, key=lambda pair: -pair[0]))
+    among = engine.denominator_degrees(known, [asked.columns for asked in found])
+    pairs = sorted(zip(found, among, strict=True), key=lambda pair: -pair[0].gain)
+    return tuple(asked.answered(degrees) for asked, degrees in pairs)
 
 
 def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
@@ -91,7 +114,7 @@ def friction_bumps(engine: Engine, base: Candidate) -> list[Bumps]:
     ]
 
 
-def _profile(variable, unit, centres, own, left, whole, size) -> tuple[float, LocationProfile]:
+def _profile(variable, unit, centres, own, left, whole, size) -> Asked:
     gram, side = own.T @ own, own.T @ left
     values, vectors = np.linalg.eigh(gram)
     used = values > 1e-6 * max(values[-1], 1e-300)
@@ -110,12 +133,13 @@ def _profile(variable, unit, centres, own, left, whole, size) -> tuple[float, Lo
     errors = np.sqrt(np.sum(kept**2 / scaled, axis=1))
     unseen = np.diag(gram) <= 1e-9 * max(np.max(np.diag(gram)), 1e-300)
     amplitudes, errors = np.where(unseen, np.nan, amplitudes), np.where(unseen, np.nan, errors)
-    explained, p = share_of(gain, degrees, whole), chi_square_tail(gain / beyond, degrees)
-    profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, p)
-    return gain - degrees, profile
+    explained = share_of(gain, degrees, whole)
+    profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, nan)
+    columns = own @ (vectors[:, used] / np.sqrt(values[used]))
+    return Asked(profile, gain - degrees, columns, gain / beyond, 1)
 
 
-def _ripples(variable, unit, centres, own, left, whole, size) -> tuple[float, LocationProfile]:
+def _ripples(variable, unit, centres, own, left, whole, size) -> Asked:
     """Each wavelength alone, a sine and a cosine: many together would follow anything."""
     del size  # a sine and a cosine are known each for itself
     amplitudes, errors, gains = np.zeros((3, len(centres)))
@@ -129,9 +153,11 @@ def _ripples(variable, unit, centres, own, left, whole, size) -> tuple[float, Lo
     best = float(np.max(gains))
     beyond = np.maximum((whole[0] - gains) / max(whole[1] - 2, 1.0), 1.0)
     errors *= np.sqrt(beyond)
-    p = min(1.0, len(centres) * chi_square_tail(float(np.max(gains / beyond)), 2))
     explained = share_of(best, 2, whole)
-    return best - 2, LocationProfile(variable, unit, centres, amplitudes, errors, explained, p)
+    profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, nan)
+    k = int(np.argmax(gains / beyond))
+    columns = orthonormal(own[:, 2 * k : 2 * k + 2])
+    return Asked(profile, best - 2, columns, float(gains[k] / beyond[k]), len(centres))
 
 
 def _variables(engine: Engine, response: Response):

@@ -8,14 +8,15 @@ import numpy as np
 
 from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
+from ..fitting.noise_error import KnownNoise
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
 from .family import CurveFamily, listed
-from .location import Bumps, locate
+from .result import LocationProfile
 from .rivals import rival_fits
 from .screen import orthonormal
 from .search import Search
-from .structure import QUESTIONS, p_text, structure
+from .structure import QUESTIONS, groups_of, indicators, p_text, structure
 from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
 
 _HELD_OUT = 1.06
@@ -31,7 +32,7 @@ _EDGE = 1.1
 class Floor(NamedTuple):
     """The noise with everything smooth taken out."""
 
-    noise: Noise
+    known: KnownNoise
     sigma: float
     """On the train block, in the unit of friction."""
     later: float
@@ -81,7 +82,8 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)
     train = columns * engine.weight[:, None]
     used = np.linalg.norm(train, axis=0) > 0
-    noise = engine.noise(rows.residual * engine.weight, train[:, used], afresh=True)
+    known = engine.known_noise(rows.residual * engine.weight, train[:, used], afresh=True)
+    noise = known.noise
     held = engine.blocks.select | engine.blocks.report
     # sigma comes from the train block and has its error
     later, chance = (engine.rms_error(some, noise) for some in (held, engine.blocks.train))
@@ -89,7 +91,7 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     errors = errors * min(1.0, _MOST_PREDICTED / max(float(errors.sum()), 1e-300))
     size = float(engine.problem.noise_scale)
     return Floor(
-        noise,
+        known,
         size * _level(engine, rows.residual, columns, engine.blocks.train, noise),
         size * _level(engine, rows.residual, columns, held, noise),
         max(_HELD_OUT, largest_rms(float(np.hypot(later, chance)), errors)),
@@ -148,15 +150,30 @@ def _prediction_errors(engine: Engine, rows: Rows, held: np.ndarray, noise: Nois
 
 
 def questions(
-    engine: Engine, candidate: Candidate, slip: np.ndarray, bumps: Sequence[Bumps]
+    engine: Engine,
+    candidate: Candidate,
+    slip: np.ndarray,
+    location: Sequence[LocationProfile],
+    known: KnownNoise,
 ) -> dict[str, float]:
-    """p-values of the structure tests on the train block, under the candidate's own noise."""
-    column = np.zeros((engine.problem.time.shape[0], 1))
-    column[: engine.rows, 0] = candidate.residual
-    rows = engine.blocks.train
-    white = engine.whiten(column * engine.weight[:, None], candidate.noise)
-    followed = {p.variable: p.p_value for p in locate(engine, candidate, candidate.noise, bumps)}
-    return structure(white[: engine.rows, 0][rows], engine.blocks.step[rows], slip[rows], followed)
+    """p-values of the structure tests on the train block; `location` is the candidate's own.
+
+    The noise is `known` with everything smooth taken out (`noise_floor`). Noise that is fitted to
+    the residual with the structure in it takes the structure for noise.
+    """
+    train = np.flatnonzero(engine.blocks.train)
+    groups = groups_of(engine.blocks.step[train], slip[train])
+    columns = []
+    for group in groups:
+        each = indicators(group)
+        columns.append(np.zeros((len(engine.weight), each.shape[1])))
+        columns[-1][train] = each
+    degrees = engine.denominator_degrees(known, columns)
+    followed = {profile.variable: profile.p_value for profile in location}
+    residual = np.zeros((len(engine.weight), 1))
+    residual[: engine.rows, 0] = candidate.residual
+    white = engine.whiten(residual * engine.weight[:, None], known.noise)[train, 0]
+    return structure(white, groups, followed, degrees)
 
 
 def conclude(
