@@ -11,6 +11,7 @@ from jaxfric.plot.noise import (
     beyond_text,
     clocks,
     draw_autocorrelation,
+    error_of_mean,
 )
 from jaxfric.plot.stability import new_figure
 
@@ -98,3 +99,15 @@ def made(z):
 def test_what_is_beyond_the_band(z, words):
     text = beyond_text(made(z).beyond())
     assert text == (words and f"beyond the band: {words}")
+
+
+@pytest.mark.parametrize(("rows", "memory"), [(12, 5.0), (60, 0.7), (500, 1.0), (900, 20.0)])
+def test_the_error_of_a_mean_is_that_of_the_covariance(rows, memory):
+    """Of few rows and of many, beside a sum over all pairs that is written out."""
+    share = 0.7
+    clock = np.zeros((rows, 4))
+    clock[:, 2] = np.arange(rows)
+    apart = np.abs(np.arange(rows)[:, None] - np.arange(rows))
+    covariance = share * np.exp(-apart / memory) + (1 - share) * np.eye(rows)
+    noise = NoiseEstimate(1.0, (NoisePart(share, "rows", memory),))
+    assert error_of_mean(clock, noise) == pytest.approx(np.sqrt(covariance.mean()), rel=0.01)

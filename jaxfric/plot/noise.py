@@ -77,7 +77,7 @@ def autocorrelation(
     spread = max(float(np.mean(left[known] ** 2)), 1e-300)
     longest = int(np.unique(part, return_counts=True)[1].max())
     shifts = np.unique(np.geomspace(1, max(longest // 4, 1), _PAIRED).astype(int))
-    rho, found = _by_rows(clock, known, noise, part, longest), []
+    rho, found = _by_rows(clock, known, noise, part, max(longest // 2, 1)), []
     of_mean = float(np.average([_of_mean(rho, n) for n in counts], weights=counts))
     for s in shifts:
         product = left[s:] * left[:-s]
@@ -114,20 +114,19 @@ def bartlett(rho: np.ndarray, lag: np.ndarray, count: np.ndarray) -> np.ndarray:
 
 
 def _by_rows(
-    clock: np.ndarray, known: np.ndarray, noise: NoiseEstimate, part: np.ndarray, longest: int
+    clock: np.ndarray, known: np.ndarray, noise: NoiseEstimate, part: np.ndarray, most: int
 ) -> np.ndarray:
-    """Correlation of rows 0, 1, 2, ... apart, on average over those `known` of one `part`, up to
-    half of the `longest` of them."""
-    half = max(longest // 2, 1)
-    shifts = np.unique(np.concatenate([np.arange(1, 65), np.geomspace(1, half, 100)]).astype(int))
+    """Correlation of rows 0, 1, 2, ..., `most` apart, on average over those `known` of one
+    `part`."""
+    shifts = np.unique(np.concatenate([np.arange(1, 65), np.geomspace(1, most, 100)]).astype(int))
     at, means = [0], [1.0]
-    for s in shifts[shifts <= half]:
+    for s in shifts[shifts <= most]:
         apart = (clock[s:] - clock[:-s])[known[s:] & known[:-s] & (part[s:] == part[:-s])]
         if len(apart):
             some = np.unique(np.linspace(0, len(apart) - 1, min(len(apart), _SOME)).astype(int))
             at.append(s)
             means.append(noise.correlation(apart[some]).mean())
-    return np.interp(np.arange(half + 1), at, means, right=0.0)
+    return np.interp(np.arange(most + 1), at, means, right=0.0)
 
 
 def draw_autocorrelation(
@@ -182,8 +181,10 @@ def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
 def error_of_mean(clock: np.ndarray, noise: NoiseEstimate) -> float:
     """Standard error of the mean of rows at `clock` (n, 4), noise of variance 1."""
     n = len(clock)
-    some = clock[np.unique(np.linspace(0, n - 1, min(n, _MOST)).round().astype(int))]
-    apart = np.abs(some[:, None] - some)
+    if n > _MOST:
+        rho = _by_rows(clock, np.ones(n, bool), noise, np.zeros(n, int), n - 1)
+        return float(np.sqrt(max(_of_mean(rho, n), 0.0)))
+    apart = np.abs(clock[:, None] - clock)
     together = noise.correlation(apart.reshape(-1, clock.shape[1])).mean()
     variance = (1 - noise.correlated_share) / n + together
     return float(np.sqrt(max(variance, 0.0)))
