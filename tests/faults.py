@@ -19,6 +19,9 @@ ERRORS, WORDS = "tests/test_noise_error.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
+WARNED, VERBS_WARN, STUDY_WARNS = (
+    f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
+)
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
 
 
@@ -320,5 +323,26 @@ FAULTS = (
           "left[own] -= residual[known].mean()", STEADY),
     Fault("a noise over an angle is told as one of a path", "axis/steady_noise.py",
           "clocks=ROTARY_CLOCKS if rotary else CLOCKS", "clocks=CLOCKS", STEADY),
+    Fault("a law forgets what its fit warned of", "gains/source.py",
+          "return (*own_warnings(content), *_doubts(", "return (*(), *_doubts(", WARNED),
+    Fault("a law forgets what its loop warned of", "gains/loop_source.py",
+          "(*own_warnings(content), *_verdict(content),", "(*_verdict(content),",
+          "tests/test_loop_source.py -k warned_of"),
+    Fault("a fit that says nothing of converging is sure", "gains/saved.py",
+          'content["schema"] == FIT and "converged" not in content', "False",
+          "tests/test_gains.py -k converged"),
+    Fault("what a fit warned of is not in stability.json", "cli/stability.py",
+          "(*source.warnings, *unseen)", "unseen", VERBS_WARN),
+    Fault("what a fit warned of is not beside a trajectory", "cli/simulate.py",
+          "for line in (*source.warnings, *unseen)", "for line in unseen", VERBS_WARN),
+    Fault("a study does not tell what its fit warned of", "members/make.py",
+          "for line in made.spec.warnings:", "for line in ():", STUDY_WARNS),
+    Fault("a store forgets what its fit warned of", "study/layout.py",
+          'attributes |= {"warnings": list(told)} if told else {}', "pass", STUDY_WARNS),
+    Fault("posterior draws forget what their fit warned of", "members/axes.py",
+          "{**kept, **fixed}, fit_warnings(fit)", "{**kept, **fixed}, ()", STUDY_WARNS),
+    Fault("a prediction forgets what its fit warned of", "prediction/model.py",
+          "return (*own_warnings(self.content), *(", "return (*(",
+          "tests/test_predict.py -k through_the_command"),
 )
 # fmt: on

@@ -312,6 +312,7 @@ def fit_content(**changes):
         "law": "slip",
         "states": 1,
         "friction_unit": "1",
+        "converged": True,
         "parameters": {
             name: {"value": value, "determined": True} for name, value in values.items()
         },
@@ -335,6 +336,28 @@ def test_what_a_law_does_not_know_travels_with_it(tmp_path):
     text = "A=1 N, B=3 N, L=1 mm, V0=2 mm/s"
     assert "50 N (50 A) are assumed" in law_from_parameters("ageing", text).text
     assert "assumed" not in law_from_parameters("slip", text + ", f0=20 N").text
+
+
+def test_what_a_fit_warned_of_goes_on_to_law_and_gains(tmp_path):
+    """In the file's own words, each line once, before what the law itself has to say."""
+    own = ["stick-slip regime: A, B, L are\nsuspect", "A is odd", "A is odd"]
+    content = fit_content(converged=True, warnings=own)
+    source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=0)
+    said = ("the fit warned: stick-slip regime: A, B, L are suspect", "the fit warned: A is odd")
+    assert source.warnings == said
+    gains = find_gains(source, velocity=1e-6, mass=2.0, margin={"stiffness": 1.2})
+    assert gains.warnings[:2] == said == tuple(gains.to_json()["warnings"][:2])
+    assert len(set(gains.warnings)) == len(gains.warnings)
+    content["parameters"]["B"]["value"] = -0.006
+    source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=0)
+    assert source.warnings[:2] == said and "nothing of stability" in source.warnings[2]
+
+
+def test_a_fit_that_does_not_say_whether_it_converged_is_told(tmp_path):
+    content = fit_content()
+    del content["converged"]
+    (line,) = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=0).warnings
+    assert line == "the fit warned: its file does not say whether it converged"
 
 
 def test_a_delay_margin_below_any_controller_is_told():
@@ -393,6 +416,11 @@ def test_samples_have_the_mean_and_covariance_of_the_fit(tmp_path):
         ({"parameters": []}, 500.0, "damaged"),
         ({"parameters": {"A": {"value": "x"}}}, 500.0, "damaged"),
         ({"covariance": [[float("nan")] * 3] * 3}, 500.0, "undetermined"),
+        ({"converged": False, "result": "still moving"}, 500.0, r"not converge \(still moving\)"),
+        ({"converged": None}, 500.0, "damaged: converged is None, not true or false"),
+        ({"converged": "no"}, 500.0, "damaged: converged is 'no', not true or false"),
+        ({"warnings": "the stiffness is odd"}, 500.0, "warnings are no list of lines"),
+        ({"warnings": [3]}, 500.0, "warnings are no list of lines"),
     ],
 )
 def test_files_that_are_refused(tmp_path, change, force, words):

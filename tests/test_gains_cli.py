@@ -67,6 +67,32 @@ def test_from_a_fit_with_samples():
     assert "6 samples of the law" in out and "not checked by simulation" in out
 
 
+OWN = "A, L are not determined by this record: other values fit it as well"
+
+
+def once(outcome, *, extra=()):
+    """The fit's own warning is one line on stderr, and stands alone there but for `extra`."""
+    assert outcome.code == 0, outcome.err
+    assert outcome.err.count(OWN) == 1 and OWN not in outcome.out, outcome.err
+    lines = [line for line in outcome.err.splitlines() if not any(x in line for x in extra)]
+    assert lines == [f"jaxfric: warning: the fit warned: {OWN}"]
+
+
+def test_what_a_fit_warned_of_goes_through_every_verb():
+    """Told once, and kept in what each verb writes."""
+    path = written(Path(), fit_content(warnings=[OWN]))
+    law = ("--from", path, "--normal-force", "500 N", "--mass", "2", "--velocity", "2 um/s")
+    once(run("gains", *law, *SAFE, "--samples", "0", "--no-check", "--out", "g"), extra=["delay"])
+    said = json.loads(Path("g/gains.json").read_text())["warnings"]
+    assert said[0] == f"the fit warned: {OWN}" and str(said).count(OWN) == 1
+    once(run("stability", *law, "--out", "s"))
+    known = json.loads(Path("s/stability.json").read_text())
+    assert known["warnings"] == [f"the fit warned: {OWN}"]
+    once(run("simulate", *law, "--kp", "3 MN/m", "--duration", "1 s", "--out", "m"))
+    lines = Path("m/trajectory.csv").read_text().splitlines()
+    assert lines.count(f"# warning: the fit warned: {OWN}") == 1
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -261,6 +261,12 @@ def test_other_verdicts_are_told(tmp_path, verdict):
     assert f"the loop's verdict is {verdict} (that is missing):" in line
 
 
+def test_what_a_loop_warned_of_goes_on(tmp_path):
+    own = ["a finer solver moves the prediction by 3 sigma"]
+    first, second = source(tmp_path, "gain", warnings=own).warnings
+    assert first == f"the loop warned: {own[0]}" and second.startswith("gain is left out")
+
+
 def damaged(**changes):
     content = loop_content("viscous")
     return {**content, "after": {**content["after"], **changes}}
@@ -285,6 +291,7 @@ def with_value(name, value):
         (loop_content("viscous", effects="viscous"), NORMAL, "effects are no list"),
         (loop_content("viscous", effects=["viscos"]), NORMAL, "did you mean 'viscous'"),
         (loop_content(effects=["viscous"]), NORMAL, "viscous.c is missing"),
+        (loop_content("viscous", warnings="odd"), NORMAL, "warnings are no list of lines"),
         (loop_content("viscous", after=None), NORMAL, "'after.' is no table"),
         (loop_content("viscous", reference_velocity=None), NORMAL, "reference velocity"),
         (damaged(parameters={}), NORMAL, "damaged"),

@@ -193,6 +193,11 @@ def test_a_slider_through_the_command() -> None:
     code, out, err = run("predict", "fit.json", "run.csv", *STEPS, "--free", "", "--json")
     assert json.loads(out)["refitted"] == {}
     assert json.loads(out)["comparisons"][0]["rms"] == pytest.approx(0.1, rel=0.02)
+    own = "A, L are not determined by this record: other values fit it as well"
+    told = slider_model("told.json", warnings=[own])
+    code, out, err = run("predict", told, "run.csv", *STEPS, "--json")
+    assert code == 0 and err.count(f"jaxfric: warning: the fit warned: {own}\n") == 1
+    assert json.loads(out)["warnings"] == [f"the fit warned: {own}"] and err.count(own) == 1
     slow = slider_model("slow.json", steps={"times": [0.0], "velocities": [1e-6, 1.1e-6]})
     code, out, err = run("predict", slow, "run.csv", *STEPS, "--json")
     assert "outside of those that the model has seen (1 to 1.1 um/s)" in err

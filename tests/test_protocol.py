@@ -341,20 +341,26 @@ def test_the_command(twelve, monkeypatch, tmp_path):
     assert asked["slip_noise"] == pytest.approx(0.1 * UM)
     assert asked["without"] == ("gain", "run_in")
     assert asked["parameters"] == pytest.approx(PLANT)
-    content = json.loads(Path("protocol/protocol.json").read_text())
+    (folder,) = (f for f in Path().iterdir() if f.name.startswith("protocol"))
+    content = json.loads((folder / "protocol.json").read_text())
     assert content == json.loads(out) and content["schema"] == "jaxfric.protocol/1"
     assert content["recommended"] == "slip_channel"
-    assert Path("protocol/aliasing.svg").stat().st_size > 1000
+    assert (folder / "aliasing.svg").stat().st_size > 1000
     code, out, err = run(*base, "--noise", "3e-4", "--out", "o")
     assert code == 0 and "K/K_cr = 4.00" in out and "Recommended: a slip channel" in out
     saved = {
         "schema": "jaxfric.fit/1", "law": "ageing", "friction_unit": "N", "states": 1,
         "parameters": {k: {"value": v} for k, v in (PLANT | {"V0": UM, "K": 2e6}).items()},
-        "free": [], "covariance": [], "noise": {"sigma": 0.25},
+        "free": [], "covariance": [], "noise": {"sigma": 0.25}, "converged": True,
+        "warnings": ["A is odd"],
     }  # fmt: skip
     Path("fit.json").write_text(json.dumps(saved))
     code, out, err = run("protocol", "1,10 um/s", "--slip-per-step", "1 mm", "--from", "fit.json")
-    assert code == 0, err
+    assert code == 0 and err.count("jaxfric: warning: the fit warned: A is odd\n") == 1, err
+    assert json.loads((folder / "protocol.json").read_text())["warnings"] == []
+    (of_fit,) = (f for f in Path().glob("*/protocol.json") if "odd" in f.read_text())
+    said = json.loads(of_fit.read_text())["warnings"]
+    assert said[0] == "the fit warned: A is odd"
     wanted = {"stiffness": 2e6, "noise": 0.25, "law": "ageing", "friction_unit": "N"}
     assert {name: asked[name] for name in wanted} == wanted
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import os
 import re
 import signal
@@ -15,6 +16,7 @@ import pytest
 from command import assert_refused, run, without_beats, written
 from study_functions import MARGINS as GOOD
 from study_functions import heed_interrupts
+from test_gains import fit_content
 
 pytest.importorskip("zarr")
 pytest.importorskip("xarray")
@@ -326,8 +328,6 @@ def test_samples_and_posterior_draws() -> None:
     outcome = run("study", "study.toml", "--out", "a.zarr")
     assert outcome.code == 0, outcome.err
     found = study.load("a.zarr")
-    import json
-
     about = json.loads(fitted.read_text())
     A, B, L = (about["parameters"][n] for n in "ABL")
     assert abs(np.log(found.A.values).mean() - np.log(500 * A["value"])) < 3 * A["std"] / A["value"]
@@ -336,6 +336,52 @@ def test_samples_and_posterior_draws() -> None:
     np.testing.assert_array_equal(found.stability == 0, found.k_p > found.k_cr)
     assert abs(found.B.values.std() / (500 * B["std"]) - 1) < 0.4 and found.L.attrs["units"] == "m"
     assert L
+
+
+@pytest.mark.parametrize("where", ["rig", "axes"])
+def test_what_a_fit_warned_of_is_told_and_kept(where: str) -> None:
+    """Once on stderr as the study begins, in the attributes of its store, and where it is drawn."""
+    own = "A, L are not determined by this record: other values fit it as well"
+    written(Path("fit.json"), json.dumps(fit_content(warnings=[own])))
+    law = '{ from = "fit.json", normal_force = "500 N" }'
+    tables = {
+        "rig": '[rig]\nfrom = "fit.json"\nnormal_force = "500 N"\nV0 = "5 um/s"\n[axes]\n',
+        "axes": f'[rig]\nV0 = "5 um/s"\n[samples]\nnumber = 4\n[axes]\nlaw = {law}\n',
+    }
+    axis = 'k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 3 }\n'
+    text = 'compute = ["margins"]\noutputs = ["k_cr"]\n'
+    written(Path("study.toml"), text + tables[where] + axis)
+    outcome = run("study", "study.toml", "--out", "a.zarr")
+    assert outcome.code == 0, outcome.err
+    assert outcome.err.count(f"jaxfric: warning: the fit warned: {own}\n") == 1
+    assert outcome.err.count(own) == 1 and own not in outcome.out
+    assert study.load("a.zarr").attrs["warnings"] == [f"the fit warned: {own}"]
+    again = run("study", "study.toml", "--out", "a.zarr")
+    assert again.code == 0 and again.err.count(own) == 1, again.err
+    drawn = run("study", "--plot", "a.zarr")
+    assert drawn.code == 0 and drawn.err.count(own) == 1, drawn.err
+
+
+@pytest.mark.parametrize("where", ["rig", "axes"])
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"converged": False, "result": "still moving"}, ["did not converge (still moving)"]),
+        ({"friction_unit": ...}, ["damaged: 'friction_unit' is missing"]),
+        ({"law": "coulomb_viscous"}, ["law 'coulomb_viscous' is not known"]),
+    ],
+)
+def test_fits_that_a_study_refuses(where: str, changes: dict, words: list[str]) -> None:
+    content = {n: v for n, v in fit_content(**changes).items() if v is not ...}
+    written(Path("fit.json"), json.dumps(content))
+    law = 'from = "fit.json"\nnormal_force = "500 N"\n'
+    axis = 'law = { from = "fit.json", normal_force = "500 N" }\n[samples]\nnumber = 4\n'
+    text = 'compute = ["margins"]\n[rig]\nV0 = "5 um/s"\nk_p = "1 MN/m"\n'
+    text += f'{law}[axes]\nk_v = {{ values = ["0 N*s/m", "9 N*s/m"] }}\n' if where == "rig" else ""
+    text += f"[axes]\n{axis}" if where == "axes" else ""
+    written(Path("study.toml"), text)
+    assert_refused(run("study", "study.toml"), *words)
+    assert sorted(os.listdir()) == ["fit.json", "study.toml"]
 
 
 @pytest.mark.long

@@ -1,5 +1,6 @@
 """`jaxfric protocol`: what will a planned sequence of velocity steps be able to tell apart?"""
 
+import dataclasses
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -74,7 +75,7 @@ def protocol(
     if slip is None:
         raise InputError("--slip-per-step is missing; give one, as in --slip-per-step 150um")
     with told(quiet=json) as progress:
-        values, found_law, unit, more = _base(from_, parameters, law, stiffness)
+        values, found_law, unit, more, warned = _base(from_, parameters, law, stiffness)
         K = _size(stiffness, f"{unit}/m", "--stiffness", values.pop("K", None))
         sigma = _size(noise, unit, "--noise", values.pop("noise", None))
         prepare_jax()
@@ -96,6 +97,7 @@ def protocol(
             without=excluded,
             progress=progress,
         )
+        found = dataclasses.replace(found, warnings=(*warned, *found.warnings))
         progress("drawing figures")
         content = text.dumps(found.to_json(), indent=1, allow_nan=False)
         with folder.results() as to:
@@ -149,8 +151,8 @@ def _size(text: str | None, unit: str, option: str, known: float | None) -> floa
 
 def _base(
     file: Path | None, parameters: str | None, law: str | None, stiffness: str | None
-) -> tuple[dict[str, float], str, str, tuple[str, ...]]:
-    """Parameters (SI), law, unit of friction, and effects that the base has."""
+) -> tuple[dict[str, float], str, str, tuple[str, ...], tuple[str, ...]]:
+    """Parameters (SI), law, unit of friction, effects that the base has, and warnings."""
     from ..units import has_dimension
 
     if file is not None:
@@ -163,7 +165,8 @@ def _base(
             "--stiffness is of a force, so --parameters in newtons are needed, as in"
             " 'f0=30 N, A=0.5 N, B=0.7 N, L=20 um'"
         )
-    return _from_text(TYPICAL if parameters is None else parameters, unit), law or "slip", unit, ()
+    values = _from_text(TYPICAL if parameters is None else parameters, unit)
+    return values, law or "slip", unit, (), ()
 
 
 def _from_text(text: str, unit: str) -> dict[str, float]:
@@ -186,12 +189,15 @@ def _from_text(text: str, unit: str) -> dict[str, float]:
     return values
 
 
-def _from_file(path: Path) -> tuple[dict[str, float], str, str, tuple[str, ...]]:
+def _from_file(
+    path: Path,
+) -> tuple[dict[str, float], str, str, tuple[str, ...], tuple[str, ...]]:
     """Of the fit of a fit.json, or the one after the loop of a loop.json."""
     from ..gains.saved import (
         FIT,
         LOOP,
         missing_key,
+        own_warnings,
         read_saved,
         refuse_damage,
         table_damage,
@@ -212,7 +218,7 @@ def _from_file(path: Path) -> tuple[dict[str, float], str, str, tuple[str, ...]]
         values = {**_numbers(content, V0="reference_velocity", K="stiffness"), **values}
     values |= _numbers(content["noise"], noise="sigma")
     effects = tuple(dict.fromkeys(name.split(".")[0] for name in values if "." in name))
-    return values, content["law"], content["friction_unit"], effects
+    return values, content["law"], content["friction_unit"], effects, own_warnings(content)
 
 
 def _numbers(table: object, **keys: str) -> dict[str, float]:

@@ -92,7 +92,8 @@ def simulate(
         raise InputError("--jump and --at-rest exclude each other; give one")
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
-    warn(source.unseen(velocities))
+    unseen = source.unseen(velocities)
+    warn(unseen)
     folder = choose_law_folder(out, from_, law)
     rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities)
     with told(quiet=True) as progress:
@@ -102,7 +103,8 @@ def simulate(
 
         heading = [source.text, _machine(k_p, k_v, one_mass), *notes]
         with folder.results() as to:
-            (to / "trajectory.csv").write_text(_table(run, [*heading, *lines]))
+            warned = [f"warning: {line}" for line in (*source.warnings, *unseen)]
+            (to / "trajectory.csv").write_text(_table(run, [*heading, *lines, *warned]))
         for name, draw in DRAWERS.items():
             folder.draw(name, lambda to, draw=draw: draw(run, to))
     for line in [*heading, *lines]:

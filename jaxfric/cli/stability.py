@@ -63,7 +63,8 @@ def stability(
     k_v = read_damping(kv)
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
-    warn(source.unseen(velocities))
+    unseen = source.unseen(velocities)
+    warn(unseen)
     folder = choose_law_folder(out, from_, law)
     from ..stability.analysis import study
 
@@ -76,7 +77,8 @@ def stability(
         from ..report.stability_text import describe
 
         progress("drawing figures (2 of 2)")
-        written = text.dumps(content(found, source.text), indent=1, allow_nan=False)
+        known = content(found, source.text, (*source.warnings, *unseen))
+        written = text.dumps(known, indent=1, allow_nan=False)
         with folder.results() as to:
             (to / "stability.json").write_text(written + "\n")
         for name, draw in drawers(found).items():

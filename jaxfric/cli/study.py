@@ -14,7 +14,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import named, prepare_jax, told
+from .common import named, prepare_jax, told, warn
 from .folder import choose_folder
 
 # Without a terminal progress is told once in so many seconds.
@@ -238,6 +238,7 @@ def _draw(store: str, out: str | None) -> int:
     found = load(store)
     name = store.rstrip("/").rsplit("/", 1)[-1].removesuffix(".zarr")
     inputs = [] if "://" in store else [Path(store)]
+    warn(found.attrs.get("warnings", ()))
     folder = choose_folder(Path(out or f"{name}-figures"), "", *inputs)
     if out is None:
         folder.refuse_another_input()

@@ -35,6 +35,7 @@ from .saved import (
     FIT,
     LOOP,
     missing_key,
+    own_warnings,
     read_saved,
     refuse_damage,
     sampled,
@@ -83,8 +84,8 @@ def law_from_loop(
     A slip law with no effect but a second state is a `RateState` of two states; with any other
     effect of friction it is an `ExtendedLaw` (in a `SettledLaw`). The direct effect is the
     regularised one. The samples are drawn as by `law_from_fit`, from the covariance of the
-    extended fit. What is left out of the law, and a verdict by which it does not describe the
-    record, are in `warnings`.
+    extended fit. What the loop itself warned of, what is left out of the law, and a verdict by
+    which it does not describe the record, are in `warnings`.
 
     Parameters
     ----------
@@ -131,7 +132,7 @@ def law_from_loop(
         laws,
         text,
         velocity,
-        (*_verdict(content), *_left_out(effects, values, scale)),
+        (*own_warnings(content), *_verdict(content), *_left_out(effects, values, scale)),
         seen_velocities([step[-1] for step in content.get("steps", []) if isinstance(step, list)]),
     )
 

@@ -18,7 +18,8 @@ def read_saved(path: Path, *schemas: str) -> dict:
 
     Raises
     ------
-    InputError : no such file, no JSON, another schema, a fit that did not converge.
+    InputError : no such file, no JSON, another schema, a fit that did not converge; warnings that
+        are no list of lines.
     """
     verbs = " or ".join(_VERBS[schema] for schema in schemas)
     try:
@@ -43,13 +44,34 @@ def read_saved(path: Path, *schemas: str) -> dict:
         found = f"its schema is '{schema}'" if schema else "it names no schema"
         known = " or ".join(f"'{name}' ({_VERBS[name]})" for name in schemas)
         raise InputError(f"{path}: {found}; a file of schema {known} is needed")
-    if schema == FIT and content.get("converged") is False:
+    if schema == FIT and content.get("converged", True) is not True:
+        if content["converged"] is not False:
+            refuse_damage(path, FIT, f"converged is {content['converged']!r}, not true or false")
         raise InputError(
             f"{path}: this fit did not converge ({content.get('result', 'no reason is given')}), so"
             " its parameters mean nothing; fit the record again, with other steps, stiffness or"
             " starting values"
         )
+    if not _is_lines(content.get("warnings", [])):
+        refuse_damage(path, str(schema), "the warnings are no list of lines")
     return content
+
+
+def _is_lines(warnings: object) -> bool:
+    return isinstance(warnings, list) and all(isinstance(line, str) for line in warnings)
+
+
+def own_warnings(content: Mapping) -> tuple[str, ...]:
+    """The warnings that the content of a fit.json or loop.json bears, each said to be its own.
+
+    They hold for whatever is made of its parameters, so every verb hands them on. A fit.json that
+    does not say whether its fit converged is used, and that is a warning too.
+    """
+    verb = "fit" if content["schema"] == FIT else "loop"
+    lines = [" ".join(line.split()) for line in content.get("warnings", [])]
+    if content["schema"] == FIT and "converged" not in content:
+        lines.append("its file does not say whether it converged")
+    return tuple(f"the {verb} warned: {line}" for line in dict.fromkeys(lines) if line)
 
 
 def refuse_damage(path: Path, schema: str, problem: str | None) -> None:

@@ -46,6 +46,8 @@ class Schedule:
     """Every step of the chain is inside the basin at its end, up and down."""
     gap: tuple[float, float] | None
     """The first two velocities between which the chain breaks [m/s]."""
+    warnings: tuple[str, ...] = ()
+    """What the law warns of, and whether it is asked beyond the record that it is from."""
 
     def gains(self, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """(k_p, k_v) for a velocity: those of the nearest set point, by ratio."""
@@ -101,7 +103,8 @@ def schedule(
         fine = [i for i in broken if places[i + 1] / places[i] < finest**2]
         if not broken or fine or len(places) + len(broken) > _MOST:
             gap = None if not broken else (places[broken[0]], places[broken[0] + 1])
-            return Schedule(tuple(points), not broken, gap)
+            warnings = (*law.warnings, *law.unseen([low, high]))
+            return Schedule(tuple(points), not broken, gap, warnings)
         for i in reversed(broken):
             places.insert(i + 1, math.sqrt(places[i] * places[i + 1]))
 

@@ -27,7 +27,16 @@ from ..rig.friction import (
 )
 from ..stability.claims import rate_state_claim
 from ..units import between, parse_quantity
-from .saved import FIT, missing_key, read_saved, refuse_damage, sampled, table_damage, values_of
+from .saved import (
+    FIT,
+    missing_key,
+    own_warnings,
+    read_saved,
+    refuse_damage,
+    sampled,
+    table_damage,
+    values_of,
+)
 
 EVOLUTIONS = {"slip": SlipEvolution, "ageing": AgeingEvolution}
 _CURVES = {
@@ -82,7 +91,8 @@ def law_from_fit(
     """The law of a `fit.json` in newtons, and samples from the fit's covariance.
 
     Parameters with a lower bound (A, L) are sampled by their logarithms, the others as they are.
-    The direct effect is the regularised one, so that the law can be carried through rest.
+    The direct effect is the regularised one, so that the law can be carried through rest. What the
+    fit itself warned of is in `warnings`.
 
     Parameters
     ----------
@@ -102,7 +112,7 @@ def law_from_fit(
         )
     path = Path(path)
     content = read_saved(path, FIT)
-    refuse_damage(path, FIT, _damage(content))
+    refuse_damage(path, FIT, fit_damage(content))
     scale = force_of_unit(content["friction_unit"], normal_force, path)
     states, evolution = int(content["states"]), EVOLUTIONS[content["law"]]()
     values = values_of(content)
@@ -114,7 +124,13 @@ def law_from_fit(
     samples_of = rate_state(columns, states, evolution, scale)
     steps = content.get("steps")
     seen = seen_velocities(steps.get("velocities") if isinstance(steps, dict) else None)
-    return LawSource(law, samples_of, text, values["V0"], _doubts(content, states), seen)
+    return LawSource(law, samples_of, text, values["V0"], fit_warnings(content), seen)
+
+
+def fit_warnings(content: Mapping) -> tuple[str, ...]:
+    """What the content of a fit.json warned of itself, and a line where it says nothing of
+    stability."""
+    return (*own_warnings(content), *_doubts(content, int(content["states"])))
 
 
 def seen_velocities(velocities: object) -> tuple[float, float] | None:
@@ -188,7 +204,7 @@ def force_of_unit(unit: str, normal_force: float | None, path: Path) -> float:
     return 1.0 if normal_force is None else normal_force
 
 
-def _damage(content: dict) -> str | None:
+def fit_damage(content: dict) -> str | None:
     """What is missing from or wrong in a fit.json."""
     keys = ("law", "states", "friction_unit", "parameters", "free", "covariance")
     problem = missing_key(content, keys)

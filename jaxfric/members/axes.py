@@ -134,11 +134,14 @@ def _draws(axis: dict[str, Any], path: Path, where: str, files: dict[str, str]) 
 
 
 def posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
-    """What the fit of an axis `from` says of the parameters that it does not draw."""
+    """What the fit of an axis `from` says of the parameters that it does not draw: law, parameters,
+    and what it warns of."""
+    from ..gains.source import fit_warnings
+
     table = table_of(content, "axes", path.name)
     sources = [axis for axis in table.values() if "from" in axis]
     if not sources:
-        return law, fixed
+        return law, fixed, ()
     if len(sources) > 1:
         raise InputError(f"{path.name} [axes]: two axes with from; a member has one law")
     (axis,) = sources
@@ -152,15 +155,16 @@ def posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
         elif name[0] == "L":
             own[name] = value
     kept = {name: value for name, value in own.items() if name not in grid.names}
-    return law or fit["law"], {**kept, **fixed}
+    return law or fit["law"], {**kept, **fixed}, fit_warnings(fit)
 
 
 def _fitted(axis: dict[str, Any], source: Path, where: str):
     """A fit.json: its content, friction to force [N per its unit], values of its parameters."""
-    from ..gains.saved import FIT, read_saved, values_of
-    from ..gains.source import force_of_unit
+    from ..gains.saved import FIT, read_saved, refuse_damage, values_of
+    from ..gains.source import fit_damage, force_of_unit
 
     content, force = read_saved(source, FIT), None
+    refuse_damage(source, FIT, fit_damage(content))
     if "normal_force" in axis:
         force = number(axis["normal_force"], "N", f"{where} normal_force")
     return content, force_of_unit(content["friction_unit"], force, source), values_of(content)

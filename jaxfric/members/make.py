@@ -138,12 +138,17 @@ def run_study(
 ) -> Any:
     """Run, or go on with, the study of a study.toml; its store as an xarray Dataset.
 
+    What its laws warn of is told as it begins, and is in the attribute "warnings" of the store.
+
     Raises
     ------
     InputError : see `spec.read_spec` and `study.run`.
     """
     made = make(path, function)
     refuse_clashes(made.spec.grid, made.outputs)
+    for line in made.spec.warnings:
+        if tell is not None:
+            tell(f"warning: {line}")
     return run(
         made.function,
         made.spec.grid,
@@ -162,6 +167,7 @@ def run_study(
         description=made.spec.description(),
         other_versions=other_versions,
         toml=made.spec.text,
+        warnings=made.spec.warnings,
         progress=progress,
         tell=tell,
     )

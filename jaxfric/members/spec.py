@@ -67,6 +67,8 @@ class Spec:
     """The tables of what is computed, by name."""
     files: dict[str, str]
     """Files that the study reads, and a checksum of each."""
+    warnings: tuple[str, ...] = ()
+    """What must be known of its laws before results are relied on, a line each."""
 
     def description(self) -> dict[str, Any]:
         """What tells this study from another."""
@@ -96,9 +98,10 @@ def read_spec(path: str | Path) -> Spec:
     law, source, force, fixed = _rig(table_of(content, "rig", where), path, files)
     grid = read_grid(content, path, files)
     _check_simulate(options, f"{where} [simulate]", fixed, grid)
-    law, fixed = posterior(content, path, law, fixed, grid)
+    law, fixed, warnings = posterior(content, path, law, fixed, grid)
     if source is not None:
-        law, fixed = _law_of_file(source, force, fixed, f"{where} [rig]")
+        law, fixed, more = _law_of_file(source, force, fixed, f"{where} [rig]")
+        warnings = (*warnings, *more)
     in_both = [
         name for name in grid.names if name in fixed and name in table_of(content, "rig", where)
     ]
@@ -122,6 +125,7 @@ def read_spec(path: str | Path) -> Spec:
         grid,
         options,
         files,
+        tuple(dict.fromkeys(warnings)),
     )
     _refuse_missing(spec, where)
     return spec
@@ -217,16 +221,18 @@ def _rig(rig: dict[str, Any], path: Path, files: dict[str, str]):
 
 
 def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
-    """The evolution and the parameters of a file; None and only a velocity for another law."""
+    """The evolution and the parameters of a file, None and only a velocity for another law; and
+    what it warns of."""
     from ..gains.loop_source import law_from_file
     from ..rig.friction import AgeingEvolution, RateState
 
-    found = law_from_file(source, normal_force=force, samples=0).law
+    read = law_from_file(source, normal_force=force, samples=0)
+    found = read.law
     if not isinstance(found, RateState) or float(found.slip_trend) != 0:
         given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
         if given:
             raise InputError(f"{where}: {given[0]} cannot be set: the law of {source} is whole")
-        return None, fixed
+        return None, fixed, read.warnings
     states = found.B.shape[0]
     own = {"f0": float(found.f0), "A": float(found.A), "V_ref": float(found.V0)}
     for i in range(states):
@@ -234,7 +240,7 @@ def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], whe
         own["B" if i == 0 else f"B{i + 1}"] = float(found.B[i])
         own["L" if i == 0 else f"L{i + 1}"] = float(found.L[i])
     kind = "ageing" if isinstance(found.evolution, AgeingEvolution) else "slip"
-    return kind, {**own, **fixed}
+    return kind, {**own, **fixed}, read.warnings
 
 
 def _check_simulate(options, where: str, fixed: dict[str, float], grid: Grid) -> None:

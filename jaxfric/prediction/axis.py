@@ -285,11 +285,9 @@ def _notes(setting: _Setting) -> tuple[str, ...]:
 
 
 def _warnings(setting: _Setting) -> tuple[str, ...]:
-    """Where the record goes beyond what the model saw."""
+    """What the model warns of, and where the record goes beyond what it saw."""
     saved, rows = setting.saved, setting.rows
-    told = []
-    if loose := saved.undetermined():
-        told.append(f"{', '.join(loose)} of the model is undetermined by its own record")
+    told = list(saved.warnings())
     _, fastest = saved.speeds()
     centres = [
         abs(c)

@@ -9,6 +9,7 @@ from ..gains.saved import (
     FIT,
     LOOP,
     missing_key,
+    own_warnings,
     read_saved,
     refuse_damage,
     table_damage,
@@ -47,6 +48,12 @@ class SavedModel(NamedTuple):
         """Ids of all effects of its models, those found and those that the base had."""
         names = [name for table in self.tables().values() for name in table["parameters"]]
         return tuple(dict.fromkeys(name.split(".")[0] for name in names if "." in name))
+
+    def warnings(self) -> tuple[str, ...]:
+        """What the fit or loop itself warned of, and what its own record did not fix."""
+        loose = self.undetermined()
+        line = f"{', '.join(loose)} of the model is undetermined by its own record"
+        return (*own_warnings(self.content), *([line] if loose else []))
 
     def undetermined(self) -> list[str]:
         """Parameters that its own record did not fix."""

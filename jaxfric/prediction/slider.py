@@ -257,11 +257,9 @@ def _notes(setting: _Setting, free: Sequence[str]) -> tuple[str, ...]:
 
 
 def _warnings(setting: _Setting) -> tuple[str, ...]:
-    """Where the record goes beyond what the model saw."""
+    """What the model warns of, and where the record goes beyond what it saw."""
     saved = setting.saved
-    told = []
-    if loose := saved.undetermined():
-        told.append(f"{', '.join(loose)} of the model is undetermined by its own record")
+    told = list(saved.warnings())
     slowest, fastest = saved.speeds()
     speeds = np.abs(setting.steps.velocities)
     speeds = speeds[speeds > 0]

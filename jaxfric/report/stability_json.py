@@ -1,6 +1,7 @@
 """A stability study as the content of stability.json, and what its text has in common with it."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,8 +15,11 @@ INTERVALS = 4
 """Stable intervals of a delay law that are listed."""
 
 
-def content(study: Study, law: str) -> dict:
-    """The content of stability.json, schema "jaxfric.stability/1"; SI, null for infinite."""
+def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
+    """The content of stability.json, schema "jaxfric.stability/1"; SI, null for infinite.
+
+    `warnings` are what must be known of the law before it is relied on, a line each.
+    """
     here, points, theorems = study.here, study.points, study.theorems
     result = {
         "schema": SCHEMA,
@@ -48,7 +52,7 @@ def content(study: Study, law: str) -> dict:
             "critical_velocity": _finite(critical_velocity(study.law)),
             "worst_slope": _finite(worst_slope(study.law)),
         }
-    return result
+    return {**result, "warnings": list(warnings)}
 
 
 def _theorem_content(study: Study) -> dict:

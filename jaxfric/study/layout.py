@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,19 @@ from .source import revision, versions
 SCHEMA = "jaxfric.study/2"
 
 
-def make_store(folder: str, task: Task, description: Mapping[str, Any], toml: str) -> None:
-    """Write a store without blocks into a folder that is not there yet."""
+def make_store(
+    folder: str,
+    task: Task,
+    description: Mapping[str, Any],
+    toml: str,
+    told: Sequence[str] = (),
+) -> None:
+    """Write a store without blocks into a folder that is not there yet; `told` are warnings."""
     import zarr
 
-    group = zarr.create_group(folder, attributes=_attributes(task, description, toml))
+    attributes = _attributes(task, description, toml)
+    attributes |= {"warnings": list(told)} if told else {}
+    group = zarr.create_group(folder, attributes=attributes)
     _variables(group, task)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that not every reader knows them: xarray does

@@ -44,6 +44,7 @@ def run(
     description: Mapping[str, Any] | None = None,
     other_versions: bool = False,
     toml: str = "",
+    warnings: Sequence[str] = (),
     progress: Callable[[Progress], None] | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> Any:
@@ -74,6 +75,8 @@ def run(
         does, and all of one's own code that it uses, is compared in any case.
     other_versions : go on with a store that was begun with other versions of packages.
     toml : a text that is kept in the store's attributes.
+    warnings : what must be known of its results, a line each; kept in the attribute "warnings" of
+        a new store, which is not there where there are none.
 
     Raises
     ------
@@ -98,7 +101,9 @@ def run(
     place = place_of(out)
     description = _described(task) if description is None else _with_layout(description, task)
     tell = tell or (lambda text: None)
-    opened = open_store(place, task, description, toml, any_versions=other_versions, tell=tell)
+    opened = open_store(
+        place, task, description, toml, warnings, any_versions=other_versions, tell=tell
+    )
     if ask is not None and is_large(task) and not place.exists():
         tell(f"measuring how long {task.grid.size:.3g} members take")
         ask(told_size(task))

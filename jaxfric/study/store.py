@@ -12,7 +12,7 @@ import contextlib
 import json
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +91,7 @@ def open_store(
     task: Task,
     description: Mapping[str, Any],
     toml: str = "",
+    warnings: Sequence[str] = (),
     *,
     any_versions: bool = False,
     tell: Tell = lambda text: None,
@@ -107,7 +108,7 @@ def open_store(
     require_packages()
 
     def make(folder: str) -> None:
-        make_store(folder, task, description, toml)
+        make_store(folder, task, description, toml, warnings)
 
     if place.exists():
         refuse_other(place, description)
