@@ -19,6 +19,7 @@ ERRORS, WORDS = "tests/test_noise_error.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
+AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
 )
@@ -323,6 +324,19 @@ FAULTS = (
           "left[own] -= residual[known].mean()", STEADY),
     Fault("a noise over an angle is told as one of a path", "axis/steady_noise.py",
           "clocks=ROTARY_CLOCKS if rotary else CLOCKS", "clocks=CLOCKS", STEADY),
+    Fault("the law of an axis is always that of motion forwards", "axis/law_source.py",
+          "jnp.where(p[asymmetry] > 0, -1.0, 1.0)", "jnp.where(p[asymmetry] > 0, 1.0, 1.0)",
+          AXIS_LAW),
+    Fault("the law of an axis forgets what its record resolves", "axis/law_source.py",
+          "width or _NO_WIDTH, reach)", "width or _NO_WIDTH, 0.0)", AXIS_LAW),
+    Fault("a spring along an axis is never a softer one", "axis/law_source.py",
+          "lambda k, m: k - abs(m)", "lambda k, m: k + abs(m)", AXIS_LAW),
+    Fault("a rotary axis is taken for a linear one", "axis/law_source.py",
+          'if rotary or unit != "N":', 'if unit == "%":', AXIS_LAW),
+    Fault("the direct effect of an axis may be drawn below 0", "axis/law_source.py",
+          "q.lower >= 0.0 or name == _DIRECT", "q.lower >= 0.0", AXIS_LAW),
+    Fault("an axis has no mass of its own", "gains/gains.py",
+          "mass = source.mass if mass is None else mass", "mass = mass", AXIS_LAW),
     Fault("a law forgets what its fit warned of", "gains/source.py",
           "return (*own_warnings(content), *_doubts(", "return (*(), *_doubts(", WARNED),
     Fault("a law forgets what its loop warned of", "gains/loop_source.py",

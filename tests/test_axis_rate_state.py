@@ -6,15 +6,18 @@ NumPy's roots of the characteristic equation, and records made from a prescribed
 
 import dataclasses
 import json
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from command import run
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from jaxfric import InputError, study
 from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
 from jaxfric.axis.closed_loop import Controller, simulate_closed_loop, substeps
 from jaxfric.axis.effects import DirectionAsymmetry, Presliding, RateAndState
@@ -22,8 +25,12 @@ from jaxfric.axis.gains import axis_gains, state_gains
 from jaxfric.axis.prepare import Motion
 from jaxfric.axis.rig import AxisRig
 from jaxfric.axis.state import RateState
+from jaxfric.gains import find_gains
+from jaxfric.members.saved_law import law_from_file
 from jaxfric.records import Drive, axis_from_arrays
+from jaxfric.rig.friction import Conditions
 from jaxfric.stability.claims import Curve
+from jaxfric.stability.linear import linear_friction
 
 H = 1e-3
 M, FV, FC, F0 = 60.0, 150.0, 20.0, -2.0
@@ -183,6 +190,231 @@ def test_gains_of_other_rigs():
     none = state_gains(rig_of(A=0.0, Fv=-1.0), 0.0, 1e-3, 0.1)
     assert none is not None and none.stiff is not None
     assert none.stiff.critical_stiffness == np.inf and "no k_p suffices" in none.sentence()
+
+
+# ---- the law of a loop.json ------------------------------------------------------------------
+
+BASE = {"M": M, "F_v": FV, "F_c": FC, "F_0": F0}
+FOUND = {
+    "rate_and_state": {"A": A, "B": B, "L": L, "v_c": VC},
+    "stribeck": {"fs": 3.0, "vs": 4e-3, "n": 1.0},
+    "log_viscous": {"c": 2.0, "v_c": 2e-3},
+    "cubic": {"c": 4e4},
+    "presliding": {"a": 5.0, "sigma_1": 900.0, "x_c": 2e-5},
+    "direction_asymmetry": {"d": 40.0},
+    "position_periodic": {"c": 0.3, "s": 0.4, "wavelength": 5e-3},
+    "position_dependence": {"k": 20.0, "m": 50.0},
+    "time_drift": {"r": 0.1, "s": 0.1},
+    "servo_lag": {"tau": 1e-3},
+    "sensor_lag": {"tau": 1e-3},
+    "sensor_delay": {"d": 1e-3},
+}
+
+
+def axis_loop(*effects, part=0.01, axis=None, **changes):
+    """The entries of the loop.json of an axis that a law is made of; A and B correlated."""
+    values = BASE | {f"{e}.{name}": v for e in effects for name, v in FOUND[e].items()}
+    size = part * np.abs(list(values.values()))
+    correlation = np.eye(len(values))
+    if effects[:1] == ("rate_and_state",):
+        correlation[4, 5] = correlation[5, 4] = 0.9
+    content = {
+        "schema": "jaxfric.loop/1",
+        "friction_unit": "N",
+        "law": "coulomb_viscous",
+        "verdict": "effects",
+        "steps": [[0.0, 2e-3], [1.0, -0.05]],
+        "effects": list(effects),
+        "after": {
+            "parameters": {k: {"value": v, "determined": True} for k, v in values.items()},
+            "free": list(values),
+            "covariance": (correlation * np.outer(size, size)).tolist(),
+        },
+        "axis": {"coordinate": "linear", "width": 1e-4, **(axis or {})},
+        "warnings": [],
+    }
+    return {**content, **changes}
+
+
+def axis_source(folder, *effects, samples=0, force=None, **changes):
+    path = folder / "loop.json"
+    path.write_text(json.dumps(axis_loop("rate_and_state", *effects, **changes)))
+    return law_from_file(path, normal_force=force, samples=samples)
+
+
+def by_hand(V, effects, sign=1.0):
+    """Steady friction against motion and its slope, of motion forwards (1) or backwards (-1)."""
+    viscous = FV + sign * (40.0 if "direction_asymmetry" in effects else 0.0)
+    friction = FC + sign * F0 + viscous * V + (A - B) * np.log1p(V / VC)
+    slope = viscous + (A - B) / (V + VC)
+    if "stribeck" in effects:
+        part = 3.0 * np.exp(-V / 4e-3)
+        friction, slope = friction + part, slope - part / 4e-3
+    if "log_viscous" in effects:
+        friction, slope = friction + 2 * np.log1p(V / 2e-3), slope + 2 / (V + 2e-3)
+    if "cubic" in effects:
+        friction, slope = friction + 4e4 * V**3, slope + 12e4 * V**2
+    return friction, slope
+
+
+def steady_face(law, V):
+    """Steady friction, instantaneous and steady slope of a law."""
+    at = Conditions(jnp.zeros(()), jnp.zeros(()))
+    V = jnp.asarray(V)
+    linear = linear_friction(law, V)
+    steady = jax.grad(lambda V: law.force(V, law.steady_state(V), at))(V)
+    return float(law.force(V, law.steady_state(V), at)), float(linear.slope), float(steady)
+
+
+@pytest.mark.parametrize(
+    "effects", [(), ("stribeck", "cubic"), ("log_viscous", "presliding"), ("direction_asymmetry",)]
+)
+def test_the_law_of_a_loop_is_the_friction_of_its_axis(tmp_path, effects):
+    """Against the equations by hand, and the rig of the axis itself; the worse direction."""
+    found = axis_source(tmp_path, *effects)
+    sign = -1.0 if "direction_asymmetry" in effects else 1.0
+    rig = AxisRig(M, FV, FC, F0, width=1e-4)
+    for id in ("rate_and_state", *effects):
+        rig = AXIS_CATALOGUE[id](**FOUND[id]).embed(rig)
+    for V in (1e-3, 4e-3, 0.05):
+        force, instant, steady = steady_face(found.law, V)
+        friction, slope = by_hand(V, effects, sign)
+        assert force == pytest.approx(friction, rel=1e-12)
+        assert steady == pytest.approx(slope, rel=1e-9)
+        assert instant == pytest.approx(slope + B / (V + VC), rel=1e-9)
+        v, zero = jnp.asarray(sign * V), jnp.zeros(())
+        own = sign * float(rig.friction(zero, v, zero, rig.steady(v)))
+        # the axis' own sign is smoothed over 0.1 mm/s
+        assert force == pytest.approx(own, rel=1e-6)
+    assert found.mass == M and found.seen == (2e-3, 0.05)
+    assert [line.split(":")[0] for line in found.warnings] == list(effects[:1] if sign < 0 else ())
+
+
+def test_gains_of_the_law_of_a_loop(tmp_path):
+    """k_p = 1.2 k_cr of (25) with the axis' own mass; v_c and L as the record resolves them."""
+    kv = 20.0
+    V = np.geomspace(2e-3, 0.02, 20001)  # gains hold between the velocities that are asked for
+
+    def needed(L, VC):
+        X, Y = (kv + FV + A / (V + VC)) * V, B / (V + VC) * V
+        return np.where(Y > X, (Y - X) / L * (M * V**2 / (X * L) + 1), 0.0).max()
+
+    def found(**changes):
+        gains = find_gains(
+            axis_source(tmp_path, **changes), velocity=V[::2000], mass=None,
+            margin={"stiffness": 1.2},
+            lower=(None, kv), upper=(None, kv * (1 + 1e-9)),
+        )  # fmt: skip
+        return gains.kp / 1.2
+
+    assert found() == pytest.approx(needed(L, VC), rel=1e-6)
+    rough = found(axis={"width": 2e-3, "reach": 1e-3})
+    assert rough == pytest.approx(needed(1e-3, 2e-3), rel=1e-6)
+
+
+def test_samples_of_the_law_of_a_loop(tmp_path):
+    """Mean and covariance; A, L and v_c positive; of each sample its own direction."""
+    found = axis_source(tmp_path, "direction_asymmetry", samples=3000, part=0.4)
+    state = found.samples.rig.states[0]
+    a, b, length = (np.asarray(x)[1:] for x in (state.A, state.B, state.L))
+    assert float(state.A[0]) == A and np.all(a > 0) and np.all(length > 0)
+    assert np.corrcoef(np.log(a), b)[0, 1] == pytest.approx(0.9, abs=0.03)
+    assert np.std(b) == pytest.approx(0.4 * B, rel=0.05)
+    assert np.std(np.log(length)) == pytest.approx(0.4, rel=0.05)
+    d = np.asarray(found.samples.rig.terms[0].d)
+    np.testing.assert_array_equal(np.asarray(found.samples.direction), np.where(d > 0, -1.0, 1.0))
+
+
+def test_what_is_left_out_of_the_law_of_a_loop(tmp_path):
+    left = ("position_periodic", "position_dependence", "time_drift", "servo_lag", "sensor_lag")
+    open_ = {"claim": "open", "sentence": "Nothing is said of stability: it stuck."}
+    found = axis_source(
+        tmp_path, *left, "sensor_delay", verdict="outside_catalogue", warnings=["A is odd"],
+        axis={"gains": open_},
+    )  # fmt: skip
+    warned, verdict, claim, *lines = found.warnings
+    assert warned == "the loop warned: A is odd" and "does not describe the record" in verdict
+    assert claim.endswith(open_["sentence"])
+    assert [line.split()[0] for line in lines] == [*left, "sensor_delay"]
+    assert f"add {2 * np.pi * 0.5 / 5e-3:.3g} N/m to k_p" in lines[0]
+    assert "add 30 N/m to k_p" in lines[1]  # 20 - 50
+    plain = steady_face(axis_source(tmp_path).law, 5e-3)
+    assert steady_face(found.law, 5e-3) == pytest.approx(plain, rel=1e-12)
+
+
+def without(name):
+    after = axis_loop("rate_and_state")["after"]
+    del after["parameters"][name]
+    return {**after, "free": [], "covariance": []}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"axis": {"coordinate": "rotary"}, "friction_unit": "N m"}, "of a rotary axis, and gains"),
+        ({"friction_unit": "%"}, "an axis whose forces are in %, and gains"),
+        ({"force": 5.0}, "normal_force is not wanted"),
+        ({"after": without("F_c")}, "parameter F_c is missing"),
+        ({"after": without("rate_and_state.L")}, "parameter rate_and_state.L is missing"),
+        ({"after": None}, "'after.' is no table"),
+        ({"effects": ["rate_and_stat"]}, "did you mean rate_and_state"),
+        ({"axis": {"width": "x"}}, "'axis.width' is 'x'"),
+        ({"part": float("nan"), "samples": 2}, "undetermined"),
+    ],
+)
+def test_files_that_give_no_law_of_a_loop(tmp_path, changes, words):
+    with pytest.raises(InputError, match=words) as told:
+        axis_source(tmp_path, **changes)
+    assert "\n" not in str(told.value)
+
+
+def test_axes_without_a_memory_are_told_so(tmp_path):
+    path = tmp_path / "loop.json"
+    for effects in ((), ("stribeck",), ("presliding",)):
+        path.write_text(json.dumps(axis_loop(*effects)))
+        with pytest.raises(InputError, match=r"found no rate_and_state.*no stiffness is critical"):
+            law_from_file(path)
+    weak = axis_loop("rate_and_state")
+    weak["after"]["parameters"]["rate_and_state.A"]["value"] = 0.0
+    path.write_text(json.dumps(weak))
+    with pytest.raises(InputError, match="direct effect is 0 N"):
+        law_from_file(path)
+
+
+def test_the_verbs_take_the_loop_of_an_axis(tmp_path, monkeypatch):
+    """Critical stiffness, motions above and below it, and a study, with the axis' own mass."""
+    monkeypatch.chdir(tmp_path)
+    Path("loop.json").write_text(json.dumps(axis_loop("rate_and_state")))
+    critical = float(closed_form(2e-3)[1])
+    law = ("--from", "loop.json", "--velocity", "2 mm/s")
+    code, out, err = run("stability", *law, "--kp", f"{1.5 * critical} N/m", "--out", "s")
+    assert code == 0 and err == "" and "STABLE" in out and "60 kg" in out
+    known = json.loads(Path("s/stability.json").read_text())
+    assert known["theorem"]["critical_stiffness"] == pytest.approx(critical, rel=1e-9)
+    assert known["mass"] == M
+    for part, end in ((1.5, "end: steady sliding"), (0.7, "end: oscillation")):
+        k_p = f"{part * critical} N/m"
+        code, out, err = run("simulate", *law, "--kp", k_p, "--out", f"m{part}")
+        assert code == 0 and end in out, (out, err)
+    text = 'compute = ["margins"]\noutputs = ["k_cr"]\n[rig]\nfrom = "loop.json"\nV0 = "2 mm/s"\n'
+    Path("study.toml").write_text(text + '[axes]\nk_p = { values = ["1 kN/m", "9 kN/m"] }\n')
+    pytest.importorskip("zarr")
+    code, out, err = run("study", "study.toml")
+    assert code == 0, err
+    np.testing.assert_allclose(study.load("study.zarr").k_cr, critical, rtol=1e-9)
+
+
+@pytest.mark.long
+def test_gains_are_checked_by_simulation_of_the_axis(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("loop.json").write_text(json.dumps(axis_loop("rate_and_state")))
+    options = ("--margin", "stiffness=1.5", "--samples", "3", "--velocity", "2 mm/s")
+    code, _, err = run("gains", "--from", "loop.json", *options, "--out", "g")
+    assert code == 0, err
+    content = json.loads(Path("g/gains.json").read_text())
+    assert content["scenarios"]["masses"] == [M, M]
+    assert content["margins"]["stiffness"]["value"] >= 1.5 * (1 - 1e-9)
+    assert content["simulation"]["unresolved"] == 0
 
 
 def growth(V, k_p, k_v):

@@ -15,8 +15,9 @@ from jaxfric.cli.common import read_law
 from jaxfric.effects.friction import _SecondStateTerm, _ViscousTerm
 from jaxfric.errors import InputError
 from jaxfric.gains import find_gains
-from jaxfric.gains.loop_source import law_from_file, law_from_loop
+from jaxfric.gains.loop_source import law_from_loop
 from jaxfric.gains.settled_law import SettledLaw
+from jaxfric.members.saved_law import law_from_file
 from jaxfric.rig.friction import Conditions, RateState, critical_stiffness
 from jaxfric.stability.linear import linear_friction
 

@@ -72,5 +72,12 @@ def details_of(record, reading: Reading, told, problem, engine, found: Search, p
         curve = Curve(gains.slope, error, slow, fast, known.above, known.unseen)
         gains = dataclasses.replace(gains, curve=curve)
     return AxisDetails(
-        tuple(fits), prepared.preparation, rows.width, record, gains, reading.notes, told
+        tuple(fits),
+        prepared.preparation,
+        rows.width,
+        record,
+        gains,
+        reading.notes,
+        told,
+        float(rig.reach),
     )

@@ -14,7 +14,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..records.axis_record import Drive
 from ..rig.friction.law import AbstractLaw
@@ -22,6 +22,7 @@ from ..stability.analysis import study
 from ..stability.claims import Above, Curve, Unseen
 from .gains_result import AxisGains, StiffBasin
 from .rig import AxisRig
+from .state import RateState
 
 _SPEEDS = 4001
 _FEWER = 501
@@ -85,12 +86,19 @@ class AxisLaw(AbstractLaw):
         return jnp.stack(self.rig.steady(self.direction * V))
 
     def force_scale(self):
-        return jnp.abs(self.rig.coulomb)
+        """The direct effect, as of rate-and-state friction of a slider; else Coulomb friction."""
+        direct = [state.A for state in self.rig.states if isinstance(state, RateState)]
+        return jnp.abs(direct[0] if direct else self.rig.coulomb)
 
 
-def axis_law(rig: AxisRig, position: float, direction: float) -> AxisLaw:
-    """The friction of a rig with states, about motion forwards (1) or backwards (-1)."""
-    sharp = eqx.tree_at(lambda r: r.width, rig, jnp.full_like(rig.width, _SHARP))
+def axis_law(
+    rig: AxisRig, position: float, direction: ArrayLike, *, width: ArrayLike = _SHARP
+) -> AxisLaw:
+    """The friction of a rig with states, about motion forwards (1) or backwards (-1).
+
+    `width` [m/s] is that of the smoothed sign, far below the speeds that are asked about.
+    """
+    sharp = eqx.tree_at(lambda r: r.width, rig, jnp.full_like(rig.width, width))
     return AxisLaw(sharp, jnp.asarray(position, float), jnp.asarray(direction, float))
 
 

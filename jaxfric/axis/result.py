@@ -106,6 +106,8 @@ class AxisDetails:
     """What was chosen of the preparation, and why."""
     loop: Mapping[str, Estimate] = field(default_factory=dict)
     """Parameters that the loop ended with, to stand beside the fits of the same model."""
+    reach: float = 0.0
+    """Distance between two rows where the axis is slowest [m]; a slip length is no less."""
 
     def tables(self) -> list[Table]:
         """Parameters and errors of the fits, side by side."""
@@ -211,6 +213,7 @@ class AxisDetails:
                 "decimation": self.preparation.decimation,
                 "notes": list(self.notes),
                 "width": self.width,
+                "reach": self.reach,
                 "gains": {
                     "worst_velocity": self.gains.worst_velocity,
                     "slope": self.gains.slope,

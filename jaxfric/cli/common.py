@@ -227,7 +227,9 @@ NormalForce = Annotated[
 Mass = Annotated[
     str | None,
     Parameter(
-        allow_leading_hyphen=True, help="Mass of the slider: '2 kg', '1, 2 kg' or '1..3 kg'."
+        allow_leading_hyphen=True,
+        help="Mass of the slider: '2 kg', '1, 2 kg' or '1..3 kg'; by default none or, where the law"
+        " is from the loop.json of an axis, its own.",
     ),
 ]
 
@@ -248,8 +250,8 @@ def read_law(
     seed: int = 0,
 ):
     """The law that the options name, as a `LawSource`."""
-    from ..gains.loop_source import law_from_file
     from ..gains.source import law_from_parameters
+    from ..members.saved_law import law_from_file
     from ..units import parse_quantity
 
     if fit is not None:

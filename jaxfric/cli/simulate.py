@@ -92,6 +92,7 @@ def simulate(
         raise InputError("--jump and --at-rest exclude each other; give one")
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
+    one_mass = source.mass if one_mass is None else one_mass
     unseen = source.unseen(velocities)
     warn(unseen)
     folder = choose_law_folder(out, from_, law)

@@ -63,6 +63,7 @@ def stability(
     k_v = read_damping(kv)
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
+    one_mass = source.mass if one_mass is None else one_mass
     unseen = source.unseen(velocities)
     warn(unseen)
     folder = choose_law_folder(out, from_, law)

@@ -57,7 +57,8 @@ def find_gains(
     ----------
     law : with samples (`law_from_fit`), or one law.
     velocity : [m/s], one or several, or text, "1..10 mm/s"; a range is best given log-spaced.
-    mass : [kg], one or several, or text, "1..3 kg"; None without mass.
+    mass : [kg], one or several, or text, "1..3 kg"; None without mass, or with that of the axis
+        that the law is of.
     margin : what is required, by name (`stability.margins.UNITS` has the units), or "modulus=0.5".
     confidence : share of the samples of the law in which the requirement must hold; the
         samples that ask for the largest gains are left out, at most so many.
@@ -81,6 +82,7 @@ def find_gains(
             " jaxfric.law_from_parameters(...), or a law itself, as RateState(...)"
         )
     source = law if isinstance(law, LawSource) else LawSource(law, one_sample(law), "law", None)
+    mass = source.mass if mass is None else mass
     if isinstance(velocity, str):
         velocity = np.asarray(parse_values(velocity, "m/s", "velocity"))
     if isinstance(mass, str):

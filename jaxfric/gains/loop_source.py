@@ -1,4 +1,4 @@
-"""The friction law that `jaxfric loop` ends with: the base and the effects that were found.
+"""The friction law that `jaxfric loop` of a slider ends with: the base and the effects found.
 
 Effects in the room of friction are in the law: second_state, aging, velocity_dependent_L,
 evolution_cutoff, viscous, stribeck, thermal, frictional_delay and what the catalogue has of
@@ -32,7 +32,6 @@ from ..rig import QuasiStatic, Rig
 from ..rig.friction import AbstractLaw
 from ..rig.friction.extended import ExtendedLaw
 from .saved import (
-    FIT,
     LOOP,
     missing_key,
     own_warnings,
@@ -47,7 +46,6 @@ from .source import (
     EVOLUTIONS,
     LawSource,
     force_of_unit,
-    law_from_fit,
     law_quantity,
     numbered,
     rate_state,
@@ -65,15 +63,6 @@ _SOFTEST = {
 }
 _STRESS = "normal_stress"
 _ROOMS = {"machine": "machine", "drive": "drive", "sensor": "force sensor"}
-
-
-def law_from_file(
-    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
-) -> LawSource:
-    """The law of a `fit.json` or of a `loop.json`: `law_from_fit` or `law_from_loop`."""
-    schema = read_saved(Path(path), FIT, LOOP)["schema"]
-    load = law_from_loop if schema == LOOP else law_from_fit
-    return load(path, normal_force=normal_force, samples=samples, seed=seed)
 
 
 def law_from_loop(
@@ -102,8 +91,8 @@ def law_from_loop(
     content = read_saved(path, LOOP)
     if content.get("law") == "coulomb_viscous":
         raise InputError(
-            f"{path}: it is of an axis whose friction has no memory: no stiffness is critical,"
-            " and its loop.html and loop.json give the least damping under Gains"
+            f"{path}: it is of an axis; its law is read by jaxfric.axis.law_source, and by every"
+            " verb of the command"
         )
     refuse_damage(path, LOOP, _damage(content))
     scale = force_of_unit(content["friction_unit"], normal_force, path)
@@ -132,7 +121,7 @@ def law_from_loop(
         laws,
         text,
         velocity,
-        (*own_warnings(content), *_verdict(content), *_left_out(effects, values, scale)),
+        (*own_warnings(content), *verdict_words(content), *_left_out(effects, values, scale)),
         seen_velocities([step[-1] for step in content.get("steps", []) if isinstance(step, list)]),
     )
 
@@ -224,7 +213,8 @@ def _damage(content: dict) -> str | None:
     return None
 
 
-def _verdict(content: dict) -> list[str]:
+def verdict_words(content: Mapping) -> list[str]:
+    """A line where the verdict of a loop.json says that its model does not describe the record."""
     if content["verdict"] in CERTAIN:
         return []
     sentence = str(content.get("sentence") or "").strip().rstrip(".")
@@ -247,7 +237,7 @@ def _left_out(effects, values: Mapping[str, float], scale: float) -> list[str]:
             spring = scale * _SOFTEST[id](*chosen)
             lines.append(
                 f"{id} is left out of the law: it depends on where the slider is, so no steady"
-                f" sliding exists with it. {_spring(spring)}"
+                f" sliding exists with it. {spring_words(spring)}"
             )
         elif id == _STRESS:
             lines.append(
@@ -261,7 +251,8 @@ def _left_out(effects, values: Mapping[str, float], scale: float) -> list[str]:
     return lines
 
 
-def _spring(stiffness: float) -> str:
+def spring_words(stiffness: float) -> str:
+    """What a spring [N/m] beside k_p asks for."""
     if stiffness >= 0:
         return "It acts as a spring that stiffens k_p, so leaving it out is safe"
     return f"It acts as a spring of {stiffness:.3g} N/m beside k_p: add {-stiffness:.3g} N/m to k_p"

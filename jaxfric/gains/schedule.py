@@ -86,6 +86,7 @@ def schedule(
         raise InputError(f"schedule: velocities {low:g} to {high:g} m/s are no range")
     if not ratio > finest > 1:
         raise InputError(f"schedule: needs ratio > finest > 1, not {ratio:g} and {finest:g}")
+    mass = law.mass if mass is None else mass
     tell = progress or (lambda text: None)
     count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))
     places = list(np.geomspace(low, high, count))

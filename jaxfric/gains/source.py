@@ -67,6 +67,8 @@ class LawSource:
     """What must be known before it is relied on, a line each."""
     seen: tuple[float, float] | None = None
     """Slowest and fastest velocity of the record [m/s]; None where there is none."""
+    mass: float | None = None
+    """Moving mass of the axis that the law is of [kg], for where none is given; None: of none."""
 
     def unseen(self, velocities: Sequence[float] | np.ndarray) -> tuple[str, ...]:
         """A line where some of the `velocities` [m/s] lie more than twice beyond the record's."""

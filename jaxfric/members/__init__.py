@@ -5,6 +5,7 @@ sliders      margins and simulations of many sliders at once
 ends         how massless sliders end, told while they move
 one_by_one   gains, fits and loops: Python, member by member
 spec         study.toml
+saved_law    the friction law of a fit.json or loop.json, of a slider or an axis
 make         from a study.toml to a running study
 """
 

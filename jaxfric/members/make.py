@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..rig.friction import AbstractLaw
+from ..rig.friction import AbstractInvertibleLaw, AbstractLaw
 from ..study import Output, Progress, run
 from ..study.function import refuse_clashes
 from ..units import parse_quantity
@@ -68,7 +68,9 @@ def _sliders(spec: Spec) -> Made:
     usual: list[str] = []
     table = spec.options.get("simulate", {})
     samples = table.get("samples", _SAMPLES)
-    law, inertia = _law(spec), table.get("inertia", False)
+    law = _law(spec)
+    inertia = table.get("inertia", not isinstance(law, str | AbstractInvertibleLaw))
+    _refuse_massless(spec, law, inertia)
     slow = inertia or not isinstance(law, str)
     if "margins" in spec.compute:
         known += MARGINS
@@ -112,10 +114,20 @@ def _sliders(spec: Spec) -> Made:
     )
 
 
+def _refuse_massless(spec: Spec, law, inertia: bool) -> None:
+    """Raise `InputError` where a motion is asked for that only mass makes unique."""
+    if "simulate" not in spec.compute or inertia or isinstance(law, str | AbstractInvertibleLaw):
+        return
+    raise InputError(
+        f"{spec.path.name} [simulate]: the law of {spec.source} has no velocity of its own at a"
+        " given force; leave inertia = false out, so that its mass takes part"
+    )
+
+
 def _law(spec: Spec):
     if spec.law is not None:
         return spec.law
-    from ..gains.loop_source import law_from_file
+    from .saved_law import law_from_file
 
     assert spec.source is not None
     law = law_from_file(spec.source, normal_force=spec.normal_force, samples=0).law

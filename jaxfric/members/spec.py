@@ -223,8 +223,8 @@ def _rig(rig: dict[str, Any], path: Path, files: dict[str, str]):
 def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
     """The evolution and the parameters of a file, None and only a velocity for another law; and
     what it warns of."""
-    from ..gains.loop_source import law_from_file
     from ..rig.friction import AgeingEvolution, RateState
+    from .saved_law import law_from_file
 
     read = law_from_file(source, normal_force=force, samples=0)
     found = read.law
@@ -232,7 +232,8 @@ def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], whe
         given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
         if given:
             raise InputError(f"{where}: {given[0]} cannot be set: the law of {source} is whole")
-        return None, fixed, read.warnings
+        own_mass = {} if read.mass is None else {"m": read.mass}
+        return None, {**own_mass, **fixed}, read.warnings
     states = found.B.shape[0]
     own = {"f0": float(found.f0), "A": float(found.A), "V_ref": float(found.V0)}
     for i in range(states):

@@ -1,0 +1,252 @@
+"""The friction law of the loop.json of an axis whose friction remembers the distance.
+
+What `jaxfric.gains` takes is friction of one direction about a steady velocity, with its states:
+the `AxisLaw` by which the axis' own gains are computed, with the parameters of the loop's last
+model. In the law are viscous and Coulomb friction, the offset, and the effects that are a curve of
+the velocity or a state. Not in it, each with a line that says so, are
+
+    position_periodic, position_dependence    springs beside k_p, as far as the axis stands still
+    time_drift                                what the record's time did
+    servo_lag, sensor_lag, sensor_delay       the apparatus; the law was fitted together with it
+
+Friction without rate_and_state has no memory about steady motion, where a bristle stays bent: no
+stiffness is critical then, and the file itself says what damping it asks for.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..errors import InputError
+from ..gains.loop_source import spring_words, verdict_words
+from ..gains.saved import (
+    LOOP,
+    missing_key,
+    own_warnings,
+    read_saved,
+    refuse_damage,
+    sampled,
+    table_damage,
+    values_of,
+)
+from ..gains.source import LawSource, force_of_unit, seen_velocities
+from ..quantity import quantities
+from .effects import (
+    IN_TIME,
+    AbstractAxisEffect,
+    DirectionAsymmetry,
+    PositionDependence,
+    PositionPeriodic,
+    RateAndState,
+    TimeDrift,
+    axis_effect_of,
+)
+from .gains import AxisLaw, axis_law
+from .problem import BaseLaw
+from .result import LAW
+from .rig import AxisRig
+
+# Softest spring [F/m] that an effect of the axis' position can be.
+_SOFTEST = {
+    PositionPeriodic.id: lambda c, s, wavelength: -2 * np.pi * np.hypot(c, s) / wavelength,
+    PositionDependence.id: lambda k, m: k - abs(m),
+}
+_OUTSIDE = (*_SOFTEST, TimeDrift.id, *IN_TIME)
+_CURVE = BaseLaw().names()[1:]
+_DIRECT = f"{RateAndState.id}.A"
+# Of the record's width of the smoothed sign: the law's own, so that it is sharp wherever the
+# record has rows that count, and can still be simulated through rest.
+_NARROWER = 0.05
+# Where a file names no width [m/s].
+_NO_WIDTH = 1e-6
+
+
+def is_of_axis(content: Mapping) -> bool:
+    """Whether the content of a loop.json is of a servo axis."""
+    return content.get("law") == LAW
+
+
+def law_from_axis_loop(
+    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
+) -> LawSource:
+    """The law after the loop of an axis in newtons, and samples of its parameters.
+
+        f = F_v v + F_c + terms(v) + A ln(1 + v/v_c) + theta,
+        theta' = (v/L)(-B ln(1 + v/v_c) - theta),   v > 0
+
+    Where friction differs by direction (direction_asymmetry) it is that of the direction with less
+    viscous friction, of each sample its own. The samples are drawn as by `gains.law_from_loop`; a
+    length, a velocity and A by their logarithms. Where the loop says nothing of stability its
+    sentence is among the `warnings`, beside what is left out.
+
+    Parameters
+    ----------
+    normal_force : not wanted: the parameters are forces.
+    samples : number drawn besides the estimate.
+
+    Raises
+    ------
+    InputError : file missing, damaged or of another schema; no rate_and_state in its last model;
+        a rotary axis, or forces that are not in newtons; a parameter out of bounds or undetermined.
+
+    Not tried: the lags and the sampling of the drive, which ask for more.
+    """
+    path = Path(path)
+    content = read_saved(path, LOOP)
+    refuse_damage(path, LOOP, _damage(content))
+    after, about = content["after"], content.get("axis") or {}
+    values = values_of(after)
+    effects = _effects(path, content["effects"], values)
+    _refuse_other(path, content, effects)
+    force_of_unit(content["friction_unit"], normal_force, path)
+    inside = [effect for effect in effects if effect.id not in _OUTSIDE]
+    columns = sampled(after, _positive(path, inside, values), samples, seed, path)
+    width, reach = (float(about.get(key) or 0.0) for key in ("width", "reach"))
+    build = _builder(inside, tuple(columns), values["M"], width or _NO_WIDTH, reach)
+    laws = eqx.filter_jit(eqx.filter_vmap(build))(jnp.asarray(np.stack([*columns.values()], -1)))
+    arrays, rest = eqx.partition(laws, eqx.is_array)
+    steps = content.get("steps", [])
+    return LawSource(
+        eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest),
+        laws,
+        f"friction of an axis with {', '.join(e.id for e in inside)}, from the loop"
+        f" ({content['verdict']}): {path}",
+        None,
+        (*own_warnings(content), *verdict_words(content), *_claim(about), *_told(effects, values)),
+        seen_velocities([step[-1] for step in steps if isinstance(step, list) and step]),
+        values["M"],
+    )
+
+
+def _builder(
+    effects: Sequence[type[AbstractAxisEffect]],
+    names: tuple[str, ...],
+    mass: float,
+    width: float,
+    reach: float,
+) -> Callable[[Array], AxisLaw]:
+    """A function from the values of `names` (SI) to the law."""
+    asymmetry = f"{DirectionAsymmetry.id}.d"
+
+    def build(row: Array) -> AxisLaw:
+        p = dict(zip(names, row, strict=True))
+        rig = AxisRig(mass, *(p[name] for name in _CURVE), width=width, reach=reach)
+        for effect in effects:
+            fields = {name: p[f"{effect.id}.{name}"] for name in quantities(effect)}
+            rig = effect(**fields).embed(rig)
+        direction = jnp.where(p[asymmetry] > 0, -1.0, 1.0) if asymmetry in p else 1.0
+        return axis_law(rig, 0.0, direction, width=_NARROWER * width)
+
+    return build
+
+
+def _damage(content: dict) -> str | None:
+    """What is missing from or wrong in a loop.json of an axis."""
+    problem = missing_key(content, ("law", "friction_unit", "verdict", "effects", "after"))
+    keys = ("parameters", "free", "covariance")
+    problem = problem or missing_key(content["after"], keys, "after.")
+    if problem:
+        return problem
+    ids, about = content["effects"], content.get("axis")
+    if not isinstance(ids, list) or not all(isinstance(id, str) for id in ids):
+        return "the effects are no list of names"
+    if about is not None and not isinstance(about, dict):
+        return "'axis' is no table"
+    for key in ("width", "reach"):
+        size = (about or {}).get(key)
+        if size is not None and not (isinstance(size, int | float) and 0 <= size < np.inf):
+            return f"'axis.{key}' is {size!r}"
+    return table_damage(content["after"], BaseLaw().names())
+
+
+def _effects(path: Path, ids: list[str], values) -> tuple[type[AbstractAxisEffect], ...]:
+    """The effects found, and those that the base was declared with, in order."""
+    declared = [name.split(".")[0] for name in values if "." in name]
+    chosen = []
+    for id in dict.fromkeys([*ids, *declared]):
+        try:
+            effect = axis_effect_of(id)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        for field in quantities(effect):
+            if f"{id}.{field}" not in values:
+                refuse_damage(path, LOOP, f"parameter {id}.{field} is missing")
+        chosen.append(effect)
+    return tuple(chosen)
+
+
+def _refuse_other(path: Path, content: Mapping, effects) -> None:
+    """Raise `InputError` for an axis of which gains in N/m have no meaning, or need no search."""
+    unit = content["friction_unit"]
+    rotary = (content.get("axis") or {}).get("coordinate", "linear") != "linear"
+    if rotary or unit != "N":
+        kind = "a rotary axis" if rotary else f"an axis whose forces are in {unit}"
+        raise InputError(
+            f"{path}: it is of {kind}, and gains, margins and motions are computed in newtons and"
+            " metres only; what it asks for in its own units stands under Gains in its loop.html"
+            " and loop.json"
+        )
+    if RateAndState not in effects:
+        raise InputError(
+            f"{path}: it is of an axis, and its loop found no rate_and_state, the effect by which"
+            " friction in steady motion has a memory: without one no stiffness is critical. What"
+            " damping its curve asks for, or why nothing is said of it, stands under Gains in its"
+            " loop.html and loop.json"
+        )
+
+
+def _positive(path: Path, effects, values) -> dict[str, bool]:
+    """The parameters of the law, and which of them are positive; all are checked."""
+    base = quantities(AxisRig)
+    about = {q.symbol: q for q in base.values() if q.symbol in _CURVE}
+    for effect in effects:
+        about |= {f"{effect.id}.{name}": q for name, q in quantities(effect).items()}
+    for name, quantity in about.items():
+        quantity.check(values[name], f"{path}: parameter {name}")
+    if not values[_DIRECT] > 0:
+        raise InputError(
+            f"{path}: parameter {_DIRECT}: the direct effect is {values[_DIRECT]:g} N; without one"
+            " above 0 sliding with a memory is ill-posed"
+        )
+    return {name: q.lower >= 0.0 or name == _DIRECT for name, q in about.items()}
+
+
+def _claim(about: Mapping) -> list[str]:
+    """A line where the loop itself says nothing of stability."""
+    gains = about.get("gains")
+    if not isinstance(gains, dict) or gains.get("claim") != "open":
+        return []
+    sentence = " ".join(str(gains.get("sentence") or "Nothing is said of stability.").split())
+    return [f"of the axis itself: {sentence}"]
+
+
+def _told(effects, values: Mapping[str, float]) -> list[str]:
+    """A line for every effect that is not in the law, and for one that depends on direction."""
+    lines = []
+    for effect in effects:
+        id = effect.id
+        if id in _SOFTEST:
+            spring = float(_SOFTEST[id](*(values[f"{id}.{name}"] for name in quantities(effect))))
+            lines.append(
+                f"{id} is left out of the law: it depends on where the axis is, so no steady"
+                f" motion exists with it. {spring_words(spring)}"
+            )
+        elif id == TimeDrift.id:
+            lines.append(f"{id} is left out of the law: it is of the time of the record")
+        elif id in IN_TIME:
+            lines.append(
+                f"{id} is left out of the law: it belongs to the {effect.room} of the record, and"
+                " the law was fitted together with it; a lag that stays asks for larger gains"
+            )
+        elif effect is DirectionAsymmetry:
+            way = "backwards" if values[f"{id}.d"] > 0 else "forwards"
+            lines.append(
+                f"{id}: the law is that of motion {way}, where viscous friction is less; a sample"
+                " takes its own worse direction"
+            )
+    return lines
