@@ -20,6 +20,7 @@ PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
 AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
+SETTLING = "tests/test_end_states.py -k thresholds"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
 )
@@ -337,6 +338,13 @@ FAULTS = (
           "q.lower >= 0.0 or name == _DIRECT", "q.lower >= 0.0", AXIS_LAW),
     Fault("an axis has no mass of its own", "gains/gains.py",
           "mass = source.mass if mass is None else mass", "mass = mass", AXIS_LAW),
+    Fault("less is a clear decay", "gains/ends.py", "CLEAR = -0.22", "CLEAR = -0.2", SETTLING),
+    Fault("a decay between slips is believed", "gains/ends.py", "LINEAR = 0.3", "LINEAR = 1.0",
+          SETTLING),
+    Fault("a slider is steady a little farther off", "gains/ends.py",
+          "SMALL = 1e-3", "SMALL = 2e-3", SETTLING),
+    Fault("what brakes is taken to decay", "gains/ends.py",
+          "last <= 0.5 * before, (a4", "last <= 0.0 * before, (a4", SETTLING),
     Fault("a law forgets what its fit warned of", "gains/source.py",
           "return (*own_warnings(content), *_doubts(", "return (*(), *_doubts(", WARNED),
     Fault("a law forgets what its loop warned of", "gains/loop_source.py",

@@ -18,7 +18,7 @@ import jaxfric as jf
 from jaxfric.errors import InputError
 from jaxfric.gains.basin import basin
 from jaxfric.gains.check import STARTS, check_starts, end_map
-from jaxfric.gains.ends import ENDS, classify, counts
+from jaxfric.gains.ends import ENDS, classify, counts, settles
 from jaxfric.gains.settle import Policy, end_state
 from jaxfric.simulation import jump_start, step_start
 
@@ -106,6 +106,27 @@ def test_planted_signals(name, code):
         assert end.slip_amplitude == pytest.approx(slip, rel=2e-2)
         assert end.period == pytest.approx(period, rel=1e-3)
         assert end.least_velocity == pytest.approx(least, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("largest", "count", "decay", "settled"),
+    [
+        ((0.5e-3, 0.5e-3, 0.9e-3), 0, np.inf, True),  # close enough, though it grows
+        ((1e-3, 1e-3, 1.1e-3), 4, np.inf, False),
+        ((2.4, 2.0, 1.61), 4, np.inf, False),  # ln(1.61/2) = -0.217
+        ((2.4, 2.0, 1.60), 4, np.inf, True),  # -0.223
+        ((8.0, 2.0, 1.60), 4, np.inf, False),  # it brakes: less than half of ln(2/8)
+        ((0.36, 0.3, 0.24), 3, np.inf, True),
+        ((0.45, 0.39, 0.31), 3, np.inf, False),  # few cycles, and not small
+        ((2.05, 2.0, 1.90), 4, 0.1, True),  # half of what 0.1/s promises in 1 s
+        ((2.05, 2.0, 1.95), 4, 0.1, False),
+    ],
+)
+def test_thresholds_of_settling(largest, count, decay, settled):
+    """In numbers, as the rule is written in `classify`; studies ask the same function."""
+    found, last = settles(tuple(map(jnp.asarray, largest)), jnp.asarray(count), 1.0, decay)
+    assert bool(found) is settled
+    assert float(last) == pytest.approx(np.log(largest[2] / largest[1]))
 
 
 def test_a_known_slow_decay_counts():

@@ -25,7 +25,6 @@ from .stability import read_damping, read_one_mass, read_positive
 
 _MAX_STEPS = 16384
 _RTOL = 1e-6
-_RUNAWAY = 1e9
 _ROWS = 2000
 _PERIODS = 30.0
 # A default duration in which no end is seen is made longer, so many times as often.
@@ -259,6 +258,7 @@ def _integrator():
     """`simulate`, compiled once for each shape."""
     import equinox as eqx
 
+    from ..gains.ends import RUNAWAY
     from ..simulation import simulate as integrate
 
     @eqx.filter_jit
@@ -271,7 +271,7 @@ def _integrator():
             at_steps=at_steps,
             rtol=_RTOL,
             max_steps=_MAX_STEPS,
-            runaway=_RUNAWAY,
+            runaway=RUNAWAY,
         )
 
     return run

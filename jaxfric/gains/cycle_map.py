@@ -21,8 +21,7 @@ from ..stability.margins import poles
 from .check import end_map
 from .ends import EndState
 from .result import Gains
-
-_PERIODS = 30.0
+from .settle import PERIODS
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,4 +85,4 @@ def _horizon(one, mass, k_p, k_v, V: float, law: AbstractLaw) -> np.ndarray:
     run = eqx.filter_jit(jax.vmap(slowest))
     rate = np.asarray(run(jnp.asarray(k_p.ravel()), jnp.asarray(k_v.ravel()))).reshape(k_p.shape)
     stick = 2 * float(law.force_scale()) / (k_p * V)
-    return _PERIODS * np.maximum(2 * np.pi / rate, stick)
+    return PERIODS * np.maximum(2 * np.pi / rate, stick)

@@ -4,12 +4,17 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-# A window may shrink to this part of the one before and still be no clear decay.
-_CLEAR = -0.22
-# A slider that sticks has |V - V0|/V0 = 1. A decay between windows that are shorter than a cycle is
-# believed only below this: the time between two slips is no decay.
-_LINEAR = 0.3
-_CYCLES = 4  # in the last half, so two in a window
+CLEAR = -0.22
+"""ln of what a window may shrink to, of the one before, and still be no clear decay."""
+LINEAR = 0.3
+"""A slider that sticks has |V - V0|/V0 = 1. A decay between windows that are shorter than a cycle
+is believed only below this: the time between two slips is no decay."""
+CYCLES = 4
+"""In the last half, so two in a window."""
+SMALL = 1e-3
+"""Of |V - V0|/V0: below it the end is steady."""
+RUNAWAY = 1e9
+"""A slider so many times as fast as commanded has run away; slips of a light one reach 1e6."""
 
 
 class ENDS(eqx.Enumeration):
@@ -70,7 +75,7 @@ def classify(
     begin: ArrayLike,
     end: ArrayLike,
     decay: ArrayLike = jnp.inf,
-    small: ArrayLike = 1e-3,
+    small: ArrayLike = SMALL,
 ) -> EndState:
     """End of a motion sampled at `time` [s] (ascending, not necessarily even, may repeat).
 
@@ -90,25 +95,42 @@ def classify(
     size = jnp.log1p(jnp.abs(velocity - commanded) / V0)
     window = (jnp.asarray(end) - begin) / 4
     a2, a3, a4 = (_largest(time, size, end - k * window, end - (k - 1) * window) for k in (3, 2, 1))
-    tiny = jnp.finfo(size.dtype).tiny
-    before, last = (jnp.log((b + tiny) / (a + tiny)) for a, b in ((a2, a3), (a3, a4)))
-    clear = jnp.maximum(_CLEAR, -0.5 * decay * window)
     half = time >= end - 2 * window
     least, most = _range(velocity, half)
     low, high = _range(deviation, half)
     count, period, spread = _upward(time, deviation - 0.5 * (low + high), half)
     oscillates = count >= 2
-    before = jnp.minimum(before, 0.0)
-    keeps_on = jnp.where(
-        count >= _CYCLES, last <= 0.5 * before, (a4 < _LINEAR) & (last <= 0.25 * before)
-    )
-    steady = (a4 < small) | ((last < clear) & keeps_on)
+    steady, last = settles((a2, a3, a4), count, window, decay, small=small)
     code = ENDS.where(
         steady, ENDS.steady, ENDS.where(oscillates, ENDS.limit_cycle, ENDS.unresolved)
     )
     period, spread = (jnp.where(steady, jnp.inf, x) for x in (period, spread))
     swing, slip = 0.5 * (most - least), 0.5 * (high - low)
     return EndState(code, swing, slip, least, period, spread, last / window)
+
+
+def settles(
+    largest: tuple[Array, Array, Array],
+    count: Array,
+    window: ArrayLike,
+    decay: ArrayLike,
+    *,
+    small: ArrayLike = SMALL,
+) -> tuple[Bool[Array, " *s"], Float[Array, " *s"]]:
+    """Whether a motion settles, by the rule of `classify`, and ln(a4/a3).
+
+    `largest` are a2, a3 and a4, of windows of `window` [s]; `count` of cycles in the last two;
+    `decay` [1/s] what the linear theory promises, inf where nothing is known. Of one shape.
+    """
+    a2, a3, a4 = largest
+    tiny = jnp.finfo(a4.dtype).tiny
+    before, last = (jnp.log((b + tiny) / (a + tiny)) for a, b in ((a2, a3), (a3, a4)))
+    clear = jnp.maximum(CLEAR, -0.5 * decay * jnp.asarray(window))
+    before = jnp.minimum(before, 0.0)
+    keeps_on = jnp.where(
+        count >= CYCLES, last <= 0.5 * before, (a4 < LINEAR) & (last <= 0.25 * before)
+    )
+    return (a4 < small) | ((last < clear) & keeps_on), last
 
 
 def mean_and_spread(

@@ -11,8 +11,12 @@ from jaxtyping import Array, ArrayLike
 from ..motion import PiecewiseVelocity
 from ..rig import Rig
 from ..simulation import RESULTS, Start, Trajectory, simulate
-from .ends import ENDS, EndState, classify
+from .ends import ENDS, RUNAWAY, SMALL, EndState, classify
 
+PERIODS = 30.0
+"""Of the slowest linear mode, in which a motion is given time to end."""
+SPREAD = 1e6
+"""Modes slower than the quickest by more than this are left to the linear theory."""
 _FOLDS = 8.0  # decay by exp(-8) where the rate is known ...
 _STRETCH = 10.0  # ... but no longer than this many horizons
 
@@ -29,8 +33,8 @@ class Policy(eqx.Module):
 
     rtol: float = eqx.field(static=True, default=1e-5)
     max_steps: int = eqx.field(static=True, default=4096)
-    runaway: float = eqx.field(static=True, default=1e9)
-    small: float = eqx.field(static=True, default=1e-3)
+    runaway: float = eqx.field(static=True, default=RUNAWAY)
+    small: float = eqx.field(static=True, default=SMALL)
 
 
 STANDARD = Policy()
@@ -61,8 +65,7 @@ def end_state(
     horizon = jnp.asarray(horizon, V.dtype)
     rate = jnp.zeros_like(V) if decay is None else jnp.asarray(decay, V.dtype)
     known = jnp.isfinite(rate) & (rate > 0)
-    settle = jnp.where(known, _FOLDS / jnp.where(known, rate, 1.0), 0.0)
-    horizon = jnp.clip(settle, horizon, _STRETCH * horizon)
+    horizon = stretched(horizon, rate)
     lead = jnp.zeros_like(V)
     if start is not None and start.elongation is not None:
         lead = jnp.abs(start.elongation / V)
@@ -94,6 +97,19 @@ def _end_of(trajectory: Trajectory, V, lead, horizon, rate, policy: Policy) -> E
         small=policy.small,
     )
     return end.unless(ran_away | ~finite, ENDS.escape).unless(gave_up & finite, ENDS.unresolved)
+
+
+def stretched(horizon: Array, decay: Array) -> Array:
+    """The horizon [s], longer where a known positive decay [1/s] asks for it, at most tenfold."""
+    known = jnp.isfinite(decay) & (decay > 0)
+    settle = jnp.where(known, _FOLDS / jnp.where(known, decay, 1.0), 0.0)
+    return jnp.clip(settle, horizon, _STRETCH * horizon)
+
+
+def slowest_mode(poles: Array) -> Array:
+    """Size of the slowest of the linear modes that a simulation waits for [1/s]."""
+    size = jnp.abs(poles)
+    return jnp.maximum(jnp.min(size), jnp.max(size) / SPREAD)
 
 
 def traced(x: ArrayLike | None) -> Array | None:

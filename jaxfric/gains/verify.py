@@ -17,11 +17,8 @@ from ..stability.margins import poles
 from .check import STARTS, standard_starts
 from .ends import ENDS
 from .scenarios import Scenarios, padded, tiles
-from .settle import end_state
+from .settle import PERIODS, end_state, slowest_mode
 
-_PERIODS = 30.0
-# Modes slower than the quickest by more than this are left to the linear theory.
-_SPREAD = 1e6
 # Simulations in one call: one shape to compile.
 _LANES = 32
 # Factors tried in each round of the search for the basin.
@@ -149,9 +146,7 @@ def _times(scenarios: Scenarios, gains: np.ndarray) -> tuple[np.ndarray, np.ndar
 def _paces(friction, mass, gains):
     def one(friction, mass):
         s = poles(LinearSlider(mass, gains[0], gains[1], friction))
-        size = jnp.abs(s)
-        slow = jnp.maximum(jnp.min(size), jnp.max(size) / _SPREAD)
-        return _PERIODS * 2 * jnp.pi / slow, -jnp.max(s.real)
+        return PERIODS * 2 * jnp.pi / slowest_mode(s), -jnp.max(s.real)
 
     return jax.vmap(one, in_axes=(0, None if mass is None else 0))(friction, mass)
 

@@ -13,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..gains.ends import mean_and_spread
+from ..gains.ends import RUNAWAY, SMALL, mean_and_spread, settles
+from ..gains.settle import PERIODS
 from ..simulation.ensemble import Lanes, Point, Step, integrate
 
 CODES = {
@@ -24,9 +25,7 @@ CODES = {
 }
 STEADY, LIMIT_CYCLE, ESCAPE, FAILED = range(4)
 
-# As of `gains.ends`.
-_CLEAR, _LINEAR, _CYCLES, _SMALL = -0.22, 0.3, 4, 1e-3
-# This much closer than `_SMALL` a linearly stable slider is at the end of its way.
+# This much closer than `SMALL` a linearly stable slider is at the end of its way.
 _CLOSE = 1e-2
 # A slider this much faster than its command, for which no step is small enough, runs away.
 _FAST = 1e3
@@ -88,7 +87,7 @@ def ends(
     *,
     rtol: float = 1e-5,
     max_steps: int = 4096,
-    runaway: float = 1e9,
+    runaway: float = RUNAWAY,
 ) -> Ends:
     """Follow all lanes for `lead` + `horizon` [s] and say how they end.
 
@@ -196,7 +195,7 @@ def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
 
 def _settled(size, step: Step, command) -> Array:
     """Very close to steady sliding, at both ends of a step and in its rates too."""
-    close = _CLOSE * _SMALL
+    close = _CLOSE * SMALL
     rate = sum(jnp.abs(slope) for slope in step.slopes[1])
     h = step.after.time - step.before.time
     return (size < close) & (jnp.abs(step.before.y[0] - command) < close) & (rate * h < close)
@@ -209,16 +208,9 @@ def _widened(ends: tuple[Array, Array], x: Array, inside: Array) -> tuple[Array,
 
 
 def _ended(of: Lanes, seen: _Seen, reached, steps, horizon, decay) -> Ends:
-    tiny = jnp.finfo(horizon.dtype).tiny
     a2, a3, a4 = seen.largest[1:]
-    before, last = jnp.log((a3 + tiny) / (a2 + tiny)), jnp.log((a4 + tiny) / (a3 + tiny))
     rate = jnp.where(decay > 0, decay, jnp.inf)
-    clear = jnp.maximum(_CLEAR, -0.5 * rate * horizon / 4)
-    before = jnp.minimum(before, 0.0)
-    keeps_on = jnp.where(
-        seen.count >= _CYCLES, last <= 0.5 * before, (a4 < _LINEAR) & (last <= 0.25 * before)
-    )
-    steady = seen.arrived | (a4 < _SMALL) | ((last < clear) & keeps_on)
+    steady = seen.arrived | settles((a2, a3, a4), seen.count, horizon / 4, rate)[0]
     # no unstable slider slides steadily: its oscillation is still too small to be seen
     steady = steady & ~(decay < 0)
     code = jnp.where(steady, STEADY, jnp.where(seen.count >= 2, LIMIT_CYCLE, FAILED))
@@ -262,11 +254,4 @@ def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
 def horizon_of(slowest, force_scale, stiffness, velocity) -> Array:
     """Thirty periods of the slowest mode [1/s], or of sticking through the changes of force."""
     stick = 2 * force_scale / (stiffness * velocity)
-    return 30.0 * jnp.maximum(2 * jnp.pi / slowest, stick)
-
-
-def stretched(horizon, decay) -> Array:
-    """Long enough for a known decay to end, but no more than tenfold: as `gains.settle`."""
-    known = jnp.isfinite(decay) & (decay > 0)
-    settle = jnp.where(known, 8.0 / jnp.where(known, decay, 1.0), 0.0)
-    return jnp.clip(settle, horizon, 10.0 * horizon)
+    return PERIODS * jnp.maximum(2 * jnp.pi / slowest, stick)

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..gains.ends import ENDS
-from ..gains.settle import Policy, end_state
+from ..gains.ends import ENDS, RUNAWAY
+from ..gains.settle import Policy, end_state, slowest_mode, stretched
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractLaw, RateState
 from ..simulation import ensemble, step_start
@@ -62,7 +62,6 @@ ENDINGS = (
     Output("period_spread", "s", "half of the range of the periods of its cycles"),
 )
 _NUMBERS = tuple(output.name for output in ENDINGS if output.name != "end")
-_SPREAD = 1e6
 # Until a stable slider is at its end; steps of one that cycles.
 _FOLDS, _CYCLING = 12.0, 700.0
 
@@ -98,7 +97,7 @@ class Sliders:
     rtol: float = 1e-6
     max_steps: int = 4096
     inertia: bool = False
-    runaway: float = field(default=1e9)
+    runaway: float = field(default=RUNAWAY)
 
     def __call__(self, varied: Mapping[str, Array]) -> dict[str, Array]:
         """Outputs of an array of members."""
@@ -169,8 +168,7 @@ class Sliders:
     def _pace(self, p: Mapping[str, Array]) -> tuple[Array, Array]:
         """Slowest mode that matters and slowest decay [1/s]."""
         s = poles(self._slider(p, mass=self.inertia))
-        size = jnp.abs(s)
-        return jnp.maximum(jnp.min(size), jnp.max(size) / _SPREAD), -jnp.max(s.real)
+        return slowest_mode(s), -jnp.max(s.real)
 
     def _lanes(self, p: Mapping[str, Array]) -> tuple[ensemble.Lanes, ensemble.Point]:
         law = self._law(p)
@@ -182,7 +180,7 @@ class Sliders:
         of, start = self._lanes(p)
         slowest, decay = jax.vmap(self._pace)(p)
         horizon = streaming.horizon_of(slowest, of.law.A, of.stiffness, of.velocity)
-        horizon = streaming.stretched(horizon, decay)
+        horizon = stretched(horizon, decay)
         steady = of.law.A - jnp.sum(of.law.B, axis=1)
         lead = jnp.abs(steady * jnp.log(p["ratio"]) / (of.stiffness * of.velocity))
         found = streaming.ends(
