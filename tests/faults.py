@@ -21,6 +21,7 @@ UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
 AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
 SETTLING = "tests/test_end_states.py -k thresholds"
+REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
 )
@@ -345,6 +346,11 @@ FAULTS = (
           "SMALL = 1e-3", "SMALL = 2e-3", SETTLING),
     Fault("what brakes is taken to decay", "gains/ends.py",
           "last <= 0.5 * before, (a4", "last <= 0.0 * before, (a4", SETTLING),
+    Fault("the law of a study is logarithmic", "members/sliders.py",
+          "return rate_state(self.law, p, self.states)",
+          "return rate_state(self.law, p, self.states, LogarithmicEffect())", REGULARISED),
+    Fault("another law of massless motions is not told", "members/make.py",
+          "_FAR_FROM_REST, _SEEN = 20.0", "_FAR_FROM_REST, _SEEN = 1.0", REGULARISED),
     Fault("a law forgets what its fit warned of", "gains/source.py",
           "return (*own_warnings(content), *_doubts(", "return (*(), *_doubts(", WARNED),
     Fault("a law forgets what its loop warned of", "gains/loop_source.py",

@@ -362,6 +362,30 @@ def test_what_a_fit_warned_of_is_told_and_kept(where: str) -> None:
     assert drawn.code == 0 and drawn.err.count(own) == 1, drawn.err
 
 
+def test_the_law_of_a_file_stays_regularised() -> None:
+    """Near rest f = A asinh(x), x = V/(2 V_ref) exp((f0 + theta)/A): every slope has the factor
+    x/sqrt(1 + x^2). Where massless motions have another law, one line says so."""
+    content = fit_content(friction_unit="N")
+    content["parameters"]["f0"]["value"] = 0.02
+    written(Path("fit.json"), json.dumps(content))
+    V, A, B, L, V_ref = 3e-6, 0.01, 0.03, 1e-5, 1e-6
+    text = 'outputs = [OUT]\n[rig]\nfrom = "fit.json"\nV0 = "3 um/s"\n[axes]\n'
+    text += 'k_p = { values = ["1 kN/m", "9 kN/m"] }\n'
+    written(Path("study.toml"), 'compute = ["margins"]\n' + text.replace("OUT", '"k_cr"'))
+    outcome = run("study", "study.toml")
+    assert outcome.code == 0 and "A ln(V/V_ref)" not in outcome.err, outcome.err
+    x = V / (2 * V_ref) * np.exp((0.02 - B * np.log(V / V_ref)) / A)
+    expected = x / np.hypot(1, x) * (B - A) / L
+    assert expected < 0.5 * (B - A) / L
+    np.testing.assert_allclose(study.load("study.zarr").k_cr, expected, rtol=1e-9)
+    for f0, told in ((0.02, True), (0.6, False)):
+        content["parameters"]["f0"]["value"] = f0
+        written(Path("fit.json"), json.dumps(content))
+        written(Path("ends.toml"), 'compute = ["simulate"]\n' + text.replace("OUT", '"end"'))
+        (*lines,) = make(Path("ends.toml")).spec.warnings
+        assert len(lines) == told and ("f0 is down to 2 A" in "".join(lines)) == told
+
+
 @pytest.mark.parametrize("where", ["rig", "axes"])
 @pytest.mark.parametrize(
     ("changes", "words"),

@@ -1,9 +1,11 @@
 """From a study.toml to the function, grid and outputs of a study, and running it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..errors import InputError
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw
@@ -19,6 +21,9 @@ _CHUNKS = {"gains": 16, "fit": 4, "loop": 1}
 # Members that share a loop: what fits into a cache; a stiff solver's are held by the slowest.
 _BATCH, _BATCH_SLOW = 512, 16
 _SAMPLES = 100
+# Steady friction in units of A above which the regularised and the logarithmic direct effect are
+# the same to rounding, and samples that are looked at for the least of it.
+_FAR_FROM_REST, _SEEN = 20.0, 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +92,9 @@ def _sliders(spec: Spec) -> Made:
             f"{spec.path.name}: force and velocity in time are for massless sliders under the slip"
             " or ageing law; leave these outputs out"
         )
+    simulated = {"end", "force", "velocity"} & set(wanted)
+    if simulated and not slow:
+        spec = replace(spec, warnings=(*spec.warnings, *_logarithmic(spec)))
     duration = table.get("duration")
     function = Sliders(
         law,
@@ -101,7 +109,6 @@ def _sliders(spec: Spec) -> Made:
     )
     slow = slow and "end" in wanted
     chunk = _CHUNK_SLOW if slow else _CHUNK_WITH_TRACES if traced else _CHUNK
-    simulated = {"end", "force", "velocity"} & set(wanted)
     return Made(
         spec,
         function,
@@ -112,6 +119,31 @@ def _sliders(spec: Spec) -> Made:
         _BATCH_SLOW if slow else _BATCH,
         not slow,
     )
+
+
+def _logarithmic(spec: Spec) -> list[str]:
+    """A line where massless motions are not those of the regularised direct effect."""
+    if "f0" not in (*spec.fixed, *spec.grid.names):
+        return []  # 50 A
+    least = _range_of(spec, "f0")[0] / _range_of(spec, "A")[1]
+    if least > _FAR_FROM_REST:
+        return []
+    return [
+        "motions without mass are simulated with the direct effect A ln(V/V_ref), with which they"
+        " need no root, and margins with the regularised one: f0 is down to"
+        f" {least:.3g} A here, where the two differ; for one law in both give m and inertia = true"
+    ]
+
+
+def _range_of(spec: Spec, name: str) -> tuple[float, float]:
+    """Least and largest value of a parameter, among the first samples where it is drawn."""
+    if name in spec.fixed:
+        return spec.fixed[name], spec.fixed[name]
+    values = [np.asarray(axis.values) for axis in spec.grid.axes if axis.name == name]
+    samples = spec.grid.samples
+    if samples is not None and not values:
+        values = [samples.draw(0, min(samples.number, _SEEN))[name]]
+    return float(np.min(values)), float(np.max(values))
 
 
 def _refuse_massless(spec: Spec, law, inertia: bool) -> None:

@@ -10,7 +10,13 @@ import jax.numpy as jnp
 
 from ..errors import InputError
 from ..quantity import Quantity
-from ..rig.friction import AgeingEvolution, LogarithmicEffect, RateState, SlipEvolution
+from ..rig.friction import (
+    AbstractDirectEffect,
+    AgeingEvolution,
+    RateState,
+    RegularisedEffect,
+    SlipEvolution,
+)
 from ..units import parse_quantity
 
 EVOLUTIONS = {"slip": SlipEvolution, "ageing": AgeingEvolution}
@@ -103,11 +109,17 @@ def needed(states: int) -> list[str]:
     return ["A", "B", "L", *more]
 
 
-def rate_state(kind: str, p: Mapping[str, Any], states: int) -> RateState:
+def rate_state(
+    kind: str,
+    p: Mapping[str, Any],
+    states: int,
+    direct: AbstractDirectEffect = RegularisedEffect(),  # noqa: B008
+) -> RateState:
     """The law of one member or, where parameters are arrays, of all: states along the last axis.
 
-    The reference velocity matters to f0 only, and f0 to a start at rest only: by default they are
-    the commanded velocity and 50 A.
+    The direct effect is the regularised one, as in the law of a file or of the command.
+    The reference velocity matters to f0 only, and f0 only where friction is less than some 20 A, or
+    at rest: by default they are the commanded velocity and 50 A.
     """
     B = [p["B" if i == 1 else f"B{i}"] for i in range(1, states + 1)]
     L = [p["L" if i == 1 else f"L{i}"] for i in range(1, states + 1)]
@@ -119,6 +131,6 @@ def rate_state(kind: str, p: Mapping[str, Any], states: int) -> RateState:
         jnp.stack([jnp.asarray(x) for x in L], axis=-1),
         jnp.asarray(p.get("V_ref", p["V0"])),
         EVOLUTIONS[kind](),
-        LogarithmicEffect(),
+        direct,
         jnp.zeros_like(A),
     )

@@ -18,7 +18,7 @@ from jaxtyping import Array
 from ..gains.ends import ENDS, RUNAWAY
 from ..gains.settle import Policy, end_state, slowest_mode, stretched
 from ..rig import Inertial, QuasiStatic, Rig
-from ..rig.friction import AbstractLaw, RateState
+from ..rig.friction import AbstractLaw, LogarithmicEffect
 from ..simulation import ensemble, step_start
 from ..simulation.start import regularised
 from ..stability.linear import LinearSlider, linearise
@@ -171,8 +171,8 @@ class Sliders:
         return slowest_mode(s), -jnp.max(s.real)
 
     def _lanes(self, p: Mapping[str, Array]) -> tuple[ensemble.Lanes, ensemble.Point]:
-        law = self._law(p)
-        assert isinstance(law, RateState)
+        assert isinstance(self.law, str)
+        law = rate_state(self.law, p, self.states, LogarithmicEffect())
         of = ensemble.lanes(law, p["k_p"], p["k_v"], p["V0"])
         return of, ensemble.stepped(of, p["ratio"])
 
