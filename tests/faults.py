@@ -15,6 +15,7 @@ FAMILY = "tests/test_family_tables.py"
 GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
 STEADY = "tests/test_steady_noise.py"
+SETTLED, HEAT = "tests/test_effects.py -k steady", "tests/test_linear.py -k heat"
 ERRORS, WORDS = "tests/test_noise_error.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
@@ -372,5 +373,12 @@ FAULTS = (
     Fault("a prediction forgets what its fit warned of", "prediction/model.py",
           "return (*own_warnings(self.content), *(", "return (*(",
           "tests/test_predict.py -k through_the_command"),
+    Fault("steady heat is not solved for", "effects/friction.py",
+          "couples: ClassVar[bool] = True", "couples: ClassVar[bool] = False", SETTLED),
+    Fault("steady heat is that of the other friction", "rig/friction/extended.py",
+          "force = force - value / slope", "force = force", HEAT),
+    Fault("steady heat carries no derivatives", "rig/friction/extended.py",
+          "return self._settled(V, force, at)",
+          "return self._settled(V, jax.lax.stop_gradient(force), at)", SETTLED),
 )
 # fmt: on

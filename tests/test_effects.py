@@ -4,12 +4,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import jaxfric as jf
 from jaxfric.effects import CATALOGUE, RecordScales, effect_of, null, parameters
 from jaxfric.effects.effect import ROOMS
 from jaxfric.rig import recorded_stress
 from jaxfric.rig.friction import Conditions
+from jaxfric.rig.friction.extended import ExtendedLaw
 
 UM = 1e-6
 MOTION = jf.PiecewiseVelocity([0.0, 40.0, 50.0], [1 * UM, 10 * UM, 3 * UM])
@@ -169,6 +171,139 @@ def test_second_state_is_the_two_state_law():
     ).recorded
     found = predict(changed("second_state", B2=0.002, L2=50 * UM))
     np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
+# In steady sliding: each effect of the room of friction, well away from its null.
+PRESENT = {
+    "second_state": {"B2": 0.004, "L2": 40 * UM},
+    "aging": {"q": 0.4},
+    "velocity_dependent_L": {"n": 0.3},
+    "evolution_cutoff": {"c": 3e4},
+    "viscous": {"c": 300.0},
+    "stribeck": {"fs": 0.01, "Vs": 5 * UM, "d": 1.2},
+    "slip_trend": {"s": 3.0},
+    "run_in": {"d": 0.01, "dc": 1e-4},
+    "position_periodic": {"a": 0.003, "b": 0.005, "wavelength": 60 * UM},
+    "normal_stress": {"alpha": 0.2},
+    "thermal": {"a_T": 0.03, "tau_T": 8.0},
+    "frictional_delay": {"alpha": 0.3},
+}
+DECADE = np.geomspace(10**-0.5, 10**0.5, 5)
+SPEED = 7 * UM
+
+
+def rest_of_rate(law, V):
+    """The largest rate of a state at the steady state, over that a hundredth of A beside it."""
+    V, at = jnp.asarray(V), Conditions(jnp.zeros(()), jnp.zeros(()))
+    state = law.steady_state(V)
+    away = law.rate(V, state + 0.01 * law.base.A, at)
+    return jnp.max(jnp.abs(law.rate(V, state, at) / away))
+
+
+def multiplied(id, factor):
+    return {n: min(factor * v, 4.0) if n == "d" else factor * v for n, v in PRESENT[id].items()}
+
+
+def test_all_effects_of_friction_are_among_those_present():
+    assert set(PRESENT) == {id for id, effect in CATALOGUE.items() if effect.room == "friction"}
+
+
+@pytest.mark.parametrize("id", PRESENT)
+def test_no_rate_is_left_in_steady_sliding(id):
+    for factor in DECADE[::2]:
+        chosen = {n: jnp.asarray(v) for n, v in multiplied(id, factor).items()}
+        assert rest_of_rate(CATALOGUE[id](**chosen).embed(rig()).friction, SPEED) < 1e-10
+
+
+def test_no_rate_is_left_with_two_effects():
+    """Each pair, the others at their null, which change nothing; and all of them at once."""
+    pairs = [(a, b) for a in PRESENT for b in PRESENT if a < b]
+    values = []
+    for ids in [*pairs, tuple(PRESENT)]:
+        for factor in DECADE:
+            some = NULLS
+            for id in ids:
+                for name, value in multiplied(id, factor).items():
+                    some = some.at[NAMES.index((id, name))].set(value)
+            values.append(some)
+    found = jax.jit(jax.vmap(lambda v: rest_of_rate(with_all(v, rig()).friction, SPEED)))(
+        jnp.stack(values)
+    )
+    assert np.max(np.asarray(found)) < 1e-10
+
+
+def heated(a_T, c_T, B2, c, V=SPEED):
+    """State of steady sliding with heat, cutoff, a second state and viscosity, by SciPy."""
+    u = np.log(V / UM)
+    theta, second = -0.014 * (u - np.log1p(c_T * V)), -B2 * u
+
+    def excess(T):
+        f = 0.6 + 0.01 * u + theta + second + c * V - T
+        return a_T * f * V / (0.6 * UM) - T
+
+    return np.array([theta, second, brentq(excess, 0.0, 10.0, xtol=1e-16, rtol=1e-15)])
+
+
+def heated_law(values):
+    a_T, c_T, B2, c = values
+    found = CATALOGUE["evolution_cutoff"](c=c_T).embed(rig())
+    found = CATALOGUE["second_state"](B2=B2, L2=jnp.asarray(40 * UM)).embed(found)
+    found = CATALOGUE["viscous"](c=c).embed(found)
+    return CATALOGUE["thermal"](a_T=a_T, tau_T=jnp.asarray(8.0)).embed(found).friction
+
+
+def test_steady_heat_is_that_of_the_whole_of_friction():
+    """States and their derivatives by every parameter and V, over a decade of heat."""
+
+    @jax.jit
+    def settled(values, V):
+        def state(values, V):
+            return heated_law(values).steady_state(V)
+
+        slopes = jax.jacfwd(state, (0, 1))(values, V)
+        return state(values, V), jnp.column_stack(slopes), jax.jacrev(state)(values, V)
+
+    for a_T in 0.03 * DECADE:
+        values = np.array([a_T, 3e4, 0.004, 300.0, SPEED])
+
+        def truth(factors, values=values):
+            return heated(*(factors * values))
+
+        state, forward, reverse = settled(jnp.asarray(values[:4]), jnp.asarray(SPEED))
+        np.testing.assert_allclose(state, truth(np.ones(5)), rtol=1e-12)
+        h = 1e-4 * np.eye(5)
+        slopes = np.stack([(truth(1 + d) - truth(1 - d)) / 2e-4 for d in h], axis=1)
+        np.testing.assert_allclose(np.asarray(forward) * values, slopes, atol=1e-9)
+        np.testing.assert_allclose(reverse, forward[:, :4], rtol=1e-12, atol=1e-15)
+
+
+def test_only_heat_has_anything_to_solve(monkeypatch):
+    """Nothing else so much as asks for the force."""
+    laws = {id: CATALOGUE[id]().embed(rig()).friction for id in PRESENT}
+    asked = []
+    force = ExtendedLaw.force
+
+    def watched(law, V, state, at):
+        asked.append(law)
+        return force(law, V, state, at)
+
+    monkeypatch.setattr(ExtendedLaw, "force", watched)
+    solved = set()
+    for id, law in laws.items():
+        asked.clear()
+        law.steady_state(jnp.asarray(SPEED))
+        solved |= {id} if asked else set()
+    assert solved == {"thermal"}
+
+
+def test_steady_sliding_with_heat_stays_steady():
+    """From its start on; of a start beside it friction would move by what it is beside it."""
+    law = heated_law(jnp.asarray([0.03, 3e4, 0.004, 300.0]))
+    motion = jf.PiecewiseVelocity([0.0], [SPEED])
+    found = jf.simulate(jf.Rig(jf.QuasiStatic(4e3), law), motion, jnp.linspace(0, 60, 30))
+    force = np.asarray(found.force)
+    assert found.result == jf.RESULTS.successful
+    np.testing.assert_allclose(force, force[0], rtol=1e-12)
 
 
 def test_unknown_effect_suggests_the_nearest():

@@ -8,8 +8,10 @@ import pytest
 from helpers import EVOLUTIONS
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 import jaxfric as jf
+from jaxfric.effects import effect_of
 from jaxfric.errors import InputError
 from jaxfric.rig.friction import Dahl, GaussianStribeck, HessSoom
 from jaxfric.rig.friction.law import AbstractLaw
@@ -23,6 +25,7 @@ from jaxfric.stability.linear import (
     to_control,
     to_scipy,
 )
+from jaxfric.stability.theorem import apply_theorem
 
 V = 3e-6
 A, B, L = 0.01, np.array([0.014, -0.004, 0.003]), np.array([10e-6, 60e-6, 2e-6])
@@ -129,6 +132,37 @@ def test_equation_8_is_the_first_order_of_the_law(law):
     g = jax.vmap(kernel_function(friction.kernel))(jnp.asarray(time - t))
     expected = friction.slope * np.sin(1.7 * time) - np.sum(w * np.asarray(g) * np.sin(1.7 * t))
     np.testing.assert_allclose(measured, expected, rtol=2e-5)
+
+
+def by_hand_with_heat(s, at, a_T, tau, c_T, c):
+    """F(s) of the slip law with heat, a cutoff and viscosity; the steady force by SciPy."""
+    heat, u = a_T / (0.6 * 1e-6), np.log(at / 1e-6)
+    others = 0.6 + A * u - B[0] * (u - np.log1p(c_T * at)) + c * at
+    force = brentq(lambda f: others - heat * at * f - f, 0.0, others, xtol=1e-16)
+    F = A / at + c - B[0] / (1 + c_T * at) / L[0] / (s + at / L[0])
+    return (F - heat * force / (tau * s + 1)) / (1 + heat * at / (tau * s + 1))
+
+
+def test_a_rig_with_heat_by_hand():
+    """Kernel and critical stiffness where the steady state follows from the whole of friction."""
+    at, some = 7e-6, (0.03, 4.0, 3e4, 300.0)
+    rig = jf.Rig(jf.QuasiStatic(4e3), rate_state("slip", 1))
+    for effect, values in (
+        ("evolution_cutoff", {"c": some[2]}),
+        ("viscous", {"c": some[3]}),
+        ("thermal", {"a_T": some[0], "tau_T": some[1]}),
+    ):
+        rig = effect_of(effect)(**{n: jnp.asarray(v) for n, v in values.items()}).embed(rig)
+    slider = linearise(rig, at)
+    for s in 1j * np.geomspace(1e-3, 1e3, 13) * at / L[0]:
+        expected = by_hand_with_heat(s, at, *some)
+        found = slider.friction.transfer(jnp.asarray(s))
+        np.testing.assert_allclose(np.asarray(found), expected, rtol=1e-10)
+    w = brentq(lambda w: by_hand_with_heat(1j * w, at, *some).real, 0.1, 10.0, xtol=1e-15)
+    critical = float(w * by_hand_with_heat(1j * w, at, *some).imag)
+    theorem = apply_theorem(slider)
+    np.testing.assert_allclose(theorem.critical_stiffness, critical, rtol=1e-8)
+    np.testing.assert_allclose(theorem.critical_frequency, w, rtol=1e-8)
 
 
 def test_a_memoryless_law_has_no_kernel():

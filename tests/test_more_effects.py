@@ -123,6 +123,15 @@ def test_normal_stress_needs_the_channel():
     )
 
 
+def test_heat_is_that_of_the_plant():
+    """From the first row on: by the heat of f0 alone the start would be a_T^2/f0 = 1.7e-4 off."""
+    b = base(3.0)
+    truth = plant(b, PROTOCOL, {"thermal": {"a_T": 0.01, "tau_T": 9.0}}, TS).record
+    found = np.asarray(predict(made("thermal", a_T=0.01, tau_T=9.0).embed(rig(b))))
+    np.testing.assert_allclose(found, truth, atol=2e-6)
+    assert np.max(np.abs(truth - plant(b, PROTOCOL, {}, TS).record)) > 5e-3
+
+
 # K L/A, size of the effect, largest relative error: the ranges that the effects promise
 @pytest.mark.long
 @pytest.mark.parametrize(

@@ -65,6 +65,7 @@ class _DelayTerm(AbstractTerm):
 
     moves: ClassVar[bool] = True
     states: ClassVar[int] = 3
+    couples: ClassVar[bool] = False
     alpha: Float[Array, ""]
     c: Float[Array, ""]
 
@@ -79,7 +80,8 @@ class _DelayTerm(AbstractTerm):
         del force
         return _SCALE * at.base.A * self._past(at).rates
 
-    def steady_state(self, V, base):
+    def steady_state(self, V, base, force):
+        del force
         u = jnp.log(jnp.abs(V) / base.V0)
         return _SCALE * base.A * jnp.stack([u, u, jnp.zeros_like(V)])
 
@@ -175,6 +177,7 @@ class _FirstOrderTerm(AbstractTerm):
 
     moves: ClassVar[bool] = True
     states: ClassVar[int] = 0
+    couples: ClassVar[bool] = False
     alpha: Float[Array, ""]
 
     def force(self, at: Contact):
@@ -184,8 +187,8 @@ class _FirstOrderTerm(AbstractTerm):
         del force
         return at.state
 
-    def steady_state(self, V, base):
-        del base
+    def steady_state(self, V, base, force):
+        del base, force
         return jnp.zeros((0,), V.dtype)
 
     def shift(self, at: Contact):

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..quantity import quantity
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
+from ..rig.friction.rate_state import RateState
 from .effect import AbstractEffect, AbstractLinearEffect, with_evolution, with_term
 
 _TRUE = np.asarray(True)
@@ -17,6 +18,7 @@ _LOG_MAX = 40.0
 class _SecondStateTerm(AbstractTerm):
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 1
+    couples: ClassVar[bool] = False
     B: Float[Array, ""]
     L: Float[Array, ""]
 
@@ -29,7 +31,8 @@ class _SecondStateTerm(AbstractTerm):
         log_r = jnp.log(jnp.where(r > 0, r, 1.0))
         return jnp.where(r > 0, -(jnp.abs(at.V) / self.L) * (at.state + self.B * log_r), 0.0)
 
-    def steady_state(self, V, base):
+    def steady_state(self, V, base, force):
+        del force
         return -self.B * jnp.log(jnp.abs(V) / base.V0)[None]
 
     def shift(self, at: Contact):
@@ -280,6 +283,7 @@ class PositionPeriodic(AbstractEffect):
 class _LinkerTerm(AbstractTerm):
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 0
+    couples: ClassVar[bool] = False
     alpha: Float[Array, ""]
 
     def force(self, at: Contact):
@@ -289,8 +293,8 @@ class _LinkerTerm(AbstractTerm):
         del force
         return at.state
 
-    def steady_state(self, V, base):
-        del base
+    def steady_state(self, V, base, force):
+        del base, force
         return jnp.zeros((0,), V.dtype)
 
     def shift(self, at: Contact):
@@ -325,6 +329,7 @@ class NormalStressState(AbstractLinearEffect):
 class _ThermalTerm(AbstractTerm):
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 1
+    couples: ClassVar[bool] = True
     a: Float[Array, ""]
     tau: Float[Array, ""]
 
@@ -332,16 +337,18 @@ class _ThermalTerm(AbstractTerm):
         return -at.state[0]
 
     def rate(self, at: Contact, force):
-        power = force * at.V / (at.base.f0 * at.base.V0)
-        return (self.a * power - at.state) / self.tau
+        return (self.a * _power(at.V, at.base, force) - at.state) / self.tau
 
-    def steady_state(self, V, base):
-        # of the base law: what the effect itself takes away is of second order in it
-        level = base.f0 + (base.A - jnp.sum(base.B)) * jnp.log(jnp.abs(V) / base.V0)
-        return (self.a * level * V / (base.f0 * base.V0))[None]
+    def steady_state(self, V, base, force):
+        return (self.a * _power(V, base, force))[None]
 
     def shift(self, at: Contact):
         del at
+
+
+def _power(V: Float[Array, ""], base: RateState, force: Float[Array, ""]) -> Float[Array, ""]:
+    """Heat that friction makes, over that of f0 at V0."""
+    return force * V / (base.f0 * base.V0)
 
 
 class Thermal(AbstractEffect):

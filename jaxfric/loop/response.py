@@ -182,7 +182,7 @@ def _term_force(response: Response, term: AbstractTerm) -> Float[Array, " k+1"]:
     def rate(i, part):
         return term.rate(contact(i, part), response.force[i])
 
-    first = term.steady_state(response.velocity[0], law.base)
+    first = term.steady_state(response.velocity[0], law.base, response.force[0])
     A = jax.vmap(lambda i: jax.jacfwd(rate, 1)(i, first))(rows)
     driven = jax.vmap(lambda i: rate(i, first))(rows) - A @ first
     # exact between rows for constant coefficients: rows are at the middles of intervals

@@ -8,10 +8,18 @@ base, to rounding: that is what makes fits with and without a term comparable.
 A term may also stand between the states and their evolution. Where theta' holds the rate of
 something known, h(V, n)', the states integrated are theta - h: the term adds h as a force and gives
 it back, by `shift`, to the evolution, and nothing has to be differentiated.
+
+In steady sliding at V no rate is left. A term's states follow from V alone or, where the term
+couples, from V and the whole friction force f, which those states are a part of: heat comes from
+all of friction. One number is then unknown, however many terms couple,
+
+    f = F(V, z(V, f))
+
+and Newton's method finds it. Without a term that couples nothing is solved.
 """
 
 import abc
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,6 +31,8 @@ from .law import AbstractInvertibleLaw, Conditions
 from .rate_state import AbstractEvolution, RateState
 
 _NEWTON_STEPS = 3
+# One is exact where states are proportional to the force, the next takes its rounding away.
+_SETTLING_STEPS = 2
 _LOG_MAX = 40.0
 
 
@@ -48,6 +58,8 @@ class AbstractTerm(eqx.Module):
     """Whether its force depends on the velocity now."""
     states: eqx.AbstractClassVar[int]
     """Number of its states."""
+    couples: eqx.AbstractClassVar[bool]
+    """Whether its steady state depends on the whole friction force."""
 
     @abc.abstractmethod
     def force(self, at: Contact) -> Float[Array, ""]:
@@ -58,8 +70,11 @@ class AbstractTerm(eqx.Module):
         """Time derivative of its states; `force` is the whole friction force."""
 
     @abc.abstractmethod
-    def steady_state(self, V: Float[Array, ""], base: RateState) -> Float[Array, " n"]:
-        """Its states in steady sliding at `V`."""
+    def steady_state(
+        self, V: Float[Array, ""], base: RateState, force: Float[Array, ""]
+    ) -> Float[Array, " n"]:
+        """Its states in steady sliding at `V`, where `rate` vanishes; `force` is the whole
+        friction force there, and is 0 where the term does not couple."""
 
     @abc.abstractmethod
     def shift(self, at: Contact) -> Float[Array, ""] | None:
@@ -69,14 +84,18 @@ class AbstractTerm(eqx.Module):
 class AbstractStatelessTerm(AbstractTerm):
     """An addition to friction that has no states."""
 
+    couples: ClassVar[bool] = False
+
     def rate(self, at: Contact, force: Float[Array, ""]) -> Float[Array, " 0"]:
         """None."""
         del force
         return at.state
 
-    def steady_state(self, V: Float[Array, ""], base: RateState) -> Float[Array, " 0"]:
+    def steady_state(
+        self, V: Float[Array, ""], base: RateState, force: Float[Array, ""]
+    ) -> Float[Array, " 0"]:
         """None."""
-        del base
+        del base, force
         return jnp.zeros((0,), V.dtype)
 
     def shift(self, at: Contact) -> None:
@@ -107,8 +126,23 @@ class ExtendedLaw(AbstractInvertibleLaw):
         return jnp.concatenate(rates)
 
     def steady_state(self, V):
-        parts = [term.steady_state(V, self.base) for term in self.terms]
-        at = Conditions(jnp.zeros_like(V), jnp.zeros_like(V))
+        at, none = Conditions(jnp.zeros_like(V), jnp.zeros_like(V)), jnp.zeros_like(V)
+        state = self._settled(V, none, at)
+        if not any(term.couples for term in self.terms):
+            return state
+
+        def excess(force):
+            return force - self.force(V, self._settled(V, force, at), at)
+
+        force = self.force(V, state, at)
+        for _ in range(_SETTLING_STEPS):
+            value, slope = jax.jvp(excess, (force,), (jnp.ones_like(force),))
+            force = force - value / slope
+        return self._settled(V, force, at)
+
+    def _settled(self, V, force, at: Conditions):
+        """The states in steady sliding at `V` where the whole friction force is `force`."""
+        parts = [term.steady_state(V, self.base, force) for term in self.terms]
         theta = self.base.steady_state(V)
         theta = theta - (self._seen(V, theta, parts, at) - theta)
         return jnp.concatenate([theta, *parts])
