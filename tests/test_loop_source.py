@@ -16,9 +16,9 @@ from jaxfric.effects.friction import _SecondStateTerm, _ViscousTerm
 from jaxfric.errors import InputError
 from jaxfric.gains import find_gains
 from jaxfric.gains.loop_source import law_from_loop
-from jaxfric.gains.settled_law import SettledLaw
 from jaxfric.members.saved_law import law_from_file
 from jaxfric.rig.friction import Conditions, RateState, critical_stiffness
+from jaxfric.rig.friction.extended import ExtendedLaw
 from jaxfric.stability.linear import linear_friction
 
 UM, NORMAL = 1e-6, 500.0
@@ -212,9 +212,9 @@ def test_samples(tmp_path):
     after["covariance"][-1] = [None] * len(after["free"])
     path = written(tmp_path, content)
     found = law_from_loop(path, normal_force=NORMAL, samples=3000)
-    assert isinstance(found.samples, SettledLaw)
-    base = found.samples.law.base
-    second, viscous = found.samples.law.terms
+    assert isinstance(found.samples, ExtendedLaw)
+    base = found.samples.base
+    second, viscous = found.samples.terms
     assert isinstance(second, _SecondStateTerm) and isinstance(viscous, _ViscousTerm)
     A, B = np.asarray(base.A)[1:], np.asarray(base.B)[1:, 0]
     assert np.corrcoef(A, B)[0, 1] == pytest.approx(0.8, abs=0.03)

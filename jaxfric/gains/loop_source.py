@@ -41,7 +41,6 @@ from .saved import (
     table_damage,
     values_of,
 )
-from .settled_law import SettledLaw
 from .source import (
     EVOLUTIONS,
     LawSource,
@@ -71,10 +70,10 @@ def law_from_loop(
     """The law after the loop of a `loop.json` in newtons, and samples of its parameters.
 
     A slip law with no effect but a second state is a `RateState` of two states; with any other
-    effect of friction it is an `ExtendedLaw` (in a `SettledLaw`). The direct effect is the
-    regularised one. The samples are drawn as by `law_from_fit`, from the covariance of the
-    extended fit. What the loop itself warned of, what is left out of the law, and a verdict by
-    which it does not describe the record, are in `warnings`.
+    effect of friction it is an `ExtendedLaw`. The direct effect is the regularised one. The
+    samples are drawn as by `law_from_fit`, from the covariance of the extended fit. What the loop
+    itself warned of, what is left out of the law, and a verdict by which it does not describe the
+    record, are in `warnings`.
 
     Parameters
     ----------
@@ -145,7 +144,7 @@ def _law(p: Mapping, kind: str, states: int, effects, scale: float) -> AbstractL
         }
         rig = effect(**fields).embed(rig)
     assert isinstance(rig.friction, ExtendedLaw)
-    return SettledLaw(rig.friction)
+    return rig.friction
 
 
 def _in_law(effect: type[AbstractEffect]) -> bool:
