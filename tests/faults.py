@@ -16,6 +16,7 @@ GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
 STEADY = "tests/test_steady_noise.py"
 SETTLED, HEAT = "tests/test_effects.py -k steady", "tests/test_linear.py -k heat"
+WARM = "tests/test_loop_response.py -k heat"
 ERRORS, WORDS = "tests/test_noise_error.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
@@ -380,5 +381,7 @@ FAULTS = (
     Fault("steady heat carries no derivatives", "rig/friction/extended.py",
           "return self._settled(V, force, at)",
           "return self._settled(V, jax.lax.stop_gradient(force), at)", SETTLED),
+    Fault("a force from the start leaves heat where it was", "loop/response.py",
+          "y0 = self.begin[:, None] * first", "y0 = 0 * self.begin[:, None] * first", WARM),
 )
 # fmt: on

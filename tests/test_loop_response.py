@@ -194,6 +194,25 @@ def test_response_gives_the_exact_sensitivities(name, request):
         assert error(slip, rows.extra_jacobian[:n, k]) < 5e-3, id
 
 
+def test_response_of_a_law_with_heat(soft):
+    """A force that is there from the start changes the heat of steady sliding, which it begins in.
+
+    In the first rows: there the midpoint rule has not yet erred by more.
+    """
+    z, wave = soft.z.copy(), soft.index("position_periodic", "b")
+    z[soft.index("thermal", "a_T")] = 0.002 / soft.engine.problem._scale("thermal.a_T")
+    case, early = soft._replace(z=z), slice(5)
+    unit = per_unit(case, "position_periodic")
+    truth = case.engine.evaluate(z).jacobian[early, wave] / unit
+
+    def wrong(response):
+        return error(seen(case, response)["position_periodic"][0], truth)
+
+    good = response_of(case)
+    assert wrong(good) < 5e-6
+    assert wrong(eqx.tree_at(lambda r: r.begin, good, 0.0 * good.begin)) > 1e-4
+
+
 def test_response_converges_to_scipy(soft):
     """Friction and slip; with rows twice as far apart the error is four times as large."""
     fine, coarse = seen(soft, response_of(soft)), seen(soft, response_of(soft, TIMES[::2]))

@@ -51,10 +51,15 @@ def _unknowns(equation: SliderEquation, moved) -> dict[str, Array]:
     return y
 
 
+def _begun(equation: SliderEquation, force: Float[Array, ""]) -> SliderEquation:
+    """With `force` added at the start, where sliding is steady, and ever since."""
+    where = lambda rig: rig.friction.terms[-1].value  # noqa: E731
+    return SliderEquation(eqx.tree_at(where, equation.rig, force), equation.motion)
+
+
 def _probed(equation: SliderEquation, g: Float[Array, " 2"]) -> SliderEquation:
-    """With the force g[0] added now, and g[1] at the start, where sliding is steady."""
-    where = lambda e: (e.law.terms[-1].value, e.reference)  # noqa: E731
-    return eqx.tree_at(where, equation, (g[0], equation.reference + g[1]))
+    """With the force g[0] added now, and g[1] at the start."""
+    return eqx.tree_at(lambda e: e.law.terms[-1].value, _begun(equation, g[1]), g[0])
 
 
 class Response(eqx.Module):
@@ -73,6 +78,8 @@ class Response(eqx.Module):
     propagate: Float[Array, "k d d"]
     driven: Float[Array, "k d"]
     by_start: Float[Array, "k d"]
+    begin: Float[Array, " d"]
+    """By a force at the start: states that depend on the whole of friction begin elsewhere."""
     read: Float[Array, "k d"]
     read_directly: Float[Array, "k 2"]
     read_slip: Float[Array, "k d"]
@@ -89,12 +96,13 @@ class Response(eqx.Module):
             y = propagate @ y + driven[:, None] * g + by_start[:, None] * first
             return y, y
 
-        y0 = jnp.zeros((self.propagate.shape[1], forces.shape[1]))
+        y0 = self.begin[:, None] * first
         inputs = (self.propagate, self.driven, self.by_start, along)
         _, y = jax.lax.scan(step, y0, inputs)
         out = jnp.einsum("kd,kdm->km", self.read, y)
         out = out + self.read_directly[:, :1] * along + self.read_directly[:, 1:] * first
-        begin = self.read_directly[0, 0] * first + self.read_directly[0, 1] * first
+        begin = self.read[0] @ y0 + self.read_directly[0, 0] * first
+        begin = begin + self.read_directly[0, 1] * first
         out = jnp.concatenate([begin[None], out])[self.rows]
         slip = jnp.einsum("kd,kdm->km", self.read_slip, y)
         slip = jnp.concatenate([jnp.zeros_like(slip[:1]), slip])[self.rows]
@@ -130,6 +138,9 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
     def seen(t, y, g):
         return _probed(equation, g).physical(t, back(y)).force
 
+    def begun(force):
+        return ravel_pytree(_begun(equation, force).initial())[0]
+
     g = jnp.zeros(2)
     A = jax.vmap(lambda t, y: jax.jacfwd(rate, 1)(t, y, g))(middle, rows)
     b = jax.vmap(lambda t, y: jax.jacfwd(rate, 2)(t, y, g))(middle, rows)
@@ -152,6 +163,7 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
         propagate=inverse @ (eye + half),
         driven=(inverse @ (h[:, None] * b[:, :, 0])[..., None])[..., 0],
         by_start=(inverse @ (h[:, None] * b[:, :, 1])[..., None])[..., 0],
+        begin=jax.jacfwd(begun)(g[1]),
         read=c,
         read_directly=d,
         read_slip=slips,
