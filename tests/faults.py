@@ -16,6 +16,7 @@ GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
 STEADY = "tests/test_steady_noise.py"
 SETTLED, HEAT = "tests/test_effects.py -k steady", "tests/test_linear.py -k heat"
+MEMBERS = "tests/test_study_sliders.py -k wrong_parameters"
 WARM = "tests/test_loop_response.py -k heat"
 ERRORS, WORDS = "tests/test_noise_error.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
@@ -374,6 +375,14 @@ FAULTS = (
     Fault("a prediction forgets what its fit warned of", "prediction/model.py",
           "return (*own_warnings(self.content), *(", "return (*(",
           "tests/test_predict.py -k through_the_command"),
+    Fault("wrong parameters have no gains", "members/one_by_one.py",
+          "        found = seek_gains(\n",
+          "        try:\n            rate_state(self.law, p, self.states)\n"
+          "        except ValueError:\n"
+          "            return dict.fromkeys(('gains', 'least_k_p', 'least_k_v', 'norm'), 1)\n"
+          "        found = seek_gains(\n", MEMBERS),
+    Fault("wrong parameters have no record", "members/one_by_one.py",
+          "if not bool(possible):", "if False:", MEMBERS),
     Fault("steady heat is not solved for", "effects/friction.py",
           "couples: ClassVar[bool] = True", "couples: ClassVar[bool] = False", SETTLED),
     Fault("steady heat is that of the other friction", "rig/friction/extended.py",

@@ -1,6 +1,7 @@
 """The search for gains, against minimisation and brute force with NumPy and SciPy alone."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -20,11 +21,11 @@ from jaxfric.gains import (
     schedule,
 )
 from jaxfric.gains.frontier import Region
-from jaxfric.gains.gains import _warnings
+from jaxfric.gains.gains import _warnings, seek_gains
 from jaxfric.gains.result import Basin, WorstCase
 from jaxfric.gains.scenarios import Scenarios, one_sample
 from jaxfric.gains.slack import slacks
-from jaxfric.gains.solve import make_region, solve
+from jaxfric.gains.solve import Infeasible, NoGains, make_region, solve
 from jaxfric.gains.source import seen_velocities, stack
 from jaxfric.gains.verify import JumpSizes
 from jaxfric.rig.friction import GaussianStribeck
@@ -126,19 +127,37 @@ def test_limits_of_the_gains():
 
 
 def test_infeasible_says_which_scenario_and_by_how_much():
-    with pytest.raises(InputError, match=r"stiffness=1 is missed at velocity 0.002 m/s, mass 2 kg"):
-        single(GOLDEN, {"stiffness": 1.0}, upper=(100.0, 10.0))
-    with pytest.raises(InputError, match="reaches") as told:
-        single(GOLDEN, {"stiffness": 1.0}, upper=(100.0, 10.0))
-    reached = float(str(told.value).split("reaches ")[1].split(";")[0])
+    found = single(GOLDEN, {"stiffness": 1.0}, upper=(100.0, 10.0))
+    assert isinstance(found, Infeasible)
+    assert "stiffness=1 is missed at velocity 0.002 m/s, mass 2 kg" in found.text
+    reached = float(found.text.split("reaches ")[1].split(";")[0])
     assert reached == pytest.approx(100 / critical(10.0, **GOLDEN), rel=1e-2)
 
 
 @pytest.mark.long
 def test_margins_that_contradict_each_other():
     """A delay margin of 10 s allows no gains as large as the decay rate needs."""
-    with pytest.raises(InputError, match=r"(decay|delay)=.* is missed at velocity"):
-        single(GOLDEN, {"decay": 5.0, "delay": 10.0})
+    found = single(GOLDEN, {"decay": 5.0, "delay": 10.0})
+    assert isinstance(found, Infeasible)
+    assert re.search(r"(decay|delay)=.* is missed at velocity", found.text)
+
+
+def test_that_there_are_no_gains_is_a_value_and_then_an_error():
+    """One text, of the kind `NoGains` where gains were asked for; wrong input is not of that kind.
+
+    B > A needs k_p > (B - A)/L of 2 kN/m, or k_v > (B - A)/V of 1 kN s/m.
+    """
+    law = jf.RateState(50.0, 1.0, [3.0], [1e-3], 2e-3)
+    asked = {"velocity": 2e-3, "mass": None, "margin": {"modulus": 0.2}, "upper": (1e3, 500.0)}
+    found = seek_gains(law, **asked)
+    assert isinstance(found, Infeasible) and "k_p up to 1000 N/m" in found.text
+    with pytest.raises(NoGains) as refused:
+        find_gains(law, **asked)
+    assert str(refused.value) == found.text
+    for wrong in ({"velocity": -1.0}, {"confidence": 2.0}, {"upper": (-1.0, None)}):
+        with pytest.raises(InputError) as refused:
+            seek_gains(law, **{**asked, **wrong})
+        assert not isinstance(refused.value, NoGains)
 
 
 @pytest.mark.long

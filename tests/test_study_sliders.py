@@ -13,11 +13,13 @@ pytest.importorskip("zarr")
 pytest.importorskip("xarray")
 
 import jaxfric as jf
+from jaxfric import study
 from jaxfric.gains.ends import ENDS, EndState
 from jaxfric.gains.settle import end_state
 from jaxfric.members import ends as streaming
 from jaxfric.members import run_study, sliders
 from jaxfric.members.make import make
+from jaxfric.members.one_by_one import GAINS_CODES, Fit, Gains, Recorder
 from jaxfric.simulation import ensemble
 from jaxfric.stability.closed_form import critical_rate_state
 from jaxfric.stability.margins import UNITS, is_stable, margins, poles
@@ -397,6 +399,26 @@ def test_gains_and_fits_one_by_one(tmp_path):
     assert np.all(np.abs(found.fitted_B - found.B) < 4 * found.std_B)
     assert np.all(np.abs(found.fitted_A - 5) < 4 * found.std_A)
     assert np.all(np.abs(found.rms / 0.05 - 1) < 0.2)
+
+
+def test_wrong_parameters_are_no_answer(tmp_path):
+    """A member whose L or k_p is negative is an error: not one without gains or a record."""
+    law = {"A": 1.0, "B": 3.0, "V0": 2e-3}
+    gains = Gains("slip", 1, law, {"stiffness": 1.5}, (1e3, 500.0), (None, None))
+    outputs = [study.Output(n) for n in ("least_k_p", "least_k_v", "norm")]
+    outputs.append(study.Output("gains", codes=GAINS_CODES))
+    grid = study.Grid((study.values("L", [1e-3, -1e-3, 0.1], unit="m"),))
+    found = study.run(gains, grid, tmp_path / "a", outputs=outputs, kind="host")
+    # k_p = 1.5 (B - A - k_v V)/L, where the limit of k_v leaves half of B - A
+    assert found.gains.values.tolist() == [1, -1, 0]
+    assert float(found.least_k_p[2]) == pytest.approx(15.0, rel=1e-6)
+    assert found.outcome.values.tolist() == [0, 2, 0]
+    (text,) = found.attrs["errors"]
+    assert text.startswith("InputError: ") and "(L) is -0.001; it must be above 0" in text
+    fit = Fit(Recorder("slip", 1, law, 10.0, 400, 0.0, None, 0, 1), ("A", "B", "L"))
+    for wrong, what in (({"L": -1e-3, "k_p": 1e4}, "L"), ({"L": 1e-3, "k_p": -1e4}, "k_p")):
+        with pytest.raises(jf.InputError, match=rf"\b{what}\b.* is -"):
+            fit(wrong)
 
 
 LOOP = """

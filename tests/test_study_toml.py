@@ -119,23 +119,25 @@ def test_urls_are_no_folders() -> None:
 
 
 def test_only_what_is_out_of_reach_has_no_gains(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever else fails is an error, with its text."""
-    from jaxfric.gains.solve import NoGains
+    """Whatever is raised is an error, with its text, and be it of the kind `NoGains`."""
+    from jaxfric.gains.solve import Infeasible, NoGains
 
-    def find(law, *, velocity, **policy):
+    def seek(law, *, velocity, **policy):
         if velocity[0] > 3e-6:
-            raise NoGains("too much is asked")
-        raise InputError("k_p is odd")
+            return Infeasible("too much is asked")
+        raise NoGains("k_p is odd") if velocity[0] > 1.5e-6 else InputError("k_p is odder")
 
-    monkeypatch.setattr("jaxfric.gains.find_gains", find)
+    monkeypatch.setattr("jaxfric.gains.gains.seek_gains", seek)
     text = 'compute = ["gains"]\n' + GOOD.partition("\n")[2].partition("\n")[2]
     text = text.partition("[axes]")[0].replace('V0 = "10 um/s"', "")
-    text += "[axes]\nV0 = { values = ['1 um/s', '5 um/s'] }\n[gains]\nmargin = { phase = 1 }\n"
+    text += "[axes]\nV0 = { values = ['1 um/s', '2 um/s', '5 um/s'] }\n"
+    text += "[gains]\nmargin = { phase = 1 }\n"
     outcome = run("study", written(Path("study.toml"), text))
     assert outcome.code == 0, outcome.err
-    assert "gains: 1 without, 1 none" in outcome.out
-    assert "outcome: 1 computed, 1 error" in outcome.out
-    assert "1 of them: InputError: k_p is odd" in outcome.out
+    assert "gains: 2 without, 1 none" in outcome.out
+    assert "outcome: 1 computed, 2 error" in outcome.out
+    assert "1 of them: NoGains: k_p is odd\n" in outcome.out
+    assert "1 of them: InputError: k_p is odder\n" in outcome.out
 
 
 HUGE = """

@@ -18,7 +18,7 @@ from .requirement import Requirement
 from .result import Basin, Certificate, Gains, WorstCase
 from .scenarios import Scenarios, one_sample
 from .slack import slacks
-from .solve import Solution, drop_samples, make_region, solve
+from .solve import Infeasible, NoGains, Solution, drop_samples, make_region, solve
 from .source import LawSource
 from .verify import choose, verify
 
@@ -76,6 +76,42 @@ def find_gains(
     InputError : a bad argument; of the kind `NoGains` where no gains within the limits meet the
         requirement.
     """
+    found = seek_gains(
+        law,
+        velocity=velocity,
+        mass=mass,
+        margin=margin,
+        confidence=confidence,
+        scale=scale,
+        lower=lower,
+        upper=upper,
+        sample_time=sample_time,
+        progress=progress,
+    )
+    if isinstance(found, Infeasible):
+        raise NoGains(found.text)
+    return found
+
+
+def seek_gains(
+    law: LawSource | AbstractLaw | AbstractDelayLaw,
+    *,
+    velocity: ArrayLike | str,
+    mass: ArrayLike | str | None,
+    margin: Mapping[str, float] | Requirement | str,
+    confidence: float = 1.0,
+    scale: Pair = (None, None),
+    lower: Pair = (None, None),
+    upper: Pair = (None, None),
+    sample_time: float | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Gains | Infeasible:
+    """The gains of `find_gains`, or, where no gains within the limits meet the requirement, why.
+
+    Raises
+    ------
+    InputError : a bad argument.
+    """
     if not isinstance(law, LawSource | AbstractLaw | AbstractDelayLaw):
         raise InputError(
             f"the law is a {type(law).__name__}; give jaxfric.law_from_fit('NAME-fit/fit.json'),"
@@ -103,6 +139,8 @@ def find_gains(
     kept = samples
     solution = solve(requirement, scenarios, region)
     for _ in range(_CONFIDENCE_ROUNDS if dropped else 0):
+        if isinstance(solution, Infeasible):
+            break
         order = _difficulty(requirement, scenarios, region, solution.optima[0])
         chosen = np.sort(samples[np.argsort(order)[: samples.size - dropped]])
         if np.array_equal(chosen, kept):
@@ -110,6 +148,8 @@ def find_gains(
         kept = chosen
         tell(f"again without the {dropped} samples that ask for most")
         solution = solve(requirement, drop_samples(scenarios, kept), region)
+    if isinstance(solution, Infeasible):
+        return solution
     return _result(source, requirement, solution, confidence, kept.size)
 
 

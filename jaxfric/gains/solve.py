@@ -36,7 +36,14 @@ _LOWEST = 1e-9
 
 
 class NoGains(InputError):
-    """No gains within the limits meet the requirement: too much is asked."""
+    """No gains within the limits meet the requirement: what `find_gains` raises."""
+
+
+class Infeasible(NamedTuple):
+    """The same as a value: too much is asked, and nothing is wrong with the input."""
+
+    text: str
+    """Where it fails, by how much, what to do."""
 
 
 class Solution(NamedTuple):
@@ -68,15 +75,12 @@ def make_region(scenarios: Scenarios, scale, lower, upper) -> Region:
     return Region(unit, chosen, np.asarray(least), np.asarray(most))
 
 
-def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Solution:
-    """All local optima over all scenarios, with a certificate.
-
-    Raises
-    ------
-    NoGains : nothing within the limits meets the requirement; says where it fails, by how much.
-    """
+def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Solution | Infeasible:
+    """All local optima over all scenarios, with a certificate; or why there are none."""
     carried = scenarios.take(_first(requirement, scenarios, region))
-    starts = _fresh(requirement, carried, scenarios, region)
+    starts = basins(requirement, carried, region)
+    if not starts:
+        return _infeasible(requirement, carried, region)
     for rounds in range(1, _ROUNDS + 1):
         optima = _distinct([polish(requirement, carried, region, start) for start in starts])
         single = alone(requirement, carried, region)
@@ -89,7 +93,9 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Sol
                 worse = np.arange(len(scenarios) - len(extra), len(scenarios))
         if worse.size:
             carried = carried.join(scenarios.take(worse))
-            starts = _fresh(requirement, carried, scenarios, region)
+            starts = basins(requirement, carried, region)
+            if not starts:
+                return _infeasible(requirement, carried, region)
             continue
         points, smaller = _dense(requirement, scenarios, carried, region, optima)
         if smaller is None or rounds == _ROUNDS:
@@ -107,13 +113,6 @@ def _first(requirement, scenarios: Scenarios, region: Region) -> np.ndarray:
     gains = np.clip(gains, region.lower, region.upper)
     worst = np.argmin(slacks(requirement, scenarios, region.unit, gains), axis=1)
     return np.unique(worst)
-
-
-def _fresh(requirement, carried: Scenarios, scenarios: Scenarios, region: Region) -> list[Start]:
-    starts = basins(requirement, carried, region)
-    if not starts:
-        raise _infeasible(requirement, carried, region)
-    return starts
 
 
 def _distinct(optima: list[Optimum]) -> list[Optimum]:
@@ -208,7 +207,7 @@ def _near(requirement, carried, region: Region, gains: np.ndarray) -> Start:
     return zoom(requirement, carried, region, np.asarray([u]), np.asarray([0.8 * v, 1.2 * v]))
 
 
-def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> NoGains:
+def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> Infeasible:
     """What fails: the scenario that is worst at the gains whose worst scenario is best."""
     u = np.concatenate([np.geomspace(1e-6, 1e4, 61)])
     v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])
@@ -225,7 +224,7 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     which = f"within the limits ({limits})" if limited else "of any size"
     advice = ["lower the margin", *(["widen the limits"] if limited else [])]
     advice += [] if scenarios.delay is None else ["sample faster"]
-    return NoGains(
+    return Infeasible(
         f"no gains {which} meet the requirement: {name}={required:g} is missed"
         f" at velocity {where['velocity']:.3g} m/s{mass} (sample {where['sample']}), where the best"
         f" compromise, k_p = {grid[best][0]:.3g} N/m and k_v = {grid[best][1]:.3g} N s/m, reaches"

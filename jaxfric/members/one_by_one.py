@@ -81,7 +81,10 @@ def _gains(spec: Spec, table: Mapping[str, Any], where: str):
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """The smallest gains of one member (`jaxfric.find_gains`)."""
+    """The smallest gains of one member (`jaxfric.find_gains`).
+
+    That there are none is an answer. Whatever is raised is an error of the member.
+    """
 
     law: str
     states: int
@@ -92,21 +95,19 @@ class Gains:
 
     def __call__(self, varied: Mapping[str, float]) -> dict[str, Any]:
         """Outputs of a member."""
-        from ..gains import find_gains
-        from ..gains.solve import NoGains
+        from ..gains.gains import seek_gains
+        from ..gains.solve import Infeasible
 
         p = {**self.fixed, **varied}
-        mass = np.asarray([p["m"]]) if "m" in p else None
-        try:
-            found = find_gains(
-                rate_state(self.law, p, self.states),
-                velocity=np.asarray([p["V0"]]),
-                mass=mass,
-                margin=self.margin,
-                upper=(self.upper[0], self.upper[1]),
-                scale=(self.scale[0], self.scale[1]),
-            )
-        except NoGains:
+        found = seek_gains(
+            rate_state(self.law, p, self.states),
+            velocity=np.asarray([p["V0"]]),
+            mass=np.asarray([p["m"]]) if "m" in p else None,
+            margin=self.margin,
+            upper=(self.upper[0], self.upper[1]),
+            scale=(self.scale[0], self.scale[1]),
+        )
+        if isinstance(found, Infeasible):
             return {"gains": 1, "least_k_p": np.inf, "least_k_v": np.inf, "norm": np.inf}
         return {"gains": 0, "least_k_p": found.kp, "least_k_v": found.kv, "norm": found.norm}
 
@@ -177,13 +178,18 @@ class Recorder:
         ts = np.concatenate(
             [np.linspace(a, b, per, endpoint=False) for a, b in itertools.pairwise(times)]
         )
-        force, ok = _simulator()(
+        force, ok, possible = _simulator()(
             rate_state(self.law, p, self.states),
             p["k_p"],
             jnp.asarray(times[:-1]),
             jnp.asarray(V),
             jnp.asarray(ts),
         )
+        if not bool(possible):
+            raise InputError(
+                f"no record can be simulated: k_p is {p['k_p']:g} N/m, V0 {p['V0']:g} m/s; both"
+                " must be positive and finite"
+            )
         if not bool(ok):
             return None
         load = np.interp(ts, times, np.concatenate([[0.0], np.cumsum(np.full(len(V), far))]))
@@ -213,7 +219,8 @@ def _simulator():
         def run(law, stiffness, times, velocities, ts):
             rig = Rig(QuasiStatic(stiffness), law)
             found = simulate(rig, PiecewiseVelocity(times, velocities), ts)
-            return found.force, found.result == RESULTS.successful
+            result = found.result
+            return found.force, result == RESULTS.successful, result != RESULTS.impossible
 
         _compiled = run
     return _compiled
