@@ -383,6 +383,8 @@ FAULTS = (
           "        found = seek_gains(\n", MEMBERS),
     Fault("wrong parameters have no record", "members/one_by_one.py",
           "if not bool(possible):", "if False:", MEMBERS),
+    Fault("a study that fails does not say where", "study/run.py",
+          " at {', '.join(where)}", "", "tests/test_study_run.py -k nothing_but"),
     Fault("steady heat is not solved for", "effects/friction.py",
           "couples: ClassVar[bool] = True", "couples: ClassVar[bool] = False", SETTLED),
     Fault("steady heat is that of the other friction", "rig/friction/extended.py",

@@ -285,8 +285,13 @@ def test_nothing_but_errors_stops_a_study(tmp_path, chunk):
         raise KeyError("vlaue")
 
     policy = {"outputs": f.SLOWLY, "kind": "host", "chunk": chunk}
-    with pytest.raises(InputError, match=r"the first .* all failed, with KeyError: 'vlaue'"):
+    with pytest.raises(
+        InputError, match=r"the first .* all failed, with KeyError: 'vlaue'"
+    ) as told:
         study.run(broken, f.grid(20, 5), tmp_path / "a", **policy)
+    text = str(told.value)
+    assert calls[0] == {"x": 0, "y": 0} and " at x = 0 m, y = 0; " in text
+    assert "Mend the function" in text
     assert len(calls) < 35 and not (tmp_path / "a").exists()
 
 

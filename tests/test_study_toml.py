@@ -140,6 +140,21 @@ def test_only_what_is_out_of_reach_has_no_gains(monkeypatch: pytest.MonkeyPatch)
     assert "1 of them: InputError: k_p is odder\n" in outcome.out
 
 
+def test_a_study_of_nothing_but_errors_says_where_and_what(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line with the first member and its error; no store is left."""
+
+    def seek(law, **policy):
+        raise InputError("k_p is odd")
+
+    monkeypatch.setattr("jaxfric.gains.gains.seek_gains", seek)
+    text = 'compute = ["gains"]\n' + GOOD.partition("\n")[2].partition("\n")[2]
+    text = text.partition("[axes]")[0].replace('V0 = "10 um/s"', "")
+    text += "[axes]\nV0 = { values = ['2 um/s', '5 um/s'] }\n[gains]\nmargin = { phase = 1 }\n"
+    outcome = run("study", written(Path("study.toml"), text))
+    assert_refused(outcome, "InputError: k_p is odd", "V0 = 2e-06 m/s", "Mend the study")
+    assert os.listdir() == ["study.toml"]
+
+
 HUGE = """
 compute = ["margins"]
 outputs = ["k_cr"]

@@ -223,7 +223,7 @@ class Failed(InputError):
 
 def _refuse_failures(found: Iterable, task: Task) -> Iterator:
     """The same blocks, unless the first members are nothing but errors."""
-    failed, error = 0, _OUTCOMES.index("error")
+    failed, error, text = 0, _OUTCOMES.index("error"), ""
     blocks = iter(found)
     for number, values in blocks:
         here = values[OUTCOME]
@@ -231,14 +231,30 @@ def _refuse_failures(found: Iterable, task: Task) -> Iterator:
             yield number, values
             break
         failed += here.size
+        text = text or _first_error(task, number, values[ERRORS])
         if failed >= min(_FIRST, task.grid.size):
-            text = next(iter(values[ERRORS].values()))
+            advice = "Mend the function, or let it return nan where a member has no number"
+            if belongs_to_package(task.function):
+                advice = "Mend the study: what it sets and what it varies"
             raise Failed(
-                f"the first {failed} members all failed, with {text}; nothing is kept. Mend the"
-                " function, or let it return nan where a member has no number"
+                f"the first {failed} members all failed, with {text}; nothing is kept. {advice}"
             )
         yield number, values
     yield from blocks
+
+
+def _first_error(task: Task, number: int, errors: Mapping[int, str]) -> str:
+    """The first error of a block and its member: "InputError: ... at V0 = 1e-06 m/s"."""
+    place = min(errors)
+    units = {axis.name: axis.unit for axis in task.grid.axes}
+    if task.grid.samples is not None:
+        units |= {name: unit for name, unit, _ in task.grid.samples.described()}
+    members = task.grid.members(task.blocks.where(number))
+    where = [
+        f"{name} = {column[place]:.6g} {units.get(name, '1')}".removesuffix(" 1")
+        for name, column in members.items()
+    ]
+    return f"{errors[place]} at {', '.join(where)}"
 
 
 def _local(task: Task, todo: Sequence[int]) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
