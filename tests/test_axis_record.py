@@ -39,6 +39,17 @@ def test_strokes_and_the_encoder(quantum: float) -> None:
         assert encoder_step(record.position) == pytest.approx(quantum, rel=1e-6)
 
 
+def test_noise_of_a_position_makes_no_strokes() -> None:
+    """A laser: rows 10 mm/s and 10 ms apart whose noise, 0.25 % of the travel, turns back now and
+    then by more than a hundredth of it."""
+    t = np.arange(0, 40, 1e-2)
+    x = 0.04 * np.abs((t / 8 + 0.5) % 1.0 - 0.5) * 2
+    noise = np.random.default_rng(1).normal(0, 1e-4, len(t))
+    noise[[700, 1500]] = 5e-4
+    found = find_strokes(axis_from_arrays(t, np.sin(t) + t, position=x + noise))
+    np.testing.assert_allclose(found.travel, np.tile([0.04, -0.04], 5), rtol=0.03)
+
+
 def test_steps_of_an_encoder() -> None:
     random = np.random.default_rng(0)
     walk = np.cumsum(random.integers(-3, 4, 4000))

@@ -10,6 +10,8 @@ from .axis_record import AxisRecord
 _LEAST_TRAVEL = 0.01
 """A stroke is at least this share of the whole travel, and some steps of the encoder."""
 _LEAST_STEPS = 4.0
+_LEAST_NOISE, _RARE = 5.0, 0.01
+"""And so many times what all but this share of the rows reach beyond both their neighbours."""
 _END = 0.01
 """A stroke begins and ends where it is this share of its travel from its ends."""
 _PARTS = 20
@@ -49,10 +51,12 @@ def position_of(record: AxisRecord) -> np.ndarray:
 
 
 def find_strokes(record: AxisRecord) -> Strokes:
-    """The strokes of a record. What moves less than a hundredth of the travel is rest."""
+    """The strokes of a record. What moves less than a hundredth of the travel, a few steps of the
+    encoder or the noise of the position is rest."""
     time, position = record.relative_time, position_of(record)
     step = encoder_step(position) or 0.0
-    least = max(_LEAST_TRAVEL * float(np.ptp(position)), _LEAST_STEPS * step)
+    noise = float(np.quantile(beyond_neighbours(position), 1 - _RARE))
+    least = max(_LEAST_TRAVEL * float(np.ptp(position)), _LEAST_STEPS * step, _LEAST_NOISE * noise)
     turns = _turns(position, least)
     rows = [_moving(position, i, j) for i, j in pairwise(turns)]
     found = [(i, j) for i, j in rows if j > i]
@@ -78,6 +82,14 @@ def encoder_step(position: np.ndarray) -> float | None:
     if 2 * len(few) < len(gaps) or np.mean(on_grid) < _ON_GRID_SHARE:
         return None
     return float(few.sum() / number.sum())
+
+
+def beyond_neighbours(values: np.ndarray) -> np.ndarray:
+    """How far each of n values lies beyond the interval between its two neighbours, (n - 2,); 0
+    inside. What moves lies inside but where it turns; noise does not."""
+    low = np.minimum(values[:-2], values[2:])
+    high = np.maximum(values[:-2], values[2:])
+    return np.maximum(np.maximum(values[1:-1] - high, low - values[1:-1]), 0.0)
 
 
 def _turns(position: np.ndarray, least: float) -> list[int]:
