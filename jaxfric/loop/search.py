@@ -96,13 +96,18 @@ def search(
 
 
 def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool]:
-    """The best base fit of several starts, and whether they agree."""
-    found = [engine.refit((), start, exact=True) for start in starts]
+    """The best base fit of several starts, and whether they agree.
+
+    The first is likely the best; the others are fitted to the end only where they are better.
+    """
+    found = [engine.refit((), start, exact=not k) for k, start in enumerate(starts)]
     good = [c for c in found if not c.failed]
     if not good:
         return found[0], False
     best = min(good, key=lambda c: c.bic)
     agree = sum(c.bic - best.bic < _AGREE for c in good) > 1
+    if best is not found[0]:
+        best = min(best, engine.refit((), best.z, exact=True), key=lambda c: c.bic)
     return best, agree or len(starts) == 1
 
 
