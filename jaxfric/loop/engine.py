@@ -232,18 +232,14 @@ class Engine:
         with self.stopwatch():
             return _in_parts(self.at(z, problem), z, index)
 
-    def noise(self, residual: np.ndarray, columns: np.ndarray, *, afresh: bool = False) -> Noise:
-        """Noise of the train block, the directions of `columns` taken out; `afresh`: of whatever
-        parts it has."""
-        found = self._anew(residual, columns) if afresh else self._noise(residual, columns)
-        return found.noise
+    def noise(self, residual: np.ndarray, columns: np.ndarray) -> Noise:
+        """Noise of the train block, the directions of `columns` taken out."""
+        return self._noise(residual, columns).noise
 
-    def known_noise(
-        self, residual: np.ndarray, columns: np.ndarray, *, afresh: bool = False
-    ) -> KnownNoise:
-        """As `noise`, with its errors."""
-        found = self._anew(residual, columns) if afresh else self._noise(residual, columns)
-        return known_noise(record_of(*self._noise_rows(residual, columns), self.scale), found)
+    def known_noise(self, residual: np.ndarray, columns: np.ndarray) -> KnownNoise:
+        """As `noise`, but of whatever parts it has, and with its errors."""
+        record = record_of(*self._noise_rows(residual, columns), self.scale)
+        return known_noise(record, self._anew(residual, columns))
 
     def denominator_degrees(self, known: KnownNoise, tests: Sequence[np.ndarray]) -> list[float]:
         """See `KnownNoise`; the columns are zero in rows that do not train."""

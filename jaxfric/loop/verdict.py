@@ -82,7 +82,7 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)
     train = columns * engine.weight[:, None]
     used = np.linalg.norm(train, axis=0) > 0
-    known = engine.known_noise(rows.residual * engine.weight, train[:, used], afresh=True)
+    known = engine.known_noise(rows.residual * engine.weight, train[:, used])
     noise = known.noise
     held = engine.blocks.select | engine.blocks.report
     # sigma comes from the train block and has its error
