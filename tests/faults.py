@@ -18,7 +18,7 @@ STEADY = "tests/test_steady_noise.py"
 SETTLED, HEAT = "tests/test_effects.py -k steady", "tests/test_linear.py -k heat"
 MEMBERS = "tests/test_study_sliders.py -k wrong_parameters"
 WARM = "tests/test_loop_response.py -k heat"
-ERRORS, WORDS = "tests/test_noise_error.py", "tests/test_loop_words.py"
+RATIO, WORDS = "tests/test_ratio.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
@@ -141,18 +141,17 @@ FAULTS = (
     Fault("no edge of stability", "loop/verdict.py", "_EDGE = 1.1", "_EDGE = 0.0", VERDICT),
     Fault("a base fit that runs away gets a verdict", "loop/verdict.py",
           "if base.failed and edge is None:", "if False:", VERDICT),
-    Fault("the errors of a noise are left out of its tests", "fitting/noise_error.py",
-          "variance += np.square(0.5", "variance += 0 * np.square(0.5", ERRORS),
-    Fault("the errors of a noise are twice as large", "fitting/noise_error.py",
-          "np.square(0.5 * np.log", "np.square(2.0 * np.log", ERRORS),
-    Fault("the curvature of a likelihood has the wrong sign", "fitting/noise_search.py",
-          "np.linalg.eigh(-np.where(", "np.linalg.eigh(np.where(", ERRORS),
-    Fault("a profile's p takes its noise for known", "loop/location.py",
-          "self.columns.shape[1], among)", "self.columns.shape[1], np.inf)", WORDS),
+    Fault("a likelihood ratio is not corrected for its noise", "loop/ratio.py",
+          "usual = max(float(np.mean(ratio[1:])) / max(degrees, 1), 1.0)", "usual = 1.0", RATIO),
+    Fault("the noise is not found anew under a question", "loop/ratio.py",
+          "return deviance[0] - deviance[1], degrees",
+          "return known.rows * np.log(squares / left)[0], degrees", RATIO),
+    Fault("the best of many questions counts as one", "loop/ratio.py",
+          "question.times * tail", "tail", RATIO),
+    Fault("the record's step times are forgotten in a likelihood ratio", "loop/ratio.py",
+          "+ float(found.noise.sigma) ** 2 * known.extra", "+ 0 * known.extra", RATIO),
     Fault("the best of many ripples counts as one", "loop/location.py",
-          "float(gains[k] / beyond[k]), len(centres))", "float(gains[k] / beyond[k]), 1)", WORDS),
-    Fault("means of groups take their noise for known", "loop/structure.py",
-          "int(used.sum()) - 1, among)", "int(used.sum()) - 1, math.inf)", PARTS),
+          "(2 * k, 2 * k + 1), len(centres))", "(2 * k, 2 * k + 1), 1)", WORDS),
     Fault("structure is left out of the verdict", "loop/verdict.py",
           "if p < SIGNIFICANT]", "if p < 0]", VERDICT),
     Fault("the end of the first of two steps trains, its begin selects", "loop/split.py",

@@ -83,38 +83,15 @@ def test_errors_of_missing_friction_are_of_what_the_base_does_not_take_up():
     assert np.argmax(above) == 2 and above[2] > 3 and np.abs(np.delete(above, 2)).max() < 3
 
 
-def test_p_counts_structure_that_the_bumps_leave_as_their_bars_do():
-    """A fall of 60 in a sum of squares that stays 100 times that of the noise is no more than
-    chance: an F test with 2 degrees of freedom says so."""
-    rng, n = np.random.default_rng(0), 2000
-    columns, _ = np.linalg.qr(rng.standard_normal((n, 3)))
-    left = columns @ [5.0, 6.0, np.sqrt(2e5)]
-    whole = float(left @ left), float(n)
-    asked = _profile("slip", "m", np.arange(2.0), columns[:, :2], left, whole, 1e9)
-    found = asked.answered(np.inf)
-    rest = (whole[0] - 61) / (n - 2)
-    assert found.p_value == pytest.approx(stats.f.sf(61 / 2 / rest, 2, n - 2), rel=0.01)
-    assert found.explained < 0.005 and found.p_value > 0.5
-    # the columns that were asked take the fall, and a noise known from 5 squares says less
-    assert np.sum((asked.columns.T @ left) ** 2) == pytest.approx(61)
-    seen = asked._replace(squares=30.0)
-    assert seen.answered(5.0).p_value == pytest.approx(stats.f.sf(15, 2, 5))
-    assert seen.answered(np.inf).p_value == pytest.approx(stats.chi2.sf(30, 2))
-
-
 def test_the_best_of_many_ripples_is_one_of_as_many_chances():
-    """Of twenty wavelengths one is 5 sigma high: its p is twenty times that of two squares."""
+    """Of twenty wavelengths one is 5 sigma high: its sine and cosine are asked, as one of 20."""
     rng, n = np.random.default_rng(0), 3000
     own, _ = np.linalg.qr(rng.standard_normal((n, 40)))
     left = own @ rng.standard_normal(40)
-    left[:] += own[:, 12] * (5 - own[:, 12] @ left)
-    outside = np.linalg.qr(np.column_stack([own, rng.standard_normal(n)]))[0][:, -1]
-    left += np.sqrt(n - left @ left) * outside
+    left += own[:, 12] * (5 - own[:, 12] @ left)
     asked = _ripples("wavelength", "m", np.arange(20.0), own, left, (float(n), float(n)), 1.0)
-    squares = float(np.sum((own[:, 12:14].T @ left) ** 2))
     assert np.argmax(asked.profile.amplitudes) == 6
-    for among, p in ((np.inf, stats.chi2.sf(squares, 2)), (9.0, stats.f.sf(squares / 2, 2, 9))):
-        assert asked.answered(among).p_value == pytest.approx(20 * p, rel=0.1)
+    assert (asked.columns, asked.times) == ((12, 13), 20)
 
 
 def profile(variable, explained, p=1e-9):

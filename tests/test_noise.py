@@ -12,14 +12,13 @@ from scipy.stats import multivariate_normal
 from jaxfric.fitting.noise import (
     EXPONENTIAL,
     Noise,
+    coloured,
     innovations,
     limit_of_negative,
     noise_of,
     rms_error,
     sandwich,
-    variances,
     whiten,
-    whiten_transposed,
 )
 from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart, noise_estimate
 from jaxfric.fitting.noise_search import (
@@ -256,19 +255,24 @@ def test_sandwich(parameters):
     np.testing.assert_allclose(found, truth, rtol=1e-10, atol=1e-12 * np.abs(truth).max())
 
 
-@pytest.mark.parametrize("parameters", PARAMETERS)
-def test_variances_and_transposed_whitening_against_dense_algebra(parameters):
-    """a^T r has the variance a^T Sigma a, and (W^T q)^T r is q^T (W r)."""
+@pytest.mark.parametrize("parameters", [*PARAMETERS, NEGATIVE])
+def test_noise_is_drawn_with_its_covariance(parameters):
+    """Made from the columns of the identity its products are the covariance; rows that are passed
+    over come out as 0."""
     rng = np.random.default_rng(6)
-    time = uneven(rng)
-    columns = rng.normal(size=(N, P))
-    truth = np.diag(columns.T @ covariance(time, *parameters) @ columns)
+    time, weight = uneven(rng), np.ones(N)
+    if parameters == NEGATIVE:
+        time = np.arange(float(N))
     noise = as_noise(*parameters)
-    np.testing.assert_allclose(variances(time, columns, noise), truth, rtol=1e-10)
-    one = jnp.ones(N)
-    turned = whiten_transposed(jnp.asarray(time), one, jnp.asarray(columns), noise)
-    white = np.asarray(whiten(time, one, np.eye(N), noise))
-    np.testing.assert_allclose(turned, white.T @ columns, atol=1e-10 * np.abs(white).max())
+    factor = np.asarray(coloured(jnp.asarray(time), jnp.asarray(weight), jnp.eye(N), noise))
+    truth = covariance(time, *parameters)
+    np.testing.assert_allclose(factor @ factor.T, truth, atol=1e-10 * np.abs(truth).max())
+    weight[[3, 20, 21]] = 0
+    kept = weight > 0
+    factor = np.asarray(coloured(jnp.asarray(time), jnp.asarray(weight), jnp.eye(N), noise))
+    assert not factor[~kept].any()
+    found = (factor @ factor.T)[np.ix_(kept, kept)]
+    np.testing.assert_allclose(found, truth[np.ix_(kept, kept)], atol=1e-8 * np.abs(truth).max())
 
 
 def test_sandwich_ignores_rows_without_weight():

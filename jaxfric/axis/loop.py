@@ -109,12 +109,13 @@ def close_axis_loop(
     progress("where the structure sits")
     floor = noise_floor(engine, found.final)
     bumps = friction_bumps(engine, rows, unit=length_of(record))
-    location = locate(engine, found.base, floor.known, bumps)
-    tests = questions(engine, found.base, rows.path, location, floor.known)
+    left = locate(engine, found.base, floor.found, bumps)
+    location = left.location
+    tests = questions(engine, found.base, rows.path, left, floor.found.noise)
     before = after = _score(engine, found.base, record, rows, tests)
     if found.final is not found.base:
-        left = locate(engine, found.final, floor.known, bumps)
-        tests = questions(engine, found.final, rows.path, left, floor.known)
+        left = locate(engine, found.final, floor.found, bumps)
+        tests = questions(engine, found.final, rows.path, left, floor.found.noise)
         after = _score(engine, found.final, record, rows, tests, all_rivals(found))
     where = where_it_sits(location)
     curve = axis_curves(engine, found.final, rows, length_of(record))

@@ -127,32 +127,56 @@ def innovations(
     noise: Noise,
 ) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
     """As of `whiten`, but for sigma = 1; and the log-determinant of that covariance."""
+    scale = jnp.broadcast_to(noise.scale, weight.shape)
+    found, log_inverse = _filtered(clock, weight, columns / scale[:, None], noise)
+    log_scale = jnp.sum(jnp.where(weight > 0, jnp.log(noise.scale), 0.0))
+    return found * (weight > 0)[:, None], 2 * log_scale - jnp.sum(log_inverse)
+
+
+@eqx.filter_jit
+def coloured(
+    clock: Float[Array, "n *k"],
+    weight: Float[Array, " n"],
+    white: Float[Array, "n m"],
+    noise: Noise,
+) -> Float[Array, "n m"]:
+    """Columns of this noise from columns of white noise of variance 1: the inverse of `whiten`.
+
+    Rows of zero weight come out as 0.
+    """
+    white = white * (weight > 0)[:, None]
+    found, _ = _filtered(clock, weight, white, noise, backwards=True)
+    scale = noise.sigma * jnp.broadcast_to(noise.scale, weight.shape)
+    return found * (scale * (weight > 0))[:, None]
+
+
+def _filtered(clock, weight, columns, noise: Noise, *, backwards: bool = False):
+    """Innovations of columns of scale 1, or `backwards` the columns of such innovations; and the
+    logarithm of the inverse variance of each row's misfit, (n,)."""
     used = weight > 0
     forgotten = _forgotten(clock, noise)
     first, second = noise.share
     white = 1 - first - second
-    scaled = columns / jnp.broadcast_to(noise.scale, used.shape)[:, None]
     turn, added, slope = _second(forgotten[:, 1], noise.beta)
 
     def advance(carry, row):
         mean, spread = carry
         y, hidden, f, turn, added = row
         gain, inverse, spread = _update(spread, white + hidden)
-        misfit = y - mean[0] - mean[1]
+        predicted = mean[0] + mean[1]
+        misfit = y / jnp.sqrt(inverse) if backwards else y - predicted
         a, b, v = (m + k * misfit for m, k in zip(mean, gain, strict=True))
         mean = [f * a, turn[0] * b + turn[1] * v, turn[2] * b + turn[3] * v]
-        out = misfit * jnp.sqrt(inverse), jnp.where(hidden > 0, 0.0, jnp.log(inverse))
+        out = predicted + misfit if backwards else misfit * jnp.sqrt(inverse)
         spread = _forecast(spread, f, turn)
         spread[0] = spread[0] + first * (1 - f * f)
         spread[3:] = [x + second * q for x, q in zip(spread[3:], added, strict=True)]
-        return (mean, spread), out
+        return (mean, spread), (out, jnp.where(hidden > 0, 0.0, jnp.log(inverse)))
 
     zero, none = jnp.zeros_like(columns[0]), jnp.zeros_like(first)
     start = ([zero] * 3, [first, none, none, second, none, second * slope])
-    rows = (scaled, jnp.where(used, 0.0, _HIDDEN), jnp.exp(-forgotten[:, 0]), turn, list(added))
-    _, (found, log_inverse) = jax.lax.scan(advance, start, rows)
-    log_scale = jnp.sum(jnp.where(used, jnp.log(noise.scale), 0.0))
-    return found * used[:, None], 2 * log_scale - jnp.sum(log_inverse)
+    rows = (columns, jnp.where(used, 0.0, _HIDDEN), jnp.exp(-forgotten[:, 0]), turn, list(added))
+    return jax.lax.scan(advance, start, rows)[1]
 
 
 def _update(spread, white):
@@ -220,12 +244,6 @@ def _terms(clock, noise: Noise) -> list[tuple[Array, Array]]:
 
 def _correlated(jacobian, turn):
     """J^T R J, R_ij the product of `turn` from row i to row j."""
-    one_sided = jacobian.T @ _tails(jacobian, turn)
-    return one_sided + one_sided.T - jacobian.T @ jacobian
-
-
-def _tails(jacobian, turn):
-    """Sum over the rows up to each, times the product of `turn` from there: (n, p), complex."""
     turn = jnp.concatenate([jnp.ones_like(turn[:1]), turn[:-1]])
 
     def step(carry, row):
@@ -234,33 +252,9 @@ def _tails(jacobian, turn):
         return carry, carry
 
     start = jnp.zeros(jacobian.shape[1], complex)
-    return jax.lax.scan(step, start, (jacobian, turn))[1]
-
-
-@eqx.filter_jit
-def variances(
-    clock: Float[Array, "n *k"], columns: Float[Array, "n p"], noise: Noise
-) -> Float[Array, " p"]:
-    """Of a^T r for every column a and r of this noise: the diagonal of `sandwich`."""
-    scaled = columns * jnp.broadcast_to(noise.scale, columns.shape[:1])[:, None]
-    squares = jnp.sum(scaled**2, axis=0)
-    total = (1 - noise.share[0] - noise.share[1]) * squares
-    for size, rate in _terms(clock, noise):
-        tails = jnp.sum(scaled * _tails(scaled, jnp.exp(-rate)), axis=0)
-        total = total + (size * (2 * tails - squares)).real
-    return noise.sigma**2 * total
-
-
-@eqx.filter_jit
-def whiten_transposed(
-    clock: Float[Array, "n *k"],
-    weight: Float[Array, " n"],
-    white: Float[Array, "n m"],
-    noise: Noise,
-) -> Float[Array, "n m"]:
-    """W^T q for columns q, W as of `whiten`: (W^T q)^T r is q^T (W r)."""
-    linear = jax.linear_transpose(lambda c: whiten(clock, weight, c, noise), white)
-    return linear(white)[0]
+    _, tail = jax.lax.scan(step, start, (jacobian, turn))
+    one_sided = jacobian.T @ tail
+    return one_sided + one_sided.T - jacobian.T @ jacobian
 
 
 def rms_error(clock: Float[Array, "n *k"], used, noise: Noise) -> float:

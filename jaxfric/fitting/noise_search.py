@@ -358,16 +358,6 @@ class _Seen(NamedTuple):
 
 def _newton(record: Record, family: Family, theta: np.ndarray) -> tuple[_Seen, np.ndarray]:
     """What the differences show, and from there steps of Newton's method with many dampings."""
-    seen, slope, curve = _differences(record, family, theta)
-    scale, vectors = np.linalg.eigh(-curve)
-    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _DAMPINGS)[:, None]
-    steps = (vectors.T @ slope / damped) @ vectors.T
-    return seen, seen.theta[0] + np.clip(steps, -2.0, 2.0)
-
-
-def _differences(record: Record, family: Family, theta: np.ndarray):
-    """Points around one that is inside the bounds (the first), and there the slope (q,) of the
-    likelihood and its second derivatives (q, q)."""
     q = len(theta)
     low, high = _bounds(family, record.limits)
     centre = np.clip(theta, low + _STEP, np.maximum(high - _STEP, low + _STEP))
@@ -382,26 +372,10 @@ def _differences(record: Record, family: Family, theta: np.ndarray):
     curve = np.diag((plus + minus - 2 * values[0]) / _STEP**2)
     for (i, j), both in zip(pairs, values[2 * q + 1 :], strict=True):
         curve[i, j] = curve[j, i] = (both - plus[i] - plus[j] + values[0]) / _STEP**2
-    return seen, slope, curve
-
-
-def independent_errors(record: Record, found: Found, largest: float) -> list[tuple[Noise, Noise]]:
-    """The noise one standard error away both ways, along every axis of the curvature of ln L.
-
-    A logarithm is known to `largest` beforehand, and no memory leaves its bounds. sigma is found
-    anew for each.
-    """
-    if not found.family.parameters:
-        return []
-    _, _, curve = _differences(record, found.family, found.theta)
-    scale, axes = np.linalg.eigh(-np.where(np.isfinite(curve), curve, 0.0))
-    deviations = (axes / np.sqrt(np.maximum(scale, 0.0) + largest**-2)).T
-    both = [found.theta + sign * one for one in deviations for sign in (-1.0, 1.0)]
-    points = _inside(record, found.family, np.stack(both))
-    values, sigmas = _values(record, found.family, points)
-    each = zip(points, sigmas, values, strict=True)
-    noises = [noise_at(record, found.family, *one) for one in each]
-    return list(zip(noises[::2], noises[1::2], strict=True))
+    scale, vectors = np.linalg.eigh(-curve)
+    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _DAMPINGS)[:, None]
+    steps = (vectors.T @ slope / damped) @ vectors.T
+    return seen, centre + np.clip(steps, -2.0, 2.0)
 
 
 def _bounds(family: Family, limits: Limits) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,6 @@ the base leaves when everything smooth is taken out (`Engine.learn_noise`).
 """
 
 import dataclasses
-from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import equinox as eqx
@@ -20,14 +19,13 @@ from ..effects import AbstractHeavyEffect, RecordScales
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, noise_of, rms_error
-from ..fitting.noise_error import KnownNoise, known_noise
 from ..fitting.noise_search import (
     Family,
+    Limits,
     estimate_noise,
     limits_of,
     noises_around,
     profile_noise,
-    record_of,
 )
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.problem import FAILED_MISFIT, Problem
@@ -236,14 +234,21 @@ class Engine:
         """Noise of the train block, the directions of `columns` taken out."""
         return self._noise(residual, columns).noise
 
-    def known_noise(self, residual: np.ndarray, columns: np.ndarray) -> KnownNoise:
-        """As `noise`, but of whatever parts it has, and with its errors."""
-        record = record_of(*self._noise_rows(residual, columns), self.scale)
-        return known_noise(record, self._anew(residual, columns))
+    def noise_afresh(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
+        """As `noise`, but of whatever parts it has."""
+        return self._anew(residual, columns)
 
-    def denominator_degrees(self, known: KnownNoise, tests: Sequence[np.ndarray]) -> list[float]:
-        """See `KnownNoise`; the columns are zero in rows that do not train."""
-        return known.denominator_degrees(self.problem.clock, jnp.asarray(self.weight), tests)
+    def noise_of_family(
+        self, residual: np.ndarray, columns: np.ndarray, found: FoundNoise
+    ) -> FoundNoise:
+        """As `noise`, of the parts of one that was found, from there."""
+        rows = self._noise_rows(residual, columns)
+        starts = (found.theta,)
+        return profile_noise(*rows, found.family, starts, scale=self.scale, least=self.least)
+
+    def limits(self) -> Limits:
+        """Between which memories a noise is searched."""
+        return limits_of(self.problem.clock, self.weight, self.longest)
 
     def _noise(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
         if self.family is not None:
@@ -377,8 +382,7 @@ class Engine:
     def trial_noises(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Noises to screen under: shares (g, 2), rates (g, 2, k) and betas (g,)."""
         assert self.family is not None, "learn_noise comes first"
-        limits = limits_of(self.problem.clock, self.weight, self.longest)
-        return noises_around(self.family, self.noises, limits)
+        return noises_around(self.family, self.noises, self.limits())
 
     def bic(self, rows: "Rows", parameters: int) -> tuple[float, Noise]:
         """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows.

@@ -16,14 +16,16 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..fitting.noise_error import KnownNoise
+from ..fitting.noise_search import Found
 from ..rig.friction.extended import ExtendedLaw
 from .engine import Candidate, Engine
+from .ratio import Question, chances
 from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
 from .shapes import respond
-from .structure import chi_square_tail, f_tail
+from .smooth import ALONG
+from .structure import chi_square_tail
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _CHANCE = 0.01
@@ -45,47 +47,59 @@ class Asked(NamedTuple):
     """What the bumps of one variable take of what is left."""
 
     profile: LocationProfile
+    """Its p-value is not known yet."""
     gain: float
     """Fall of the sum of squares, less its degrees of freedom."""
-    columns: np.ndarray
-    """Orthonormal, (n, k): the k squares that p is of are those of their products."""
-    squares: float
-    """In units of what is left beside them."""
+    columns: tuple[int, ...]
+    """The bumps that are asked together."""
     times: int
-    """How many such questions were asked, of which this is the best answer."""
-
-    def answered(self, among: float) -> LocationProfile:
-        """The profile with its p-value; the noise is known as from `among` independent squares."""
-        p = self.times * f_tail(self.squares, self.columns.shape[1], among)
-        return dataclasses.replace(self.profile, p_value=min(1.0, p))
+    """How many such questions were asked, of which this has the largest answer."""
 
 
-def locate(
-    engine: Engine, base: Candidate, known: KnownNoise, bumps: Sequence[Bumps]
-) -> tuple[LocationProfile, ...]:
-    """Profiles of missing friction over every variable, the most telling first."""
-    index = engine.free(base.effects)
-    rows = engine.evaluate(base.z, index)
+class Left(NamedTuple):
+    """What is left of a residual."""
+
+    location: tuple[LocationProfile, ...]
+    """The most telling variable first."""
+    chances: dict[str, float]
+    """Of noise alone to answer each of `structure.QUESTIONS` that is asked by likelihood."""
+
+
+def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]) -> Left:
+    """Profiles of missing friction over every variable, and how likely noise alone makes them.
+
+    `found` is the noise with everything smooth taken out.
+    """
+    rows = engine.evaluate(base.z, engine.free(base.effects))
     train = engine.weight[:, None]
     white = engine.whiten(
-        np.concatenate([rows.residual[:, None], rows.jacobian], axis=1) * train, known.noise
+        np.concatenate([rows.residual[:, None], rows.jacobian], axis=1) * train, found.noise
     )
     basis = orthonormal(white[:, 1:])
     left = white[:, 0] - basis @ (basis.T @ white[:, 0])
     whole = float(left @ left), float(engine.weight.sum()) - basis.shape[1]
     seen = np.concatenate([one.columns for one in bumps], axis=1)
-    seen = engine.whiten(seen * train, known.noise)
+    seen = engine.whiten(seen * train, found.noise)
     seen = seen - basis @ (basis.T @ seen)
-    found, begin = [], 0
+    size = _LARGEST * base.rms["train"]
+    asked, begin = [], 0
     for variable, unit, centres, columns in bumps:
         own = seen[:, begin : begin + columns.shape[1]]
         begin += columns.shape[1]
         profile = _ripples if own.shape[1] == 2 * len(centres) else _profile
-        size = _LARGEST * base.rms["train"]
-        found.append(profile(variable, unit, centres, own, left, whole, size))
-    among = engine.denominator_degrees(known, [asked.columns for asked in found])
-    pairs = sorted(zip(found, among, strict=True), key=lambda pair: -pair[0].gain)
-    return tuple(asked.answered(degrees) for asked, degrees in pairs)
+        asked.append(profile(variable, unit, centres, own, left, whole, size))
+    questions = [
+        Question("block_means", engine.smooth[:, :ALONG]),
+        Question("step_locked", engine.smooth[:, ALONG:]),
+    ]
+    for one, (variable, _, _, columns) in zip(asked, bumps, strict=True):
+        questions.append(Question(variable, columns[:, list(one.columns)], one.times))
+    p = chances(engine, rows, found, questions)
+    ordered = sorted(asked, key=lambda one: -one.gain)
+    location = (
+        dataclasses.replace(one.profile, p_value=p[one.profile.variable]) for one in ordered
+    )
+    return Left(tuple(location), p)
 
 
 def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
@@ -135,8 +149,7 @@ def _profile(variable, unit, centres, own, left, whole, size) -> Asked:
     amplitudes, errors = np.where(unseen, np.nan, amplitudes), np.where(unseen, np.nan, errors)
     explained = share_of(gain, degrees, whole)
     profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, nan)
-    columns = own @ (vectors[:, used] / np.sqrt(values[used]))
-    return Asked(profile, gain - degrees, columns, gain / beyond, 1)
+    return Asked(profile, gain - degrees, tuple(range(own.shape[1])), 1)
 
 
 def _ripples(variable, unit, centres, own, left, whole, size) -> Asked:
@@ -155,9 +168,8 @@ def _ripples(variable, unit, centres, own, left, whole, size) -> Asked:
     errors *= np.sqrt(beyond)
     explained = share_of(best, 2, whole)
     profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, nan)
-    k = int(np.argmax(gains / beyond))
-    columns = orthonormal(own[:, 2 * k : 2 * k + 2])
-    return Asked(profile, best - 2, columns, float(gains[k] / beyond[k]), len(centres))
+    k = int(np.argmax(gains))
+    return Asked(profile, best - 2, (2 * k, 2 * k + 1), len(centres))
 
 
 def _variables(engine: Engine, response: Response):

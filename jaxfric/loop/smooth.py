@@ -2,7 +2,8 @@
 
 import numpy as np
 
-_ALONG, _SINCE = 24, 8
+ALONG, _SINCE = 24, 8
+"""Hats along the record: the first columns."""
 
 
 def smooth_columns(path: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
@@ -11,7 +12,7 @@ def smooth_columns(path: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
     `path` (n,) and the `step` (n,) of each row; `size` rows come out, those beyond n as 0.
     """
     share = (path - path[0]) / max(float(path[-1] - path[0]), 1e-300)
-    columns = [_hat(share, k, _ALONG) for k in range(_ALONG)]
+    columns = [_hat(share, k, ALONG) for k in range(ALONG)]
     since = np.zeros(len(path))
     for k in np.unique(step):
         rows = step == k

@@ -1,20 +1,18 @@
 """Is something left that follows the drive, the slip, the velocity or the time since a step?
 
-The residual is made white under its own noise, whose memory is bounded: what is then left of noise
-is independent, of mean 0 and variance 1 (up to what the fit took away). Whether neighbouring rows
-are alike is a question about the recorder and is not asked.
+Noise is correlated over short distances, in a memory that is bounded. Whether neighbouring rows are
+alike is a question about the recorder and is not asked. What is asked are likelihood ratios
+(`ratio`): whether hats along the record or since the steps, or bumps of friction over one variable
+(`location`), make the residual likelier than noise alone does.
 
 With the sizes of the train and of the held-out error, which a verdict also asks about, all answers
-are corrected together: noise alone then fails one of them once in 1/p records. The size and memory
-of the noise come from the same record, and tests allow for their errors (`fitting.noise_error`).
+are corrected together: noise alone then fails one of them once in 1/p records.
 """
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
-from jax.scipy.special import betainc, gammaincc
+from jax.scipy.special import gammaincc
 
 QUESTIONS = {
     "block_means": "slow changes along the record",
@@ -31,11 +29,8 @@ QUESTIONS = {
     "since_reversal": "follows the distance since a stop",
     "wavelength": "a ripple along the slip",
 }
-"""What the tests look for: three of the innovations, then bumps over one variable (`location`)."""
-_BLOCKS = 24
+"""What the tests look for: along the record and since the steps, then over one variable."""
 _BINS = 12
-_MANY = 1e6
-"""Squares that make a variance as good as known."""
 
 
 def asked(tests: dict[str, float]) -> int:
@@ -43,48 +38,20 @@ def asked(tests: dict[str, float]) -> int:
     return len(tests) + 2
 
 
-class Groups(NamedTuple):
-    """Rows that are compared by the means of groups: the group of each, from 0."""
-
-    block_means: np.ndarray
-    """24 blocks of rows."""
-    step_locked: np.ndarray
-    """Rows of all velocity steps at equal slip since the step; 0: before the first."""
-
-
-def groups_of(step: np.ndarray, slip: np.ndarray) -> Groups:
-    """Of rows of the velocity steps `step` (n,), slipped so far (n,)."""
-    return Groups(np.arange(len(step)) * _BLOCKS // len(step), _since_step(step, slip))
-
-
-def indicators(group: np.ndarray) -> np.ndarray:
-    """A column of length 1 for every group, (n, k): its products are the groups' sums."""
-    columns = (group[:, None] == np.unique(group)).astype(float)
-    return columns / np.linalg.norm(columns, axis=0)
-
-
 def structure(
-    innovations: np.ndarray,
-    groups: Groups,
-    followed: dict[str, float],
-    degrees: Sequence[float] = (math.inf, math.inf),
+    innovations: np.ndarray, step: np.ndarray, slip: np.ndarray, chances: dict[str, float]
 ) -> dict[str, float]:
-    """p-values, corrected after Holm with those of `followed` (by variable): small ones mean
-    structure.
+    """p-values of what is asked, corrected after Holm: small ones mean structure.
 
-    block_means, step_locked : means of the groups, compared with F whose denominator has so many
-    `degrees` (`KnownNoise.denominator_degrees`). spread_after_step : sizes of rows in the groups of
-    step_locked, by ranks (Kruskal-Wallis), for what changes its sign from step to step.
+    `chances` are those of likelihood ratios. One more question is asked of the innovations of the
+    rows, of velocity steps `step` (n,) and slipped so far (n,): spread_after_step, the sizes at
+    equal slip since the step, by ranks (Kruskal-Wallis), for what changes its sign from step to
+    step.
     """
-    e = innovations - np.mean(innovations)
-    e = e / max(float(np.std(e)), 1e-300)
-    since = groups.step_locked
-    raw = {
-        name: _means(e, group, among)
-        for name, group, among in zip(Groups._fields, groups, degrees, strict=True)
-    }
-    raw["spread_after_step"] = _means(_ranks(np.abs(e[since > 0])), since[since > 0])
-    raw |= followed
+    e = np.abs(innovations - np.mean(innovations))
+    since = _since_step(step, slip)
+    raw = dict(chances)
+    raw["spread_after_step"] = _means(_ranks(e[since > 0]), since[since > 0])
     return holm(raw, asked(raw))
 
 
@@ -104,11 +71,11 @@ def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
     return {name: corrected[name] for name in raw}
 
 
-def _means(e: np.ndarray, group: np.ndarray, among: float = math.inf) -> float:
+def _means(e: np.ndarray, group: np.ndarray) -> float:
     sizes = np.bincount(group)
     sums = np.bincount(group, weights=e)
     used = sizes > 0
-    return f_tail(float(np.sum(sums[used] ** 2 / sizes[used])), int(used.sum()) - 1, among)
+    return chi_square_tail(float(np.sum(sums[used] ** 2 / sizes[used])), int(used.sum()) - 1)
 
 
 def _ranks(x: np.ndarray) -> np.ndarray:
@@ -135,14 +102,4 @@ def chi_square_tail(x: float, degrees: int) -> float:
     if degrees < 1:
         return 1.0
     p = float(gammaincc(0.5 * degrees, 0.5 * max(x, 0.0)))
-    return p if math.isfinite(p) else 1.0
-
-
-def f_tail(x: float, degrees: int, among: float) -> float:
-    """Probability that a sum of `degrees` squares exceeds `x`, in units of a variance that is known
-    as from `among` independent squares: that of F beyond x/degrees."""
-    if degrees < 1 or not among < _MANY:
-        return chi_square_tail(x, degrees)
-    share = among / (among + max(x, 0.0))
-    p = float(betainc(0.5 * among, 0.5 * degrees, share))
     return p if math.isfinite(p) else 1.0

@@ -1,6 +1,5 @@
 """What may be concluded from a search, and in which words."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -8,15 +7,15 @@ import numpy as np
 
 from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
-from ..fitting.noise_error import KnownNoise
+from ..fitting.noise_search import Found
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
 from .family import CurveFamily, listed
-from .result import LocationProfile
+from .location import Left
 from .rivals import rival_fits
 from .screen import orthonormal
 from .search import Search
-from .structure import QUESTIONS, groups_of, indicators, p_text, structure
+from .structure import QUESTIONS, p_text, structure
 from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
 
 _HELD_OUT = 1.06
@@ -32,7 +31,7 @@ _EDGE = 1.1
 class Floor(NamedTuple):
     """The noise with everything smooth taken out."""
 
-    known: KnownNoise
+    found: Found
     sigma: float
     """On the train block, in the unit of friction."""
     later: float
@@ -82,8 +81,8 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)
     train = columns * engine.weight[:, None]
     used = np.linalg.norm(train, axis=0) > 0
-    known = engine.known_noise(rows.residual * engine.weight, train[:, used])
-    noise = known.noise
+    found = engine.noise_afresh(rows.residual * engine.weight, train[:, used])
+    noise = found.noise
     held = engine.blocks.select | engine.blocks.report
     # sigma comes from the train block and has its error
     later, chance = (engine.rms_error(some, noise) for some in (held, engine.blocks.train))
@@ -91,7 +90,7 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     errors = errors * min(1.0, _MOST_PREDICTED / max(float(errors.sum()), 1e-300))
     size = float(engine.problem.noise_scale)
     return Floor(
-        known,
+        found,
         size * _level(engine, rows.residual, columns, engine.blocks.train, noise),
         size * _level(engine, rows.residual, columns, held, noise),
         max(_HELD_OUT, largest_rms(float(np.hypot(later, chance)), errors)),
@@ -150,30 +149,15 @@ def _prediction_errors(engine: Engine, rows: Rows, held: np.ndarray, noise: Nois
 
 
 def questions(
-    engine: Engine,
-    candidate: Candidate,
-    slip: np.ndarray,
-    location: Sequence[LocationProfile],
-    known: KnownNoise,
+    engine: Engine, candidate: Candidate, slip: np.ndarray, left: Left, noise: Noise
 ) -> dict[str, float]:
-    """p-values of the structure tests on the train block; `location` is the candidate's own.
-
-    The noise is `known` with everything smooth taken out (`noise_floor`). Noise that is fitted to
-    the residual with the structure in it takes the structure for noise.
-    """
-    train = np.flatnonzero(engine.blocks.train)
-    groups = groups_of(engine.blocks.step[train], slip[train])
-    columns = []
-    for group in groups:
-        each = indicators(group)
-        columns.append(np.zeros((len(engine.weight), each.shape[1])))
-        columns[-1][train] = each
-    degrees = engine.denominator_degrees(known, columns)
-    followed = {profile.variable: profile.p_value for profile in location}
+    """p-values of the structure tests on the train block; `left` is what the candidate leaves,
+    `noise` that with everything smooth taken out."""
+    train = engine.blocks.train
     residual = np.zeros((len(engine.weight), 1))
     residual[: engine.rows, 0] = candidate.residual
-    white = engine.whiten(residual * engine.weight[:, None], known.noise)[train, 0]
-    return structure(white, groups, followed, degrees)
+    white = engine.whiten(residual * engine.weight[:, None], noise)[: engine.rows, 0]
+    return structure(white[train], engine.blocks.step[train], slip[train], left.chances)
 
 
 def conclude(

@@ -1,0 +1,132 @@
+"""Is more left than noise? Likelihood ratios, with the noise found anew under either answer.
+
+    LR = 2 (max ln L with the columns of a question - max ln L without them)
+
+Both maxima are over the parameters of the fit, the sizes and the memories of the noise. A noise
+that is fitted to a residual with structure in it takes the structure for noise; one that is fitted
+without the directions of a question hardly knows how large noise is there. The ratio asks which of
+the two the record says.
+
+Where the record is short beside the memory of its noise LR is larger than chi-square says. So it is
+divided by what it is on average, over its degrees of freedom, for records of the noise alone that
+are drawn from what was found (a Bartlett correction by the bootstrap).
+
+Sources: Bartlett 1937 (doi:10.1098/rspa.1937.0109) for the correction; Rocke 1989, J. Am. Stat.
+Assoc. 84, 598, for its bootstrap.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..fitting.noise import coloured
+from ..fitting.noise_search import Family, Found, Limits, parts_at
+from .engine import Engine, Rows
+from .evidence import evidence
+from .structure import chi_square_tail
+
+_DRAWS, _SEED = 60, 20
+_BETWEEN = (0.0, 0.5, 1.0)
+_SIZES, _MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)
+_SEEN = 1e-6
+
+
+class Question(NamedTuple):
+    """What may be left: any combination of some columns."""
+
+    name: str
+    columns: np.ndarray
+    """In units of the problem's noise scale, (n, k)."""
+    times: int = 1
+    """How many such questions were asked, of which this is the one with the largest answer."""
+
+
+def chances(
+    engine: Engine, rows: Rows, found: Found, questions: Sequence[Question]
+) -> dict[str, float]:
+    """The chance that noise alone answers a question as the residual of the train block does.
+
+    `rows` are of the model, whose parameters are free in every answer; `found` is the noise with
+    everything smooth taken out.
+    """
+    weight = engine.weight[:, None]
+    jacobian = rows.jacobian * weight
+    null = engine.noise_of_family(rows.residual * engine.weight, jacobian, found)
+    rng = np.random.default_rng(_SEED)
+    white = jnp.asarray(rng.standard_normal((len(engine.weight), _DRAWS)))
+    drawn = coloured(engine.problem.clock, jnp.asarray(engine.weight), white, found.noise)
+    asked = np.concatenate([q.columns for q in questions], axis=1) * weight
+    more = rng.standard_normal((len(rows.extra), _DRAWS))
+    noises = _around(found.family, (null.theta, found.theta), engine.limits())
+    known = evidence(
+        engine.problem.clock,
+        engine.weight,
+        rows.residual * engine.weight,
+        np.concatenate([np.asarray(drawn), jacobian, asked], axis=1),
+        rows.extra,
+        np.concatenate([more, rows.extra_jacobian, np.zeros((len(more), asked.shape[1]))], axis=1),
+        noises,
+        engine.scale,
+    )
+    size, p = 1 + _DRAWS, jacobian.shape[1]
+    every = known.products + float(found.noise.sigma) ** 2 * known.extra
+    rest = _without(every, np.arange(size, size + p))
+    places = np.cumsum([size, *(q.columns.shape[1] for q in questions)])
+    kept = np.concatenate([np.arange(size), np.arange(size + p, places[-1] + p)])
+    rest = rest[:, kept[:, None], kept]
+    answers = {}
+    for question, begin, end in zip(questions, places, places[1:], strict=False):
+        ratio, degrees = _ratios(rest, np.arange(begin, end), size, known)
+        usual = max(float(np.mean(ratio[1:])) / max(degrees, 1), 1.0)
+        tail = chi_square_tail(float(ratio[0]) / usual, degrees)
+        answers[question.name] = min(1.0, question.times * tail)
+    return answers
+
+
+def _around(family: Family, thetas, limits: Limits):
+    """Noises between and around two of a family: shares (g, 2), rates (g, 2, k), betas (g,)."""
+    first, last = thetas
+    parts = family.parameters // 2
+    found = []
+    for part in _BETWEEN if family.parameters else (0.0,):
+        centre = first + part * (last - first)
+        for size in _SIZES if parts else (0.0,):
+            for memory in _MEMORIES if parts else (0.0,):
+                shift = [size, memory] * parts + [0.0] * family.resonates
+                found.append(centre + np.array(shift))
+    low = [-np.inf, np.log(limits.shortest).min()] * parts + [-np.inf] * family.resonates
+    clocks = [k for k in (family.first, family.second) if k is not None]
+    high = [x for k in clocks for x in (np.inf, float(np.log(limits.longest[k])))]
+    high += [np.inf] * family.resonates
+    return parts_at(family, np.clip(np.stack(found), low, high), limits)
+
+
+def _without(products: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Products (g, m, m) with the directions of some columns taken out of all others."""
+    size = np.sqrt(np.maximum(np.einsum("gii->gi", products)[:, columns], 1e-300))
+    gram = products[:, columns[:, None], columns] / size[:, :, None] / size[:, None, :]
+    cross = products[:, columns] / size[:, :, None]
+    ridge = 1e-12 * np.eye(len(columns))
+    return products - np.swapaxes(cross, 1, 2) @ np.linalg.solve(gram + ridge, cross)
+
+
+def _ratios(products: np.ndarray, columns: np.ndarray, size: int, known) -> tuple[np.ndarray, int]:
+    """LR of some columns for each of the first `size` ones (size,), and its degrees of freedom."""
+    squares = np.einsum("gii->gi", products)[:, :size]
+    gram = products[:, columns[:, None], columns]
+    side = products[:, columns, :size]
+    scale, vectors = np.linalg.eigh(gram)
+    used = scale > _SEEN * np.maximum(scale[:, -1:], 1e-300)
+    degrees = int(np.min(np.sum(used, axis=1)))
+    if not degrees:
+        return np.zeros(size), 0
+    seen = np.swapaxes(vectors[:, :, -degrees:], 1, 2) @ side
+    gain = np.sum(seen**2 / scale[:, -degrees:, None], axis=1)
+    left = np.maximum(squares - gain, 1e-12 * squares)
+    deviance = [
+        np.min(known.rows * np.log(np.maximum(x, 1e-300)) + known.log_determinant[:, None], axis=0)
+        for x in (squares, left)
+    ]
+    return deviance[0] - deviance[1], degrees
