@@ -643,3 +643,25 @@ def test_two_lags_that_are_known_together_only():
 
     assert inseparable(covariance(-0.96)) == inseparable(covariance(0.96)) == [0, 1]
     assert inseparable(covariance(-0.94)) == [] == inseparable(np.zeros((0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("bics", "exact", "best", "agree"),
+    [
+        ((5.0, 5.5), [True, False], 5.0, True),  # the first is as good
+        ((5.0, 4.95), [True, False], 5.0, True),  # what a rough fit may be off
+        ((5.0, 2.0), [True, False, True], 2.0, False),
+        ((np.inf, 2.0), [True, False, True], 2.0, False),
+        ((5.0, 9.0), [True, False], 5.0, False),
+    ],
+)
+def test_another_start_is_fitted_to_the_end_only_where_it_is_better(bics, exact, best, agree):
+    asked = []
+
+    def refit(effects, z, *, exact):
+        asked.append(exact)
+        return SimpleNamespace(bic=float(z[0]), failed=not np.isfinite(z[0]), z=z)
+
+    engine: Any = SimpleNamespace(refit=refit)
+    found, agreed = search_module._base(engine, [np.array([b]) for b in bics])
+    assert (asked, found.bic, agreed) == (exact, best, agree)

@@ -27,7 +27,8 @@ _REFITS = 4
 _WORSE = 1.02
 _TRAIN_WORSE = 1.005
 _CHANCE = 0.01
-_AGREE = 1.0
+_AGREE, _ROUGHLY = 1.0, 0.1
+"""Of BIC: what two fits that agree may differ by, and what a rough fit may be off."""
 
 
 class Search(NamedTuple):
@@ -106,8 +107,10 @@ def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool
         return found[0], False
     best = min(good, key=lambda c: c.bic)
     agree = sum(c.bic - best.bic < _AGREE for c in good) > 1
-    if best is not found[0]:
+    if found[0].failed or found[0].bic - best.bic > _ROUGHLY:
         best = min(best, engine.refit((), best.z, exact=True), key=lambda c: c.bic)
+    else:
+        best = found[0]
     return best, agree or len(starts) == 1
 
 
