@@ -248,9 +248,9 @@ def _save_location(loop: Loop, folder: Path) -> list[str]:
         + ", of which the noise of a row is the dotted"
         f" {loop.sigma / left:.2g}.\nLeft out is what the base's own parameters take up. The"
         " machine shows a part only, and neighbours of opposite sign cancel. Bars: standard error."
-        "\np: how often noise of this size would show as much, each variable by itself. The table"
-        " of tests has larger p as a rule: it takes each model's own\nresidual for the size and"
-        " memory of noise, and corrects for all that is asked.",
+        "\np: how often noise alone gains as much in likelihood by bumps over a variable, its size"
+        " and memory found anew. Each variable by itself; the\ntable of tests corrects for all"
+        " that is asked.",
         x=0.01,
         ha="left",
         fontsize=10.5,

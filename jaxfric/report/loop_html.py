@@ -89,8 +89,9 @@ _MEANING = (
     (
         "p",
         "How often noise alone would show as much structure. Below 0.01 there is something left."
-        " The table takes the noise of each model's own residual and corrects for all that is"
-        " asked; the figure of where structure sits takes σ, and each variable by itself.",
+        " It is asked by likelihood, the size and memory of the noise found anew with and without"
+        " the structure. The table corrects for all that is asked; the figure of where structure"
+        " sits takes each variable by itself.",
     ),
 )
 _VERDICTS = (

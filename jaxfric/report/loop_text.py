@@ -264,9 +264,9 @@ def significance(loop: Loop) -> Table:
         rows.append((spoken(loop, QUESTIONS.get(name, name)), *(p_value(p) for p in both)))
     head = ("is it left in the residual?", "p before", "p after")
     note = (
-        f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block; beside the noise"
-        " of each model's own residual, corrected for all that is asked. Those of the figure"
-        " location are beside σ, each by itself)"
+        f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block; by likelihood,"
+        " the noise found anew with and without it; corrected for all that is asked, those of the"
+        " figure location each by itself)"
     )
     return Table("Tests for structure", head, rows, note)
 
