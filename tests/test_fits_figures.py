@@ -238,6 +238,40 @@ def test_shares_under_measured_noise():
     assert numbers["measured, no effect: an effect confirmed"]["value"] == 0
 
 
+def test_shares_under_measured_noise_of_another_tenth():
+    results, text = content("blind/measured_shift_8/results.json"), page("blind")
+    numbers = {n["what"]: n for n in results["numbers"]}
+
+    def hits(what):
+        return [int(x) for x in numbers[f"measured, {what}"]["of"].split("/")]
+
+    right = [hits(f"rho {rho}: alias group right") for rho in ("0.5", "1")]
+    sure = [hits(f"rho {rho}: of these, confirmed")[0] for rho in ("0.5", "1")]
+    cover = "measured, 95 % intervals of A, B, L cover, "
+    error = "measured, one effect: held-out rms / true sigma, "
+    for pattern, values in (
+        ("holds # records of", [len(results["records"])]),
+        ("# of # are `no_missing_effect`, nothing", hits("no effect: `no_missing_effect`")),
+        (
+            "the right group in # of # at rho 0.5 and # of # at 1, of which # and # are confirmed",
+            [*right[0], *right[1], *sure],
+        ),
+        (
+            "Intervals cover # %, those of the right effect # %.",
+            [
+                100 * numbers[cover + "extended fits"]["value"],
+                100 * numbers[cover + "those of the right effect"]["value"],
+            ],
+        ),
+        (
+            "Held-out error # sigma in the median, # at the 90th percentile.",
+            [numbers[error + q]["value"] for q in ("median", "90th percentile")],
+        ),
+    ):
+        assert not stale(text, pattern, *values)
+    assert numbers["measured, no effect: an effect confirmed"]["value"] == 0
+
+
 def test_shares_of_the_axes():
     results, text = content("blind/axis_results.json"), page("blind")
     levels, records = results["numbers"].values(), results["records"]
