@@ -114,3 +114,14 @@ class PiecewiseVelocity(AbstractMotion):
 
     def largest_speed(self) -> Float[Array, ""]:
         return jnp.max(jnp.abs(self.velocities))
+
+
+class MeasuredMotion(eqx.Module):
+    """Measured motion of an axis at the full rate of its encoder, padded at its end by rest. SI."""
+
+    time: Float[Array, " N"]
+    position: Float[Array, " N"]
+    velocity: Float[Array, " N"]
+    acceleration: Float[Array, " N"]
+    path: Float[Array, " N"]
+    """Distance travelled."""

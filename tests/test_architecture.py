@@ -25,13 +25,14 @@ FLOORS = {
     "simulation": 2,
     "stability": 2,
     "records": 2,
+    "effects": 2,
     "gains": 3,
     "fitting": 3,
-    "effects": 3,
+    "laws": 4,
     "loop": 4,
-    "axis": 4,
     "prediction": 4,
     "study": 5,
+    "axis": 5,
     "plot": 5,
     "report": 5,
     "members": 6,
@@ -44,10 +45,7 @@ WITHIN_A_FLOOR = {
     ("quantity", "errors"),
     ("units", "errors"),
     ("rig", "motion"),
-    ("gains", "effects"),
-    ("axis", "loop"),
     ("prediction", "loop"),
-    ("prediction", "axis"),
 }
 
 

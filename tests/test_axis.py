@@ -20,23 +20,24 @@ from scipy.integrate import solve_ivp
 
 import jaxfric
 from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
-from jaxfric.axis.closed_loop import Controller, simulate_closed_loop
-from jaxfric.axis.fit import inverse_dynamics, output_error
-from jaxfric.axis.gains import axis_gains
-from jaxfric.axis.loop import rotary_unit
-from jaxfric.axis.prepare import Motion, prepare, shifted
-from jaxfric.axis.problem import BaseLaw, make_problem
-from jaxfric.axis.rig import AxisRig
-from jaxfric.axis.split import segments, split
-from jaxfric.axis.state import Bristle
-from jaxfric.axis.steady import close_steady_loop, steady_gains
-from jaxfric.axis.steady_model import fit_model
 from jaxfric.effects import parameters
-from jaxfric.loop.superset import Superset
+from jaxfric.fitting.axis_fit import inverse_dynamics, output_error
+from jaxfric.fitting.axis_preparation import prepare, shifted
+from jaxfric.fitting.axis_problem import make_problem
+from jaxfric.fitting.superset import Superset
+from jaxfric.gains.axis import axis_gains
+from jaxfric.loop.axis.loop import rotary_unit
+from jaxfric.loop.axis.split import segments, split
+from jaxfric.loop.steady.loop import close_steady_loop, steady_gains
+from jaxfric.loop.steady.model import fit_model
+from jaxfric.motion import MeasuredMotion
 from jaxfric.records import Drive, axis_from_arrays, read_axis, read_steady
 from jaxfric.records.public import data_folder
 from jaxfric.records.steady import SteadyCurve
 from jaxfric.report.steady_text import sentence as steady_sentence
+from jaxfric.rig.axis import AxisRig, BaseLaw
+from jaxfric.rig.axis_state import Bristle
+from jaxfric.simulation.axis_closed_loop import Controller, simulate_closed_loop
 
 sys.path.append(str(Path(__file__).parents[1]))
 plants = importlib.import_module("fits.blind.axis_plants")
@@ -231,7 +232,7 @@ def test_a_bristle_along_a_motion():
         lambda t, z: (rate(t) - abs(rate(t)) * z) / x_c, (0, 0.6), [0.0], t_eval=t, rtol=1e-9,
         max_step=1e-3,
     )  # fmt: skip
-    motion = Motion(*(jnp.asarray(x) for x in (t, q(t), 0 * t, 0 * t, 0 * t)))
+    motion = MeasuredMotion(*(jnp.asarray(x) for x in (t, q(t), 0 * t, 0 * t, 0 * t)))
     bristle = lambda x_c: Bristle(*(jnp.asarray(x) for x in (1.0, 30.0, x_c)))  # noqa: E731
     bent = bristle(x_c).along(motion)
     assert np.max(np.abs(bent - found.y[0])) < 2e-3

@@ -19,16 +19,16 @@ from scipy.ndimage import gaussian_filter1d
 
 from jaxfric import InputError, study
 from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
-from jaxfric.axis.closed_loop import Controller, simulate_closed_loop, substeps
-from jaxfric.axis.effects import DirectionAsymmetry, Presliding, RateAndState
-from jaxfric.axis.gains import axis_gains, state_gains
-from jaxfric.axis.prepare import Motion
-from jaxfric.axis.rig import AxisRig
-from jaxfric.axis.state import RateState
+from jaxfric.effects.axis import DirectionAsymmetry, Presliding, RateAndState
 from jaxfric.gains import find_gains
+from jaxfric.gains.axis import axis_gains, state_gains
 from jaxfric.members.saved_law import law_from_file
+from jaxfric.motion import MeasuredMotion
 from jaxfric.records import Drive, axis_from_arrays
+from jaxfric.rig.axis import AxisRig
+from jaxfric.rig.axis_state import RateState
 from jaxfric.rig.friction import Conditions
+from jaxfric.simulation.axis_closed_loop import Controller, simulate_closed_loop, substeps
 from jaxfric.stability.claims import Curve
 from jaxfric.stability.linear import linear_friction
 
@@ -49,7 +49,7 @@ def rig_of(A=A, B=B, L=L, v_c=VC, *, M=M, Fv=FV, width=1e-4, presliding=None):
 
 @jax.jit
 def along(L, t, v):
-    return RateState(A, B, L, VC).along(Motion(t, 0 * t, v, 0 * t, 0 * t))
+    return RateState(A, B, L, VC).along(MeasuredMotion(t, 0 * t, v, 0 * t, 0 * t))
 
 
 def along_of(t, v):

@@ -13,12 +13,12 @@ from test_axis_rotary import rotary_text
 
 import jaxfric
 from jaxfric.axis import close_axis_loop
-from jaxfric.axis.closed_loop import Controller, simulate_closed_loop
-from jaxfric.axis.controller_check import disagreement
-from jaxfric.axis.prepare import Preparation, acceleration_noise, prepare, usual
-from jaxfric.axis.reading import _from_row_to_row, read_rows
-from jaxfric.axis.rig import AxisRig
+from jaxfric.fitting.axis_preparation import Preparation, acceleration_noise, prepare, usual
+from jaxfric.loop.axis.controller_check import disagreement
+from jaxfric.loop.axis.reading import _from_row_to_row, read_rows
 from jaxfric.records import Drive, axis_from_arrays, read_axis
+from jaxfric.rig.axis import AxisRig
+from jaxfric.simulation.axis_closed_loop import Controller, simulate_closed_loop
 
 H = 1e-3
 
@@ -261,8 +261,8 @@ def test_two_lags_are_in_one_model_where_both_are_asked_for(monkeypatch):
         engines.append(engine)
         raise jaxfric.InputError("no need to go on")
 
-    monkeypatch.setattr("jaxfric.axis.loop.declared", declared)
-    monkeypatch.setattr("jaxfric.axis.loop.search", search)
+    monkeypatch.setattr("jaxfric.loop.axis.loop.declared", declared)
+    monkeypatch.setattr("jaxfric.loop.axis.loop.search", search)
     for asked, beside in ((("servo_lag", "sensor_lag"), True), (("servo_lag",), False)):
         with pytest.raises(jaxfric.InputError, match="no need to go on"):
             close_axis_loop(a_record(), with_=asked)

@@ -7,13 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfric.axis.fit import inverse_dynamics
-from jaxfric.axis.prepare import Preparation
-from jaxfric.axis.problem import BaseLaw, make_problem
-from jaxfric.axis.reading import read_rows
-from jaxfric.axis.seen import _stairs, _stops, doubts, slowest_told
-from jaxfric.loop.superset import Superset
+from jaxfric.fitting.axis_fit import inverse_dynamics
+from jaxfric.fitting.axis_preparation import Preparation
+from jaxfric.fitting.axis_problem import make_problem
+from jaxfric.fitting.superset import Superset
+from jaxfric.loop.axis.reading import read_rows
+from jaxfric.loop.axis.seen import _stairs, _stops, doubts, slowest_told
 from jaxfric.records import axis_from_arrays
+from jaxfric.rig.axis import BaseLaw
 
 H = 2e-3
 

@@ -6,12 +6,12 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from jaxfric.axis import AXIS_CATALOGUE
-from jaxfric.axis.gains import axis_gains
-from jaxfric.axis.loop import unit_of_residuals
-from jaxfric.axis.prepare import shifted
-from jaxfric.axis.rig import AxisRig
-from jaxfric.axis.state import Bristle, RateState
+from jaxfric.fitting.axis_preparation import shifted
 from jaxfric.fitting.problem import FAILED_MISFIT
+from jaxfric.gains.axis import axis_gains
+from jaxfric.loop.axis.loop import unit_of_residuals
+from jaxfric.rig.axis import AxisRig
+from jaxfric.rig.axis_state import Bristle, RateState
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxfric.axis.gains_result import AxisGains, Shown
 from jaxfric.fitting import Estimate, Fit
+from jaxfric.gains.axis_result import AxisGains, Shown
 from jaxfric.stability.claims import (
     Above,
     Claim,

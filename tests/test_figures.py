@@ -4,8 +4,8 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
-from jaxfric.axis.steady import close_steady_loop
 from jaxfric.loop.result import LocationProfile
+from jaxfric.loop.steady.loop import close_steady_loop
 from jaxfric.plot import steady
 from jaxfric.plot.loop import _cell, _share_and_p
 from jaxfric.plot.marginals import draw_marginals

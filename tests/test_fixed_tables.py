@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxfric.axis.effects import Presliding
 from jaxfric.effects import RecordScales
+from jaxfric.effects.axis import Presliding
 from jaxfric.loop.fixed import Part, loose, not_fixed
 from jaxfric.quantity import quantities
 

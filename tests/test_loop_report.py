@@ -23,14 +23,14 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 from rich.console import Console
 
-from jaxfric.axis.gains_result import AxisGains
-from jaxfric.axis.prepare import Preparation
-from jaxfric.axis.result import AxisDetails
 from jaxfric.cli import loop as verb
 from jaxfric.effects import CATALOGUE
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
+from jaxfric.fitting.axis_preparation import Preparation
 from jaxfric.fitting.problem import Model
 from jaxfric.fitting.table import summary
+from jaxfric.gains.axis_result import AxisGains
+from jaxfric.loop.axis.result import AxisDetails
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
 from jaxfric.loop.result import (
     VERDICTS,

@@ -18,13 +18,13 @@ import jaxfric as jf
 from fits.blind import plants
 from jaxfric.effects import effect_of
 from jaxfric.fitting.problem import Channel, Model, make_problem
+from jaxfric.fitting.superset import Superset
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.estimates import estimates
 from jaxfric.loop.response import linear_response, term_forces
 from jaxfric.loop.sampling import seen_between
 from jaxfric.loop.shapes import friction_shapes
 from jaxfric.loop.split import split
-from jaxfric.loop.superset import Superset
 
 UM, SIGMA, SLIP_NOISE, TIME_ERROR = 1e-6, 3e-4, 0.02e-6, 5e-3
 A, B, L, F0 = 0.008, 0.011, 8 * UM, 0.62

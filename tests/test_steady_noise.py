@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from command import run
 
-from jaxfric.axis.steady import close_steady_loop
-from jaxfric.axis.steady_noise import after_a_turn, steady_noise
 from jaxfric.errors import InputError
 from jaxfric.fitting.noise_estimate import ROTARY_CLOCKS, NoiseEstimate, NoisePart
+from jaxfric.loop.steady.loop import close_steady_loop
+from jaxfric.loop.steady.noise import after_a_turn, steady_noise
 from jaxfric.plot import steady
 from jaxfric.plot.noise import autocorrelation
 from jaxfric.records.steady import SteadyCurve

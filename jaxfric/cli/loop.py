@@ -211,7 +211,7 @@ def _filtered(record, cutoff: str | None):
         return None
     import numpy as np
 
-    from ..axis.prepare import usual
+    from ..fitting.axis_preparation import usual
     from ..units import parse_quantity
 
     interval = float(np.median(np.diff(record.time)))
@@ -245,8 +245,8 @@ def _steady(file: Path, curve, declared, excluded, out: Path | None, as_json: bo
     """The loop on a folder of steady speeds."""
     import json as text
 
-    from ..axis.steady import close_steady_loop
-    from ..axis.steady_noise import steady_noise
+    from ..loop.steady.loop import close_steady_loop
+    from ..loop.steady.noise import steady_noise
     from ..plot.steady import draw_noise, draw_steady
     from ..report.steady_text import to_json
 

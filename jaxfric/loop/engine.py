@@ -30,12 +30,12 @@ from ..fitting.noise_search import (
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.problem import FAILED_MISFIT, Problem
 from ..fitting.quantisation import least_noise, recorded_steps
+from ..fitting.superset import Superset
 from ..fitting.whitened import compiled_innovations, padded_columns, whitened
 from .pace import Stopwatch
 from .smooth import smooth_columns
 from .split import NAMES, Blocks
 from .step_noise import own_clock, pace_of_steps, scale_of_steps
-from .superset import Superset
 
 _PASSES = 2
 _EXACT = 1e-6

@@ -16,6 +16,7 @@ from ..fitting.fit import few_rows, prepare, steps_of
 from ..fitting.noise_estimate import noise_words
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
+from ..fitting.superset import Superset
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
@@ -31,7 +32,6 @@ from .search import MOST, Search, search
 from .shapes import friction_shapes
 from .slider_curves import slider_curves
 from .split import Blocks, split
-from .superset import Superset
 from .verdict import conclude, noise_floor, questions
 
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.

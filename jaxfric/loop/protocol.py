@@ -31,6 +31,7 @@ from ..fitting.problem import (
     to_free,
 )
 from ..fitting.result import tidy_unit
+from ..fitting.superset import Superset
 from ..records import VelocitySteps
 from ..rig.friction import critical_stiffness
 from ..units import speed_text
@@ -40,7 +41,6 @@ from .sampling import seen_between
 from .screen import Screening, alias_cosines, orthonormal, sensitivities
 from .shapes import friction_shapes
 from .split import Blocks
-from .superset import Superset
 from .thresholds import ACCEPT
 
 CHANNEL_NOISE = 1e-7

@@ -19,7 +19,7 @@ def law_from_file(
     content = read_saved(Path(path), FIT, LOOP)
     if content["schema"] == FIT:
         return law_from_fit(path, normal_force=normal_force, samples=samples, seed=seed)
-    from ..axis.law_source import is_of_axis, law_from_axis_loop
+    from ..laws.axis_loop import is_of_axis, law_from_axis_loop
 
     load = law_from_axis_loop if is_of_axis(content) else law_from_loop
     return load(path, normal_force=normal_force, samples=samples, seed=seed)

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from ..axis.steady import SteadyLoop
-from ..axis.steady_noise import SteadyNoise
 from ..fitting.table import noise_lines
+from ..loop.steady.loop import SteadyLoop
+from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 from .label import printable
 from .noise import draw_autocorrelation

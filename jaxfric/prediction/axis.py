@@ -14,18 +14,19 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..axis.closed_loop import Controller, closed_loop, substeps
-from ..axis.details import as_published
-from ..axis.effects import axis_effect_of
-from ..axis.fit import inverse_dynamics
-from ..axis.prepare import prepare, usual
-from ..axis.problem import AxisProblem, BaseLaw, make_problem
-from ..axis.result import AxisRows
-from ..axis.rows import rows_of
+from ..effects.axis import axis_effect_of
 from ..errors import InputError
+from ..fitting.axis_fit import inverse_dynamics
+from ..fitting.axis_preparation import prepare, usual
+from ..fitting.axis_problem import AxisProblem, make_problem
 from ..fitting.start import noise_from_differences
-from ..loop.superset import Superset
+from ..fitting.superset import Superset
+from ..loop.axis.details import as_published
+from ..loop.axis.result import AxisRows
+from ..loop.axis.rows import rows_of
 from ..records.axis_record import AxisRecord
+from ..rig.axis import BaseLaw
+from ..simulation.axis_closed_loop import Controller, closed_loop, substeps
 from .model import SavedModel
 from .result import Comparison, Prediction, Shift
 

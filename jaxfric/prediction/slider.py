@@ -22,9 +22,9 @@ from ..fitting.noise_search import estimate_noise
 from ..fitting.problem import FAILED_MISFIT, Model, Problem, bucket, residual_and_jacobian, to_free
 from ..fitting.result import unit_of
 from ..fitting.start import noise_from_differences
+from ..fitting.superset import Superset
 from ..fitting.uncertainty import normal_inverse
 from ..loop.sampling import seen_between
-from ..loop.superset import Superset
 from ..records import Record, VelocitySteps
 from ..rig.normal_stress import recorded_stress
 from ..units import parse_quantity

@@ -5,9 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..axis.effects import AXIS_CATALOGUE
-from ..axis.problem import BaseLaw
 from ..effects import CATALOGUE, parameters
+from ..effects.axis import AXIS_CATALOGUE
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
 from ..fitting.table import decimals, noise_text
@@ -16,6 +15,7 @@ from ..loop.result import ROLES, CandidateScore, Loop, Table
 from ..loop.split import NAMES, Blocks
 from ..loop.structure import QUESTIONS, p_text
 from ..loop.thresholds import ALIAS, SIGNIFICANT
+from ..rig.axis import BaseLaw
 from ..units import factor, format_si
 
 HEADLINES = {

@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 
-from ..axis.gains_result import AxisGains, Shown
-from ..axis.steady import SteadyLoop, steady_gains
-from ..axis.steady_model import SteadyModel
-from ..axis.steady_noise import SteadyNoise
 from ..fitting.quantisation import step_words
 from ..fitting.table import noise_lines
+from ..gains.axis_result import AxisGains, Shown
 from ..loop.result import Table
+from ..loop.steady.loop import SteadyLoop, steady_gains
+from ..loop.steady.model import SteadyModel
+from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 
 SCHEMA = "jaxfric.steady/1"

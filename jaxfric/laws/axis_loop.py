@@ -22,6 +22,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ..effects.axis import (
+    IN_TIME,
+    AbstractAxisEffect,
+    DirectionAsymmetry,
+    PositionDependence,
+    PositionPeriodic,
+    RateAndState,
+    TimeDrift,
+    axis_effect_of,
+)
 from ..errors import InputError
 from ..gains.loop_source import spring_words, verdict_words
 from ..gains.saved import (
@@ -36,20 +46,8 @@ from ..gains.saved import (
 )
 from ..gains.source import LawSource, force_of_unit, seen_velocities
 from ..quantity import quantities
-from .effects import (
-    IN_TIME,
-    AbstractAxisEffect,
-    DirectionAsymmetry,
-    PositionDependence,
-    PositionPeriodic,
-    RateAndState,
-    TimeDrift,
-    axis_effect_of,
-)
-from .gains import AxisLaw, axis_law
-from .problem import BaseLaw
-from .result import LAW
-from .rig import AxisRig
+from ..rig.axis import LAW, AxisRig, BaseLaw
+from ..rig.axis_law import AxisLaw, axis_law
 
 # Softest spring [F/m] that an effect of the axis' position can be.
 _SOFTEST = {

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from ..loop.split import Blocks
-from ..records.axis_record import AxisRecord
+from ...errors import InputError
+from ...fitting.axis_preparation import Preparation, Prepared, acceleration_noise, prepare, usual
+from ...records.axis_record import AxisRecord
+from ..split import Blocks
 from .controller_check import disagreement, stretches
-from .prepare import Preparation, Prepared, acceleration_noise, prepare, usual
 from .result import AxisRows
 from .rough import holds_already, refuse_reversed, rough_fit, unexplained_rows
 from .rows import rows_of

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..records.steady import SteadyCurve
+from ...records.steady import SteadyCurve
 
 _SPEEDS = 60
 _POWERS = (1.0, 2.0)

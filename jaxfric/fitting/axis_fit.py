@@ -17,13 +17,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..effects import null
-from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.uncertainty import normal_inverse
-from ..loop.superset import Superset
 from ..records.axis_record import AxisRecord
-from .closed_loop import Controller, closed_loop, substeps
-from .problem import AxisProblem
-from .rig import AxisRig
+from ..rig.axis import AxisRig
+from ..simulation.axis_closed_loop import Controller, closed_loop, substeps
+from .axis_problem import AxisProblem
+from .marquardt import levenberg_marquardt
+from .superset import Superset
+from .uncertainty import normal_inverse
 
 _TOLERANCE = 1e-9
 _TRIALS = 60

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects import ids_of
-from ..errors import InputError
-from ..loop.thresholds import ACCEPT
-from ..records.steady import SteadyCurve
-from ..stability.claims import Unseen, above_curve
-from .gains import axis_gains
-from .gains_result import AxisGains
-from .steady_model import SteadyModel, fit_model
+from ...effects import ids_of
+from ...errors import InputError
+from ...gains.axis import axis_gains
+from ...gains.axis_result import AxisGains
+from ...records.steady import SteadyCurve
+from ...stability.claims import Unseen, above_curve
+from ..thresholds import ACCEPT
+from .model import SteadyModel, fit_model
 
 STEADY_EFFECTS = ("direction_asymmetry", "stribeck", "cubic")
 _FEWEST = 8

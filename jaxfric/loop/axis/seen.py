@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..fitting.uncertainty import normal_inverse
-from ..loop.engine import Candidate, Engine
-from ..stability.claims import Above, Unseen, above_curve
-from .prepare import Prepared
-from .problem import AxisProblem
+from ...fitting.axis_preparation import Prepared
+from ...fitting.axis_problem import AxisProblem
+from ...fitting.uncertainty import normal_inverse
+from ...stability.claims import Above, Unseen, above_curve
+from ..engine import Candidate, Engine
 from .result import AxisRows
 
 _BINS, _FEWEST_ROWS = 12, 8

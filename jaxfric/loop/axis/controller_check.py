@@ -7,7 +7,7 @@ know: a disturbance that is not recorded, other gains, a drive at its limit.
 
 import numpy as np
 
-from ..records.axis_record import AxisRecord
+from ...records.axis_record import AxisRecord
 
 _EVERYWHERE = 0.05
 """Of the force's rms: the median difference above which the two do not agree at all."""

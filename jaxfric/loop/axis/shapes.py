@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects import RecordScales
-from ..loop.engine import Column, Engine, ShapedColumns, columns_of
-from ..loop.location import Bumps
-from ..loop.shapes import shapes_of
-from .problem import AxisProblem, shape_columns
+from ...effects import RecordScales
+from ...fitting.axis_problem import AxisProblem, shape_columns
+from ..engine import Column, Engine, ShapedColumns, columns_of
+from ..location import Bumps
+from ..shapes import shapes_of
 from .result import AxisRows
 
 _COARSE, _WAVES = 16, 60

@@ -15,9 +15,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ..quantity import quantity
-from .prepare import Motion
-from .state import AbstractAxisState
+from ..motion import MeasuredMotion
+from ..quantity import Quantity, quantities, quantity
+from .axis_state import AbstractAxisState
 
 
 class Point(NamedTuple):
@@ -86,8 +86,25 @@ class AxisRig(eqx.Module):
         """The states of a steady velocity."""
         return tuple(state.steady(velocity) for state in self.states)
 
-    def force(self, motion: Motion) -> Float[Array, " N"]:
+    def force(self, motion: MeasuredMotion) -> Float[Array, " N"]:
         """Motor force that a measured motion takes (inverse dynamics)."""
         states = [state.along(motion) for state in self.states]
         resisted = self.friction(motion.position, motion.velocity, motion.time, states)
         return self.mass * motion.acceleration + resisted
+
+
+_BASE = quantities(AxisRig)
+LAW = "coulomb_viscous"
+"""Name of the base law in files."""
+
+
+class BaseLaw(NamedTuple):
+    """Mass, viscous and Coulomb friction, offset."""
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(about.symbol for about in _BASE.values())
+
+    def quantity(self, name: str) -> Quantity:
+        """Symbol, unit and bounds of a parameter."""
+        return next(about for about in _BASE.values() if about.symbol == name)

@@ -17,13 +17,13 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from ..errors import InputError
-from ..fitting.fit import require_float64
-from ..fitting.noise import Noise, sandwich
-from ..fitting.noise_estimate import CLOCKS, ROTARY_CLOCKS, NoiseEstimate, noise_estimate
-from ..fitting.noise_search import LONGEST, Family, Found, estimate_noise, profile_noise
-from ..fitting.quantisation import least_noise, recorded_steps
-from ..records.steady import SteadyCurve
+from ...errors import InputError
+from ...fitting.fit import require_float64
+from ...fitting.noise import Noise, sandwich
+from ...fitting.noise_estimate import CLOCKS, ROTARY_CLOCKS, NoiseEstimate, noise_estimate
+from ...fitting.noise_search import LONGEST, Family, Found, estimate_noise, profile_noise
+from ...fitting.quantisation import least_noise, recorded_steps
+from ...records.steady import SteadyCurve
 
 _APART = 20.0
 """Longest memories between two runs: exp(-20) of a noise is left."""

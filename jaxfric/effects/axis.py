@@ -11,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..effects import RecordScales
 from ..errors import InputError
 from ..quantity import quantity
-from .rig import AbstractAxisTerm, AxisRig, Point
-from .state import AbstractAxisState, Bristle, RateState
+from ..rig.axis import AbstractAxisTerm, AxisRig, Point
+from ..rig.axis_state import AbstractAxisState, Bristle, RateState
+from .effect import RecordScales
 
 _ALWAYS = np.asarray(True)
 _TINY = 1e-12

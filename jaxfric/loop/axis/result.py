@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..fitting import Estimate
-from ..loop.result import Table
-from ..records import Provenance, Sampling, VelocitySteps
-from ..records.axis_record import AxisRecord
-from .fit import AxisFit
-from .gains_result import AxisGains, Shown, StiffBasin
-from .prepare import Preparation
+from ...fitting import Estimate
+from ...fitting.axis_fit import AxisFit
+from ...fitting.axis_preparation import Preparation
+from ...gains.axis_result import AxisGains, Shown, StiffBasin
+from ...records import Provenance, Sampling, VelocitySteps
+from ...records.axis_record import AxisRecord
+from ...rig.axis import LAW
+from ..result import Table
 
-LAW = "coulomb_viscous"
 _APART = 4.0
 
 

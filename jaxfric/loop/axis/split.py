@@ -6,8 +6,8 @@ samples share noise and structure, so whole segments are held back, never sample
 
 import numpy as np
 
-from ..errors import InputError
-from ..loop.split import NAMES, Blocks
+from ...errors import InputError
+from ..split import NAMES, Blocks
 
 _FEWEST = 4
 _ROWS = 20

@@ -10,9 +10,9 @@ from typing import NamedTuple
 from jaxtyping import Array, Float
 
 from ..effects import AbstractEffect, AbstractHeavyEffect, null, parameters
-from ..fitting.problem import Model
 from ..quantity import Quantity
 from ..rig import Rig
+from .problem import Model
 
 
 class Superset(NamedTuple):

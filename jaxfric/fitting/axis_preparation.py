@@ -20,7 +20,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Num
 
 from ..errors import InputError
-from ..fitting.problem import bucket
+from ..motion import MeasuredMotion
+from .problem import bucket
 
 _ORDER = 4
 _BINS = 4000
@@ -68,17 +69,6 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
     if cutoff > 0 and cutoff < _SAME_ROWS * first:
         rows = round(rows * first / cutoff)
     return Preparation(cutoff, rows)
-
-
-class Motion(eqx.Module):
-    """Measured motion at the full rate, padded at its end by rest."""
-
-    time: Float[Array, " N"]
-    position: Float[Array, " N"]
-    velocity: Float[Array, " N"]
-    acceleration: Float[Array, " N"]
-    path: Float[Array, " N"]
-    """Distance travelled."""
 
 
 class AbstractSampler(eqx.Module):
@@ -142,7 +132,7 @@ def shifted(
 class Prepared(NamedTuple):
     """A prepared record; `rows` of its rows are real, the others padding."""
 
-    motion: Motion
+    motion: MeasuredMotion
     means: Means
     forces: AbstractSampler
     """Takes forces to the rows of the loop, which stand where those of `means` do."""
@@ -248,7 +238,7 @@ def prepare(
     every = chosen.decimation
     size = -(-bucket(len(time), 1024) // every) * every
     more = (0, size - len(time))
-    motion = Motion(
+    motion = MeasuredMotion(
         jnp.asarray(np.arange(size) * interval),
         jnp.asarray(np.pad(q, more, mode="edge")),
         jnp.asarray(np.pad(v, more)),

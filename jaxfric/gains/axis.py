@@ -11,22 +11,18 @@ stiffness, and stiffness that needs no damping, above k_cr of (18)-(20): of (25)
 from collections.abc import Callable
 from dataclasses import replace
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
 
 from ..records.axis_record import Drive
-from ..rig.friction.law import AbstractLaw
+from ..rig.axis import AxisRig
+from ..rig.axis_law import axis_law
 from ..stability.analysis import study
 from ..stability.claims import Above, Curve, Unseen
-from .gains_result import AxisGains, StiffBasin
-from .rig import AxisRig
-from .state import RateState
+from .axis_result import AxisGains, StiffBasin
 
 _SPEEDS = 4001
 _FEWER = 501
-_SHARP = 1e-12
 
 
 def axis_gains(
@@ -60,46 +56,6 @@ def axis_gains(
     sigma = 0.0 if error is None else error(best[1])
     curve = Curve(best[0], sigma, slowest, fastest, above, unseen)
     return AxisGains(best[1], best[0], least, gain, curve=curve)
-
-
-class AxisLaw(AbstractLaw):
-    """Friction of an axis about steady motion of one direction, as `jaxfric.stability` takes it.
-
-    The axis stands still at `position` as far as friction depends on it; speeds V > 0.
-    """
-
-    rig: AxisRig
-    position: Float[Array, ""]
-    direction: Float[Array, ""]
-    """1 or -1."""
-
-    def force(self, V, state, at):
-        velocity, time = self.direction * V, jnp.zeros_like(V)
-        return self.direction * self.rig.friction(self.position, velocity, time, tuple(state))
-
-    def rate(self, V, state, at):
-        velocity = self.direction * V
-        pairs = zip(self.rig.states, state, strict=True)
-        return jnp.stack([one.rate(value, velocity) for one, value in pairs])
-
-    def steady_state(self, V):
-        return jnp.stack(self.rig.steady(self.direction * V))
-
-    def force_scale(self):
-        """The direct effect, as of rate-and-state friction of a slider; else Coulomb friction."""
-        direct = [state.A for state in self.rig.states if isinstance(state, RateState)]
-        return jnp.abs(direct[0] if direct else self.rig.coulomb)
-
-
-def axis_law(
-    rig: AxisRig, position: float, direction: ArrayLike, *, width: ArrayLike = _SHARP
-) -> AxisLaw:
-    """The friction of a rig with states, about motion forwards (1) or backwards (-1).
-
-    `width` [m/s] is that of the smoothed sign, far below the speeds that are asked about.
-    """
-    sharp = eqx.tree_at(lambda r: r.width, rig, jnp.full_like(rig.width, width))
-    return AxisLaw(sharp, jnp.asarray(position, float), jnp.asarray(direction, float))
 
 
 def state_gains(

@@ -5,11 +5,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..loop.curves import Curve, CurveRig
-from ..loop.engine import Candidate, Engine
-from .effects import AXIS_STEADY_CURVES
-from .prepare import shifted
-from .problem import AxisProblem
+from ...effects.axis import AXIS_STEADY_CURVES
+from ...fitting.axis_preparation import shifted
+from ...fitting.axis_problem import AxisProblem
+from ..curves import Curve, CurveRig
+from ..engine import Candidate, Engine
 from .result import AxisRows
 
 

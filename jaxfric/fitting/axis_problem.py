@@ -14,27 +14,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..effects import parameters
-from ..fitting.problem import FAILED_MISFIT
-from ..loop.superset import Superset
-from ..quantity import Quantity, quantities
-from .prepare import AbstractSampler, Motion, Prepared, shifted
-from .rig import AxisRig
+from ..motion import MeasuredMotion
+from ..rig.axis import AxisRig
+from .axis_preparation import AbstractSampler, Prepared, shifted
+from .problem import FAILED_MISFIT
+from .superset import Superset
 
-_BASE = quantities(AxisRig)
 _SLOWEST = 0.02
 _SPEEDS, _NEGLIGIBLE = 12, 0.02
-
-
-class BaseLaw(NamedTuple):
-    """Mass, viscous and Coulomb friction, offset."""
-
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return tuple(about.symbol for about in _BASE.values())
-
-    def quantity(self, name: str) -> Quantity:
-        """Symbol, unit and bounds of a parameter."""
-        return next(about for about in _BASE.values() if about.symbol == name)
 
 
 class Sizes(NamedTuple):
@@ -56,7 +43,7 @@ class AxisProblem(eqx.Module):
     weight: Float[Array, " n"]
     clock: Float[Array, "n 1"]
     """What noise may be correlated over: time [s]."""
-    motion: Motion
+    motion: MeasuredMotion
     sampler: AbstractSampler
     interval: Float[Array, ""]
     noise_scale: Float[Array, ""]

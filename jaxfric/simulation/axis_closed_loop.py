@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .rig import AxisRig
+from ..rig.axis import AxisRig
 
 _STABLE = 2.0
 

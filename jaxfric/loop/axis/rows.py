@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ..effects import RecordScales
-from ..errors import InputError
-from .prepare import Prepared
+from ...effects import RecordScales
+from ...errors import InputError
+from ...fitting.axis_preparation import Prepared
 from .result import AxisRows
 from .split import segments
 

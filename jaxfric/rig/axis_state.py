@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
+from ..motion import MeasuredMotion
 from ..quantity import quantity
-from .prepare import Motion
 
 _TINY = 1e-300
 
@@ -25,7 +25,7 @@ class AbstractAxisState(eqx.Module):
     """A state of one number, and the force that it takes part in."""
 
     @abc.abstractmethod
-    def along(self, motion: Motion) -> Float[Array, " N"]:
+    def along(self, motion: MeasuredMotion) -> Float[Array, " N"]:
         """The state along a measured motion."""
 
     @abc.abstractmethod

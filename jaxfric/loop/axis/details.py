@@ -5,12 +5,12 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 
-from ..loop.search import Search
-from ..stability.claims import Curve
-from .fit import AxisFit, inverse_dynamics, output_error
-from .gains import axis_gains, state_gains
-from .prepare import Prepared
-from .problem import AxisProblem
+from ...fitting.axis_fit import AxisFit, inverse_dynamics, output_error
+from ...fitting.axis_preparation import Prepared
+from ...fitting.axis_problem import AxisProblem
+from ...gains.axis import axis_gains, state_gains
+from ...stability.claims import Curve
+from ..search import Search
 from .reading import Reading
 from .result import AxisDetails, AxisRows
 from .seen import seen

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..errors import InputError
-from .prepare import Prepared
+from ...errors import InputError
+from ...fitting.axis_preparation import Prepared
 
 _SURE = 3.0
 _HALF = 0.5

@@ -12,32 +12,33 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects import ids_of
-from ..errors import InputError
-from ..fitting.start import noise_from_differences
-from ..loop.assemble import declared, loop_of, refuse_both, score_of, where_it_sits
-from ..loop.curves import curve_family
-from ..loop.engine import Candidate, Engine
-from ..loop.estimates import estimates
-from ..loop.location import locate
-from ..loop.result import Loop, Score
-from ..loop.rivals import all_rivals
-from ..loop.search import MOST, search
-from ..loop.split import Blocks
-from ..loop.superset import Superset
-from ..loop.verdict import conclude, noise_floor, questions
-from ..records.axis_record import AxisRecord
-from ..records.given import as_axis_record
+from ...effects import ids_of
+from ...effects.axis import AXIS_CATALOGUE, IN_TIME, AbstractAxisEffect, axis_effect_of
+from ...errors import InputError
+from ...fitting.axis_preparation import Preparation
+from ...fitting.axis_problem import AxisProblem, make_problem
+from ...fitting.start import noise_from_differences
+from ...fitting.superset import Superset
+from ...records.axis_record import AxisRecord
+from ...records.given import as_axis_record
+from ...rig.axis import BaseLaw
+from ..assemble import declared, loop_of, refuse_both, score_of, where_it_sits
+from ..curves import curve_family
+from ..engine import Candidate, Engine
+from ..estimates import estimates
+from ..location import locate
+from ..result import Loop, Score
+from ..rivals import all_rivals
+from ..search import MOST, search
+from ..split import Blocks
+from ..verdict import conclude, noise_floor, questions
 from .curves import axis_curves
 from .details import details_of
-from .effects import AXIS_CATALOGUE, IN_TIME, AbstractAxisEffect, axis_effect_of
-from .prepare import Preparation
-from .problem import AxisProblem, BaseLaw, make_problem
 from .reading import read_rows
 from .result import AxisBase, AxisRows
 from .rows import scales_of
 from .seen import doubts
-from .structure import axis_shapes, friction_bumps
+from .shapes import axis_shapes, friction_bumps
 
 # What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.

@@ -1,0 +1,11 @@
+"""Servo axes: friction from the motor force and the encoder, over both directions.
+
+The names of an axis' loop together. They live in the rooms of the house: `jaxfric.loop.axis`,
+`jaxfric.loop.steady`, `jaxfric.effects.axis` and `jaxfric.fitting.axis_preparation`.
+"""
+
+from .effects.axis import AXIS_CATALOGUE as AXIS_CATALOGUE
+from .effects.axis import AbstractAxisEffect as AbstractAxisEffect
+from .fitting.axis_preparation import Preparation as Preparation
+from .loop.axis.loop import close_axis_loop as close_axis_loop
+from .loop.steady.loop import close_steady_loop as close_steady_loop

@@ -1,0 +1,1 @@
+"""Laws of friction from files."""

@@ -1,0 +1,1 @@
+"""What an axis brings to the loop: its rows, shapes, curves and words."""

@@ -1,0 +1,1 @@
+"""The loop of a curve of steady friction, one mean for every stroke."""

@@ -1,0 +1,51 @@
+"""The friction of an axis as a law: about steady motion of one direction."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from .axis import AxisRig
+from .axis_state import RateState
+from .friction.law import AbstractLaw
+
+_SHARP = 1e-12
+
+
+class AxisLaw(AbstractLaw):
+    """Friction of an axis about steady motion of one direction, as `jaxfric.stability` takes it.
+
+    The axis stands still at `position` as far as friction depends on it; speeds V > 0.
+    """
+
+    rig: AxisRig
+    position: Float[Array, ""]
+    direction: Float[Array, ""]
+    """1 or -1."""
+
+    def force(self, V, state, at):
+        velocity, time = self.direction * V, jnp.zeros_like(V)
+        return self.direction * self.rig.friction(self.position, velocity, time, tuple(state))
+
+    def rate(self, V, state, at):
+        velocity = self.direction * V
+        pairs = zip(self.rig.states, state, strict=True)
+        return jnp.stack([one.rate(value, velocity) for one, value in pairs])
+
+    def steady_state(self, V):
+        return jnp.stack(self.rig.steady(self.direction * V))
+
+    def force_scale(self):
+        """The direct effect, as of rate-and-state friction of a slider; else Coulomb friction."""
+        direct = [state.A for state in self.rig.states if isinstance(state, RateState)]
+        return jnp.abs(direct[0] if direct else self.rig.coulomb)
+
+
+def axis_law(
+    rig: AxisRig, position: float, direction: ArrayLike, *, width: ArrayLike = _SHARP
+) -> AxisLaw:
+    """The friction of a rig with states, about motion forwards (1) or backwards (-1).
+
+    `width` [m/s] is that of the smoothed sign, far below the speeds that are asked about.
+    """
+    sharp = eqx.tree_at(lambda r: r.width, rig, jnp.full_like(rig.width, width))
+    return AxisLaw(sharp, jnp.asarray(position, float), jnp.asarray(direction, float))
