@@ -4,8 +4,8 @@ The names of an axis' loop together. They live in the rooms of the house: `jaxfr
 `jaxfric.loop.steady`, `jaxfric.effects.axis` and `jaxfric.fitting.axis_preparation`.
 """
 
-from .effects.axis import AXIS_CATALOGUE as AXIS_CATALOGUE
-from .effects.axis import AbstractAxisEffect as AbstractAxisEffect
+from .effects import AXIS_CATALOGUE as AXIS_CATALOGUE
+from .effects import AbstractAxisEffect as AbstractAxisEffect
 from .fitting.axis_preparation import Preparation as Preparation
 from .loop.axis.loop import close_axis_loop as close_axis_loop
 from .loop.steady.loop import close_steady_loop as close_steady_loop

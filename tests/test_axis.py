@@ -484,7 +484,7 @@ def test_bad_input(tmp_path, monkeypatch):
     given = ("loop", "one.csv", "--rig", "axis", "--json")
     assert_refused(run(*given), "one.csv", "one direction only")
     assert_refused(run(*given, "--stiffness", "1/um"), "--stiffness", "--rig axis")
-    assert_refused(run(*given, "--with", "stribek"), "stribek", "did you mean stribeck")
+    assert_refused(run(*given, "--with", "stribek"), "stribek", "did you mean 'stribeck'")
     assert_refused(run("loop", "one.csv", "--flip", "--stiffness", "1/um"), "--flip", "slider")
     assert_refused(run("loop", ".", "--rig", "steady", "--json"), "needs at least 4")
     assert_refused(run(*given, "--cutoff", "50"), "--cutoff", "no unit")

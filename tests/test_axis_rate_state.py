@@ -26,7 +26,7 @@ from jaxfric.members.saved_law import law_from_file
 from jaxfric.motion import MeasuredMotion
 from jaxfric.records import Drive, axis_from_arrays
 from jaxfric.rig.axis import AxisRig
-from jaxfric.rig.axis_state import RateState
+from jaxfric.rig.axis_state import AxisRateState
 from jaxfric.rig.friction import Conditions
 from jaxfric.simulation.axis_closed_loop import Controller, simulate_closed_loop, substeps
 from jaxfric.stability.claims import Curve
@@ -49,7 +49,7 @@ def rig_of(A=A, B=B, L=L, v_c=VC, *, M=M, Fv=FV, width=1e-4, presliding=None):
 
 @jax.jit
 def along(L, t, v):
-    return RateState(A, B, L, VC).along(MeasuredMotion(t, 0 * t, v, 0 * t, 0 * t))
+    return AxisRateState(A, B, L, VC).along(MeasuredMotion(t, 0 * t, v, 0 * t, 0 * t))
 
 
 def along_of(t, v):

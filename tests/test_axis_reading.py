@@ -261,8 +261,8 @@ def test_two_lags_are_in_one_model_where_both_are_asked_for(monkeypatch):
         engines.append(engine)
         raise jaxfric.InputError("no need to go on")
 
-    monkeypatch.setattr("jaxfric.loop.axis.loop.declared", declared)
-    monkeypatch.setattr("jaxfric.loop.axis.loop.search", search)
+    monkeypatch.setattr("jaxfric.loop.driver.declared", declared)
+    monkeypatch.setattr("jaxfric.loop.driver.search", search)
     for asked, beside in ((("servo_lag", "sensor_lag"), True), (("servo_lag",), False)):
         with pytest.raises(jaxfric.InputError, match="no need to go on"):
             close_axis_loop(a_record(), with_=asked)

@@ -11,7 +11,7 @@ from jaxfric.fitting.problem import FAILED_MISFIT
 from jaxfric.gains.axis import axis_gains
 from jaxfric.loop.axis.loop import unit_of_residuals
 from jaxfric.rig.axis import AxisRig
-from jaxfric.rig.axis_state import Bristle, RateState
+from jaxfric.rig.axis_state import AxisRateState, Bristle
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_the_force_of_a_bristle(state, velocity, force):
 @pytest.mark.parametrize(("velocity", "direct"), [(0.0, 0.0), (1e-3, 1.0), (-3e-3, 2.0)])
 def test_the_force_of_rate_and_state_friction(velocity, direct):
     """sgn(v) [A log2(1 + |v|/v_c) + theta] with A = 5/ln 2; the steady theta has -B there."""
-    law = RateState(*map(jnp.asarray, (5 / np.log(2), 3 / np.log(2), 1e-2, 1e-3)))
+    law = AxisRateState(*map(jnp.asarray, (5 / np.log(2), 3 / np.log(2), 1e-2, 1e-3)))
     sign, theta = np.sign(velocity), 0.7
     found = law.force(*map(jnp.asarray, (theta, sign, velocity)))
     assert float(found) == pytest.approx(sign * (5 * direct + theta), rel=1e-12)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxfric.loop.assemble import where_it_sits
 from jaxfric.loop.location import _profile, _ripples, share_of
 from jaxfric.loop.pace import Pace, Stopwatch, now_and_then, span
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.verdict import Told, sentence_of
+from jaxfric.loop.where import where_it_sits
 
 
 def said(verdict, effects, told, rivals=(), located=""):

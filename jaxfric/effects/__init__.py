@@ -1,11 +1,15 @@
 """The catalogue of effects: what a model may lack, one room at a time."""
 
+from .axis import AbstractAxisEffect as AbstractAxisEffect
+from .catalogue import AXIS_CATALOGUE as AXIS_CATALOGUE
 from .catalogue import CATALOGUE as CATALOGUE
 from .catalogue import STEADY_CURVES as STEADY_CURVES
 from .catalogue import effect_of as effect_of
+from .catalogue import register as register
 from .effect import AbstractEffect as AbstractEffect
 from .effect import AbstractHeavyEffect as AbstractHeavyEffect
 from .effect import AbstractLinearEffect as AbstractLinearEffect
+from .effect import AbstractPlaceEffect as AbstractPlaceEffect
 from .effect import RecordScales as RecordScales
 from .effect import ids_of as ids_of
 from .effect import null as null

@@ -3,7 +3,6 @@
 As in `jaxfric.effects`: an effect at its null changes nothing. They enter an `AxisRig`.
 """
 
-import abc
 from typing import ClassVar
 
 import equinox as eqx
@@ -11,37 +10,25 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..errors import InputError
 from ..quantity import quantity
-from ..rig.axis import AbstractAxisTerm, AxisRig, Point
-from ..rig.axis_state import AbstractAxisState, Bristle, RateState
-from .effect import RecordScales
+from ..rig.axis import AbstractAxisTerm, AxisPoint, AxisRig
+from ..rig.axis_state import AbstractAxisState, AxisRateState, Bristle
+from .effect import AbstractEffect, AbstractLinearEffect, RecordScales
 
 _ALWAYS = np.asarray(True)
 _TINY = 1e-12
 
 
-class AbstractAxisEffect(eqx.Module):
-    """One effect of an axis; see `jaxfric.effects.AbstractEffect` for the fields."""
+class AbstractAxisEffect(AbstractEffect[AxisRig]):
+    """One effect of an axis."""
 
-    id: eqx.AbstractClassVar[str]
-    room: eqx.AbstractClassVar[str]
-    equation: eqx.AbstractClassVar[str]
-    confused_with: eqx.AbstractClassVar[tuple[str, ...]]
-    separated_by: eqx.AbstractClassVar[str]
-    channel: eqx.AbstractClassVar[str | None]
+    rigs: ClassVar[tuple[type[eqx.Module], ...]] = (AxisRig,)
 
-    @abc.abstractmethod
-    def embed(self, rig: AxisRig) -> AxisRig:
-        """The rig with this effect in it."""
 
-    @abc.abstractmethod
-    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
-        """Starting values of every shape by field name; empty where there is none."""
+class AbstractLinearAxisEffect(AbstractLinearEffect[AxisRig]):
+    """One effect of an axis without shapes."""
 
-    @abc.abstractmethod
-    def physical(self) -> Bool[Array, ""]:
-        """True where the parameters are physically possible."""
+    rigs: ClassVar[tuple[type[eqx.Module], ...]] = (AxisRig,)
 
 
 def _with(rig: AxisRig, term: AbstractAxisTerm) -> AxisRig:
@@ -55,11 +42,11 @@ def _remembering(rig: AxisRig, state: AbstractAxisState) -> AxisRig:
 class _Even(AbstractAxisTerm):
     d: Array
 
-    def force(self, at: Point):
+    def force(self, at: AxisPoint):
         return self.d * at.velocity * at.sign
 
 
-class DirectionAsymmetry(AbstractAxisEffect):
+class DirectionAsymmetry(AbstractLinearAxisEffect):
     """+ d |v|: viscous friction F_v + d forwards and F_v - d backwards.
 
     Coulomb friction that differs by direction is the offset of the base law.
@@ -73,24 +60,21 @@ class DirectionAsymmetry(AbstractAxisEffect):
     channel: ClassVar[str | None] = None
     d: Float[Array, ""] = quantity("d", "F s/m", "half the difference by direction", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Even(self.d))
 
-    def grid(self, scales):
-        return {}
-
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_ALWAYS)
 
 
 class _Cubic(AbstractAxisTerm):
     c: Array
 
-    def force(self, at: Point):
+    def force(self, at: AxisPoint):
         return self.c * at.velocity**3
 
 
-class Cubic(AbstractAxisEffect):
+class Cubic(AbstractLinearAxisEffect):
     """+ c v^3."""
 
     id: ClassVar[str] = "cubic"
@@ -101,13 +85,10 @@ class Cubic(AbstractAxisEffect):
     channel: ClassVar[str | None] = None
     c: Float[Array, ""] = quantity("c", "F s^3/m^3", "cubic friction", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Cubic(self.c))
 
-    def grid(self, scales):
-        return {}
-
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_ALWAYS)
 
 
@@ -116,13 +97,13 @@ class _Stribeck(AbstractAxisTerm):
     vs: Array
     n: Array
 
-    def force(self, at: Point):
+    def force(self, at: AxisPoint):
         # the speed stays off 0, where its power has no derivative
         share = jnp.maximum(jnp.abs(at.velocity) / self.vs, _TINY)
         return self.fs * jnp.exp(-(share**self.n)) * at.sign
 
 
-class Stribeck(AbstractAxisEffect):
+class AxisStribeck(AbstractAxisEffect):
     """+ fs exp(-(|v|/vs)^n) sgn v; n = 1 (Bo and Pavelescu 1982) and 2 are starts."""
 
     id: ClassVar[str] = "stribeck"
@@ -132,18 +113,18 @@ class Stribeck(AbstractAxisEffect):
     separated_by: ClassVar[str] = "steady speeds around vs, apart from reversals"
     channel: ClassVar[str | None] = None
     fs: Float[Array, ""] = quantity("fs", "F", "more friction at low speed", default=0.0)
-    vs: Float[Array, ""] = quantity("vs", "m/s", "Stribeck velocity", lower=0.0, default=1.0)
+    vs: Float[Array, ""] = quantity("vs", "m/s", "AxisStribeck velocity", lower=0.0, default=1.0)
 
     n: Float[Array, ""] = quantity("n", "1", "exponent", lower=0.3, upper=3.0, default=1.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Stribeck(self.fs, self.vs, self.n))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         speeds = np.geomspace(0.3 * scales.slowest, 0.7 * scales.fastest, 14)
         return {"vs": (*speeds, *speeds), "n": (1.0,) * 14 + (2.0,) * 14}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.fs > 0
 
 
@@ -151,7 +132,7 @@ class _LogViscous(AbstractAxisTerm):
     c: Array
     v_c: Array
 
-    def force(self, at: Point):
+    def force(self, at: AxisPoint):
         return self.c * jnp.log1p(jnp.abs(at.velocity) / self.v_c) * at.sign
 
 
@@ -176,13 +157,13 @@ class LogViscous(AbstractAxisEffect):
         "v_c", "m/s", "speed of the bend", lower=0.0, default=1.0, shape_only=True
     )
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _LogViscous(self.c, jnp.maximum(self.v_c, rig.width)))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         return {"v_c": tuple(np.geomspace(0.1 * scales.slowest, scales.fastest, 12))}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.c > 0
 
 
@@ -191,12 +172,12 @@ class _Ripple(AbstractAxisTerm):
     s: Array
     wavelength: Array
 
-    def force(self, at: Point):
+    def force(self, at: AxisPoint):
         phase = 2 * jnp.pi * at.position / self.wavelength
         return self.c * jnp.cos(phase) + self.s * jnp.sin(phase)
 
 
-class PositionPeriodic(AbstractAxisEffect):
+class AxisPositionPeriodic(AbstractAxisEffect):
     """+ c cos(2 pi q/wavelength) + s sin(...): the pitch of a screw, the teeth of a belt, cogging.
 
     The pitch is looked for from twice the travel down to what the decimated rows resolve at the
@@ -213,10 +194,10 @@ class PositionPeriodic(AbstractAxisEffect):
     s: Float[Array, ""] = quantity("s", "F", "sine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Ripple(self.c, self.s, self.wavelength))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         travel = scales.total_slip
         shortest = max(scales.step_slip, travel / 500)
         # waves half a period apart over the travel differ
@@ -224,7 +205,7 @@ class PositionPeriodic(AbstractAxisEffect):
         waves = np.arange(1, number + 1) / (2 * 2 * travel)
         return {"wavelength": tuple(1 / waves[waves * shortest < 1])}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_ALWAYS)
 
 
@@ -233,11 +214,11 @@ class _Along(AbstractAxisTerm):
     m: Array
     centre: Array
 
-    def force(self, at: Point):
+    def force(self, at: AxisPoint):
         return (self.k + self.m * at.sign) * (at.position - self.centre)
 
 
-class PositionDependence(AbstractAxisEffect):
+class PositionDependence(AbstractLinearAxisEffect):
     """+ (k + m sgn v) q: a spring or a slope, and friction that grows along the travel."""
 
     id: ClassVar[str] = "position_dependence"
@@ -249,13 +230,10 @@ class PositionDependence(AbstractAxisEffect):
     k: Float[Array, ""] = quantity("k", "F/m", "stiffness along the travel", default=0.0)
     m: Float[Array, ""] = quantity("m", "F/m", "growth of friction along the travel", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Along(self.k, self.m, jnp.zeros_like(self.k)))
 
-    def grid(self, scales):
-        return {}
-
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_ALWAYS)
 
 
@@ -263,11 +241,11 @@ class _Drift(AbstractAxisTerm):
     r: Array
     s: Array
 
-    def force(self, at: Point):
+    def force(self, at: AxisPoint):
         return (self.r + self.s * at.sign) * at.time
 
 
-class TimeDrift(AbstractAxisEffect):
+class AxisTimeDrift(AbstractLinearAxisEffect):
     """+ (r + s sgn v) t: an offset or friction that drifts, as with warming up."""
 
     id: ClassVar[str] = "time_drift"
@@ -279,13 +257,10 @@ class TimeDrift(AbstractAxisEffect):
     r: Float[Array, ""] = quantity("r", "F/s", "drift of the offset", default=0.0)
     s: Float[Array, ""] = quantity("s", "F/s", "drift of Coulomb friction", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Drift(self.r, self.s))
 
-    def grid(self, scales):
-        return {}
-
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_ALWAYS)
 
 
@@ -309,13 +284,13 @@ class Presliding(AbstractAxisEffect):
     )
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0, default=1.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return _remembering(rig, Bristle(self.a, self.sigma_1, self.x_c))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         return {"x_c": tuple(np.geomspace(1e-6, 0.05, 16) * scales.total_slip)}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.a > 0
 
 
@@ -348,21 +323,21 @@ class RateAndState(AbstractAxisEffect):
     L: Float[Array, ""] = quantity("L", "m", "characteristic slip length", lower=0.0, default=1.0)
     v_c: Float[Array, ""] = quantity("v_c", "m/s", "cut-off velocity", lower=0.0, default=1.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         L, v_c = jnp.maximum(self.L, rig.reach), jnp.maximum(self.v_c, rig.width)
-        return _remembering(rig, RateState(self.A, self.B, L, v_c))
+        return _remembering(rig, AxisRateState(self.A, self.B, L, v_c))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         longest = 0.1 * scales.total_slip
         lengths = np.geomspace(min(scales.slowest * scales.interval, 0.1 * longest), longest, 7)
         speeds = np.geomspace(0.1 * scales.slowest, 0.5 * scales.fastest, 5)
         return {"L": tuple(np.repeat(lengths, 5)), "v_c": tuple(np.tile(speeds, 7))}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return (self.A > 0) & (self.B > 0)
 
 
-class ServoLag(AbstractAxisEffect):
+class AxisServoLag(AbstractLinearAxisEffect):
     """The motor force lags the recorded one: tau F_m' = F - F_m."""
 
     id: ClassVar[str] = "servo_lag"
@@ -373,17 +348,14 @@ class ServoLag(AbstractAxisEffect):
     channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the motor", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return eqx.tree_at(lambda r: r.lag, rig, self.tau)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.tau > 0
 
-    def grid(self, scales):
-        return {}
 
-
-class SensorLag(AbstractAxisEffect):
+class AxisSensorLag(AbstractLinearAxisEffect):
     """The recorded force lags: tau y' = F - y."""
 
     id: ClassVar[str] = "sensor_lag"
@@ -394,17 +366,14 @@ class SensorLag(AbstractAxisEffect):
     channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the force channel", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return eqx.tree_at(lambda r: r.late, rig, self.tau)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.tau > 0
 
-    def grid(self, scales):
-        return {}
 
-
-class SensorDelay(AbstractAxisEffect):
+class AxisSensorDelay(AbstractLinearAxisEffect):
     """The recorded position is d later than the recorded force; d < 0: earlier."""
 
     id: ClassVar[str] = "sensor_delay"
@@ -415,56 +384,16 @@ class SensorDelay(AbstractAxisEffect):
     channel: ClassVar[str | None] = None
     d: Float[Array, ""] = quantity("d", "s", "delay of the position behind the force", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: AxisRig) -> AxisRig:
         return eqx.tree_at(lambda r: r.delay, rig, self.d)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_ALWAYS)
 
-    def grid(self, scales):
-        return {}
 
-
-AXIS_CATALOGUE: dict[str, type[AbstractAxisEffect]] = {
-    e.id: e
-    for e in (
-        DirectionAsymmetry,
-        Cubic,
-        Stribeck,
-        LogViscous,
-        PositionPeriodic,
-        PositionDependence,
-        TimeDrift,
-        Presliding,
-        RateAndState,
-        ServoLag,
-        SensorLag,
-        SensorDelay,
-    )
-}
-"""The effects of an axis by id."""
-
-IN_TIME = frozenset(e.id for e in (ServoLag, SensorLag, SensorDelay))
+IN_TIME = frozenset(e.id for e in (AxisServoLag, AxisSensorLag, AxisSensorDelay))
 """Effects that move force and motion in time against each other. To first order a record shows
 their sum alone, and two of them that act against each other smooth the error of the encoder, which
 lowers the residual whatever the axis does: one of them stands for all."""
-AXIS_STEADY_CURVES = (Cubic.id, Stribeck.id, LogViscous.id)
+AXIS_STEADY_CURVES = (Cubic.id, AxisStribeck.id, LogViscous.id)
 """Those that are a curve of the velocity, the same but for its sign in both directions."""
-
-
-def axis_effect_of(id: str) -> type[AbstractAxisEffect]:
-    """The effect of an id.
-
-    Raises
-    ------
-    InputError : no effect of an axis has that id; the nearest is suggested.
-    """
-    import difflib
-
-    if id in AXIS_CATALOGUE:
-        return AXIS_CATALOGUE[id]
-    near = difflib.get_close_matches(id, AXIS_CATALOGUE, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]}?" if near else ""
-    raise InputError(
-        f"no effect of an axis is called '{id}'{hint} There are: {', '.join(AXIS_CATALOGUE)}"
-    )

@@ -1,8 +1,27 @@
-"""All effects by their id."""
+"""All effects: of a slider's rig, and of an axis'.
+
+An effect of one's own becomes one of the catalogue by `register`, for every rig that it fits.
+"""
 
 import difflib
 
 from ..errors import InputError
+from ..rig import Rig
+from ..rig.axis import AxisRig
+from .axis import (
+    AxisPositionPeriodic,
+    AxisSensorDelay,
+    AxisSensorLag,
+    AxisServoLag,
+    AxisStribeck,
+    AxisTimeDrift,
+    Cubic,
+    DirectionAsymmetry,
+    LogViscous,
+    PositionDependence,
+    Presliding,
+    RateAndState,
+)
 from .delay import FrictionalDelay
 from .drive import ServoLag
 from .effect import AbstractEffect
@@ -43,16 +62,56 @@ _ALL: tuple[type[AbstractEffect], ...] = (
     SensorDelay,
     TimeDrift,
     Gain,
+    DirectionAsymmetry,
+    Cubic,
+    AxisStribeck,
+    LogViscous,
+    AxisPositionPeriodic,
+    PositionDependence,
+    AxisTimeDrift,
+    Presliding,
+    RateAndState,
+    AxisServoLag,
+    AxisSensorLag,
+    AxisSensorDelay,
 )
-CATALOGUE: dict[str, type[AbstractEffect]] = {effect.id: effect for effect in _ALL}
+CATALOGUE: dict[str, type[AbstractEffect]] = {}
+"""The effects of a slider by id."""
+AXIS_CATALOGUE: dict[str, type[AbstractEffect]] = {}
+"""The effects of an axis by id."""
+_CATALOGUES = {Rig: CATALOGUE, AxisRig: AXIS_CATALOGUE}
 STEADY_CURVES = (EvolutionCutoff.id, Viscous.id, Stribeck.id)
 """Those that change no more than what friction of steady sliding is at a velocity."""
 
 
-def effect_of(name: str) -> type[AbstractEffect]:
-    """The effect of an id. Raises `InputError` with the nearest id for one that is unknown."""
-    if name in CATALOGUE:
-        return CATALOGUE[name]
-    near = difflib.get_close_matches(name, CATALOGUE, n=1, cutoff=0.4)
+def register(effect: type[AbstractEffect]) -> type[AbstractEffect]:
+    """Add an effect to the catalogue of every rig that it fits.
+
+    Raises
+    ------
+    ValueError : another effect has its id.
+    """
+    for rig in effect.rigs:
+        if _CATALOGUES[rig].setdefault(effect.id, effect) is not effect:
+            raise ValueError(f"there is another effect '{effect.id}' in the catalogue")
+    return effect
+
+
+for _effect in _ALL:
+    register(_effect)
+
+
+def effect_of(name: str, rig: type[Rig] | type[AxisRig] = Rig) -> type[AbstractEffect]:
+    """The effect of an id, of a slider or of an axis.
+
+    Raises
+    ------
+    InputError : there is none; the nearest id is suggested.
+    """
+    known = _CATALOGUES[rig]
+    if name in known:
+        return known[name]
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
     hint = f"; did you mean '{near[0]}'?" if near else ""
-    raise InputError(f"effect '{name}' does not exist{hint}; there are: {', '.join(CATALOGUE)}")
+    of = " of an axis" if rig is AxisRig else ""
+    raise InputError(f"effect '{name}'{of} does not exist{hint}; there are: {', '.join(known)}")

@@ -27,9 +27,10 @@ from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..quantity import quantity
+from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, Contact
 from .effect import AbstractHeavyEffect, extended, with_term
 
@@ -137,7 +138,7 @@ def _log(ratio: Float[Array, ""]) -> Float[Array, ""]:
     return jnp.where(size > 0, jnp.clip(log, -_LOG_MAX, _LOG_MAX), -_LOG_MAX)
 
 
-class FrictionalDelay(AbstractHeavyEffect):
+class FrictionalDelay(AbstractHeavyEffect[Rig]):
     """theta_ss = -B ln(V(t - alpha)/V0), slip law.
 
     The past is a filter of the present (see this module), so no history is kept. Against a solution
@@ -160,15 +161,15 @@ class FrictionalDelay(AbstractHeavyEffect):
     channel: ClassVar[str | None] = None
     alpha: Float[Array, ""] = quantity("alpha", "s", "delay of friction", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         law = extended(rig).base
         stiff = rig.machine.stiffness * law.L[0] / (_STIFF * law.A)
         return with_term(rig, _DelayTerm(self.alpha, _SHORTEST / (1 + stiff)))
 
-    def embed_first_order(self, rig):
+    def embed_first_order(self, rig: Rig) -> Rig:
         return with_term(rig, _FirstOrderTerm(self.alpha))
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.alpha > 0
 
 

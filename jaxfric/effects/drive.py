@@ -3,14 +3,14 @@
 from typing import ClassVar
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..quantity import quantity
-from ..rig import FirstOrderDrive, IdealDrive
+from ..rig import FirstOrderDrive, IdealDrive, Rig
 from .effect import AbstractLinearEffect
 
 
-class ServoLag(AbstractLinearEffect):
+class ServoLag(AbstractLinearEffect[Rig]):
     """tau dV_m/dt = V_cmd - V_m."""
 
     id: ClassVar[str] = "servo_lag"
@@ -21,10 +21,10 @@ class ServoLag(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the drive", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         if not isinstance(rig.drive, IdealDrive):
             raise TypeError("servo_lag needs a rig whose drive is ideal")
         return eqx.tree_at(lambda r: r.drive, rig, FirstOrderDrive(self.tau))
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.tau > 0

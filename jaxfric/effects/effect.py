@@ -10,16 +10,18 @@ time, a velocity), which means nothing while the amplitudes are 0 and is started
 
 import abc
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..quantity import Quantity, quantities
 from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, BlendedEvolution, ExtendedLaw
 from ..rig.friction.rate_state import AgeingEvolution, RateState, SlipEvolution
+
+R = TypeVar("R", bound=eqx.Module)
 
 ROOMS = ("friction", "machine", "drive", "sensor")
 
@@ -40,13 +42,16 @@ class RecordScales(NamedTuple):
     duration: float
 
 
-class AbstractEffect(eqx.Module):
+class AbstractEffect(eqx.Module, Generic[R]):
     """One effect of the catalogue.
 
     `id` is its name in tables and files; `room` the one it modifies; `equation` a line of
     text; `confused_with` the ids it is easily taken for; `separated_by` what would tell them apart.
-    The fields declared by `quantity(...)` are its parameters, amplitudes first.
+    `rigs` are the kinds of rig that it fits, a slider's unless it says otherwise. The fields
+    declared by `quantity(...)` are its parameters, amplitudes first.
     """
+
+    rigs: ClassVar[tuple[type[eqx.Module], ...]] = (Rig,)
 
     id: eqx.AbstractClassVar[str]
     room: eqx.AbstractClassVar[str]
@@ -57,7 +62,7 @@ class AbstractEffect(eqx.Module):
     """The optional channel of a record that it needs, if any."""
 
     @abc.abstractmethod
-    def embed(self, rig: Rig) -> Rig:
+    def embed(self, rig: R) -> R:
         """The rig with this effect in it."""
 
     @abc.abstractmethod
@@ -65,11 +70,11 @@ class AbstractEffect(eqx.Module):
         """Starting values of every shape by field name; empty where there is none."""
 
     @abc.abstractmethod
-    def physical(self) -> Float[Array, ""]:
+    def physical(self) -> Bool[Array, ""]:
         """True where the parameters are physically possible (a lag is positive)."""
 
 
-class AbstractLinearEffect(AbstractEffect):
+class AbstractLinearEffect(AbstractEffect[R]):
     """An effect without shapes: all its parameters are amplitudes."""
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
@@ -78,14 +83,22 @@ class AbstractLinearEffect(AbstractEffect):
         return {}
 
 
-class AbstractHeavyEffect(AbstractLinearEffect):
+class AbstractPlaceEffect(AbstractEffect[R]):
+    """An effect that depends on where the slider is: about any place it is a spring beside k_p."""
+
+    @abc.abstractmethod
+    def softest_spring(self) -> Float[Array, ""]:
+        """The least stiffness of that spring [F/m]; below 0 it softens."""
+
+
+class AbstractHeavyEffect(AbstractLinearEffect[R]):
     """An effect that is costly to simulate, and has something cheaper to stand for it at its null.
 
     Most candidates of a loop lack it, and need no more than its derivatives.
     """
 
     @abc.abstractmethod
-    def embed_first_order(self, rig: Rig) -> Rig:
+    def embed_first_order(self, rig: R) -> R:
         """The rig that has, at the null, the value and the first derivatives of `embed`'s."""
 
 

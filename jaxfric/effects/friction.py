@@ -4,12 +4,13 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..quantity import quantity
+from ..rig import Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
 from ..rig.friction.rate_state import RateState
-from .effect import AbstractEffect, AbstractLinearEffect, with_evolution, with_term
+from .effect import AbstractEffect, AbstractLinearEffect, RecordScales, with_evolution, with_term
 
 _TRUE = np.asarray(True)
 _LOG_MAX = 40.0
@@ -39,7 +40,7 @@ class _SecondStateTerm(AbstractTerm):
         del at
 
 
-class SecondState(AbstractEffect):
+class SecondState(AbstractEffect[Rig]):
     """f + theta_2, dtheta_2/dt = -(V/L2) [theta_2 + B2 ln(V/V0)] (slip law)."""
 
     id: ClassVar[str] = "second_state"
@@ -51,18 +52,18 @@ class SecondState(AbstractEffect):
     B2: Float[Array, ""] = quantity("B2", "F", "second evolution effect", default=0.0)
     L2: Float[Array, ""] = quantity("L2", "m", "second slip length", lower=0.0, default=5e-5)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _SecondStateTerm(self.B2, self.L2))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         low, high = 0.2 * scales.slip_length, max(scales.step_slip, 5 * scales.slip_length)
         return {"L2": tuple(np.geomspace(low, high, 8))}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_TRUE)
 
 
-class Ageing(AbstractLinearEffect):
+class Ageing(AbstractLinearEffect[Rig]):
     """Evolution between the slip law (q = 0) and the ageing law (q = 1)."""
 
     id: ClassVar[str] = "aging"
@@ -73,14 +74,14 @@ class Ageing(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     q: Float[Array, ""] = quantity("q", "1", "change of the ageing share", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_evolution(rig, q=self.q)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.abs(self.q) < 1.5
 
 
-class VelocityDependentLength(AbstractLinearEffect):
+class VelocityDependentLength(AbstractLinearEffect[Rig]):
     """L (V/V0)^n."""
 
     id: ClassVar[str] = "velocity_dependent_L"
@@ -91,14 +92,14 @@ class VelocityDependentLength(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     n: Float[Array, ""] = quantity("n", "1", "exponent of L with velocity", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_evolution(rig, n=self.n)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.abs(self.n) < 2.0
 
 
-class EvolutionCutoff(AbstractLinearEffect):
+class EvolutionCutoff(AbstractLinearEffect[Rig]):
     """theta_ss = -B [ln(V/V0) - ln(1 + c V)], c = 1/V_c."""
 
     id: ClassVar[str] = "evolution_cutoff"
@@ -109,10 +110,10 @@ class EvolutionCutoff(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     c: Float[Array, ""] = quantity("c", "s/m", "inverse cutoff velocity", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_evolution(rig, c=self.c)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.c > 0
 
 
@@ -125,7 +126,7 @@ class _ViscousTerm(AbstractStatelessTerm):
         return self.c * at.V
 
 
-class Viscous(AbstractLinearEffect):
+class Viscous(AbstractLinearEffect[Rig]):
     """f + c V."""
 
     id: ClassVar[str] = "viscous"
@@ -136,10 +137,10 @@ class Viscous(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     c: Float[Array, ""] = quantity("c", "F s/m", "viscous friction", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _ViscousTerm(self.c))
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.c > 0
 
 
@@ -155,7 +156,7 @@ class _StribeckTerm(AbstractStatelessTerm):
         return self.fs * jnp.exp(-jnp.exp(jnp.clip(self.d * jnp.log(ratio), -_LOG_MAX, 6.0)))
 
 
-class Stribeck(AbstractEffect):
+class Stribeck(AbstractEffect[Rig]):
     """f + fs exp(-(V/Vs)^d), d of any kind between 0.3 and 4; 1 and 2 are the usual ones."""
 
     id: ClassVar[str] = "stribeck"
@@ -169,15 +170,15 @@ class Stribeck(AbstractEffect):
 
     d: Float[Array, ""] = quantity("d", "1", "exponent", lower=0.3, upper=4.0, default=1.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _StribeckTerm(self.fs, self.Vs, self.d))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         # pairs, place by place: every velocity with both exponents
         velocities = np.repeat(np.geomspace(scales.slowest, scales.fastest, 8), 2)
         return {"Vs": tuple(velocities), "d": (1.0, 2.0) * 8}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_TRUE)
 
 
@@ -190,7 +191,7 @@ class _SlipTrendTerm(AbstractStatelessTerm):
         return self.s * at.slip
 
 
-class SlipTrend(AbstractLinearEffect):
+class SlipTrend(AbstractLinearEffect[Rig]):
     """f + s x."""
 
     id: ClassVar[str] = "slip_trend"
@@ -201,10 +202,10 @@ class SlipTrend(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     s: Float[Array, ""] = quantity("s", "F/m", "change of friction with slip", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _SlipTrendTerm(self.s))
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_TRUE)
 
 
@@ -218,7 +219,7 @@ class _RunInTerm(AbstractStatelessTerm):
         return self.d * -jnp.expm1(-jnp.maximum(at.slip, 0.0) / self.dc)
 
 
-class RunIn(AbstractEffect):
+class RunIn(AbstractEffect[Rig]):
     """f + d (1 - exp(-x/dc))."""
 
     id: ClassVar[str] = "run_in"
@@ -230,13 +231,13 @@ class RunIn(AbstractEffect):
     d: Float[Array, ""] = quantity("d", "F", "change of friction by run-in", default=0.0)
     dc: Float[Array, ""] = quantity("dc", "m", "slip of the run-in", lower=0.0, default=3e-4)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _RunInTerm(self.d, self.dc))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         return {"dc": tuple(np.geomspace(0.3 * scales.step_slip, scales.total_slip, 6))}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_TRUE)
 
 
@@ -252,7 +253,7 @@ class _PeriodicTerm(AbstractStatelessTerm):
         return self.a * jnp.sin(phase) + self.b * jnp.cos(phase)
 
 
-class PositionPeriodic(AbstractEffect):
+class PositionPeriodic(AbstractEffect[Rig]):
     """f + a sin(2 pi x/lambda) + b cos(2 pi x/lambda)."""
 
     id: ClassVar[str] = "position_periodic"
@@ -265,10 +266,10 @@ class PositionPeriodic(AbstractEffect):
     b: Float[Array, ""] = quantity("b", "F", "cosine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1e-4)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _PeriodicTerm(self.a, self.b, self.wavelength))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         # neighbours half a period apart over the whole slip: no wavelength is missed
         longest = 0.5 * scales.total_slip
         # a base that took a trend for its state has an L far beyond the ripple
@@ -276,7 +277,7 @@ class PositionPeriodic(AbstractEffect):
         count = int(np.clip(2 * scales.total_slip * (1 / shortest - 1 / longest), 8, 320))
         return {"wavelength": tuple(1 / np.linspace(1 / longest, 1 / shortest, count))}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_TRUE)
 
 
@@ -301,7 +302,7 @@ class _LinkerTerm(AbstractTerm):
         return None if at.stress is None else self.force(at)
 
 
-class NormalStressState(AbstractLinearEffect):
+class NormalStressState(AbstractLinearEffect[Rig]):
     """dtheta/dt - alpha n'/n, n normal stress over the one at the start (Linker, Dieterich 1992).
 
     Integrated is theta + alpha ln n, so no derivative of the recorded n is needed. That the machine
@@ -319,10 +320,10 @@ class NormalStressState(AbstractLinearEffect):
         "alpha", "F", "fall of friction with normal stress", default=0.0
     )
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _LinkerTerm(self.alpha))
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.alpha > 0
 
 
@@ -351,7 +352,7 @@ def _power(V: Float[Array, ""], base: RateState, force: Float[Array, ""]) -> Flo
     return force * V / (base.f0 * base.V0)
 
 
-class Thermal(AbstractEffect):
+class Thermal(AbstractEffect[Rig]):
     """f - a_T T, tau_T dT/dt = f V/(f0 V0) - T: T is 1 in steady sliding at V0."""
 
     id: ClassVar[str] = "thermal"
@@ -363,12 +364,12 @@ class Thermal(AbstractEffect):
     a_T: Float[Array, ""] = quantity("a_T", "F", "fall of friction at the heat of V0", default=0.0)
     tau_T: Float[Array, ""] = quantity("tau_T", "s", "thermal time", lower=0.0, default=10.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _ThermalTerm(self.a_T, self.tau_T))
 
-    def grid(self, scales):
+    def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         low = max(3 * scales.interval, scales.slip_length / scales.fastest)
         return {"tau_T": tuple(np.geomspace(low, 0.5 * scales.duration, 7))}
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.a_T > 0

@@ -4,14 +4,14 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..quantity import quantity
-from ..rig import QuasiStatic
+from ..rig import QuasiStatic, Rig
 from .effect import AbstractHeavyEffect, AbstractLinearEffect
 
 
-class Stiffness(AbstractLinearEffect):
+class Stiffness(AbstractLinearEffect[Rig]):
     """K exp(kappa) instead of the declared K."""
 
     id: ClassVar[str] = "stiffness"
@@ -24,16 +24,16 @@ class Stiffness(AbstractLinearEffect):
         "kappa", "1", "log of the true over the declared stiffness", default=0.0
     )
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return eqx.tree_at(
             lambda r: r.machine.stiffness, rig, rig.machine.stiffness * jnp.exp(self.kappa)
         )
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.abs(self.kappa) < 2.0
 
 
-class Damping(AbstractLinearEffect):
+class Damping(AbstractLinearEffect[Rig]):
     """A dashpot beside the spring: + k_v (V_m - V)."""
 
     id: ClassVar[str] = "damping"
@@ -44,18 +44,18 @@ class Damping(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     k_v: Float[Array, ""] = quantity("k_v", "F s/m", "damping not declared", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         machine = rig.machine
         before = jnp.zeros_like(self.k_v) if machine.damping is None else machine.damping
         return eqx.tree_at(
             lambda r: r.machine.damping, rig, before + self.k_v, is_leaf=lambda x: x is None
         )
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.k_v > 0
 
 
-class Inertia(AbstractHeavyEffect):
+class Inertia(AbstractHeavyEffect[Rig]):
     """m dV/dt = pull - friction, for a base without mass, whose velocity follows late.
 
     See `simulation.ode`. Against a solution with mass (SciPy) the error over the effect is
@@ -78,13 +78,13 @@ class Inertia(AbstractHeavyEffect):
     channel: ClassVar[str | None] = None
     m: Float[Array, ""] = quantity("m", "F s^2/m", "mass not declared", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return _with_mass(rig, self.m, first_order=False)
 
-    def embed_first_order(self, rig):
+    def embed_first_order(self, rig: Rig) -> Rig:
         return _with_mass(rig, self.m, first_order=True)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.m > 0
 
 

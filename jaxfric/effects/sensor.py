@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..quantity import quantity
 from ..rig import IdealSensor, Rig
@@ -23,7 +23,7 @@ def _with(rig: Rig, name: str, value: Array) -> Rig:
     return eqx.tree_at(lambda r: r.sensor, rig, changed)
 
 
-class SensorLag(AbstractLinearEffect):
+class SensorLag(AbstractLinearEffect[Rig]):
     """tau y' = f - y."""
 
     id: ClassVar[str] = "sensor_lag"
@@ -34,14 +34,14 @@ class SensorLag(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the sensor", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return _with(rig, "tau", self.tau)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.tau > 0
 
 
-class SensorDelay(AbstractLinearEffect):
+class SensorDelay(AbstractLinearEffect[Rig]):
     """y(t) = f(t - d)."""
 
     id: ClassVar[str] = "sensor_delay"
@@ -52,14 +52,14 @@ class SensorDelay(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     d: Float[Array, ""] = quantity("d", "s", "delay of the sensor", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return _with(rig, "delay", self.d)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return self.d > 0
 
 
-class TimeDrift(AbstractLinearEffect):
+class TimeDrift(AbstractLinearEffect[Rig]):
     """y + r t."""
 
     id: ClassVar[str] = "time_drift"
@@ -70,14 +70,14 @@ class TimeDrift(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     r: Float[Array, ""] = quantity("r", "F/s", "drift of the sensor", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return _with(rig, "drift", self.r)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(np.asarray(True))
 
 
-class Gain(AbstractLinearEffect):
+class Gain(AbstractLinearEffect[Rig]):
     """(1 + g) y: the force channel's scale is wrong."""
 
     id: ClassVar[str] = "gain"
@@ -88,8 +88,8 @@ class Gain(AbstractLinearEffect):
     channel: ClassVar[str | None] = None
     g: Float[Array, ""] = quantity("g", "1", "error of the force channel's gain", default=0.0)
 
-    def embed(self, rig):
+    def embed(self, rig: Rig) -> Rig:
         return _with(rig, "gain", self.g)
 
-    def physical(self):
+    def physical(self) -> Bool[Array, ""]:
         return jnp.abs(self.g) < 1.0

@@ -5,7 +5,6 @@ Residual of every decimated row: (predicted - recorded force)/noise scale. It ha
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,28 +12,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..effects import parameters
 from ..motion import MeasuredMotion
 from ..rig.axis import AxisRig
+from .abstract_problem import FAILED_MISFIT, AbstractProblem, Sizes
 from .axis_preparation import AbstractSampler, Prepared, shifted
-from .problem import FAILED_MISFIT
 from .superset import Superset
 
 _SLOWEST = 0.02
 _SPEEDS, _NEGLIGIBLE = 12, 0.02
+_LAG = 1e-2
 
 
-class Sizes(NamedTuple):
-    """Typical sizes, for the scale of unbounded parameters."""
-
-    force: Array
-    velocity: Array
-    acceleration: Array
-    travel: Array
-    duration: Array
-
-
-class AxisProblem(eqx.Module):
+class AxisProblem(AbstractProblem):
     """A prepared record and a `Superset` of axis effects."""
 
     time: Float[Array, " n"]
@@ -49,54 +38,22 @@ class AxisProblem(eqx.Module):
     noise_scale: Float[Array, ""]
     width: Float[Array, ""]
     reach: Float[Array, ""]
-    sizes: Sizes
+    typical: Sizes
     hold: Float[Array, "0"]
     channels: tuple[()]
     model: Superset = eqx.field(static=True)
 
     @property
-    def force_scale(self) -> Array:
-        """A typical force."""
-        return self.sizes.force
-
-    def to_free(self, values: Float[Array, " p"]) -> Float[Array, " p"]:
-        """Unbounded variables of natural (SI) values."""
-        pairs = zip(self.model.names(), values, strict=True)
-        return jnp.stack(
-            [self.model.quantity(n).to_free(v, scale=self._scale(n)) for n, v in pairs]
-        )
-
-    def from_free(self, z: Float[Array, " p"]) -> Float[Array, " p"]:
-        """Natural (SI) values of unbounded variables."""
-        return jnp.stack(self._natural(list(z)))
-
-    def _natural(self, z: Sequence[Array]) -> list[Array]:
-        pairs = zip(self.model.names(), z, strict=True)
-        return [self.model.quantity(n).from_free(v, scale=self._scale(n)) for n, v in pairs]
-
-    def _scale(self, name: str) -> Array:
-        """A typical size of an unbounded parameter, from its unit."""
-        force, v, _, travel, duration = self.sizes
-        return {
-            "F": force,
-            "F s/m": force / v,
-            "F s^3/m^3": force / v**3,
-            "F/m": force / travel,
-            "F/s": force / duration,
-            "s": 1e-2 * travel / v,
-        }.get(self.model.quantity(name).unit, jnp.ones_like(force))
+    def sizes(self) -> Sizes:
+        """Typical sizes of the record."""
+        return self.typical
 
     def rig(self, z: Float[Array, " p"] | Sequence[Array]) -> AxisRig:
         """The axis with the parameters `z`, an array or one by one."""
-        values = self._natural(list(z))
+        values = self.natural(list(z))
         n = len(self.model.base.names())
         rig = AxisRig(*values[:n], width=self.width, reach=self.reach)
-        for effect in self.model.effects:
-            fields = list(parameters(effect))
-            chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))
-            rig = effect(**chosen).embed(rig)  # pyright: ignore[reportArgumentType]
-            n += len(fields)
-        return rig  # pyright: ignore[reportReturnType]
+        return self.model.embed(rig, values[n:])
 
     def possible(self, z: Float[Array, " p"]) -> bool:
         """Whether friction takes energy, as far as the record moves: F_c and (F(v) - F(-v))/2.
@@ -104,7 +61,7 @@ class AxisProblem(eqx.Module):
         Less than a fiftieth of the force below zero is taken for zero.
         """
         rig, at = self.rig(jnp.asarray(z)), jnp.mean(self.motion.position)
-        v = self.sizes.velocity * jnp.geomspace(_SLOWEST, 1.0, _SPEEDS)
+        v = self.typical.velocity * jnp.geomspace(_SLOWEST, 1.0, _SPEEDS)
         zero = jnp.zeros_like(v)
         both = [rig.friction(at + zero, s * v, zero, rig.steady(s * v)) for s in (1.0, -1.0)]
         least = jnp.minimum(jnp.min(both[0] - both[1]) / 2, rig.coulomb)
@@ -112,6 +69,10 @@ class AxisProblem(eqx.Module):
 
     def plain(self) -> "AxisProblem":
         """Itself: its residuals are in units of `noise_scale`, as correlated as they are."""
+        return self
+
+    def heavier(self, factor: int) -> "AxisProblem":
+        """Itself: inverse dynamics takes no steps."""
         return self
 
     def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
@@ -140,16 +101,15 @@ def make_problem(
     """A problem whose rows have the given weights (0 or 1)."""
     motion, used = prepared.motion, weight > 0
     v = np.asarray(prepared.means(motion.velocity))[used]
-    a = np.asarray(prepared.means(motion.acceleration))[used]
     sizes = Sizes(
         *(
             jnp.asarray(max(float(x), 1e-300))
             for x in (
                 np.sqrt(np.mean(prepared.force[used] ** 2)),
                 np.max(np.abs(v)),
-                np.max(np.abs(a)),
                 np.ptp(np.asarray(motion.position)),
                 prepared.time[prepared.rows - 1],
+                _LAG * np.ptp(np.asarray(motion.position)) / np.max(np.abs(v)),
             )
         )
     )
@@ -165,7 +125,7 @@ def make_problem(
         noise_scale=jnp.asarray(noise_scale),
         width=jnp.asarray(width),
         reach=jnp.asarray(slowest * float(prepared.time[1] - prepared.time[0])),
-        sizes=sizes,
+        typical=sizes,
         hold=jnp.zeros(0),
         channels=(),
         model=model,

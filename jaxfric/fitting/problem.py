@@ -32,13 +32,11 @@ from ..rig.friction import (
 from ..rig.normal_stress import NormalStress
 from ..rig.timing import LateSteps
 from ..simulation import RESULTS, simulate
+from .abstract_problem import FAILED_MISFIT, AbstractProblem, ParametricModel, Sizes
 from .noise import Noise, whiten
 
 LAWS = {"slip": SlipEvolution(), "ageing": AgeingEvolution()}
 
-# Misfit, in units of the noise scale, of a trial whose simulation failed: finite, and worse
-# than any fit worth having, so that the solver rejects the trial and shortens its step.
-FAILED_MISFIT = 1e4
 _TIME_SHARE = 1e-3
 _LAW_QUANTITIES = quantities(RateState)
 _MACHINE_QUANTITIES = quantities(QuasiStatic)
@@ -51,19 +49,8 @@ def quantity_of(name: str) -> Quantity:
     return _LAW_QUANTITIES[name if name in _LAW_QUANTITIES else name.rstrip("0123456789")]
 
 
-class RigModel(Protocol):
-    """What is fitted: names of the parameters, what they are, and the rig that they make.
-
-    Hashable, since it decides what is compiled.
-    """
-
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order of the parameter vector."""
-        ...
-
-    def quantity(self, name: str) -> Quantity:
-        """Symbol, unit and bounds of a parameter."""
-        ...
+class RigModel(ParametricModel, Protocol):
+    """What is fitted to a slider's record: parameters, and the rig that they make."""
 
     def rig(
         self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
@@ -116,7 +103,7 @@ class Channel(eqx.Module):
     kind: str = eqx.field(static=True)
 
 
-class Problem(eqx.Module):
+class Problem(AbstractProblem):
     """A padded record, its motion and a `Model`. All arrays SI; time starts at 0."""
 
     time: Float[Array, " n"]
@@ -144,17 +131,12 @@ class Problem(eqx.Module):
     """Times at which the sensor sees friction, ascending, and which of them are the rows; None: it
     sees the rows only. Between them it takes friction as straight."""
 
-    def to_free(self, values: Float[Array, " p"]) -> Float[Array, " q"]:
-        """Unbounded variables of natural (SI) parameter values; step times as found."""
-        pairs = zip(self.model.names(), values, strict=True)
-        z = [self._quantity(n).to_free(v, scale=self._scale(n)) for n, v in pairs]
-        return jnp.concatenate([jnp.stack(z), jnp.zeros_like(self.shift_scale)])
-
-    def from_free(self, z: Float[Array, " q"]) -> Float[Array, " p"]:
-        """Natural (SI) parameter values of unbounded variables (without step times)."""
-        names = self.model.names()
-        pairs = zip(names, z[: len(names)], strict=True)
-        return jnp.stack([self._quantity(n).from_free(v, scale=self._scale(n)) for n, v in pairs])
+    @property
+    def sizes(self) -> Sizes:
+        """Typical sizes of the record."""
+        duration = self.time[-1] - self.time[0]
+        speed, lag = self.motion.largest_speed(), _TIME_SHARE * duration
+        return Sizes(self.force_scale, speed, self.slip_scale, duration, lag)
 
     def step_times(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         """Times of the velocity steps [s] at the parameters `z`."""
@@ -163,28 +145,6 @@ class Problem(eqx.Module):
     def _delays(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         shift = self.shift_scale * z[len(self.model.names()) :]
         return jnp.zeros_like(self.motion.times).at[self.shifted].add(shift)
-
-    def _quantity(self, name: str) -> Quantity:
-        return self.model.quantity(name)
-
-    def _scale(self, name: str) -> Float[Array, ""]:
-        """A typical size of an unbounded parameter, from its unit."""
-        if not self._unbounded(name):
-            return jnp.ones_like(self.force_scale)
-        unit = self._quantity(name).unit
-        duration = self.time[-1] - self.time[0]
-        if unit == "s":  # a lag, not the length of the record
-            return _TIME_SHARE * duration
-        if unit == "F s^2/m":
-            return self.force_scale / self.motion.largest_speed() * 1e-4 * duration
-        force, length, time = powers(unit)
-        if length == -time:  # a velocity
-            return self.force_scale**force * self.motion.largest_speed() ** length
-        return self.force_scale**force * self.slip_scale**length * duration**time
-
-    def _unbounded(self, name: str) -> bool:
-        about = self._quantity(name)
-        return not (np.isfinite(about.lower) or np.isfinite(about.upper))
 
     def rig(self, z: Float[Array, " q"]) -> Rig:
         """The rig with the parameters `z`."""
@@ -210,9 +170,9 @@ class Problem(eqx.Module):
         dashpot = jnp.asarray(strength) * self.force_scale / self.motion.largest_speed()
         return eqx.tree_at(lambda p: p.damping, self, dashpot, is_leaf=lambda x: x is None)
 
-    def with_model(self, model: RigModel) -> "Problem":
-        """The same record with another model."""
-        return dataclasses.replace(self, model=model)
+    def heavier(self, factor: int) -> "Problem":
+        """The same problem with so many times the steps."""
+        return dataclasses.replace(self, max_steps=factor * self.max_steps)
 
     def possible(self, z: Float[Array, " q"] | np.ndarray) -> bool:
         """Whether the whole friction is possible: a slider's always is."""
@@ -287,32 +247,20 @@ def residual_and_jacobian(
 
 
 @eqx.filter_jit
-def to_free(problem: Problem, values: Float[Array, "s p"]) -> Float[Array, "s q"]:
+def to_free(problem: AbstractProblem, values: Float[Array, "s p"]) -> Float[Array, "s q"]:
     """Unbounded variables of several rows of natural values."""
     return jax.vmap(problem.to_free)(values)
 
 
 @eqx.filter_jit
 def natural(
-    problem: Problem, zs: Float[Array, "s q"]
+    problem: AbstractProblem, zs: Float[Array, "s q"]
 ) -> tuple[Float[Array, "s p"], Float[Array, "s p"]]:
     """Natural (SI) values of several rows of unbounded variables, and the derivative of each
     value by its own variable."""
     p = len(problem.model.names())
     slopes = jax.vmap(jax.jacfwd(problem.from_free))(zs)[:, :, :p]
     return jax.vmap(problem.from_free)(zs), jnp.diagonal(slopes, axis1=1, axis2=2)
-
-
-def powers(unit: str) -> tuple[int, int, int]:
-    """Powers of F, m and s in a unit such as "F s^2/m"."""
-    powers = dict.fromkeys("Fms1", 0)
-    for sign, part in zip((1, -1), unit.partition("/")[::2], strict=True):
-        for factor in part.split():
-            symbol, _, power = factor.partition("^")
-            if symbol not in powers:
-                raise ValueError(f"unit '{unit}': factors are F, m, s and 1, with powers as in m^2")
-            powers[symbol] += sign * int(power or 1)
-    return powers["F"], powers["m"], powers["s"]
 
 
 def build_rig(

@@ -5,20 +5,24 @@ which parameters are free.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
 
 from jaxtyping import Array, Float
 
 from ..effects import AbstractEffect, AbstractHeavyEffect, null, parameters
 from ..quantity import Quantity
 from ..rig import Rig
+from .abstract_problem import ParametricModel
 from .problem import Model
+
+R = TypeVar("R")
 
 
 class Superset(NamedTuple):
     """A base model and effects; parameter "viscous.c" is field c of the effect viscous."""
 
-    base: Model
+    base: ParametricModel
     effects: tuple[type[AbstractEffect], ...]
     lighter: tuple[str, ...] = ()
     """Ids of heavy effects that are taken to first order: only where they are at their null."""
@@ -37,9 +41,14 @@ class Superset(NamedTuple):
     def rig(
         self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
     ) -> Rig:
-        """The base rig with every effect embedded."""
+        """The rig of a slider with every effect embedded."""
+        assert isinstance(self.base, Model)
         n = len(self.base.names())
-        rig = self.base.rig(values[:n], V0, stiffness)
+        return self.embed(self.base.rig(values[:n], V0, stiffness), values[n:])
+
+    def embed(self, rig: R, values: Sequence[Array] | Float[Array, " e"]) -> R:
+        """A rig with every effect embedded; `values` are those of the effects alone."""
+        n = 0
         for effect in self.effects:
             fields = list(parameters(effect))
             chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))

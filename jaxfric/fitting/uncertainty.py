@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .abstract_problem import AbstractProblem
 from .noise import Noise, sandwich
 from .problem import Problem, residual_and_jacobian
 from .solve import Solution, descend
@@ -80,13 +81,13 @@ def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
     return np.sqrt(np.maximum(np.diag(true)[p:] / np.diag(inverse)[p:], 1.0))
 
 
-def determined(problem: Problem, std: np.ndarray, span: float) -> list[bool]:
+def determined(problem: AbstractProblem, std: np.ndarray, span: float) -> list[bool]:
     """Whether the record fixes each parameter, given the errors of the unbounded ones.
 
     A positive parameter is determined if its 95 % interval is shorter than a decade, a signed
     one if half the interval is less than the `span` of friction that the record covers.
     """
-    signed = span / float(problem.force_scale)
+    signed = span / float(problem.sizes.force)
     limits = [
         _HALF_DECADE if np.isfinite(problem.model.quantity(name).lower) else signed
         for name in problem.model.names()

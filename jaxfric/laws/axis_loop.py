@@ -22,15 +22,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ..effects import effect_of
 from ..effects.axis import (
     IN_TIME,
     AbstractAxisEffect,
+    AxisPositionPeriodic,
+    AxisTimeDrift,
     DirectionAsymmetry,
     PositionDependence,
-    PositionPeriodic,
     RateAndState,
-    TimeDrift,
-    axis_effect_of,
 )
 from ..errors import InputError
 from ..gains.loop_source import spring_words, verdict_words
@@ -51,10 +51,10 @@ from ..rig.axis_law import AxisLaw, axis_law
 
 # Softest spring [F/m] that an effect of the axis' position can be.
 _SOFTEST = {
-    PositionPeriodic.id: lambda c, s, wavelength: -2 * np.pi * np.hypot(c, s) / wavelength,
+    AxisPositionPeriodic.id: lambda c, s, wavelength: -2 * np.pi * np.hypot(c, s) / wavelength,
     PositionDependence.id: lambda k, m: k - abs(m),
 }
-_OUTSIDE = (*_SOFTEST, TimeDrift.id, *IN_TIME)
+_OUTSIDE = (*_SOFTEST, AxisTimeDrift.id, *IN_TIME)
 _CURVE = BaseLaw().names()[1:]
 _DIRECT = f"{RateAndState.id}.A"
 # Of the record's width of the smoothed sign: the law's own, so that it is sharp wherever the
@@ -168,7 +168,7 @@ def _effects(path: Path, ids: list[str], values) -> tuple[type[AbstractAxisEffec
     chosen = []
     for id in dict.fromkeys([*ids, *declared]):
         try:
-            effect = axis_effect_of(id)
+            effect = effect_of(id, AxisRig)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         for field in quantities(effect):
@@ -234,7 +234,7 @@ def _told(effects, values: Mapping[str, float]) -> list[str]:
                 f"{id} is left out of the law: it depends on where the axis is, so no steady"
                 f" motion exists with it. {spring_words(spring)}"
             )
-        elif id == TimeDrift.id:
+        elif id == AxisTimeDrift.id:
             lines.append(f"{id} is left out of the law: it is of the time of the record")
         elif id in IN_TIME:
             lines.append(

@@ -6,8 +6,7 @@ a fit that lacks an effect swallows the effect. Which parts the noise has is fou
 the base leaves when everything smooth is taken out (`Engine.learn_noise`).
 """
 
-import dataclasses
-from typing import NamedTuple, Protocol
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import equinox as eqx
 import jax
@@ -16,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..effects import AbstractHeavyEffect, RecordScales
+from ..fitting.abstract_problem import FAILED_MISFIT, AbstractProblem
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, noise_of, rms_error
@@ -28,7 +28,6 @@ from ..fitting.noise_search import (
     profile_noise,
 )
 from ..fitting.noise_search import Found as FoundNoise
-from ..fitting.problem import FAILED_MISFIT, Problem
 from ..fitting.quantisation import least_noise, recorded_steps
 from ..fitting.superset import Superset
 from ..fitting.whitened import compiled_innovations, padded_columns, whitened
@@ -36,6 +35,8 @@ from .pace import Stopwatch
 from .smooth import smooth_columns
 from .split import NAMES, Blocks
 from .step_noise import own_clock, pace_of_steps, scale_of_steps
+
+P = TypeVar("P", bound=AbstractProblem)
 
 _PASSES = 2
 _EXACT = 1e-6
@@ -113,7 +114,7 @@ class Shapes(Protocol):
         ...
 
 
-class Engine:
+class Engine(Generic[P]):
     """Fits candidates of one record; `problem` has a `Superset` model. Only train rows count.
 
     `shifted` are the indices of the problem's shifts of step times that are parameters, `always`
@@ -131,7 +132,7 @@ class Engine:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: P,
         blocks: Blocks,
         shifted: np.ndarray,
         always: tuple[str, ...] = (),
@@ -201,14 +202,14 @@ class Engine:
         self.blocks, self.weight, self.known = blocks, weight, known
         self.problem = eqx.tree_at(lambda p: p.weight, self.problem, jnp.asarray(weight))
 
-    def at(self, z: np.ndarray, problem: Problem) -> Problem:
+    def at(self, z: np.ndarray, problem: P) -> P:
         """`problem`, one of the engine's, as it is simulated at `z`: lighter where it can be.
 
         That is another compilation, but most candidates lack the effects that are heavy.
         """
         lighter = tuple(id for id, own in self._heavy.items() if not np.any(np.asarray(z)[own]))
         if len(lighter) < len(self._heavy):
-            problem = dataclasses.replace(problem, max_steps=_HEAVY * problem.max_steps)
+            problem = problem.heavier(_HEAVY)
         return problem.with_model(self.model._replace(lighter=lighter)) if lighter else problem
 
     def free(self, effects: tuple[str, ...]) -> np.ndarray:
@@ -226,7 +227,7 @@ class Engine:
         )
         return Rows(residual[:n], jacobian[:n], residual[n:] * extra, jacobian[n:] * extra[:, None])
 
-    def _linearised(self, problem: Problem, z, index: np.ndarray):
+    def _linearised(self, problem: P, z, index: np.ndarray):
         with self.stopwatch():
             return _in_parts(self.at(z, problem), z, index)
 
@@ -502,7 +503,7 @@ class Engine:
         return True
 
 
-def _in_parts(problem: Problem, z, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_parts(problem: AbstractProblem, z, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`_evaluate` for a few parameters at a time: it is compiled for one number of them."""
     parts = []
     for begin in range(0, max(len(index), 1), _AT_ONCE):
@@ -514,7 +515,7 @@ def _in_parts(problem: Problem, z, index: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 @eqx.filter_jit
-def _evaluate(problem: Problem, z: Float[Array, " q"], index: Int[Array, " m"]):
+def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], index: Int[Array, " m"]):
     """Residual and its Jacobian by some parameters; an index beyond the last gives zeros."""
 
     def push(tangent):
@@ -525,7 +526,7 @@ def _evaluate(problem: Problem, z: Float[Array, " q"], index: Int[Array, " m"]):
 
 
 @eqx.filter_jit
-def _natural(problem: Problem, z: Float[Array, " q"]):
+def _natural(problem: AbstractProblem, z: Float[Array, " q"]):
     return problem.from_free(z)
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..effects import RecordScales
-from ..fitting.problem import powers
+from ..fitting.abstract_problem import powers
 from ..fitting.uncertainty import normal_inverse
 from .engine import Candidate, Engine
 from .thresholds import ALIAS

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..fitting.noise_search import Found
+from ..fitting.problem import Problem
 from ..rig.friction.extended import ExtendedLaw
 from .engine import Candidate, Engine
 from .ratio import Question, chances
@@ -114,7 +115,7 @@ def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
     return float(np.clip((gain - degrees) / (squares - rows), 0.0, 1.0))
 
 
-def friction_bumps(engine: Engine, base: Candidate) -> list[Bumps]:
+def friction_bumps(engine: Engine[Problem], base: Candidate) -> list[Bumps]:
     """Bumps of friction, sent through the linearised slider."""
     response = linear_response(engine.at(base.z, engine.problem), jnp.asarray(base.z))
     bumps = _variables(engine, response)
@@ -172,7 +173,7 @@ def _ripples(variable, unit, centres, own, left, whole, size) -> Asked:
     return Asked(profile, best - 2, (2 * k, 2 * k + 1), len(centres))
 
 
-def _variables(engine: Engine, response: Response):
+def _variables(engine: Engine[Problem], response: Response):
     """Name, unit, centres and forces along the motion of the bumps of every variable."""
     law = response.rig.friction
     assert isinstance(law, ExtendedLaw)

@@ -2,8 +2,9 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ import numpy as np
 
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ..errors import InputError
-from ..fitting import Fit, fit
+from ..fitting import Estimate, Fit, fit
 from ..fitting.fit import few_rows, prepare, steps_of
 from ..fitting.noise_estimate import noise_words
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
@@ -20,19 +21,16 @@ from ..fitting.superset import Superset
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
-from .assemble import declared, loop_of, refuse_both, score_of, where_it_sits
-from .curves import curve_family
+from .curves import CurveRig
+from .driver import AbstractBench, Offered, ScoredRows, offered, run
 from .engine import Candidate, Engine
-from .estimates import estimates
-from .location import friction_bumps, locate
-from .result import Loop, Score
-from .rivals import all_rivals
+from .location import Bumps, friction_bumps
+from .result import Loop
 from .sampling import seen_between
-from .search import MOST, Search, search
+from .search import MOST, Search
 from .shapes import friction_shapes
 from .slider_curves import slider_curves
 from .split import Blocks, split
-from .verdict import conclude, noise_floor, questions
 
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
 _FELT = 0.1
@@ -84,9 +82,8 @@ def close_loop(
     if rows is not None:
         record, thinning = few_rows(record, rows, found_steps)
     stress = _stress(record)
-    effects = _effects(record, with_, without, own, stress=stress is not None)
-    if not 0 <= most <= MOST:
-        raise InputError(f"most is {most}; choose 0 to {MOST}")
+    asked = offered(CATALOGUE, own, with_, without, most, effect_of)
+    asked = _with_channels(record, asked, stress=stress is not None)
     progress("base fit of the whole record")
     _refuse_stops(record, found_steps)
     base_fit = fit(
@@ -98,63 +95,154 @@ def close_loop(
     )
     _check(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
-    problem, felt = _problem(record, base_fit, found_steps, blocks, effects)
+    problem, felt = _problem(record, base_fit, found_steps, blocks, asked.effects)
     problem = dataclasses.replace(problem, normal_stress=stress)
-    engine = Engine(problem, blocks, felt, shapes=friction_shapes)
-    slip = np.asarray(base_fit.steps.displacement(record.relative_time))
-    scales = _scales(base_fit, record, slip)
-    z = declared(engine, _start(engine, base_fit, found_steps), scales, tuple(with_))
-    engine = Engine(
-        problem, blocks, felt, tuple(with_), tuple(without), shapes=friction_shapes, path=slip
+    bench = SliderBench(
+        record, base_fit, found_steps, blocks, problem, felt, asked.without, thinning
     )
-    found = search(engine, [z, _other(engine, z)], scales, most=most, progress=progress)
-    progress("where the structure sits")
-    floor = noise_floor(engine, found.final)
-    bumps = friction_bumps(engine, found.base)
-    left = locate(engine, found.base, floor.found, bumps)
-    location = left.location
-    tests = questions(engine, found.base, slip, left, floor.found.noise)
-    before = after = _score(engine, found.base, record, base_fit, tests)
-    if found.final is not found.base:
-        progress("what is left")
-        bumps = friction_bumps(engine, found.final)
-        left = locate(engine, found.final, floor.found, bumps)
-        tests = questions(engine, found.final, slip, left, floor.found.noise)
-        after = _score(engine, found.final, record, base_fit, tests, all_rivals(found))
-    edge, where = _edge(base_fit), where_it_sits(location)
-    curve = curve_family(engine, found.final, slider_curves(engine, found.final, base_fit.steps))
-    return loop_of(
-        engine,
-        found,
-        conclude(engine, found, floor, tests, edge=edge, located=where, curve=curve),
-        before,
-        after,
-        location,
-        record=record,
-        base_fit=base_fit,
-        sigma=floor.sigma,
-        warnings=(*thinning, *_warnings(engine, found, base_fit, edge)),
-        seconds=time.monotonic() - begun,
-    )
+    return run(bench, asked, begun=begun, progress=progress)
 
 
-def _effects(
-    record: Record, with_, without, own, *, stress: bool
-) -> tuple[type[AbstractEffect], ...]:
-    known = {**CATALOGUE, **{e.id: e for e in own}}
-    for id in (*with_, *without):
-        if id not in known:
-            effect_of(id)
-    refuse_both(with_, without)
-    columns = {name for name in record.columns if name != "normal_stress" or stress}
-    for id in with_:
-        channel = known[id].channel
-        if channel is not None and channel not in columns:
-            raise InputError(
-                f"{record.provenance.path}: effect {id} needs a column {channel} that changes,"
-                " which the record does not have; name it with --column, or leave the effect out"
+@dataclasses.dataclass(frozen=True, eq=False)
+class SliderBench(AbstractBench):
+    """A record of velocity steps and its base fit."""
+
+    record: Record
+    base_fit: Fit
+    found_steps: VelocitySteps
+    blocks: Blocks
+    problem: Problem
+    felt: np.ndarray
+    """Which shifts of step times are parameters."""
+    without: tuple[str, ...]
+    thinning: tuple[str, ...]
+    """What was said of rows that were left out."""
+
+    def engine(self, with_: tuple[str, ...] | None) -> Engine[Problem]:
+        """Everything is offered but what is left out."""
+        if with_ is None:
+            return Engine(self.problem, self.blocks, self.felt, shapes=friction_shapes)
+        return Engine(
+            self.problem,
+            self.blocks,
+            self.felt,
+            with_,
+            self.without,
+            shapes=friction_shapes,
+            path=self.path(),
+        )
+
+    def start(self, engine: Engine[Problem]) -> np.ndarray:
+        """The base fit; step times from those that the load point shows."""
+        values, steps = self.base_fit.values(), self.found_steps
+        natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
+        z = np.array(to_free(self.problem, jnp.asarray(natural)[None]))[0]
+        if steps.time_errors is None:
+            return z
+        for index in engine.shifts:
+            step = index - len(engine.names) + 1
+            z[index] = (self.base_fit.steps.times - steps.times)[step] / steps.time_errors[step]
+        return z
+
+    def starts(self, engine: Engine[Problem], z: np.ndarray) -> list[np.ndarray]:
+        """`z`, and the same with larger A, B and L."""
+        other = np.array(z)
+        for name in "ABL":
+            other[engine.names.index(name)] += np.log(_OTHER_START)
+        return [z, other]
+
+    def scales(self) -> RecordScales:
+        """Of the steps as the base fit has them."""
+        base, time = self.base_fit, self.record.relative_time
+        inside = np.clip(np.append(base.steps.times, time[-1]), 0, time[-1])
+        ends = np.asarray(base.steps.displacement(inside))
+        speed = np.abs(base.steps.velocities)
+        moving = speed[speed > 0]
+        return RecordScales(
+            slip_length=base.parameters["L"].value,
+            step_slip=float(np.median(np.abs(np.diff(ends)))),
+            total_slip=float(np.ptp(self.path())),
+            slowest=float(moving.min()),
+            fastest=float(moving.max()),
+            interval=float(np.median(np.diff(time))),
+            duration=float(time[-1]),
+        )
+
+    def path(self) -> np.ndarray:
+        """Displacement of the load point."""
+        return np.asarray(self.base_fit.steps.displacement(self.record.relative_time))
+
+    def passing_over(self, engine: Engine[Problem]) -> Self:
+        """Itself: reports mark the glitches."""
+        return self
+
+    def bumps(self, engine: Engine[Problem], candidate: Candidate) -> list[Bumps]:
+        """Over velocity, state, slip, time and what goes with them."""
+        return friction_bumps(engine, candidate)
+
+    def curves(self, engine: Engine[Problem], final: Candidate) -> CurveRig:
+        """See `slider_curves`."""
+        return slider_curves(engine, final, self.base_fit.steps)
+
+    def rows(self, engine: Engine[Problem]) -> ScoredRows:
+        """All, by velocity."""
+        used = np.ones(len(self.record.relative_time), bool)
+        return ScoredRows(used, engine.blocks.step, len(self.base_fit.steps))
+
+    def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
+        """With stiffness and reference velocity."""
+        known = self.base_fit.parameters
+        return {**parameters, "K": known["K"], "V0": known["V0"]}
+
+    def friction_unit(self) -> str:
+        """That of the record."""
+        return self.record.friction_unit
+
+    def edge(self) -> float | None:
+        """K/K_cr of the base fit; None where the record shows no critical stiffness."""
+        base = self.base_fit
+        if base.stability().kind != "critical":
+            return None
+        return base.values()["K"] / base.critical_stiffness()
+
+    def warnings(self, engine: Engine[Problem], found: Search) -> tuple[str, ...]:
+        """Those of the base fit but what it says of its noise: the loop speaks of its own."""
+        own = noise_words(self.base_fit.noise, self.record)
+        warnings = [text for text in self.base_fit.warnings if text not in own]
+        edge = self.edge()
+        if edge is not None and edge < _NEAR:
+            warnings.append(
+                f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the"
+                " basin"
             )
-    return tuple(e for e in known.values() if e.channel is None or e.channel in columns)
+        if not found.starts_agree and not found.base.failed:
+            warnings.append("base fits from different starts end at different parameters")
+        change = _finer(engine, found.base)
+        if np.isinf(change):
+            warnings.append("a finer solver did not reach the end: how exact this is stays unknown")
+        elif not change < _FINE_ENOUGH:
+            warnings.append(f"a finer solver moves the prediction by {change:.2g} sigma")
+        return (*self.thinning, *warnings)
+
+    def shown(self) -> tuple[Record, Fit]:
+        """The record as read and its base fit."""
+        return self.record, self.base_fit
+
+    def details(self, engine, found, after, progress) -> None:
+        """Nothing more."""
+
+
+def _with_channels(record: Record, asked: Offered, *, stress: bool) -> Offered:
+    """Without the effects that need a column which the record does not have."""
+    columns = {name for name in record.columns if name != "normal_stress" or stress}
+    for effect in asked.effects:
+        if effect.id in asked.with_ and effect.channel not in (None, *columns):
+            raise InputError(
+                f"{record.provenance.path}: effect {effect.id} needs a column {effect.channel} that"
+                " changes, which the record does not have; name it with --column, or leave the"
+                " effect out"
+            )
+    return asked._replace(effects=tuple(e for e in asked.effects if e.channel in (None, *columns)))
 
 
 def _stress(record: Record) -> NormalStress | None:
@@ -247,68 +335,7 @@ def _channels(
     return tuple(found)
 
 
-def _start(engine: Engine, base: Fit, steps: VelocitySteps) -> np.ndarray:
-    values = base.values()
-    natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-    z = np.array(to_free(engine.problem, jnp.asarray(natural)[None]))[0]
-    if steps.time_errors is None:
-        return z
-    for index in engine.shifts:
-        step = index - len(engine.names) + 1
-        z[index] = (base.steps.times - steps.times)[step] / steps.time_errors[step]
-    return z
-
-
-def _other(engine: Engine, z: np.ndarray) -> np.ndarray:
-    """Another start of the base, with larger A, B and L."""
-    other = np.array(z)
-    for name in "ABL":
-        other[engine.names.index(name)] += np.log(_OTHER_START)
-    return other
-
-
-def _score(
-    engine: Engine, candidate: Candidate, record: Record, base: Fit, tests, rivals=()
-) -> Score:
-    found, free, covariance = estimates(engine, candidate, record.friction_unit, rivals)
-    found = {**found, "K": base.parameters["K"], "V0": base.parameters["V0"]}
-    return score_of(
-        engine,
-        candidate,
-        (found, free, covariance),
-        float(engine.problem.noise_scale) * candidate.residual,
-        tests,
-        step=engine.blocks.step,
-        count=len(base.steps),
-    )
-
-
-def _edge(base: Fit) -> float | None:
-    """K/K_cr of the base fit; None where the record shows no critical stiffness."""
-    if base.stability().kind != "critical":
-        return None
-    return base.values()["K"] / base.critical_stiffness()
-
-
-def _warnings(engine: Engine, found: Search, base: Fit, edge) -> tuple[str, ...]:
-    # the loop speaks of its own noise
-    own = noise_words(base.noise, base.record)
-    warnings = [text for text in base.warnings if text not in own]
-    if edge is not None and edge < _NEAR:
-        warnings.append(
-            f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the basin"
-        )
-    if not found.starts_agree and not found.base.failed:
-        warnings.append("base fits from different starts end at different parameters")
-    change = _finer(engine, found.base)
-    if np.isinf(change):
-        warnings.append("a finer solver did not reach the end: how exact this is stays unknown")
-    elif not change < _FINE_ENOUGH:
-        warnings.append(f"a finer solver moves the prediction by {change:.2g} sigma")
-    return tuple(warnings)
-
-
-def _finer(engine: Engine, base: Candidate) -> float:
+def _finer(engine: Engine[Problem], base: Candidate) -> float:
     """How far a ten times finer solver moves the prediction, in sigma of the noise."""
     if engine.always:
         problem, z = engine.at(base.z, engine.everywhere), base.z
@@ -325,20 +352,3 @@ def _finer(engine: Engine, base: Candidate) -> float:
 @eqx.filter_jit
 def _residual(problem: Problem, z):
     return problem.residual(z)
-
-
-def _scales(base: Fit, record: Record, slip: np.ndarray) -> RecordScales:
-    times = np.append(base.steps.times, record.relative_time[-1])
-    inside = np.clip(times, 0, record.relative_time[-1])
-    ends = np.asarray(base.steps.displacement(inside))
-    speed = np.abs(base.steps.velocities)
-    moving = speed[speed > 0]
-    return RecordScales(
-        slip_length=base.parameters["L"].value,
-        step_slip=float(np.median(np.abs(np.diff(ends)))),
-        total_slip=float(np.ptp(slip)),
-        slowest=float(moving.min()),
-        fastest=float(moving.max()),
-        interval=float(np.median(np.diff(record.relative_time))),
-        duration=float(record.relative_time[-1]),
-    )

@@ -235,7 +235,8 @@ def _model(values: dict[str, float], law: str, effects, with_) -> Model:
     if law not in LAWS:
         raise InputError(f"law '{law}' does not exist; there are: {', '.join(LAWS)}")
     states = max(1, sum(name[0] == "B" and name[1:].isdigit() for name in values) + 1)
-    superset = Superset(Model(law=law, states=states), effects)
+    base = Model(law=law, states=states)
+    superset = Superset(base, effects)
     declared = [name for name in superset.names() if name.split(".")[0] in with_]
     known = (*superset.base.names(), "V0", *declared)
     for name in (*superset.base.names(), *values):
@@ -244,7 +245,7 @@ def _model(values: dict[str, float], law: str, effects, with_) -> Model:
         if name not in values:
             raise InputError(f"parameter {name} is missing; {', '.join(known)} are needed")
         superset.quantity(name).check(float(values[name]), f"parameter {name}")
-    return superset.base
+    return base
 
 
 def _critical(model: Model, values: Mapping[str, float], stiffness: float) -> float:
@@ -397,7 +398,9 @@ def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     return Outlook(ids, cosines, tuple(smallest[id] for id in ids), times, predicted)
 
 
-def _smallest(engine: Engine, seen: Screening, columns, setup: _Setup) -> dict[str, Smallest]:
+def _smallest(
+    engine: Engine[Problem], seen: Screening, columns, setup: _Setup
+) -> dict[str, Smallest]:
     """For every effect the smallest amplitude that is named, over its shapes."""
     basis = orthonormal(columns[:, list(seen.base)])
     found: dict[str, list[tuple[float, dict[str, float]]]] = {}
@@ -408,7 +411,7 @@ def _smallest(engine: Engine, seen: Screening, columns, setup: _Setup) -> dict[s
         needed = ACCEPT + count * math.log(engine.weight.sum())
         lost = np.linalg.norm(rest, axis=0) <= _UNSEEN * np.linalg.norm(own, axis=0)
         scale = np.asarray(
-            [float(engine.problem._scale(engine.names[i])) for i in column.amplitudes]
+            [float(engine.problem.scale(engine.names[i])) for i in column.amplitudes]
         )
         # of several amplitudes: their root of squares, in the direction that is seen worst
         worst = float(np.linalg.svd(rest / scale, compute_uv=False)[-1])

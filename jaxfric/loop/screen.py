@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..effects import RecordScales
-from ..fitting.problem import FAILED_MISFIT
+from ..fitting.abstract_problem import FAILED_MISFIT
 from .engine import Candidate, Column, Engine, Rows
 from .evidence import Evidence, evidence
 from .structure import chi_square_tail

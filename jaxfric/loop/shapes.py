@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..effects import AbstractEffect, RecordScales, null
+from ..fitting.problem import Problem
 from ..rig import Rig
 from ..rig.friction.extended import ExtendedLaw
 from .engine import Column, Engine, ShapedColumns, columns_of, padded_columns
@@ -13,7 +14,9 @@ from .response import Response, linear_response, term_forces
 _FORCES = 64
 
 
-def friction_shapes(engine: Engine, z: np.ndarray, missing, scales: RecordScales) -> ShapedColumns:
+def friction_shapes(
+    engine: Engine[Problem], z: np.ndarray, missing, scales: RecordScales
+) -> ShapedColumns:
     """Columns of those missing effects that have shapes and are friction terms."""
     problem = engine.at(z, engine.problem)
     rig = problem.rig(jnp.asarray(z))
@@ -59,7 +62,7 @@ def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
     return same and len(b.terms) == len(a.terms) + 1
 
 
-def _shaped_columns(engine: Engine, rig: Rig, response, effect, shapes, place: int):
+def _shaped_columns(engine: Engine[Problem], rig: Rig, response, effect, shapes, place: int):
     """Columns of all shapes of an effect, and what they are."""
     problem, names, id = engine.problem, engine.names, effect.id
     amplitudes = tuple(engine.model.amplitudes(id))
@@ -73,7 +76,7 @@ def _shaped_columns(engine: Engine, rig: Rig, response, effect, shapes, place: i
     batch = jax.tree.map(lambda *x: np.stack([np.asarray(one) for one in x]), *terms)
     forces = np.asarray(term_forces(response, batch))
     found = columns_of(engine, id, shapes, place)
-    scale = np.asarray([float(problem._scale(names[i])) for i in amplitudes])
+    scale = np.asarray([float(problem.scale(names[i])) for i in amplitudes])
     friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
     return found, friction / float(problem.noise_scale), extra_rows(engine, slip)
 
@@ -89,7 +92,7 @@ def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndar
     return friction, slip
 
 
-def extra_rows(engine: Engine, slip: np.ndarray) -> np.ndarray:
+def extra_rows(engine: Engine[Problem], slip: np.ndarray) -> np.ndarray:
     """What a change of slip does to the extra rows; friction terms move no load point."""
     rows = []
     for channel in engine.problem.channels:

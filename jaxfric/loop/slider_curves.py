@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..effects import STEADY_CURVES
+from ..fitting.problem import Problem
 from ..records import VelocitySteps
 from ..rig.friction.extended import BlendedEvolution, Contact, ExtendedLaw
 from .curves import Curve, CurveRig
@@ -15,7 +16,7 @@ _LATE = "evolution_cutoff"
 """The curve that friction reaches over the slip length, not at once."""
 
 
-def slider_curves(engine: Engine, final: Candidate, steps: VelocitySteps) -> CurveRig:
+def slider_curves(engine: Engine[Problem], final: Candidate, steps: VelocitySteps) -> CurveRig:
     """The curves of a fit. A curve of another shape acts at once, as the base's A ln V does, or
     over the slip length, as -B ln V does, where those of the fit act so."""
     effects = tuple(id for id in final.effects if id in STEADY_CURVES)
@@ -56,7 +57,7 @@ def _level(law: ExtendedLaw, V: np.ndarray) -> np.ndarray:
 
 
 def _sent(
-    engine: Engine, final: Candidate, curve: Curve, *, late: bool
+    engine: Engine[Problem], final: Candidate, curve: Curve, *, late: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns of 1, ln V at once, ln V over the slip length, and of a curve."""
     response = linear_response(engine.at(final.z, engine.problem), jnp.asarray(final.z))

@@ -11,11 +11,11 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 
 from ..fitting.table import noise_lines
-from ..loop.assemble import share_text
 from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
 from ..loop.structure import p_text
 from ..loop.thresholds import ACCEPT, ALIAS, SIGNIFICANT
+from ..loop.where import share_text
 from .label import printable
 from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
 from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, prefixed, save, tidy

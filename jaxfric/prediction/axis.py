@@ -14,7 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects.axis import axis_effect_of
+from ..effects import effect_of
 from ..errors import InputError
 from ..fitting.axis_fit import inverse_dynamics
 from ..fitting.axis_preparation import prepare, usual
@@ -25,7 +25,7 @@ from ..loop.axis.details import as_published
 from ..loop.axis.result import AxisRows
 from ..loop.axis.rows import rows_of
 from ..records.axis_record import AxisRecord
-from ..rig.axis import BaseLaw
+from ..rig.axis import AxisRig, BaseLaw
 from ..simulation.axis_closed_loop import Controller, closed_loop, substeps
 from .model import SavedModel
 from .result import Comparison, Prediction, Shift
@@ -171,7 +171,7 @@ def _prepared(
         )
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = rows.used
-    effects = tuple(axis_effect_of(id) for id in saved.effects())
+    effects = tuple(effect_of(id, AxisRig) for id in saved.effects())
     problem = make_problem(
         prepared,
         weight,

@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..effects import CATALOGUE, parameters
-from ..effects.axis import AXIS_CATALOGUE
+from ..effects import AXIS_CATALOGUE, CATALOGUE, parameters
 from ..fitting import Estimate
 from ..fitting.problem import quantity_of
 from ..fitting.table import decimals, noise_text

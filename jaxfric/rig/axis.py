@@ -20,7 +20,7 @@ from ..quantity import Quantity, quantities, quantity
 from .axis_state import AbstractAxisState
 
 
-class Point(NamedTuple):
+class AxisPoint(NamedTuple):
     """Where an axis is: scalars, or arrays of one shape."""
 
     position: Array
@@ -34,7 +34,7 @@ class AbstractAxisTerm(eqx.Module):
     """A force that adds to those of the base law."""
 
     @abc.abstractmethod
-    def force(self, at: Point) -> Array:
+    def force(self, at: AxisPoint) -> Array:
         """The force [F] that resists positive motion."""
 
 
@@ -74,7 +74,7 @@ class AxisRig(eqx.Module):
     ) -> Array:
         """All that resists motion but inertia [F]; `states` are the values of the rig's own."""
         sign = self.sign(velocity)
-        at = Point(position, velocity, time, sign)
+        at = AxisPoint(position, velocity, time, sign)
         force = self.viscous * velocity + self.coulomb * sign + self.offset
         for term in self.terms:
             force = force + term.force(at)

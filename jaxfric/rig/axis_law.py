@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from .axis import AxisRig
-from .axis_state import RateState
+from .axis_state import AxisRateState
 from .friction.law import AbstractLaw
 
 _SHARP = 1e-12
@@ -36,7 +36,7 @@ class AxisLaw(AbstractLaw):
 
     def force_scale(self):
         """The direct effect, as of rate-and-state friction of a slider; else Coulomb friction."""
-        direct = [state.A for state in self.rig.states if isinstance(state, RateState)]
+        direct = [state.A for state in self.rig.states if isinstance(state, AxisRateState)]
         return jnp.abs(direct[0] if direct else self.rig.coulomb)
 
 

@@ -87,7 +87,7 @@ class Bristle(AbstractAxisState):
         return jnp.zeros_like(self.a * width)
 
 
-class RateState(AbstractAxisState):
+class AxisRateState(AbstractAxisState):
     """Rate-and-state friction with a cut-off at low velocity, through rest and reversal.
 
         force sgn(v) [A ln(1 + |v|/v_c) + theta]

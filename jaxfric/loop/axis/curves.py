@@ -13,11 +13,13 @@ from ..engine import Candidate, Engine
 from .result import AxisRows
 
 
-def axis_curves(engine: Engine, final: Candidate, rows: AxisRows, unit: str) -> CurveRig:
+def axis_curves(
+    engine: Engine[AxisProblem], final: Candidate, rows: AxisRows, unit: str
+) -> CurveRig:
     """The curves of a fit that change sign with the velocity, over the speeds of the rows that
     train or select; `unit` is that of the position. Below the slowest a curve stays as it is
     there: those rows do not count."""
-    problem: AxisProblem = engine.problem  # pyright: ignore[reportAssignmentType]
+    problem = engine.problem
     known = engine.blocks.train | engine.blocks.select
     speed = np.abs(rows.velocity[known])
     ends = np.asarray([max(float(np.min(speed)), rows.width), float(np.max(speed))])

@@ -6,36 +6,33 @@ evidence, tests and verdict are those of `jaxfric.loop`.
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 import jax.numpy as jnp
 import numpy as np
 
-from ...effects import ids_of
-from ...effects.axis import AXIS_CATALOGUE, IN_TIME, AbstractAxisEffect, axis_effect_of
-from ...errors import InputError
+from ...effects import AXIS_CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
+from ...effects.axis import IN_TIME
+from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation
 from ...fitting.axis_problem import AxisProblem, make_problem
 from ...fitting.start import noise_from_differences
 from ...fitting.superset import Superset
 from ...records.axis_record import AxisRecord
 from ...records.given import as_axis_record
-from ...rig.axis import BaseLaw
-from ..assemble import declared, loop_of, refuse_both, score_of, where_it_sits
-from ..curves import curve_family
+from ...rig.axis import AxisRig, BaseLaw
+from ..curves import CurveRig
+from ..driver import AbstractBench, ScoredRows, offered, run
 from ..engine import Candidate, Engine
-from ..estimates import estimates
-from ..location import locate
+from ..location import Bumps
 from ..result import Loop, Score
-from ..rivals import all_rivals
-from ..search import MOST, search
-from ..split import Blocks
-from ..verdict import conclude, noise_floor, questions
+from ..search import MOST, Search
 from .curves import axis_curves
 from .details import details_of
-from .reading import read_rows
-from .result import AxisBase, AxisRows
+from .reading import Reading, read_rows
+from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord
 from .rows import scales_of
 from .seen import doubts
 from .shapes import axis_shapes, friction_bumps
@@ -44,6 +41,8 @@ from .shapes import axis_shapes, friction_bumps
 # structure.
 _NOISE_ROWS = 1.0
 _LEAST_UNIT = 1e-3
+_LEAST_MASS = 1e-6
+"""Of the force over the largest acceleration: a start, not a bound."""
 
 
 def close_axis_loop(
@@ -51,7 +50,7 @@ def close_axis_loop(
     *,
     with_: str | Sequence[str] = (),
     without: str | Sequence[str] = (),
-    own: Sequence[type[AbstractAxisEffect]] = (),
+    own: Sequence[type[AbstractEffect]] = (),
     most: int = MOST,
     preparation: Preparation | None = None,
     width: float | None = None,
@@ -82,127 +81,140 @@ def close_axis_loop(
     """
     begun = time.monotonic()
     record, with_, without = as_axis_record(record), ids_of(with_), ids_of(without)
-    effects = _effects(with_, without, own)
-    if not 0 <= most <= MOST:
-        raise InputError(f"most is {most}; choose 0 to {MOST}")
+    asked = offered(AXIS_CATALOGUE, own, with_, without, most, _axis_effect)
     progress("preparing the record")
     held = record.drive is not None if held is None else held
     reading = read_rows(record, preparation=preparation, width=width, held=held)
-    prepared, rows, blocks = reading.prepared, reading.rows, reading.blocks
     for note in reading.notes:
         progress(note)
-    noise_scale = unit_of_residuals(prepared.force[: prepared.rows][rows.used])
+    prepared, rows = reading.prepared, reading.rows
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = rows.used
+    effects = tuple(e for e in asked.effects if e.id not in asked.without)
     problem = make_problem(
         prepared,
         weight,
-        Superset(BaseLaw(), effects),  # pyright: ignore[reportArgumentType]
+        Superset(BaseLaw(), effects),
         width=rows.width,
-        noise_scale=noise_scale,
+        noise_scale=unit_of_residuals(prepared.force[: prepared.rows][rows.used]),
     )
-    engine = _engine(problem, blocks, rows)
-    scales = scales_of(rows, prepared, blocks)
-    z = declared(engine, _start(problem, blocks.train), scales, tuple(with_))
-    engine = _engine(problem, blocks, rows, tuple(with_))
-    found = search(engine, [z], scales, most=most, progress=progress)
-    rows = dataclasses.replace(rows, used=rows.used & engine.passed_on())
-    progress("where the structure sits")
-    floor = noise_floor(engine, found.final)
-    bumps = friction_bumps(engine, rows, unit=length_of(record))
-    left = locate(engine, found.base, floor.found, bumps)
-    location = left.location
-    tests = questions(engine, found.base, rows.path, left, floor.found.noise)
-    before = after = _score(engine, found.base, record, rows, tests)
-    if found.final is not found.base:
-        left = locate(engine, found.final, floor.found, bumps)
-        tests = questions(engine, found.final, rows.path, left, floor.found.noise)
-        after = _score(engine, found.final, record, rows, tests, all_rivals(found))
-    where = where_it_sits(location)
-    curve = axis_curves(engine, found.final, rows, length_of(record))
-    curve = curve_family(engine, found.final, curve)
-    told = conclude(engine, found, floor, tests, edge=None, located=where, curve=curve)
-    return loop_of(
-        engine,
-        found,
-        told,
-        before,
-        after,
-        location,
-        record=rows.as_record(record),
-        base_fit=AxisBase(rows.steps(), rows.width, prepared.preparation),
-        sigma=floor.sigma,
-        warnings=(*reading.warnings, *rows.warnings(), *doubts(engine, found.final, rows)),
-        details=details_of(record, reading, after.parameters, problem, engine, found, progress),
-        seconds=time.monotonic() - begun,
-    )
+    bench = AxisBench(record, reading, problem, rows)
+    return run(bench, asked, begun=begun, progress=progress)
 
 
-def _engine(
-    problem: AxisProblem, blocks: Blocks, rows: AxisRows, with_: tuple[str, ...] | None = None
-) -> Engine:
-    """With a base that has `with_`, to search from; without, to start such a base."""
-    return Engine(
-        problem,  # pyright: ignore[reportArgumentType]
-        blocks,
-        np.zeros(0, int),
-        with_ or (),
-        shapes=axis_shapes,
-        one_of=() if with_ is None else (IN_TIME,),
-        path=rows.path,
-        longest=np.asarray([_NOISE_ROWS * float(problem.time[1] - problem.time[0])]),
-        either_sign=True,
-        by_step=False,
-    )
+def _axis_effect(id: str) -> type[AbstractEffect]:
+    return effect_of(id, AxisRig)
 
 
-def _effects(with_, without, own) -> tuple[type[AbstractAxisEffect], ...]:
-    known = {**AXIS_CATALOGUE, **{e.id: e for e in own}}
-    for id in (*with_, *without):
-        if id not in known:
-            axis_effect_of(id)
-    refuse_both(with_, without)
-    return tuple(e for id, e in known.items() if id not in without)
+@dataclasses.dataclass(frozen=True, eq=False)
+class AxisBench(AbstractBench):
+    """An axis' record, its prepared rows and the problem of inverse dynamics."""
 
+    record: AxisRecord
+    reading: Reading
+    problem: AxisProblem
+    counted: AxisRows
+    """Rows of the reading, but for those that are glitches."""
 
-def _start(problem: AxisProblem, train: np.ndarray) -> np.ndarray:
-    """Parameters of the base by least squares, effects at their null."""
-    motion = problem.motion
-    at = np.flatnonzero(train)
-    columns = [
-        motion.acceleration,
-        motion.velocity,
-        jnp.tanh(motion.velocity / problem.width),
-        jnp.ones_like(motion.velocity),
-    ]
-    matrix = np.stack([np.asarray(problem.sampler(c))[at] for c in columns], axis=1)
-    found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
-    found[0] = max(found[0], 1e-6 * float(problem.sizes.force / problem.sizes.acceleration))
-    values = jnp.asarray([*found, *problem.model.nulls()])
-    return np.asarray(problem.to_free(values))
+    def engine(self, with_: tuple[str, ...] | None) -> Engine[AxisProblem]:
+        """Effects that move force and motion in time are one group, but where a base starts."""
+        interval = float(self.problem.time[1] - self.problem.time[0])
+        return Engine(
+            self.problem,
+            self.reading.blocks,
+            np.zeros(0, int),
+            with_ or (),
+            shapes=axis_shapes,
+            one_of=() if with_ is None else (IN_TIME,),
+            path=self.path(),
+            longest=np.asarray([_NOISE_ROWS * interval]),
+            either_sign=True,
+            by_step=False,
+        )
 
+    def start(self, engine: Engine[AxisProblem]) -> np.ndarray:
+        """Parameters of the base by least squares."""
+        problem, motion = self.problem, self.problem.motion
+        at = np.flatnonzero(self.reading.blocks.train)
+        columns = [
+            motion.acceleration,
+            motion.velocity,
+            jnp.tanh(motion.velocity / problem.width),
+            jnp.ones_like(motion.velocity),
+        ]
+        matrix = np.stack([np.asarray(problem.sampler(c))[at] for c in columns], axis=1)
+        found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
+        largest = max(float(np.max(np.abs(matrix[:, 0]))), 1e-300)
+        found[0] = max(found[0], _LEAST_MASS * float(problem.sizes.force) / largest)
+        return np.asarray(problem.to_free(jnp.asarray([*found, *problem.model.nulls()])))
 
-def _score(
-    engine: Engine,
-    candidate: Candidate,
-    record: AxisRecord,
-    rows: AxisRows,
-    tests: dict[str, float],
-    rivals: Sequence[Candidate] = (),
-) -> Score:
-    found, free, covariance = estimates(engine, candidate, record.force_unit, rivals)
-    if record.coordinate == "rotary":
-        found = {n: dataclasses.replace(e, unit=rotary_unit(e.unit)) for n, e in found.items()}
-    size = float(engine.problem.noise_scale) * candidate.residual[: len(rows.time)]
-    return score_of(
-        engine,
-        candidate,
-        (found, free, covariance),
-        np.where(rows.used, size, np.nan),
-        tests,
-        step=rows.segment,
-        count=int(rows.segment.max()) + 1,
-    )
+    def starts(self, engine: Engine[AxisProblem], z: np.ndarray) -> list[np.ndarray]:
+        """One: the base is linear."""
+        return [z]
+
+    def scales(self) -> RecordScales:
+        """See `scales_of`."""
+        return scales_of(self.reading.rows, self.reading.prepared, self.reading.blocks)
+
+    def path(self) -> np.ndarray:
+        """Distance travelled, there and back."""
+        return self.reading.rows.path
+
+    def passing_over(self, engine: Engine[AxisProblem]) -> Self:
+        """Without the rows that are glitches."""
+        rows = self.reading.rows
+        counted = dataclasses.replace(rows, used=rows.used & engine.passed_on())
+        return dataclasses.replace(self, counted=counted)
+
+    def bumps(self, engine: Engine[AxisProblem], candidate: Candidate) -> list[Bumps]:
+        """Over position, velocity, time and the distance since a reversal."""
+        return friction_bumps(engine, self.counted, unit=length_of(self.record))
+
+    def curves(self, engine: Engine[AxisProblem], final: Candidate) -> CurveRig:
+        """See `axis_curves`."""
+        return axis_curves(engine, final, self.counted, length_of(self.record))
+
+    def rows(self, engine: Engine[AxisProblem]) -> ScoredRows:
+        """Those that count, by motion segment."""
+        segment = self.counted.segment
+        return ScoredRows(self.counted.used, segment, int(segment.max()) + 1)
+
+    def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
+        """In the units of a rotary axis where it is one."""
+        if self.record.coordinate != "rotary":
+            return dict(parameters)
+        units = {name: rotary_unit(one.unit) for name, one in parameters.items()}
+        return {n: dataclasses.replace(e, unit=units[n]) for n, e in parameters.items()}
+
+    def friction_unit(self) -> str:
+        """That of the motor force."""
+        return self.record.force_unit
+
+    def edge(self) -> None:
+        """An axis moves as it is measured to move: no stiffness is near its critical value."""
+
+    def warnings(self, engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
+        """Of the record, of its rows, and of what was seen at low speed."""
+        seen = doubts(engine, found.final, self.counted)
+        return (*self.reading.warnings, *self.counted.warnings(), *seen)
+
+    def shown(self) -> tuple[PreparedRecord, AxisBase]:
+        """The rows, and what the base model is."""
+        rows, prepared = self.counted, self.reading.prepared
+        base = AxisBase(rows.steps(), rows.width, prepared.preparation)
+        return rows.as_record(self.record), base
+
+    def details(
+        self,
+        engine: Engine[AxisProblem],
+        found: Search,
+        after: Score,
+        progress: Callable[[str], None],
+    ) -> AxisDetails:
+        """Fits over all rows, and gains."""
+        return details_of(
+            self.record, self.reading, after.parameters, self.problem, engine, found, progress
+        )
 
 
 def unit_of_residuals(force: np.ndarray) -> float:

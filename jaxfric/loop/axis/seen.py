@@ -37,7 +37,9 @@ class Seen(NamedTuple):
     unseen: tuple[Unseen, ...]
 
 
-def seen(engine: Engine, found: Candidate, rows: AxisRows, prepared: Prepared, unit: str) -> Seen:
+def seen(
+    engine: Engine[AxisProblem], found: Candidate, rows: AxisRows, prepared: Prepared, unit: str
+) -> Seen:
     """Of the fit `found`; `unit` is that of the position, for words."""
     speed = np.abs(rows.velocity[rows.used])
     fastest = float(speed.max())
@@ -87,7 +89,7 @@ def slowest_told(
     return max(limits)
 
 
-def doubts(engine: Engine, found: Candidate, rows: AxisRows) -> list[str]:
+def doubts(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> list[str]:
     """Why a fit describes no friction at all, in words."""
     why = []
     if not engine.problem.possible(jnp.asarray(found.z)):
@@ -100,9 +102,11 @@ def doubts(engine: Engine, found: Candidate, rows: AxisRows) -> list[str]:
     return why
 
 
-def slope_error(engine: Engine, found: Candidate, position: float) -> Callable[[float], float]:
+def slope_error(
+    engine: Engine[AxisProblem], found: Candidate, position: float
+) -> Callable[[float], float]:
     """The standard error of dF/dv of the fitted steady friction, at a velocity."""
-    problem: AxisProblem = engine.problem  # pyright: ignore[reportAssignmentType]
+    problem = engine.problem
     index = engine.free(found.effects)
     rows = engine.evaluate(found.z, index)
     white = engine.whiten(rows.jacobian * engine.weight[:, None], found.noise)
@@ -121,7 +125,7 @@ def slope_error(engine: Engine, found: Candidate, position: float) -> Callable[[
     return error
 
 
-def _above(engine: Engine, found: Candidate, rows: AxisRows) -> Above | None:
+def _above(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> Above | None:
     """Bins of rows by speed, of each direction, whose friction lies above the fit."""
     left = -float(engine.problem.noise_scale) * found.residual[: len(rows.time)]
     speed, excess, error = [], [], []

@@ -13,9 +13,11 @@ from .result import AxisRows
 _COARSE, _WAVES = 16, 60
 
 
-def axis_shapes(engine: Engine, z: np.ndarray, missing, scales: RecordScales) -> ShapedColumns:
+def axis_shapes(
+    engine: Engine[AxisProblem], z: np.ndarray, missing, scales: RecordScales
+) -> ShapedColumns:
     """Columns of the missing effects that have shapes: derivatives at every shape."""
-    problem: AxisProblem = engine.problem  # pyright: ignore[reportAssignmentType]
+    problem = engine.problem
     columns: list[Column] = []
     blocks, place = [np.zeros((len(engine.weight), 0))], 0
     for effect in missing:
@@ -35,7 +37,7 @@ def axis_shapes(engine: Engine, z: np.ndarray, missing, scales: RecordScales) ->
     return ShapedColumns(tuple(columns), matrix, np.zeros((0, matrix.shape[1])))
 
 
-def friction_bumps(engine: Engine, rows: AxisRows, *, unit: str = "m") -> list[Bumps]:
+def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "m") -> list[Bumps]:
     """Hats over position, velocity, time and distance since the reversal; `unit` is of lengths."""
     since = rows.path.copy()
     for k in np.unique(rows.segment):

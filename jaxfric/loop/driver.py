@@ -1,0 +1,255 @@
+"""The loop itself: base fit, search, what is left, verdict; the same for a slider and an axis.
+
+An `AbstractBench` is a record made ready for it. It brings the least-squares problem and its
+engine, where a fit of the base starts, over which variables what is left is drawn, the steady
+curves, and its own warnings; nothing here knows what moved.
+"""
+
+import abc
+import dataclasses
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ..effects import AbstractEffect, RecordScales
+from ..errors import InputError
+from ..fitting.noise_estimate import noise_estimate, noise_words
+from ..fitting.result import Estimate
+from .curves import CurveRig, curve_family
+from .engine import Candidate, Engine
+from .estimates import candidate_scores, estimates
+from .location import Bumps, locate
+from .result import Loop, LoopBase, LoopDetails, LoopRecord, Score, ScreenedEffect
+from .rivals import all_rivals
+from .screen import screen
+from .search import MOST, Search, refit_safely, search
+from .split import NAMES
+from .verdict import conclude, noise_floor, questions
+from .where import where_it_sits
+
+
+class Offered(NamedTuple):
+    """What a loop may add, and what its base has from the start."""
+
+    effects: tuple[type[AbstractEffect], ...]
+    """In the model: those that may be added, and those of the base."""
+    with_: tuple[str, ...]
+    without: tuple[str, ...]
+    most: int
+
+
+class ScoredRows(NamedTuple):
+    """What the errors of a model are told of: its rows, by velocity or by stroke."""
+
+    used: np.ndarray
+    """Mask of the rows that count."""
+    part: np.ndarray
+    """Index of the velocity or stroke of each."""
+    count: int
+    """How many of those there are."""
+
+
+class AbstractBench(abc.ABC):
+    """A record made ready for the loop."""
+
+    @abc.abstractmethod
+    def engine(self, with_: tuple[str, ...] | None) -> Engine:
+        """What fits candidates: of a base that has `with_`; None: to start such a base from."""
+
+    @abc.abstractmethod
+    def start(self, engine: Engine) -> np.ndarray:
+        """Parameters of the base, the effects at their null."""
+
+    @abc.abstractmethod
+    def starts(self, engine: Engine, z: np.ndarray) -> Sequence[np.ndarray]:
+        """From where the base is fitted: from `z`, and from where else it may end."""
+
+    @abc.abstractmethod
+    def scales(self) -> RecordScales:
+        """Sizes of the record, for starting values of shapes."""
+
+    @abc.abstractmethod
+    def path(self) -> np.ndarray:
+        """Distance travelled at every row [m]."""
+
+    @abc.abstractmethod
+    def passing_over(self, engine: Engine) -> Self:
+        """The same without the rows that the engine found to be glitches."""
+
+    @abc.abstractmethod
+    def bumps(self, engine: Engine, candidate: Candidate) -> Sequence[Bumps]:
+        """Over which variables missing friction is looked for."""
+
+    @abc.abstractmethod
+    def curves(self, engine: Engine, final: Candidate) -> CurveRig:
+        """The steady curves of a fit."""
+
+    @abc.abstractmethod
+    def rows(self, engine: Engine) -> ScoredRows:
+        """What errors are told of."""
+
+    @abc.abstractmethod
+    def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
+        """Parameters of a fit as they are reported: in the units of the rig, and with those that
+        are not fitted."""
+
+    @abc.abstractmethod
+    def friction_unit(self) -> str:
+        """Unit of what is recorded."""
+
+    @abc.abstractmethod
+    def edge(self) -> float | None:
+        """K/K_cr of the base; None where there is no critical stiffness."""
+
+    @abc.abstractmethod
+    def warnings(self, engine: Engine, found: Search) -> tuple[str, ...]:
+        """What a user should know of the record, its preparation and the fits."""
+
+    @abc.abstractmethod
+    def shown(self) -> tuple[LoopRecord, LoopBase]:
+        """Record and base as reports see them."""
+
+    @abc.abstractmethod
+    def details(
+        self, engine: Engine, found: Search, after: Score, progress: Callable[[str], None]
+    ) -> LoopDetails | None:
+        """What else this kind of rig has to tell."""
+
+
+def offered(
+    known: Mapping[str, type[AbstractEffect]],
+    own: Sequence[type[AbstractEffect]],
+    with_: Sequence[str],
+    without: Sequence[str],
+    most: int,
+    effect_of: Callable[[str], type[AbstractEffect]],
+) -> Offered:
+    """The effects of a catalogue and one's own, and what was asked of them.
+
+    Raises
+    ------
+    InputError : an unknown effect, or one both with and without; `most` out of its range.
+    """
+    together = {**known, **{effect.id: effect for effect in own}}
+    for id in (*with_, *without):
+        if id not in together:
+            effect_of(id)
+    both = sorted(set(with_) & set(without))
+    if both:
+        raise InputError(
+            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
+            " (--without)"
+        )
+    if not 0 <= most <= MOST:
+        raise InputError(f"most is {most}; choose 0 to {MOST}")
+    return Offered(tuple(together.values()), tuple(with_), tuple(without), most)
+
+
+def run(
+    bench: AbstractBench, asked: Offered, *, begun: float, progress: Callable[[str], None]
+) -> Loop:
+    """Search, location and verdict; `begun` is when the loop began (`time.monotonic`)."""
+    engine = bench.engine(None)
+    z = declared(engine, bench.start(engine), bench.scales(), asked.with_)
+    engine = bench.engine(asked.with_)
+    starts = bench.starts(engine, z)
+    found = search(engine, starts, bench.scales(), most=asked.most, progress=progress)
+    bench = bench.passing_over(engine)
+    progress("where the structure sits")
+    floor = noise_floor(engine, found.final)
+
+    def scored(candidate: Candidate, rivals: Sequence[Candidate] = ()):
+        left = locate(engine, candidate, floor.found, bench.bumps(engine, candidate))
+        tests = questions(engine, candidate, bench.path(), left, floor.found.noise)
+        return left.location, tests, _score(bench, engine, candidate, tests, rivals)
+
+    location, tests, before = scored(found.base)
+    after = before
+    if found.final is not found.base:
+        progress("what is left")
+        _, tests, after = scored(found.final, all_rivals(found))
+    curve = curve_family(engine, found.final, bench.curves(engine, found.final))
+    where = where_it_sits(location)
+    told = conclude(engine, found, floor, tests, edge=bench.edge(), located=where, curve=curve)
+    record, base_fit = bench.shown()
+    alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # everything smooth taken out
+    return Loop(
+        record=record,
+        base_fit=base_fit,
+        blocks=engine.blocks,
+        verdict=told.verdict,
+        sentence=told.sentence,
+        reasons=told.reasons,
+        effects=found.final.effects,
+        alias_groups=told.alias_groups,
+        separations=told.separations,
+        candidates=candidate_scores(engine, found),
+        screened=tuple(ScreenedEffect(s.id, s.delta_bic) for r in found.screened[:1] for s in r),
+        before=before,
+        after=after,
+        sigma=floor.sigma,
+        location=location,
+        alias_ids=found.ids,
+        alias_cosines=found.cosines,
+        warnings=(*noise_words(alone, record), *bench.warnings(engine, found)),
+        details=bench.details(engine, found, after, progress),
+        families=told.families,
+        sigma_held_out=told.sigma_held_out,
+        seconds=time.monotonic() - begun,
+    )
+
+
+def declared(
+    engine: Engine, z: np.ndarray, scales: RecordScales, with_: tuple[str, ...]
+) -> np.ndarray:
+    """Parameters of the base with its declared effects, each started from its best shape."""
+    if not with_:
+        return z
+    current = engine.learn_noise(engine.refit((), z))
+    if current.failed:
+        return z
+    for id in with_:
+        one = next(s for s in screen(engine, current, scales) if s.id == id)
+        current = refit_safely(engine, (*current.effects, id), one, current)
+    return current.z
+
+
+def _score(
+    bench: AbstractBench,
+    engine: Engine,
+    candidate: Candidate,
+    tests: dict[str, float],
+    rivals: Sequence[Candidate],
+) -> Score:
+    """Errors of a model, in all and for each velocity or stroke."""
+    parameters, free, covariance = estimates(engine, candidate, bench.friction_unit(), rivals)
+    rows = bench.rows(engine)
+    scale = float(engine.problem.noise_scale)
+    residual = np.where(rows.used, scale * candidate.residual[: len(rows.used)], np.nan)
+    residual[list(engine.glitches.rows)] = np.nan
+    return Score(
+        effects=candidate.effects,
+        rms={name: candidate.rms[name] for name in NAMES},
+        per_step=tuple(_rms(residual[rows.part == k]) for k in range(rows.count)),
+        residual=residual,
+        parameters=bench.named(parameters),
+        free=free,
+        covariance=covariance,
+        noise=noise_estimate(
+            candidate.noise,
+            scale,
+            engine.longest,
+            pace=() if engine.pace is None else engine.pace.tolist(),
+            scales=engine.scale_by_step(),
+            glitches=engine.glitches,
+            steps=engine.steps,
+        ),
+        tests=tests,
+    )
+
+
+def _rms(residual: np.ndarray) -> float:
+    known = residual[np.isfinite(residual)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
