@@ -12,6 +12,7 @@ from .effect import AbstractLinearEffect as AbstractLinearEffect
 from .effect import AbstractPlaceEffect as AbstractPlaceEffect
 from .effect import RecordScales as RecordScales
 from .effect import ids_of as ids_of
+from .effect import made as made
 from .effect import null as null
 from .effect import parameters as parameters
 from .effect import with_evolution as with_evolution

@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig.axis import AbstractAxisTerm, AxisPoint, AxisRig
 from ..rig.axis_state import AbstractAxisState, AxisRateState, Bristle
-from .effect import AbstractEffect, AbstractLinearEffect, RecordScales
+from .effect import AbstractEffect, AbstractLinearEffect, AbstractPlaceEffect, RecordScales
 
 _ALWAYS = np.asarray(True)
 _TINY = 1e-12
@@ -177,7 +177,7 @@ class _Ripple(AbstractAxisTerm):
         return self.c * jnp.cos(phase) + self.s * jnp.sin(phase)
 
 
-class AxisPositionPeriodic(AbstractAxisEffect):
+class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
     """+ c cos(2 pi q/wavelength) + s sin(...): the pitch of a screw, the teeth of a belt, cogging.
 
     The pitch is looked for from twice the travel down to what the decimated rows resolve at the
@@ -196,6 +196,10 @@ class AxisPositionPeriodic(AbstractAxisEffect):
 
     def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Ripple(self.c, self.s, self.wavelength))
+
+    def softest_spring(self) -> Float[Array, ""]:
+        """-2 pi sqrt(c^2 + s^2)/lambda, half way down a wave."""
+        return -2 * jnp.pi * jnp.hypot(self.c, self.s) / self.wavelength
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         travel = scales.total_slip
@@ -218,7 +222,7 @@ class _Along(AbstractAxisTerm):
         return (self.k + self.m * at.sign) * (at.position - self.centre)
 
 
-class PositionDependence(AbstractLinearAxisEffect):
+class PositionDependence(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig]):
     """+ (k + m sgn v) q: a spring or a slope, and friction that grows along the travel."""
 
     id: ClassVar[str] = "position_dependence"
@@ -232,6 +236,10 @@ class PositionDependence(AbstractLinearAxisEffect):
 
     def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Along(self.k, self.m, jnp.zeros_like(self.k)))
+
+    def softest_spring(self) -> Float[Array, ""]:
+        """k - |m|, in the direction in which it is less."""
+        return self.k - jnp.abs(self.m)
 
     def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_ALWAYS)

@@ -32,6 +32,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, Contact
+from ..rig.friction.rate_state import RateState
 from .effect import AbstractHeavyEffect, extended, with_term
 
 # c is 0.4/(1 + K L/(4 A)) crossings: a slider answers in A/(K V) itself. Half of it costs twice the
@@ -70,18 +71,18 @@ class _DelayTerm(AbstractTerm):
     alpha: Float[Array, ""]
     c: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         p, _, _ = self._unscaled(at)
         V = at.V / at.base.V0
         ahead = jnp.where(self.alpha < 0, -self.alpha, 0.0) * V * _per_second(at)
         g = _filter(self._delay(at, p), self.c).g
         return at.base.B[0] * (g * V * jnp.exp(-p) - _AHEAD * jnp.log1p(ahead / _AHEAD))
 
-    def rate(self, at: Contact, force):
+    def rate(self, at: Contact, force: Array) -> Array:
         del force
         return _SCALE * at.base.A * self._past(at).rates
 
-    def steady_state(self, V, base, force):
+    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
         del force
         u = jnp.log(jnp.abs(V) / base.V0)
         return _SCALE * base.A * jnp.stack([u, u, jnp.zeros_like(V)])
@@ -93,7 +94,7 @@ class _DelayTerm(AbstractTerm):
         p, y, z = at.state / (_SCALE * at.base.A)
         return jnp.clip(p, -_LOG_MAX, _LOG_MAX), y, z
 
-    def _delay(self, at: Contact, p) -> Float[Array, ""]:
+    def _delay(self, at: Contact, p: Array) -> Float[Array, ""]:
         """alpha in crossings."""
         return jnp.where(self.alpha < 0, 0.0, self.alpha) * _per_second(at) * jnp.exp(p)
 
@@ -181,14 +182,14 @@ class _FirstOrderTerm(AbstractTerm):
     couples: ClassVar[bool] = False
     alpha: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         return at.base.B[0] * self.alpha * at.V / at.base.L[0]
 
-    def rate(self, at: Contact, force):
+    def rate(self, at: Contact, force: Array) -> Array:
         del force
         return at.state
 
-    def steady_state(self, V, base, force):
+    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
         del base, force
         return jnp.zeros((0,), V.dtype)
 

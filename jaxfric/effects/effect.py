@@ -9,12 +9,12 @@ time, a velocity), which means nothing while the amplitudes are 0 and is started
 """
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..quantity import Quantity, quantities
 from ..rig import Rig
@@ -22,6 +22,7 @@ from ..rig.friction.extended import AbstractTerm, BlendedEvolution, ExtendedLaw
 from ..rig.friction.rate_state import AgeingEvolution, RateState, SlipEvolution
 
 R = TypeVar("R", bound=eqx.Module)
+E = TypeVar("E", bound="AbstractEffect")
 
 ROOMS = ("friction", "machine", "drive", "sensor")
 
@@ -107,9 +108,14 @@ def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quant
     return quantities(effect)
 
 
-def null(effect: type[AbstractEffect]) -> AbstractEffect:
+def made(effect: type[E], values: Mapping[str, ArrayLike]) -> E:
+    """The effect with some of its parameters by field name, the others at their null."""
+    return effect(**values)  # pyright: ignore[reportCallIssue, reportArgumentType]
+
+
+def null(effect: type[E]) -> E:
     """The effect with the values that change nothing."""
-    return effect()  # pyright: ignore[reportCallIssue]
+    return made(effect, {})
 
 
 def ids_of(value: str | Sequence[str]) -> tuple[str, ...]:

@@ -10,7 +10,14 @@ from ..quantity import quantity
 from ..rig import Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
 from ..rig.friction.rate_state import RateState
-from .effect import AbstractEffect, AbstractLinearEffect, RecordScales, with_evolution, with_term
+from .effect import (
+    AbstractEffect,
+    AbstractLinearEffect,
+    AbstractPlaceEffect,
+    RecordScales,
+    with_evolution,
+    with_term,
+)
 
 _TRUE = np.asarray(True)
 _LOG_MAX = 40.0
@@ -23,16 +30,16 @@ class _SecondStateTerm(AbstractTerm):
     B: Float[Array, ""]
     L: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         return at.state[0]
 
-    def rate(self, at: Contact, force):
+    def rate(self, at: Contact, force: Array) -> Array:
         del force
         r = jnp.abs(at.V) / at.base.V0
         log_r = jnp.log(jnp.where(r > 0, r, 1.0))
         return jnp.where(r > 0, -(jnp.abs(at.V) / self.L) * (at.state + self.B * log_r), 0.0)
 
-    def steady_state(self, V, base, force):
+    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
         del force
         return -self.B * jnp.log(jnp.abs(V) / base.V0)[None]
 
@@ -122,7 +129,7 @@ class _ViscousTerm(AbstractStatelessTerm):
     states: ClassVar[int] = 0
     c: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         return self.c * at.V
 
 
@@ -151,7 +158,7 @@ class _StribeckTerm(AbstractStatelessTerm):
     Vs: Float[Array, ""]
     d: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         ratio = jnp.maximum(jnp.abs(at.V) / self.Vs, 1e-30)
         return self.fs * jnp.exp(-jnp.exp(jnp.clip(self.d * jnp.log(ratio), -_LOG_MAX, 6.0)))
 
@@ -187,11 +194,11 @@ class _SlipTrendTerm(AbstractStatelessTerm):
     states: ClassVar[int] = 0
     s: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         return self.s * at.slip
 
 
-class SlipTrend(AbstractLinearEffect[Rig]):
+class SlipTrend(AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig]):
     """f + s x."""
 
     id: ClassVar[str] = "slip_trend"
@@ -205,6 +212,10 @@ class SlipTrend(AbstractLinearEffect[Rig]):
     def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _SlipTrendTerm(self.s))
 
+    def softest_spring(self) -> Float[Array, ""]:
+        """s, wherever the slider is."""
+        return self.s
+
     def physical(self) -> Bool[Array, ""]:
         return jnp.asarray(_TRUE)
 
@@ -215,11 +226,11 @@ class _RunInTerm(AbstractStatelessTerm):
     d: Float[Array, ""]
     dc: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         return self.d * -jnp.expm1(-jnp.maximum(at.slip, 0.0) / self.dc)
 
 
-class RunIn(AbstractEffect[Rig]):
+class RunIn(AbstractPlaceEffect[Rig]):
     """f + d (1 - exp(-x/dc))."""
 
     id: ClassVar[str] = "run_in"
@@ -233,6 +244,10 @@ class RunIn(AbstractEffect[Rig]):
 
     def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _RunInTerm(self.d, self.dc))
+
+    def softest_spring(self) -> Float[Array, ""]:
+        """d/dc at the start, where that softens; 0 in the end."""
+        return jnp.minimum(self.d, 0.0) / self.dc
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         return {"dc": tuple(np.geomspace(0.3 * scales.step_slip, scales.total_slip, 6))}
@@ -248,12 +263,12 @@ class _PeriodicTerm(AbstractStatelessTerm):
     b: Float[Array, ""]
     wavelength: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         phase = 2 * jnp.pi * at.slip / self.wavelength
         return self.a * jnp.sin(phase) + self.b * jnp.cos(phase)
 
 
-class PositionPeriodic(AbstractEffect[Rig]):
+class PositionPeriodic(AbstractPlaceEffect[Rig]):
     """f + a sin(2 pi x/lambda) + b cos(2 pi x/lambda)."""
 
     id: ClassVar[str] = "position_periodic"
@@ -268,6 +283,10 @@ class PositionPeriodic(AbstractEffect[Rig]):
 
     def embed(self, rig: Rig) -> Rig:
         return with_term(rig, _PeriodicTerm(self.a, self.b, self.wavelength))
+
+    def softest_spring(self) -> Float[Array, ""]:
+        """-2 pi sqrt(a^2 + b^2)/lambda, half way down a wave."""
+        return -2 * jnp.pi * jnp.hypot(self.a, self.b) / self.wavelength
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         # neighbours half a period apart over the whole slip: no wavelength is missed
@@ -287,14 +306,14 @@ class _LinkerTerm(AbstractTerm):
     couples: ClassVar[bool] = False
     alpha: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         return jnp.zeros_like(at.V) if at.stress is None else -self.alpha * jnp.log(at.stress)
 
-    def rate(self, at: Contact, force):
+    def rate(self, at: Contact, force: Array) -> Array:
         del force
         return at.state
 
-    def steady_state(self, V, base, force):
+    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
         del base, force
         return jnp.zeros((0,), V.dtype)
 
@@ -334,13 +353,13 @@ class _ThermalTerm(AbstractTerm):
     a: Float[Array, ""]
     tau: Float[Array, ""]
 
-    def force(self, at: Contact):
+    def force(self, at: Contact) -> Array:
         return -at.state[0]
 
-    def rate(self, at: Contact, force):
+    def rate(self, at: Contact, force: Array) -> Array:
         return (self.a * _power(at.V, at.base, force) - at.state) / self.tau
 
-    def steady_state(self, V, base, force):
+    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
         return (self.a * _power(V, base, force))[None]
 
     def shift(self, at: Contact):

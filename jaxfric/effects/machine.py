@@ -88,7 +88,7 @@ class Inertia(AbstractHeavyEffect[Rig]):
         return self.m > 0
 
 
-def _with_mass(rig, m, *, first_order: bool):
+def _with_mass(rig: Rig, m: Array, *, first_order: bool) -> Rig:
     machine = rig.machine
     if not isinstance(machine, QuasiStatic):
         raise TypeError("inertia needs a rig without mass")

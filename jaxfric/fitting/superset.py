@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 
 from jaxtyping import Array, Float
 
-from ..effects import AbstractEffect, AbstractHeavyEffect, null, parameters
+from ..effects import AbstractEffect, AbstractHeavyEffect, made, null, parameters
 from ..quantity import Quantity
 from ..rig import Rig
 from .abstract_problem import ParametricModel
@@ -52,11 +52,11 @@ class Superset(NamedTuple):
         for effect in self.effects:
             fields = list(parameters(effect))
             chosen = dict(zip(fields, values[n : n + len(fields)], strict=True))
-            made = effect(**chosen)
-            if effect.id in self.lighter and isinstance(made, AbstractHeavyEffect):
-                rig = made.embed_first_order(rig)
+            one = made(effect, chosen)
+            if effect.id in self.lighter and isinstance(one, AbstractHeavyEffect):
+                rig = one.embed_first_order(rig)
             else:
-                rig = made.embed(rig)
+                rig = one.embed(rig)
             n += len(fields)
         return rig
 

@@ -22,16 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..effects import effect_of
-from ..effects.axis import (
-    IN_TIME,
-    AbstractAxisEffect,
-    AxisPositionPeriodic,
-    AxisTimeDrift,
-    DirectionAsymmetry,
-    PositionDependence,
-    RateAndState,
-)
+from ..effects import AbstractEffect, AbstractPlaceEffect, effect_of, made
+from ..effects.axis import AxisTimeDrift, DirectionAsymmetry, RateAndState
 from ..errors import InputError
 from ..gains.loop_source import spring_words, verdict_words
 from ..gains.saved import (
@@ -49,12 +41,8 @@ from ..quantity import quantities
 from ..rig.axis import LAW, AxisRig, BaseLaw
 from ..rig.axis_law import AxisLaw, axis_law
 
-# Softest spring [F/m] that an effect of the axis' position can be.
-_SOFTEST = {
-    AxisPositionPeriodic.id: lambda c, s, wavelength: -2 * np.pi * np.hypot(c, s) / wavelength,
-    PositionDependence.id: lambda k, m: k - abs(m),
-}
-_OUTSIDE = (*_SOFTEST, AxisTimeDrift.id, *IN_TIME)
+Effects = Sequence[type[AbstractEffect]]
+
 _CURVE = BaseLaw().names()[1:]
 _DIRECT = f"{RateAndState.id}.A"
 # Of the record's width of the smoothed sign: the law's own, so that it is sharp wherever the
@@ -102,7 +90,7 @@ def law_from_axis_loop(
     effects = _effects(path, content["effects"], values)
     _refuse_other(path, content, effects)
     force_of_unit(content["friction_unit"], normal_force, path)
-    inside = [effect for effect in effects if effect.id not in _OUTSIDE]
+    inside = [effect for effect in effects if _in_law(effect)]
     columns = sampled(after, _positive(path, inside, values), samples, seed, path)
     width, reach = (float(about.get(key) or 0.0) for key in ("width", "reach"))
     build = _builder(inside, tuple(columns), values["M"], width or _NO_WIDTH, reach)
@@ -121,8 +109,14 @@ def law_from_axis_loop(
     )
 
 
+def _in_law(effect: type[AbstractEffect]) -> bool:
+    """Whether an effect is one of friction in steady motion."""
+    place = issubclass(effect, AbstractPlaceEffect)
+    return effect.room == "friction" and not place and effect is not AxisTimeDrift
+
+
 def _builder(
-    effects: Sequence[type[AbstractAxisEffect]],
+    effects: Sequence[type[AbstractEffect]],
     names: tuple[str, ...],
     mass: float,
     width: float,
@@ -136,7 +130,7 @@ def _builder(
         rig = AxisRig(mass, *(p[name] for name in _CURVE), width=width, reach=reach)
         for effect in effects:
             fields = {name: p[f"{effect.id}.{name}"] for name in quantities(effect)}
-            rig = effect(**fields).embed(rig)
+            rig = made(effect, fields).embed(rig)
         direction = jnp.where(p[asymmetry] > 0, -1.0, 1.0) if asymmetry in p else 1.0
         return axis_law(rig, 0.0, direction, width=_NARROWER * width)
 
@@ -162,7 +156,9 @@ def _damage(content: dict) -> str | None:
     return table_damage(content["after"], BaseLaw().names())
 
 
-def _effects(path: Path, ids: list[str], values) -> tuple[type[AbstractAxisEffect], ...]:
+def _effects(
+    path: Path, ids: list[str], values: Mapping[str, float]
+) -> tuple[type[AbstractEffect], ...]:
     """The effects found, and those that the base was declared with, in order."""
     declared = [name.split(".")[0] for name in values if "." in name]
     chosen = []
@@ -178,7 +174,7 @@ def _effects(path: Path, ids: list[str], values) -> tuple[type[AbstractAxisEffec
     return tuple(chosen)
 
 
-def _refuse_other(path: Path, content: Mapping, effects) -> None:
+def _refuse_other(path: Path, content: Mapping, effects: Effects) -> None:
     """Raise `InputError` for an axis of which gains in N/m have no meaning, or need no search."""
     unit = content["friction_unit"]
     rotary = (content.get("axis") or {}).get("coordinate", "linear") != "linear"
@@ -198,7 +194,7 @@ def _refuse_other(path: Path, content: Mapping, effects) -> None:
         )
 
 
-def _positive(path: Path, effects, values) -> dict[str, bool]:
+def _positive(path: Path, effects: Effects, values: Mapping[str, float]) -> dict[str, bool]:
     """The parameters of the law, and which of them are positive; all are checked."""
     base = quantities(AxisRig)
     about = {q.symbol: q for q in base.values() if q.symbol in _CURVE}
@@ -223,20 +219,21 @@ def _claim(about: Mapping) -> list[str]:
     return [f"of the axis itself: {sentence}"]
 
 
-def _told(effects, values: Mapping[str, float]) -> list[str]:
+def _told(effects: Effects, values: Mapping[str, float]) -> list[str]:
     """A line for every effect that is not in the law, and for one that depends on direction."""
     lines = []
     for effect in effects:
         id = effect.id
-        if id in _SOFTEST:
-            spring = float(_SOFTEST[id](*(values[f"{id}.{name}"] for name in quantities(effect))))
+        if issubclass(effect, AbstractPlaceEffect):
+            own = {name: values[f"{id}.{name}"] for name in quantities(effect)}
+            spring = float(made(effect, own).softest_spring())
             lines.append(
                 f"{id} is left out of the law: it depends on where the axis is, so no steady"
                 f" motion exists with it. {spring_words(spring)}"
             )
         elif id == AxisTimeDrift.id:
             lines.append(f"{id} is left out of the law: it is of the time of the record")
-        elif id in IN_TIME:
+        elif effect.room != "friction":
             lines.append(
                 f"{id} is left out of the law: it belongs to the {effect.room} of the record, and"
                 " the law was fitted together with it; a lag that stays asks for larger gains"

@@ -9,7 +9,7 @@ of the fit. BIC is then that of any candidate, with its noise found anew.
 Other shapes: polynomials in ln V, and broken lines in ln V that have a value for every velocity.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -106,7 +106,15 @@ def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily
     )
 
 
-def _refitted(engine: Engine, final: Candidate, rows: Rows, kept, sent, first: int, at):
+def _refitted(
+    engine: Engine,
+    final: Candidate,
+    rows: Rows,
+    kept: Sequence[int],
+    sent: tuple[np.ndarray, np.ndarray],
+    first: int,
+    at: Sequence[int],
+) -> tuple[Rows, np.ndarray]:
     """Rows with the added curve taken out and columns `at` of those sent put in, fitted together
     with the parameters `kept`; and the weights of the columns."""
     columns, more = sent

@@ -6,6 +6,7 @@ a fit that lacks an effect swallows the effect. Which parts the noise has is fou
 the base leaves when everything smooth is taken out (`Engine.learn_noise`).
 """
 
+from collections.abc import Mapping, Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import equinox as eqx
@@ -14,7 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..effects import AbstractHeavyEffect, RecordScales
+from ..effects import AbstractHeavyEffect, RecordScales, made
+from ..effects.effect import AbstractEffect
 from ..fitting.abstract_problem import FAILED_MISFIT, AbstractProblem
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
@@ -108,7 +110,11 @@ class Shapes(Protocol):
     """How a problem finds `ShapedColumns`."""
 
     def __call__(
-        self, engine: "Engine", z: np.ndarray, missing, scales: RecordScales
+        self,
+        engine: "Engine",
+        z: np.ndarray,
+        missing: Sequence[type[AbstractEffect]],
+        scales: RecordScales,
     ) -> ShapedColumns:
         """Of those of the `missing` effects whose shapes it knows how to try all at once."""
         ...
@@ -217,7 +223,7 @@ class Engine(Generic[P]):
         columns = self.model.columns((*self.always, *effects))
         return np.asarray([*self.base, *self.shifts, *columns])
 
-    def evaluate(self, z, index: np.ndarray | None = None) -> "Rows":
+    def evaluate(self, z: np.ndarray, index: np.ndarray | None = None) -> "Rows":
         """Residual (noise units) and its Jacobian by the parameters of `index` (default all)."""
         index = np.arange(len(z)) if index is None else index
         n = self.problem.time.shape[0]
@@ -227,7 +233,9 @@ class Engine(Generic[P]):
         )
         return Rows(residual[:n], jacobian[:n], residual[n:] * extra, jacobian[n:] * extra[:, None])
 
-    def _linearised(self, problem: P, z, index: np.ndarray):
+    def _linearised(
+        self, problem: P, z: np.ndarray, index: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         with self.stopwatch():
             return _in_parts(self.at(z, problem), z, index)
 
@@ -335,7 +343,7 @@ class Engine(Generic[P]):
         self.noises += (self._noise(rows.residual * self.weight, own).theta,)
         return self.candidate(candidate.effects, candidate.z, rows), rows
 
-    def _with_pace(self, found: FoundNoise, columns, train) -> FoundNoise:
+    def _with_pace(self, found: FoundNoise, columns: np.ndarray, train: np.ndarray) -> FoundNoise:
         """The noise with a clock whose pace is that of each step, if that is likelier."""
         before, step = (self.problem, self.longest), self.blocks.step
         on = self.passed_on()
@@ -352,7 +360,7 @@ class Engine(Generic[P]):
         self.problem, self.longest = before
         return found
 
-    def _with_scale(self, found: FoundNoise, columns, train) -> FoundNoise:
+    def _with_scale(self, found: FoundNoise, columns: np.ndarray, train: np.ndarray) -> FoundNoise:
         """The noise with a scale of each step, if that is likelier."""
         on, everything = self.passed_on(), np.zeros(len(columns))
         everything[: self.rows] = on
@@ -411,11 +419,13 @@ class Engine(Generic[P]):
             total += sign * float(np.sum(white**2) + size)
         return total
 
-    def whiten(self, columns: np.ndarray, noise: Noise, weight=None) -> np.ndarray:
+    def whiten(
+        self, columns: np.ndarray, noise: Noise, weight: np.ndarray | None = None
+    ) -> np.ndarray:
         """Columns (rows of a weight, by default train; others 0) in units of the noise, and
         uncorrelated."""
-        weight = jnp.asarray(self.weight if weight is None else weight)
-        return whitened(self.problem.clock, weight, columns, noise)
+        known = jnp.asarray(self.weight if weight is None else weight)
+        return whitened(self.problem.clock, known, columns, noise)
 
     def rms_error(self, used: np.ndarray, noise: Noise) -> float:
         """See `fitting.noise.rms_error`; `used` is a mask of the rows of the record."""
@@ -450,7 +460,7 @@ class Engine(Generic[P]):
         """
         z = np.array(z)
 
-        def both(y):
+        def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z[index] = y
             rows = self.evaluate(z, index)
             columns = np.concatenate([rows.residual[:, None], rows.jacobian], axis=1)
@@ -497,13 +507,14 @@ class Engine(Generic[P]):
             if effect.id in effects:
                 names = [self.names[i] for i in self.model.columns((effect.id,))]
                 fields = {name.split(".")[1]: values[name] for name in names}
-                made = effect(**fields)  # pyright: ignore[reportArgumentType]
-                if not bool(made.physical()):
+                if not bool(made(effect, fields).physical()):
                     return False
         return True
 
 
-def _in_parts(problem: AbstractProblem, z, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_parts(
+    problem: AbstractProblem, z: np.ndarray, index: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """`_evaluate` for a few parameters at a time: it is compiled for one number of them."""
     parts = []
     for begin in range(0, max(len(index), 1), _AT_ONCE):
@@ -518,7 +529,7 @@ def _in_parts(problem: AbstractProblem, z, index: np.ndarray) -> tuple[np.ndarra
 def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], index: Int[Array, " m"]):
     """Residual and its Jacobian by some parameters; an index beyond the last gives zeros."""
 
-    def push(tangent):
+    def push(tangent: Array) -> tuple[Array, Array]:
         return jax.jvp(problem.residual, (z,), (tangent,))
 
     tangents = jax.nn.one_hot(index, z.shape[0], dtype=z.dtype)
@@ -535,7 +546,9 @@ def white_noise(clocks: int) -> Noise:
     return noise_of(1.0, 0.0, jnp.ones(clocks))
 
 
-def columns_of(engine: Engine, id: str, shapes, place: int) -> list[Column]:
+def columns_of(
+    engine: Engine, id: str, shapes: Sequence[Mapping[str, float]], place: int
+) -> list[Column]:
     """The columns of all shapes of an effect, one after the other from `place`."""
     amplitudes = tuple(engine.model.amplitudes(id))
     found, own = [], [engine.names.index(f"{id}.{n}") for n in shapes[0]]

@@ -58,7 +58,7 @@ def estimates(
     return found, tuple(found), covariance
 
 
-def _natural(engine: Engine, z, named, std):
+def _natural(engine: Engine, z: np.ndarray, named: np.ndarray, std: np.ndarray):
     """Natural values, their slopes, and the ends of the intervals."""
     rows = [np.array(z)]
     for side in (-1, 1):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..fitting.noise_search import products
 
@@ -74,8 +75,8 @@ def _solve(gram: np.ndarray, side: np.ndarray, used: np.ndarray) -> np.ndarray:
 
 
 def evidence(
-    clock,
-    weight,
+    clock: Array | np.ndarray,
+    weight: Array | np.ndarray,
     residual: np.ndarray,
     columns: np.ndarray,
     extra: np.ndarray,

@@ -9,7 +9,7 @@ the errors and in p. p allows for the errors of the noise itself (`fitting.noise
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import nan
 from typing import NamedTuple
 
@@ -129,7 +129,15 @@ def friction_bumps(engine: Engine[Problem], base: Candidate) -> list[Bumps]:
     ]
 
 
-def _profile(variable, unit, centres, own, left, whole, size) -> Asked:
+def _profile(
+    variable: str,
+    unit: str,
+    centres: np.ndarray,
+    own: np.ndarray,
+    left: np.ndarray,
+    whole: tuple[float, float],
+    size: float,
+) -> Asked:
     gram, side = own.T @ own, own.T @ left
     values, vectors = np.linalg.eigh(gram)
     used = values > 1e-6 * max(values[-1], 1e-300)
@@ -153,7 +161,15 @@ def _profile(variable, unit, centres, own, left, whole, size) -> Asked:
     return Asked(profile, gain - degrees, tuple(range(own.shape[1])), 1)
 
 
-def _ripples(variable, unit, centres, own, left, whole, size) -> Asked:
+def _ripples(
+    variable: str,
+    unit: str,
+    centres: np.ndarray,
+    own: np.ndarray,
+    left: np.ndarray,
+    whole: tuple[float, float],
+    size: float,
+) -> Asked:
     """Each wavelength alone, a sine and a cosine: many together would follow anything."""
     del size  # a sine and a cosine are known each for itself
     amplitudes, errors, gains = np.zeros((3, len(centres)))
@@ -173,7 +189,9 @@ def _ripples(variable, unit, centres, own, left, whole, size) -> Asked:
     return Asked(profile, best - 2, (2 * k, 2 * k + 1), len(centres))
 
 
-def _variables(engine: Engine[Problem], response: Response):
+def _variables(
+    engine: Engine[Problem], response: Response
+) -> list[tuple[str, str, np.ndarray, np.ndarray]]:
     """Name, unit, centres and forces along the motion of the bumps of every variable."""
     law = response.rig.friction
     assert isinstance(law, ExtendedLaw)
@@ -222,12 +240,18 @@ def _variables(engine: Engine[Problem], response: Response):
     ]
 
 
-def _spread(x, number: int) -> np.ndarray:
+def _spread(x: np.ndarray, number: int) -> np.ndarray:
     low, high = np.quantile(x, [0.01, 0.99])
     return np.linspace(low, max(high, low + 1e-9), number)
 
 
-def _hats(x, centres, *, inverse=lambda c: c, factor: float | np.ndarray = 1.0):
+def _hats(
+    x: np.ndarray,
+    centres: np.ndarray,
+    *,
+    inverse: Callable[[np.ndarray], np.ndarray] = lambda c: c,
+    factor: float | np.ndarray = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
     """Centres, and a hat on each: 1 there, 0 at its neighbours; the outer ones stay at 1."""
     columns = [np.interp(x, centres, row) for row in np.eye(len(centres))]
     return inverse(centres), np.stack(columns, axis=1) * factor

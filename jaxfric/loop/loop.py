@@ -9,6 +9,7 @@ from typing import Self
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ..errors import InputError
@@ -25,7 +26,7 @@ from .curves import CurveRig
 from .driver import AbstractBench, Offered, ScoredRows, offered, run
 from .engine import Candidate, Engine
 from .location import Bumps, friction_bumps
-from .result import Loop
+from .result import Loop, Score
 from .sampling import seen_between
 from .search import MOST, Search
 from .shapes import friction_shapes
@@ -228,7 +229,9 @@ class SliderBench(AbstractBench):
         """The record as read and its base fit."""
         return self.record, self.base_fit
 
-    def details(self, engine, found, after, progress) -> None:
+    def details(
+        self, engine: Engine[Problem], found: Search, after: Score, progress: Callable[[str], None]
+    ) -> None:
         """Nothing more."""
 
 
@@ -282,7 +285,11 @@ def _refuse_stops(record: Record, steps: VelocitySteps) -> None:
 
 
 def _problem(
-    record: Record, base: Fit, steps: VelocitySteps, blocks: Blocks, effects
+    record: Record,
+    base: Fit,
+    steps: VelocitySteps,
+    blocks: Blocks,
+    effects: tuple[type[AbstractEffect], ...],
 ) -> tuple[Problem, np.ndarray]:
     """The superset's problem, and which shifts of step times are felt.
 
@@ -350,5 +357,5 @@ def _finer(engine: Engine[Problem], base: Candidate) -> float:
 
 
 @eqx.filter_jit
-def _residual(problem: Problem, z):
+def _residual(problem: Problem, z: Array) -> Array:
     return problem.residual(z)

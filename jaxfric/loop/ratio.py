@@ -24,7 +24,7 @@ import numpy as np
 from ..fitting.noise import coloured
 from ..fitting.noise_search import Family, Found, Limits, parts_at
 from .engine import Engine, Rows
-from .evidence import evidence
+from .evidence import Evidence, evidence
 from .structure import chi_square_tail
 
 _DRAWS, _SEED = 60, 20
@@ -85,7 +85,9 @@ def chances(
     return answers
 
 
-def _around(family: Family, thetas, limits: Limits):
+def _around(
+    family: Family, thetas: tuple[np.ndarray, np.ndarray], limits: Limits
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Noises between and around two of a family: shares (g, 2), rates (g, 2, k), betas (g,)."""
     first, last = thetas
     parts = family.parameters // 2
@@ -112,7 +114,9 @@ def _without(products: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return products - np.swapaxes(cross, 1, 2) @ np.linalg.solve(gram + ridge, cross)
 
 
-def _ratios(products: np.ndarray, columns: np.ndarray, size: int, known) -> tuple[np.ndarray, int]:
+def _ratios(
+    products: np.ndarray, columns: np.ndarray, size: int, known: Evidence
+) -> tuple[np.ndarray, int]:
     """LR of some columns for each of the first `size` ones (size,), and its degrees of freedom."""
     squares = np.einsum("gii->gi", products)[:, :size]
     gram = products[:, columns[:, None], columns]

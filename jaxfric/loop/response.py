@@ -21,6 +21,7 @@ from ..rig import Inertial, Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact, ExtendedLaw
 from ..simulation import simulate
 from ..simulation.ode import SliderEquation
+from ..simulation.trajectory import Trajectory
 
 
 class _Probe(AbstractStatelessTerm):
@@ -35,7 +36,7 @@ class _Probe(AbstractStatelessTerm):
         return self.value
 
 
-def _unknowns(equation: SliderEquation, moved) -> dict[str, Array]:
+def _unknowns(equation: SliderEquation, moved: Trajectory) -> dict[str, Array]:
     """The solver's unknowns of a trajectory that began in steady sliding."""
     scale, machine = equation.law.force_scale(), equation.rig.machine
     commanded = jax.vmap(equation.motion.displacement)(moved.time)
@@ -91,7 +92,7 @@ class Response(eqx.Module):
         """Change of recorded friction and slip by forces at the start and at every middle."""
         first, along = forces[0], forces[1:]
 
-        def step(y, now):
+        def step(y: Array, now: tuple[Array, ...]) -> tuple[Array, Array]:
             propagate, driven, by_start, g = now
             y = propagate @ y + driven[:, None] * g + by_start[:, None] * first
             return y, y
@@ -132,13 +133,13 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
     flat, back = ravel_pytree(jax.tree.map(lambda x: x[0], ys))
     rows = jax.vmap(lambda y: ravel_pytree(y)[0])(jax.tree.map(lambda x: x[1:], ys))
 
-    def rate(t, y, g):
+    def rate(t: Array, y: Array, g: Array) -> Array:
         return ravel_pytree(_probed(equation, g).derivative(t, back(y)))[0]
 
-    def seen(t, y, g):
+    def seen(t: Array, y: Array, g: Array) -> Array:
         return _probed(equation, g).physical(t, back(y)).force
 
-    def begun(force):
+    def begun(force: Array) -> Array:
         return ravel_pytree(_begun(equation, force).initial())[0]
 
     g = jnp.zeros(2)
@@ -183,7 +184,7 @@ def _term_force(response: Response, term: AbstractTerm) -> Float[Array, " k+1"]:
     stress = response.rig.normal_stress
     ratio = None if stress is None else jax.vmap(stress.ratio)(times)
 
-    def contact(i, part):
+    def contact(i: Array, part: Array) -> Contact:
         pressed = None if ratio is None else ratio[i]
         return Contact(response.velocity[i], response.slip[i], times[i], part, law.base, pressed)
 
@@ -191,7 +192,7 @@ def _term_force(response: Response, term: AbstractTerm) -> Float[Array, " k+1"]:
     if not term.states:
         return jax.vmap(lambda i: term.force(contact(i, jnp.zeros(0))))(rows)
 
-    def rate(i, part):
+    def rate(i: Array, part: Array) -> Array:
         return term.rate(contact(i, part), response.force[i])
 
     first = term.steady_state(response.velocity[0], law.base, response.force[0])
@@ -204,7 +205,7 @@ def _term_force(response: Response, term: AbstractTerm) -> Float[Array, " k+1"]:
     inverse = jnp.linalg.inv(eye - half)
     source = 0.5 * jnp.diff(times)[:, None] * (driven[1:] + driven[:-1])
 
-    def step(y, now):
+    def step(y: Array, now: tuple[Array, ...]) -> tuple[Array, Array]:
         P, S, s = now
         y = P @ (y + S @ y + s)
         return y, y

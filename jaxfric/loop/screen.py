@@ -6,7 +6,7 @@ likelihood is profiled over the base's parameters, the amplitudes and the noise.
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -151,7 +151,7 @@ def _likeliest(
     ), share
 
 
-def _start(z, free, column: Column, weights) -> np.ndarray:
+def _start(z: np.ndarray, free: np.ndarray, column: Column, weights: np.ndarray) -> np.ndarray:
     """Parameters at which a linear problem would be solved."""
     z = np.array(z)
     for place, value in column.shape.items():
@@ -161,7 +161,14 @@ def _start(z, free, column: Column, weights) -> np.ndarray:
     return z
 
 
-def _best_of(known: Evidence, noise: int, base, shapes, gain: float, seed: int) -> float:
+def _best_of(
+    known: Evidence,
+    noise: int,
+    base: Sequence[int],
+    shapes: Sequence[Sequence[int]],
+    gain: float,
+    seed: int,
+) -> float:
     """Chance that noise alone gains as much in the best of the shapes: a linearised bootstrap."""
     every = [i for places in shapes for i in places]
     projected = project(known.products[noise] + known.extra, base, every)
@@ -179,7 +186,7 @@ def _best_of(known: Evidence, noise: int, base, shapes, gain: float, seed: int) 
     return float((1 + np.sum(largest >= gain)) / (1 + _DRAWS))
 
 
-def project(products: np.ndarray, base, columns) -> np.ndarray:
+def project(products: np.ndarray, base: Sequence[int], columns: Sequence[int]) -> np.ndarray:
     """Products of some columns (counted without the residual), the base's directions out."""
     a, b = np.asarray(base) + 1, np.asarray(columns) + 1
     size = np.sqrt(np.maximum(np.diag(products)[a], 1e-300))
@@ -237,7 +244,11 @@ def _thinned(seen: Screening) -> Screening:
 
 
 def alias_cosines(
-    engine, current, seen: Screening, white, absent: Mapping[str, tuple[Screening, np.ndarray]]
+    engine: Engine,
+    current: Candidate,
+    seen: Screening,
+    white: np.ndarray,
+    absent: Mapping[str, tuple[Screening, np.ndarray]],
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Ids, and how alike the whitened sensitivities of every two effects are, shape (e, e): the
     cosine between them beyond the base, of the least principal angle where an effect has several

@@ -114,7 +114,14 @@ def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool
     return best, agree or len(starts) == 1
 
 
-def _refits(engine, current: Candidate, found, scales, tried, pace: Pace) -> Candidate | None:
+def _refits(
+    engine: Engine,
+    current: Candidate,
+    found: Sequence[Screened],
+    scales: RecordScales,
+    tried: list[Candidate],
+    pace: Pace,
+) -> Candidate | None:
     """The best acceptable joint refit of the most promising effects, or None.
 
     Of those whose BIC is within `_TIE`, which is no evidence, the first of the catalogue. Where
@@ -252,7 +259,15 @@ def _without_needless(engine: Engine, current: Candidate, tried: list[Candidate]
     return current
 
 
-def _swapped(engine, current: Candidate, alike, rounds, scales, tried, progress) -> Candidate:
+def _swapped(
+    engine: Engine,
+    current: Candidate,
+    alike: tuple[tuple[str, ...], np.ndarray],
+    rounds: Sequence[Sequence[Screened]],
+    scales: RecordScales,
+    tried: list[Candidate],
+    progress: Callable[[str], None],
+) -> Candidate:
     """Every effect replaced by those easily taken for it; the best of all.
 
     Where one is better beside which others are no longer fixed, those may have stood in for it:

@@ -1,10 +1,13 @@
 """Sensitivities of every shape of an effect: its force sent through the linearised slider."""
 
+from collections.abc import Mapping, Sequence
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..effects import AbstractEffect, RecordScales, null
+from ..effects.effect import made
 from ..fitting.problem import Problem
 from ..rig import Rig
 from ..rig.friction.extended import ExtendedLaw
@@ -15,7 +18,10 @@ _FORCES = 64
 
 
 def friction_shapes(
-    engine: Engine[Problem], z: np.ndarray, missing, scales: RecordScales
+    engine: Engine[Problem],
+    z: np.ndarray,
+    missing: Sequence[type[AbstractEffect]],
+    scales: RecordScales,
 ) -> ShapedColumns:
     """Columns of those missing effects that have shapes and are friction terms."""
     problem = engine.at(z, engine.problem)
@@ -62,7 +68,14 @@ def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
     return same and len(b.terms) == len(a.terms) + 1
 
 
-def _shaped_columns(engine: Engine[Problem], rig: Rig, response, effect, shapes, place: int):
+def _shaped_columns(
+    engine: Engine[Problem],
+    rig: Rig,
+    response: Response,
+    effect: type[AbstractEffect],
+    shapes: Sequence[Mapping[str, float]],
+    place: int,
+) -> tuple[list[Column], np.ndarray, np.ndarray]:
     """Columns of all shapes of an effect, and what they are."""
     problem, names, id = engine.problem, engine.names, effect.id
     amplitudes = tuple(engine.model.amplitudes(id))
@@ -70,7 +83,7 @@ def _shaped_columns(engine: Engine[Problem], rig: Rig, response, effect, shapes,
     for shape in shapes:
         for at in amplitudes:
             field = names[at].split(".")[1]
-            law = effect(**{**shape, field: 1.0}).embed(rig).friction  # pyright: ignore[reportArgumentType]
+            law = made(effect, {**shape, field: 1.0}).embed(rig).friction
             assert isinstance(law, ExtendedLaw)
             terms.append(law.terms[-1])
     batch = jax.tree.map(lambda *x: np.stack([np.asarray(one) for one in x]), *terms)

@@ -1,5 +1,6 @@
 """What may be concluded from a search, and in which words."""
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -98,7 +99,9 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     )
 
 
-def _level(engine: Engine, residual, columns, rows: np.ndarray, noise: Noise) -> float:
+def _level(
+    engine: Engine, residual: np.ndarray, columns: np.ndarray, rows: np.ndarray, noise: Noise
+) -> float:
     """rms of noise on some rows (a mask): of what is left there without the smooth columns, and how
     much of such noise the columns have taken away with them."""
     mask = np.zeros(len(residual))
@@ -224,7 +227,9 @@ def held_out(engine: Engine, candidate: Candidate) -> float:
     return scale * float(np.sqrt(np.mean(candidate.residual[rows] ** 2)))
 
 
-def _reasons(engine, final: Candidate, floor: Floor, tests) -> list[str]:
+def _reasons(
+    engine: Engine, final: Candidate, floor: Floor, tests: Mapping[str, float]
+) -> list[str]:
     reasons = []
     left = [f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in tests.items() if p < SIGNIFICANT]
     if left:
@@ -238,7 +243,13 @@ def _reasons(engine, final: Candidate, floor: Floor, tests) -> list[str]:
     return reasons
 
 
-def _verdict(search: Search, reasons, rivals, floor: Floor, engine) -> str:
+def _verdict(
+    search: Search,
+    reasons: Sequence[str],
+    rivals: Sequence[object],
+    floor: Floor,
+    engine: Engine,
+) -> str:
     final, base = search.final, search.base
     if final.effects:
         if reasons:
@@ -273,7 +284,14 @@ def _rivals(search: Search) -> list[tuple[str, str]]:
     return sorted({(id, other) for id in search.final.effects for other in rival_fits(search, id)})
 
 
-def sentence_of(verdict: str, search: Search, told: Told, rivals, located: str, families=()) -> str:
+def sentence_of(
+    verdict: str,
+    search: Search,
+    told: Told,
+    rivals: Sequence[tuple[str, str]],
+    located: str,
+    families: Sequence[CurveFamily] = (),
+) -> str:
     """The verdict in words."""
     named = listed(search.final.effects)
     before = f"held-out error {told.before:.2f} sigma"

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ...effects.axis import AXIS_STEADY_CURVES
 from ...fitting.axis_preparation import shifted
@@ -59,12 +60,12 @@ def _level(problem: AxisProblem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
 
 
 @eqx.filter_jit
-def _seen(problem: AxisProblem, z, curves):
+def _seen(problem: AxisProblem, z: Array, curves: Array) -> Array:
     """Recorded force by curves (N, k) of the speed, each with the sign of the velocity."""
     rig = problem.rig(z)
     sign = rig.sign(problem.motion.velocity)
 
-    def one(curve):
+    def one(curve: Array) -> Array:
         force = shifted(sign * curve, problem.interval, lag=rig.lag, lead=rig.delay, late=rig.late)
         return problem.sampler(force) / problem.noise_scale
 

@@ -1,6 +1,7 @@
 """What is reported of an axis beside the loop: both fits of its models, and its gains."""
 
 import dataclasses
+from collections.abc import Callable, Mapping
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,8 +9,11 @@ import numpy as np
 from ...fitting.axis_fit import AxisFit, inverse_dynamics, output_error
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import AxisProblem
+from ...fitting.result import Estimate
 from ...gains.axis import axis_gains, state_gains
+from ...records.axis_record import AxisRecord
 from ...stability.claims import Curve
+from ..engine import Engine
 from ..search import Search
 from .reading import Reading
 from .result import AxisDetails, AxisRows
@@ -28,7 +32,15 @@ def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> Ax
     )
 
 
-def details_of(record, reading: Reading, told, problem, engine, found: Search, progress):
+def details_of(
+    record: AxisRecord,
+    reading: Reading,
+    told: Mapping[str, Estimate],
+    problem: AxisProblem,
+    engine: Engine[AxisProblem],
+    found: Search,
+    progress: Callable[[str], None],
+) -> AxisDetails:
     """Both fits of the base and of the final model, over all rows; `told` are the parameters that
     the loop ends with (`Estimate` by name), which stand beside them."""
     prepared, rows = reading.prepared, reading.rows

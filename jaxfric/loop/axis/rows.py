@@ -5,6 +5,7 @@ import numpy as np
 from ...effects import RecordScales
 from ...errors import InputError
 from ...fitting.axis_preparation import Prepared
+from ..split import Blocks
 from .result import AxisRows
 from .split import segments
 
@@ -67,7 +68,7 @@ def _long(slow: np.ndarray, rows: int) -> np.ndarray:
     return long
 
 
-def scales_of(rows: AxisRows, prepared: Prepared, blocks) -> RecordScales:
+def scales_of(rows: AxisRows, prepared: Prepared, blocks: Blocks) -> RecordScales:
     """Lengths, velocities and times of the rows that train, which shapes of effects follow."""
     speed = np.abs(rows.velocity[blocks.train])
     moving = speed[speed > 2 * rows.width]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import AxisProblem
@@ -112,7 +113,7 @@ def slope_error(
     white = engine.whiten(rows.jacobian * engine.weight[:, None], found.noise)
     spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
 
-    def slope(z, v):
+    def slope(z: Array, v: Array) -> Array:
         rig, zero = problem.rig(z), jnp.zeros_like(v)
         return jax.grad(lambda v: rig.friction(position + zero, v, zero, rig.steady(v)))(v)
 

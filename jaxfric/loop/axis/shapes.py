@@ -1,9 +1,12 @@
 """What an axis's missing friction may depend on: shapes of effects, and hats over its variables."""
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 import numpy as np
 
 from ...effects import RecordScales
+from ...effects.effect import AbstractEffect
 from ...fitting.axis_problem import AxisProblem, shape_columns
 from ..engine import Column, Engine, ShapedColumns, columns_of
 from ..location import Bumps
@@ -14,7 +17,10 @@ _COARSE, _WAVES = 16, 60
 
 
 def axis_shapes(
-    engine: Engine[AxisProblem], z: np.ndarray, missing, scales: RecordScales
+    engine: Engine[AxisProblem],
+    z: np.ndarray,
+    missing: Sequence[type[AbstractEffect]],
+    scales: RecordScales,
 ) -> ShapedColumns:
     """Columns of the missing effects that have shapes: derivatives at every shape."""
     problem = engine.problem

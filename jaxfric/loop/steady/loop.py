@@ -136,7 +136,9 @@ def _acceptable(current: SteadyModel, model: SteadyModel) -> bool:
     return physical and current.bic - model.bic > ACCEPT and model.heldout < current.heldout
 
 
-def _said(curve, base: SteadyModel, final: SteadyModel, best: float) -> tuple[str, str]:
+def _said(
+    curve: SteadyCurve, base: SteadyModel, final: SteadyModel, best: float
+) -> tuple[str, str]:
     unit, _, size = shown_units(curve)
     refused = [e for e in ("stribeck", "direction_asymmetry") if e not in final.effects]
     rest = f" Not supported: {', '.join(refused)}." if refused else ""

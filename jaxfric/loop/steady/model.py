@@ -74,7 +74,7 @@ def _matrix(speed: np.ndarray, effects: Sequence[str], shape: _Shape) -> np.ndar
     return np.stack(columns, axis=1)
 
 
-def _jacobian(speed, effects: Sequence[str], shape: _Shape, fs: float) -> np.ndarray:
+def _jacobian(speed: np.ndarray, effects: Sequence[str], shape: _Shape, fs: float) -> np.ndarray:
     """dF/d(parameter): the columns of `_matrix`, and of vs by central difference."""
     matrix = _matrix(speed, effects, shape)
     if shape is None:
@@ -119,7 +119,9 @@ def _covariance(rows: np.ndarray) -> np.ndarray:
     return np.linalg.pinv((rows / size).T @ (rows / size), hermitian=True) / np.outer(size, size)
 
 
-def _likeliest_shape(speed, force, error, effects) -> tuple[float, float]:
+def _likeliest_shape(
+    speed: np.ndarray, force: np.ndarray, error: np.ndarray, effects: Sequence[str]
+) -> tuple[float, float]:
     """vs and n of the likeliest Stribeck term that adds friction at low speed."""
     place = _names(effects).index("fs")
 
@@ -143,7 +145,9 @@ def _likeliest_shape(speed, force, error, effects) -> tuple[float, float]:
     return best[1], best[2]
 
 
-def _weighted(matrix, force, error) -> tuple[np.ndarray, np.ndarray, float, float]:
+def _weighted(
+    matrix: np.ndarray, force: np.ndarray, error: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Least squares with variances error^2 + tau^2, tau by likelihood: values, variances, tau,
     -2 ln L."""
 
@@ -162,7 +166,9 @@ def _weighted(matrix, force, error) -> tuple[np.ndarray, np.ndarray, float, floa
     return values, variance, float(np.exp(log_tau)), deviance
 
 
-def _heldout(speed, force, error, effects, shape) -> float:
+def _heldout(
+    speed: np.ndarray, force: np.ndarray, error: np.ndarray, effects: Sequence[str], shape: _Shape
+) -> float:
     """Leave out every run with its neighbours in speed; the shape stays as fitted."""
     order = np.argsort(speed)
     left = np.zeros(len(speed))
