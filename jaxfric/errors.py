@@ -9,8 +9,9 @@ Outside of the command it is said in the words of Python (`drop_bad=True`, `step
 """
 
 import contextlib
+import difflib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 # Options of the command that are another word in Python; the others are the same word.
 _ARGUMENTS = {
@@ -32,6 +33,8 @@ _OPTION = re.compile(
     r"(?: '(?P<quoted>[^']*)'| (?P<bare>\d(?:\S*[\w%])?)| (?P<word>force|motion|axis)\b)?"
 )
 _of_the_command = [False]
+_LIKE = 0.55
+"""How much of two names must agree for one to be suggested in place of the other (1: all)."""
 
 
 @contextlib.contextmanager
@@ -50,6 +53,27 @@ class InputError(ValueError):
     def __init__(self, message: str):
         text = " ".join(str(message).split())
         super().__init__(text if _of_the_command[0] else in_python(text))
+
+
+def did_you_mean(name: str, known: Iterable[str], *, listed: bool = True) -> str:
+    """The end of a message about a `name` that is not known: the name that is most like it, if one
+    is, and (unless `listed` is False) all that there are.
+
+    >>> did_you_mean("frictoin", ["time", "friction"])
+    "; did you mean 'friction'? There are: time, friction"
+    """
+    names = list(known)
+    by_key = {folded(one): one for one in names}
+    close = difflib.get_close_matches(folded(name), by_key, n=1, cutoff=_LIKE)
+    hint = f"; did you mean '{by_key[close[0]]}'?" if close else ""
+    if not listed:
+        return hint
+    return hint + (" There are: " if hint else "; there are: ") + ", ".join(names)
+
+
+def folded(name: str) -> str:
+    """A name without case, blanks and signs, to compare by: Load-Point_Disp is loadpointdisp."""
+    return re.sub(r"[\W_]+", "", name.lower()).replace("µ", "μ")
 
 
 def in_python(text: str) -> str:

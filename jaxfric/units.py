@@ -4,13 +4,12 @@ Inside the package everything is SI. Units are parsed by pint, which is loaded a
 use. Field spellings are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1, 1, -.
 """
 
-import difflib
 import functools
 import math
 import re
 from typing import Any
 
-from .errors import InputError
+from .errors import InputError, did_you_mean
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NO_UNIT = {"", "1", "-", "--", ".", "none", "dimensionless", "unitless", "n/a", "coefficient"}
@@ -182,9 +181,7 @@ def _parse(unit: str, what: str = "unit") -> Any:
     try:
         return 1.0 * registry.parse_expression(unit) if unit else registry.Quantity(1.0, "")
     except Exception:  # pint raises a dozen kinds for text that is not a unit
-        near = {known.lower(): known for known in _KNOWN}
-        close = difflib.get_close_matches(unit.lower(), near, n=1, cutoff=0.6)
-        hint = f"; did you mean '{near[close[0]]}'?" if close else ""
+        hint = did_you_mean(unit, _KNOWN, listed=False)
         raise InputError(f"{what}: '{unit}' is not a known unit{hint}") from None
 
 

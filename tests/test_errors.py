@@ -8,7 +8,7 @@ import jax
 import pytest
 from command import record_text
 
-from jaxfric.errors import InputError, in_python, words_of_the_command
+from jaxfric.errors import InputError, did_you_mean, in_python, words_of_the_command
 
 ROOT = Path(__file__).parents[1] / "jaxfric"
 
@@ -56,6 +56,20 @@ def messages() -> list[tuple[str, str]]:
             if isinstance(text, str) and re.search(r"--[a-z]{2}", text):
                 found.append((f"{path.relative_to(ROOT)}:{node.lineno}", text))
     return found
+
+
+def test_the_name_that_was_meant() -> None:
+    known = ["time", "load_point_displacement", "friction", "k_p"]
+    end = "There are: time, load_point_displacement, friction, k_p"
+    assert did_you_mean("frictoin", known) == f"; did you mean 'friction'? {end}"
+    assert did_you_mean("Load-Point Displ", known, listed=False) == (
+        "; did you mean 'load_point_displacement'?"
+    )
+    assert did_you_mean("KP", known, listed=False) == "; did you mean 'k_p'?"
+    assert did_you_mean("%", known) == f"; t{end[1:]}"
+    assert did_you_mean("voltage", known, listed=False) == "" == did_you_mean("x", [], listed=False)
+    # as alike as 0.5 is not enough: 2 * 2 letters of 8
+    assert did_you_mean("tixy", ["time"], listed=False) == ""
 
 
 def test_every_option_that_a_message_names_has_its_word_in_python() -> None:
