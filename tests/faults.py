@@ -11,7 +11,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
     f"tests/test_{name}_tables.py"
     for name in ("fit", "gains", "axis", "steps", "fixed", "prediction")
 )
-FAMILY = "tests/test_family_tables.py"
+FAMILY, FORMATS = "tests/test_family_tables.py", "tests/test_formats.py"
 GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
 STEADY = "tests/test_steady_noise.py"
@@ -214,6 +214,25 @@ FAULTS = (
     Fault("speeds that differ twofold are one", "records/steps.py",
           "_SEVERAL = 20, 1.5", "_SEVERAL = 20, 2.0", STEPS),
     Fault("noise is a step", "records/segments.py", "_HEIGHT = 25.0", "_HEIGHT = 18.0", STEPS),
+    Fault("a new format is asked last", "records/formats.py",
+          "FORMATS.insert(0, format)", "FORMATS.append(format)", FORMATS),
+    Fault("units at the end of a name are lost", "records/columns.py",
+          "else schema.split(name)", "else (name, unit)", FORMATS),
+    Fault("a friction in Pa is no shear stress", "records/read.py",
+          "is_stress = has_dimension(unit, \"Pa\")", "is_stress = False", "tests/test_records.py"),
+    Fault("remarks are an export of a drive", "records/epos.py",
+          "not _NUMBER.match(lines[body].strip())", "True", FORMATS),
+    Fault("time may go back", "records/rows.py",
+          "if back.any() and not drop_bad", "if False", "tests/test_records.py"),
+    Fault("an angle without dimension", "records/columns.py",
+          '_ANGLE.search(unit) if one', 'fits(unit, one) if one', "tests/test_axis_records.py"),
+    Fault("rpm are per second", "records/axis_units.py",
+          'return "rpm"', 'return "1/s"', "tests/test_axis_records.py"),
+    Fault("a torque counts as a force", "records/axis_units.py",
+          '"rotary": "N m"', '"rotary": "N"', "tests/test_axis_records.py"),
+    Fault("the second state is the first", "quantity.py",
+          "f\"{symbol}{state + 1}\"", "symbol", "tests/test_quantity.py"),
+    Fault("any name was meant", "errors.py", "_LIKE = 0.55", "_LIKE = 0.3", "tests/test_errors.py"),
     Fault("only the first B counts", "stability/claims.py", "math.fsum(B)", "B[0]", CLAIMS),
     Fault("one standard error is sure", "stability/claims.py", "SURE = 2.0", "SURE = 1.0", CLAIMS),
     Fault("no damping for the error", "stability/claims.py",

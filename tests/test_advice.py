@@ -27,8 +27,8 @@ from jaxfric.fitting.start_text import parse_start
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.source import law_from_parameters
 from jaxfric.records import VelocitySteps, read, read_axis
-from jaxfric.records import axis_header as axis
-from jaxfric.records import header as slider
+from jaxfric.records.axis_units import FORCE_UNITS, quantity_of, spelling
+from jaxfric.records.roles import AXIS, SLIDER
 from jaxfric.units import has_dimension, parse_values
 
 ROOT = Path(__file__).parents[1]
@@ -44,7 +44,7 @@ def one_of(*units: str) -> Callable[[str], object]:
         errors = []
         for unit in units:
             try:
-                return axis.quantity_of(text, unit, "value")
+                return quantity_of(text, unit, "value")
             except InputError as error:
                 errors.append(str(error))
         raise InputError("; ".join(errors))
@@ -70,12 +70,12 @@ def values(*units: str) -> Callable[[str], object]:
 def column(text: str) -> None:
     """ROLE=NAME [UNIT]: the role of a slider or axis, a unit of that role's."""
     (role, name), *_ = (axis_roles([text]) or {}).items()
-    assert role in slider.COLUMN_ROLES or role in axis.ROLES, role
-    unit = slider.split_name_unit(name)[1]
+    assert role in SLIDER.roles or role in AXIS.roles, role
+    unit = SLIDER.split(name)[1]
     if unit is None or unit == "UNIT":
         return
     si = {"s", "m", "m/s", "1", "Pa", "rad", "rad/s", "N", "N*m", "V", "A"}
-    assert any(has_dimension(axis.spelling(unit), one) for one in si), unit
+    assert any(has_dimension(spelling(unit), one) for one in si), unit
 
 
 def law(text: str) -> None:
@@ -139,21 +139,21 @@ PARSERS: dict[str, Callable[[str], object]] = {
 FILLED = {
     ("--column", "{missing[0]}=NAME [{unit}]"): ["time=NAME [s]", "friction=NAME [1]"],
     ("--column", "{missing[0]}=#1 [{unit}]"): ["time=#1 [s]", "friction=#1 [1]"],
-    ("--column", "{role}=#{best[0] + 1}"): ["time=#3"],
+    ("--column", "{role.name}=#{best[0] + 1}"): ["time=#3"],
     ("--column", "{role}=NAME [{unit}]"): ["position=NAME [0.8 rad]", "velocity=NAME [0.8 mm/s]"],
     ("--column", "{role}=NAME [{example}]"): ["friction=NAME [N]", "time=NAME [ms]"],
-    ("--column", "{role}={NO_COLUMN}"): ["disturbance=none"],
-    ("--column", "{role}={name} [{_SHOWN[linear]}]"): ["disturbance=u [N]", "velocity=v [mm/s]"],
-    ("--column", "{role}={name} [{example}]"): ["position=x [0.09 deg]", "motor_force=F [0.01 N]"],
+    ("--column", "{role.name}={NO_COLUMN}"): ["disturbance=none"],
+    ("--column", "{role.name}={name} [{example}]"): ["disturbance=u [N]", "velocity=v [mm/s]"],
+    ("--column", "{role.name}={name} [0.01 {example}]"): ["position=x [0.01 rad]"],
     ("--column", "{text}"): [],  # what the user wrote
     ("--column", "{example}"): ["friction=mu", "motor_force=F"],
     ("--drive-gain", "{drive_gain}"): [],
     ("--drive-gain", "{example}"): [
         "35.15 N/V",
-        *(f"0.05 {force}/{unit}" for force in axis.FORCE_UNITS.values() for unit in "VA"),
+        *(f"0.05 {force}/{unit}" for force in FORCE_UNITS.values() for unit in "VA"),
     ],
     ("--rated-torque", "{rated_torque}"): [],
-    ("--rated-torque", "9.84 m{force}"): [f"9.84 m{f}" for f in axis.FORCE_UNITS.values()],
+    ("--rated-torque", "9.84 m{self.force}"): [f"9.84 m{f}" for f in FORCE_UNITS.values()],
 }
 
 

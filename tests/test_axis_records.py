@@ -13,8 +13,8 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from jaxfric.errors import InputError
-from jaxfric.records.axis_header import quantity_of, spelling
 from jaxfric.records.axis_record import AxisRecord, Drive, axis_from_arrays
+from jaxfric.records.axis_units import quantity_of, spelling
 from jaxfric.records.public import data_folder
 from jaxfric.records.read_axis import read_axis
 from jaxfric.records.steady import SteadyCurve, read_steady

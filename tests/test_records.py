@@ -10,8 +10,8 @@ from public_data import public_record
 
 from jaxfric.errors import InputError
 from jaxfric.records import VelocitySteps, from_arrays, read, read_table
-from jaxfric.records.header import role_of, split_name_unit
 from jaxfric.records.public import public_path
+from jaxfric.records.roles import SLIDER
 from jaxfric.records.thin import blur, thinned
 
 HEADER = "time [s],load_point_displacement [um],friction [1],normal_stress [MPa]"
@@ -292,7 +292,7 @@ def test_arrays() -> None:
         record.window(0.5, 0.7)
     with pytest.raises(InputError, match="load_point"):
         from_arrays(t, t)
-    with pytest.raises(InputError, match="unequal length"):
+    with pytest.raises(InputError, match="different length"):
         from_arrays(t, t[1:], load_point_velocity=t)
     with pytest.raises(InputError, match="goes back in row 2"):
         from_arrays(t[::-1], t, load_point_velocity=t)
@@ -316,15 +316,15 @@ def test_arrays() -> None:
     ],
 )
 def test_name_and_unit(cell: str, pair: tuple[str, str | None]) -> None:
-    assert split_name_unit(cell) == pair
+    assert SLIDER.split(cell) == pair
 
 
 def test_roles_of_names() -> None:
-    assert role_of("Load-Point Displacement") == ("load_point_displacement", 0)
-    assert role_of("EffectiveNormalstress") is not None
-    assert role_of("layer_thickness") is None
+    assert SLIDER.role_of("Load-Point Displacement") == ("load_point_displacement", 0)
+    assert SLIDER.role_of("EffectiveNormalstress") is not None
+    assert SLIDER.role_of("layer_thickness") is None
     # The plain word gives way to the full name.
-    full, plain = role_of("load_point_displacement"), role_of("displacement")
+    full, plain = SLIDER.role_of("load_point_displacement"), SLIDER.role_of("displacement")
     assert full is not None and plain is not None and full[1] < plain[1]
 
 

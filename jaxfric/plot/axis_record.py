@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..records import AxisRecord, SteadyCurve
-from ..records.axis_header import shown_units
+from ..records.axis_units import shown_units
 from ..records.strokes import Strokes, position_of
 from .label import printable
 from .stability import BLACK, BLUE, GREY, ORANGE, new_figure, tidy

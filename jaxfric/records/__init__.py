@@ -1,12 +1,13 @@
 """Measured records: read them, and find the velocity steps in them. Nothing here needs JAX."""
 
 from .axis_record import AxisRecord, Drive, axis_from_arrays
+from .formats import read_table
 from .read import read, to_record
 from .read_axis import read_axis
 from .record import Provenance, Record, Sampling, from_arrays
 from .steady import SteadyCurve, read_steady
 from .steps import VelocitySteps, find_steps, find_steps_in_velocity, record_steps
-from .table import Table, read_table
+from .table import Table
 
 __all__ = [
     "AxisRecord",

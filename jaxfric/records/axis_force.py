@@ -1,165 +1,154 @@
 """The motor force of an axis: recorded as such, or as a signal, a current, or per cent."""
 
-from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
-from .axis_header import FORCE_UNITS, SIGNAL_UNITS, Use, quantity_of
 from .axis_record import Drive
-from .axis_source import Source
+from .axis_units import FORCE_UNITS, coordinate_of, quantity_of
+from .columns import Understood
+from .roles import SIGNAL_UNITS
 
 _SIGNALS = {"control_signal": ("control signal", "V"), "motor_current": ("motor current", "A")}
 _LENGTHS = {"linear": "m", "rotary": "rad"}
 
 
-def force_from_signal(
-    source: Source,
-    values: dict[str, np.ndarray],
-    uses: Mapping[str, Use],
-    coordinate: str,
-    drive_gain: str | None,
-) -> tuple[Drive | None, list[str]]:
-    """Put the motor force in place of the control signal or current, gain times it."""
-    signals = {role: values.pop(role) for role in _SIGNALS if role in values}
-    gains = dict(source.gains)
-    if "motor_force" in values:
-        if drive_gain is not None and not _is_signal(uses, "disturbance"):
+class ToldOfDrive(NamedTuple):
+    """What the user says of the drive, as texts; None where nothing. See `read_axis`."""
+
+    drive_gain: str | None = None
+    position_gain: str | None = None
+    velocity_gain: str | None = None
+    rated_torque: str | None = None
+
+
+class Forces:
+    """Turns the columns of an axis that stand for a force into forces; changes `found.values`."""
+
+    def __init__(self, found: Understood, told: ToldOfDrive):
+        self.found, self.told = found, told
+        self.path, self.values, self.uses = found.table.path, found.values, found.uses
+        si = {role: use.si_unit for role, use in found.uses.items()}
+        written = {role: use.unit for role, use in found.uses.items()}
+        self.coordinate = coordinate_of(self.path, si, written)
+        self.force = FORCE_UNITS[self.coordinate]
+
+    def from_signal(self) -> tuple[Drive | None, list[str]]:
+        """Put the motor force in place of the control signal or current, gain times it."""
+        values, drive_gain = self.values, self.told.drive_gain
+        signals = {role: values.pop(role) for role in _SIGNALS if role in values}
+        gains = self.found.table.gains
+        if "motor_force" in values:
+            if drive_gain is not None and self._unit("disturbance") not in SIGNAL_UNITS:
+                raise InputError(
+                    f"{self.path} has a motor force of its own; leave out --drive-gain"
+                    f" '{drive_gain}', or map only the signal"
+                )
+            notes = [f"{role} is not used: there is a motor force" for role in signals]
+            return (self._drive(gains.get("gain")) if gains else None), notes
+        by_unit = [role for role in signals if f"/{_SIGNALS[role][1]}" in (drive_gain or "")]
+        role = (by_unit or list(signals))[0]
+        what, unit = _SIGNALS[role]
+        gain = self._gain(role, what, unit)
+        values["motor_force"] = gain * signals[role]
+        note = f"motor force is {gain:.7g} {self.force}/{unit} times the {what}"
+        return self._drive(gain, unit), [note]
+
+    def _drive(self, gain: float | None, signal: str = "V") -> Drive:
+        """A drive whose loops have the gains of the file."""
+        gains = self.found.table.gains
+        return Drive(gain, gains.get("position_gain"), gains.get("velocity_gain"), signal)
+
+    def controlled(self, drive: Drive | None) -> Drive | None:
+        """The drive with the gains of its loops, where they are given."""
+        position_gain, velocity_gain = self.told.position_gain, self.told.velocity_gain
+        if position_gain is None and velocity_gain is None:
+            return drive
+        if position_gain is None or velocity_gain is None:
+            missing = "--position-gain" if position_gain is None else "--velocity-gain"
             raise InputError(
-                f"{source.path} has a motor force of its own; leave out --drive-gain"
-                f" '{drive_gain}', or map only the signal"
+                f"{self.path}: {missing} is missing; both gains of the loops are needed"
             )
-        notes = [f"{role} is not used: there is a motor force" for role in signals]
-        return (Drive(**gains) if gains else None), notes  # pyright: ignore[reportArgumentType]
-    by_unit = [role for role in signals if f"/{_SIGNALS[role][1]}" in (drive_gain or "")]
-    role = (by_unit or list(signals))[0]
-    what, unit = _SIGNALS[role]
-    force = FORCE_UNITS[coordinate]
-    gains["gain"] = _gain(source, uses[role], what, unit, coordinate, drive_gain)
-    values["motor_force"] = gains["gain"] * signals[role]
-    note = f"motor force is {gains['gain']:.7g} {force}/{unit} times the {what}"
-    return Drive(**gains, signal=unit), [note]
+        if "reference_position" not in self.uses:
+            raise InputError(
+                f"{self.path} has no reference position, without which the gains of the loops are"
+                " of no use; add the column, or leave out --position-gain and --velocity-gain"
+            )
+        unit, gain = self.force.replace(" ", "*"), 1.0  # kv in force per velocity
+        if "motor_force" not in self.uses and drive is not None:
+            unit = next(signal for role, (_, signal) in _SIGNALS.items() if role in self.uses)
+            gain = drive.gain
+        elif self._unit("motor_force") == "%":
+            raise InputError(
+                f"{self.path} has its force in per cent; gains of the loops need it in"
+                f" {self.force}: give the column's force, or leave out --position-gain and"
+                " --velocity-gain"
+            )
+        return Drive(
+            gain,
+            quantity_of(position_gain, "1/s", "position gain"),
+            quantity_of(velocity_gain, f"{unit}*s/{_LENGTHS[self.coordinate]}", "velocity gain"),
+            unit.replace("*", " "),
+        )
 
-
-def add_disturbance(
-    source: Source,
-    values: dict[str, np.ndarray],
-    uses: Mapping[str, Use],
-    coordinate: str,
-    force_unit: str,
-    *,
-    drive_gain: str | None,
-    rated_torque: str | None,
-) -> list[str]:
-    """Put the disturbance's force, in the unit of the motor force, in place of its column."""
-    if "disturbance" not in values:
-        return []
-    use, force = uses["disturbance"], FORCE_UNITS[coordinate]
-    added = values.pop("disturbance")
-    if use.si_unit in SIGNAL_UNITS:
-        added = added * _gain(source, use, "disturbance", use.si_unit, coordinate, drive_gain)
-    elif use.si_unit == "%" and force_unit != "%":
+    def in_unit(self) -> str:
+        """The unit of the force; per cent become torque where the rated torque is given."""
+        rated_torque = self.told.rated_torque
+        force_in_per_cent = self._unit("motor_force") == "%"
         if rated_torque is None:
+            return "%" if force_in_per_cent else self.force
+        if not force_in_per_cent and self._unit("disturbance") != "%":
             raise InputError(
-                f"{source.path}: the disturbance is in per cent, the motor force in {force}; say"
-                f" what 100 % are, as in --rated-torque '9.84 m{force}'"
+                f"{self.path} has its force in {self.force}, not in per cent; leave out"
+                f" --rated-torque '{rated_torque}'"
             )
-        added = added * (_rated(rated_torque, force) / 100)
-    elif use.si_unit != "%" and force_unit == "%":
+        if force_in_per_cent:
+            self.values["motor_force"] = self.values["motor_force"] * self._per_cent(rated_torque)
+        return self.force
+
+    def add_disturbance(self, force_unit: str) -> list[str]:
+        """Put the disturbance's force, in the unit of the motor force, in place of its column."""
+        if "disturbance" not in self.values:
+            return []
+        unit, rated_torque = self.uses["disturbance"].si_unit, self.told.rated_torque
+        added = self.values.pop("disturbance")
+        if unit in SIGNAL_UNITS:
+            added = added * self._gain("disturbance", "disturbance", unit)
+        elif unit == "%" and force_unit != "%":
+            if rated_torque is None:
+                raise InputError(
+                    f"{self.path}: the disturbance is in per cent, the motor force in {self.force};"
+                    f" say what 100 % are, as in --rated-torque '9.84 m{self.force}'"
+                )
+            added = added * self._per_cent(rated_torque)
+        elif unit != "%" and force_unit == "%":
+            raise InputError(
+                f"{self.path}: the disturbance is in {self.force}, the motor force in per cent; say"
+                f" what 100 % are, as in --rated-torque '9.84 m{self.force}'"
+            )
+        self.values["disturbance_force"] = added
+        share = np.mean(np.abs(added) > 0) if len(added) else 0.0
+        return [f"a disturbance is added to the motor force in {100 * share:.3g} % of the rows"]
+
+    def _gain(self, role: str, what: str, unit: str) -> float:
+        """Force per `unit` of a signal: as told, else as the file has it."""
+        drive_gain, gains, force = self.told.drive_gain, self.found.table.gains, self.force
+        if drive_gain is not None:
+            si_unit = f"{force.replace(' ', '*')}/{unit}"
+            return quantity_of(drive_gain, si_unit, f"drive gain of the {what}")
+        if "gain" in gains:
+            return gains["gain"]
+        example = "35.15 N/V" if (force, unit) == ("N", "V") else f"0.05 {force}/{unit}"
+        name = self.found.table.names[self.uses[role].index]
         raise InputError(
-            f"{source.path}: the disturbance is in {force}, the motor force in per cent; say what"
-            f" 100 % are, as in --rated-torque '9.84 m{force}'"
+            f"{self.path}: '{name}' is a {what} [{unit}], not a motor force: force = drive gain x"
+            f" {what}, and the drive gain is not known; give it, as in --drive-gain '{example}'"
         )
-    values["disturbance_force"] = added
-    share = np.mean(np.abs(added) > 0) if len(added) else 0.0
-    return [f"a disturbance is added to the motor force in {100 * share:.3g} % of the rows"]
 
+    def _unit(self, role: str) -> str | None:
+        return self.uses[role].si_unit if role in self.uses else None
 
-def _gain(
-    source: Source, use: Use, what: str, unit: str, coordinate: str, drive_gain: str | None
-) -> float:
-    """Force per `unit` of a signal: as told, else as the file has it."""
-    force = FORCE_UNITS[coordinate]
-    if drive_gain is not None:
-        si_unit = f"{force.replace(' ', '*')}/{unit}"
-        return quantity_of(drive_gain, si_unit, f"drive gain of the {what}")
-    if "gain" in source.gains:
-        return source.gains["gain"]
-    example = "35.15 N/V" if (force, unit) == ("N", "V") else f"0.05 {force}/{unit}"
-    raise InputError(
-        f"{source.path}: '{source.names[use.index]}' is a {what} [{unit}], not a motor force: force"
-        f" = drive gain x {what}, and the drive gain is not known; give it, as in"
-        f" --drive-gain '{example}'"
-    )
-
-
-def _is_signal(uses: Mapping[str, Use], role: str) -> bool:
-    return role in uses and uses[role].si_unit in SIGNAL_UNITS
-
-
-def controlled(
-    source: Source,
-    uses: Mapping[str, Use],
-    coordinate: str,
-    drive: Drive | None,
-    position_gain: str | None,
-    velocity_gain: str | None,
-) -> Drive | None:
-    """The drive with the gains of its loops, where they are given."""
-    if position_gain is None and velocity_gain is None:
-        return drive
-    if position_gain is None or velocity_gain is None:
-        missing = "--position-gain" if position_gain is None else "--velocity-gain"
-        raise InputError(f"{source.path}: {missing} is missing; both gains of the loops are needed")
-    if "reference_position" not in uses:
-        raise InputError(
-            f"{source.path} has no reference position, without which the gains of the loops are of"
-            " no use; add the column, or leave out --position-gain and --velocity-gain"
-        )
-    force, length = FORCE_UNITS[coordinate].replace(" ", "*"), _LENGTHS[coordinate]
-    unit, gain = force, 1.0  # kv in force per velocity
-    if "motor_force" not in uses and drive is not None:
-        unit = next(signal for role, (_, signal) in _SIGNALS.items() if role in uses)
-        gain = drive.gain
-    elif uses["motor_force"].si_unit == "%":
-        raise InputError(
-            f"{source.path} has its force in per cent; gains of the loops need it in {force}: give"
-            " the column's force, or leave out --position-gain and --velocity-gain"
-        )
-    return Drive(
-        gain,
-        quantity_of(position_gain, "1/s", "position gain"),
-        quantity_of(velocity_gain, f"{unit}*s/{length}", "velocity gain"),
-        unit.replace("*", " "),
-    )
-
-
-def force_unit_of(
-    source: Source,
-    values: dict[str, np.ndarray],
-    uses: Mapping[str, Use],
-    coordinate: str,
-    rated_torque: str | None,
-) -> str:
-    """The unit of the force; per cent become torque where the rated torque is given."""
-    per_cent = [role for role in ("motor_force", "disturbance") if _in_per_cent(uses, role)]
-    force = FORCE_UNITS[coordinate]
-    if rated_torque is None:
-        return "%" if "motor_force" in per_cent else force
-    if not per_cent:
-        raise InputError(
-            f"{source.path} has its force in {force}, not in per cent; leave out"
-            f" --rated-torque '{rated_torque}'"
-        )
-    if "motor_force" in per_cent:
-        values["motor_force"] = values["motor_force"] * (_rated(rated_torque, force) / 100)
-    return force
-
-
-def _in_per_cent(uses: Mapping[str, Use], role: str) -> bool:
-    return role in uses and uses[role].si_unit == "%"
-
-
-def _rated(rated_torque: str, force: str) -> float:
-    """What 100 % are, in `force`."""
-    return quantity_of(rated_torque, force.replace(" ", "*"), "rated torque")
+    def _per_cent(self, rated_torque: str) -> float:
+        """One per cent of the rated torque, in the unit of the force."""
+        return quantity_of(rated_torque, self.force.replace(" ", "*"), "rated torque") / 100

@@ -1,14 +1,16 @@
 """A measured record of a servo axis: time, motor force, motion. All in SI."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .axis_header import FORCE_UNITS, si_units
-from .record import LARGEST, MIN_ROWS, SMALLEST, Provenance, Sampling, cut, frozen, vector
+from .axis_units import FORCE_UNITS, si_units
+from .record import Provenance, Sampling, cut, frozen, vector
+from .rows import Rows, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .window import Bound, bounds
 
@@ -58,6 +60,14 @@ class Drive:
         if self.gain is None or self.velocity_gain is None:
             return None
         return self.velocity_gain * self.gain
+
+
+class AxisKind(NamedTuple):
+    """What an axis is, and what drives it: the fields of `AxisRecord` of these names."""
+
+    coordinate: str
+    force_unit: str
+    drive: Drive | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,35 +167,14 @@ def axis_from_arrays(
     columns = {role: vector(values, role) for role, values in given.items() if values is not None}
     forces = {role: force_unit for role in columns if role.endswith("_force")}
     units = {role: si_units(coordinate).get(role, "") for role in columns} | forces
-    rows = Rows(np.arange(1, len(columns["time"]) + 1), np.zeros(len(columns["time"]), bool))
-    return build(columns, coordinate, force_unit, drive, units, Provenance("arrays"), rows, False)
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Where the rows stand in their file.
-
-    `lines`: line (or row) numbers; `malformed`: rows with a wrong number of cells; `text` gives
-    what stands in a line, for messages.
-    """
-
-    lines: np.ndarray
-    malformed: np.ndarray
-    text: Callable[[int], str] | None = None
-
-    def place(self, index: int) -> str:
-        """Row and text of a row, for a message."""
-        line = int(self.lines[index])
-        found = self.text(line).strip() if self.text else ""
-        shown = found if len(found) <= 60 else found[:57] + "..."
-        return f"row {line} ('{shown}')" if shown else f"row {line}"
+    kind = AxisKind(coordinate, force_unit, drive)
+    rows = Rows.of(len(columns["time"]))
+    return build(columns, kind, units, Provenance("arrays"), rows, False)
 
 
 def build(
     columns: Mapping[str, np.ndarray],
-    coordinate: str,
-    force_unit: str,
-    drive: Drive | None,
+    kind: AxisKind,
     units: Mapping[str, str],
     origin: Provenance,
     rows: Rows,
@@ -194,93 +183,16 @@ def build(
     """Check the rows, drop equal time stamps (and bad rows if so told), and freeze."""
     if "position" not in columns and "velocity" not in columns:
         raise InputError(f"{origin.path}: an axis needs its position or its velocity")
-    if len({len(values) for values in columns.values()}) > 1:
-        sizes = ", ".join(f"{role} {len(values)}" for role, values in columns.items())
-        raise InputError(
-            f"{origin.path}: columns of different length: {sizes}; cut them to the same rows"
-        )
-    columns = {
-        role: np.where(np.abs(values) < SMALLEST, 0.0, values) for role, values in columns.items()
-    }
-    keep, dropped = _good_rows(columns, origin.path, rows, drop_bad)
+    columns, keep, dropped = whole_rows(columns, origin.path, rows, drop_bad)
     kept = {role: frozen(values[keep]) for role, values in columns.items()}
-    count = int(keep.sum())
-    if count < MIN_ROWS:
-        raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
-    shown = {**si_units(coordinate), "motor_force": force_unit}
+    refuse_few(int(keep.sum()), origin.path)
+    shown = {**si_units(kind.coordinate), "motor_force": kind.force_unit}
     refuse_sizes(kept, shown, units, origin.path, rows.lines[keep])
-    _check_encoder(kept, coordinate, origin.path)
-    _check_saturation(kept["motor_force"], force_unit, origin.path)
+    _check_encoder(kept, kind.coordinate, origin.path)
+    _check_saturation(kept["motor_force"], kind.force_unit, origin.path)
     rows_read, dropped = origin.rows_read + len(rows.lines), {**origin.dropped, **dropped}
     origin = replace(origin, rows_read=rows_read, dropped=dropped)
-    return AxisRecord(
-        **kept,
-        coordinate=coordinate,
-        force_unit=force_unit,
-        drive=drive,
-        units=dict(units),
-        provenance=origin,
-    )
-
-
-def _good_rows(
-    columns: Mapping[str, np.ndarray], path: str, rows: Rows, drop_bad: bool
-) -> tuple[np.ndarray, dict[str, int]]:
-    """Rows to keep, and the count of the others by reason."""
-    finite = {role: np.abs(values) < LARGEST for role, values in columns.items()}
-    bad = ~np.all(list(finite.values()), axis=0) & ~rows.malformed
-    if not drop_bad:
-        _refuse_malformed(path, rows)
-        _refuse_bad(finite, bad, path, rows)
-    keep = ~bad & ~rows.malformed
-    time = np.where(keep, columns["time"], -np.inf)
-    before = np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
-    back, equal = keep & (time < before), keep & (time == before)
-    if back.any() and not drop_bad:
-        first = int(np.flatnonzero(back)[0])
-        raise InputError(
-            f"{path}: time goes back in {rows.place(first)}, from {before[first]:.10g} to"
-            f" {time[first]:.10g} s; sort the rows or cut the file there"
-        )
-    counts = {
-        "wrong number of cells": int(rows.malformed.sum()),
-        "no finite number": int(bad.sum()),
-        "equal time stamp": int(equal.sum()),
-        "time goes back": int(back.sum()),
-    }
-    return keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
-
-
-def _refuse_malformed(path: str, rows: Rows) -> None:
-    if not rows.malformed.any():
-        return
-    first = int(np.flatnonzero(rows.malformed)[0])
-    raise InputError(
-        f"{path}: {_count(rows.malformed)} with a wrong number of cells, the first in"
-        f" {rows.place(first)}; mend them, or leave them out (--drop-bad)"
-    )
-
-
-def _refuse_bad(finite: Mapping[str, np.ndarray], bad: np.ndarray, path: str, rows: Rows) -> None:
-    """Refuse cells that are no numbers; a column that ends before the others is told apart."""
-    if not bad.any():
-        return
-    first = int(np.flatnonzero(bad)[0])
-    role = next(role for role, good in finite.items() if not good[first])
-    if 0 < first < len(bad) - 1 and not finite[role][first:].any() and finite["time"][first:].all():
-        raise InputError(
-            f"{path}: columns of different length: {role} ends before {rows.place(first)}, time"
-            f" has {len(bad) - first} rows more; cut the file there, or leave those rows out"
-            " (--drop-bad)"
-        )
-    raise InputError(
-        f"{path}: {_count(bad)} with a cell that is no finite number, the first in"
-        f" {rows.place(first)}: {role}; mend them, or leave them out (--drop-bad)"
-    )
-
-
-def _count(rows: np.ndarray) -> str:
-    return "1 row" if rows.sum() == 1 else f"{rows.sum()} rows"
+    return AxisRecord(**kept, **kind._asdict(), units=dict(units), provenance=origin)
 
 
 def _check_encoder(columns: Mapping[str, np.ndarray], coordinate: str, path: str) -> None:

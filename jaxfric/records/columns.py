@@ -1,21 +1,29 @@
-"""Which column of a table plays which role, and in which unit."""
+"""Which column of a table plays which role, and in which unit: the same for sliders and axes."""
 
-import difflib
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
-from ..errors import InputError
-from ..units import factor, has_dimension
-from . import axis_header
-from .header import COLUMN_ROLES, NO_COLUMN, fitting, key, numbered, role_of, split_name_unit
-from .sampled import HOW
-from .table import Table
+import numpy as np
+
+from ..errors import InputError, did_you_mean, folded
+from ..units import factor, has_dimension, scale
+from .axis_units import spelling
+from .record import EMPTY_ROWS, Provenance
+from .roles import AXIS, NO_COLUMN, SLIDER, Role, Schema
+from .rows import Rows
+from .table import HOW, Table, filled_rows, with_rate
+
+_ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
+_MACHINE = re.compile(
+    r"(?i)(inc|increments?|qc|pulses?|counts?|cts|ticks?|lsb|bits?|steps|raw|adu)"
+)
+_PER_CENT = {"%": 1.0, "percent": 1.0, "per cent": 1.0, "‰": 0.1, "permille": 0.1}
 
 
-@dataclass(frozen=True)
-class Assigned:
-    """Column `index` of the table; one of its units is `size` in `si_unit`."""
+class Use(NamedTuple):
+    """Column `index` of a table; one of its units, `unit` as written, is `size` in `si_unit`."""
 
     index: int
     unit: str
@@ -23,184 +31,250 @@ class Assigned:
     size: float
 
 
-def assign(table: Table, columns: Mapping[str, str]) -> tuple[dict[str, Assigned], list[str]]:
+Found = dict[str, tuple[int, str | None]]
+"""The column and its unit as written, by role."""
+
+Settle = Callable[[Table, Found, set[str]], list[str]]
+"""What a rig makes of the columns that were found, before one that is missing is refused: it may
+drop some of them. The set has the roles that the user named; it returns notes."""
+
+
+class Understood(NamedTuple):
+    """The columns of a file by role, in SI, without the empty rows at either end."""
+
+    table: Table
+    uses: dict[str, Use]
+    values: dict[str, np.ndarray]
+    rows: Rows
+    origin: Provenance
+
+
+def understand(
+    table: Table, columns: Mapping[str, str] | None, schema: Schema, settle: Settle
+) -> Understood:
+    """Find the columns of all roles of `schema`, and turn them into SI.
+
+    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`, to `none`
+    where no column has that role, and `time` to how often rows were taken.
+
+    Raises `InputError` as `assign` does, and for columns of different length.
+    """
+    known = {role: name for role, name in table.roles.items() if role in schema.roles}
+    table, columns = with_rate(table, {**known, **(columns or {})})
+    table = _with_suffixes(table, schema)
+    uses, notes = assign(table, columns, schema, settle)
+    rows = _rows(table, uses)
+    filled = filled_rows(table.blank, (use.index for use in uses.values()), len(rows.lines))
+    empty = len(rows.lines) - (filled.stop - filled.start)
+    with np.errstate(all="ignore"):  # what overflows is refused with its row
+        values = {
+            role: scale(table.columns[use.index][filled], use.size) for role, use in uses.items()
+        }
+    origin = Provenance(
+        table.path,
+        table.sha256,
+        rows_read=empty,
+        dropped={EMPTY_ROWS: empty} if empty else {},
+        notes=(*table.notes, *notes),
+    )
+    return Understood(table, uses, values, rows.part(filled), origin)
+
+
+def assign(
+    table: Table, columns: Mapping[str, str], schema: Schema, settle: Settle
+) -> tuple[dict[str, Use], list[str]]:
     """The column of every role that the table has, and notes on what was assumed.
 
-    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`, or to
-    `none` where no column has that role; all other roles are found by their names. Without
-    friction, or with one that is a stress, there are `shear_stress` and `normal_stress`.
+    **Arguments:** as for `understand`; roles that `columns` lacks are found by their names.
 
     Raises `InputError` for a role or column that does not exist, a required role without
     a column, and a unit that is missing, unknown or of another dimension.
     """
-    _refuse_unknown(columns)
-    without = {role for role, value in columns.items() if _is_none(table, value)}
-    named = {r: _named(table, r, value) for r, value in columns.items() if r not in without}
-    found = dict(named)
+    roles = schema.roles
+    for role in columns:
+        if role not in roles:
+            raise InputError(f"'{role}' is no role of a column{did_you_mean(role, roles)}")
+    no_column = NO_COLUMN not in table.names
+    without = {role for role, text in columns.items() if no_column and text.strip() == NO_COLUMN}
+    found: Found = {
+        role: _named(table, schema, role, text)
+        for role, text in columns.items()
+        if role not in without
+    }
+    named = set(found)
     taken = {index for index, _ in found.values()}
-    for role in COLUMN_ROLES:
-        if role in {*found, *without}:
+    for name, role in roles.items():
+        if name in found or name in without:
             continue
-        if (index := _by_name(table, role, taken)) is not None:
-            found[role] = (index, table.units[index])
-    notes = _stresses(table, found, set(named))
-    _require(table, found)
-    roles = [role for role in COLUMN_ROLES if role in found]
-    assigned = {role: _with_unit(table, role, *found[role]) for role in roles}
+        if (index := _by_name(table, schema, role, taken)) is not None:
+            found[name] = (index, table.units[index])
+            taken.add(index)
+    notes = settle(table, found, named)
+    _require(table, schema, found)
+    rotary = _is_rotary((unit for _, unit in found.values()), roles.values())
+    uses = {
+        name: _with_unit(table, role, *found[name], rotary)
+        for name, role in roles.items()
+        if name in found
+    }
     notes += [
         f"column '{table.names[use.index]}' is {role}"
-        for role, use in assigned.items()
-        if key(table.names[use.index]) != key(role)
+        for role, use in uses.items()
+        if folded(table.names[use.index]) != folded(role)
     ]
-    used = {use.index for use in assigned.values()}
+    used = {use.index for use in uses.values()}
     ignored = [name for i, name in enumerate(table.names) if i not in used]
-    if ignored:
-        notes.append(f"ignored columns: {', '.join(ignored)}")
-    return assigned, notes
+    return uses, notes + ([f"ignored columns: {', '.join(ignored)}"] if ignored else [])
 
 
-def _refuse_unknown(columns: Mapping[str, str]) -> None:
-    known = list(COLUMN_ROLES)
-    for role in columns:
-        if role not in known:
-            raise InputError(f"'{role}' is no role of a column{_nearest(role, known)}")
+def spelt(unit: str | None) -> str:
+    """A unit of a header as `jaxfric.units` reads it; empty where there is none."""
+    return "" if unit is None else spelling(unit)
 
 
-def _is_none(table: Table, value: str) -> bool:
-    return value.strip() == NO_COLUMN and NO_COLUMN not in table.names
+def fits(unit: str, si_unit: str) -> bool:
+    """Whether a unit, as `spelt`, is one of `si_unit`, which may be per cent."""
+    return unit.lower() in _PER_CENT if si_unit == "%" else has_dimension(unit, si_unit)
 
 
-def _stresses(table: Table, found: dict[str, tuple[int, str | None]], named: set[str]) -> list[str]:
-    """Leave either friction or two stresses in `found`; a note where friction is computed."""
-    unit = found["friction"][1] if "friction" in found else None
-    is_stress = unit is not None and has_dimension(unit, "Pa")
-    if is_stress and "normal_stress" in found and "shear_stress" not in found:
-        found["shear_stress"] = found.pop("friction")
-    if "shear_stress" in found and "friction" in found:
-        found.pop("friction" if "shear_stress" in named - {"friction"} else "shear_stress")
-    if "shear_stress" not in found:
-        return []
-    shear = table.names[found["shear_stress"][0]]
-    if "normal_stress" not in found:
-        raise InputError(
-            f"{table.path} has a shear stress, '{shear}', and neither friction nor a normal stress;"
-            f" it has: {table.describe()}; map one, as in --column 'normal_stress=NAME [MPa]'"
+def _with_suffixes(table: Table, schema: Schema) -> Table:
+    """The table, its names parted from the units that they end with: `velocity_rpm`."""
+    cells = [
+        (name, unit) if unit is not None else schema.split(name)
+        for name, unit in zip(table.names, table.units, strict=True)
+    ]
+    return replace(table, names=tuple(n for n, _ in cells), units=tuple(u for _, u in cells))
+
+
+def _rows(table: Table, uses: Mapping[str, Use]) -> Rows:
+    """The rows of the columns in use: vectors of a MATLAB file may differ in length."""
+    sizes = {role: len(table.columns[use.index]) for role, use in uses.items()}
+    if len(set(sizes.values())) > 1:
+        shown = ", ".join(
+            f"{role} ('{table.names[uses[role].index]}') {size}" for role, size in sizes.items()
         )
-    return [f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"]
+        raise InputError(
+            f"{table.path}: columns of different length: {shown}; cut them to the same rows"
+        )
+    size = next(iter(sizes.values()))
+    return Rows(table.lines[:size], table.malformed[:size], table.text)
 
 
-def _named(table: Table, role: str, value: str) -> tuple[int, str | None]:
+def _named(table: Table, schema: Schema, role: str, text: str) -> tuple[int, str | None]:
     """Column and unit that the user names for a role."""
-    name, unit = split_name_unit(value)
-    if (index := numbered(name, len(table.names))) is not None:
+    name, unit = schema.split(text)
+    number = re.fullmatch(r"#(\d+)", name.strip())
+    if number and 0 < int(number[1]) <= len(table.names):
+        index = int(number[1]) - 1
         return index, unit if unit is not None else table.units[index]
-    for wanted, override in ((value, None), (name, unit)):
-        for same in (str.strip, key):
+    dimension = () if unit is None else (unit.lstrip("+-.0123456789eE "),)
+    for wanted, override in ((text, None), (name, unit), (schema.split(name)[0], unit)):
+        for same in (str.strip, folded):
             hits = [i for i, have in enumerate(table.names) if same(have) == same(wanted)]
-            hits = fitting(hits, table.units, () if override is None else (override,))
+            hits = _fitting(hits, table.units, () if override is None else dimension)
             if len(hits) == 1:
                 return hits[0], override if override is not None else table.units[hits[0]]
     raise InputError(
-        f"{table.path} has no column '{name}' for {role}{_nearest(name, list(table.names))}"
+        f"{table.path} has no column '{name}' for {role}{did_you_mean(name, table.names)}"
     )
 
 
-def _by_name(table: Table, role: str, taken: set[int]) -> int | None:
+def _by_name(table: Table, schema: Schema, role: Role, taken: set[int]) -> int | None:
     """The column whose name fits the role best; an equal fit of two is an error."""
     fits: list[tuple[int, int]] = []
     for index, name in enumerate(table.names):
-        known = role_of(name)
-        if index not in taken and known is not None and known[0] == role:
+        known = schema.role_of(name)
+        if index not in taken and known is not None and known[0] == role.name:
             fits.append((known[1], index))
-    fits.sort()
-    best = [index for rank, index in fits if rank == fits[0][0]]
-    best = fitting(best, table.units, _dimensions(role))
+    best = [index for rank, index in fits if rank == min(fits)[0]]
+    best = _fitting(best, table.units, role.units)
     if len(best) > 1:
-        names = " and ".join(f"'{table.names[i]}' (column {i + 1})" for i in best[:2])
+        both = " and ".join(f"'{table.names[i]}' (column {i + 1})" for i in best[:2])
         raise InputError(
-            f"{table.path}: {names} could both be {role}; say which, as in --column"
-            f" '{role}=#{best[0] + 1}'"
+            f"{table.path}: {both} could both be {role.name}; say which, as in --column"
+            f" '{role.name}=#{best[0] + 1}'"
         )
     return best[0] if best else None
 
 
-def _dimensions(role: str) -> tuple[str, ...]:
-    return ("1", "N", "Pa") if role == "friction" else (COLUMN_ROLES[role],)
+def _fitting(indices: list[int], units: Sequence[str | None], wanted: Iterable[str]) -> list[int]:
+    """Those of equally named columns whose unit is of a dimension that is wanted; else all."""
+    if len(indices) < 2:
+        return indices
+    good = [i for i in indices if units[i] and any(fits(spelt(units[i]), one) for one in wanted)]
+    return good or indices
 
 
-def _require(table: Table, found: Mapping[str, object]) -> None:
-    """Time, friction and a load point must be there."""
-    moves = ("load_point_displacement", "load_point_velocity")
-    missing = [role for role in ("time", "friction") if role not in found]
-    if "shear_stress" in found and "friction" in missing:
-        missing.remove("friction")
-    if not any(role in found for role in moves):
-        missing.insert(0, moves[0])
+def _require(table: Table, schema: Schema, found: Found) -> None:
+    """A column for everything that a record needs."""
+    needs: dict[str, list[str]] = {}
+    for role in schema.roles.values():
+        if role.need:
+            needs.setdefault(role.need, []).append(role.name)
+    missing = [names[0] for names in needs.values() if not found.keys() & names]
     if not missing:
         return
+    unit = schema.roles[missing[0]].example
+    rate = f", {HOW}" if "time" in missing else ""
     if table.doubt:
-        missing.sort(key=list(COLUMN_ROLES).index)
-        unit = {"friction": "1", "time": "s"}.get(missing[0], "um")
         raise InputError(
-            f"{table.path}: {table.doubt}; say by number which column is {', '.join(missing)}, as"
-            f" in --column '{missing[0]}=#1 [{unit}]'{_or_rate(missing)}"
+            f"{table.path}: {table.doubt}; columns are numbered #1, #2, ...: say by number which is"
+            f" {', '.join(missing)}, as in --column '{missing[0]}=#1 [{unit}]'{rate}"
         )
-    if _of_an_axis(table):
+    lacks = f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
+    if schema is SLIDER and _of_an_axis(table):
         raise InputError(
-            f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}."
-            " These are of a servo axis, which is read with --rig axis ('jaxfric record', 'jaxfric"
-            " loop')"
+            f"{lacks}. These are of a servo axis, which is read with --rig axis ('jaxfric record',"
+            " 'jaxfric loop')"
         )
-    machine = any((unit or "").lower() in ("bit", "bits") for unit in table.units)
-    hint = (
-        " (bits are machine units: give what one bit is)"
-        if machine
-        else _nearest(missing[0], list(table.names), listed=False)
-    )
-    hint = hint if hint.endswith("?") else hint + ";"
-    unit = {"friction": "1", "time": "s"}.get(missing[0], "0.01 um" if machine else "um")
-    raise InputError(
-        f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
-        f"{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{_or_rate(missing)}"
-    )
-
-
-def _or_rate(missing: list[str]) -> str:
-    return f", {HOW}" if "time" in missing else ""
+    machine = next((one for one in table.units if one and _MACHINE.fullmatch(spelt(one))), None)
+    hint = did_you_mean(missing[0], table.names, listed=False) or ";"
+    if machine is not None:
+        unit = unit if unit in ("s", "1") else f"0.01 {unit}"
+        hint = f" ({machine} are machine units: give what one is);"
+    raise InputError(f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}")
 
 
 def _of_an_axis(table: Table) -> bool:
     """Whether the columns are those of a servo axis: its position and its motor."""
-    known = [axis_header.role_of(name) for name in table.names]
-    roles = {one[0] for one in known if one is not None}
-    motor = {"motor_force", "control_signal", "motor_current"}
-    return "position" in roles and bool(roles & motor)
+    known = [AXIS.role_of(name) for name in table.names]
+    needs = {AXIS.roles[one[0]].need for one in known if one is not None}
+    return "force" in needs and any(one is not None and one[0] == "position" for one in known)
 
 
-def _with_unit(table: Table, role: str, index: int, unit: str | None) -> Assigned:
+def _is_rotary(units: Iterable[str | None], roles: Iterable[Role]) -> bool:
+    """Whether the units that are known are rather of a rotation: examples follow them."""
+    pairs = {(role.unit, role.turning) for role in roles if role.turning}
+    told = [spelt(unit) for unit in units if unit]
+    known = [one for one in told if not _MACHINE.fullmatch(one) and not fits(one, "%")]
+    linear, rotary = (sum(has_dimension(one, p[k]) for one in known for p in pairs) for k in (0, 1))
+    return rotary > linear
+
+
+def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: bool) -> Use:
     """The size of the unit of a column in SI."""
-    what = f"{table.path}, column '{table.names[index]}' ({role})"
-    si_unit = COLUMN_ROLES[role]
-    if unit is None and si_unit != "1":
-        shown = {"s": "s", "m": "um", "m/s": "um/s", "Pa": "MPa"}[si_unit]
+    name, example = table.names[index], role.shown(rotary=rotary)
+    what = f"{table.path}, column '{name}' ({role.name})"
+    if not unit and role.unit != "1":
+        leave = f", or leave it out: --column {role.name}={NO_COLUMN}" if not role.need else ""
         raise InputError(
-            f"{what} has no unit; write '{table.names[index]} [{shown}]' in the header"
+            f"{what} has no unit; give it, as in --column '{role.name}={name} [{example}]'{leave}"
         )
-    if role == "friction" and re.search(r"(?i)deg|rad|°", unit or ""):
-        raise InputError(f"{what} is an angle [{unit}]; friction is its tangent: write that")
-    if role == "friction" and has_dimension(unit or "", "N"):
-        si_unit = "N"
-    elif role == "friction" and has_dimension(unit or "", "Pa"):
+    read = spelt(unit)
+    if _MACHINE.fullmatch(read):
         raise InputError(
-            f"{what} is a stress [{unit}]; friction is a coefficient or a force [N], or shear over"
-            " normal stress: map the latter, as in --column 'normal_stress=NAME [MPa]'"
+            f"{what}: '{unit}' is a machine unit; give what one of it is, as in"
+            f" --column '{role.name}={name} [0.01 {example}]'"
         )
-    return Assigned(index, unit or "1", si_unit, factor(unit or "", si_unit, what))
+    si_unit = _si_unit(role, read)
+    size = _PER_CENT[read.lower()] if si_unit == "%" else factor(read, si_unit, what)
+    return Use(index, unit or "1", si_unit, size)
 
 
-def _nearest(name: str, known: list[str], listed: bool = True) -> str:
-    """Did you mean ...? And what there is."""
-    by_key = {key(one): one for one in known}
-    close = difflib.get_close_matches(key(name), by_key, n=1, cutoff=0.55)
-    hint = f"; did you mean '{by_key[close[0]]}'?" if close else ""
-    return hint + (f"; there are: {', '.join(known)}" if listed else "")
+def _si_unit(role: Role, unit: str) -> str:
+    """That of a role's SI units which fits a column's; its own where none does."""
+    for one in role.units[1:]:
+        # an angle has no dimension: 1/s would be one of rad/s
+        if _ANGLE.search(unit) if one.startswith("rad") else fits(unit, one):
+            return one
+    return role.unit

@@ -5,24 +5,60 @@ units may stand below it. A byte-order mark, CRLF, blank lines, comment lines, d
 end of lines, empty columns, decimal commas, Fortran's exponents and clock times are no obstacle.
 """
 
+import functools
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import InputError
 from . import clock
 from .cells import BLANK, DELIMITERS, Writing, decimals, has_decimal_commas
-from .content import Content
+from .foreign import refuse_foreign
+from .format import Format
 from .heading import is_counts, read_header
+from .table import Table
 
 _MOST_HEADER_LINES = 2000
 _SAMPLE = 50
 """Rows that tell how the columns are written."""
 
 
-def parse(text: str, path: str) -> Content:
-    """Names, units and columns of delimited text."""
+def parse(data: bytes, path: str) -> Table:
+    """Names, units and columns of delimited text.
+
+    Raises `InputError` for what is no text, no table, or the file of another program.
+    """
+    refuse_foreign(data, path)
+    head = data[:65536]
+    control = sum(head.count(bytes([code])) for code in range(32) if code not in b"\t\n\r\f\x1a")
+    if control > 0 and not _is_utf16(data):
+        raise InputError(f"{path} is binary, and not in xlook's format; export it as CSV")
+    return replace(parse_text(decode(data), path), text=functools.partial(line_of, data))
+
+
+def decode(data: bytes) -> str:
+    """Text of UTF-8 (with or without a mark), UTF-16 with a mark, or Latin-1."""
+    if _is_utf16(data):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def line_of(data: bytes, number: int) -> str:
+    """What stands in a line of a text, counted from 1."""
+    lines = decode(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return lines[number - 1] if 0 < number <= len(lines) else ""
+
+
+def _is_utf16(data: bytes) -> bool:
+    return data[:2] in (b"\xff\xfe", b"\xfe\xff")
+
+
+def parse_text(text: str, path: str) -> Table:
+    """Names, units and columns; `lines` count from the top of the text."""
     text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\xa0", " ").replace("−", "-")
     ended = text.rstrip("\x1a\0 ").endswith("\n")
     lines = text.rstrip("\x1a\0\n ").split("\n")
@@ -37,7 +73,7 @@ def parse(text: str, path: str) -> Content:
         rows, numbers = rows[:-1], numbers[:-1]
     body = _body(rows, writing, names)
     filled = [i for i, name in enumerate(names) if name or not body.blank[:, i].all()]
-    return Content(
+    return Table(
         names=tuple(names[i] or f"column_{i + 1}" for i in filled),
         units=tuple("s" if i in body.clocks else units[i] for i in filled),
         columns=tuple(np.ascontiguousarray(body.values[:, i]) for i in filled),
@@ -161,3 +197,6 @@ def _is_clock_column(cells: list[list[str]]) -> bool:
     """Whether most of the filled cells of a column are times of the clock."""
     filled = [clock.is_clock(cell[0]) for cell in cells if cell and cell[0].lower() not in BLANK]
     return 2 * sum(filled) > len(filled)
+
+
+FORMAT = Format("text", lambda data, path: True, parse, (".csv", ".txt", ".tsv", ".dat", ".asc"))

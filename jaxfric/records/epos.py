@@ -8,26 +8,38 @@
 Fields are parted by semicolons and may be quoted. The first column has no name: it is the time.
 """
 
+import functools
 import re
 from dataclasses import replace
 
 from ..errors import InputError
 from . import delimited
-from .content import Content
+from .format import Format
+from .table import Table
 
+_NUMBER = re.compile(r"[-+.]?\d")
 _KEY = re.compile(r'\s*"?[A-Za-z][^;"]*:"?\s*;')
 
 
-def is_epos(text: str) -> bool:
-    """Whether a text begins with a line `key:;value`."""
-    return _KEY.match(_lines(text[:2000])[0]) is not None
+def is_epos(data: bytes, path: str = "") -> bool:
+    """Whether a text begins with a line `key:;value`, and its columns have a row of units.
+
+    Where the first column has a name and numbers come right below, it is plain text with remarks.
+    """
+    del path
+    if not _is_key(_lines(delimited.decode(data[:2000]))[0]):
+        return False
+    lines = _lines(delimited.decode(data))
+    head, body = _header(lines)
+    if body == len(lines):
+        return True
+    return lines[head].startswith(";") or not _NUMBER.match(lines[body].strip())
 
 
-def parse(text: str, path: str) -> Content:
+def parse(data: bytes, path: str) -> Table:
     """Names, units and columns of an export; `lines` count from the top of the file."""
-    lines = _lines(text)
-    head = next((i for i, s in enumerate(lines) if s.strip() and not _is_key(s)), len(lines))
-    body = next((i for i in range(head + 1, len(lines)) if lines[i].strip()), len(lines))
+    lines = _lines(delimited.decode(data))
+    head, body = _header(lines)
     if body + 1 >= len(lines):
         raise InputError(f"{path} ends after its header; there are no rows of numbers")
     names, units = _cells(lines[head]), _cells(lines[body])
@@ -36,12 +48,19 @@ def parse(text: str, path: str) -> Content:
     if not names[0]:
         names[0] = "time"
     header = ";".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
-    content = delimited.parse("\n".join([header, *rows]), path)
+    table = delimited.parse_text("\n".join([header, *rows]), path)
     return replace(
-        content,
-        lines=content.lines + body,
-        notes=(*content.notes, *_notes(lines[:head], len(content.lines))),
+        table,
+        lines=table.lines + body,
+        notes=(*table.notes, *_notes(lines[:head], len(table))),
+        text=functools.partial(delimited.line_of, data),
     )
+
+
+def _header(lines: list[str]) -> tuple[int, int]:
+    """Indices of the row of names, below the block, and of the row of units below that."""
+    head = next((i for i, s in enumerate(lines) if s.strip() and not _is_key(s)), len(lines))
+    return head, next((i for i in range(head + 1, len(lines)) if lines[i].strip()), len(lines))
 
 
 def _lines(text: str) -> list[str]:
@@ -63,7 +82,7 @@ def _check_header(path: str, head: int, names: list[str], units: list[str]) -> N
             f"{path}: row {head + 1} names {len(names)} columns, the row of units below it has"
             f" {len(units)}; names, units and numbers must have the same number of columns"
         )
-    numbers = [cell for cell in units if re.match(r"[-+.]?\d", cell)]
+    numbers = [cell for cell in units if _NUMBER.match(cell)]
     if numbers:
         raise InputError(
             f"{path}: a row of units such as 'ms;rpm;%' is expected below the names in row"
@@ -82,3 +101,6 @@ def _notes(block: list[str], rows: int) -> tuple[str, ...]:
     if counted.isdigit() and int(counted) != rows:
         notes.append(f"the header counts {counted} samples, the file has {rows} rows")
     return tuple(notes)
+
+
+FORMAT = Format("epos", is_epos, parse, (".csv",))

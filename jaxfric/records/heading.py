@@ -6,8 +6,10 @@ from collections import Counter
 from collections.abc import Iterable
 
 from ..units import is_unit
-from . import axis_header, clock, header
+from . import clock
+from .axis_units import spelling
 from .cells import Writing
+from .roles import SLIDER, has_role
 
 _COUNTS = re.compile(r"\s*(\d+ recs\s*)+")
 
@@ -49,9 +51,9 @@ def read_header(
         return [f"#{i + 1}" for i in range(least)], [None] * least, doubt
     if below is not None:
         below += [""] * (len(names) - len(below))
-        plain = [header.split_name_unit(name)[0] for name in names]
+        plain = [SLIDER.split(name)[0] for name in names]
         return plain, [None if clock.is_clock_format(unit) else unit for unit in below], ""
-    pairs = [header.split_name_unit(name) for name in names]
+    pairs = [SLIDER.split(name) for name in names]
     return [name for name, _ in pairs], [unit for _, unit in pairs], ""
 
 
@@ -64,7 +66,7 @@ def _count_rows(rows: list[list[str]]) -> bool:
 
 
 def _is_time(name: str) -> bool:
-    role = header.role_of(header.split_name_unit(name)[0])
+    role = SLIDER.role_of(SLIDER.split(name)[0])
     return role is not None and role[0] == "time"
 
 
@@ -117,13 +119,6 @@ def _are_units(cells: list[str], above: list[str]) -> bool:
     """Whether the cells of a line are units, and those above it rather names of columns."""
     bare = [cell.strip("[]() ") for cell in cells]
     known = all(
-        is_unit(cell) or is_unit(axis_header.spelling(cell)) or clock.is_clock_format(cell)
-        for cell in bare
+        is_unit(cell) or is_unit(spelling(cell)) or clock.is_clock_format(cell) for cell in bare
     )
-    return known and _roles(above) >= _roles(bare)
-
-
-def _roles(cells: list[str]) -> int:
-    """How many of the cells name a column that has a role."""
-    names = [header.split_name_unit(cell)[0] for cell in cells]
-    return sum(bool(header.role_of(name) or axis_header.role_of(name)) for name in names)
+    return known and sum(map(has_role, above)) >= sum(map(has_role, bare))

@@ -7,11 +7,12 @@ that holds them. (SciPy's reader trusts the tags: some damaged files end the pro
 
 import struct
 import zlib
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InputError
+from .format import Format
+from .table import Table
 
 _MATRIX, _COMPRESSED = 14, 15
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8"}
@@ -20,6 +21,7 @@ _KINDS = {1: "cell", 2: "struct", 3: "object", 4: "text", 5: "sparse", 16: "func
 _KINDS |= {17: "object"}
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x0800
+_HDF5 = b"\x89HDF"
 
 _EMPS = {"t": "s", "qm": "m", "qg": "m", "vir": "V"}
 _EMPS_ROLES = {
@@ -28,69 +30,36 @@ _EMPS_ROLES = {
     "reference_position": "qg",
     "control_signal": "vir",
 }
+_EMPS_GAINS = {"gtau": "gain", "kp": "position_gain", "kv": "velocity_gain"}
 # Of the benchmark's second file. They are volts, whatever their name says: vir less the stated
 # controller is 1.014 of them, to 0.1 % of the largest.
 _EMPS_PULSES = "pulses_N"
-
-
-@dataclass(frozen=True, eq=False)
-class Variables:
-    """What a MATLAB file holds: vectors (of any length) and numbers by name."""
-
-    vectors: dict[str, np.ndarray]
-    numbers: dict[str, float]
-    notes: tuple[str, ...] = ()
-
-    @property
-    def is_emps(self) -> bool:
-        """Whether these are the variables of the EMPS benchmark (Janot, Gautier, Brunot 2019)."""
-        return {"t", "qm", "vir"} <= set(self.vectors)
-
-    @property
-    def _has_pulses(self) -> bool:
-        """Whether it is the benchmark's file with pulses, which has its controller's gains too."""
-        own = {"kp", "kv", "gtau"} <= set(self.numbers)
-        return self.is_emps and own and _EMPS_PULSES in self.vectors
-
-    @property
-    def units(self) -> tuple[str | None, ...]:
-        """Units of the vectors: those of EMPS, else none."""
-        known = dict(_EMPS) if self.is_emps else {}
-        if self._has_pulses:
-            known[_EMPS_PULSES] = "V"
-        return tuple(known.get(name) for name in self.vectors)
-
-    @property
-    def roles(self) -> dict[str, str]:
-        """Names of the vectors by role: those of EMPS, else none."""
-        known = dict(_EMPS_ROLES) if self.is_emps else {}
-        if self._has_pulses:
-            known["disturbance"] = _EMPS_PULSES
-        return {role: name for role, name in known.items() if name in self.vectors}
 
 
 class _Damaged(Exception):
     """Elements that do not fit together."""
 
 
-def is_mat(data: bytes) -> bool:
-    """Whether bytes are a MATLAB file of version 5 or later, or HDF5."""
-    return data.startswith((b"MATLAB", b"\x89HDF"))
+def is_mat(data: bytes, path: str = "") -> bool:
+    """Whether bytes are a MATLAB file of version 5 or later, HDF5, or called `.mat`."""
+    return data.startswith((b"MATLAB", _HDF5)) or path.lower().endswith(".mat")
 
 
-def parse(data: bytes, path: str) -> Variables:
-    """The numeric vectors and numbers of a MATLAB file; vectors of any orientation.
+def parse(data: bytes, path: str) -> Table:
+    """The numeric vectors of a MATLAB file, of any orientation, as columns without units.
 
     Raises `InputError` for versions 4 and 7.3, a damaged file, and one without a numeric vector.
     """
-    if data.startswith((b"MATLAB 7.3", b"\x89HDF")):
+    if data.startswith((b"MATLAB 7.3", _HDF5)):
         raise InputError(
-            f"{path} is a MATLAB file of version 7.3 (HDF5), whose variables cannot be listed"
-            " here; save it again in MATLAB with save('run.mat', '-v7')"
+            f"{path} is HDF5, as MATLAB writes it in version 7.3, whose variables cannot be listed"
+            " here; save it again in MATLAB with save('run.mat', '-v7'), or export the columns as"
+            " CSV"
         )
     if not data.startswith(b"MATLAB") or data[126:128] not in (b"IM", b"MI"):
         raise InputError(
-            f"{path} is no MATLAB file of version 5 to 7; save it again with save('run.mat', '-v7')"
+            f"{path} is no MATLAB file of version 5 to 7; save it again with save('run.mat',"
+            " '-v7'), or export the columns as CSV"
         )
     try:
         found = _variables(data[128:], "<" if data[126:128] == b"IM" else ">")
@@ -108,7 +77,34 @@ def parse(data: bytes, path: str) -> Variables:
             f"{path} has no numeric vector; it holds: {held}; save the columns as vectors of their"
             " own, as in save('run.mat', 't', 'x', 'F', '-v7')"
         )
-    return Variables(vectors, numbers, (f"ignored variables: {others}",) if others else ())
+    return _table(vectors, numbers, (f"ignored variables: {others}",) if others else ())
+
+
+def _table(
+    vectors: dict[str, np.ndarray], numbers: dict[str, float], notes: tuple[str, ...]
+) -> Table:
+    """Vectors as columns; of the EMPS benchmark (Janot, Gautier, Brunot 2019) with their units and
+    roles, and the gains of its controller."""
+    units: dict[str, str] = {}
+    roles: dict[str, str] = {}
+    gains: dict[str, float] = {}
+    if {"t", "qm", "vir"} <= vectors.keys():
+        units, roles = dict(_EMPS), dict(_EMPS_ROLES)
+        if _EMPS_GAINS.keys() <= numbers.keys() and _EMPS_PULSES in vectors:
+            units[_EMPS_PULSES], roles["disturbance"] = "V", _EMPS_PULSES
+        gains = {_EMPS_GAINS[n]: v for n, v in numbers.items() if n in _EMPS_GAINS}
+        notes = (*notes, "variables of the EMPS benchmark: positions in m, control signal in V")
+    longest = max(len(vector) for vector in vectors.values())
+    return Table(
+        names=tuple(vectors),
+        units=tuple(units.get(name) for name in vectors),
+        columns=tuple(vectors.values()),
+        lines=np.arange(1, longest + 1),
+        malformed=np.zeros(longest, bool),
+        notes=notes,
+        roles={role: name for role, name in roles.items() if name in vectors},
+        gains=gains,
+    )
 
 
 def _variables(data: bytes, order: str) -> dict[str, np.ndarray | str]:
@@ -181,3 +177,6 @@ def _numbers(part: tuple[int, bytes], order: str) -> np.ndarray:
     if len(body) % width:
         raise _Damaged("values that are cut off")
     return np.frombuffer(body, order + _TYPES[kind])
+
+
+FORMAT = Format("matlab", is_mat, parse, (".mat",))

@@ -1,17 +1,18 @@
-"""Read a record from a file."""
+"""Read a record of a slider from a file."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from ..units import scale
-from .columns import assign
-from .content import filled_rows
-from .record import EMPTY_ROWS, Provenance, Record, build
-from .sampled import with_rate
-from .table import Table, read_table
+from ..units import has_dimension
+from .columns import Found, spelt, understand
+from .formats import read_table
+from .record import Record, build
+from .roles import SLIDER
+from .table import Table
 
 
 def read(
@@ -24,8 +25,9 @@ def read(
     - `path`: delimited text with a header such as
       `time [s],load_point_displacement [um],friction [1],normal_stress [MPa]`, in any order;
       headers as laboratories write them (`Time(s)`, `Displ(microns)`) are understood, and so are
-      decimal commas and clock times; or a file of xlook's, binary or text. Where there is a shear
-      stress and a normal stress but no friction, friction is their quotient.
+      decimal commas and clock times; a file of xlook's, binary or text; or a MATLAB file, whose
+      vectors have a name but no unit. Where there is a shear stress and a normal stress but no
+      friction, friction is their quotient.
     - `columns`: names of columns for roles that the header does not give away, such as
       `{"friction": "mu_corrected"}`; `NAME [unit]` sets the unit, which may carry a factor:
       `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`. `#3` is the third column, also of a
@@ -44,37 +46,53 @@ def to_record(
     table: Table, *, columns: Mapping[str, str] | None = None, drop_bad: bool = False
 ) -> Record:
     """A table as a record; arguments and errors as for `read`."""
-    table, columns = with_rate(table, columns or {})
-    assigned, notes = assign(table, columns)
-    rows = filled_rows(table.blank, (use.index for use in assigned.values()), len(table))
-    values = {
-        role: scale(table.columns[use.index][rows], use.size) for role, use in assigned.items()
-    }
-    units = {role: use.unit for role, use in assigned.items()}
+    found = understand(table, columns, SLIDER, _stresses)
+    values = found.values
+    units = {role: use.unit for role, use in found.uses.items()}
     friction_unit = "1"
     if "shear_stress" in values:
         stress = values.pop("shear_stress")
-        values["friction"] = _quotient(table, stress, values["normal_stress"], table.lines[rows])
+        values["friction"] = _quotient(table, stress, values["normal_stress"], found.rows.lines)
         units["friction"] = "1"
     else:
-        friction_unit = assigned["friction"].si_unit
-    empty = len(table) - (rows.stop - rows.start)
-    origin = Provenance(
-        table.path,
-        table.sha256,
-        rows_read=empty,
-        dropped={EMPTY_ROWS: empty} if empty else {},
-        notes=(*table.notes, *notes),
-    )
-    return build(
-        values,
-        friction_unit,
-        units,
-        origin,
-        table.lines[rows],
-        table.malformed[rows],
-        drop_bad,
-    )
+        friction_unit = found.uses["friction"].si_unit
+    return build(values, friction_unit, units, found.origin, found.rows, drop_bad)
+
+
+def _stresses(table: Table, found: Found, named: set[str]) -> list[str]:
+    """Leave either friction or two stresses in `found`; a note where friction is computed.
+
+    Raises `InputError` for a shear stress without a normal stress, and a friction that is an angle.
+    """
+    unit = spelt(found["friction"][1]) if "friction" in found else ""
+    is_stress = has_dimension(unit, "Pa")
+    if is_stress and "normal_stress" in found and "shear_stress" not in found:
+        found["shear_stress"] = found.pop("friction")
+    if "shear_stress" in found and "friction" in found:
+        found.pop("friction" if "shear_stress" in named - {"friction"} else "shear_stress")
+    if "friction" in found:
+        _refuse_friction(table, *found["friction"], is_stress)
+    if "shear_stress" not in found:
+        return []
+    shear = table.names[found["shear_stress"][0]]
+    if "normal_stress" not in found:
+        raise InputError(
+            f"{table.path} has a shear stress, '{shear}', and neither friction nor a normal stress;"
+            f" it has: {table.describe()}; map one, as in --column 'normal_stress=NAME [MPa]'"
+        )
+    return [f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"]
+
+
+def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool) -> None:
+    """Refuse a friction whose unit says that it is none."""
+    what = f"{table.path}, column '{table.names[index]}' (friction)"
+    if re.search(r"(?i)deg|rad|°", unit or ""):
+        raise InputError(f"{what} is an angle [{unit}]; friction is its tangent: write that")
+    if is_stress:
+        raise InputError(
+            f"{what} is a stress [{unit}]; friction is a coefficient or a force [N], or shear over"
+            " normal stress: map the latter, as in --column 'normal_stress=NAME [MPa]'"
+        )
 
 
 def _quotient(table: Table, shear: np.ndarray, normal: np.ndarray, lines: np.ndarray) -> np.ndarray:

@@ -1,20 +1,19 @@
 """Read a record of a servo axis from a file."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from ..errors import InputError
-from ..units import scale
-from .axis_force import add_disturbance, controlled, force_from_signal, force_unit_of
-from .axis_header import Use, assign, coordinate_of
-from .axis_record import AxisRecord, Rows, build
-from .axis_source import Source, open_source
-from .content import filled_rows
-from .record import EMPTY_ROWS, Provenance
-from .sampled import with_rate
+from .axis_force import Forces, ToldOfDrive
+from .axis_record import AxisKind, AxisRecord, build
+from .columns import Found, fits, spelt, understand
+from .formats import read_table
+from .roles import AXIS
+from .table import Table
 
 _MOTION = ("position", "velocity", "reference_position")
 _FORCE = ("motor_force", "disturbance_force")
@@ -59,48 +58,55 @@ def read_axis(
     Raises `InputError` for a file that cannot be read as such a record, a control signal without
     its gain, and a gain or rated torque that nothing in the file needs.
     """
-    source = open_source(Path(path))
-    source, given = with_rate(source, {**source.roles, **(columns or {})})
-    try:
-        uses, notes = assign(source.path, source.names, source.units, given)
-    except InputError as error:
-        if not source.doubt:
-            raise
-        doubt = f"{source.doubt}; columns are numbered #1, #2, ..., as in 'position=#1 [rad]'"
-        raise InputError(f"{error} ({doubt})") from None
-    coordinate = coordinate_of(source.path, uses)
-    rows = _rows(source, uses)
-    filled = filled_rows(source.blank, (use.index for use in uses.values()), len(rows.lines))
-    empty = len(rows.lines) - (filled.stop - filled.start)
-    rows = Rows(rows.lines[filled], rows.malformed[filled], rows.text)
+    table = read_table(path)
+    told = ToldOfDrive(drive_gain, position_gain, velocity_gain, rated_torque)
+    return _to_record(table, columns, told, "both" if flip is True else flip, drop_bad)
+
+
+def _to_record(
+    table: Table,
+    columns: Mapping[str, str] | None,
+    told: ToldOfDrive,
+    flip: str | Literal[False],
+    drop_bad: bool,
+) -> AxisRecord:
+    found = understand(table, columns, AXIS, _not_needed)
+    forces = Forces(found, told)
     with np.errstate(all="ignore"):  # what overflows is refused with its row
-        values = {
-            role: scale(source.columns[use.index][filled], use.size) for role, use in uses.items()
-        }
-        drive, signal_notes = force_from_signal(source, values, uses, coordinate, drive_gain)
-        drive = controlled(source, uses, coordinate, drive, position_gain, velocity_gain)
-        force_unit = force_unit_of(source, values, uses, coordinate, rated_torque)
-        added = add_disturbance(
-            source,
-            values,
-            uses,
-            coordinate,
-            force_unit,
-            drive_gain=drive_gain,
-            rated_torque=rated_torque,
-        )
-    told = _flip(values, "both" if flip is True else flip)
-    origin = Provenance(
-        source.path,
-        source.sha256,
-        rows_read=empty,
-        dropped={EMPTY_ROWS: empty} if empty else {},
-        notes=(*source.notes, *notes, *signal_notes, *added, *told),
-    )
-    units = {role: uses[role].unit if role in uses else force_unit for role in values}
+        drive, notes = forces.from_signal()
+        drive = forces.controlled(drive)
+        force_unit = forces.in_unit()
+        notes += forces.add_disturbance(force_unit)
+    notes += _flip(found.values, flip)
+    origin = replace(found.origin, notes=(*found.origin.notes, *notes))
+    uses = found.uses
+    units = {role: uses[role].unit if role in uses else force_unit for role in found.values}
     if "disturbance" in uses:
         units["disturbance_force"] = uses["disturbance"].unit
-    return build(values, coordinate, force_unit, drive, units, origin, rows, drop_bad)
+    kind = AxisKind(forces.coordinate, force_unit, drive)
+    return build(found.values, kind, units, origin, found.rows, drop_bad)
+
+
+def _not_needed(table: Table, found: Found, named: set[str]) -> list[str]:
+    """Drop what a file can do without, found by a name alone: no unit tells what it is.
+
+    A disturbance is not among them, for a fit without it would be wrong: it needs a unit, or the
+    word that there is none. One in a unit that no drive has is dropped: pulses that an encoder
+    counts, a speed of a load.
+    """
+    del table
+    spare = {"reference_position"}
+    spare |= {"velocity"} if "position" in found else set()
+    spare |= {"control_signal", "motor_current"} if "motor_force" in found else set()
+    for role in spare - named:
+        if role in found and found[role][1] is None:
+            del found[role]
+    added = found.get("disturbance", (0, None))[1]
+    if "disturbance" not in named and added is not None:
+        known = AXIS.roles["disturbance"].units
+        if not any(fits(spelt(added), one) for one in known):
+            del found["disturbance"]
+    return []
 
 
 def _flip(values: dict[str, np.ndarray], which: str | Literal[False]) -> list[str]:
@@ -114,19 +120,3 @@ def _flip(values: dict[str, np.ndarray], which: str | Literal[False]) -> list[st
             values[role] = -values[role]
     what = "signs of motion and force are" if which == "both" else f"the sign of the {which} is"
     return [f"{what} changed"]
-
-
-def _rows(source: Source, uses: Mapping[str, Use]) -> Rows:
-    """The rows of the columns in use: vectors of a MATLAB file may differ in length."""
-    sizes = {role: len(source.columns[use.index]) for role, use in uses.items()}
-    if len(set(sizes.values())) > 1:
-        shown = ", ".join(
-            f"{role} ('{source.names[uses[role].index]}') {size}" for role, size in sizes.items()
-        )
-        raise InputError(
-            f"{source.path}: columns of different length: {shown}; cut them to the same rows"
-        )
-    size = next(iter(sizes.values()))
-    if size == len(source.rows.lines):
-        return source.rows
-    return Rows(np.arange(1, size + 1), np.zeros(size, bool))

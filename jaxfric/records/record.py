@@ -9,18 +9,16 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..units import between
 from . import standing_out
-from .header import ROLES
+from .roles import SLIDER
+from .rows import MIN_ROWS, Rows, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .window import Bound, bounds
 
-LARGEST, SMALLEST = 1e30, 1e-30
-"""No measured quantity is larger, in SI; what is smaller is 0."""
+ROLES = {name: role.unit for name, role in SLIDER.roles.items() if name != "shear_stress"}
+"""The columns that a record may have, with their SI units. Friction may also be a force, in N."""
 
 EMPTY_ROWS = "empty at the start or end"
 """Why rows are left out, where a recorder had not begun or had ended."""
-
-MIN_ROWS = 20
-"""A record needs this many rows."""
 
 
 @dataclass(frozen=True)
@@ -184,14 +182,10 @@ def from_arrays(
     }
     if friction_unit not in ("1", "N"):
         raise InputError(f"friction_unit is '1' or 'N', not '{friction_unit}'")
-    columns: dict[str, np.ndarray] = {}
-    for role, values in given.items():
-        if values is not None:
-            columns[role] = vector(values, role)
+    columns = {role: vector(values, role) for role, values in given.items() if values is not None}
     units = {role: ROLES[role] for role in columns} | {"friction": friction_unit}
-    lines = np.arange(1, len(columns["time"]) + 1)
-    bad = np.zeros(len(lines), bool)
-    return build(columns, friction_unit, units, Provenance("arrays"), lines, bad, False)
+    rows = Rows.of(len(columns["time"]))
+    return build(columns, friction_unit, units, Provenance("arrays"), rows, False)
 
 
 def build(
@@ -199,39 +193,33 @@ def build(
     friction_unit: str,
     units: Mapping[str, str],
     origin: Provenance,
-    lines: np.ndarray,
-    malformed: np.ndarray,
+    rows: Rows,
     drop_bad: bool,
 ) -> Record:
     """Check the rows, drop equal time stamps (and bad rows if so told), and freeze.
 
-    `lines` is the place of every row in the file, `malformed` marks rows with a wrong
-    number of cells. `origin` counts rows that were read and left out before.
+    `origin` counts rows that were read and left out before.
     """
     if "load_point_displacement" not in columns and "load_point_velocity" not in columns:
         raise InputError("a record needs load_point_displacement or load_point_velocity")
-    if len({len(values) for values in columns.values()}) > 1:
-        sizes = ", ".join(f"{role} {len(values)}" for role, values in columns.items())
-        raise InputError(f"{origin.path}: columns of unequal length: {sizes}")
-    columns = {
-        role: np.where(np.abs(values) < SMALLEST, 0.0, values) for role, values in columns.items()
-    }
-    keep, dropped = _good_rows(columns, origin.path, lines, malformed, drop_bad)
+    columns, keep, dropped = whole_rows(columns, origin.path, rows, drop_bad)
     si_units = {**ROLES, "friction": friction_unit}
     doubts = ()
     if drop_bad:
         keep, dropped = _without(columns, keep, dropped)
     else:
         here = {role: values[keep] for role, values in columns.items()}
-        doubts = standing_out.told(origin.path, here, lines[keep], si_units)
+        doubts = standing_out.told(origin.path, here, rows.lines[keep], si_units)
     kept = {role: frozen(values[keep]) for role, values in columns.items()}
-    count = int(keep.sum())
-    if count < MIN_ROWS:
-        raise InputError(f"{origin.path} has {count} usable rows; {MIN_ROWS} are needed")
-    refuse_sizes(kept, si_units, units, origin.path, lines[keep])
-    rows_read, dropped = origin.rows_read + len(lines), {**origin.dropped, **dropped}
-    origin = replace(origin, rows_read=rows_read, dropped=dropped, doubts=doubts)
-    origin = replace(origin, lines=lines[keep])
+    refuse_few(int(keep.sum()), origin.path)
+    refuse_sizes(kept, si_units, units, origin.path, rows.lines[keep])
+    origin = replace(
+        origin,
+        rows_read=origin.rows_read + len(rows.lines),
+        dropped={**origin.dropped, **dropped},
+        doubts=doubts,
+        lines=rows.lines[keep],
+    )
     return Record(**kept, friction_unit=friction_unit, units=dict(units), provenance=origin)
 
 
@@ -245,47 +233,6 @@ def _without(
     keep = keep.copy()
     keep[rows[wild]] = False
     return keep, dropped | ({"far out of its neighbours": int(wild.sum())} if wild.any() else {})
-
-
-def _good_rows(
-    columns: Mapping[str, np.ndarray],
-    path: str,
-    lines: np.ndarray,
-    malformed: np.ndarray,
-    drop_bad: bool,
-) -> tuple[np.ndarray, dict[str, int]]:
-    """Rows to keep, and the count of the others by reason."""
-    finite = np.stack([np.abs(values) < LARGEST for values in columns.values()])
-    bad = ~finite.all(axis=0) & ~malformed
-    if malformed.any() and not drop_bad:
-        raise InputError(
-            f"{path}: {malformed.sum()} rows with a wrong number of cells, the first in row"
-            f" {lines[malformed][0]}; mend them, or leave them out (--drop-bad)"
-        )
-    if bad.any() and not drop_bad:
-        first = int(np.flatnonzero(bad)[0])
-        role = list(columns)[int(np.flatnonzero(~finite[:, first])[0])]
-        raise InputError(
-            f"{path}: {bad.sum()} rows with a cell that is no finite number, the first in row"
-            f" {lines[first]} ({role}); mend them, or leave them out (--drop-bad)"
-        )
-    keep = ~bad & ~malformed
-    time = np.where(keep, columns["time"], -np.inf)
-    before = np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
-    back, equal = keep & (time < before), keep & (time == before)
-    if back.any() and not drop_bad:
-        first = int(np.flatnonzero(back)[0])
-        raise InputError(
-            f"{path}: time goes back in row {lines[first]}, from {before[first]:.10g} to"
-            f" {time[first]:.10g} s; sort the rows or cut the file there"
-        )
-    counts = {
-        "wrong number of cells": int(malformed.sum()),
-        "no finite number": int(bad.sum()),
-        "equal time stamp": int(equal.sum()),
-        "time goes back": int(back.sum()),
-    }
-    return keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
 
 
 def vector(values: ArrayLike, role: str) -> np.ndarray:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .axis_record import AxisRecord
+from .formats import suffixes
 from .read_axis import read_axis
 from .record import Provenance
 from .steady_run import Run, SteadyRows, steady_run
@@ -17,7 +18,6 @@ from .steady_run import Run, SteadyRows, steady_run
 MIN_RUNS = 4
 """A curve needs this many runs."""
 
-_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".mat")
 _MOST_LISTED = 20
 """Files that cannot be read are listed up to this number."""
 
@@ -151,17 +151,18 @@ def _files(folder: Path) -> list[Path]:
         )
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
+    endings = suffixes()
     found = sorted(
         path
         for path in folder.rglob("*")
-        if path.suffix.lower() in _SUFFIXES
+        if path.suffix.lower() in endings
         and path.is_file()
         and not any(part.startswith(".") for part in path.relative_to(folder).parts)
     )
     if len(found) < MIN_RUNS:
         logs = sum(path.suffix.lower() == ".json" for path in folder.rglob("*"))
         raise InputError(
-            f"{folder} holds {len(found)} files of runs ({', '.join(_SUFFIXES)}); a steady curve"
+            f"{folder} holds {len(found)} files of runs ({', '.join(endings)}); a steady curve"
             f" needs at least {MIN_RUNS}, each at a steady speed of its own"
             + (f" ({logs} .json: logs of records, not read yet)" if logs else "")
         )

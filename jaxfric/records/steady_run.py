@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .axis_record import AxisRecord
-from .record import MIN_ROWS
+from .rows import MIN_ROWS
 from .steady_mean import effective_samples, outliers
 
 _BATCH = 5

@@ -1,22 +1,19 @@
-"""Any file of columns as it is: names, units as written, numbers. No roles are asked for."""
+"""Any file of columns as it is: names, units as written, numbers. No meaning is given to them."""
 
-import hashlib
-import json
-from dataclasses import dataclass
-from pathlib import Path
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..errors import InputError
-from . import delimited, xlook
+from ..units import has_dimension, parse_quantity
 
-_MAGIC = {
-    b"PK\x03\x04": "a zip or Excel file; save the sheet as CSV",
-    b"\x1f\x8b": "a gzip file; unpack it",
-    b"MATLAB": "a MATLAB file; read it with --rig axis if an axis made it, else save it as CSV",
-    b"\x89HDF": "an HDF5 file; export the columns as CSV",
-    b"%PDF": "a PDF file",
-}
+_FEW, _FEW_SHARE = 5, 0.05
+"""Rows (and share of them) that may be empty at either edge."""
+
+HOW = "or state how often rows were taken: --column 'time=1 kHz'"
+"""Advice where no column is one of times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +22,12 @@ class Table:
 
     `units` are the texts of the header (None where it gives none); a cell that is no number
     is NaN; `lines` is the place of every row in the file (line number, or record number in a
-    binary file); `malformed` marks rows with a wrong number of cells, `blank` cells that hold
-    nothing (None: there are none).
+    binary file); `malformed` marks rows with a wrong number of cells, `blank` (rows x columns)
+    cells that hold nothing (None: there are none). Columns differ in length in MATLAB files only.
+
+    A reader of a format fills these; `path`, `sha256` and `format` are added by `read_table`.
     """
 
-    path: str
-    sha256: str
-    format: str
     names: tuple[str, ...]
     units: tuple[str | None, ...]
     columns: tuple[np.ndarray, ...]
@@ -41,6 +37,15 @@ class Table:
     notes: tuple[str, ...] = ()
     doubt: str = ""
     """Why the names are only numbers, #1 and so on; else empty."""
+    roles: Mapping[str, str] = field(default_factory=dict)
+    """Names of columns by role, where the format tells; roles of any rig."""
+    gains: Mapping[str, float] = field(default_factory=dict)
+    """What the file has of the fields of `Drive`, in SI."""
+    text: Callable[[int], str] | None = None
+    """What stands in a line of the file, for messages; None of a binary one."""
+    path: str = ""
+    sha256: str = ""
+    format: str = ""
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -53,98 +58,55 @@ class Table:
         )
 
 
-def read_table(path: str | Path) -> Table:
-    """Open delimited text (comma, semicolon, tab, blanks) or xlook's binary format.
+def filled_rows(blank: np.ndarray | None, used: Iterable[int], count: int) -> slice:
+    """The rows without the few at the start and at the end where a used column holds nothing.
 
-    Raises `InputError` for a file that is missing, empty, a directory, neither text nor
-    xlook's format, or without a header.
+    Recorders begin before their sensors do, and what is computed of neighbouring rows (a speed, a
+    smoothed force) lacks the first and the last. Where many are empty they stay, to be refused.
     """
-    path = Path(path)
-    data = _load(path)
-    sha256 = hashlib.sha256(data).hexdigest()
-    refuse_log(data, str(path))
-    if xlook.is_xlook(data):
-        kind, content = "xlook", xlook.parse(data, str(path))
-    else:
-        for magic, what in _MAGIC.items():
-            if data.startswith(magic):
-                raise InputError(f"{path} is {what}")
-        kind, content = "text", delimited.parse(_decode(data, path), str(path))
-    for array in (*content.columns, content.lines, content.malformed):
-        array.setflags(write=False)
-    return Table(
-        path=str(path),
-        sha256=sha256,
-        format=kind,
-        names=content.names,
-        units=content.units,
-        columns=content.columns,
-        lines=content.lines,
-        malformed=content.malformed,
-        blank=content.blank,
-        notes=content.notes,
-        doubt=content.doubt,
-    )
+    most = max(_FEW, int(_FEW_SHARE * count))
+    if blank is None:
+        return slice(0, count)
+    whole = np.flatnonzero(~blank[:, sorted(set(used))].any(axis=1))
+    if not len(whole):
+        return slice(0, count)
+    first, stop = int(whole[0]), int(whole[-1]) + 1
+    return slice(first if first <= most else 0, stop if count - stop <= most else count)
 
 
-def refuse_log(data: bytes, path: str) -> None:
-    """Refuse JSON by its name: a servo's log of records is text, but no table.
+def with_rate(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
+    """A table with times t_i = i/rate, and `columns`, where they state a rate for `time`.
 
-    Raises `InputError`, with the fields of the records where there are some.
+    The rate is a frequency, "1 kHz", or the time from a row to the next, "1 ms"; a column of such
+    a name goes before.
+
+    Raises `InputError` for a rate that is neither, or not positive.
     """
-    text = data.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if text[:1] not in (b"{", b"["):
-        return
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
-        if Path(path).suffix.lower() not in (".json", ".jsonl", ".ndjson"):
-            return
-        found = None
-    fields = _fields(found)
-    shown = ", ".join(fields[:8]) + (", ..." if len(fields) > 8 else "")
-    what = f"a log of records with the fields {shown}" if fields else "no table of columns"
-    raise InputError(
-        f"{path} is JSON, {what}: not read yet; write its columns as CSV, one row a sample, with"
-        " units in the header"
-    )
+    said = dict(columns)
+    text = said.get("time", "").strip()
+    if not re.match(r"[-+]?\.?\d", text) or text in table.names:
+        return table, said
+    interval = _interval(text, table.path)
+    blank = table.blank
+    if blank is not None:
+        blank = np.pad(blank, ((0, 0), (0, 1)))
+    said["time"] = f"#{len(table.names) + 1}"
+    return replace(
+        table,
+        names=(*table.names, "time"),
+        units=(*table.units, "s"),
+        columns=(*table.columns, interval * np.arange(float(len(table)))),
+        blank=blank,
+        notes=(*table.notes, f"no column of times: one row every {interval:.6g} s, as stated"),
+    ), said
 
 
-def _fields(found: object) -> list[str]:
-    """Names of what the records of a log hold: of the first list of them, or of lists."""
-    if isinstance(found, list):
-        return list(found[0]) if found and isinstance(found[0], dict) else []
-    if not isinstance(found, dict):
-        return []
-    for value in found.values():
-        if isinstance(value, list) and (fields := _fields(value)):
-            return fields
-    return [name for name, value in found.items() if isinstance(value, list) and len(value) > 1]
-
-
-def _load(path: Path) -> bytes:
-    if path.is_dir():
-        raise InputError(f"{path} is a directory; give the path of a file")
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {error}") from None
-    if not data.strip():
-        raise InputError(f"{path} is empty")
-    return data
-
-
-def _decode(data: bytes, path: Path) -> str:
-    """Text of UTF-8 (with or without a mark), UTF-16 with a mark, or Latin-1."""
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16", errors="replace")
-    head = data[:65536]
-    control = sum(head.count(bytes([code])) for code in range(32) if code not in b"\t\n\r\f\x1a")
-    if control > 0:
-        raise InputError(f"{path} is binary, and not in xlook's format; export it as CSV")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+def _interval(text: str, path: str) -> float:
+    """Seconds from a row to the next."""
+    what = f"{path}, how often rows were taken"
+    unit = text.lstrip("+-.0123456789eE ")
+    is_rate = bool(unit) and has_dimension(unit, "Hz")
+    value = parse_quantity(text, "Hz" if is_rate else "s", what)
+    if not value > 0:
+        raise InputError(f"{what}: '{text}' is not positive")
+    return 1 / value if is_rate else value

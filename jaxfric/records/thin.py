@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import InputError
-from .record import MIN_ROWS, Record, frozen
+from .record import Record, frozen
+from .rows import MIN_ROWS
 from .steps import VelocitySteps
 
 LEAST_ROWS = 100

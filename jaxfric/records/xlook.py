@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from .content import Content
+from .format import Format
+from .table import Table
 
 _HEAD, _COLUMN, _MOST_SLOTS = 36, 84, 256
 _TIME_COUNT = 1e-4
@@ -33,15 +34,16 @@ class _Layout:
         return _HEAD + _COLUMN * self.slots
 
 
-def is_xlook(data: bytes) -> bool:
+def is_xlook(data: bytes, path: str = "") -> bool:
     """Whether the bytes have the header of an xlook file."""
+    del path
     if len(data) < _HEAD + _COLUMN or b"\0" not in data[:_HEAD]:
         return False
     rows, columns = struct.unpack(">2i", data[20:28])
     return rows > 0 and 0 < columns <= _MOST_SLOTS and _is_slot(data, 0)
 
 
-def parse(data: bytes, path: str) -> Content:
+def parse(data: bytes, path: str) -> Table:
     """Names, units and columns of an xlook file.
 
     A raw file's `Time` column does not increase: it holds the sampling period in counts of
@@ -62,7 +64,7 @@ def parse(data: bytes, path: str) -> Content:
         columns.append(period)
         columns[where] = np.cumsum(period)
         notes.append("column 'Time' held the sampling period in 0.1 ms: time is its sum")
-    return Content(
+    return Table(
         names=tuple(names),
         units=tuple(units),
         columns=tuple(columns),
@@ -133,3 +135,6 @@ def _sensible(values: np.ndarray) -> float:
     with np.errstate(invalid="ignore"):
         size = np.abs(values)
         return float(np.mean((size == 0) | ((size > 1e-12) & (size < 1e12))))
+
+
+FORMAT = Format("xlook", is_xlook, parse)

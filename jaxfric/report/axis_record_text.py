@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..records import AxisRecord, SteadyCurve
-from ..records.axis_header import shown_units
+from ..records.axis_units import shown_units
 from ..records.record import Provenance
 from ..records.strokes import Strokes, encoder_step
 from ..units import factor

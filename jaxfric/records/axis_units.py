@@ -1,0 +1,74 @@
+"""Units of servo axes as drives write them, and whether an axis is a line or a rotation."""
+
+import re
+from collections.abc import Mapping
+
+from ..errors import InputError
+from ..units import parse_quantity
+from .roles import AXIS
+
+FORCE_UNITS = {"linear": "N", "rotary": "N m"}
+"""Unit of the motor force by coordinate; "%" where the rated torque is not known."""
+
+
+def si_units(coordinate: str) -> dict[str, str]:
+    """SI unit of every role on a "linear" or "rotary" axis."""
+    rotary = coordinate == "rotary"
+    return {
+        name: role.turning if rotary and role.turning else role.unit
+        for name, role in AXIS.roles.items()
+    }
+
+
+def shown_units(coordinate: str, force_unit: str) -> dict[str, str]:
+    """Unit in which each column of a record is shown."""
+    rotary = coordinate == "rotary"
+    found = {
+        name: AXIS.roles[name].shown(rotary=rotary)
+        for name in ("time", "position", "reference_position", "velocity")
+    }
+    return {**found, "motor_force": force_unit, "disturbance_force": force_unit}
+
+
+def spelling(unit: str) -> str:
+    """Units as drives write them in the spelling of `jaxfric.units`.
+
+    `mNm`, `N-m` and `N·m` are torques; `1/min`, `min-1` and `U/min` revolutions per minute.
+    """
+    unit = unit.strip().replace("°", "deg").replace("·", "*").replace("−", "-")
+    unit = re.sub(r"(?<![A-Za-z])([mkuµμ]?N)\s?[-.* ]?\s?([cm]?m)(?![A-Za-z])", r"\1*\2", unit)
+    if re.fullmatch(r"(1|r|U|rev|rot)?/min|min\s?\^?-1|r\.?p\.?m\.?", unit, re.IGNORECASE):
+        return "rpm"
+    return re.sub(r"\b(rev|rot)\b", "turn", unit)
+
+
+def quantity_of(text: str, si_unit: str, what: str) -> float:
+    """The value of a text such as "9.84 mNm" or "35.15 N/V"; positive."""
+    number, _, unit = text.strip().partition(" ")
+    spelt = unit if si_unit == "1/s" else spelling(unit)  # 1/min is a rate there, no rotation
+    value = parse_quantity(f"{number} {spelt}" if unit else spelling(text), si_unit, what)
+    if not value > 0:
+        raise InputError(f"{what}: '{text}' is not positive")
+    return value
+
+
+def coordinate_of(path: str, si: Mapping[str, str], written: Mapping[str, str]) -> str:
+    """ "linear" or "rotary", by the units of motion and force, which must agree.
+
+    **Arguments:** by role, `si` the SI unit of a column and `written` the unit in the file.
+    """
+    kinds: dict[str, str] = {}
+    for role, unit in si.items():
+        about = AXIS.roles[role]
+        if about.turning and unit in (about.unit, about.turning):
+            kinds[role] = "linear" if unit == about.unit else "rotary"
+    if len(set(kinds.values())) > 1:
+        shown = ", ".join(f"{role} [{written[role]}] is {kind}" for role, kind in kinds.items())
+        kept = kinds.get("motor_force", next(iter(kinds.values())))
+        role = next(role for role, kind in kinds.items() if kind != kept)
+        unit = ("0.8 rad" if kept == "rotary" else "0.8 mm") + "/s" * (role == "velocity")
+        raise InputError(
+            f"{path}: units of a line and of a rotation: {shown}; give motion and force on one"
+            f" side of the screw or gear, as in --column '{role}=NAME [{unit}]'"
+        )
+    return next(iter(kinds.values()), "rotary")

@@ -1,0 +1,58 @@
+"""The formats of records, and the opening of a file in any of them.
+
+A format is one module of this folder with a `FORMAT`, and its name in `FORMATS`: sliders, axes and
+folders of runs then read it. `register` adds one from outside of the package.
+"""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+from ..errors import InputError
+from . import delimited, epos, mat, xlook
+from .format import Format
+from .table import Table
+
+FORMATS: list[Format] = [xlook.FORMAT, mat.FORMAT, epos.FORMAT, delimited.FORMAT]
+"""The first that knows a file reads it; the last one is of any text."""
+
+
+def register(format: Format) -> None:
+    """Read files that `format` knows by it, before any other format is asked."""
+    FORMATS.insert(0, format)
+
+
+def suffixes() -> tuple[str, ...]:
+    """Endings of the names of files that may be records, in lower case."""
+    return tuple(dict.fromkeys(suffix for format in FORMATS for suffix in format.suffixes))
+
+
+def read_table(path: str | Path) -> Table:
+    """Open delimited text (comma, semicolon, tab, blanks), an export of EPOS Studio, a MATLAB file
+    or xlook's binary format.
+
+    Raises `InputError` for a file that is missing, empty, a directory, in none of these formats,
+    or without a header.
+    """
+    path = Path(path)
+    data = _load(path)
+    format = next((one for one in FORMATS if one.knows(data, str(path))), delimited.FORMAT)
+    table = format.parse(data, str(path))
+    for array in (*table.columns, table.lines, table.malformed):
+        array.setflags(write=False)
+    sha256 = hashlib.sha256(data).hexdigest()
+    return replace(table, path=str(path), sha256=sha256, format=format.name)
+
+
+def _load(path: Path) -> bytes:
+    if path.is_dir():
+        raise InputError(f"{path} is a directory; give the path of a file")
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {error}") from None
+    if not data.strip():
+        raise InputError(f"{path} is empty")
+    return data

@@ -1,0 +1,262 @@
+"""What a column of a record can be: one schema of roles for sliders, one for servo axes.
+
+A role has a name, the SI units that its column may have, an example of a unit for messages, and the
+names under which laboratories and drives write it. `columns` finds the columns of a file by it, the
+same way for both rigs. To teach a name to the package, add it to its role here.
+"""
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ..errors import folded
+
+NO_COLUMN = "none"
+"""Stands for the column of a role that no column is to have."""
+
+
+class Role(NamedTuple):
+    """What one column of a record can be.
+
+    `unit` is its SI unit and `turning` that of a rotation (empty: there is none); `others` are
+    further units that a column may have. `example` and `turning_example` are units as they are
+    often written.
+    `aliases` are its names besides its own, folded, the most certain first. A record needs one
+    column for every word in `need`; roles with the same word stand in for each other.
+    """
+
+    name: str
+    unit: str
+    example: str
+    aliases: str
+    need: str = ""
+    turning: str = ""
+    turning_example: str = ""
+    others: tuple[str, ...] = ()
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """All SI units that a column of this role may have, its own first."""
+        return (self.unit, *filter(None, [self.turning]), *self.others)
+
+    def shown(self, *, rotary: bool = False) -> str:
+        """A unit for an advice."""
+        return self.turning_example if rotary and self.turning else self.example
+
+
+class Schema:
+    """The roles of one kind of rig, found by their names; `suffixes` are units after a name."""
+
+    def __init__(self, roles: tuple[Role, ...], suffixes: Mapping[str, str]):
+        self.roles = {role.name: role for role in roles}
+        self._suffixes = suffixes
+        self._ranks = {
+            name: (role.name, rank)
+            for role in roles
+            for rank, name in enumerate([folded(role.name), *role.aliases.split()])
+        }
+
+    def role_of(self, name: str) -> tuple[str, int] | None:
+        """Role of a column's name and its rank (0: the role's own name); None: no role."""
+        return self._ranks.get(folded(name))
+
+    def split(self, cell: str) -> tuple[str, str | None]:
+        """Name and unit of a header cell: `time [s]`, `Time(s)`, `time_s`; None without a unit.
+
+        A suffix counts as a unit only after a name that has a role, so that `layer_m` stays a name.
+        """
+        cell = cell.strip().strip("\"'").strip()
+        match = re.fullmatch(r"(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]", cell)
+        if match and match[1].strip():
+            return match[1].strip(), match[2]
+        pieces = re.split(r"[_\s,]+", cell)
+        for parts in (3, 2, 1):
+            suffix = "_".join(pieces[-parts:]).replace("µ", "u").replace("μ", "u")
+            name = cell[: len(cell) - len(suffix)].rstrip("_ ,")
+            unit = self._suffixes.get(suffix) or self._suffixes.get(suffix.lower())
+            if len(pieces) > parts and unit and self.role_of(name):
+                return name, unit
+        return cell, None
+
+
+def _per_second(*lengths: str) -> dict[str, str]:
+    """Suffixes of velocities: um_s, um_per_s, umps."""
+    return {f"{m}{per}s": f"{m}/s" for m in lengths for per in ("_", "_per_", "p")}
+
+
+def _same(*units: str) -> dict[str, str]:
+    return {unit: unit for unit in units}
+
+
+SLIDER = Schema(
+    (
+        Role(
+            "time",
+            "s",
+            "s",
+            "t elapsedtime testtime timestamp exptime runtime seconds datetime dateandtime"
+            " dateandtimeofday timeofday clock clocktime zeit",
+            need="time",
+        ),
+        Role(
+            "load_point_displacement",
+            "m",
+            "um",
+            "loadpointdisp loadpointdispl lpdisplacement lpdisp lpd loadpointposition motorposition"
+            " motordisplacement ramdisplacement ramdisp pistondisplacement sheardisplacement"
+            " sheardisp displacement displ disp",
+            need="motion",
+        ),
+        Role(
+            "load_point_velocity",
+            "m/s",
+            "um/s",
+            "loadpointvel lpvelocity lpvel vlp loadingvelocity loadingrate drivevelocity"
+            " motorvelocity commandedvelocity velocity vel v",
+            need="motion",
+        ),
+        Role(
+            "load_point_encoder",
+            "m",
+            "um",
+            "lpencoder encoder encoderdisplacement encoderposition motorencoder ramencoder"
+            " measuredloadpoint measuredposition",
+        ),
+        Role(
+            "friction",
+            "1",
+            "1",
+            "frictioncoefficient coefficientoffriction frictioncoeff coefffriction cof mu μ"
+            " frictionforce shearforce tangentialforce",
+            need="friction",
+            others=("N", "Pa"),
+        ),
+        Role(
+            "slip",
+            "m",
+            "um",
+            "slipdisplacement faultslip shearslip sliderdisplacement sliderposition",
+        ),
+        Role(
+            "normal_stress",
+            "Pa",
+            "MPa",
+            "effectivenormalstress effnormalstress effectivestress normstress norstress sigman sign"
+            " σn",
+        ),
+        Role(
+            "shear_stress",
+            "Pa",
+            "MPa",
+            "shearstressonfault shearstr shrstress tau τ",
+            need="friction",
+        ),
+    ),
+    {
+        **_same("s", "ms", "us", "min", "um", "micron", "microns", "mm", "nm", "m", "1"),
+        **{"sec": "s", "n": "N", "kn": "kN", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa"},
+        **_per_second("m", "mm", "um", "nm"),
+    },
+)
+"""Shear stress over normal stress is friction, which may also be a force; a friction in Pa is taken
+for a shear stress."""
+
+AXIS = Schema(
+    (
+        Role(
+            "time",
+            "s",
+            "s",
+            "t elapsedtime timestamp runtime seconds datetime dateandtime timeofday clock clocktime"
+            " zeit",
+            need="time",
+        ),
+        Role(
+            "position",
+            "m",
+            "mm",
+            "positionactualvalue actualposition positionactual measuredposition positionmeasured"
+            " encoderposition loadposition axisposition motorposition motorangle encoder angle pos"
+            " q qm theta x y displacement",
+            need="motion",
+            turning="rad",
+            turning_example="rad",
+        ),
+        Role(
+            "reference_position",
+            "m",
+            "mm",
+            "positionreference positiondemandvalue demandposition positiondemand commandedposition"
+            " positioncommand commandposition positionsetpoint setpointposition targetposition"
+            " positiontarget desiredposition reference setpoint refposition posref refpos xref qref"
+            " qg qd ref",
+            turning="rad",
+            turning_example="rad",
+        ),
+        Role(
+            "velocity",
+            "m/s",
+            "mm/s",
+            "velocityactualvalueaveraged velocityactualvalue actualvelocity velocityactual"
+            " measuredvelocity motorvelocity axisvelocity angularvelocity speed actualspeed"
+            " measuredspeed motorspeed omega vel v",
+            need="motion",
+            turning="rad/s",
+            turning_example="rad/s",
+        ),
+        Role(
+            "motor_force",
+            "N",
+            "N",
+            "motortorque torqueactualvalueaveraged torqueactualvalue actualtorque torqueactual"
+            " measuredtorque drivetorque actuatorforce driveforce drivingforce torque force tau f",
+            need="force",
+            turning="N*m",
+            turning_example="N m",
+            others=("%",),
+        ),
+        Role(
+            "control_signal",
+            "V",
+            "V",
+            "controlvoltage commandvoltage motorvoltage drivesignal control voltage vir u",
+            need="force",
+        ),
+        Role(
+            "motor_current",
+            "A",
+            "A",
+            "currentactualvalueaveraged currentactualvalue actualcurrent currentactual"
+            " torquecurrent current iq i",
+            need="force",
+        ),
+        Role(
+            "disturbance",
+            "N",
+            "N",
+            "disturbanceforce disturbancetorque forcedisturbance torquedisturbance inputdisturbance"
+            " loaddisturbance motordisturbance addedforce addedtorque forcepulses torquepulses"
+            " pulsesn pulses pulse perturbation excitationforce excitationtorque",
+            turning="N*m",
+            turning_example="N m",
+            others=("%", "V", "A"),
+        ),
+    ),
+    {
+        **_same("s", "ms", "us", "m", "mm", "um", "nm", "cm", "rpm", "rad", "mrad", "deg", "rev"),
+        **_same("V", "mV", "A", "mA", "N", "kN", "Nm", "mNm", "Ncm"),
+        **{"NM": "Nm", "pct": "%", "percent": "%"},
+        **_per_second("m", "mm", "um", "rad", "mrad", "deg", "rev"),
+    },
+)
+"""A force may be a torque, or per cent of a rated torque that is not known; a disturbance may also
+be recorded as a control signal or a current, which the drive's gain turns into a force."""
+
+SIGNAL_UNITS = ("V", "A")
+"""What is not yet a force."""
+
+
+def has_role(cell: str) -> bool:
+    """Whether the name in a header cell has a role on any rig."""
+    name = SLIDER.split(cell)[0]
+    return any(schema.role_of(name) is not None for schema in (SLIDER, AXIS))

@@ -1,0 +1,123 @@
+"""The rows of a record: which are whole, and what is said of those that are not."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+
+LARGEST, SMALLEST = 1e30, 1e-30
+"""No measured quantity is larger, in SI; what is smaller is 0."""
+
+MIN_ROWS = 20
+"""A record needs this many rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the rows stand in their file.
+
+    `lines`: line (or row) numbers; `malformed`: rows with a wrong number of cells; `text` gives
+    what stands in a line, for messages.
+    """
+
+    lines: np.ndarray
+    malformed: np.ndarray
+    text: Callable[[int], str] | None = None
+
+    @classmethod
+    def of(cls, count: int) -> "Rows":
+        """Of arrays that come from no file."""
+        return cls(np.arange(1, count + 1), np.zeros(count, bool))
+
+    def part(self, rows: slice) -> "Rows":
+        """Some of them."""
+        return Rows(self.lines[rows], self.malformed[rows], self.text)
+
+    def place(self, index: int, role: str = "") -> str:
+        """Row and text of a row, for a message; `role` is of the column in question."""
+        line = int(self.lines[index])
+        found = self.text(line).strip() if self.text else ""
+        shown = found if len(found) <= 60 else found[:57] + "..."
+        if role:
+            return f"row {line} ({role})" + (f": '{shown}'" if shown else "")
+        return f"row {line} ('{shown}')" if shown else f"row {line}"
+
+
+def whole_rows(
+    columns: Mapping[str, np.ndarray], path: str, rows: Rows, drop_bad: bool
+) -> tuple[dict[str, np.ndarray], np.ndarray, dict[str, int]]:
+    """The columns without denormal numbers, which rows to keep, and the others' count by reason.
+
+    Rows go that repeat a time; rows that are not whole, or go back in time, where `drop_bad` says
+    so.
+
+    Raises `InputError` for columns of different length, and for rows that would have to be dropped.
+    """
+    if len({len(values) for values in columns.values()}) > 1:
+        sizes = ", ".join(f"{role} {len(values)}" for role, values in columns.items())
+        raise InputError(f"{path}: columns of different length: {sizes}; cut them to the same rows")
+    columns = {
+        role: np.where(np.abs(values) < SMALLEST, 0.0, values) for role, values in columns.items()
+    }
+    finite = {role: np.abs(values) < LARGEST for role, values in columns.items()}
+    bad = ~np.all(list(finite.values()), axis=0) & ~rows.malformed
+    if not drop_bad:
+        _refuse_malformed(path, rows)
+        _refuse_bad(finite, bad, path, rows)
+    keep = ~bad & ~rows.malformed
+    time = np.where(keep, columns["time"], -np.inf)
+    before = np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
+    back, equal = keep & (time < before), keep & (time == before)
+    if back.any() and not drop_bad:
+        first = int(np.flatnonzero(back)[0])
+        raise InputError(
+            f"{path}: time goes back in {rows.place(first)}, from {before[first]:.10g} to"
+            f" {time[first]:.10g} s; sort the rows or cut the file there"
+        )
+    counts = {
+        "wrong number of cells": int(rows.malformed.sum()),
+        "no finite number": int(bad.sum()),
+        "equal time stamp": int(equal.sum()),
+        "time goes back": int(back.sum()),
+    }
+    return columns, keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
+
+
+def refuse_few(count: int, path: str) -> None:
+    """Raise `InputError` where too few rows are left."""
+    if count < MIN_ROWS:
+        raise InputError(f"{path} has {count} usable rows; {MIN_ROWS} are needed")
+
+
+def _refuse_malformed(path: str, rows: Rows) -> None:
+    if not rows.malformed.any():
+        return
+    first = int(np.flatnonzero(rows.malformed)[0])
+    raise InputError(
+        f"{path}: {_count(rows.malformed)} with a wrong number of cells, the first in"
+        f" {rows.place(first)}; mend them, or leave them out (--drop-bad)"
+    )
+
+
+def _refuse_bad(finite: Mapping[str, np.ndarray], bad: np.ndarray, path: str, rows: Rows) -> None:
+    """Refuse cells that are no numbers; a column that ends before the others is told apart."""
+    if not bad.any():
+        return
+    first = int(np.flatnonzero(bad)[0])
+    role = next(role for role, good in finite.items() if not good[first])
+    if 0 < first < len(bad) - 1 and not finite[role][first:].any() and finite["time"][first:].all():
+        raise InputError(
+            f"{path}: columns of different length: {role} ends before {rows.place(first)}, time"
+            f" has {len(bad) - first} rows more; cut the file there, or leave those rows out"
+            " (--drop-bad)"
+        )
+    raise InputError(
+        f"{path}: {_count(bad)} with a cell that is no finite number, the first in"
+        f" {rows.place(first, role)}; mend them, or leave them out (--drop-bad)"
+    )
+
+
+def _count(rows: np.ndarray) -> str:
+    return "1 row" if rows.sum() == 1 else f"{rows.sum()} rows"
