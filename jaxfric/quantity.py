@@ -13,7 +13,8 @@ N/m for a force and 1/m for a coefficient.
 import dataclasses
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from typing import overload
 
 import equinox as eqx
 import jax
@@ -78,7 +79,7 @@ class Quantity:
             raise InputError(f"{where}: {self.text} ({self.symbol}) is {value:g}; {self._range()}")
         return value
 
-    def allows(self, value):
+    def allows(self, value: Array | np.ndarray) -> Array | np.ndarray:
         """Elementwise: finite, and within the bounds."""
         above = (value >= self.lower) if self.closed else (value > self.lower)
         return above & (value < self.upper) & (abs(value) < math.inf)
@@ -108,8 +109,8 @@ def quantity(
     """Declare a module field that holds a `Quantity` (converted to a JAX array)."""
     metadata = {"quantity": Quantity(symbol, unit, text, lower, upper, closed, shape_only)}
     if default is None:
-        return eqx.field(converter=_as_array, metadata=metadata)
-    return eqx.field(converter=_as_array, metadata=metadata, default=default)
+        return eqx.field(converter=as_floats, metadata=metadata)
+    return eqx.field(converter=as_floats, metadata=metadata, default=default)
 
 
 def numbered(symbol: str, state: int) -> str:
@@ -134,7 +135,12 @@ def states_of(names: Iterable[str], symbol: str = "B") -> int:
     return max((int(f[2]) for f in found if f and f[1] == symbol), default=1)
 
 
-def _as_array(value):
+@overload
+def as_floats(value: ArrayLike) -> Array: ...
+@overload
+def as_floats(value: None) -> None: ...
+def as_floats(value: ArrayLike | None) -> Array | None:
+    """An array of floating-point numbers; None stays None."""
     if value is None:
         return None
     value = jnp.asarray(value)
@@ -151,7 +157,7 @@ def quantities(module: eqx.Module | type) -> dict[str, Quantity]:
     }
 
 
-def is_known(value) -> bool:
+def is_known(value: object) -> bool:
     """Whether an array has values: not so while it is traced, or only its shape is known."""
     return isinstance(value, np.ndarray | jax.Array) and not isinstance(value, Tracer)
 
@@ -178,7 +184,7 @@ def all_inside(module: eqx.Module) -> Bool[Array, ""]:
     return jnp.stack(checks).all() if checks else jnp.asarray(True)
 
 
-def _declared(module: eqx.Module):
+def _declared(module: eqx.Module) -> Iterator[tuple[Quantity, Array]]:
     """Every quantity with its value, of a module and of the modules in it."""
     for field in dataclasses.fields(module):  # pyright: ignore[reportArgumentType]
         value = getattr(module, field.name, None)

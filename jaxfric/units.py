@@ -7,9 +7,15 @@ use. Field spellings are understood: um, µm, micron(s), microns/s, sec, MPa, s^
 import functools
 import math
 import re
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 from .errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pint
+
+_Values = TypeVar("_Values", float, "np.ndarray")
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NO_UNIT = {"", "1", "-", "--", ".", "none", "dimensionless", "unitless", "n/a", "coefficient"}
@@ -95,7 +101,7 @@ def factor(unit_text: str, si_unit: str, what: str) -> float:
     return value
 
 
-def scale(values: Any, size: float) -> Any:
+def scale(values: _Values, size: float) -> _Values:
     """values * size; by the whole reciprocal where there is one: 10 um is 1e-5 m exactly."""
     whole = round(1 / size) if 0 < abs(size) < 1 else 0
     exact = whole != 0 and math.isclose(whole * size, 1, rel_tol=1e-15)
@@ -175,7 +181,7 @@ def _unit_factor(unit: str, si_unit: str, what: str) -> float:
         ) from None
 
 
-def _parse(unit: str, what: str = "unit") -> Any:
+def _parse(unit: str, what: str = "unit") -> "pint.Quantity":
     """One `unit` as a pint quantity, or an `InputError` that names the nearest known unit."""
     registry = _registry()
     try:
@@ -186,7 +192,7 @@ def _parse(unit: str, what: str = "unit") -> Any:
 
 
 @functools.lru_cache(maxsize=1)
-def _registry() -> Any:
+def _registry() -> "pint.UnitRegistry":
     """The one registry. Its definitions are cached on disk where that is possible."""
     import pint
 

@@ -103,6 +103,14 @@ def test_one_bad_row_is_told_alike_on_both_rigs(tmp_path: Path) -> None:
         assert dropped == {"no finite number": 1}
 
 
+@pytest.mark.parametrize(("column", "unit"), [("position [1]", "m"), ("velocity [1/s]", "m/s")])
+def test_an_angle_has_a_unit(tmp_path: Path, column: str, unit: str) -> None:
+    """To pint an angle has no dimension; to a record a number without a unit is no angle."""
+    named = dict(zip(("time_s", column, "force_N"), AXIS.values(), strict=True))
+    with pytest.raises(InputError, match=f"not a unit of {unit}|it is not a unit of {unit}"):
+        read_axis(csv(tmp_path / "run.csv", named))
+
+
 # ---- MATLAB files of sliders --------------------------------------------------------------
 
 

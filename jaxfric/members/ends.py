@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..gains.ends import RUNAWAY, SMALL, mean_and_spread, settles
 from ..gains.settle import PERIODS
-from ..simulation.ensemble import Lanes, Point, Step, integrate
+from ..simulation.ensemble import LanePoint, Lanes, Step, integrate
 
 CODES = {
     "steady": "The slider slides steadily, or comes ever closer to it.",
@@ -80,7 +80,7 @@ class _Cycle(NamedTuple):
 
 def ends(
     of: Lanes,
-    start: Point,
+    start: LanePoint,
     lead: Float[Array, " n"],
     horizon: Float[Array, " n"],
     decay: Float[Array, " n"],
@@ -100,7 +100,7 @@ def ends(
     stops = jnp.where(begun | (jnp.arange(5)[:, None] > 0), quarters, 0.25 * horizon)
     stable = decay > 0
 
-    def spring(point: Point) -> Array:
+    def spring(point: LanePoint) -> Array:
         u, *psi = point.y
         pull = law.A * (u + sum(psi)) + of.damping * law.V0 * jnp.exp(jnp.minimum(u, 600.0))
         return pull / of.stiffness

@@ -170,7 +170,7 @@ class Sliders:
         s = poles(self._slider(p, mass=self.inertia))
         return slowest_mode(s), -jnp.max(s.real)
 
-    def _lanes(self, p: Mapping[str, Array]) -> tuple[ensemble.Lanes, ensemble.Point]:
+    def _lanes(self, p: Mapping[str, Array]) -> tuple[ensemble.Lanes, ensemble.LanePoint]:
         assert isinstance(self.law, str)
         law = rate_state(self.law, p, self.states, LogarithmicEffect())
         of = ensemble.lanes(law, p["k_p"], p["k_v"], p["V0"])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from .axis_units import FORCE_UNITS, si_units
 from .record import Provenance, Sampling, cut, frozen, vector
-from .rows import Rows, refuse_few, whole_rows
+from .rows import FileRows, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .window import Bound, bounds
 
@@ -168,7 +168,7 @@ def axis_from_arrays(
     forces = {role: force_unit for role in columns if role.endswith("_force")}
     units = {role: si_units(coordinate).get(role, "") for role in columns} | forces
     kind = AxisKind(coordinate, force_unit, drive)
-    rows = Rows.of(len(columns["time"]))
+    rows = FileRows.of(len(columns["time"]))
     return build(columns, kind, units, Provenance("arrays"), rows, False)
 
 
@@ -177,7 +177,7 @@ def build(
     kind: AxisKind,
     units: Mapping[str, str],
     origin: Provenance,
-    rows: Rows,
+    rows: FileRows,
     drop_bad: bool,
 ) -> AxisRecord:
     """Check the rows, drop equal time stamps (and bad rows if so told), and freeze."""

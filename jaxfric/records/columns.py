@@ -12,7 +12,7 @@ from ..units import factor, has_dimension, scale
 from .axis_units import spelling
 from .record import EMPTY_ROWS, Provenance
 from .roles import AXIS, NO_COLUMN, SLIDER, Role, Schema
-from .rows import Rows
+from .rows import FileRows
 from .table import HOW, Table, filled_rows, with_rate
 
 _ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
@@ -45,7 +45,7 @@ class Understood(NamedTuple):
     table: Table
     uses: dict[str, Use]
     values: dict[str, np.ndarray]
-    rows: Rows
+    rows: FileRows
     origin: Provenance
 
 
@@ -146,7 +146,7 @@ def _with_suffixes(table: Table, schema: Schema) -> Table:
     return replace(table, names=tuple(n for n, _ in cells), units=tuple(u for _, u in cells))
 
 
-def _rows(table: Table, uses: Mapping[str, Use]) -> Rows:
+def _rows(table: Table, uses: Mapping[str, Use]) -> FileRows:
     """The rows of the columns in use: vectors of a MATLAB file may differ in length."""
     sizes = {role: len(table.columns[use.index]) for role, use in uses.items()}
     if len(set(sizes.values())) > 1:
@@ -157,7 +157,7 @@ def _rows(table: Table, uses: Mapping[str, Use]) -> Rows:
             f"{table.path}: columns of different length: {shown}; cut them to the same rows"
         )
     size = next(iter(sizes.values()))
-    return Rows(table.lines[:size], table.malformed[:size], table.text)
+    return FileRows(table.lines[:size], table.malformed[:size], table.text)
 
 
 def _named(table: Table, schema: Schema, role: str, text: str) -> tuple[int, str | None]:

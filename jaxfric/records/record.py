@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..units import between
 from . import standing_out
 from .roles import SLIDER
-from .rows import MIN_ROWS, Rows, refuse_few, whole_rows
+from .rows import MIN_ROWS, FileRows, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .window import Bound, bounds
 
@@ -184,7 +184,7 @@ def from_arrays(
         raise InputError(f"friction_unit is '1' or 'N', not '{friction_unit}'")
     columns = {role: vector(values, role) for role, values in given.items() if values is not None}
     units = {role: ROLES[role] for role in columns} | {"friction": friction_unit}
-    rows = Rows.of(len(columns["time"]))
+    rows = FileRows.of(len(columns["time"]))
     return build(columns, friction_unit, units, Provenance("arrays"), rows, False)
 
 
@@ -193,7 +193,7 @@ def build(
     friction_unit: str,
     units: Mapping[str, str],
     origin: Provenance,
-    rows: Rows,
+    rows: FileRows,
     drop_bad: bool,
 ) -> Record:
     """Check the rows, drop equal time stamps (and bad rows if so told), and freeze.

@@ -15,7 +15,7 @@ MIN_ROWS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class FileRows:
     """Where the rows stand in their file.
 
     `lines`: line (or row) numbers; `malformed`: rows with a wrong number of cells; `text` gives
@@ -27,13 +27,13 @@ class Rows:
     text: Callable[[int], str] | None = None
 
     @classmethod
-    def of(cls, count: int) -> "Rows":
+    def of(cls, count: int) -> "FileRows":
         """Of arrays that come from no file."""
         return cls(np.arange(1, count + 1), np.zeros(count, bool))
 
-    def part(self, rows: slice) -> "Rows":
+    def part(self, rows: slice) -> "FileRows":
         """Some of them."""
-        return Rows(self.lines[rows], self.malformed[rows], self.text)
+        return FileRows(self.lines[rows], self.malformed[rows], self.text)
 
     def place(self, index: int, role: str = "") -> str:
         """Row and text of a row, for a message; `role` is of the column in question."""
@@ -46,7 +46,7 @@ class Rows:
 
 
 def whole_rows(
-    columns: Mapping[str, np.ndarray], path: str, rows: Rows, drop_bad: bool
+    columns: Mapping[str, np.ndarray], path: str, rows: FileRows, drop_bad: bool
 ) -> tuple[dict[str, np.ndarray], np.ndarray, dict[str, int]]:
     """The columns without denormal numbers, which rows to keep, and the others' count by reason.
 
@@ -91,7 +91,7 @@ def refuse_few(count: int, path: str) -> None:
         raise InputError(f"{path} has {count} usable rows; {MIN_ROWS} are needed")
 
 
-def _refuse_malformed(path: str, rows: Rows) -> None:
+def _refuse_malformed(path: str, rows: FileRows) -> None:
     if not rows.malformed.any():
         return
     first = int(np.flatnonzero(rows.malformed)[0])
@@ -101,7 +101,9 @@ def _refuse_malformed(path: str, rows: Rows) -> None:
     )
 
 
-def _refuse_bad(finite: Mapping[str, np.ndarray], bad: np.ndarray, path: str, rows: Rows) -> None:
+def _refuse_bad(
+    finite: Mapping[str, np.ndarray], bad: np.ndarray, path: str, rows: FileRows
+) -> None:
     """Refuse cells that are no numbers; a column that ends before the others is told apart."""
     if not bad.any():
         return

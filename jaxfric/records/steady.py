@@ -1,7 +1,8 @@
 """Runs at steady speeds become one curve of friction against velocity."""
 
+import functools
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -84,26 +85,16 @@ def read_steady(
     units, and fewer than 4 steady runs.
     """
     folder = Path(folder)
-    runs: list[Run] = []
-    records: dict[str, AxisRecord] = {}
-    bad: list[str] = []
-    files = _files(folder)
-    for path in files:
-        name = path.relative_to(folder).as_posix()
-        try:
-            records[name] = read_axis(
-                path,
-                columns=columns,
-                drive_gain=drive_gain,
-                rated_torque=rated_torque,
-                flip=flip,
-                drop_bad=drop_bad,
-            )
-        except InputError as error:
-            bad.append(str(error).replace(str(path), name))
-            continue
-        runs.append(steady_run(name, records[name]))
-    _refuse_bad(folder, bad, len(files))
+    one = functools.partial(
+        read_axis,
+        columns=columns,
+        drive_gain=drive_gain,
+        rated_torque=rated_torque,
+        flip=flip,
+        drop_bad=drop_bad,
+    )
+    records = _read_all(folder, one)
+    runs = [steady_run(name, record) for name, record in records.items()]
     used = sorted((run for run in runs if not run.refused), key=lambda run: (run.speed, run.name))
     _check_runs(folder, runs, used, records)
     first = records[used[0].name]
@@ -125,6 +116,21 @@ def read_steady(
         provenance=_provenance(folder, runs, used, records),
         rows=tuple(run.rows for run in used if run.rows is not None),
     )
+
+
+def _read_all(folder: Path, one: Callable[[Path], AxisRecord]) -> dict[str, AxisRecord]:
+    """The records of all files of a folder, by their path below it."""
+    records: dict[str, AxisRecord] = {}
+    bad: list[str] = []
+    files = _files(folder)
+    for path in files:
+        name = path.relative_to(folder).as_posix()
+        try:
+            records[name] = one(path)
+        except InputError as error:
+            bad.append(str(error).replace(str(path), name))
+    _refuse_bad(folder, bad, len(files))
+    return records
 
 
 def _refuse_bad(folder: Path, bad: list[str], count: int) -> None:

@@ -66,7 +66,7 @@ class _Rows:
     position: np.ndarray | None
     """None where the speed is not that of the position."""
 
-    def part(self, rows) -> "_Rows":
+    def part(self, rows: slice | np.ndarray) -> "_Rows":
         """Some of the rows."""
         position = None if self.position is None else self.position[rows]
         time, speed, force = self.time[rows], self.speed[rows], self.force[rows]

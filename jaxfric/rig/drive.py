@@ -30,10 +30,10 @@ class AbstractDrive(eqx.Module):
 class IdealDrive(AbstractDrive):
     """The load point does what it is told."""
 
-    def lag(self, motion, t):
+    def lag(self, motion: AbstractMotion, t: Float[Array, ""]) -> Float[Array, ""]:
         return jnp.zeros_like(t)
 
-    def lag_rate(self, motion, t):
+    def lag_rate(self, motion: AbstractMotion, t: Float[Array, ""]) -> Float[Array, ""]:
         return jnp.zeros_like(t)
 
 
@@ -48,20 +48,23 @@ class FirstOrderDrive(AbstractDrive):
         "tau", "s", "time constant of the drive", lower=0.0, closed=True
     )
 
-    def lag(self, motion, t):
+    def lag(self, motion: AbstractMotion, t: Float[Array, ""]) -> Float[Array, ""]:
         jump, since = self._steps(motion, t)
         return jnp.sum(self.tau * jump * (1 - self._decay(since)))
 
-    def lag_rate(self, motion, t):
+    def lag_rate(self, motion: AbstractMotion, t: Float[Array, ""]) -> Float[Array, ""]:
         jump, since = self._steps(motion, t)
         return jnp.sum(jump * self._decay(since))
 
-    def _decay(self, since):
+    def _decay(self, since: Float[Array, " n"]) -> Float[Array, " n"]:
         # at tau = 0 nothing is left of a step; so too, to first order, for a negative one
         lagging = self.tau > 0
         return jnp.where(lagging, jnp.exp(-since / jnp.where(lagging, self.tau, 1.0)), 0.0)
 
-    def _steps(self, motion, t):
+    def _steps(
+        self, motion: AbstractMotion, t: Float[Array, ""]
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """Changes of velocity [m/s], 0 for those to come, and the time since each [s]."""
         if not isinstance(motion, PiecewiseVelocity):
             raise TypeError(
                 "FirstOrderDrive needs a PiecewiseVelocity motion: its lag is a closed form "

@@ -6,9 +6,9 @@ where it is a coefficient (stiffness over normal force).
 """
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from ..quantity import quantity, refuse_outside
+from ..quantity import as_floats, quantity, refuse_outside
 
 
 class AbstractMachine(eqx.Module):
@@ -33,10 +33,17 @@ class QuasiStatic(AbstractMachine):
     mass: Float[Array, ""] | None = quantity("m", "F s^2/m", "small mass")
     first_order: bool = eqx.field(static=True, default=False)
 
-    def __init__(self, stiffness, damping=None, mass=None, *, first_order=False):
-        self.stiffness = stiffness
-        self.damping = damping
-        self.mass = mass
+    def __init__(
+        self,
+        stiffness: ArrayLike,
+        damping: ArrayLike | None = None,
+        mass: ArrayLike | None = None,
+        *,
+        first_order: bool = False,
+    ):
+        self.stiffness = as_floats(stiffness)
+        self.damping = None if damping is None else as_floats(damping)
+        self.mass = None if mass is None else as_floats(mass)
         self.first_order = first_order
 
     def __check_init__(self):
@@ -54,10 +61,10 @@ class Inertial(AbstractMachine):
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
     damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0, closed=True)
 
-    def __init__(self, mass, stiffness, damping=None):
-        self.mass = mass
-        self.stiffness = stiffness
-        self.damping = damping
+    def __init__(self, mass: ArrayLike, stiffness: ArrayLike, damping: ArrayLike | None = None):
+        self.mass = as_floats(mass)
+        self.stiffness = as_floats(stiffness)
+        self.damping = None if damping is None else as_floats(damping)
 
     def __check_init__(self):
         refuse_outside(self, "Inertial")

@@ -23,17 +23,17 @@ class ImperfectSensor(AbstractSensor):
     drift: Float[Array, ""] = quantity("r", "F/s", "drift of the sensor", default=0.0)
     gain: Float[Array, ""] = quantity("g", "1", "error of the sensor's gain", default=0.0)
 
-    def read(self, ts, force):
+    def read(self, ts: Float[Array, " n"], force: Float[Array, " n"]) -> Float[Array, " n"]:
         y = self._lagged(ts, self._delayed(ts, force))
         return (1 + self.gain) * y + self.drift * (ts - ts[0])
 
-    def _delayed(self, ts, force):
+    def _delayed(self, ts: Float[Array, " n"], force: Float[Array, " n"]) -> Float[Array, " n"]:
         slope = _backward_slope(ts, force)
         early = jnp.interp(ts - self.delay, ts, force)
         within = jnp.abs(self.delay) <= jnp.diff(ts, prepend=ts[:1])
         return jnp.where(within, force - self.delay * slope, early)
 
-    def _lagged(self, ts, force):
+    def _lagged(self, ts: Float[Array, " n"], force: Float[Array, " n"]) -> Float[Array, " n"]:
         steps = jnp.diff(ts, prepend=ts[:1])
         slope = _backward_slope(ts, force)
         safe = jnp.where(self.tau > 0, self.tau, 1.0)
@@ -43,7 +43,7 @@ class ImperfectSensor(AbstractSensor):
         target = force - self.tau * slope
         start = jnp.concatenate([force[:1], force[:-1]]) - self.tau * slope
 
-        def combine(a, b):
+        def combine(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
             return a[0] * b[0], b[0] * a[1] + b[1]
 
         # y_n = target_n + keep_n (y_{n-1} - start_n)
@@ -52,7 +52,7 @@ class ImperfectSensor(AbstractSensor):
         return jax.lax.associative_scan(combine, (gain, offset))[1]
 
 
-def _backward_slope(ts, force):
+def _backward_slope(ts: Float[Array, " n"], force: Float[Array, " n"]) -> Float[Array, " n"]:
     steps = jnp.diff(ts, prepend=ts[:1])
     rise = jnp.diff(force, prepend=force[:1])
     return jnp.where(steps > 0, rise / jnp.where(steps > 0, steps, 1.0), 0.0)

@@ -17,6 +17,6 @@ class AbstractSensor(eqx.Module):
 class IdealSensor(AbstractSensor):
     """Records what is there."""
 
-    def read(self, ts, force):
+    def read(self, ts: Float[Array, " n"], force: Float[Array, " n"]) -> Float[Array, " n"]:
         del ts
         return force

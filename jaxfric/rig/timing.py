@@ -19,12 +19,12 @@ class LateSteps(AbstractDrive):
     drive: AbstractDrive
     delays: Float[Array, " n"] = quantity("delay", "s", "lateness of each velocity")
 
-    def lag(self, motion, t):
+    def lag(self, motion: AbstractMotion, t: Float[Array, ""]) -> Float[Array, ""]:
         if not isinstance(motion, PiecewiseVelocity):
             raise TypeError(f"LateSteps needs a PiecewiseVelocity, not {type(motion).__name__}")
         begun = t >= motion.times[1:]
         trails = jnp.diff(motion.velocities) * self.delays[1:]
         return self.drive.lag(motion, t) + jnp.sum(jnp.where(begun, trails, 0.0))
 
-    def lag_rate(self, motion: AbstractMotion, t):
+    def lag_rate(self, motion: AbstractMotion, t: Float[Array, ""]) -> Float[Array, ""]:
         return self.drive.lag_rate(motion, t)

@@ -7,7 +7,7 @@ are not known: the simulation then ends where it begins, and its `result` is `RE
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, PyTree
 
 from ..errors import InputError
 from ..motion import AbstractMotion, PiecewiseVelocity
@@ -61,13 +61,18 @@ def refuse_no_steady_state(initial: dict[str, Array], V: Array) -> None:
         )
 
 
-def _refuse_infinite(what: str, value) -> None:
+def _refuse_infinite(what: str, value: Array | None) -> None:
     if value is not None and is_known(value) and not np.all(np.isfinite(np.asarray(value))):
         raise InputError(f"{what} holds a value that is not finite")
 
 
 def is_possible(
-    rig: Rig, ts: Array, start: Start, initial, *, motion: AbstractMotion | None = None
+    rig: Rig,
+    ts: Array,
+    start: Start,
+    initial: PyTree[Array],
+    *,
+    motion: AbstractMotion | None = None,
 ) -> Bool[Array, ""]:
     """The same where nothing is known: whether a simulation makes sense."""
     fine = [all_inside(rig), jnp.all(jnp.isfinite(ts)), jnp.all(jnp.diff(ts) >= 0)]

@@ -1,11 +1,12 @@
 """Simulation of a slider whose friction answers late, by the method of steps."""
 
 import math
+from typing import NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..errors import InputError
 from ..quantity import is_known
@@ -15,6 +16,7 @@ from .checks import is_possible, refuse_impossible
 from .method_of_steps import (
     DelayEquation,
     MethodOfSteps,
+    Unknowns,
     chebyshev_series,
     step_points,
     without_history,
@@ -74,7 +76,28 @@ def simulate_delay(
         `ts` that descends or is not finite.
     TypeError : the rig has another machine or another kind of law.
     """
-    start = Start() if start is None else start
+    how = _Stepping(intervals, rtol, pieces, runaway, adjoint)
+    return _solve(rig, velocity, ts, Start() if start is None else start, how)
+
+
+class _Stepping(NamedTuple):
+    """How a simulation is solved; see `simulate_delay`."""
+
+    intervals: int | None
+    rtol: float
+    pieces: int
+    runaway: float
+    adjoint: diffrax.AbstractAdjoint | None
+
+
+def _solve(
+    rig: Rig,
+    velocity: Float[ArrayLike, ""],
+    ts: Float[Array, " n"],
+    start: Start,
+    how: _Stepping,
+) -> Trajectory:
+    intervals, rtol, pieces, runaway, adjoint = how
     machine, law = _rooms(rig)
     _check(start, rtol, pieces, intervals)
     refuse_impossible("simulate_delay", rig, ts, start)
@@ -107,12 +130,14 @@ def simulate_delay(
     return only_if(possible, found)
 
 
-def _out_of_range(t, y, args, **_):
+def _out_of_range(t: Array, y: Unknowns, args: DelayEquation, **_: object) -> Array:
     del t, args
     return y[1] <= 0
 
 
-def _find_end(equation: DelayEquation, coefficients, runaway):
+def _find_end(
+    equation: DelayEquation, coefficients: Float[Array, "n 2"], runaway: float
+) -> tuple[Float[Array, ""], Bool[Array, ""]]:
     """When, in steps, the velocity left its range within a step, and whether by coming to rest.
 
     Derivatives do not pass: the end is a time, not an observable.
@@ -120,11 +145,11 @@ def _find_end(equation: DelayEquation, coefficients, runaway):
     V0, v = equation.V0, jax.lax.stop_gradient(coefficients[:, 1])
     points = step_points(V0.dtype)
 
-    def margin(s):
+    def margin(s: Float[Array, "*n"]) -> Float[Array, "*n"]:
         V = V0 + chebyshev_series(v, s)
         return jnp.minimum(V, runaway * V0 - V)
 
-    def halve(_, bracket):
+    def halve(_: int, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
         low, high = bracket
         middle = 0.5 * (low + high)
         out = margin(middle) <= 0
@@ -139,9 +164,17 @@ def _find_end(equation: DelayEquation, coefficients, runaway):
     return inside, runaway * V0 - V > V
 
 
-def _sample(rig: Rig, equation: DelayEquation, solution, ts, elongation, runaway) -> Trajectory:
+def _sample(
+    rig: Rig,
+    equation: DelayEquation,
+    solution: diffrax.Solution,
+    ts: Float[Array, " n"],
+    elongation: Float[Array, ""],
+    runaway: float,
+) -> Trajectory:
     """The trajectory at the sample times, from the polynomials of all steps."""
     law, V0, delay = equation.law, equation.V0, equation.pieces
+    assert solution.interpolation is not None and solution.interpolation.infos is not None
     steps = solution.interpolation.infos["coefficients"]
     finished = solution.result == diffrax.RESULTS.successful
     left = solution.result == diffrax.RESULTS.event_occurred
@@ -185,7 +218,7 @@ def _rooms(rig: Rig) -> tuple[Inertial, AbstractDelayLaw]:
     return machine, law
 
 
-def _check(start: Start, rtol, pieces, intervals) -> None:
+def _check(start: Start, rtol: float, pieces: int, intervals: int | None) -> None:
     if start.state is not None:
         raise InputError("simulate_delay: a delay law has no states; leave `start.state` None")
     if not 0 < rtol <= 0.1:
@@ -196,18 +229,18 @@ def _check(start: Start, rtol, pieces, intervals) -> None:
         raise InputError(f"simulate_delay: intervals is {intervals}; take 1 at least")
 
 
-def _intervals_needed(delay, ts) -> int:
+def _intervals_needed(delay: Float[Array, ""], ts: Float[Array, " n"]) -> int:
     """Number of delays that the sample times span."""
     try:
-        span, delay = float(ts[-1] - ts[0]), float(delay)
+        span, each = float(ts[-1] - ts[0]), float(delay)
     except jax.errors.ConcretizationTypeError:
         raise InputError(
             "simulate_delay: under jit, vmap or a derivative the number of delays cannot be "
             "read from the values; state `intervals`"
         ) from None
-    if not 0 < delay < math.inf or not span < math.inf:
+    if not 0 < each < math.inf or not span < math.inf:
         raise InputError(
-            f"simulate_delay: delay {delay:g} s, times over {span:g} s; both must be finite, "
+            f"simulate_delay: delay {each:g} s, times over {span:g} s; both must be finite, "
             "the delay positive"
         )
-    return max(1, math.ceil(span / delay * (1 - 1e-12)))
+    return max(1, math.ceil(span / each * (1 - 1e-12)))

@@ -20,18 +20,18 @@ many steps should share a batch; 256 to 2048 of them fit into a cache.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from diffrax import Tsit5
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..errors import InputError
 from ..quantity import is_known, refuse_outside
 from ..rig import QuasiStatic
-from ..rig.friction import AgeingEvolution, RateState, SlipEvolution
+from ..rig.friction import AgeingEvolution, LogarithmicEffect, RateState, SlipEvolution
 
 # As of `simulate`: the error of a step, so that the whole stays within 10 rtol.
 _SAFETY = 0.03
@@ -64,6 +64,9 @@ def _weights_of_the_middle() -> np.ndarray:
 _MIDDLE = _weights_of_the_middle()
 
 Vector = tuple[Array, ...]
+"""u and the states over A, an array over the lanes for each."""
+Seen = TypeVar("Seen")
+"""What an observer gathers."""
 
 
 class Lanes(NamedTuple):
@@ -76,19 +79,19 @@ class Lanes(NamedTuple):
     velocity: Float[Array, " n"]
 
 
-class Point(NamedTuple):
+class LanePoint(NamedTuple):
     """Where lanes are: time [s], u = ln(V/V0) and the states over A."""
 
     time: Float[Array, " n"]
     y: Vector
 
 
-class Progress(NamedTuple):
+class Integration(NamedTuple, Generic[Seen]):
     """How an integration went."""
 
-    point: Point
+    point: LanePoint
     """Where each lane ended."""
-    seen: Any
+    seen: Seen
     """What the observer gathered."""
     steps: Int[Array, " n"]
     """Steps taken, rejected ones included."""
@@ -99,8 +102,8 @@ class Progress(NamedTuple):
 class Step(NamedTuple):
     """One accepted step, as an observer is shown it."""
 
-    before: Point
-    after: Point
+    before: LanePoint
+    after: LanePoint
     accepted: Bool[Array, " n"]
     row: Int[Array, ""]
     """Number of the step of the loop, the same for all lanes."""
@@ -110,7 +113,7 @@ class Step(NamedTuple):
     """y half-way."""
 
 
-def lanes(law: RateState, stiffness, damping, velocity) -> Lanes:
+def lanes(law: RateState, stiffness: ArrayLike, damping: ArrayLike, velocity: ArrayLike) -> Lanes:
     """Lanes from arrays that share their first axis.
 
     Raises
@@ -132,28 +135,17 @@ def lanes(law: RateState, stiffness, damping, velocity) -> Lanes:
     return Lanes(law, *(jnp.asarray(x, law.A.dtype) for x in (stiffness, damping, velocity)))
 
 
-def stepped(of: Lanes, ratio: Float[Array, " n"]) -> Point:
+def stepped(of: Lanes, ratio: Float[Array, " n"]) -> LanePoint:
     """Steady sliding at velocity/ratio, whose command has just stepped to `velocity`."""
     law = of.law
     u = jnp.log(of.velocity / (ratio * law.V0))
-    # the spring goes on from where it was, and so do u and theta; the dashpot feels the
-    # command's step at once: A u + k_v (V - V_m) keeps its value
-    c = of.damping * law.V0 / law.A
-    before = jnp.exp(u)
-    wanted = u + c * of.velocity / law.V0 * (1 - 1 / ratio)
-    new = _balanced(u, c, wanted + c * before)
+    # the spring and theta go on from where they were; the dashpot feels the command's step at once:
+    # A u + k_v (V - V_m) keeps its value, which it has from before, when V was V_m
+    wanted = law.A * u + of.damping * of.velocity
+    V = LogarithmicEffect().velocity(wanted, jnp.zeros_like(u), law.A, law.V0, of.damping)
+    new = jnp.log(V / law.V0)
     b = law.B / law.A[:, None]
-    return Point(jnp.zeros_like(u), (new, *(-b[:, i] * u for i in range(b.shape[1]))))
-
-
-def _balanced(u, c, wanted):
-    """u with u + c e^u = wanted, by Newton's method on the side where it converges."""
-    low = jnp.minimum(wanted, jnp.log(jnp.maximum(wanted, 1e-30) / jnp.maximum(c, 1e-300)))
-    u = jnp.where((c > 0) & (wanted > 1), jnp.maximum(low, u), jnp.where(c > 0, u, wanted))
-    for _ in range(12):
-        e = c * jnp.exp(u)
-        u = u - (u + e - wanted) / (1 + e)
-    return u
+    return LanePoint(jnp.zeros_like(u), (new, *(-b[:, i] * u for i in range(b.shape[1]))))
 
 
 def derivative(of: Lanes) -> Callable[[Vector], Vector]:
@@ -190,14 +182,14 @@ def derivative(of: Lanes) -> Callable[[Vector], Vector]:
 
 def integrate(
     of: Lanes,
-    start: Point,
+    start: LanePoint,
     stops: Float[Array, "s n"],
     *,
-    observe: Callable[[Any, Step], tuple[Any, Bool[Array, " n"]]],
-    seen: Any,
+    observe: Callable[[Seen, Step], tuple[Seen, Bool[Array, " n"]]],
+    seen: Seen,
     rtol: float = 1e-6,
     max_steps: int = 4096,
-) -> Progress:
+) -> Integration[Seen]:
     """Step all lanes to the last of their `stops`, landing on each of them.
 
     `observe(seen, step)` is shown every step of the loop and gives the new `seen` and the
@@ -211,10 +203,10 @@ def integrate(
     fastest = jnp.maximum(_norm(slope), 1e-300)
     size = jnp.minimum(0.1 * tolerance**0.2 / fastest, stops[-1] - start.time)
 
-    def unfinished(carry):
+    def unfinished(carry: tuple) -> Bool[Array, ""]:
         return jnp.any(carry[-2]) & (carry[-1] < max_steps)
 
-    def body(carry):
+    def body(carry: tuple) -> tuple:
         point, slope, size, at, seen, steps, active, row = carry
         stop = jnp.min(jnp.where(rows == at, stops, jnp.inf), axis=0)
         room = stop - point.time
@@ -224,7 +216,7 @@ def integrate(
         good = jnp.isfinite(error) & (error <= 1)
         grown = jnp.clip(_CAUTION * jnp.where(good, error, 1.0) ** -0.2, _SHRINK, _GROW)
         shrunk = jnp.clip(_CAUTION * jnp.where(jnp.isfinite(error), error, 1e9) ** -0.2, _SHRINK, 1)
-        after = Point(jnp.where(lands, stop, point.time + h), y)
+        after = LanePoint(jnp.where(lands, stop, point.time + h), y)
         accepted = active & good
         seen, ended = observe(seen, Step(point, after, accepted, row, (slope, k), middle))
         next_size = h * jnp.where(good, grown, shrunk)
@@ -245,10 +237,16 @@ def integrate(
     active = jnp.isfinite(fastest) & jnp.isfinite(stops[-1]) & (stops[-1] > start.time)
     carry = (start, slope, size, at, seen, at, active, jnp.asarray(0, jnp.int32))
     point, _, _, at, seen, steps, _, _ = jax.lax.while_loop(unfinished, body, carry)
-    return Progress(point, seen, steps, at >= stops.shape[0])
+    return Integration(point, seen, steps, at >= stops.shape[0])
 
 
-def _tsit5(rates, y: Vector, first: Vector, h, tolerance: float):
+def _tsit5(
+    rates: Callable[[Vector], Vector],
+    y: Vector,
+    first: Vector,
+    h: Float[Array, " n"],
+    tolerance: float,
+) -> tuple[Vector, Vector, Float[Array, " n"], Vector]:
     """A step: y at its end, dy/dt there, error in units of the tolerance, y in the middle."""
     ks = [first]
     for row in _A:
@@ -270,11 +268,11 @@ def _tsit5(rates, y: Vector, first: Vector, h, tolerance: float):
     return end, ks[-1], jnp.sqrt(0.5 * error), middle
 
 
-def _norm(y: Vector):
+def _norm(y: Vector) -> Float[Array, " n"]:
     return jnp.sqrt(sum(jnp.square(part) for part in y))
 
 
-class Response(NamedTuple):
+class LaneResponse(NamedTuple):
     """Motion of all lanes at sample times; rows are times, columns are lanes."""
 
     force: Float[Array, "t n"]
@@ -289,14 +287,14 @@ class Response(NamedTuple):
 
 def response(
     of: Lanes,
-    start: Point,
+    start: LanePoint,
     times: Float[Array, "t n"],
     *,
     rtol: float = 1e-6,
     max_steps: int = 4096,
     runaway: float = 1e4,
     window: int = 512,
-) -> Response:
+) -> LaneResponse:
     """Friction and velocity at `times` [s] > 0, ascending, of each lane.
 
     Steps are kept, `window` of them at a time, and the solver's own interpolant, a quartic, is
@@ -307,10 +305,10 @@ def response(
     size = min(window, max_steps)
     limit = jnp.log(of.velocity / of.law.V0) + np.log(runaway)
 
-    def unfinished(carry):
+    def unfinished(carry: tuple) -> Bool[Array, ""]:
         return jnp.any(carry[2]) & (carry[-1] < max_steps)
 
-    def follow(carry):
+    def follow(carry: tuple) -> tuple:
         point, samples, active, reached, escaped, steps, row = carry
         part = _kept(of, point, jnp.where(active, times[-1], point.time), limit, rtol, size)
         fresh = _between(part.kept, part.rows, len(point.y), jnp.minimum(times, part.point.time))
@@ -328,7 +326,11 @@ def response(
     _, y, _, reached, escaped, steps, _ = jax.lax.while_loop(unfinished, follow, carry)
     force = of.law.f0 + of.law.A * sum(y)
     velocity = of.law.V0 * jnp.exp(jnp.minimum(y[0], _LARGEST_EXPONENT))
-    return Response(force, velocity, steps, reached, escaped)
+    return LaneResponse(force, velocity, steps, reached, escaped)
+
+
+_Kept = tuple[tuple[Array, ...], tuple[Array, ...], Bool[Array, " n"]]
+"""Kept steps, the last of them, and the lanes that have escaped."""
 
 
 class _Window(NamedTuple):
@@ -336,19 +338,26 @@ class _Window(NamedTuple):
 
     kept: tuple[Array, ...]
     rows: Int[Array, ""]
-    point: Point
+    point: LanePoint
     reached: Bool[Array, " n"]
     escaped: Bool[Array, " n"]
     steps: Int[Array, " n"]
 
 
-def _kept(of: Lanes, start: Point, until, limit, rtol: float, size: int) -> _Window:
+def _kept(
+    of: Lanes,
+    start: LanePoint,
+    until: Float[Array, " n"],
+    limit: Float[Array, " n"],
+    rtol: float,
+    size: int,
+) -> _Window:
     """Follow all lanes to `until` [s] or for `size` steps, and keep the steps."""
     number = start.time.shape[0]
     first = (start.time, *start.y, *derivative(of)(start.y), *start.y)
     kept = tuple(jnp.zeros((size + 1, number), x.dtype).at[0].set(x) for x in first)
 
-    def observe(seen, step: Step):
+    def observe(seen: _Kept, step: Step) -> tuple[_Kept, Bool[Array, " n"]]:
         kept, last, escaped = seen
         new = (step.after.time, *step.after.y, *step.slopes[1], *step.middle)
         last = tuple(jnp.where(step.accepted, x, y) for x, y in zip(new, last, strict=True))
@@ -366,16 +375,18 @@ def _kept(of: Lanes, start: Point, until, limit, rtol: float, size: int) -> _Win
     return _Window(kept, rows, done.point, done.reached, escaped, done.steps)
 
 
-def _between(kept, rows, n: int, times) -> Vector:
+def _between(
+    kept: tuple[Array, ...], rows: Int[Array, ""], n: int, times: Float[Array, "t n"]
+) -> Vector:
     """y at `times` by the quartic through both ends, their slopes and the middle."""
     low = jnp.zeros(times.shape, jnp.int32)
     high = jnp.broadcast_to(rows.astype(jnp.int32), times.shape)
     lane = jnp.arange(times.shape[1], dtype=jnp.int32)
 
-    def column(i: int, row):
+    def column(i: int, row: Int[Array, "t n"]) -> Float[Array, "t n"]:
         return kept[i].at[row, lane].get(mode="promise_in_bounds")
 
-    def halve(_, ends):
+    def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         low, high = ends
         probe = (low + high) // 2
         later = column(0, probe) >= times
@@ -397,7 +408,8 @@ def _between(kept, rows, n: int, times) -> Vector:
     return tuple(found)
 
 
-def _hermite(s, y0, y1, d0, d1):
+def _hermite(s: Array, y0: Array, y1: Array, d0: Array, d1: Array) -> Array:
+    """The cubic at s in 0..1 through both ends with their slopes, times the length of the step."""
     rest = 1 - s
     slope = y1 - y0
     return y0 + s * slope + s * rest * (rest * (d0 - slope) - s * (d1 - slope))

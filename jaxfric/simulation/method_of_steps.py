@@ -20,15 +20,22 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.typing import DTypeLike
+from jaxtyping import Array, Bool, Float, PyTree
 from numpy.polynomial import chebyshev, legendre
 
 from ..rig import Inertial
 from ..rig.friction import AbstractDelayLaw
+from .steps import RealScalar
 
 # Points in one step. 16 and more steps beat more points: linear algebra costs their cube.
 _NODES = 16
 _NEWTON_STEPS = 12
+
+Unknowns = tuple[Float[Array, " 2"], Float[Array, ""]]
+"""(p, v), and the margin: see `MethodOfSteps`."""
+History = Float[Array, "pieces nodes"]
+"""v at the points of the steps of the last delay, the oldest step first."""
 
 
 class DelayEquation(eqx.Module):
@@ -69,7 +76,9 @@ class Polynomial(diffrax.AbstractLocalInterpolation):
     t1: Float[Array, ""]
     coefficients: Float[Array, "n 2"]
 
-    def evaluate(self, t0, t1=None, left=True):
+    def evaluate(
+        self, t0: RealScalar, t1: RealScalar | None = None, left: bool = True
+    ) -> Float[Array, " 2"]:
         del left
         if t1 is not None:
             return self.evaluate(t1) - self.evaluate(t0)
@@ -93,16 +102,34 @@ class MethodOfSteps(diffrax.AbstractSolver):
     term_structure = diffrax.ODETerm
     interpolation_cls = Polynomial
 
-    def order(self, terms):
+    def order(self, terms: PyTree[diffrax.AbstractTerm]) -> int:
         return 2 * _NODES - 1
 
-    def init(self, terms, t0, t1, y0, args):
+    def init(
+        self,
+        terms: PyTree[diffrax.AbstractTerm],
+        t0: RealScalar,
+        t1: RealScalar,
+        y0: Unknowns,
+        args: DelayEquation,
+    ) -> History:
         return jnp.zeros((self.pieces, _NODES), y0[0].dtype)
 
-    def func(self, terms, t0, y0, args):
+    def func(
+        self, terms: diffrax.AbstractTerm, t0: RealScalar, y0: Unknowns, args: DelayEquation
+    ) -> PyTree[Array]:
         return terms.vf(t0, y0, args)
 
-    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+    def step(
+        self,
+        terms: PyTree[diffrax.AbstractTerm],
+        t0: RealScalar,
+        t1: RealScalar,
+        y0: Unknowns,
+        args: DelayEquation,
+        solver_state: History,
+        made_jump: RealScalar,
+    ) -> tuple[Unknowns, None, dict[str, Array], History, diffrax.RESULTS]:
         del terms, t0, t1, made_jump
         equation, start, history = args, y0[0], solver_state
         points, converged = _collocate(equation, start, history[0])
@@ -123,7 +150,9 @@ class MethodOfSteps(diffrax.AbstractSolver):
         return (jnp.where(usable, points[-1], start), margin), None, dense, history, result
 
 
-def _collocate(equation: DelayEquation, y0, v_delayed):
+def _collocate(
+    equation: DelayEquation, y0: Float[Array, " 2"], v_delayed: Float[Array, " nodes"]
+) -> tuple[Float[Array, "nodes 2"], Bool[Array, ""]]:
     """(p, v) at Radau's points, shape (nodes, 2), and whether Newton's method converged.
 
     The unknown is z = dv/ds at the points; with the integration matrix S and a = h w,
@@ -132,31 +161,39 @@ def _collocate(equation: DelayEquation, y0, v_delayed):
     """
     known = jax.lax.stop_gradient((equation, y0, v_delayed))
 
-    def proceed(carry):
+    def proceed(carry: tuple[Array, Array]) -> Bool[Array, ""]:
         z, count = carry
         residual, size, _ = _residual(*known, z)
         # written so that nan does not go on
         return (jnp.max(jnp.abs(residual)) > size) & (count < _NEWTON_STEPS)
 
-    def again(carry):
+    def again(carry: tuple[Array, Array]) -> tuple[Array, Array]:
         z, count = carry
         residual, _, matrix = _residual(*known, z)
         return z - jnp.linalg.solve(matrix, residual), count + 1
 
-    z, count = jax.lax.while_loop(proceed, again, (jnp.zeros_like(known[2]), 0))
+    z, count = jax.lax.while_loop(proceed, again, (jnp.zeros_like(known[2]), jnp.asarray(0)))
     residual, _, matrix = _residual(equation, y0, v_delayed, z)
     z = z - jnp.linalg.solve(jax.lax.stop_gradient(matrix), residual)
     p, v = _motion(equation, y0, z)
     return jnp.stack([p, v], axis=1), (count < _NEWTON_STEPS) & jnp.all(jnp.isfinite(p + v))
 
 
-def _motion(equation: DelayEquation, y0, z):
+def _motion(
+    equation: DelayEquation, y0: Float[Array, " 2"], z: Float[Array, " nodes"]
+) -> tuple[Float[Array, " nodes"], Float[Array, " nodes"]]:
+    """p and v at the points, from dv/ds there."""
     S = jnp.asarray(_radau(z.shape[0])[0], z.dtype)
     v = y0[1] + S @ z
     return y0[0] + equation.duration() * equation.frequency() * (S @ v), v
 
 
-def _residual(equation: DelayEquation, y0, v_delayed, z):
+def _residual(
+    equation: DelayEquation,
+    y0: Float[Array, " 2"],
+    v_delayed: Float[Array, " nodes"],
+    z: Float[Array, " nodes"],
+) -> tuple[Float[Array, " nodes"], Float[Array, ""], Float[Array, "nodes nodes"]]:
     """z + a p + braking, the size at which one more Newton step reaches rounding, Jacobian."""
     S = jnp.asarray(_radau(z.shape[0])[0], z.dtype)
     a = equation.duration() * equation.frequency()
@@ -168,7 +205,7 @@ def _residual(equation: DelayEquation, y0, v_delayed, z):
     return z + a * p + braking, size, matrix
 
 
-def without_history(s, y, equation: DelayEquation):
+def without_history(s: RealScalar, y: Unknowns, equation: DelayEquation) -> Unknowns:
     """The vector field that diffrax asks for, as in steady sliding; `MethodOfSteps` has more."""
     p, v = y[0]
     a = equation.duration() * equation.frequency()
@@ -193,7 +230,7 @@ def _radau(nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return integrate, np.linalg.inv(values), 0.5 * (1 + x)
 
 
-def step_points(dtype) -> Float[Array, " n"]:
+def step_points(dtype: DTypeLike) -> Float[Array, " n"]:
     """0 and Radau's points of a step, ascending."""
     return jnp.append(0.0, jnp.asarray(_radau(_NODES)[2], dtype))
 

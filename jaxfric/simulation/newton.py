@@ -7,7 +7,7 @@ rounding over the length of the step, a length that a root finder does not know.
 convergence give up on such a stage at rest, at reversals and for light sliders.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import equinox as eqx
 import jax
@@ -15,6 +15,9 @@ import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
+
+_Residual = Callable[[PyTree[Array], PyTree], tuple[PyTree[Array], PyTree]]
+"""The residual and what comes beside it, by the unknown and the arguments."""
 
 
 class _State(eqx.Module):
@@ -37,13 +40,30 @@ class UpdateNewton(optx.AbstractRootFinder):
     norm: Callable[[PyTree], Array] = optx.max_norm
     fraction: float = 1e-2
 
-    def init(self, fn, y, args, options, f_struct, aux_struct, tags):
+    def init(
+        self,
+        fn: _Residual,
+        y: PyTree[Array],
+        args: PyTree,
+        options: Mapping[str, object],
+        f_struct: PyTree[jax.ShapeDtypeStruct],
+        aux_struct: PyTree[jax.ShapeDtypeStruct],
+        tags: frozenset[object],
+    ) -> _State:
         del fn, args, options, f_struct, aux_struct, tags
         dtype = jnp.result_type(*jax.tree.leaves(y))
         inf = jnp.asarray(jnp.inf, dtype)
         return _State(inf, inf, jnp.asarray(0), optx.RESULTS.successful)
 
-    def step(self, fn, y, args, options, state, tags):
+    def step(
+        self,
+        fn: _Residual,
+        y: PyTree[Array],
+        args: PyTree,
+        options: Mapping[str, object],
+        state: _State,
+        tags: frozenset[object],
+    ) -> tuple[PyTree[Array], _State, PyTree]:
         del options
         residual, tangent, aux = jax.linearize(lambda z: fn(z, args), y, has_aux=True)
         jacobian = lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: y), tags=tags)
@@ -57,7 +77,15 @@ class UpdateNewton(optx.AbstractRootFinder):
         result = optx.RESULTS.promote(solution.result)
         return y, _State(self.norm(scaled), state.update, state.steps + 1, result), aux
 
-    def terminate(self, fn, y, args, options, state, tags) -> tuple[Bool[Array, ""], optx.RESULTS]:
+    def terminate(
+        self,
+        fn: _Residual,
+        y: PyTree[Array],
+        args: PyTree,
+        options: Mapping[str, object],
+        state: _State,
+        tags: frozenset[object],
+    ) -> tuple[Bool[Array, ""], optx.RESULTS]:
         del fn, y, args, options, tags
         failed = state.result != optx.RESULTS.successful
         lost = jnp.isnan(state.update)
@@ -65,6 +93,16 @@ class UpdateNewton(optx.AbstractRootFinder):
         stalls = (state.steps >= 3) & (state.update > 0.5 * state.previous)
         return failed | lost | stalls | (state.update < self.fraction), result
 
-    def postprocess(self, fn, y, aux, args, options, state, tags, result):
+    def postprocess(
+        self,
+        fn: _Residual,
+        y: PyTree[Array],
+        aux: PyTree,
+        args: PyTree,
+        options: Mapping[str, object],
+        state: _State,
+        tags: frozenset[object],
+        result: optx.RESULTS,
+    ) -> tuple[PyTree[Array], PyTree, dict[str, object]]:
         del fn, args, options, state, tags, result
         return y, aux, {}

@@ -30,16 +30,21 @@ from ..motion import AbstractMotion, PiecewiseVelocity
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
 from .start import Start, law_with_states
+from .steps import RealScalar
 
 _FOLLOWS = 3e-4
+
+Scalar = Float[Array, ""]
+Unknowns = dict[str, Array]
+"""The scaled unknowns by name: q, psi, and phi, v or w where there are such."""
 
 
 class Slider(NamedTuple):
     """Physical variables of the slider at one time."""
 
-    force: Float[Array, ""]
-    velocity: Float[Array, ""]
-    slip: Float[Array, ""]
+    force: Scalar
+    velocity: Scalar
+    slip: Scalar
     state: Float[Array, " n"]
 
 
@@ -51,7 +56,7 @@ class SliderEquation(eqx.Module):
     law: AbstractLaw
     start: Start
     steady_state: Float[Array, " n"]
-    reference: Float[Array, ""]
+    reference: Scalar
 
     def __init__(self, rig: Rig, motion: AbstractMotion, start: Start | None = None):
         if not isinstance(rig.machine, QuasiStatic | Inertial):
@@ -75,7 +80,7 @@ class SliderEquation(eqx.Module):
         self.steady_state = law.steady_state(V)
         self.reference = law.force(V, self.steady_state, _origin(V))
 
-    def initial(self) -> dict[str, Array]:
+    def initial(self) -> Unknowns:
         """Scaled unknowns at the start: steady sliding, where `start` does not say otherwise."""
         start, law, scale = self.start, self.law, self.law.force_scale()
         rest = jnp.zeros_like(self.reference)
@@ -94,10 +99,11 @@ class SliderEquation(eqx.Module):
             y["w"] = jnp.zeros((2,), rest.dtype)
         return y
 
-    def derivative(self, t, y: dict[str, Array], args=None) -> dict[str, Array]:
+    def derivative(self, t: RealScalar, y: Unknowns, args: None = None) -> Unknowns:
         """Time derivative of the scaled unknowns [1/s]."""
         del args
         law, scale = self.law, self.law.force_scale()
+        t = jnp.asarray(t)
         now, following = self._now(t, y)
         state_rate = law.rate(now.velocity, now.state, self._at(now.slip, t))
         spring_rate = self.rig.machine.stiffness * (self.motion.velocity(t) - now.velocity)
@@ -113,11 +119,11 @@ class SliderEquation(eqx.Module):
             dy["w"] = following
         return dy
 
-    def physical(self, t: Float[Array, ""], y: dict[str, Array]) -> Slider:
+    def physical(self, t: Scalar, y: Unknowns) -> Slider:
         """Force, velocity, slip and state that belong to the scaled unknowns at time `t`."""
         return self._now(t, y)[0]
 
-    def _now(self, t, y) -> tuple[Slider, Array | None]:
+    def _now(self, t: Scalar, y: Unknowns) -> tuple[Slider, Array | None]:
         """The slider, and dw/dt of one that is late."""
         law, machine = self.law, self.rig.machine
         scale = law.force_scale()
@@ -138,7 +144,14 @@ class SliderEquation(eqx.Module):
         V = still.velocity * jnp.exp(-lacks)
         return Slider(law.force(V, state, at), V, slip, state), behind / time
 
-    def _balance(self, t, y, law: AbstractInvertibleLaw, slip, state) -> Slider:
+    def _balance(
+        self,
+        t: Scalar,
+        y: Unknowns,
+        law: AbstractInvertibleLaw,
+        slip: Scalar,
+        state: Float[Array, " n"],
+    ) -> Slider:
         """Without mass: the velocity at which friction balances spring and dashpot."""
         machine, stress = self.rig.machine, self._stress(t)
         pull = self._pull(t, y, jnp.zeros_like(t)) / stress
@@ -154,7 +167,9 @@ class SliderEquation(eqx.Module):
             return False
         return not machine.first_order
 
-    def _following(self, t, still: Slider, w) -> tuple[Array, Array, Array]:
+    def _following(
+        self, t: Scalar, still: Slider, w: Float[Array, " 2"]
+    ) -> tuple[Array, Array, Array]:
         """How far w is behind what it follows, the time in which it does, and the share s of t_m.
 
         The mass turns S (V_b - V) into m dV/dt, V_b the velocity of the balance without it and
@@ -185,17 +200,17 @@ class SliderEquation(eqx.Module):
         followed = jnp.stack([jnp.log(still.velocity / V0), w[0]])
         return followed - w, time, late / time
 
-    def _slip(self, t, y) -> Float[Array, ""]:
+    def _slip(self, t: Scalar, y: Unknowns) -> Scalar:
         scale, stiffness = self.law.force_scale(), self.rig.machine.stiffness
         slip = self.motion.displacement(t) - scale * y["q"] / stiffness
         return slip if self.start.elongation is None else slip + self.start.elongation
 
-    def log_speed(self, t: Float[Array, ""], y: dict[str, Array]) -> Float[Array, ""]:
+    def log_speed(self, t: Scalar, y: Unknowns) -> Scalar:
         """ln(|V| / largest commanded speed); large where the slider runs away."""
         speed = jnp.abs(self.physical(t, y).velocity)
         return jnp.log(speed / self.motion.largest_speed() + 1e-300)
 
-    def _with_small_mass(self, t, still: Slider) -> Slider:
+    def _with_small_mass(self, t: Scalar, still: Slider) -> Slider:
         """The slider with m dV/dt taken off the pull, from its values without mass.
 
         To first order in m, dV/dt is that of the balance n f + k_v V = pull as it moves along:
@@ -227,7 +242,7 @@ class SliderEquation(eqx.Module):
         force = still.force + slope * V * change
         return Slider(force, V * jnp.exp(change), still.slip, still.state)
 
-    def _not_yet(self, t, time: Float[Array, ""]) -> Float[Array, ""]:
+    def _not_yet(self, t: Scalar, time: Scalar) -> Scalar:
         """Velocity of the command that a lag of `time` has not yet followed."""
         motion = self.motion
         if not isinstance(motion, PiecewiseVelocity):
@@ -237,26 +252,28 @@ class SliderEquation(eqx.Module):
         left = jnp.exp(-since / jnp.where(time > 0, time, 1.0))
         return jnp.sum(jnp.where(begun, jnp.diff(motion.velocities) * left, 0.0))
 
-    def _at(self, slip, t) -> Conditions:
+    def _at(self, slip: Scalar, t: Scalar) -> Conditions:
         moves = self.rig.normal_stress is not None
         stress = self._stress(t) if moves else None
         return Conditions(slip, t, stress, self.motion.velocity(t))
 
-    def _stress(self, t) -> Float[Array, ""]:
+    def _stress(self, t: Scalar) -> Scalar:
         """n, the normal stress over the one at the start."""
         stress = self.rig.normal_stress
         return jnp.ones_like(t) if stress is None else stress.ratio(t)
 
-    def _force_rate(self, t, now: Slider, acceleration, state_rate) -> Float[Array, ""]:
+    def _force_rate(
+        self, t: Scalar, now: Slider, acceleration: Scalar, state_rate: Float[Array, " n"]
+    ) -> Scalar:
         """df/dt where the velocity changes by `acceleration` and the state by `state_rate`."""
 
-        def force(V, state, slip, t):
+        def force(V: Scalar, state: Float[Array, " n"], slip: Scalar, t: Scalar) -> Scalar:
             return self.law.force(V, state, self._at(slip, t))
 
         along = (acceleration, state_rate, now.velocity, jnp.ones_like(t))
         return jax.jvp(force, (now.velocity, now.state, now.slip, t), along)[1]
 
-    def _slope(self, t, now: Slider) -> Float[Array, ""]:
+    def _slope(self, t: Scalar, now: Slider) -> Scalar:
         """df/dV at fixed state."""
         at = self._at(now.slip, t)
         V = now.velocity
@@ -265,7 +282,7 @@ class SliderEquation(eqx.Module):
     def _unknown_velocity(self) -> bool:
         return not isinstance(self.law, AbstractInvertibleLaw)
 
-    def _pull(self, t, y, velocity) -> Float[Array, ""]:
+    def _pull(self, t: Scalar, y: Unknowns, velocity: Scalar) -> Scalar:
         """Force of spring and dashpot on a slider that moves at `velocity`."""
         machine, drive = self.rig.machine, self.rig.drive
         spring = self.reference + self.law.force_scale() * y["q"]
@@ -276,5 +293,5 @@ class SliderEquation(eqx.Module):
         return pull + machine.damping * (load_velocity - velocity)
 
 
-def _origin(V) -> Conditions:
+def _origin(V: Scalar) -> Conditions:
     return Conditions(jnp.zeros_like(V), jnp.zeros_like(V))

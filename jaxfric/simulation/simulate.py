@@ -9,19 +9,20 @@ slider slips, and take a tenth of the memory of an interpolant.
 
 import functools
 import math
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..errors import InputError
 from ..motion import AbstractMotion
 from ..rig import Inertial, Rig
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .newton import UpdateNewton
-from .ode import Slider, SliderEquation
+from .ode import Slider, SliderEquation, Unknowns
 from .start import Start
 from .steps import StableStepController, padded_norm
 from .trajectory import RESULTS, Trajectory, only_if
@@ -82,11 +83,29 @@ def simulate(
         motion, no steady sliding to start from.
     TypeError : a delay law (see `simulate_delay`), or a law without direct effect without mass.
     """
+    how = _Solving(at_steps, rtol, max_steps, runaway, solver, adjoint)
+    return _solve(rig, motion, ts, Start() if start is None else start, how)
+
+
+class _Solving(NamedTuple):
+    """How a simulation is solved and recorded; see `simulate`."""
+
+    at_steps: bool
+    rtol: float
+    max_steps: int
+    runaway: float
+    solver: diffrax.AbstractSolver | None
+    adjoint: diffrax.AbstractAdjoint | None
+
+
+def _solve(
+    rig: Rig, motion: AbstractMotion, ts: Float[Array, " n"], begin: Start, how: _Solving
+) -> Trajectory:
+    rtol, runaway = how.rtol, how.runaway
     if not (0 < rtol <= 0.1) or math.isnan(rtol):
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
     if not runaway > 1:
         raise InputError(f"simulate: runaway is {runaway}; it is a factor above 1")
-    begin = Start() if start is None else start
     refuse_impossible("simulate", rig, ts, begin, motion=motion)
     ts = jnp.asarray(ts)
     equation = SliderEquation(rig, motion, begin)
@@ -94,6 +113,7 @@ def simulate(
     refuse_no_steady_state(initial, motion.first_velocity())
     possible = is_possible(rig, ts, begin, initial, motion=motion)
     first, last = (jnp.where(possible, t, 0.0) for t in (ts[0], ts[-1]))
+    solver = how.solver
     if solver is None:
         solver = _implicit() if isinstance(rig.machine, Inertial) else diffrax.Tsit5()
     solution = diffrax.diffeqsolve(
@@ -103,14 +123,14 @@ def simulate(
         last,
         None,
         jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial),
-        saveat=diffrax.SaveAt(t0=True, steps=True) if at_steps else diffrax.SaveAt(dense=True),
+        saveat=diffrax.SaveAt(t0=True, steps=True) if how.at_steps else diffrax.SaveAt(dense=True),
         stepsize_controller=_controller(rtol, motion.breakpoints(), equation, solver),
         event=diffrax.Event(_RanAway(equation, math.log(runaway))),
-        adjoint=diffrax.ForwardMode() if adjoint is None else adjoint,
-        max_steps=max_steps,
+        adjoint=diffrax.ForwardMode() if how.adjoint is None else how.adjoint,
+        max_steps=how.max_steps,
         throw=False,
     )
-    if at_steps:
+    if how.at_steps:
         return only_if(possible, _at_steps(rig, equation, solution))
     return only_if(possible, _sample(rig, equation, solution, ts))
 
@@ -121,13 +141,16 @@ class _RanAway(eqx.Module):
     equation: SliderEquation
     limit: float = eqx.field(static=True)
 
-    def __call__(self, t, y, args, **_):
+    def __call__(self, t: Array, y: Unknowns, args: None, **_: object) -> Bool[Array, ""]:
         del args
         return self.equation.log_speed(t, y) > self.limit
 
 
 def _controller(
-    rtol: float, jumps, equation: SliderEquation, solver: diffrax.AbstractSolver
+    rtol: float,
+    jumps: Float[Array, " n"],
+    equation: SliderEquation,
+    solver: diffrax.AbstractSolver,
 ) -> diffrax.AbstractStepSizeController:
     tolerance = _SAFETY * rtol
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
@@ -148,15 +171,19 @@ def _implicit() -> diffrax.AbstractSolver:
     return diffrax.Kvaerno5(root_finder=diffrax.with_stepsize_controller_tols(UpdateNewton)())
 
 
-def _sample(rig: Rig, equation: SliderEquation, solution, ts) -> Trajectory:
+def _sample(
+    rig: Rig, equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
+) -> Trajectory:
     interpolation = solution.interpolation
+    assert interpolation is not None
     end = interpolation.t1
     reached = jnp.minimum(ts, end)
     slider = jax.vmap(lambda t: equation.physical(t, interpolation.evaluate(t)))(reached)
     return _trajectory(rig, solution, ts, end, slider)
 
 
-def _at_steps(rig: Rig, equation: SliderEquation, solution) -> Trajectory:
+def _at_steps(rig: Rig, equation: SliderEquation, solution: diffrax.Solution) -> Trajectory:
+    assert solution.ts is not None
     last = solution.stats["num_accepted_steps"]
     rows = jnp.minimum(jnp.arange(solution.ts.shape[0]), last)
     ts, ys = jax.tree.map(lambda x: x[rows], (solution.ts, solution.ys))
@@ -164,7 +191,13 @@ def _at_steps(rig: Rig, equation: SliderEquation, solution) -> Trajectory:
     return _trajectory(rig, solution, ts, ts[-1], slider)
 
 
-def _trajectory(rig: Rig, solution, ts, end, slider: Slider) -> Trajectory:
+def _trajectory(
+    rig: Rig,
+    solution: diffrax.Solution,
+    ts: Float[Array, " n"],
+    end: Float[Array, ""],
+    slider: Slider,
+) -> Trajectory:
     ran_away = solution.result == diffrax.RESULTS.event_occurred
     result = RESULTS.where(ran_away, RESULTS.ran_away, RESULTS.promote(solution.result))
     return Trajectory(

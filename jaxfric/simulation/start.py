@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..errors import InputError
+from ..quantity import as_floats
 from ..rig import Inertial, Rig
 from ..rig.friction import (
     AbstractLaw,
@@ -38,10 +39,6 @@ def law_with_states(rig: Rig) -> AbstractLaw:
     return law
 
 
-def _array(value) -> Array | None:
-    return None if value is None else jnp.asarray(value, jnp.result_type(float))
-
-
 class Start(eqx.Module):
     """Where a simulation starts; a part that is None is that of steady sliding.
 
@@ -52,9 +49,9 @@ class Start(eqx.Module):
     state : state of the friction law, shape (n,) [force].
     """
 
-    velocity: Float[Array, ""] | None = eqx.field(converter=_array, default=None)
-    elongation: Float[Array, ""] | None = eqx.field(converter=_array, default=None)
-    state: Float[Array, " n"] | None = eqx.field(converter=_array, default=None)
+    velocity: Float[Array, ""] | None = eqx.field(converter=as_floats, default=None)
+    elongation: Float[Array, ""] | None = eqx.field(converter=as_floats, default=None)
+    state: Float[Array, " n"] | None = eqx.field(converter=as_floats, default=None)
 
 
 def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> Start:

@@ -7,14 +7,17 @@ kept below a multiple of the fastest time scale of the linearised equation.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
+
+RealScalar = int | float | Array | np.ndarray
+"""A number of diffrax: a time, a step, an order."""
 
 # Tsit5 is stable for real rates up to 3.3 per step, for oscillating ones up to about 2.5.
 _LIMIT = 1.8
@@ -33,16 +36,20 @@ def padded_norm(y: PyTree) -> Float[Array, ""]:
     return jnp.where(square == 0, 0.0, jnp.sqrt(0.5 * safe))
 
 
-class StableStepController(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
+class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, RealScalar | None]):
     """A controller whose steps stay within the stability of an explicit solver.
 
     `derivative(t, y)` is the equation; its rate is the spectral radius of d derivative/dy.
     """
 
     controller: diffrax.PIDController
-    derivative: Callable[[Any, PyTree], PyTree]
+    derivative: Callable[[RealScalar, PyTree], PyTree]
 
-    def __init__(self, controller: diffrax.PIDController, derivative):
+    def __init__(
+        self,
+        controller: diffrax.PIDController,
+        derivative: Callable[[RealScalar, PyTree], PyTree],
+    ):
         self.controller = controller
         self.derivative = derivative
 
@@ -58,24 +65,44 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[Any, Any])
     def norm(self):  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.controller.norm
 
-    def wrap(self, direction):
+    def wrap(self, direction: int | Array | np.ndarray) -> "StableStepController":
         return eqx.tree_at(lambda c: c.controller, self, self.controller.wrap(direction))
 
-    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
+    def init(
+        self,
+        terms: PyTree[diffrax.AbstractTerm],
+        t0: RealScalar,
+        t1: RealScalar,
+        y0: PyTree,
+        dt0: RealScalar | None,
+        args: PyTree,
+        func: Callable[..., PyTree],
+        error_order: RealScalar | None,
+    ) -> tuple[Array, PyTree]:
         end, state = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
         return self._clip(t0, end, y0), state
 
-    def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
+    def adapt_step_size(
+        self,
+        t0: RealScalar,
+        t1: RealScalar,
+        y0: PyTree,
+        y1_candidate: PyTree,
+        args: PyTree,
+        y_error: PyTree | None,
+        error_order: RealScalar,
+        state: PyTree,
+    ) -> tuple[RealScalar, RealScalar, Array, RealScalar, PyTree, diffrax.RESULTS]:
         keep, begin, end, jump, state, result = self.controller.adapt_step_size(
             t0, t1, y0, y1_candidate, args, y_error, error_order, state
         )
         y = jax.tree.map(lambda a, b: jnp.where(keep, a, b), y1_candidate, y0)
         return keep, begin, self._clip(begin, end, y), jump, state, result
 
-    def _clip(self, begin, end, y):
+    def _clip(self, begin: RealScalar, end: RealScalar, y: PyTree) -> Array:
         flat, back = ravel_pytree(y)
 
-        def row(x):
+        def row(x: Float[Array, " n"]) -> Float[Array, " n"]:
             return ravel_pytree(self.derivative(begin, back(x)))[0]
 
         radius = _spectral_radius(jax.jacfwd(row)(jax.lax.stop_gradient(flat)))
