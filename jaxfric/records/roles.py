@@ -19,8 +19,7 @@ class Role(NamedTuple):
     """What one column of a record can be.
 
     `unit` is its SI unit and `turning` that of a rotation (empty: there is none); `others` are
-    further units that a column may have. `example` and `turning_example` are units as they are
-    often written.
+    further units that a column may have. `example` is a unit as it is often written.
     `aliases` are its names besides its own, folded, the most certain first. A record needs one
     column for every word in `need`; roles with the same word stand in for each other.
     """
@@ -31,7 +30,6 @@ class Role(NamedTuple):
     aliases: str
     need: str = ""
     turning: str = ""
-    turning_example: str = ""
     others: tuple[str, ...] = ()
 
     @property
@@ -41,7 +39,7 @@ class Role(NamedTuple):
 
     def shown(self, *, rotary: bool = False) -> str:
         """A unit for an advice."""
-        return self.turning_example if rotary and self.turning else self.example
+        return self.turning.replace("*", " ") if rotary and self.turning else self.example
 
 
 class Schema:
@@ -180,7 +178,6 @@ AXIS = Schema(
             " q qm theta x y displacement",
             need="motion",
             turning="rad",
-            turning_example="rad",
         ),
         Role(
             "reference_position",
@@ -191,7 +188,6 @@ AXIS = Schema(
             " positiontarget desiredposition reference setpoint refposition posref refpos xref qref"
             " qg qd ref",
             turning="rad",
-            turning_example="rad",
         ),
         Role(
             "velocity",
@@ -202,7 +198,6 @@ AXIS = Schema(
             " measuredspeed motorspeed omega vel v",
             need="motion",
             turning="rad/s",
-            turning_example="rad/s",
         ),
         Role(
             "motor_force",
@@ -212,7 +207,6 @@ AXIS = Schema(
             " measuredtorque drivetorque actuatorforce driveforce drivingforce torque force tau f",
             need="force",
             turning="N*m",
-            turning_example="N m",
             others=("%",),
         ),
         Role(
@@ -238,7 +232,6 @@ AXIS = Schema(
             " loaddisturbance motordisturbance addedforce addedtorque forcepulses torquepulses"
             " pulsesn pulses pulse perturbation excitationforce excitationtorque",
             turning="N*m",
-            turning_example="N m",
             others=("%", "V", "A"),
         ),
     ),

@@ -58,7 +58,16 @@ class AxisRig(eqx.Module):
     coulomb: Float[Array, ""] = quantity("F_c", "F", "Coulomb friction")
     offset: Float[Array, ""] = quantity("F_0", "F", "offset of the force")
 
-    def __init__(self, mass, viscous, coulomb, offset, *, width, reach: ArrayLike = 0.0):
+    def __init__(
+        self,
+        mass: ArrayLike,
+        viscous: ArrayLike,
+        coulomb: ArrayLike,
+        offset: ArrayLike,
+        *,
+        width: ArrayLike,
+        reach: ArrayLike = 0.0,
+    ):
         self.mass, self.viscous = jnp.asarray(mass), jnp.asarray(viscous)
         self.coulomb, self.offset = jnp.asarray(coulomb), jnp.asarray(offset)
         self.width, self.reach = jnp.asarray(width), jnp.asarray(reach)

@@ -6,7 +6,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from .axis import AxisRig
 from .axis_state import AxisRateState
-from .friction.law import AbstractLaw
+from .friction.law import AbstractLaw, Conditions
 
 _SHARP = 1e-12
 
@@ -22,19 +22,23 @@ class AxisLaw(AbstractLaw):
     direction: Float[Array, ""]
     """1 or -1."""
 
-    def force(self, V, state, at):
+    def force(
+        self, V: Float[Array, ""], state: Float[Array, " n"], at: Conditions
+    ) -> Float[Array, ""]:
         velocity, time = self.direction * V, jnp.zeros_like(V)
         return self.direction * self.rig.friction(self.position, velocity, time, tuple(state))
 
-    def rate(self, V, state, at):
+    def rate(
+        self, V: Float[Array, ""], state: Float[Array, " n"], at: Conditions
+    ) -> Float[Array, " n"]:
         velocity = self.direction * V
         pairs = zip(self.rig.states, state, strict=True)
         return jnp.stack([one.rate(value, velocity) for one, value in pairs])
 
-    def steady_state(self, V):
+    def steady_state(self, V: Float[Array, ""]) -> Float[Array, " n"]:
         return jnp.stack(self.rig.steady(self.direction * V))
 
-    def force_scale(self):
+    def force_scale(self) -> Float[Array, ""]:
         """The direct effect, as of rate-and-state friction of a slider; else Coulomb friction."""
         direct = [state.A for state in self.rig.states if isinstance(state, AxisRateState)]
         return jnp.abs(direct[0] if direct else self.rig.coulomb)

@@ -63,27 +63,27 @@ class Bristle(AbstractAxisState):
     sigma_1: Float[Array, ""] = quantity("sigma_1", "F s/m", "damping of the bristle")
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0)
 
-    def along(self, motion):
+    def along(self, motion: MeasuredMotion) -> Float[Array, " N"]:
         """z/x_c, unbent at first: exact for motion of one direction from row to row."""
         moved = jnp.diff(motion.position, prepend=motion.position[:1])
         keep = jnp.exp(-jnp.abs(moved) / self.x_c)
         return _carried(keep, jnp.sign(moved) * (1 - keep))
 
-    def rate(self, state, velocity, *, shortest=0.0):
+    def rate(self, state: Array, velocity: Array, *, shortest: ArrayLike = 0.0) -> Array:
         speed = jnp.abs(velocity)
         return (velocity - speed * state) / jnp.maximum(self.x_c, speed * shortest)
 
-    def force(self, state, sign, velocity):
+    def force(self, state: Array, sign: Array, velocity: Array) -> Array:
         bend = self.x_c * self.rate(state, velocity)
         return self.a * (state - sign) + self.sigma_1 * bend
 
-    def steady(self, velocity):
+    def steady(self, velocity: Array) -> Array:
         return jnp.sign(velocity)
 
-    def rest(self):
+    def rest(self) -> Array:
         return jnp.zeros_like(self.a)
 
-    def steepest(self, width):
+    def steepest(self, width: Array) -> Array:
         return jnp.zeros_like(self.a * width)
 
 
@@ -104,7 +104,7 @@ class AxisRateState(AbstractAxisState):
     L: Float[Array, ""] = quantity("L", "m", "characteristic slip length", lower=0.0)
     v_c: Float[Array, ""] = quantity("v_c", "m/s", "cut-off velocity", lower=0.0)
 
-    def along(self, motion):
+    def along(self, motion: MeasuredMotion) -> Float[Array, " N"]:
         """theta, steady at first.
 
         Velocity is linear in time from row to row, and theta_ss in the distance between two rows
@@ -133,20 +133,20 @@ class AxisRateState(AbstractAxisState):
         mean = jnp.where(moved, -jnp.expm1(-x) / jnp.where(moved, x, 1.0), 1.0)
         return keep, (1 - mean) * end + (mean - keep) * begin
 
-    def rate(self, state, velocity, *, shortest=0.0):
+    def rate(self, state: Array, velocity: Array, *, shortest: ArrayLike = 0.0) -> Array:
         speed = jnp.abs(velocity)
         return speed / jnp.maximum(self.L, speed * shortest) * (self.steady(velocity) - state)
 
-    def force(self, state, sign, velocity):
+    def force(self, state: Array, sign: Array, velocity: Array) -> Array:
         return sign * (self.A * self._logarithm(velocity) + state)
 
-    def steady(self, velocity):
+    def steady(self, velocity: Array) -> Array:
         return -self.B * self._logarithm(velocity)
 
-    def rest(self):
+    def rest(self) -> Array:
         return jnp.zeros_like(self.A)
 
-    def steepest(self, width):
+    def steepest(self, width: Array) -> Array:
         return jnp.abs(self.A) * (1 + self._logarithm(width)) / width
 
     def _logarithm(self, velocity: Array) -> Array:
@@ -156,7 +156,7 @@ class AxisRateState(AbstractAxisState):
 def _carried(keep: Float[Array, " N"], add: Float[Array, " N"]) -> Float[Array, " N"]:
     """state_k = keep_k state_(k-1) + add_k, from 0."""
 
-    def join(first, second):
+    def join(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
         return first[0] * second[0], second[0] * first[1] + second[1]
 
     return jax.lax.associative_scan(join, (keep, add))[1]

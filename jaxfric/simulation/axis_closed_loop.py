@@ -19,8 +19,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..rig.axis import AxisRig
+from .steps import RealScalar
 
 _STABLE = 2.0
+
+_Moving = tuple[Float[Array, ""], Float[Array, ""], Float[Array, " s"]]
+"""Position, velocity and the states of friction."""
 
 
 class Controller(NamedTuple):
@@ -33,7 +37,7 @@ class Controller(NamedTuple):
     interval: Float[Array, ""]
     """h [s]."""
 
-    def force(self, reference, position, before_last) -> Array:
+    def force(self, reference: Array, position: Array, before_last: Array) -> Array:
         """F at a sample, from the position there and two samples earlier."""
         velocity = (position - before_last) / (2 * self.interval)
         return self.K_d * (self.position_gain * (reference - position) - velocity)
@@ -80,21 +84,23 @@ def closed_loop(
     h = controller.interval / substeps
     solver = diffrax.Tsit5(scan_kind="lax")  # which forward mode needs
 
-    def rate(t, y, force):
+    def rate(t: RealScalar, y: _Moving, force: Array) -> _Moving:
         q, v, values = y
-        resisted = rig.friction(q, v, t, tuple(values))
+        resisted = rig.friction(q, v, jnp.asarray(t), tuple(values))
         pairs = zip(rig.states, values, strict=True)
         rates = [state.rate(value, v, shortest=0.5 * h) for state, value in pairs]
         return v, (force - resisted) / rig.mass, _vector(rates)
 
     term = diffrax.ODETerm(rate)
 
-    def sample(carry, row):
+    def sample(
+        carry: tuple[_Moving, Array, Array], row: tuple[Array, Array, Array]
+    ) -> tuple[tuple[_Moving, Array, Array], tuple[Array, Array, Array]]:
         y, last, before_last = carry
         t, target, added = row
         force = controller.force(target, y[0], before_last) + added
 
-        def piece(k, y):
+        def piece(k: int, y: _Moving) -> _Moving:
             t0 = t + k * h
             state = solver.init(term, t0, t0 + h, y, force)
             return solver.step(term, t0, t0 + h, y, force, state, made_jump=True)[0]

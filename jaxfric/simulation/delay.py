@@ -91,11 +91,7 @@ class _Stepping(NamedTuple):
 
 
 def _solve(
-    rig: Rig,
-    velocity: Float[ArrayLike, ""],
-    ts: Float[Array, " n"],
-    start: Start,
-    how: _Stepping,
+    rig: Rig, velocity: Float[ArrayLike, ""], ts: Float[Array, " n"], start: Start, how: _Stepping
 ) -> Trajectory:
     intervals, rtol, pieces, runaway, adjoint = how
     machine, law = _rooms(rig)

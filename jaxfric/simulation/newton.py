@@ -16,7 +16,10 @@ import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-_Residual = Callable[[PyTree[Array], PyTree], tuple[PyTree[Array], PyTree]]
+_Y = PyTree[Array]
+_Options = Mapping[str, object]
+_Tags = frozenset[object]
+_Fn = Callable[[_Y, PyTree], tuple[_Y, PyTree]]
 """The residual and what comes beside it, by the unknown and the arguments."""
 
 
@@ -42,13 +45,13 @@ class UpdateNewton(optx.AbstractRootFinder):
 
     def init(
         self,
-        fn: _Residual,
-        y: PyTree[Array],
+        fn: _Fn,
+        y: _Y,
         args: PyTree,
-        options: Mapping[str, object],
-        f_struct: PyTree[jax.ShapeDtypeStruct],
-        aux_struct: PyTree[jax.ShapeDtypeStruct],
-        tags: frozenset[object],
+        options: _Options,
+        f_struct: PyTree,
+        aux_struct: PyTree,
+        tags: _Tags,
     ) -> _State:
         del fn, args, options, f_struct, aux_struct, tags
         dtype = jnp.result_type(*jax.tree.leaves(y))
@@ -56,14 +59,8 @@ class UpdateNewton(optx.AbstractRootFinder):
         return _State(inf, inf, jnp.asarray(0), optx.RESULTS.successful)
 
     def step(
-        self,
-        fn: _Residual,
-        y: PyTree[Array],
-        args: PyTree,
-        options: Mapping[str, object],
-        state: _State,
-        tags: frozenset[object],
-    ) -> tuple[PyTree[Array], _State, PyTree]:
+        self, fn: _Fn, y: _Y, args: PyTree, options: _Options, state: _State, tags: _Tags
+    ) -> tuple[_Y, _State, PyTree]:
         del options
         residual, tangent, aux = jax.linearize(lambda z: fn(z, args), y, has_aux=True)
         jacobian = lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: y), tags=tags)
@@ -78,13 +75,7 @@ class UpdateNewton(optx.AbstractRootFinder):
         return y, _State(self.norm(scaled), state.update, state.steps + 1, result), aux
 
     def terminate(
-        self,
-        fn: _Residual,
-        y: PyTree[Array],
-        args: PyTree,
-        options: Mapping[str, object],
-        state: _State,
-        tags: frozenset[object],
+        self, fn: _Fn, y: _Y, args: PyTree, options: _Options, state: _State, tags: _Tags
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
         del fn, y, args, options, tags
         failed = state.result != optx.RESULTS.successful
@@ -95,14 +86,14 @@ class UpdateNewton(optx.AbstractRootFinder):
 
     def postprocess(
         self,
-        fn: _Residual,
-        y: PyTree[Array],
+        fn: _Fn,
+        y: _Y,
         aux: PyTree,
         args: PyTree,
-        options: Mapping[str, object],
+        options: _Options,
         state: _State,
-        tags: frozenset[object],
+        tags: _Tags,
         result: optx.RESULTS,
-    ) -> tuple[PyTree[Array], PyTree, dict[str, object]]:
+    ) -> tuple[_Y, PyTree, dict[str, object]]:
         del fn, args, options, state, tags, result
         return y, aux, {}

@@ -147,10 +147,7 @@ class _RanAway(eqx.Module):
 
 
 def _controller(
-    rtol: float,
-    jumps: Float[Array, " n"],
-    equation: SliderEquation,
-    solver: diffrax.AbstractSolver,
+    rtol: float, jumps: Float[Array, " n"], equation: SliderEquation, solver: diffrax.AbstractSolver
 ) -> diffrax.AbstractStepSizeController:
     tolerance = _SAFETY * rtol
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)

@@ -46,9 +46,7 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, Re
     derivative: Callable[[RealScalar, PyTree], PyTree]
 
     def __init__(
-        self,
-        controller: diffrax.PIDController,
-        derivative: Callable[[RealScalar, PyTree], PyTree],
+        self, controller: diffrax.PIDController, derivative: Callable[[RealScalar, PyTree], PyTree]
     ):
         self.controller = controller
         self.derivative = derivative
