@@ -14,7 +14,7 @@ from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.slack import slacks
 from jaxfric.stability.kernel import DelayKernel, StateSpaceKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider, sampling_delay
-from jaxfric.stability.margins import _FUNCTIONS, _Analysis, is_stable, margin
+from jaxfric.stability.margins import is_stable, margin, poles, several
 
 NAMES = ("decay", "modulus", "phase", "delay")
 
@@ -29,10 +29,10 @@ def slider(p):
 @jax.jit
 @jax.vmap
 def analysed(p):
-    """All from one analysis, as `margins` has it: crossings and poles are compiled once."""
-    of = _Analysis(slider(p))
-    values = jnp.stack([_FUNCTIONS[name](of) for name in NAMES])
-    return values, of.stable, of.poles.real, of.poles.imag
+    """Margins, as `margins` has them from one analysis, whether it is stable, and the poles."""
+    one = slider(p)
+    found, s = several(NAMES, one), poles(one)
+    return jnp.stack([found[name] for name in NAMES]), is_stable(one), s.real, s.imag
 
 
 def typical(number, seed):

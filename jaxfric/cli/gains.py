@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
+from ..stability.margin_table import named_with_units
 from .common import (
     From,
     LawName,
@@ -44,8 +45,7 @@ def gains(
         Parameter(
             negative=(),
             help="A margin that every scenario must have, NAME=NUMBER, as in modulus=0.5 (the "
-            "default). Names: stiffness, decay (1/s), damping, modulus, gain, phase (rad), "
-            "delay (s). May be repeated.",
+            f"default). Names: {named_with_units()}. May be repeated.",
         ),
     ] = None,
     samples: Annotated[

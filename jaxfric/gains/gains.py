@@ -9,7 +9,7 @@ from jaxtyping import ArrayLike
 from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..stability.linear import sampling_delay
-from ..stability.margins import UNITS
+from ..stability.margin_table import MARGINS
 from ..units import parse_values
 from .frontier import Start
 from .kkt import Optimum
@@ -59,7 +59,7 @@ def find_gains(
     velocity : [m/s], one or several, or text, "1..10 mm/s"; a range is best given log-spaced.
     mass : [kg], one or several, or text, "1..3 kg"; None without mass, or with that of the axis
         that the law is of.
-    margin : what is required, by name (`stability.margins.UNITS` has the units), or "modulus=0.5".
+    margin : what is required, by name (`MARGINS` has them, with units), or "modulus=0.5".
     confidence : share of the samples of the law in which the requirement must hold; the
         samples that ask for the largest gains are left out, at most so many.
     scale : (s_p [N/m], s_v [N s/m]); None: the stiffness that stabilises without damping and the
@@ -163,11 +163,12 @@ def _checked_delay(sample_time, mass, requirement: Requirement, law) -> float | 
         raise InputError(
             "a sample time needs a mass: without one no delay of the controller is survived"
         )
-    if "stiffness" in requirement.names:
-        raise InputError(
-            "margin stiffness has no meaning with a sample time: a spring answers at once. Require"
-            " modulus=0.5, gain, phase or delay"
-        )
+    for name in requirement.names:
+        if MARGINS[name].unless_late:
+            raise InputError(
+                f"margin {name} has no meaning with a sample time: {MARGINS[name].unless_late}."
+                " Require modulus=0.5, gain, phase or delay"
+            )
     if isinstance(law, AbstractDelayLaw):
         raise InputError("a sample time under a delay law is not analysed; take another law")
     return float(sampling_delay(sample_time))
@@ -227,10 +228,11 @@ def _result(
 def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
     """Every margin in the scenario where it is least."""
     worst = {}
-    names = [name for name in UNITS if name != "stiffness" or scenarios.delay is None]
+    late = scenarios.delay is not None
+    names = [name for name, one in MARGINS.items() if not (one.unless_late and late)]
     for name, values in several_margins(names, scenarios, gains).items():
         at = int(np.argmin(values))
-        worst[name] = WorstCase(float(values[at]), UNITS[name], scenarios.describe(at))
+        worst[name] = WorstCase(float(values[at]), MARGINS[name].unit, scenarios.describe(at))
     return worst
 
 

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from ..stability.linear import LinearSlider
-from ..stability.margins import margin
+from ..stability.margins import several
 from .scenarios import Scenarios, tiles
 
 
@@ -37,7 +37,7 @@ def _size(scenarios: Scenarios) -> int:
 def _values(names: tuple[str, ...], friction, mass, delay, gains):
     def one(friction, mass, delay):
         slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
-        return {name: margin(name, slider) for name in names}
+        return several(names, slider)
 
     axes = (0, *(None if x is None else 0 for x in (mass, delay)))
     return jax.vmap(one, in_axes=axes)(friction, mass, delay)

@@ -11,20 +11,10 @@ from jaxtyping import Array, Float
 from ..errors import InputError
 from ..stability.kernel import DelayKernel
 from ..stability.linear import LinearFriction, LinearSlider
-from ..stability.margins import UNITS, margin
+from ..stability.margin_table import MARGINS, known_margin
+from ..stability.margins import margin
 from ..stability.theorem import apply_theorem
 
-# What a requirement must lie between: below the first it asks for an unstable slider,
-# above the second no slider has it.
-_RANGES = {
-    "stiffness": (1.0, math.inf),
-    "decay": (0.0, math.inf),
-    "damping": (0.0, 1.0),
-    "modulus": (0.0, 1.0),
-    "gain": (1.0, math.inf),
-    "phase": (0.0, math.pi),
-    "delay": (0.0, math.inf),
-}
 # A margin beyond this many times its requirement, or inf, counts as this many.
 _ENOUGH = 10.0
 # What stands for "greater than zero", in natural units.
@@ -32,7 +22,7 @@ _POSITIVE = 1e-9
 
 
 class Requirement(eqx.Module):
-    """Margins by name and the values they must reach, in the units of `stability.margins.UNITS`."""
+    """Margins by name and the values they must reach, in the units of `MARGINS`."""
 
     names: tuple[str, ...] = eqx.field(static=True)
     values: tuple[float, ...]
@@ -60,7 +50,7 @@ class Requirement(eqx.Module):
             try:
                 margins[name.strip()] = float(value)
             except ValueError:
-                if name.strip() in UNITS or equals:
+                if name.strip() in MARGINS or equals:
                     raise InputError(
                         f"margin '{text}' is not NAME=NUMBER, as in modulus=0.5"
                     ) from None
@@ -104,15 +94,11 @@ class Requirement(eqx.Module):
 
 
 def _check(name: str, value: float) -> None:
-    if name not in UNITS:
-        raise InputError(f"margin '{name}' does not exist; there are: {', '.join(UNITS)}")
-    low, high = _RANGES[name]
-    if not (math.isfinite(value) and low <= value and (value < high or value == high == 1.0)):
+    about = known_margin(name)
+    low, high = about.limit, about.highest
+    if not (math.isfinite(value) and low <= value <= high):
         limit = f"at least {low:g}" if math.isinf(high) else f"between {low:g} and {high:.4g}"
-        raise InputError(f"margin {name}={value:g}: it must be {limit} ({_unit(name)})")
-    if value == 0 and name not in ("decay",):
+        unit = "no unit" if about.unit == "1" else f"unit {about.unit}"
+        raise InputError(f"margin {name}={value:g}: it must be {limit} ({unit})")
+    if value == 0 and not about.zero:
         raise InputError(f"margin {name}=0 asks for nothing; give a positive number")
-
-
-def _unit(name: str) -> str:
-    return "no unit" if UNITS[name] == "1" else f"unit {UNITS[name]}"

@@ -11,7 +11,7 @@ from ..gains.margins import several_margins
 from ..gains.result import Gains
 from ..gains.scenarios import Scenarios
 from ..stability.analysis import SteadyPoint, theorem_over_damping
-from ..stability.margins import UNITS
+from ..stability.margin_table import MARGINS
 from .gain_map import draw_gain_map, star
 from .stability import (
     BAND,
@@ -89,13 +89,9 @@ def _damping(result: Gains) -> str:
 
 def _required(result: Gains) -> str:
     pairs = zip(result.requirement.names, result.requirement.values, strict=True)
-    text = ", ".join(f"{name} ≥ {value:g}{_unit(name)}" for name, value in pairs)
+    text = ", ".join(f"{name} ≥ {value:g}{MARGINS[name].suffix}" for name, value in pairs)
     late = result.delay
     return text if late is None else f"{text}, controller {1e3 * late:.3g} ms late"
-
-
-def _unit(name: str) -> str:
-    return "" if UNITS[name] == "1" else f" {UNITS[name]}"
 
 
 def _margins(axis: Axes, result: Gains) -> None:
@@ -109,7 +105,7 @@ def _margins(axis: Axes, result: Gains) -> None:
         least = values[name]
         shown = least / required if several and required > 0 else least
         shown = np.where(np.isfinite(shown), shown, np.nan)
-        text = f"{name} (required {required:g}{_unit(name)})" if several else name
+        text = f"{name} (required {required:g}{MARGINS[name].suffix})" if several else name
         axis.plot(size * velocities, shown, color=_COLOURS[i % 4], lw=1.6, label=text)
         if not np.isfinite(least).any():
             note = f"{name}: inf, nothing limits it"
@@ -173,7 +169,8 @@ def _at(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios:
 
 
 def _bracket(name: str) -> str:
-    return "" if UNITS[name] == "1" else f" [{UNITS[name]}]"
+    unit = MARGINS[name].unit
+    return "" if unit == "1" else f" [{unit}]"
 
 
 def draw_end_map(

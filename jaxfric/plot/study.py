@@ -13,13 +13,13 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, 
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from ..stability.margin_table import MARGINS
 from .marginals import draw_marginals
 from .side import Side, code_colour, side_of
 from .stability import new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
 _PANELS = 4
-_SIGNED = ("decay", "damping", "modulus", "phase", "delay")
 
 
 def draw_study(found: Any, folder: Path) -> list[str]:
@@ -162,14 +162,14 @@ def _numbers(figure: Figure, axes, sides, values, name: str, about) -> None:
 
 
 def _scale(low: float, high: float, name: str, finite: np.ndarray):
-    """Two colours about the limit of stability of a signed margin; else log or plain."""
-    middle = 1.0 if name in ("stiffness", "gain") else 0.0
-    if name in _SIGNED and low < middle < high:
-        reach = max(high - middle, middle - low)
-        return TwoSlopeNorm(middle, middle - reach, middle + reach), "RdBu"
+    """Two colours about the limit of stability of a margin; else log or plain."""
+    limit = MARGINS[name].limit if name in MARGINS else None
+    if limit == 0.0 and low < 0 < high:
+        reach = max(high, -low)
+        return TwoSlopeNorm(0.0, -reach, reach), "RdBu"
     positive = finite[finite > 0]
     if positive.size == finite.size and high > 30 * low:
-        if name in ("stiffness", "gain") and low < 1 < high:
+        if limit == 1.0 and low < 1 < high:
             reach = max(np.log(high), -np.log(low))
             return LogNorm(np.exp(-reach), np.exp(reach)), "RdBu"
         return LogNorm(low, high), "viridis"

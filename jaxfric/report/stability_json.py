@@ -8,7 +8,7 @@ import numpy as np
 from ..rig.friction import AbstractStribeck, critical_velocity, worst_slope
 from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary
-from ..stability.margins import UNITS
+from ..stability.margin_table import MARGINS
 
 SCHEMA = "jaxfric.stability/1"
 INTERVALS = 4
@@ -74,14 +74,11 @@ def _gains_content(study: Study) -> dict:
         "stable": bool(study.stable),
         "poles": [[_finite(s.real), _finite(s.imag)] for s in np.asarray(study.poles)],
         "margins": {
-            name: {"value": _finite(value), "unit": UNITS[name]}
-            for name, value in _ordered(study.margins)
+            name: {"value": _finite(study.margins[name]), "unit": about.unit}
+            for name, about in MARGINS.items()
+            if name in study.margins
         },
     }
-
-
-def _ordered(margins: dict) -> list[tuple]:
-    return [(name, margins[name]) for name in UNITS if name in margins]
 
 
 def _delay_content(study: Study) -> dict:

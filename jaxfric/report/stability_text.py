@@ -7,16 +7,10 @@ import numpy as np
 from ..rig.friction import AbstractStribeck, Dahl, critical_velocity, worst_slope
 from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary, intervals_over_velocity
-from ..stability.margins import UNITS
+from ..stability.margin_table import MARGINS
 from .stability_json import INTERVALS, intervals, solutions
 
 _ROWS = 9
-_NONE = {
-    "stiffness": "no critical stiffness: damping suffices",
-    "gain": "none: no gain factor reaches instability",
-    "phase": "none: the loop's magnitude never crosses 1",
-    "delay": "none: the loop's magnitude never crosses 1",
-}
 
 
 def describe(study: Study, law: str) -> list[str]:
@@ -127,7 +121,7 @@ def _gains(study: Study) -> list[str]:
     for s in sorted(np.asarray(study.poles), key=lambda s: (-s.real, s.imag)):
         lines.append(f"  {_pole(s)}")
     lines.append("margins:")
-    for name in (name for name in UNITS if name in study.margins):
+    for name in (name for name in MARGINS if name in study.margins):
         text = _margin(name, float(study.margins[name]))
         if name == "stiffness" and study.delayed and not text.startswith("inf"):
             text = "not defined: there is no critical stiffness"
@@ -147,12 +141,11 @@ def _pole(s: complex) -> str:
 
 
 def _margin(name: str, value: float) -> str:
-    unit = {"1": "", "1/s": " 1/s", "rad": " rad", "s": " s"}[UNITS[name]]
+    about = MARGINS[name]
     if math.isinf(value) and value > 0:
-        return f"inf ({_NONE.get(name, 'no crossing')})"
-    if name == "phase":
-        return f"{value:.6g} rad ({math.degrees(value):.4g} deg)"
-    return f"{value:.6g}{unit}"
+        return f"inf ({about.unlimited})"
+    degrees = f" ({math.degrees(value):.4g} deg)" if about.unit == "rad" else ""
+    return f"{value:.6g}{about.suffix}{degrees}"
 
 
 def _table(study: Study) -> list[str]:

@@ -22,7 +22,7 @@ from .linear import (
     linear_friction,
     refuse_without_steady_state,
 )
-from .margins import is_stable, margins, poles
+from .margins import available, is_stable, poles, several
 from .theorem import Theorem, theorem
 
 Law = AbstractLaw | AbstractDelayLaw
@@ -237,12 +237,15 @@ def study(
     if k_p is None:
         return Study(law, points, theorems, mass, k_p, k_v, worst, None, None, None)
     slider = _slider(at_index(points, worst).friction, mass, k_p, k_v)
-    return Study(law, points, theorems, mass, k_p, k_v, worst, *_numbers(slider))
+    return Study(law, points, theorems, mass, k_p, k_v, worst, *_numbers(slider, available(slider)))
 
 
 @eqx.filter_jit
-def _numbers(slider: LinearSlider):
-    return poles(slider), margins(slider), is_stable(slider)
+def _numbers(
+    slider: LinearSlider, names: tuple[str, ...]
+) -> tuple[Complex[Array, " n"], dict[str, Float[Array, ""]], Bool[Array, ""]]:
+    """Poles, the margins called `names`, and whether it is stable."""
+    return poles(slider), several(names, slider), is_stable(slider)
 
 
 def _hardest(points: SteadyPoint, theorems: Theorem, delayed: bool) -> int:

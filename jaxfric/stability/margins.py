@@ -1,13 +1,4 @@
-"""Stability margins of a linearised slider, vmappable and differentiable.
-
-    stiffness  (k_p + f_x)/k_cr, how far above the critical stiffness; inf where damping suffices
-    decay      -max Re s over the poles s of the closed loop [1/s]
-    damping    min over the poles of -Re s/|s|, the damping ratio; of a delay, whose poles are
-               without number and come ever closer to 0, of the rightmost pole
-    modulus    min over w of |1 + L(i w)| = 1/Ms, the distance of L from -1
-    gain       smallest factor by which L, multiplied or divided, reaches -1
-    phase      smallest angle by which L, turned either way, reaches -1 [rad]
-    delay      smallest delay in the loop that reaches -1 [s]
+"""Stability margins of a linearised slider, vmappable and differentiable; `MARGINS` lists them.
 
 L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x): what the PD controller
 sees, from w = 0 to infinity, both included. Where L never comes to -1 in that way the margin
@@ -35,7 +26,8 @@ phase, delay and modulus would then be wrong without a sign of it.
 """
 
 import functools
-from collections.abc import Callable
+import pkgutil
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import jax
@@ -49,19 +41,13 @@ from .delay_roots import rightmost_roots
 from .frequency import crossings, encirclements, smallest
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel
 from .linear import LinearSlider
+from .margin_table import MARGINS, known_margin
 from .theorem import apply_theorem
 
-UNITS = {
-    "stiffness": "1",
-    "decay": "1/s",
-    "damping": "1",
-    "modulus": "1",
-    "gain": "1",
-    "phase": "rad",
-    "delay": "s",
-}
-# A stable slider that just meets the limit has these values.
-LIMITS = {name: 1.0 if name in ("stiffness", "gain") else 0.0 for name in UNITS}
+UNITS = {name: one.unit for name, one in MARGINS.items()}
+"""Units of the margins of this package; `MARGINS` has also those that were added."""
+LIMITS = {name: one.limit for name, one in MARGINS.items()}
+"""What a slider at the limit of stability has."""
 
 
 class Crossing(NamedTuple):
@@ -74,15 +60,14 @@ class Crossing(NamedTuple):
 
 
 def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
-    """One margin by its name; see the module for the seven.
+    """One margin by its name.
 
     Raises
     ------
     InputError : no such margin, one that is not available for the kernel, or single precision.
     """
-    if name not in UNITS:
-        raise InputError(f"margin '{name}' does not exist; there are: {', '.join(UNITS)}")
-    return _FUNCTIONS[name](_Analysis(slider))
+    known_margin(name)
+    return several((name,), slider)[name]
 
 
 def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
@@ -92,11 +77,28 @@ def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
     ------
     InputError : the slider is in single precision.
     """
-    rational = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
-    names = [name for name in UNITS if rational or name not in ("decay", "damping")]
-    names = names if slider.delay is None else [name for name in names if name != "stiffness"]
-    analysis = _Analysis(slider)
-    return {name: _FUNCTIONS[name](analysis) for name in names}
+    return several(available(slider), slider)
+
+
+def available(slider: LinearSlider) -> tuple[str, ...]:
+    """Names of the margins that have a meaning for the slider's kernel and controller."""
+    has_poles = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
+    late = slider.delay is not None
+    return tuple(
+        name
+        for name, one in MARGINS.items()
+        if not (one.needs_poles and not has_poles) and not (one.unless_late and late)
+    )
+
+
+def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array, ""]]:
+    """Some margins by their names, from one analysis; raises as `margin` does."""
+    analysis = Analysis(slider)
+    return {name: _function(name)(analysis) for name in names}
+
+
+def _function(name: str) -> Callable[["Analysis"], Float[Array, ""]]:
+    return pkgutil.resolve_name(MARGINS[name].function)
 
 
 def poles(slider: LinearSlider) -> Complex[Array, " n"]:
@@ -139,7 +141,7 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
     return kernel
 
 
-class _Analysis:
+class Analysis:
     """What several margins of one slider need, computed once."""
 
     def __init__(self, slider: LinearSlider):
@@ -148,18 +150,22 @@ class _Analysis:
 
     @functools.cached_property
     def stable(self) -> Bool[Array, ""]:
+        """Whether steady sliding is stable."""
         return is_stable(self.slider)
 
     @functools.cached_property
     def poles(self) -> Complex[Array, " n"]:
+        """Poles of the closed loop [1/s]."""
         return poles(self.slider)
 
     @functools.cached_property
     def real(self) -> Crossing:
+        """Where L(i w) is real, w > 0."""
         return _real_crossings(self.slider)
 
     @functools.cached_property
     def unit(self) -> Crossing:
+        """Where |L(i w)| = 1, w > 0."""
         return _unit_crossings(self.slider)
 
 
@@ -171,7 +177,8 @@ def _require_float64(slider: LinearSlider) -> None:
         )
 
 
-def _stiffness(of: _Analysis) -> Float[Array, ""]:
+def stiffness(of: Analysis) -> Float[Array, ""]:
+    """(k_p + f_x)/k_cr, how far above the critical stiffness; inf where damping suffices."""
     if of.slider.delay is not None:
         raise InputError(
             "margin stiffness: a controller that answers late has no critical stiffness; require"
@@ -185,19 +192,26 @@ def _stiffness(of: _Analysis) -> Float[Array, ""]:
     return jnp.where(some, ratio, jnp.where(k_cr == 0, by_damping, 0.0))
 
 
-def _decay(of: _Analysis) -> Float[Array, ""]:
+def decay(of: Analysis) -> Float[Array, ""]:
+    """-max Re s over the poles s of the closed loop [1/s]."""
     return -jnp.max(of.poles.real)
 
 
-def _damping(of: _Analysis) -> Float[Array, ""]:
+def damping(of: Analysis) -> Float[Array, ""]:
+    """min over the poles of -Re s/|s|, the damping ratio.
+
+    A delay has poles without number, which come ever closer to 0: of it, that of the rightmost.
+    """
     s = of.poles
     square = s.real**2 + s.imag**2
     size = jnp.sqrt(jnp.where(square == 0, 1.0, square))
     return jnp.min(jnp.where(square == 0, 0.0, -s.real / size))
 
 
-def _modulus(of: _Analysis) -> Float[Array, ""]:
-    """|1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W: least where
+def modulus(of: Analysis) -> Float[Array, ""]:
+    """min over w of |1 + L(i w)| = 1/Ms, the distance of L from -1.
+
+    |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W: least where
     Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
     """
     if not isinstance(of.slider.friction.kernel, AbstractRationalKernel):
@@ -221,7 +235,8 @@ def _modulus(of: _Analysis) -> Float[Array, ""]:
     return _signed(of, functools.reduce(jnp.minimum, distances))
 
 
-def _gain(of: _Analysis) -> Float[Array, ""]:
+def gain(of: Analysis) -> Float[Array, ""]:
+    """Smallest factor by which L, multiplied or divided, reaches -1."""
     at = of.real
     ends = _ends(of.slider)
     real = jnp.concatenate([at.real, jnp.stack([L for L, _ in ends])])
@@ -232,35 +247,25 @@ def _gain(of: _Analysis) -> Float[Array, ""]:
     return jnp.where(of.stable, factor, 1 / factor)
 
 
-def _phase(of: _Analysis) -> Float[Array, ""]:
+def phase(of: Analysis) -> Float[Array, ""]:
+    """Smallest angle by which L, turned either way, reaches -1 [rad]."""
     lag = _lag(of.unit)
     angle = jnp.where(of.unit.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)
     return _signed(of, jnp.min(angle, initial=jnp.inf))
 
 
-def _delay(of: _Analysis) -> Float[Array, ""]:
+def delay(of: Analysis) -> Float[Array, ""]:
+    """Smallest delay in the loop that reaches -1 [s]."""
     at = of.unit
     lag = _lag(at)
     stable = jnp.min(jnp.where(at.some, lag / at.frequency, jnp.inf), initial=jnp.inf)
     lead = (2 * jnp.pi - lag) / at.frequency
     unstable = jnp.min(jnp.where(at.some, lead, jnp.inf), initial=jnp.inf)
-    delay = jnp.where(of.stable, stable, -unstable)
-    if of.slider.mass is None:
-        delay = jnp.where(
-            jnp.abs(of.slider.damping) > jnp.abs(of.slider.friction.slope), 0.0, delay
-        )
-    return delay
-
-
-_FUNCTIONS: dict[str, Callable[[_Analysis], Float[Array, ""]]] = {
-    "stiffness": _stiffness,
-    "decay": _decay,
-    "damping": _damping,
-    "modulus": _modulus,
-    "gain": _gain,
-    "phase": _phase,
-    "delay": _delay,
-}
+    found = jnp.where(of.stable, stable, -unstable)
+    if of.slider.mass is not None:
+        return found
+    at_once = jnp.abs(of.slider.damping) > jnp.abs(of.slider.friction.slope)
+    return jnp.where(at_once, 0.0, found)
 
 
 def _real_crossings(slider: LinearSlider) -> Crossing:
@@ -339,5 +344,5 @@ def _nonzero(x: Array) -> Array:
     return jnp.where(x == 0, 1e-300, x)
 
 
-def _signed(of: _Analysis, distance: Float[Array, ""]) -> Float[Array, ""]:
+def _signed(of: Analysis, distance: Float[Array, ""]) -> Float[Array, ""]:
     return jnp.where(of.stable, distance, -distance)
