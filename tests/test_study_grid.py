@@ -8,7 +8,7 @@ import pytest
 
 from jaxfric import InputError
 from jaxfric.study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, sampling, values
-from jaxfric.study.grid import Blocks
+from jaxfric.study.grid import Tiling
 
 ROOT = np.asarray([[0.3, 0.0], [0.1, 0.2]])
 COLUMNS = (
@@ -27,7 +27,7 @@ def whole(grid):
 @pytest.mark.parametrize("chunk", [1, 2, 3, 7, 12, 60, 1000])
 def test_blocks_cover_the_grid_once(chunk):
     grid = Grid((linspace("x", 0, 1, 5), logspace("y", 1, 10, 3)), Samples(4, COLUMNS[:2], seed=3))
-    blocks = Blocks.of(grid.shape, chunk)
+    blocks = Tiling.of(grid.shape, chunk)
     seen = np.zeros(grid.shape, int)
     expected = {name: column.reshape(grid.shape) for name, column in whole(grid).items()}
     for number in range(len(blocks)):
@@ -97,7 +97,7 @@ def test_permutation(size):
         (lambda: Uniform("x", 0.0, 1.0, kind="halton"), "halton"),
         (lambda: Samples(2**31, COLUMNS), r"Sobol sequence has 1\.1e\+09 points"),
         (lambda: Samples(0, COLUMNS), "number of samples"),
-        (lambda: Blocks.of((3,), 0), "chunk is 0"),
+        (lambda: Tiling.of((3,), 0), "chunk is 0"),
     ],
 )
 def test_refused(make, words):

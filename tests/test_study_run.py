@@ -19,7 +19,7 @@ pytest.importorskip("zarr")
 pytest.importorskip("xarray")
 
 from jaxfric import InputError, study
-from jaxfric.study.place import Folder
+from jaxfric.study.place import Directory
 from jaxfric.study.store import Store, attributes
 
 SCRIPT = str(Path(f.__file__))
@@ -421,5 +421,5 @@ def test_refused(tmp_path, arguments, words):
 
 def test_what_a_store_says_of_itself(tmp_path):
     study.run(f.waves, f.grid(), tmp_path / "a", outputs=f.OUTPUTS, toml="a = 1\n")
-    found = attributes(Folder(tmp_path / "a"))
+    found = attributes(Directory(tmp_path / "a"))
     assert found["toml"] == "a = 1\n" and found["members"] == 35

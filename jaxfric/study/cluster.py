@@ -12,16 +12,19 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .function import Stopped, Task
+from .function import Computed, Stopped, Task
+from .place import Tell
 from .source import belongs_to_package, fingerprint, other_versions, versions
 
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Elsewhere = Callable[[bytes, int, dict[str, str]], Computed]
 # Blocks under way for each thread of the cluster: one computed, one waiting.
 _AHEAD = 2
 # How often a block may be lost with its worker before it is taken for the cause.
@@ -31,7 +34,7 @@ _PATIENCE = 15.0
 
 
 @contextlib.contextmanager
-def connected(address: str) -> Iterator[Any]:
+def connected(address: str) -> "Iterator[Client]":
     """A client of the scheduler at `address`; what Dask logs of a lost one is not shown.
 
     Raises
@@ -48,7 +51,7 @@ def connected(address: str) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def local_processes(number: int) -> Iterator[Any]:
+def local_processes(number: int) -> "Iterator[Client]":
     """A client of as many processes of this machine, which share what they compile."""
     import jax
     from distributed import LocalCluster
@@ -59,10 +62,9 @@ def local_processes(number: int) -> Iterator[Any]:
         environment["JAX_COMPILATION_CACHE_DIR"] = str(folder)
         environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
         environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-    workers: dict[str, Any] = {"n_workers": number, "threads_per_worker": 1, "env": environment}
     pages: dict[str, Any] = {"dashboard_address": None, "worker_dashboard_address": None}
     with _silent(), _without_main():
-        made: Any = LocalCluster(**workers, **pages)
+        made = LocalCluster(n_workers=number, threads_per_worker=1, env=environment, **pages)
         with made, connected(made.scheduler_address) as client:
             yield client
 
@@ -80,8 +82,8 @@ def _without_main() -> Iterator[None]:
 
 
 def distributed(
-    client: Any, task: Task, todo: Sequence[int], address: str, tell: Callable[[str], None]
-) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+    client: "Client", task: Task, todo: Sequence[int], address: str, tell: Tell
+) -> Generator[tuple[int, Computed], None, None]:
     """Blocks as they are finished, in any order; `tell` hears where there is no worker.
 
     Raises
@@ -91,7 +93,7 @@ def distributed(
     yield from _Pool(client, task, address, tell).blocks(list(todo))
 
 
-def compute_block(task: Task, number: int, expected: dict[str, str]) -> dict[str, Any]:
+def compute_block(task: Task, number: int, expected: dict[str, str]) -> Computed:
     """What a worker does: one block, with as many threads as Dask counts for it.
 
     Raises
@@ -115,15 +117,17 @@ def compute_block(task: Task, number: int, expected: dict[str, str]) -> dict[str
     return compute(task, number)
 
 
-def _travelling() -> Callable[..., dict[str, Any]]:
+def _travelling() -> Elsewhere:
     """`compute_block` as a function that Dask sends by its code, not by its name.
 
     What sends a name fails in the scheduler, or ends the worker, where jaxfric or the package of
     one's function is missing. So only a worker looks for them, where it says what is missing.
     """
-    namespace: dict[str, Any] = {"__name__": "__main__"}
+    namespace: dict[str, str | Elsewhere] = {"__name__": "__main__"}
     exec(_CODE, namespace)
-    return namespace["compute_elsewhere"]
+    found = namespace["compute_elsewhere"]
+    assert not isinstance(found, str)
+    return found
 
 
 _CODE = """
@@ -155,7 +159,7 @@ def _limit_threads(number: int) -> None:
         os.environ.setdefault("NPROC", str(number))
 
 
-def _connect(address: str) -> Any:
+def _connect(address: str) -> "Client":
     try:
         from distributed import Client
     except ImportError:
@@ -190,7 +194,7 @@ def _silent() -> Iterator[None]:
 class _Pool:
     """The blocks that are under way."""
 
-    def __init__(self, client: Any, task: Task | None, address: str, tell: Callable[[str], None]):
+    def __init__(self, client: "Client", task: Task | None, address: str, tell: Tell):
         import cloudpickle
 
         self.client, self.address, self.tell = client, address, tell
@@ -202,10 +206,10 @@ class _Pool:
         self.alone: float | None = None
         self.last = time.monotonic()
         self.patience = _PATIENCE
-        self.futures: dict[Any, int] = {}
+        self.futures: dict[Future, int] = {}
         self.losses: dict[int, int] = {}
 
-    def blocks(self, todo: list[int]) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+    def blocks(self, todo: list[int]) -> Generator[tuple[int, Computed], None, None]:
         """Finished blocks; each of `todo` once."""
         todo.reverse()
         while todo or self.futures:
@@ -242,8 +246,11 @@ class _Pool:
         info = self._ask(lambda: self.client.scheduler_info(n_workers=-1))
         return sum(worker["nthreads"] for worker in info["workers"].values())
 
-    def _finished(self) -> list[Any]:
-        """Futures that are done, waiting for one; a lost scheduler is noticed meanwhile."""
+    def _finished(self) -> "list[Future]":
+        """Futures that are done, waiting for one; a lost scheduler is noticed meanwhile.
+
+        Dask's `as_completed` waits without an end: nobody would be told that there is no worker.
+        """
         from distributed import wait
 
         while True:
@@ -287,7 +294,7 @@ class _Pool:
             return f"{text} and {others} tasks of others"
         return f"{text}; the first one of every worker compiles"
 
-    def _result(self, future: Any) -> dict[str, np.ndarray] | None:
+    def _result(self, future: "Future") -> Computed | None:
         """What a future that is done came to; None where that went with a worker.
 
         Its status may change between any two lines: it is taken for done only by its result.
@@ -313,7 +320,7 @@ class _Pool:
             return self._ask(lambda: future.result(timeout=10 * _PATIENCE))
         return None
 
-    def _ask(self, what: Any) -> Any:
+    def _ask(self, what: Callable[[], Any]) -> Any:
         try:
             return what()
         except (OSError, RuntimeError, CancelledError, asyncio.CancelledError):

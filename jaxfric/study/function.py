@@ -3,22 +3,35 @@
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from jax import Array, ShapeDtypeStruct
+
 from ..errors import InputError
-from .grid import SAMPLE, Axis, Blocks, Grid
+from .grid import SAMPLE, Axis, Grid, Tiling
 
 OUTCOME = "outcome"
 """The output that every study has: whether a member has numbers at all."""
 ERRORS = "errors"
-"""With a block: why members failed, by their place in it."""
+"""The folder of a store that says why members failed, a file for every block with such."""
 OUTCOMES = {
     "computed": "All numbers of this member were computed.",
     "not_a_number": "A number of this member is not one; its other codes may say why.",
     "error": "The function failed for this member; the next run tries it again.",
 }
+
+
+DTYPES = ("float64", "float32")
+Function = Callable[[dict[str, Any]], Mapping[str, Any]]
+"""Outputs by their names, of parameters by theirs: JAX arrays or floats, see `Task.kind`."""
+Cost = Callable[[dict[str, "Array"]], "Array"]
+"""What members will take, in any unit, of arrays of parameters: those alike are computed together,
+so that one slow member does not hold a whole batch."""
+Kind = Literal["member", "batch", "host"]
+"""Of a function: see `Task`."""
 
 
 class Stopped(InputError):
@@ -42,6 +55,14 @@ class Output:
         return "int8" if self.codes is not None else "float"
 
 
+class Computed(NamedTuple):
+    """The outputs of one block, shaped as its part of the grid."""
+
+    values: dict[str, np.ndarray]
+    errors: dict[int, str]
+    """Why members failed, by their place in the block laid flat."""
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """A function, its grid cut into blocks, and how its members are computed.
@@ -51,16 +72,16 @@ class Task:
     All return a dict of outputs.
     """
 
-    function: Callable[[dict[str, Any]], Mapping[str, Any]]
+    function: Function
     grid: Grid
-    blocks: Blocks
+    blocks: Tiling
     outputs: tuple[Output, ...]
-    kind: Literal["member", "batch", "host"] = "member"
-    cost: Callable[[dict[str, Any]], Any] | None = None
-    """Of arrays of parameters: what each member will take, in any unit; sorted by it."""
+    kind: Kind = "member"
+    cost: Cost | None = None
     batch: int = 512
+    """Members that share a loop on a device."""
     dtype: str = "float64"
-    """Of the numbers that are kept."""
+    """Of the numbers that are kept, or "float32"."""
     precision: str = "float64"
     """Of those that are computed with."""
     separate: bool = True
@@ -68,6 +89,13 @@ class Task:
     there: False shares the loops, and every one of them waits for its slowest member."""
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
     """A name by which a process knows what it has compiled; it travels with the task."""
+
+
+def refuse_dtypes(dtype: str, precision: str) -> None:
+    """Raise `InputError` for a type of numbers that is not known."""
+    for name, given in (("dtype", dtype), ("precision", precision)):
+        if given not in DTYPES:
+            raise InputError(f"{name} is '{given}'; it is float64 or float32")
 
 
 def refuse_clashes(grid: Grid, outputs: Sequence[Output]) -> None:
@@ -88,7 +116,7 @@ def refuse_clashes(grid: Grid, outputs: Sequence[Output]) -> None:
             raise InputError(f"dimension '{dim.name}' is of two lengths or values; rename one")
 
 
-def check_outputs(found: Mapping[str, Any], outputs: tuple[Output, ...]) -> None:
+def check_outputs(found: Mapping[str, "ShapeDtypeStruct"], outputs: tuple[Output, ...]) -> None:
     """Raise `InputError` for an output that the function does not give, or in another shape."""
     for output in outputs:
         if output.name not in found:

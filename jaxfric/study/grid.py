@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from . import sampling
@@ -42,13 +43,17 @@ class Axis:
         object.__setattr__(self, "values", found)
 
 
-def linspace(name, low, high, number, *, unit="1", long_name="") -> Axis:
+def linspace(
+    name: str, low: float, high: float, number: int, *, unit: str = "1", long_name: str = ""
+) -> Axis:
     """`number` values from `low` to `high`, evenly spaced."""
     _refuse_number(name, number)
     return Axis(name, np.linspace(low, high, number), unit, long_name)
 
 
-def logspace(name, low, high, number, *, unit="1", long_name="") -> Axis:
+def logspace(
+    name: str, low: float, high: float, number: int, *, unit: str = "1", long_name: str = ""
+) -> Axis:
     """`number` values from `low` to `high`, both positive, evenly spaced in the logarithm."""
     _refuse_number(name, number)
     if not (low > 0 and high > 0):
@@ -56,7 +61,7 @@ def logspace(name, low, high, number, *, unit="1", long_name="") -> Axis:
     return Axis(name, np.geomspace(low, high, number), unit, long_name, log=True)
 
 
-def values(name, numbers, *, unit="1", long_name="") -> Axis:
+def values(name: str, numbers: ArrayLike, *, unit: str = "1", long_name: str = "") -> Axis:
     """The given values."""
     return Axis(name, np.asarray(numbers, float), unit, long_name)
 
@@ -219,14 +224,14 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Blocks:
+class Tiling:
     """A grid cut into blocks of at most `chunk` members: trailing dimensions stay whole."""
 
     shape: tuple[int, ...]
     block: tuple[int, ...]
 
     @staticmethod
-    def of(shape: Sequence[int], chunk: int) -> "Blocks":
+    def of(shape: Sequence[int], chunk: int) -> "Tiling":
         """Blocks as even as they can be.
 
         Raises
@@ -243,7 +248,7 @@ class Blocks:
             room //= block[i]
             if pieces > 1:
                 break
-        return Blocks(tuple(shape), tuple(block))
+        return Tiling(tuple(shape), tuple(block))
 
     @property
     def counts(self) -> tuple[int, ...]:

@@ -2,32 +2,42 @@
 
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from .function import OUTCOME, OUTCOMES, Output, Task
-from .grid import SAMPLE
+from .grid import SAMPLE, Axis
 from .marks import DONE, FIXED, fixed_checksums
 from .source import revision, versions
+
+if TYPE_CHECKING:
+    import zarr
+    from zarr.core.common import JSON
 
 SCHEMA = "jaxfric.study/2"
 
 
-def make_store(
-    folder: str,
-    task: Task,
-    description: Mapping[str, Any],
-    toml: str,
-    told: Sequence[str] = (),
-) -> None:
-    """Write a store without blocks into a folder that is not there yet; `told` are warnings."""
+class Label(NamedTuple):
+    """What a store says of its study."""
+
+    description: Mapping[str, object]
+    """Plain values that tell this study from another; a store that has others is refused."""
+    toml: str = ""
+    """A text that is kept in the store's attributes."""
+    warnings: tuple[str, ...] = ()
+    """What must be known of its results, a line each; kept in the attribute "warnings" of a new
+    store, which is not there where there are none."""
+
+
+def make_store(folder: str, task: Task, label: Label) -> None:
+    """Write a store without blocks into a folder that is not there yet."""
     import zarr
 
-    attributes = _attributes(task, description, toml)
-    attributes |= {"warnings": list(told)} if told else {}
+    attributes = _attributes(task, label)
+    attributes |= {"warnings": list(label.warnings)} if label.warnings else {}
     group = zarr.create_group(folder, attributes=attributes)
     _variables(group, task)
     with warnings.catch_warnings():
@@ -50,12 +60,12 @@ def outputs_of(task: Task) -> tuple[Output, ...]:
     return (*task.outputs, Output(OUTCOME, codes=OUTCOMES, long_name="outcome"))
 
 
-def _attributes(task: Task, description: Mapping[str, Any], toml: str) -> dict[str, Any]:
+def _attributes(task: Task, label: Label) -> "dict[str, JSON]":
     columns, dims = sampled(task), len(task.grid.shape)
     found = {
         "schema": SCHEMA,
-        "study": json.dumps(description),
-        "toml": toml,
+        "study": json.dumps(label.description),
+        "toml": label.toml,
         "versions": versions(),
         "revision": revision(),
         "members": task.grid.size,
@@ -69,33 +79,40 @@ def _attributes(task: Task, description: Mapping[str, Any], toml: str) -> dict[s
     return found | ({"coordinates": " ".join(columns)} if columns else {})
 
 
-def _variables(group: Any, task: Task) -> None:
+class _Variable(NamedTuple):
+    """One array of a store."""
+
+    name: str
+    dtype: str
+    dims: dict[str, tuple[int, int]]
+    """Lengths of the array and of its chunks, by the names of the dimensions."""
+    attributes: "dict[str, JSON]"
+
+
+def _variables(group: "zarr.Group", task: Task) -> None:
     grid, blocks = task.grid, task.blocks
-    dims = list(grid.dims)
+    dims = {d: (n, b) for d, n, b in zip(grid.dims, grid.shape, blocks.block, strict=True)}
     for axis in grid.axes:
-        _coordinate(group, axis.name, axis.values, axis.unit, axis.long_name, log=axis.log)
+        _add_axis(group, axis)
     if grid.samples is not None:
         for name, unit, text in grid.samples.described():
-            attributes = {"units": unit, "long_name": text or name}
-            _array(group, name, grid.shape[:1], blocks.block[:1], "float64", [SAMPLE], attributes)
+            about: dict[str, JSON] = {"units": unit, "long_name": text or name}
+            _add(group, _Variable(name, "float64", {SAMPLE: dims[SAMPLE]}, about))
     done = set()
     for output in outputs_of(task):
-        more = [len(dim.values) for dim in output.dims]
         for dim in output.dims:
             if dim.name not in done:
-                _coordinate(group, dim.name, dim.values, dim.unit, dim.long_name)
+                _add_axis(group, dim)
             done.add(dim.name)
-        names = [*dims, *(dim.name for dim in output.dims)]
-        shape, chunks = (*grid.shape, *more), (*blocks.block, *more)
         dtype = task.dtype if output.dtype == "float" else output.dtype
-        _array(group, output.name, shape, chunks, dtype, names, _described(output))
-    attributes = {"long_name": "checksum of each finished block; 0: not finished"}
-    count = len(blocks)
-    _array(group, DONE, (count,), (1,), "uint64", ["block"], attributes, plain=True)
+        more = {dim.name: (len(dim.values), len(dim.values)) for dim in output.dims}
+        _add(group, _Variable(output.name, dtype, dims | more, _described(output)))
+    about: dict[str, JSON] = {"long_name": "checksum of each finished block; 0: not finished"}
+    _add(group, _Variable(DONE, "uint64", {"block": (len(blocks), 1)}, about), plain=True)
 
 
-def _described(output: Output) -> dict[str, Any]:
-    found: dict[str, Any] = {"long_name": output.long_name or output.name}
+def _described(output: Output) -> "dict[str, JSON]":
+    found: dict[str, JSON] = {"long_name": output.long_name or output.name}
     if output.codes is None:
         return found | {"units": output.unit}
     return found | {
@@ -105,28 +122,28 @@ def _described(output: Output) -> dict[str, Any]:
     }
 
 
-def _coordinate(group, name, values, unit, text, *, log: bool = False) -> None:
-    attributes = {"units": unit, "long_name": text or name}
-    if log:
-        attributes["spacing"] = "log"
-    shape = (len(values),)
-    array = _array(group, name, shape, shape, "float64", [name], attributes)
-    array[:] = values
+def _add_axis(group: "zarr.Group", axis: Axis) -> None:
+    """The values of a dimension."""
+    about: dict[str, JSON] = {"units": axis.unit, "long_name": axis.long_name or axis.name}
+    about |= {"spacing": "log"} if axis.log else {}
+    length = len(axis.values)
+    array = _add(group, _Variable(axis.name, "float64", {axis.name: (length, length)}, about))
+    array[:] = axis.values
 
 
-def _array(group, name, shape, chunks, dtype, dims, attributes, *, plain: bool = False) -> Any:
+def _add(group: "zarr.Group", of: _Variable, *, plain: bool = False) -> "zarr.Array":
+    """A new array, of nan or -1; `plain`: of zeros, and as it is in memory."""
     from zarr.codecs import BloscCodec, Crc32cCodec
 
-    number = np.dtype(dtype).kind == "f"
-    fill = 0 if plain else (float("nan") if number else -1)
+    number = np.dtype(of.dtype).kind == "f"
     packed = [BloscCodec(cname="lz4", clevel=5, shuffle="shuffle"), Crc32cCodec()]
     return group.create_array(
-        name,
-        shape=tuple(shape),
-        chunks=tuple(chunks),
-        dtype=dtype,
-        fill_value=fill,
+        of.name,
+        shape=tuple(length for length, _ in of.dims.values()),
+        chunks=tuple(chunk for _, chunk in of.dims.values()),
+        dtype=of.dtype,
+        fill_value=0 if plain else (float("nan") if number else -1),
         compressors=None if plain else packed,
-        dimension_names=list(dims),
-        attributes=attributes,
+        dimension_names=list(of.dims),
+        attributes=of.attributes,
     )

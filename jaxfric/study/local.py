@@ -7,36 +7,35 @@ and each device takes them `batch` at a time. Every device runs loops of its own
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from .function import ERRORS, OUTCOME, OUTCOMES, Output, Task, check_outputs
+from .function import OUTCOME, OUTCOMES, Computed, Function, Output, Task, check_outputs
 from .grid import Axis, Grid
 
 _OUTCOMES = list(OUTCOMES)
-_compiled: dict[str, Callable[[dict[str, np.ndarray]], dict[str, jax.Array]]] = {}
+Arrays = dict[str, jax.Array]
+OfArrays = Callable[[Arrays], Arrays]
+_compiled: dict[str, Callable[[dict[str, np.ndarray]], Arrays]] = {}
 
 
-def compute(task: Task, number: int) -> dict[str, Any]:
+def compute(task: Task, number: int) -> Computed:
     """Every output of a block, shaped as its part of the grid, and its sampled parameters."""
     where = task.blocks.where(number)
     members = task.grid.members(where)
     if task.kind == "host":
-        found = _one_by_one(task, members)
+        found, errors = _one_by_one(task, members)
     else:
-        found = finish(dispatch(task, members), len(next(iter(members.values()))))
+        count = len(next(iter(members.values())))
+        found, errors = finish(dispatch(task, members), count), {}
     lengths = tuple(part.stop - part.start for part in where)
-    return {
-        name: x if name == ERRORS else x.reshape(*lengths, *x.shape[1:])
-        for name, x in found.items()
-    }
+    return Computed({n: x.reshape(*lengths, *x.shape[1:]) for n, x in found.items()}, errors)
 
 
-def dispatch(task: Task, members: dict[str, np.ndarray]) -> dict[str, jax.Array]:
+def dispatch(task: Task, members: dict[str, np.ndarray]) -> Arrays:
     """Begin to compute members; the arrays are as long as a whole block."""
     with jax.enable_x64(task.precision == "float64"):
         if task.token not in _compiled:
@@ -51,7 +50,7 @@ def devices() -> int:
     return len(jax.devices())
 
 
-def finish(found: dict[str, jax.Array], number: int) -> dict[str, np.ndarray]:
+def finish(found: Arrays, number: int) -> dict[str, np.ndarray]:
     """The first `number` rows, when they are there."""
     return {name: np.asarray(x)[:number] for name, x in found.items()}
 
@@ -72,13 +71,13 @@ def _batch(task: Task) -> int:
     return max(min(task.batch, -(-task.blocks.largest // len(jax.devices()))), 1)
 
 
-def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], dict[str, jax.Array]]:
+def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], Arrays]:
     devices, size = jax.devices(), _batch(task)
     mesh = Mesh(np.asarray(devices), ("device",))
     split = PartitionSpec("device")
     rows = _batched(task)
 
-    def on_device(members):
+    def on_device(members: Arrays) -> Arrays:
         parts = {name: x.reshape(-1, size) for name, x in members.items()}
         found = jax.lax.map(rows, parts)
         return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
@@ -92,7 +91,7 @@ def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], dict[str, jax.Arra
     else:
         mapped = _together(rows, size * len(devices), mesh)
 
-    def block(members):
+    def block(members: Arrays) -> Arrays:
         order = _order(task, members, len(devices) if task.separate else 1, size)
         if order is None:
             return mapped(members)
@@ -103,11 +102,11 @@ def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], dict[str, jax.Arra
     return jax.jit(block, in_shardings=NamedSharding(mesh, PartitionSpec()))
 
 
-def _together(rows, size: int, mesh: Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
+def _together(rows: OfArrays, size: int, mesh: Mesh) -> OfArrays:
     """All devices in one loop, each with its part of every batch."""
     lanes = NamedSharding(mesh, PartitionSpec(None, "device"))
 
-    def mapped(members):
+    def mapped(members: Arrays) -> Arrays:
         parts = {
             name: jax.lax.with_sharding_constraint(x.reshape(-1, size), lanes)
             for name, x in members.items()
@@ -118,7 +117,7 @@ def _together(rows, size: int, mesh: Mesh) -> Callable[[dict[str, Any]], dict[st
     return mapped
 
 
-def _order(task: Task, members, devices: int, size: int) -> jax.Array | None:
+def _order(task: Task, members: Arrays, devices: int, size: int) -> jax.Array | None:
     """Members sorted by cost, whose batches are dealt to the devices in turn."""
     if task.cost is None:
         return None
@@ -127,11 +126,11 @@ def _order(task: Task, members, devices: int, size: int) -> jax.Array | None:
     return order.reshape(-1, devices, size).swapaxes(0, 1).reshape(-1)
 
 
-def _batched(task: Task) -> Callable[[dict[str, Any]], dict[str, Any]]:
+def _batched(task: Task) -> OfArrays:
     """The function of a batch, its outputs in the types of the store, and their outcome."""
     function = task.function if task.kind == "batch" else jax.vmap(task.function)
 
-    def rows(members):
+    def rows(members: Arrays) -> Arrays:
         found = function(members)
         one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), dict(found))
         check_outputs(one, task.outputs)
@@ -145,7 +144,7 @@ def _dtype(task: Task, output: Output) -> str:
     return task.dtype if output.dtype == "float" else output.dtype
 
 
-def _outcome(outputs: tuple[Output, ...], found) -> jax.Array:
+def _outcome(outputs: tuple[Output, ...], found: Arrays) -> jax.Array:
     numbers = [found[o.name] for o in outputs if o.dtype == "float"]
     some = next(iter(found.values()))
     bad = jnp.zeros(some.shape[:1], bool)
@@ -154,7 +153,9 @@ def _outcome(outputs: tuple[Output, ...], found) -> jax.Array:
     return bad.astype(jnp.int8)
 
 
-def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, Any]:
+def _one_by_one(
+    task: Task, members: dict[str, np.ndarray]
+) -> tuple[dict[str, np.ndarray], dict[int, str]]:
     """A Python function, member by member; one that raises is a row with the code "error"."""
     number = len(next(iter(members.values())))
     shapes = {o.name: tuple(len(dim.values) for dim in o.dims) for o in task.outputs}
@@ -180,7 +181,7 @@ def _one_by_one(task: Task, members: dict[str, np.ndarray]) -> dict[str, Any]:
                 found[name][i] = value
             bad = [np.isnan(row[o.name]).any() for o in task.outputs if o.dtype == "float"]
             outcome[i] = any(bad)
-    return found | {OUTCOME: outcome, ERRORS: errors}
+    return found | {OUTCOME: outcome}, errors
 
 
 def _text(error: Exception) -> str:
@@ -189,7 +190,7 @@ def _text(error: Exception) -> str:
     return f"{type(error).__name__}: {words}"[:300].rstrip(" :")
 
 
-def infer_outputs(function, grid: Grid, kind: str, precision: str) -> tuple[Output, ...]:
+def infer_outputs(function: Function, grid: Grid, kind: str, precision: str) -> tuple[Output, ...]:
     """Outputs of a JAX function that says nothing of them: names, and a dimension a size."""
     one = {name: jax.ShapeDtypeStruct((), precision) for name in grid.names}
     with jax.enable_x64(precision == "float64"):

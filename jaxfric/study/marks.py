@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .grid import Blocks
+from .grid import Tiling
 from .place import AbstractPlace
 
 DONE = "done"
@@ -27,7 +27,7 @@ class Marks:
     """The blocks of a store and their marks."""
 
     place: AbstractPlace
-    blocks: Blocks
+    blocks: Tiling
     outputs: dict[str, int]
     """Number of dimensions of every variable of the blocks."""
     columns: tuple[str, ...]
@@ -37,7 +37,7 @@ class Marks:
     def of(place: AbstractPlace, attributes: dict[str, Any]) -> "Marks":
         """Those of a store whose attributes are known."""
         layout = attributes["layout"]
-        blocks = Blocks(tuple(layout["shape"]), tuple(layout["block"]))
+        blocks = Tiling(tuple(layout["shape"]), tuple(layout["block"]))
         return Marks(place, blocks, dict(layout["outputs"]), tuple(layout["columns"]))
 
     def carries_columns(self, number: int) -> bool:

@@ -93,7 +93,7 @@ def place_of(out: str | Path) -> AbstractPlace:
     text = os.fspath(out)
     scheme, separator, rest = text.partition("://")
     if separator and scheme == "file":
-        return Folder(Path(rest))
+        return Directory(Path(rest))
     if separator:
         if scheme not in _SCHEMES:
             known = ", ".join(f"{s}://" for s in _SCHEMES)
@@ -104,28 +104,25 @@ def place_of(out: str | Path) -> AbstractPlace:
         raise InputError(
             f"{text}: a URL that lost a slash on its way through a path; give it as text"
         )
-    return Folder(Path(text))
+    return Directory(Path(text))
 
 
-class Folder(AbstractPlace):
+class Directory(AbstractPlace):
     """A folder of a file system."""
 
     def __init__(self, path: Path):
         self.path, self.shown = path, str(path)
 
     def exists(self) -> bool:
-        """Whether there is anything here."""
         return self.path.exists()
 
     def read(self, name: str) -> bytes | None:
-        """The content of a file; None where there is none."""
         try:
             return (self.path / name).read_bytes()
         except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
             return None
 
     def write(self, name: str, content: bytes) -> None:
-        """Make or replace a file, at once."""
         path = self.path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f"{path.name}.partial")
@@ -133,16 +130,13 @@ class Folder(AbstractPlace):
         os.replace(partial, path)
 
     def remove(self, name: str) -> None:
-        """Take a file away, if it is there."""
         (self.path / name).unlink(missing_ok=True)
 
     def names(self, folder: str) -> list[str]:
-        """Names of the files of a folder, without it."""
         path = self.path / folder
         return sorted(os.listdir(path)) if path.is_dir() else []
 
     def sweep(self) -> None:
-        """Take away what a killed run was in the middle of writing."""
         for partial in self.path.rglob("*.partial"):
             partial.unlink(missing_ok=True)
 
@@ -167,11 +161,9 @@ class Folder(AbstractPlace):
         return InputError(f"cannot write {self.shown}: {reason}; give another with --out")
 
     def discard(self) -> None:
-        """Take the whole store away."""
         shutil.rmtree(self.path, ignore_errors=True)
 
     def zarr(self) -> Any:
-        """The store as zarr takes it."""
         return str(self.path)
 
     def faults(self) -> contextlib.AbstractContextManager[None]:
@@ -229,7 +221,6 @@ class Objects(AbstractPlace):
             return self.read("zarr.json") is not None
 
     def read(self, name: str) -> bytes | None:
-        """The content of a file; None where there is none."""
         with self.faults():
             try:
                 return bytes(self._obstore.get(self._store, name).bytes())
@@ -237,7 +228,6 @@ class Objects(AbstractPlace):
                 return None
 
     def write(self, name: str, content: bytes) -> None:
-        """Make or replace a file, at once."""
         if self._lost and name != LOCK:
             raise OSError(5, "another run took the store over", self.shown)
         with self.faults():
@@ -247,12 +237,10 @@ class Objects(AbstractPlace):
                 raise OSError(5, _reason(error), self.shown) from None
 
     def remove(self, name: str) -> None:
-        """Take a file away, if it is there."""
         with self.faults(), contextlib.suppress(FileNotFoundError):
             self._obstore.delete(self._store, name)
 
     def names(self, folder: str) -> list[str]:
-        """Names of the files of a folder, without it."""
         return [name.removeprefix(f"{folder}/") for name in self._below(folder)]
 
     def _below(self, prefix: str | None) -> list[str]:
@@ -279,7 +267,6 @@ class Objects(AbstractPlace):
             self.remove(name)
 
     def zarr(self) -> Any:
-        """The store as zarr takes it."""
         from zarr.storage import ObjectStore
 
         return ObjectStore(self._store)

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from .function import Task
@@ -25,7 +26,13 @@ class Progress:
 class Clock:
     """Counts what is written, and tells."""
 
-    def __init__(self, task: Task, blocks: int, written: int, progress):
+    def __init__(
+        self,
+        task: Task,
+        blocks: int,
+        written: int,
+        progress: Callable[[Progress], None] | None,
+    ):
         self.total, self.written, self.progress = blocks, written, progress
         self.size = task.grid.size
         self.members = 0

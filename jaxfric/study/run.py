@@ -1,38 +1,69 @@
 """One entry point: `run(function, grid, out)`."""
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
-from .function import ERRORS, OUTCOME, OUTCOMES, Output, Stopped, Task, refuse_clashes
-from .grid import Blocks, Grid
-from .place import place_of
+from .function import (
+    OUTCOME,
+    OUTCOMES,
+    Computed,
+    Cost,
+    Function,
+    Kind,
+    Output,
+    Stopped,
+    Task,
+    refuse_clashes,
+    refuse_dtypes,
+)
+from .grid import Grid, Tiling
+from .layout import Label
+from .place import AbstractPlace, Tell, place_of
 from .progress import Clock, Progress
 from .size import is_large, told_size
 from .source import belongs_to_package, fingerprint
 from .store import Store, attributes, changed_versions, error_texts, open_store, require_packages
 from .store import verify as verify_store
 
+if TYPE_CHECKING:
+    import xarray
+    from distributed import Client
+
 CHUNK = 65536
 _OUTCOMES = list(OUTCOMES)
 # A new study stops where so many members are computed and every one has failed.
 _FIRST = 8
-DTYPES = ("float64", "float32")
+
+
+Source = Callable[[Task, Sequence[int]], Generator[tuple[int, Computed], None, None]]
+"""Computes the blocks that it is asked for, in any order, and gives each with its number."""
+
+
+class Listener(NamedTuple):
+    """Who is told of a run."""
+
+    progress: Callable[[Progress], None] | None
+    """How far it is."""
+    tell: Tell
+    """What else is worth a line."""
+    ask: Callable[[str], None] | None
+    """Size and time of a very large study before it begins; raises to stop it."""
 
 
 def run(
-    function: Callable[[dict[str, Any]], Mapping[str, Any]],
+    function: Function,
     grid: Grid,
     out: str | Path,
     *,
     outputs: Sequence[Output] | None = None,
-    kind: Literal["member", "batch", "host"] = "member",
-    cost: Callable[[dict[str, Any]], Any] | None = None,
+    kind: Kind = "member",
+    cost: Cost | None = None,
     chunk: int = CHUNK,
     batch: int = 512,
     dtype: str = "float64",
@@ -41,13 +72,13 @@ def run(
     scheduler: str | None = None,
     processes: int = 1,
     ask: Callable[[str], None] | None = None,
-    description: Mapping[str, Any] | None = None,
+    description: Mapping[str, object] | None = None,
     other_versions: bool = False,
     toml: str = "",
     warnings: Sequence[str] = (),
     progress: Callable[[Progress], None] | None = None,
     tell: Callable[[str], None] | None = None,
-) -> Any:
+) -> "xarray.Dataset":
     """Evaluate a pure function over a grid, into a Zarr store; the store as an xarray Dataset.
 
     The same call goes on with a store that was begun; blocks that are there are checked by
@@ -55,28 +86,19 @@ def run(
 
     Parameters
     ----------
-    function : of the parameters of one member, by name, as a dict of outputs. See `kind`.
-    outputs : units, meanings and further dimensions; by default whatever the function gives.
-    kind : "member": written with JAX, for one member; "batch": for arrays of members;
-        "host": any Python, called with floats member by member (`outputs` must be given).
-    cost : what members will take, of arrays of parameters, in any unit: those alike are
-        computed together, so that one slow member does not hold a whole batch.
+    function, kind, cost, batch, dtype, precision, separate : what is evaluated and how, see `Task`;
+        by default `precision` is `dtype`.
+    outputs : units, meanings and further dimensions; by default whatever the function gives. Those
+        of kind "host" must be given.
     chunk : members of a block, which is computed, held and written at once.
-    batch : members that share a loop on a device.
-    dtype : "float64" or "float32", of the numbers in the store.
-    precision : the same of the computation; by default `dtype`.
-    separate : each device runs loops of its own (`shard_map`). False for a function with implicit
-        solvers (lineax), which cannot be traced there.
-    scheduler : address of a Dask scheduler whose workers compute the blocks.
-    processes : of this machine, that compute members of kind "host"; others use all cores anyway.
+    scheduler, processes : who computes: workers of a Dask scheduler at that address; or so many
+        processes of this machine, of kind "host"; the other kinds use all cores anyway.
     ask : told size and time of a very large study before it begins; may raise to stop it.
-    description : plain values that tell this study from another; a store that has others is
-        refused. By default the grid, the outputs, and the name of the function; what the function
-        does, and all of one's own code that it uses, is compared in any case.
     other_versions : go on with a store that was begun with other versions of packages.
-    toml : a text that is kept in the store's attributes.
-    warnings : what must be known of its results, a line each; kept in the attribute "warnings" of
-        a new store, which is not there where there are none.
+    description, toml, warnings : what the store says of its study, see `Label`; by default it is
+        described by the grid, the outputs and the name of the function. What the function does, and
+        all of one's own code that it uses, is compared in any case.
+    progress, tell : told how far it is, and what else is worth a line.
 
     Raises
     ------
@@ -84,55 +106,70 @@ def run(
     Stopped : the disk is full or the scheduler is lost; the same call goes on.
     """
     precision = precision or dtype
-    for name, given in (("dtype", dtype), ("precision", precision)):
-        if given not in DTYPES:
-            raise InputError(f"{name} is '{given}'; it is float64 or float32")
+    refuse_dtypes(dtype, precision)
     if outputs is None:
-        if kind == "host":
-            raise InputError("a function of kind 'host' needs its outputs listed")
-        from .local import infer_outputs
-
-        outputs = infer_outputs(function, grid, kind, precision)
+        outputs = _inferred(function, grid, kind, precision)
     refuse_clashes(grid, outputs)
-    blocks = Blocks.of(grid.shape, chunk)
-    task = Task(
-        function, grid, blocks, tuple(outputs), kind, cost, batch, dtype, precision, separate
-    )
-    place = place_of(out)
-    description = _described(task) if description is None else _with_layout(description, task)
-    tell = tell or (lambda text: None)
-    opened = open_store(
-        place, task, description, toml, warnings, any_versions=other_versions, tell=tell
-    )
-    if ask is not None and is_large(task) and not place.exists():
-        tell(f"measuring how long {task.grid.size:.3g} members take")
-        ask(told_size(task))
-    several = processes if kind == "host" and len(blocks) > 1 else 1
-    if scheduler is None and several > 1:
-        tell(f"starting {several} processes")
-    with _cluster(scheduler, several) as client, opened as store:
-        where = scheduler or "this machine"
-        source = _local if client is None else _on(client, where, tell)
-        _go_on(store, source, progress, tell)
+    how = (kind, cost, batch, dtype, precision, separate)
+    task = Task(function, grid, Tiling.of(grid.shape, chunk), tuple(outputs), *how)
+    described = _described(task) if description is None else _with_layout(description, task)
+    label = Label(described, toml, tuple(warnings))
+    listener = Listener(progress, tell or (lambda text: None), ask)
+    workers = scheduler or processes
+    _run(task, label, place_of(out), workers, listener, any_versions=other_versions)
     return load(out, verify=False)
 
 
-def _cluster(scheduler: str | None, processes: int) -> contextlib.AbstractContextManager[Any]:
-    """A client of the scheduler, or None where there is none; before anything is written."""
-    if scheduler is None and processes < 2:
+def _inferred(function: Function, grid: Grid, kind: Kind, precision: str) -> tuple[Output, ...]:
+    """Whatever the function gives."""
+    if kind == "host":
+        raise InputError("a function of kind 'host' needs its outputs listed")
+    from .local import infer_outputs
+
+    return infer_outputs(function, grid, kind, precision)
+
+
+def _run(
+    task: Task,
+    label: Label,
+    place: AbstractPlace,
+    workers: str | int,
+    listener: Listener,
+    *,
+    any_versions: bool,
+) -> None:
+    """Compute what is missing, by the workers of a scheduler or by so many processes."""
+    tell = listener.tell
+    opened = open_store(place, task, label, any_versions=any_versions, tell=tell)
+    if listener.ask is not None and is_large(task) and not place.exists():
+        tell(f"measuring how long {task.grid.size:.3g} members take")
+        listener.ask(told_size(task))
+    if isinstance(workers, int) and (task.kind != "host" or len(task.blocks) < 2):
+        workers = 1
+    if isinstance(workers, int) and workers > 1:
+        tell(f"starting {workers} processes")
+    with _cluster(workers) as client, opened as store:
+        where = workers if isinstance(workers, str) else "this machine"
+        source = _local if client is None else _on(client, where, tell)
+        _go_on(store, source, listener)
+
+
+def _cluster(workers: str | int) -> "contextlib.AbstractContextManager[Client | None]":
+    """A client of the workers, or None for this process; before anything is written."""
+    if isinstance(workers, int) and workers < 2:
         return contextlib.nullcontext()
     from .cluster import connected, local_processes
 
-    return local_processes(processes) if scheduler is None else connected(scheduler)
+    return local_processes(workers) if isinstance(workers, int) else connected(workers)
 
 
-def _on(client: Any, scheduler: str, tell) -> Callable[[Task, Sequence[int]], Iterator]:
+def _on(client: "Client", scheduler: str, tell: Tell) -> Source:
     from .cluster import distributed
 
     return lambda task, todo: distributed(client, task, todo, scheduler, tell)
 
 
-def load(path: str | Path, *, verify: bool = True) -> Any:
+def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
     """A store as an xarray Dataset, read as it is used. Members not yet computed are nan or -1.
 
     `path` is a folder or a URL. What members failed with is in the attribute "errors", each text
@@ -156,24 +193,25 @@ def load(path: str | Path, *, verify: bool = True) -> Any:
     return found.assign_attrs(errors=error_texts(place))
 
 
-def _source(task: Task) -> dict[str, Any]:
+def _source(task: Task) -> dict[str, object]:
     """What the function does; that of a function of the package is told by `versions`."""
     if belongs_to_package(task.function):
         return {}
     return {"source of the function": fingerprint(task.function)}
 
 
-def _described(task: Task) -> dict[str, Any]:
+def _described(task: Task) -> dict[str, object]:
     name = getattr(task.function, "__qualname__", type(task.function).__qualname__)
     axes = {a.name: [float(x) for x in a.values] for a in task.grid.axes}
     samples = task.grid.samples
-    found = {"function": name, "axes": axes, "outputs": [o.name for o in task.outputs]}
+    outputs = [o.name for o in task.outputs]
+    found: dict[str, object] = {"function": name, "axes": axes, "outputs": outputs}
     found |= _source(task)
     found |= {"block": list(task.blocks.block), "dtype": task.dtype, "precision": task.precision}
     return found | ({} if samples is None else {"samples": repr(samples)})
 
 
-def _with_layout(description: Mapping[str, Any], task: Task) -> dict[str, Any]:
+def _with_layout(description: Mapping[str, object], task: Task) -> dict[str, object]:
     """What follows from a description by defaults, which another version may have changed."""
     outputs = [output.name for output in task.outputs]
     return {
@@ -183,9 +221,9 @@ def _with_layout(description: Mapping[str, Any], task: Task) -> dict[str, Any]:
     }
 
 
-def _go_on(store: Store, source: Callable[[Task, Sequence[int]], Iterator], progress, tell) -> None:
+def _go_on(store: Store, source: Source, listener: Listener) -> None:
     """Compute and write what is missing."""
-    task = store.task
+    task, tell = store.task, listener.tell
     sound = store.sound()
     begun = bool(sound.any())
     if begun:
@@ -200,9 +238,9 @@ def _go_on(store: Store, source: Callable[[Task, Sequence[int]], Iterator], prog
     todo = [int(i) for i in np.flatnonzero(~sound)]
     if not todo:
         return
-    clock = Clock(task, len(sound), int(sound.sum()), progress)
+    clock = Clock(task, len(sound), int(sound.sum()), listener.progress)
     try:
-        with contextlib.closing(source(task, todo)) as found:  # pyright: ignore[reportArgumentType]
+        with contextlib.closing(source(task, todo)) as found:
             _write_all(store, found if begun else _refuse_failures(found, task), clock)
     except Failed:
         store.place.discard()
@@ -221,17 +259,19 @@ class Failed(InputError):
     """No member of the first ones could be computed; nothing is kept."""
 
 
-def _refuse_failures(found: Iterable, task: Task) -> Iterator:
+def _refuse_failures(
+    found: Iterable[tuple[int, Computed]], task: Task
+) -> Iterator[tuple[int, Computed]]:
     """The same blocks, unless the first members are nothing but errors."""
     failed, error, text = 0, _OUTCOMES.index("error"), ""
     blocks = iter(found)
-    for number, values in blocks:
-        here = values[OUTCOME]
+    for number, block in blocks:
+        here = block.values[OUTCOME]
         if not np.all(here == error):
-            yield number, values
+            yield number, block
             break
         failed += here.size
-        text = text or _first_error(task, number, values[ERRORS])
+        text = text or _first_error(task, number, block.errors)
         if failed >= min(_FIRST, task.grid.size):
             advice = "Mend the function, or let it return nan where a member has no number"
             if belongs_to_package(task.function):
@@ -239,7 +279,7 @@ def _refuse_failures(found: Iterable, task: Task) -> Iterator:
             raise Failed(
                 f"the first {failed} members all failed, with {text}; nothing is kept. {advice}"
             )
-        yield number, values
+        yield number, block
     yield from blocks
 
 
@@ -257,25 +297,25 @@ def _first_error(task: Task, number: int, errors: Mapping[int, str]) -> str:
     return f"{errors[place]} at {', '.join(where)}"
 
 
-def _local(task: Task, todo: Sequence[int]) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+def _local(task: Task, todo: Sequence[int]) -> Generator[tuple[int, Computed], None, None]:
     from .local import compute
 
     for number in todo:
         yield number, compute(task, number)
 
 
-def _write_all(store: Store, found: Iterable, clock: Clock) -> None:
+def _write_all(store: Store, found: Iterable[tuple[int, Computed]], clock: Clock) -> None:
     """Write blocks as they come, one behind the computation."""
     pending: Future | None = None
     with ThreadPoolExecutor(1) as writer:
-        for number, values in found:
+        for number, block in found:
             if pending is not None:
                 pending.result()
-            pending = writer.submit(_write, store, number, values, clock)
+            pending = writer.submit(_write, store, number, block, clock)
         if pending is not None:
             pending.result()
 
 
-def _write(store: Store, number: int, values, clock: Clock) -> None:
-    store.write(number, values)
-    clock.count(values[OUTCOME].size)
+def _write(store: Store, number: int, block: Computed, clock: Clock) -> None:
+    store.write(number, block)
+    clock.count(block.values[OUTCOME].size)

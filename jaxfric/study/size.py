@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from .function import Task
-from .grid import Blocks
+from .grid import Tiling
 from .layout import outputs_of
 
 # From here on a study is asked about before it begins.
@@ -44,7 +44,7 @@ def _rate(task: Task) -> float:
     from .local import compute, devices
 
     few = 1 if task.kind == "host" else devices() * task.batch
-    small = dataclasses.replace(task, blocks=Blocks.of(task.grid.shape, few), token="size")
+    small = dataclasses.replace(task, blocks=Tiling.of(task.grid.shape, few), token="size")
     compute(small, 0)
     begun = time.perf_counter()
     compute(small, len(small.blocks) // 2)

@@ -12,17 +12,17 @@ import contextlib
 import json
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from .function import ERRORS, Task
-from .layout import SCHEMA, make_store, outputs_of, sampled
+from .function import ERRORS, Computed, Task
+from .layout import SCHEMA, Label, make_store, outputs_of, sampled
 from .marks import DONE, FIXED, Marks, damaged_files, fixed_checksums
-from .place import AbstractPlace, Folder, Tell
+from .place import AbstractPlace, Directory, Tell
 from .source import other_versions, versions
 
 _ROOT = "zarr.json"
@@ -54,20 +54,20 @@ class Store:
                 name: group[name] for name in (*sampled(task), *self._outputs)
             }
 
-    def write(self, number: int, found: Mapping[str, Any]) -> None:
+    def write(self, number: int, block: Computed) -> None:
         """All variables of a block, the texts of its errors, and then that it is done."""
         where = self.task.blocks.where(number)
         with self.place.faults():
             for name in self._outputs:
-                self._arrays[name][where] = found[name]
+                self._arrays[name][where] = block.values[name]
             if self.marks.carries_columns(number):
                 assert self.task.grid.samples is not None
                 drawn = self.task.grid.samples.draw(where[0].start, where[0].stop)
                 for name in sampled(self.task):
                     self._arrays[name][where[0]] = drawn[name]
-        errors, file = found.get(ERRORS), f"{ERRORS}/{number}"
-        if errors:
-            self.place.write(file, json.dumps(errors, indent=1).encode())
+        file = f"{ERRORS}/{number}"
+        if block.errors:
+            self.place.write(file, json.dumps(block.errors, indent=1).encode())
         elif self.task.kind == "host":
             self.place.remove(file)
         self.marks.set(number)
@@ -89,16 +89,12 @@ class Store:
 def open_store(
     place: AbstractPlace,
     task: Task,
-    description: Mapping[str, Any],
-    toml: str = "",
-    warnings: Sequence[str] = (),
+    label: Label,
     *,
     any_versions: bool = False,
     tell: Tell = lambda text: None,
 ) -> Iterator[Store]:
     """The store of a study, made where there is none; no other run can write it meanwhile.
-
-    `description` is what makes the study: a table of plain values, compared key by key.
 
     Raises
     ------
@@ -108,10 +104,10 @@ def open_store(
     require_packages()
 
     def make(folder: str) -> None:
-        make_store(folder, task, description, toml, warnings)
+        make_store(folder, task, label)
 
     if place.exists():
-        refuse_other(place, description)
+        refuse_other(place, label.description)
         if changed_versions(place) and not place.names(f"{DONE}/c"):
             with place.lock(tell):  # nothing is in it yet: begun anew
                 place.discard()
@@ -125,7 +121,7 @@ def open_store(
         yield Store(place, task)
 
 
-def _mend(place: AbstractPlace, make, tell: Tell) -> None:
+def _mend(place: AbstractPlace, make: Callable[[str], None], tell: Tell) -> None:
     """Write again what is written once and was damaged; it follows from the study."""
     damaged = damaged_files(place)
     if not damaged:
@@ -152,7 +148,7 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
     InputError : no such place, or not a store of a study.
     """
     reason = "its zarr.json is missing or says otherwise"
-    if isinstance(place, Folder) and place.path.is_file():
+    if isinstance(place, Directory) and place.path.is_file():
         reason = "a file"
     try:
         content = place.read(_ROOT)
@@ -178,7 +174,7 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
     return found
 
 
-def refuse_other(place: AbstractPlace, description: Mapping[str, Any]) -> None:
+def refuse_other(place: AbstractPlace, description: Mapping[str, object]) -> None:
     """Raise `InputError` where a store belongs to another study, with what differs."""
     kept = json.loads(attributes(place)["study"])
     differing = sorted(_differences(kept, json.loads(json.dumps(description)), ""))
@@ -191,7 +187,7 @@ def refuse_other(place: AbstractPlace, description: Mapping[str, Any]) -> None:
         )
 
 
-def _differences(a: Any, b: Any, name: str) -> Iterator[str]:
+def _differences(a: object, b: object, name: str) -> Iterator[str]:
     if isinstance(a, dict) and isinstance(b, dict):
         for key in {*a, *b}:
             below = f"{name}.{key}" if name else key

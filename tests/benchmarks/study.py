@@ -145,7 +145,7 @@ def precision(folder: Path, number: int) -> None:
     for dtype in ("float64", "float32"):
         path = spec(folder, MARGINS, number, f'dtype = "{dtype}"')
         task = task_of(path)
-        parts = [local.compute(task, i) for i in range(len(task.blocks))]
+        parts = [local.compute(task, i).values for i in range(len(task.blocks))]
         _, spent = computed(task, len(task.blocks))
         found[dtype] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}, spent
     (double, t64), (single, t32) = found["float64"], found["float32"]
