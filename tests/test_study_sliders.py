@@ -17,9 +17,9 @@ from jaxfric import study
 from jaxfric.gains.ends import ENDS, EndState
 from jaxfric.gains.settle import end_state
 from jaxfric.members import ends as streaming
-from jaxfric.members import run_study, sliders
+from jaxfric.members import motions, run_study
 from jaxfric.members.make import make
-from jaxfric.members.one_by_one import GAINS_CODES, Fit, Gains, Recorder
+from jaxfric.members.one_by_one import GAINS_CODES, FitOfRecord, LeastGains, Recorder
 from jaxfric.simulation import ensemble
 from jaxfric.stability.closed_form import critical_rate_state
 from jaxfric.stability.margins import UNITS, is_stable, margins, poles
@@ -277,9 +277,8 @@ def test_a_small_step_of_an_unstable_slider_is_not_steady(ends):
     unstable = np.asarray(of.stiffness) > 0
     one = jnp.ones(16)
     period = 2 * np.pi * p[:, 2] / p[:, 5]
-    found = streaming.ends(
-        of, ensemble.stepped(of, one * (1 + 1e-9)), 0 * one, jnp.asarray(period), -one / period
-    )
+    span = streaming.Span(0 * one, jnp.asarray(period), -one / period)
+    found = streaming.ends(of, ensemble.stepped(of, one * (1 + 1e-9)), span)
     assert unstable.sum() > 5
     assert not np.any(np.asarray(found.code)[unstable] == streaming.STEADY)
 
@@ -344,7 +343,7 @@ def test_a_slider_with_mass_tells_by_how_much_its_cycles_differ(tmp_path, monkey
         code = ENDS.where(soft, ENDS.limit_cycle, ENDS.unresolved)
         return EndState(code, *jnp.asarray([0.1, 1e-4, 1e-5, 2.25, 0.75, 0.0]))
 
-    monkeypatch.setattr(sliders, "end_state", told)
+    monkeypatch.setattr(motions, "end_state", told)
     made = make(written(tmp_path / "s.toml", WITH_MASS))
     assert {o.name: o.unit for o in made.outputs}["period_spread"] == "s"
     found = jax.jit(made.function)({"k_p": k_p})
@@ -404,7 +403,7 @@ def test_gains_and_fits_one_by_one(tmp_path):
 def test_wrong_parameters_are_no_answer(tmp_path):
     """A member whose L or k_p is negative is an error: not one without gains or a record."""
     law = {"A": 1.0, "B": 3.0, "V0": 2e-3}
-    gains = Gains("slip", 1, law, {"stiffness": 1.5}, (1e3, 500.0), (None, None))
+    gains = LeastGains("slip", 1, law, {"stiffness": 1.5}, (1e3, 500.0), (None, None))
     outputs = [study.Output(n) for n in ("least_k_p", "least_k_v", "norm")]
     outputs.append(study.Output("gains", codes=GAINS_CODES))
     grid = study.Grid((study.values("L", [1e-3, -1e-3, 0.1], unit="m"),))
@@ -415,7 +414,7 @@ def test_wrong_parameters_are_no_answer(tmp_path):
     assert found.outcome.values.tolist() == [0, 2, 0]
     (text,) = found.attrs["errors"]
     assert text.startswith("InputError: ") and "(L) is -0.001; it must be above 0" in text
-    fit = Fit(Recorder("slip", 1, law, 10.0, 400, 0.0, None, 0, 1), ("A", "B", "L"))
+    fit = FitOfRecord(Recorder("slip", 1, law, 10.0, 400, 0.0, None, 0, 1), ("A", "B", "L"))
     for wrong, what in (({"L": -1e-3, "k_p": 1e4}, "L"), ({"L": 1e-3, "k_p": -1e4}, "k_p")):
         with pytest.raises(jf.InputError, match=rf"\b{what}\b.* is -"):
             fit(wrong)

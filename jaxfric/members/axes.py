@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from ..quantity import Quantity
 from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
 from ..study.grid import KINDS
 from .parameters import nearest, number, parameter, value_of
-from .tables import file_of, refuse_unknown, table_of, whole
+from .tables import Table, file_of, refuse_unknown, table_of, whole
 
 About = Callable[[str, str], Quantity]
 # Values of one axis: they are held whole.
@@ -20,7 +19,7 @@ _AXIS = ("linspace", "logspace", "values", *KINDS, "from")
 
 
 def read_grid(
-    content: dict[str, Any], path: Path, files: dict[str, str], *, about: About = parameter
+    content: Table, path: Path, files: dict[str, str], *, about: About = parameter
 ) -> Grid:
     """[axes] and [samples]: what varies. `about` knows the parameters by their names."""
     where = f"{path.name} [axes]"
@@ -50,7 +49,7 @@ def read_grid(
     return Grid(tuple(axes), Samples(count, tuple(columns), seed) if count and columns else None)
 
 
-def _kind(axis: dict[str, Any], where: str) -> str:
+def _kind(axis: Table, where: str) -> str:
     kinds = [key for key in axis if key in _AXIS]
     extras = {"from": ("normal_force",), "linspace": ("points",), "logspace": ("points",)}
     if len(kinds) != 1:
@@ -64,7 +63,7 @@ def _kind(axis: dict[str, Any], where: str) -> str:
     return kind
 
 
-def _axis(about: Quantity, kind: str, axis: dict[str, Any], where: str) -> Axis:
+def _axis(about: Quantity, kind: str, axis: Table, where: str) -> Axis:
     name = about.symbol
     given = axis[kind]
     place = f"{where} {name}"
@@ -96,7 +95,7 @@ def _axis(about: Quantity, kind: str, axis: dict[str, Any], where: str) -> Axis:
     return make(name, low, high, points, **labels)
 
 
-def _column(about: Quantity, kind: str, axis: dict[str, Any], where: str) -> Uniform:
+def _column(about: Quantity, kind: str, axis: Table, where: str) -> Uniform:
     name = about.symbol
     given, place, log = axis[kind], f"{where} {name}", axis.get("log", False)
     if not isinstance(given, list) or len(given) != 2:
@@ -111,7 +110,7 @@ def _column(about: Quantity, kind: str, axis: dict[str, Any], where: str) -> Uni
     return Uniform(name, low, high, about.unit, about.text, log, kind)
 
 
-def _draws(axis: dict[str, Any], path: Path, where: str, files: dict[str, str]) -> Normal:
+def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal:
     """Columns from the covariance of a fit.json, those with a lower bound by their logarithm."""
     source = file_of(axis["from"], path, where, files)
     content, scale, found = _fitted(axis, source, where)
@@ -133,13 +132,15 @@ def _draws(axis: dict[str, Any], path: Path, where: str, files: dict[str, str]) 
     return Normal(tuple(names), mean, root, tuple(bool(x) for x in log), *labels)
 
 
-def posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
+def posterior(
+    content: Table, path: Path, law: str | None, fixed: dict[str, float], grid: Grid
+) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
     """What the fit of an axis `from` says of the parameters that it does not draw: law, parameters,
     and what it warns of."""
     from ..gains.source import fit_warnings
 
     table = table_of(content, "axes", path.name)
-    sources = [axis for axis in table.values() if "from" in axis]
+    sources = [axis for axis in table.values() if isinstance(axis, dict) and "from" in axis]
     if not sources:
         return law, fixed, ()
     if len(sources) > 1:
@@ -158,7 +159,7 @@ def posterior(content, path: Path, law, fixed: dict[str, float], grid: Grid):
     return law or fit["law"], {**kept, **fixed}, fit_warnings(fit)
 
 
-def _fitted(axis: dict[str, Any], source: Path, where: str):
+def _fitted(axis: Table, source: Path, where: str):
     """A fit.json: its content, friction to force [N per its unit], values of its parameters."""
     from ..gains.saved import FIT, read_saved, refuse_damage, values_of
     from ..gains.source import fit_damage, force_of_unit

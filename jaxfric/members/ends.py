@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Int8
 
-from ..gains.ends import RUNAWAY, SMALL, mean_and_spread, settles
-from ..gains.settle import PERIODS
+from ..gains.ends import SMALL, mean_and_spread, settles
+from ..gains.settle import PERIODS, STANDARD, Policy
 from ..simulation.ensemble import LanePoint, Lanes, Step, integrate
 
 CODES = {
@@ -50,122 +50,160 @@ class Ends(NamedTuple):
     steps: Array
 
 
-class _Seen(NamedTuple):
+_Range = tuple[Array, Array]
+"""Least and largest value that was seen of something, of every lane."""
+
+
+class _SeenEnds(NamedTuple):
+    """What is known of the motions so far."""
+
     largest: Float[Array, "4 n"]  # of ln(1 + |V - V0|/V0), in each quarter
-    speeds: tuple[Array, Array]  # of the last half, and so are the following
-    springs: tuple[Array, Array]
+    speeds: _Range  # of the last half, and so are the following
+    springs: _Range
     count: Array
     first: Array
     last: Array
     escaped: Bool[Array, " n"]
     arrived: Bool[Array, " n"]
-    periods: tuple[Array, Array]  # shortest and longest, of whole cycles in the last half
+    periods: _Range  # shortest and longest, of whole cycles in the last half
     cycle: "_Cycle"
 
 
 class _Cycle(NamedTuple):
     """The cycle that a slider is in, and the one before it."""
 
-    speeds: tuple[Array, Array]
-    springs: tuple[Array, Array]
+    speeds: _Range
+    springs: _Range
     begun: Array
-    first: tuple[Array, Array]  # speeds of the first cycle of those that agree with it
-    last: tuple[Array, Array]  # speeds of the last whole cycle, and so are the following
-    springs_last: tuple[Array, Array]
+    first: _Range  # speeds of the first cycle of those that agree with it
+    last: _Range  # speeds of the last whole cycle, and so are the following
+    springs_last: _Range
     period: Array
-    periods: tuple[Array, Array]  # shortest and longest of the cycles that agree
+    periods: _Range  # shortest and longest of the cycles that agree
     agree: Array
     repeats: Bool[Array, " n"]
 
 
-def ends(
-    of: Lanes,
-    start: LanePoint,
-    lead: Float[Array, " n"],
-    horizon: Float[Array, " n"],
-    decay: Float[Array, " n"],
-    *,
-    rtol: float = 1e-5,
-    max_steps: int = 4096,
-    runaway: float = RUNAWAY,
-) -> Ends:
-    """Follow all lanes for `lead` + `horizon` [s] and say how they end.
+class Span(NamedTuple):
+    """How long motions are followed."""
 
-    decay : rate of the slowest linear mode [1/s], positive where steady sliding is stable.
-    """
-    law = of.law
-    command = jnp.log(of.velocity / law.V0)
-    quarters = lead + 0.25 * jnp.arange(5.0, dtype=lead.dtype)[:, None] * horizon
-    begun = lead[None, :] > 0
-    stops = jnp.where(begun | (jnp.arange(5)[:, None] > 0), quarters, 0.25 * horizon)
-    stable = decay > 0
+    lead: Float[Array, " n"]
+    """Time of the step itself [s], which comes before the horizon."""
+    horizon: Float[Array, " n"]
+    """Time to settle [s]."""
+    decay: Float[Array, " n"]
+    """Rate of the slowest linear mode [1/s], positive where steady sliding is stable."""
 
-    def spring(point: LanePoint) -> Array:
-        u, *psi = point.y
-        pull = law.A * (u + sum(psi)) + of.damping * law.V0 * jnp.exp(jnp.minimum(u, 600.0))
-        return pull / of.stiffness
 
-    def observe(seen: _Seen, step: Step):
+def ends(of: Lanes, start: LanePoint, span: Span, *, policy: Policy = STANDARD) -> Ends:
+    """Follow all lanes for `lead` + `horizon` and say how they end."""
+    watch = _Watch(of, span, jnp.log(of.velocity / of.law.V0), policy.runaway)
+    done = integrate(
+        of,
+        start,
+        watch.stops(),
+        observe=watch.observe,
+        seen=watch.nothing(),
+        rtol=policy.rtol,
+        max_steps=policy.max_steps,
+    )
+    # a massless slider may run away in a finite time: no step is then small enough
+    stopped = ~done.reached & (done.steps < policy.max_steps)
+    lost = stopped & (done.point.y[0] - watch.command > np.log(_FAST))
+    seen = done.seen._replace(escaped=done.seen.escaped | lost)
+    code = _code(seen, done.reached, span)
+    return _numbers(of, seen, code, done.steps)
+
+
+class _Watch(NamedTuple):
+    """What looks at every step of the lanes and keeps what tells of their ends."""
+
+    of: Lanes
+    span: Span
+    command: Float[Array, " n"]  # ln of the commanded velocity over V0 of the law
+    runaway: float
+
+    def quarters(self) -> Float[Array, "5 n"]:
+        """Ends of the four windows of the horizon [s]."""
+        lead, horizon, _ = self.span
+        return lead + 0.25 * jnp.arange(5.0, dtype=lead.dtype)[:, None] * horizon
+
+    def stops(self) -> Float[Array, "5 n"]:
+        """Times at which a step has to end, none of them 0 [s]."""
+        later = (self.span.lead[None, :] > 0) | (jnp.arange(5)[:, None] > 0)
+        return jnp.where(later, self.quarters(), 0.25 * self.span.horizon)
+
+    def spring(self, point: LanePoint) -> Float[Array, " n"]:
+        """Elongation of the spring, but for a constant [m]."""
+        law, (u, *psi) = self.of.law, point.y
+        pull = law.A * (u + sum(psi))
+        pull = pull + self.of.damping * law.V0 * jnp.exp(jnp.minimum(u, 600.0))
+        return pull / self.of.stiffness
+
+    def nothing(self) -> _SeenEnds:
+        """What is known before the first step."""
+        none = jnp.zeros_like(self.span.lead)
+        range_ = (none + jnp.inf, none - jnp.inf)
+        no = jnp.zeros(none.shape, bool)
+        cycle = _Cycle(
+            range_, range_, none - jnp.inf, range_, range_, range_, none, range_, none, no
+        )
+        return _SeenEnds(
+            jnp.zeros((4, *none.shape), none.dtype),
+            range_,
+            range_,
+            jnp.zeros(none.shape, jnp.int32),
+            none,
+            none,
+            no,
+            no,
+            range_,
+            cycle,
+        )
+
+    def observe(self, seen: _SeenEnds, step: Step) -> tuple[_SeenEnds, Bool[Array, " n"]]:
+        """What is known after a step, and which lanes need not be followed further."""
+        command, quarters, decay = self.command, self.quarters(), self.span.decay
         time, u = step.after.time, step.after.y[0]
         size = jnp.log1p(jnp.abs(jnp.expm1(jnp.clip(u - command, -700.0, 600.0))))
-        tiny = 1e-12 * horizon
+        tiny = 1e-12 * self.span.horizon
         late = step.accepted & (time >= quarters[2] - tiny)
         # a window counts the step that ends on its beginning
         inside = step.accepted & (time >= quarters[:4] - tiny) & (time <= quarters[1:] + tiny)
-        largest = jnp.where(inside, jnp.maximum(seen.largest, size), seen.largest)
-        before = step.before.y[0] - command
-        rises = late & (before < 0) & (u >= command) & (step.before.time >= quarters[2] - tiny)
-        rise = jnp.where(rises, u - step.before.y[0], 1.0)
-        at = step.before.time - before * (time - step.before.time) / rise
-        whole = rises & (seen.count > 0)
-        periods = _widened(seen.periods, at - seen.last, whole)
-        escaped = step.accepted & (u - command > np.log(runaway))
-        arrived = step.accepted & stable & (time >= quarters[0]) & _settled(size, step, command)
-        new = _Seen(
-            largest,
+        rises, at = _rise(step, command)
+        rises = rises & late & (step.before.time >= quarters[2] - tiny)
+        escaped = step.accepted & (u - command > np.log(self.runaway))
+        arrived = step.accepted & (decay > 0) & (time >= quarters[0])
+        arrived = arrived & _settled(size, step, command)
+        spring = self.spring(step.after)
+        cycle = _cycle(seen.cycle, step, command, spring, decay)
+        new = _SeenEnds(
+            jnp.where(inside, jnp.maximum(seen.largest, size), seen.largest),
             _widened(seen.speeds, u, late),
-            _widened(seen.springs, spring(step.after), late),
+            _widened(seen.springs, spring, late),
             seen.count + rises,
             jnp.where(rises & (seen.count == 0), at, seen.first),
             jnp.where(rises, at, seen.last),
             seen.escaped | escaped,
             seen.arrived | arrived,
-            periods,
-            cycle := _cycle(seen.cycle, step, command, spring(step.after), decay),
+            _widened(seen.periods, at - seen.last, rises & (seen.count > 0)),
+            cycle,
         )
         return new, escaped | arrived | (step.accepted & cycle.repeats)
 
-    none = jnp.zeros_like(lead)
-    nothing = (none + jnp.inf, none - jnp.inf)
-    no = jnp.zeros(lead.shape, bool)
-    seen = _Seen(
-        jnp.zeros((4, *lead.shape), lead.dtype),
-        nothing,
-        nothing,
-        jnp.zeros(lead.shape, jnp.int32),
-        none,
-        none,
-        no,
-        no,
-        nothing,
-        _Cycle(
-            nothing, nothing, none - jnp.inf, nothing, nothing, nothing, none, nothing, none, no
-        ),
-    )
-    done = integrate(of, start, stops, observe=observe, seen=seen, rtol=rtol, max_steps=max_steps)
-    # a massless slider may run away in a finite time: no step is then small enough
-    stopped = ~done.reached & (done.steps < max_steps)
-    lost = stopped & (done.point.y[0] - command > np.log(_FAST))
-    gathered = done.seen._replace(escaped=done.seen.escaped | lost)
-    return _ended(of, gathered, done.reached, done.steps, horizon, decay)
 
-
-def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
-    """The cycle after a step; a new one begins where the velocity rises through the command."""
+def _rise(step: Step, command: Array) -> tuple[Bool[Array, " n"], Float[Array, " n"]]:
+    """Whether the velocity rises through the command in a step, and when [s]."""
     u, before = step.after.y[0], step.before.y[0] - command
     rises = step.accepted & (before < 0) & (u >= command)
     rise = jnp.where(rises, u - step.before.y[0], 1.0)
-    time = step.before.time - before * (step.after.time - step.before.time) / rise
+    return rises, step.before.time - before * (step.after.time - step.before.time) / rise
+
+
+def _cycle(of: _Cycle, step: Step, command: Array, spring: Array, decay: Array) -> _Cycle:
+    """The cycle after a step; a new one begins where the velocity rises through the command."""
+    u = step.after.y[0]
+    rises, time = _rise(step, command)
     whole = rises & jnp.isfinite(of.begun)
     period = jnp.where(whole, time - of.begun, of.period)
     shortest, longest = _widened(of.periods, period, whole)
@@ -176,7 +214,7 @@ def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
     fresh = whole & ~agrees
     agree = jnp.where(whole, jnp.where(agrees, of.agree + 1, 0), of.agree)
 
-    def choose(new, old, when=rises):
+    def choose(new: _Range, old: _Range, when: Array = rises) -> _Range:
         return jnp.where(when, new[0], old[0]), jnp.where(when, new[1], old[1])
 
     return _Cycle(
@@ -193,7 +231,7 @@ def _cycle(of: _Cycle, step: Step, command, spring, decay) -> _Cycle:
     )
 
 
-def _settled(size, step: Step, command) -> Array:
+def _settled(size: Array, step: Step, command: Array) -> Bool[Array, " n"]:
     """Very close to steady sliding, at both ends of a step and in its rates too."""
     close = _CLOSE * SMALL
     rate = sum(jnp.abs(slope) for slope in step.slopes[1])
@@ -201,31 +239,33 @@ def _settled(size, step: Step, command) -> Array:
     return (size < close) & (jnp.abs(step.before.y[0] - command) < close) & (rate * h < close)
 
 
-def _widened(ends: tuple[Array, Array], x: Array, inside: Array) -> tuple[Array, Array]:
-    low, high = ends
+def _widened(of: _Range, x: Array, inside: Array) -> _Range:
+    """The range with `x` in it, where that is `inside`."""
+    low, high = of
     wider = jnp.minimum(low, x), jnp.maximum(high, x)
     return jnp.where(inside, wider[0], low), jnp.where(inside, wider[1], high)
 
 
-def _ended(of: Lanes, seen: _Seen, reached, steps, horizon, decay) -> Ends:
+def _code(seen: _SeenEnds, reached: Array, span: Span) -> Int8[Array, " n"]:
+    """Which of `CODES` an end is."""
     a2, a3, a4 = seen.largest[1:]
-    rate = jnp.where(decay > 0, decay, jnp.inf)
-    steady = seen.arrived | settles((a2, a3, a4), seen.count, horizon / 4, rate)[0]
+    rate = jnp.where(span.decay > 0, span.decay, jnp.inf)
+    steady = seen.arrived | settles((a2, a3, a4), seen.count, span.horizon / 4, rate)[0]
     # no unstable slider slides steadily: its oscillation is still too small to be seen
-    steady = steady & ~(decay < 0)
+    steady = steady & ~(span.decay < 0)
     code = jnp.where(steady, STEADY, jnp.where(seen.count >= 2, LIMIT_CYCLE, FAILED))
     code = jnp.where(reached, code, FAILED)
     code = jnp.where(seen.cycle.repeats, LIMIT_CYCLE, code)
-    code = jnp.where(seen.escaped, ESCAPE, code)
-    return _numbers(of, seen, code.astype(jnp.int8), steps)
+    return jnp.where(seen.escaped, ESCAPE, code).astype(jnp.int8)
 
 
-def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
+def _numbers(of: Lanes, seen: _SeenEnds, code: Array, steps: Array) -> Ends:
     """Amplitudes, least velocity and period, of the last cycle or of the last half."""
     cycle = seen.cycle
 
-    def chosen(last, half):
-        return tuple(jnp.where(cycle.repeats, a, b) for a, b in zip(last, half, strict=True))
+    def chosen(last: _Range, half: _Range) -> _Range:
+        low, high = (jnp.where(cycle.repeats, a, b) for a, b in zip(last, half, strict=True))
+        return low, high
 
     speeds = chosen(cycle.last, seen.speeds)
     springs = chosen(cycle.springs_last, seen.springs)
@@ -237,7 +277,7 @@ def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
     mean, spread = mean_and_spread(count, seen.first, seen.last, *periods)
     period = jnp.where(cycle.repeats, cycle.period, mean)
 
-    def number(x, otherwise, steady):
+    def number(x: Array, otherwise: float, steady: ArrayLike) -> Array:
         return jnp.where(known, x, jnp.where(at_end, steady, otherwise))
 
     return Ends(
@@ -251,7 +291,9 @@ def _numbers(of: Lanes, seen: _Seen, code, steps) -> Ends:
     )
 
 
-def horizon_of(slowest, force_scale, stiffness, velocity) -> Array:
+def horizon_of(
+    slowest: Array, force_scale: Array, stiffness: Array, velocity: Array
+) -> Float[Array, " *n"]:
     """Thirty periods of the slowest mode [1/s], or of sticking through the changes of force."""
     stick = 2 * force_scale / (stiffness * velocity)
     return PERIODS * jnp.maximum(2 * jnp.pi / slowest, stick)

@@ -1,29 +1,22 @@
 """From a study.toml to the function, grid and outputs of a study, and running it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
+from jaxtyping import Array
 
-from ..errors import InputError
-from ..rig.friction import AbstractInvertibleLaw, AbstractLaw
 from ..study import Output, Progress, run
-from ..study.function import refuse_clashes
-from ..units import parse_quantity
-from .sliders import ENDINGS, MARGINS, Sliders, traces
-from .spec import Spec, choose_outputs, read_spec
+from ..study.function import Cost, Function, refuse_clashes
+from .computations import COMPUTATIONS
+from .spec import Part, Spec, choose_outputs, read_spec
 
-# Members of a block: as many as compute in about a second, and their traces fit into memory.
-_CHUNK, _CHUNK_WITH_TRACES, _CHUNK_SLOW, _CHUNK_ONE_BY_ONE = 65536, 16384, 256, 16
-_CHUNKS = {"gains": 16, "fit": 4, "loop": 1}
-# Members that share a loop: what fits into a cache; a stiff solver's are held by the slowest.
-_BATCH, _BATCH_SLOW = 512, 16
-_SAMPLES = 100
-# Steady friction in units of A above which the regularised and the logarithmic direct effect are
-# the same to rounding, and samples that are looked at for the least of it.
-_FAR_FROM_REST, _SEEN = 20.0, 4096
+if TYPE_CHECKING:
+    import xarray
+
+# Members of a block of one's own function, written with JAX or in plain Python.
+_CHUNK, _CHUNK_ONE_BY_ONE = 65536, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +24,24 @@ class Made:
     """A study, ready to run."""
 
     spec: Spec
-    function: Callable
+    function: Function
     outputs: tuple[Output, ...]
-    kind: Any
-    cost: Callable | None
+    kind: Literal["member", "batch", "host"]
+    cost: Cost | None
     chunk: int
     batch: int
     separate: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Several computations of the same arrays of members."""
+
+    parts: tuple[Function, ...]
+
+    def __call__(self, varied: Mapping[str, Array]) -> dict[str, Array]:
+        """Outputs of all of them."""
+        return {name: x for part in self.parts for name, x in part(dict(varied)).items()}
 
 
 def make(path: str | Path, own: str | None = None) -> Made:
@@ -49,15 +53,29 @@ def make(path: str | Path, own: str | None = None) -> Made:
     """
     if own is not None:
         return _own(path, own)
-    spec = read_spec(path)
-    if spec.compute[0] in ("gains", "fit", "loop"):
-        from .one_by_one import one_by_one
+    spec = read_spec(path, COMPUTATIONS)
+    parts = [_part(spec, name) for name in spec.compute]
+    kept = [output for part in parts for output in part.kept(spec)]
+    known = tuple(output for part in parts for output in part.outputs)
+    outputs = choose_outputs(spec, known, tuple(output.name for output in kept))
+    used = [part for part in parts if part.kept(spec)]
+    functions = tuple(part.function for part in used)
+    told = tuple(line for part in used for line in part.warnings)
+    return Made(
+        replace(spec, warnings=(*spec.warnings, *told)),
+        functions[0] if len(functions) == 1 else Together(functions),
+        outputs,
+        used[0].kind,
+        next((part.cost for part in used if part.cost is not None), None),
+        spec.chunk or min(part.chunk for part in used),
+        min(part.batch for part in used),
+        all(part.separate for part in used),
+    )
 
-        function, known = one_by_one(spec)
-        outputs = choose_outputs(spec, known, tuple(o.name for o in known))
-        chunk = spec.chunk or _CHUNKS[spec.compute[0]]
-        return Made(spec, function, outputs, "host", None, chunk, 1)
-    return _sliders(spec)
+
+def _part(spec: Spec, name: str) -> Part:
+    table = spec.options.get(name, {})
+    return COMPUTATIONS[name].make(spec, table, f"{spec.path.name} [{name}]")
 
 
 def _own(path: str | Path, reference: str) -> Made:
@@ -65,107 +83,7 @@ def _own(path: str | Path, reference: str) -> Made:
 
     spec, function, outputs, kind = read_own(path, reference)
     chunk = spec.chunk or (_CHUNK_ONE_BY_ONE if kind == "host" else _CHUNK)
-    return Made(spec, function, outputs, kind, None, chunk, _BATCH, separate=False)
-
-
-def _sliders(spec: Spec) -> Made:
-    known: tuple[Output, ...] = ()
-    usual: list[str] = []
-    table = spec.options.get("simulate", {})
-    samples = table.get("samples", _SAMPLES)
-    law = _law(spec)
-    inertia = table.get("inertia", not isinstance(law, str | AbstractInvertibleLaw))
-    _refuse_massless(spec, law, inertia)
-    slow = inertia or not isinstance(law, str)
-    if "margins" in spec.compute:
-        known += MARGINS
-        usual += [output.name for output in MARGINS]
-    if "simulate" in spec.compute:
-        known += ENDINGS + traces(samples)
-        usual += [output.name for output in ENDINGS]
-        usual += [output.name for output in traces(samples)] if "samples" in table else []
-    outputs = choose_outputs(spec, known, tuple(usual))
-    wanted = tuple(output.name for output in outputs)
-    traced = bool({"force", "velocity"} & set(wanted))
-    if traced and slow:
-        raise InputError(
-            f"{spec.path.name}: force and velocity in time are for massless sliders under the slip"
-            " or ageing law; leave these outputs out"
-        )
-    simulated = {"end", "force", "velocity"} & set(wanted)
-    if simulated and not slow:
-        spec = replace(spec, warnings=(*spec.warnings, *_logarithmic(spec)))
-    duration = table.get("duration")
-    function = Sliders(
-        law,
-        spec.states,
-        spec.fixed,
-        wanted,
-        samples,
-        None if duration is None else parse_quantity(duration, "s", "duration"),
-        float(table.get("rtol", 1e-6)),
-        table.get("max_steps", 16384),
-        inertia,
-    )
-    slow = slow and "end" in wanted
-    chunk = _CHUNK_SLOW if slow else _CHUNK_WITH_TRACES if traced else _CHUNK
-    return Made(
-        spec,
-        function,
-        outputs,
-        "batch",
-        function.cost if simulated else None,
-        spec.chunk or chunk,
-        _BATCH_SLOW if slow else _BATCH,
-        not slow,
-    )
-
-
-def _logarithmic(spec: Spec) -> list[str]:
-    """A line where massless motions are not those of the regularised direct effect."""
-    if "f0" not in (*spec.fixed, *spec.grid.names):
-        return []  # 50 A
-    least = _range_of(spec, "f0")[0] / _range_of(spec, "A")[1]
-    if least > _FAR_FROM_REST:
-        return []
-    return [
-        "motions without mass are simulated with the direct effect A ln(V/V_ref), with which they"
-        " need no root, and margins with the regularised one: f0 is down to"
-        f" {least:.3g} A here, where the two differ; for one law in both give m and inertia = true"
-    ]
-
-
-def _range_of(spec: Spec, name: str) -> tuple[float, float]:
-    """Least and largest value of a parameter, among the first samples where it is drawn."""
-    if name in spec.fixed:
-        return spec.fixed[name], spec.fixed[name]
-    values = [np.asarray(axis.values) for axis in spec.grid.axes if axis.name == name]
-    samples = spec.grid.samples
-    if samples is not None and not values:
-        values = [samples.draw(0, min(samples.number, _SEEN))[name]]
-    return float(np.min(values)), float(np.max(values))
-
-
-def _refuse_massless(spec: Spec, law, inertia: bool) -> None:
-    """Raise `InputError` where a motion is asked for that only mass makes unique."""
-    if "simulate" not in spec.compute or inertia or isinstance(law, str | AbstractInvertibleLaw):
-        return
-    raise InputError(
-        f"{spec.path.name} [simulate]: the law of {spec.source} has no velocity of its own at a"
-        " given force; leave inertia = false out, so that its mass takes part"
-    )
-
-
-def _law(spec: Spec):
-    if spec.law is not None:
-        return spec.law
-    from .saved_law import law_from_file
-
-    assert spec.source is not None
-    law = law_from_file(spec.source, normal_force=spec.normal_force, samples=0).law
-    if not isinstance(law, AbstractLaw):
-        raise InputError(f"{spec.source}: a delay law has no states; a study cannot take it")
-    return law
+    return Made(spec, function, outputs, kind, None, chunk, Part.batch, separate=False)
 
 
 def run_study(
@@ -179,7 +97,7 @@ def run_study(
     other_versions: bool = False,
     progress: Callable[[Progress], None] | None = None,
     tell: Callable[[str], None] | None = None,
-) -> Any:
+) -> "xarray.Dataset":
     """Run, or go on with, the study of a study.toml; its store as an xarray Dataset.
 
     What its laws warn of is told as it begins, and is in the attribute "warnings" of the store.

@@ -9,17 +9,26 @@ member's record, add noise that depends on the member alone, and fit it.
 import hashlib
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError
+from ..stability.margin_table import MARGINS
 from ..study import Output
 from ..units import parse_quantity
 from .parameters import nearest, number, rate_state
-from .spec import Spec
+from .spec import Part, Spec
+from .tables import Table, refuse_unknown, whole
+
+if TYPE_CHECKING:
+    from jaxtyping import Array
+
+    from ..records import Record
+    from ..rig.friction import RateState
 
 GAINS_CODES = {
     "found": "Gains were found that meet the requirement.",
@@ -31,36 +40,42 @@ FIT_CODES = {
     "not_converged": "The fit did not converge.",
     "ran_away": "The slider runs away or takes too many steps: there is no record.",
 }
+# Members of a block, by what one takes.
+_CHUNK_GAINS, _CHUNK_FITS, _CHUNK_LOOPS = 16, 4, 1
 _GAINS = ("margin", "max_k_p", "max_k_v", "scale_k_p", "scale_k_v")
 _RECORD = ("ratio", "noise", "rows", "distance", "seed")
 _LOOP = (*_RECORD, "steps", "most", "with", "without")
 
 
-def one_by_one(spec: Spec) -> tuple[Any, tuple[Output, ...]]:
-    """The function of [gains], [fit] or [loop], and all of its outputs.
+def _law(spec: Spec, where: str) -> str:
+    """The name of the law, which these computations need.
 
     Raises
     ------
-    InputError : a key that is not known, a value that cannot be used.
+    InputError : the law is taken whole from a file.
     """
-    name = spec.compute[0]
     if spec.law is None:
-        raise InputError(f"{spec.path.name}: {name} in a study takes the slip or the ageing law")
-    make = {"gains": _gains, "fit": _fit, "loop": _loop}[name]
-    return make(spec, spec.options.get(name, {}), f"{spec.path.name} [{name}]")
+        raise InputError(f"{where}: in a study this takes the slip or the ageing law")
+    return spec.law
 
 
-def _gains(spec: Spec, table: Mapping[str, Any], where: str):
+def make_gains(spec: Spec, table: Table, where: str) -> Part:
+    """`compute = ["gains"]` with its table [gains].
+
+    Raises
+    ------
+    InputError : a key that is not known, a value that cannot be used; of the next two too.
+    """
     from ..gains.requirement import Requirement
-    from ..stability.margins import UNITS
 
-    _refuse(table, _GAINS, where)
+    refuse_unknown(table, _GAINS, where)
+    law = _law(spec, where)
     margin = table.get("margin")
     if not isinstance(margin, dict) or not margin:
         raise InputError(f"{where}: margin is missing; say which, margin = {{ stiffness = 1.2 }}")
     for key, value in margin.items():
-        if key not in UNITS:
-            raise InputError(f"{where}: no margin '{key}'{nearest(key, UNITS)}")
+        if key not in MARGINS:
+            raise InputError(f"{where}: no margin '{key}'{nearest(key, MARGINS)}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{where}: margin {key} is {value!r}; it is a number")
     try:
@@ -76,11 +91,12 @@ def _gains(spec: Spec, table: Mapping[str, Any], where: str):
         Output("least_k_v", "N*s/m", "velocity gain of least norm"),
         Output("norm", "1", "norm of the gains"),
     )
-    return Gains(spec.law or "slip", spec.states, spec.fixed, margin, limits, scales), outputs
+    function = LeastGains(law, spec.states, spec.fixed, margin, limits, scales)
+    return Part(function, outputs, kind="host", chunk=_CHUNK_GAINS, batch=1)
 
 
 @dataclass(frozen=True, eq=False)
-class Gains:
+class LeastGains:
     """The smallest gains of one member (`jaxfric.find_gains`).
 
     That there are none is an answer. Whatever is raised is an error of the member.
@@ -93,7 +109,7 @@ class Gains:
     upper: tuple[float | None, ...]
     scale: tuple[float | None, ...]
 
-    def __call__(self, varied: Mapping[str, float]) -> dict[str, Any]:
+    def __call__(self, varied: Mapping[str, float]) -> dict[str, float]:
         """Outputs of a member."""
         from ..gains.gains import seek_gains
         from ..gains.solve import Infeasible
@@ -112,40 +128,46 @@ class Gains:
         return {"gains": 0, "least_k_p": found.kp, "least_k_v": found.kv, "norm": found.norm}
 
 
-def _fit(spec: Spec, table: Mapping[str, Any], where: str):
-    _refuse(table, _RECORD, where)
+def make_fit(spec: Spec, table: Table, where: str) -> Part:
+    """`compute = ["fit"]` with its table [fit]."""
+    refuse_unknown(table, _RECORD, where)
     maker = _record(spec, table, where)
     names = ["A", *(n for i in range(1, spec.states + 1) for n in _state(i))]
     units = dict.fromkeys(names, "N") | {n: "m" for n in names if n[0] == "L"}
     outputs = [Output("fit", long_name="how the fit ended", codes=FIT_CODES)]
     outputs += [Output(f"fitted_{n}", units[n], f"{n} of the fit") for n in names]
     outputs += [Output(f"std_{n}", units[n], f"standard deviation of {n}") for n in names]
-    return Fit(maker, tuple(names)), (*outputs, Output("rms", "N", "rms of the residual"))
+    outputs += [Output("rms", "N", "rms of the residual")]
+    function = FitOfRecord(maker, tuple(names))
+    return Part(function, tuple(outputs), kind="host", chunk=_CHUNK_FITS, batch=1)
 
 
 def _state(i: int) -> tuple[str, str]:
     return ("B", "L") if i == 1 else (f"B{i}", f"L{i}")
 
 
-def _record(spec: Spec, table: Mapping[str, Any], where: str) -> "Recorder":
+def _record(spec: Spec, table: Table, where: str, steps: int = 1) -> "Recorder":
     ratio = table.get("ratio", 10.0)
-    rows = table.get("rows", 400)
-    seed = table.get("seed", 0)
     noise = number(table.get("noise", "0 N"), "N", f"{where} noise")
     distance = table.get("distance")
     if isinstance(ratio, bool) or not isinstance(ratio, int | float) or not ratio > 0 or ratio == 1:
         raise InputError(f"{where}: ratio is {ratio!r}; it is a positive number, not 1")
-    for key, value, least in (("rows", rows, 40), ("seed", seed, 0)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise InputError(f"{where}: {key} is {value!r}; it is a whole number from {least}")
     if not noise >= 0:
         raise InputError(f"{where}: noise is {noise:g} N; it must not be negative")
     metres = None if distance is None else number(distance, "m", f"{where} distance")
-    steps = table.get("steps", 1)
-    if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= 20:
+    steps = whole(table, "steps", where) or steps
+    if steps > 20:
         raise InputError(f"{where}: steps is {steps!r}; it is a whole number from 1 to 20")
     return Recorder(
-        spec.law or "slip", spec.states, spec.fixed, float(ratio), rows, noise, metres, seed, steps
+        _law(spec, where),
+        spec.states,
+        spec.fixed,
+        float(ratio),
+        whole(table, "rows", where, 40) or 400,
+        noise,
+        metres,
+        whole(table, "seed", where, 0) or 0,
+        steps,
     )
 
 
@@ -163,7 +185,7 @@ class Recorder:
     seed: int
     steps: int
 
-    def __call__(self, varied: Mapping[str, float]):
+    def __call__(self, varied: Mapping[str, float]) -> "tuple[Record, float, str] | None":
         """Record, stiffness [N/m] and text of its steps; None where the simulation failed."""
         import jax.numpy as jnp
 
@@ -205,38 +227,36 @@ class Recorder:
         return np.random.default_rng(seed).standard_normal(number)
 
 
-def _simulator():
-    """`simulate` of a massless slider, compiled once for each shape."""
-    global _compiled
-    if _compiled is None:
-        import equinox as eqx
+@cache
+def _simulator() -> "Callable[..., tuple[Array, Array, Array]]":
+    """`simulate` of a massless slider, compiled once for each shape: friction, and whether the
+    simulation succeeded and whether it was possible at all."""
+    import equinox as eqx
 
-        from ..motion import PiecewiseVelocity
-        from ..rig import QuasiStatic, Rig
-        from ..simulation import RESULTS, simulate
+    from ..motion import PiecewiseVelocity
+    from ..rig import QuasiStatic, Rig
+    from ..simulation import RESULTS, simulate
 
-        @eqx.filter_jit
-        def run(law, stiffness, times, velocities, ts):
-            rig = Rig(QuasiStatic(stiffness), law)
-            found = simulate(rig, PiecewiseVelocity(times, velocities), ts)
-            result = found.result
-            return found.force, result == RESULTS.successful, result != RESULTS.impossible
+    @eqx.filter_jit
+    def run(
+        law: "RateState", stiffness: float, times: "Array", velocities: "Array", ts: "Array"
+    ) -> "tuple[Array, Array, Array]":
+        rig = Rig(QuasiStatic(stiffness), law)
+        found = simulate(rig, PiecewiseVelocity(times, velocities), ts)
+        result = found.result
+        return found.force, result == RESULTS.successful, result != RESULTS.impossible
 
-        _compiled = run
-    return _compiled
-
-
-_compiled: Any = None
+    return run
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class FitOfRecord:
     """The fit of one member's record (`jaxfric.fit`)."""
 
     record: Recorder
     names: tuple[str, ...]
 
-    def __call__(self, varied: Mapping[str, float]) -> dict[str, Any]:
+    def __call__(self, varied: Mapping[str, float]) -> dict[str, float]:
         """Outputs of a member."""
         from ..fitting import fit
 
@@ -253,11 +273,12 @@ class Fit:
         return {"fit": code, "rms": float(found.rms), **dict(zip(columns, values, strict=True))}
 
 
-def _loop(spec: Spec, table: Mapping[str, Any], where: str):
+def make_loop(spec: Spec, table: Table, where: str) -> Part:
+    """`compute = ["loop"]` with its table [loop]."""
     from ..effects import CATALOGUE
     from ..loop import VERDICTS
 
-    _refuse(table, _LOOP, where)
+    refuse_unknown(table, _LOOP, where)
     codes = {name: name.replace("_", " ") for name in VERDICTS}
     codes |= {"no_record": "The slider runs away or takes too many steps: there is no record."}
     ids = {"none": "No effect was added."} | {id: id.replace("_", " ") for id in CATALOGUE}
@@ -268,21 +289,25 @@ def _loop(spec: Spec, table: Mapping[str, Any], where: str):
         Output("held_out_before", "1", "held-out error of the base, in sigma of the noise"),
         Output("held_out_after", "1", "held-out error with the effects, in sigma of the noise"),
     )
-    most = table.get("most", 1)
-    if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= 3:
+    most = whole(table, "most", where) or 1
+    if most > 3:
         raise InputError(f"{where}: most is {most!r}; it is 1, 2 or 3")
-    lists = []
-    for key in ("with", "without"):
-        found = table.get(key, [])
-        if not isinstance(found, list) or not all(isinstance(x, str) for x in found):
-            raise InputError(f"{where}: {key} is a list of effects, as in {key} = ['viscous']")
-        lists.append(tuple(found))
-    recorder = _record(spec, {"steps": 6, **table}, where)
-    return Loop(recorder, tuple(codes), tuple(ids), most, *lists), outputs
+    declared, excluded = (_effects(table, key, where) for key in ("with", "without"))
+    recorder = _record(spec, table, where, steps=6)
+    function = LoopOfRecord(recorder, tuple(codes), tuple(ids), most, declared, excluded)
+    return Part(function, outputs, kind="host", chunk=_CHUNK_LOOPS, batch=1)
+
+
+def _effects(table: Table, key: str, where: str) -> tuple[str, ...]:
+    """The effects that a table lists, none where it has no such key."""
+    found = table.get(key, [])
+    if not isinstance(found, list) or not all(isinstance(x, str) for x in found):
+        raise InputError(f"{where}: {key} is a list of effects, as in {key} = ['viscous']")
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class LoopOfRecord:
     """The verdict of the loop on one member's record (`jaxfric.close_loop`), base of one state."""
 
     record: Recorder
@@ -292,7 +317,7 @@ class Loop:
     declared: tuple[str, ...]
     excluded: tuple[str, ...]
 
-    def __call__(self, varied: Mapping[str, float]) -> dict[str, Any]:
+    def __call__(self, varied: Mapping[str, float]) -> dict[str, float]:
         """Outputs of a member."""
         from ..loop import close_loop
 
@@ -319,13 +344,7 @@ class Loop:
         }
 
 
-def _refuse(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in known:
-            raise InputError(f"{where}: no key '{key}'{nearest(key, known)}")
-
-
-def _optional(table: Mapping[str, Any], key: str, unit: str, where: str) -> float | None:
+def _optional(table: Table, key: str, unit: str, where: str) -> float | None:
     if key not in table:
         return None
     value = parse_quantity(str(table[key]), unit, f"{where} {key}")

@@ -17,24 +17,25 @@ The function takes a dict of numbers in SI by name, and gives a dict of outputs.
 
 import importlib.util
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from jaxtyping import ArrayLike
 
 from ..errors import InputError
 from ..quantity import Quantity
 from ..study import Axis, Grid, Output
+from ..study.function import Function, Kind
 from ..study.local import infer_outputs
 from ..units import is_unit
 from .axes import read_grid
 from .parameters import number
 from .spec import Spec, choose_outputs, dtype_of, parsed
-from .tables import names_of, refuse_unknown, table_of, whole
+from .tables import Table, names_of, refuse_unknown, table_of, whole
 
-KINDS = ("member", "batch", "host")
+KINDS: tuple[Kind, ...] = ("member", "batch", "host")
 _TOP = ("kind", "outputs", "chunk", "dtype", "units", "rig", "axes", "samples")
 
 
@@ -42,20 +43,20 @@ _TOP = ("kind", "outputs", "chunk", "dtype", "units", "rig", "axes", "samples")
 class Own:
     """The function, with what does not vary."""
 
-    wrapped: Callable[[dict[str, Any]], Mapping[str, Any]]
+    wrapped: Function
     fixed: dict[str, float]
 
     @property
-    def __wrapped__(self) -> Callable:
+    def __wrapped__(self) -> Function:
         """By which a store knows the function that made it."""
         return self.wrapped
 
-    def __call__(self, varied: Mapping[str, Any]) -> Mapping[str, Any]:
+    def __call__(self, varied: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
         """Outputs of a member, or of many."""
         return self.wrapped({**self.fixed, **varied})
 
 
-def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output, ...], str]:
+def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output, ...], Kind]:
     """The study of a study.toml and a function: what it says, the function, its outputs, its kind.
 
     Raises
@@ -65,13 +66,8 @@ def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output,
     path = Path(path)
     text, content = parsed(path)
     refuse_unknown(content, _TOP, f"{path.name} (with --function)")
-    kind = content.get("kind", "member")
-    if kind not in KINDS:
-        raise InputError(f"{path.name}: kind is {kind!r}; it is one of {', '.join(KINDS)}")
-    units = table_of(content, "units", path.name)
-    for name, unit in units.items():
-        if not isinstance(unit, str) or not is_unit(unit):
-            raise InputError(f"{path.name} [units] {name}: {unit!r} is no unit, as in 'm/s'")
+    kind = _kind(content, path.name)
+    units = _units(content, path.name)
 
     def about(name: str, where: str) -> Quantity:
         return Quantity(name, units.get(name, "1"), "")
@@ -110,7 +106,25 @@ def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output,
     return spec, own, choose_outputs(spec, known, tuple(o.name for o in known)), kind
 
 
-def load_function(reference: str) -> Callable[[dict[str, Any]], Mapping[str, Any]]:
+def _kind(content: Table, where: str) -> Kind:
+    found = content.get("kind", "member")
+    for kind in KINDS:
+        if found == kind:
+            return kind
+    raise InputError(f"{where}: kind is {found!r}; it is one of {', '.join(KINDS)}")
+
+
+def _units(content: Table, where: str) -> dict[str, str]:
+    """Units by the names of parameters and outputs."""
+    units: dict[str, str] = {}
+    for name, unit in table_of(content, "units", where).items():
+        if not isinstance(unit, str) or not is_unit(unit):
+            raise InputError(f"{where} [units] {name}: {unit!r} is no unit, as in 'm/s'")
+        units[name] = unit
+    return units
+
+
+def load_function(reference: str) -> Function:
     """The function NAME of FILE.py, given as FILE.py:NAME. It travels to workers by its code.
 
     Raises
@@ -133,9 +147,9 @@ def load_function(reference: str) -> Callable[[dict[str, Any]], Mapping[str, Any
         about.loader.exec_module(module)
     except Exception as error:
         raise InputError(f"{path}: {_text(error)}") from None
-    if not callable(getattr(module, name, None)):
+    function: Function | None = getattr(module, name, None)
+    if function is None or not callable(function):
         raise InputError(f"--function {reference}: {path} has no function '{name}'")
-    function: Any = getattr(module, name)
     try:
         import cloudpickle
     except ImportError:  # without Dask there are no workers
@@ -144,7 +158,7 @@ def load_function(reference: str) -> Callable[[dict[str, Any]], Mapping[str, Any
     return function
 
 
-def _outputs(own: Own, grid: Grid, kind: str, reference: str, where: str) -> tuple[Output, ...]:
+def _outputs(own: Own, grid: Grid, kind: Kind, reference: str, where: str) -> tuple[Output, ...]:
     """What the function gives: traced by JAX, or asked for the first member."""
     try:
         if kind != "host":

@@ -26,22 +26,22 @@ samples = 100                       # of the outputs force and velocity
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 from ..errors import InputError
 from ..study import Grid, Output
+from ..study.function import Cost, Function
 from .axes import posterior, read_grid
 from .parameters import LAW, nearest, needed, number, parameter, read_value, states_of
-from .tables import file_of, names_of, refuse_unknown, table_of, whole
+from .tables import Table, file_of, names_of, refuse_unknown, table_of, whole
 
-COMPUTE = ("margins", "simulate", "gains", "fit", "loop")
-_ONE_BY_ONE = ("gains", "fit", "loop")
 _TOP = ("compute", "outputs", "chunk", "dtype", "rig", "axes", "samples")
 _RIG = ("law", "from", "normal_force", "A", "B", "L", "f0", "V_ref", "m", "k_p", "k_v", "V0")
-_SIMULATE = ("ratio", "samples", "duration", "rtol", "max_steps", "inertia")
+# The command steps from V0/ratio to V0, unless a computation says otherwise.
+_RATIO = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Spec:
 
     path: Path
     text: str
-    content: dict[str, Any]
+    content: dict[str, object]
     compute: tuple[str, ...]
     outputs: tuple[str, ...] | None
     chunk: int | None
@@ -63,20 +63,56 @@ class Spec:
     fixed: dict[str, float]
     states: int
     grid: Grid
-    options: dict[str, dict[str, Any]]
+    options: dict[str, dict[str, object]]
     """The tables of what is computed, by name."""
     files: dict[str, str]
     """Files that the study reads, and a checksum of each."""
     warnings: tuple[str, ...] = ()
     """What must be known of its laws before results are relied on, a line each."""
 
-    def description(self) -> dict[str, Any]:
+    def description(self) -> dict[str, object]:
         """What tells this study from another."""
         return {**self.content, **({"files": self.files} if self.files else {})}
 
 
-def read_spec(path: str | Path) -> Spec:
-    """Read and check a study.toml.
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What one computation does in one study."""
+
+    function: Function
+    outputs: tuple[Output, ...]
+    """All that it can give."""
+    usual: tuple[str, ...] | None = None
+    """Names of the outputs that are kept where the study names none; None: all."""
+    kind: Literal["batch", "host"] = "batch"
+    """As of `study.Task`, and so are `cost`, `batch` and `separate`."""
+    cost: Cost | None = None
+    chunk: int = 65536
+    """Members of a block: as many as compute in about a second and fit into memory."""
+    batch: int = 512
+    separate: bool = True
+    warnings: tuple[str, ...] = ()
+
+    def kept(self, spec: Spec) -> tuple[Output, ...]:
+        """Those of its outputs that the study keeps."""
+        usual = tuple(o.name for o in self.outputs) if self.usual is None else self.usual
+        return tuple(o for o in self.outputs if o.name in (spec.outputs or usual))
+
+
+@dataclass(frozen=True)
+class Computation:
+    """What a study can compute, under a name of `compute`: one entry of `COMPUTATIONS`."""
+
+    make: Callable[[Spec, Table, str], Part]
+    """From a study, the computation's own table in it, and how errors call that table."""
+    needs: tuple[str, ...] = ("V0", "k_p")
+    """Parameters that must be set or vary, besides those of the law."""
+    alone: bool = False
+    """Whether it is computed member by member, so that no other goes with it."""
+
+
+def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
+    """Read and check a study.toml. `known` are the computations that there are.
 
     Raises
     ------
@@ -85,9 +121,9 @@ def read_spec(path: str | Path) -> Spec:
     path = Path(path)
     text, content = parsed(path)
     where = path.name
-    refuse_unknown(content, (*_TOP, *COMPUTE), where)
-    compute = _compute(content, where)
-    options = {name: table_of(content, name, where) for name in COMPUTE if name in content}
+    refuse_unknown(content, (*_TOP, *known), where)
+    compute = _compute(content, where, known)
+    options = {name: table_of(content, name, where) for name in known if name in content}
     for name in options:
         if name not in compute:
             raise InputError(
@@ -97,7 +133,7 @@ def read_spec(path: str | Path) -> Spec:
     files: dict[str, str] = {}
     law, source, force, fixed = _rig(table_of(content, "rig", where), path, files)
     grid = read_grid(content, path, files)
-    _check_simulate(options, f"{where} [simulate]", fixed, grid)
+    fixed["ratio"] = _RATIO
     law, fixed, warnings = posterior(content, path, law, fixed, grid)
     if source is not None:
         law, fixed, more = _law_of_file(source, force, fixed, f"{where} [rig]")
@@ -127,11 +163,13 @@ def read_spec(path: str | Path) -> Spec:
         files,
         tuple(dict.fromkeys(warnings)),
     )
-    _refuse_missing(spec, where)
+    _refuse_missing(spec, where, {name for one in compute for name in known[one].needs})
     return spec
 
 
-def choose_outputs(spec: Spec, known: tuple[Output, ...], usual: tuple[str, ...]) -> tuple:
+def choose_outputs(
+    spec: Spec, known: tuple[Output, ...], usual: tuple[str, ...]
+) -> tuple[Output, ...]:
     """The outputs that are kept, in the order of `known`.
 
     Raises
@@ -149,7 +187,7 @@ def choose_outputs(spec: Spec, known: tuple[Output, ...], usual: tuple[str, ...]
     return tuple(output for output in known if output.name in wanted)
 
 
-def parsed(path: Path) -> tuple[str, dict[str, Any]]:
+def parsed(path: Path) -> tuple[str, dict[str, object]]:
     """Text and tables of a study.toml."""
     try:
         text = path.read_bytes().decode("utf-8")
@@ -165,14 +203,14 @@ def parsed(path: Path) -> tuple[str, dict[str, Any]]:
         raise InputError(f"{path}: is not TOML: {error}") from None
 
 
-def _compute(content: Mapping[str, Any], where: str) -> tuple[str, ...]:
+def _compute(content: Table, where: str, known: Mapping[str, Computation]) -> tuple[str, ...]:
     found = names_of(content, "compute", where)
     if not found:
         raise InputError(f"{where}: compute is missing; say what, as in compute = ['margins']")
     for name in found:
-        if name not in COMPUTE:
-            raise InputError(f"{where}: compute: no '{name}'{nearest(name, COMPUTE)}")
-    alone = [name for name in found if name in _ONE_BY_ONE]
+        if name not in known:
+            raise InputError(f"{where}: compute: no '{name}'{nearest(name, known)}")
+    alone = [name for name in found if known[name].alone]
     if alone and len(found) > 1:
         raise InputError(
             f"{where}: compute: '{alone[0]}' is computed member by member and stands alone; make a"
@@ -181,15 +219,15 @@ def _compute(content: Mapping[str, Any], where: str) -> tuple[str, ...]:
     return found
 
 
-def dtype_of(content: Mapping[str, Any], where: str) -> str:
+def dtype_of(content: Table, where: str) -> str:
     """The type of the numbers that are kept."""
     found = content.get("dtype", "float64")
-    if found not in ("float64", "float32"):
-        raise InputError(f"{where}: dtype is {found!r}; it is 'float64' or 'float32'")
-    return found
+    if found == "float64" or found == "float32":
+        return str(found)
+    raise InputError(f"{where}: dtype is {found!r}; it is 'float64' or 'float32'")
 
 
-def _rig(rig: dict[str, Any], path: Path, files: dict[str, str]):
+def _rig(rig: Table, path: Path, files: dict[str, str]):
     where = f"{path.name} [rig]"
     fixed: dict[str, float] = {}
     law = rig.get("law")
@@ -244,39 +282,10 @@ def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], whe
     return kind, {**own, **fixed}, read.warnings
 
 
-def _check_simulate(options, where: str, fixed: dict[str, float], grid: Grid) -> None:
-    """[simulate]: its keys; the ratio of the step is a parameter like others."""
-    table = options.get("simulate", {})
-    refuse_unknown(table, _SIMULATE, where)
-    if "ratio" in table:
-        fixed["ratio"] = read_value(table["ratio"], "ratio", f"{where} ratio")
-    elif "ratio" not in grid.names:
-        fixed["ratio"] = 10.0
-    axis = next((axis.values for axis in grid.axes if axis.name == "ratio"), ())
-    if 1.0 in (fixed.get("ratio"), *axis):
-        raise InputError(
-            f"{where}: ratio is 1: without a step even an unstable slider stays where it is; give"
-            " another, as 1.01"
-        )
-    if "inertia" in table and not isinstance(table["inertia"], bool):
-        raise InputError(f"{where}: inertia is {table['inertia']!r}; it is true or false")
-    if "duration" in table:
-        table["duration_s"] = number(table["duration"], "s", f"{where} duration")
-        if not table.pop("duration_s") > 0:
-            raise InputError(f"{where}: duration must be positive")
-    for key, least in (("samples", 1), ("max_steps", 16)):
-        whole(table, key, where, least)
-    rtol = table.get("rtol", 1e-6)
-    if isinstance(rtol, bool) or not isinstance(rtol, float | int) or not 1e-10 <= rtol <= 1e-2:
-        raise InputError(f"{where}: rtol is {rtol!r}; it is a number from 1e-10 to 1e-2")
-
-
-def _refuse_missing(spec: Spec, where: str) -> None:
-    """Every parameter of a rig must be set or vary."""
+def _refuse_missing(spec: Spec, where: str, needs: set[str]) -> None:
+    """Every parameter of a rig, and those that the computations need, must be set or vary."""
     given = {*spec.fixed, *spec.grid.names}
-    wanted = ["V0"]
-    if "gains" not in spec.compute:
-        wanted += ["k_p"]
+    wanted = sorted(needs)
     if spec.law is not None:
         wanted += needed(spec.states)
     elif spec.source is None:
@@ -296,6 +305,3 @@ def _refuse_missing(spec: Spec, where: str) -> None:
             )
     if "k_v" not in given:
         spec.fixed["k_v"] = 0.0
-    inertia = spec.options.get("simulate", {}).get("inertia", False)
-    if inertia and "m" not in given:
-        raise InputError(f"{where} [simulate]: inertia needs a mass, m = '2 kg' in [rig]")

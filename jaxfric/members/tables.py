@@ -1,15 +1,17 @@
 """Reading the tables of a study.toml: every key known, every value of its kind."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from ..errors import InputError
 from .parameters import nearest
 
+Table = Mapping[str, object]
+"""A table of a study.toml, whose values are checked where they are read."""
 
-def names_of(content: Mapping[str, Any], key: str, where: str) -> tuple[str, ...] | None:
+
+def names_of(content: Table, key: str, where: str) -> tuple[str, ...] | None:
     """A list of names, each once; None where there is none."""
     if key not in content:
         return None
@@ -19,7 +21,7 @@ def names_of(content: Mapping[str, Any], key: str, where: str) -> tuple[str, ...
     return tuple(dict.fromkeys(found))
 
 
-def whole(content: Mapping[str, Any], key: str, where: str, least: int = 1) -> int | None:
+def whole(content: Table, key: str, where: str, least: int = 1) -> int | None:
     """A whole number from `least`; None where there is none."""
     if key not in content:
         return None
@@ -29,7 +31,7 @@ def whole(content: Mapping[str, Any], key: str, where: str, least: int = 1) -> i
     return found
 
 
-def table_of(content: Mapping[str, Any], name: str, where: str) -> dict[str, Any]:
+def table_of(content: Table, name: str, where: str) -> dict[str, object]:
     """A table, empty where there is none."""
     found = content.get(name, {})
     if not isinstance(found, dict):
@@ -37,14 +39,14 @@ def table_of(content: Mapping[str, Any], name: str, where: str) -> dict[str, Any
     return found
 
 
-def refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+def refuse_unknown(table: Table, known: Sequence[str], where: str) -> None:
     """Raise `InputError` for a key that is not `known`; the nearest is named."""
     for key in table:
         if key not in known:
             raise InputError(f"{where}: no key '{key}'{nearest(key, known)}")
 
 
-def file_of(name: Any, path: Path, where: str, files: dict[str, str]) -> Path:
+def file_of(name: object, path: Path, where: str, files: dict[str, str]) -> Path:
     """A file named in the study, taken from the folder of the study.toml."""
     if not isinstance(name, str):
         raise InputError(f"{where}: {name!r} is no name of a file")

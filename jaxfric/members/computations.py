@@ -1,0 +1,17 @@
+"""What a study can compute: one entry each, which study.toml, outputs and runs read.
+
+To add one, write a function that makes its `Part` for a study, and its entry.
+"""
+
+from .margins import make_margins
+from .motions import make_motions
+from .one_by_one import make_fit, make_gains, make_loop
+from .spec import Computation
+
+COMPUTATIONS: dict[str, Computation] = {
+    "margins": Computation(make_margins),
+    "simulate": Computation(make_motions),
+    "gains": Computation(make_gains, needs=("V0",), alone=True),
+    "fit": Computation(make_fit, alone=True),
+    "loop": Computation(make_loop, alone=True),
+}

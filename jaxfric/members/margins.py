@@ -1,0 +1,65 @@
+"""Margins and linear stability of many sliders: those of `stability.margins`, mapped."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from ..stability.linear import LinearSlider
+from ..stability.margin_table import MARGINS
+from ..stability.margins import is_stable, margins
+from ..stability.theorem import apply_theorem
+from ..study import Output
+from .sliders import Parameters, Sliders, sliders_of
+from .spec import Part, Spec
+from .tables import Table, refuse_unknown
+
+STABILITY = {
+    "stable": "Steady sliding is asymptotically stable.",
+    "unstable": "Steady sliding is unstable.",
+    "no_steady_state": "The friction law has no steady state at this velocity.",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LinearStability:
+    """Margins, critical stiffness and whether steady sliding is stable, mass included."""
+
+    sliders: Sliders
+
+    def __call__(self, varied: Parameters) -> dict[str, Array]:
+        """Outputs of an array of members."""
+        return jax.vmap(self._member)(self.sliders.parameters(varied))
+
+    def _member(self, p: Parameters) -> dict[str, Array]:
+        slider = self.sliders.linear(p, mass=True)
+        theorem = apply_theorem(slider)
+        known = _finite(slider)
+        stable = jnp.where(is_stable(slider), 0, 1)
+        found = margins(slider) | {
+            "k_cr": theorem.critical_stiffness,
+            "w_cr": theorem.critical_frequency,
+        }
+        found = {name: jnp.where(known, x, jnp.nan) for name, x in found.items()}
+        return {**found, "stability": jnp.where(known, stable, 2).astype(jnp.int8)}
+
+
+def make_margins(spec: Spec, table: Table, where: str) -> Part:
+    """`compute = ["margins"]`, whose table is empty."""
+    refuse_unknown(table, (), where)
+    outputs = (
+        Output("stability", long_name="linear stability", codes=STABILITY),
+        *(Output(name, one.unit, one.text) for name, one in MARGINS.items()),
+        Output("k_cr", "N/m", "critical stiffness"),
+        Output("w_cr", "rad/s", "critical frequency"),
+    )
+    return Part(LinearStability(sliders_of(spec)), outputs)
+
+
+def _finite(slider: LinearSlider) -> Bool[Array, ""]:
+    """Whether friction has a linearisation here."""
+    finite = jnp.ones((), bool)
+    for leaf in jax.tree.leaves(slider.friction):
+        finite = finite & jnp.all(jnp.isfinite(leaf))
+    return finite

@@ -1,0 +1,293 @@
+"""Motions of many sliders after a step of the command: how they end, and friction in time.
+
+Simulations of massless sliders under the slip and ageing laws go through `simulation.ensemble`, all
+at once; others through `gains.settle.end_state`, mapped, which takes some thousand times as long a
+member.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..errors import InputError
+from ..gains.ends import ENDS, RUNAWAY
+from ..gains.settle import Policy, end_state, slowest_mode, stretched
+from ..rig.friction import AbstractInvertibleLaw, LogarithmicEffect
+from ..simulation import ensemble, step_start
+from ..simulation.start import regularised
+from ..stability.margins import poles
+from ..study import Axis, Output
+from . import ends as streaming
+from .parameters import number, rate_state, read_value
+from .sliders import Parameters, Sliders, sliders_of
+from .spec import Part, Spec
+from .tables import Table, refuse_unknown, whole
+
+TRACE = {
+    "whole": "The motion was followed for its whole duration.",
+    "escape": "The slider ran away; the last values before hold.",
+    "failed": "Too many steps were needed: raise max_steps.",
+}
+ENDINGS = (
+    Output("end", long_name="end of the motion after a step", codes=streaming.CODES),
+    Output("velocity_amplitude", "m/s", "half of the range of the velocity"),
+    Output("slip_amplitude", "m", "half of the range of slip about steady motion"),
+    Output("least_velocity", "m/s", "smallest velocity at the end"),
+    Output("period", "s", "period of the limit cycle"),
+    Output("period_spread", "s", "half of the range of the periods of its cycles"),
+)
+_ENDINGS = {output.name for output in ENDINGS}
+_NUMBERS = tuple(output.name for output in ENDINGS if output.name != "end")
+_IN_TIME = {"force", "velocity"}
+_KEYS = ("ratio", "samples", "duration", "rtol", "max_steps", "inertia")
+# Members of a block: as many as compute in about a second, and their traces fit into memory.
+_CHUNK_WITH_TRACES, _CHUNK_SLOW = 16384, 256
+# Members that share the loop of a stiff solver: the slowest holds them.
+_BATCH_SLOW = 16
+# Steady friction in units of A above which the regularised and the logarithmic direct effect are
+# the same to rounding, and samples that are looked at for the least of it.
+_FAR_FROM_REST, _SEEN = 20.0, 4096
+# Until a stable slider is at its end; steps of one that cycles.
+_FOLDS, _CYCLING = 12.0, 700.0
+# A motion in time is left where the slider is this much faster than commanded.
+_LEFT = 1e4
+
+
+def traces(samples: int) -> tuple[Output, ...]:
+    """Outputs of the motion in time, at `samples` times."""
+    part = Axis("part", np.arange(1, samples + 1) / samples, "1", "time over the duration")
+    return (
+        Output("trace", long_name="how far the motion was followed", codes=TRACE),
+        Output("duration", "s", "duration of the motion"),
+        Output("force", "N", "friction", dims=(part,)),
+        Output("velocity", "m/s", "velocity of the slider", dims=(part,)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Motions after a step of the command by `ratio`, to V0.
+
+    wanted : names of outputs.
+    inertia : whether mass takes part.
+    """
+
+    sliders: Sliders
+    wanted: tuple[str, ...]
+    samples: int = 100
+    duration: float | None = None
+    """[s]; None: twenty slip lengths at V0."""
+    rtol: float = 1e-6
+    max_steps: int = 16384
+    inertia: bool = False
+
+    def __call__(self, varied: Parameters) -> dict[str, Array]:
+        """Outputs of an array of members."""
+        p = self.sliders.parameters(varied)
+        found: dict[str, Array] = {}
+        if _ENDINGS & set(self.wanted):
+            found |= jax.vmap(self._ending)(p) if self.slow else self._endings(p)
+        if set(self.wanted) - _ENDINGS:
+            found |= self._traces(p)
+        return found
+
+    @property
+    def slow(self) -> bool:
+        """Whether motions are simulated by the solver that serves all laws."""
+        return self.inertia or not isinstance(self.sliders.law, str)
+
+    def cost(self, varied: Parameters) -> Array:
+        """About the number of steps that a member will take, to sort by.
+
+        To its end: of a stable one, as long as its slowest mode lasts; of an unstable one, as many
+        as ten cycles have. Of a motion in time: more, the smaller k_p over k_cr.
+        """
+        p = self.sliders.parameters(varied)
+        if _ENDINGS & set(self.wanted):
+            return jax.vmap(self._steps)(p)
+        states = range(1, self.sliders.states + 1)
+        B = sum((p["B" if i == 1 else f"B{i}"] for i in states), jnp.zeros_like(p["A"]))
+        return (B - p["A"] - p["k_v"] * p["V0"]) / (p["L"] * p["k_p"])
+
+    def _steps(self, p: Parameters) -> Array:
+        s = poles(self.sliders.linear(p, mass=self.inertia))
+        decay = -jnp.max(s.real)
+        pace = jnp.maximum(jnp.max(jnp.abs(s.imag)) * 2.5, jnp.max(jnp.abs(s)) / 3)
+        longest = _FOLDS / jnp.maximum(decay, 1e-300)
+        return jnp.where(decay > 0, jnp.minimum(longest * pace, 1e6), _CYCLING)
+
+    def _pace(self, p: Parameters) -> tuple[Array, Array]:
+        """Slowest mode that matters and slowest decay [1/s]."""
+        s = poles(self.sliders.linear(p, mass=self.inertia))
+        return slowest_mode(s), -jnp.max(s.real)
+
+    def _lanes(self, p: Parameters) -> tuple[ensemble.Lanes, ensemble.Point]:
+        kind = self.sliders.law
+        assert isinstance(kind, str)
+        law = rate_state(kind, p, self.sliders.states, LogarithmicEffect())
+        of = ensemble.lanes(law, p["k_p"], p["k_v"], p["V0"])
+        return of, ensemble.stepped(of, p["ratio"])
+
+    def _endings(self, p: Parameters) -> dict[str, Array]:
+        of, start = self._lanes(p)
+        slowest, decay = jax.vmap(self._pace)(p)
+        horizon = streaming.horizon_of(slowest, of.law.A, of.stiffness, of.velocity)
+        steady = of.law.A - jnp.sum(of.law.B, axis=1)
+        lead = jnp.abs(steady * jnp.log(p["ratio"]) / (of.stiffness * of.velocity))
+        span = streaming.Span(lead, stretched(horizon, decay), decay)
+        found = streaming.ends(of, start, span, policy=self._policy)
+        return _coded(found._asdict(), found.code)
+
+    @property
+    def _policy(self) -> Policy:
+        return Policy(10 * self.rtol, self.max_steps, RUNAWAY)
+
+    def _ending(self, p: Parameters) -> dict[str, Array]:
+        """Outputs of one member, by the solver that serves all laws."""
+        rig = self.sliders.rig(p, mass=self.inertia)
+        slowest, decay = self._pace(p)
+        scale = rig.friction.force_scale()
+        horizon = streaming.horizon_of(slowest, scale, p["k_p"], p["V0"])
+        rig = regularised(rig)
+        start = step_start(rig, p["V0"], p["ratio"])
+        end = end_state(rig, p["V0"], start, horizon=horizon, decay=decay, policy=self._policy)
+        names = ("steady", "limit_cycle", "escape", "unresolved")
+        masks = jnp.stack([end.code == getattr(ENDS, name) for name in names])
+        code = jnp.argmax(masks, axis=0).astype(jnp.int8)
+        # no unstable slider slides steadily: its oscillation is still too small to be seen
+        code = jnp.where((code == streaming.STEADY) & (decay < 0), streaming.FAILED, code)
+        code = code.astype(jnp.int8)
+        return _coded({name: getattr(end, name) for name in _NUMBERS}, code)
+
+    def _traces(self, p: Parameters) -> dict[str, Array]:
+        of, start = self._lanes(p)
+        duration = 20.0 * jnp.max(of.law.L, axis=1) / of.velocity
+        if self.duration is not None:
+            duration = jnp.full_like(duration, self.duration)
+        phase = jnp.arange(1, self.samples + 1, dtype=duration.dtype) / self.samples
+        found = ensemble.response(
+            of,
+            start,
+            phase[:, None] * duration,
+            rtol=self.rtol,
+            max_steps=self.max_steps,
+            runaway=_LEFT,
+        )
+        code = jnp.where(found.escaped, 1, jnp.where(found.reached, 0, 2)).astype(jnp.int8)
+        lost = (code == 2)[:, None]  # nothing is known after the last step
+        return {
+            "trace": code,
+            "duration": duration,
+            "force": jnp.where(lost, jnp.nan, found.force.T),
+            "velocity": jnp.where(lost, jnp.nan, found.velocity.T),
+        }
+
+
+def _coded(found: Mapping[str, Array], code: Array) -> dict[str, Array]:
+    """Outputs of `ENDINGS`; a member whose end was not seen has no numbers."""
+    lost = code == streaming.FAILED
+    return {name: jnp.where(lost, jnp.nan, found[name]) for name in _NUMBERS} | {"end": code}
+
+
+def make_motions(spec: Spec, table: Table, where: str) -> Part:
+    """`compute = ["simulate"]` with its table [simulate].
+
+    Raises
+    ------
+    InputError : a key that is not known, a value that cannot be used, a motion that only mass
+        makes unique.
+    """
+    function = _function(spec, table, where)
+    outputs = ENDINGS + traces(function.samples)
+    usual = tuple(o.name for o in (outputs if "samples" in table else ENDINGS))
+    part = Part(function, outputs, usual)
+    wanted = {output.name for output in part.kept(spec)}
+    function = replace(function, wanted=tuple(wanted))
+    traced, ended = bool(_IN_TIME & wanted), bool(_ENDINGS & wanted)
+    if traced and function.slow:
+        raise InputError(
+            f"{spec.path.name}: force and velocity in time are for massless sliders under the slip"
+            " or ageing law; leave these outputs out"
+        )
+    part = replace(part, function=function, cost=function.cost if traced or ended else None)
+    if ended and function.slow:
+        return replace(part, chunk=_CHUNK_SLOW, batch=_BATCH_SLOW, separate=False)
+    if traced:
+        part = replace(part, chunk=_CHUNK_WITH_TRACES)
+    return replace(part, warnings=_logarithmic(spec)) if traced or ended else part
+
+
+def _function(spec: Spec, table: Table, where: str) -> Motions:
+    """The function of [simulate], of no outputs yet."""
+    refuse_unknown(table, _KEYS, where)
+    sliders = sliders_of(spec)
+    if "ratio" in table:
+        ratio = read_value(table["ratio"], "ratio", f"{where} ratio")
+        sliders = replace(sliders, fixed={**sliders.fixed, "ratio": ratio})
+    axis = next((axis.values for axis in spec.grid.axes if axis.name == "ratio"), ())
+    if 1.0 in (sliders.fixed.get("ratio"), *axis):
+        raise InputError(
+            f"{where}: ratio is 1: without a step even an unstable slider stays where it is; give"
+            " another, as 1.01"
+        )
+    inertia = table.get("inertia", not isinstance(sliders.law, str | AbstractInvertibleLaw))
+    if not isinstance(inertia, bool):
+        raise InputError(f"{where}: inertia is {inertia!r}; it is true or false")
+    if table.get("inertia") and "m" not in (*spec.fixed, *spec.grid.names):
+        raise InputError(f"{where}: inertia needs a mass, m = '2 kg' in [rig]")
+    if not inertia and not isinstance(sliders.law, str | AbstractInvertibleLaw):
+        raise InputError(
+            f"{where}: the law of {spec.source} has no velocity of its own at a given force; leave"
+            " inertia = false out, so that its mass takes part"
+        )
+    rtol = table.get("rtol", 1e-6)
+    if isinstance(rtol, bool) or not isinstance(rtol, float | int) or not 1e-10 <= rtol <= 1e-2:
+        raise InputError(f"{where}: rtol is {rtol!r}; it is a number from 1e-10 to 1e-2")
+    return Motions(
+        sliders,
+        (),
+        whole(table, "samples", where) or Motions.samples,
+        _duration(table, where),
+        float(rtol),
+        whole(table, "max_steps", where, 16) or Motions.max_steps,
+        inertia,
+    )
+
+
+def _duration(table: Table, where: str) -> float | None:
+    """How long motions in time are followed [s]; None where nothing is said."""
+    if "duration" not in table:
+        return None
+    found = number(table["duration"], "s", f"{where} duration")
+    if not found > 0:
+        raise InputError(f"{where}: duration must be positive")
+    return found
+
+
+def _logarithmic(spec: Spec) -> tuple[str, ...]:
+    """A line where massless motions are not those of the regularised direct effect."""
+    if "f0" not in (*spec.fixed, *spec.grid.names):
+        return ()  # 50 A
+    least = _range_of(spec, "f0")[0] / _range_of(spec, "A")[1]
+    if least > _FAR_FROM_REST:
+        return ()
+    return (
+        "motions without mass are simulated with the direct effect A ln(V/V_ref), with which they"
+        " need no root, and margins with the regularised one: f0 is down to"
+        f" {least:.3g} A here, where the two differ; for one law in both give m and inertia = true",
+    )
+
+
+def _range_of(spec: Spec, name: str) -> tuple[float, float]:
+    """Least and largest value of a parameter, among the first samples where it is drawn."""
+    if name in spec.fixed:
+        return spec.fixed[name], spec.fixed[name]
+    values = [np.asarray(axis.values) for axis in spec.grid.axes if axis.name == name]
+    samples = spec.grid.samples
+    if samples is not None and not values:
+        values = [samples.draw(0, min(samples.number, _SEEN))[name]]
+    return float(np.min(values)), float(np.max(values))
