@@ -128,7 +128,7 @@ def stability_map(
 ) -> Bool[Array, "v p"]:
     """Whether steady sliding is stable: rows are the values of k_v, columns those of k_p."""
 
-    def one(k_v, k_p):
+    def one(k_v: Float[Array, ""], k_p: Float[Array, ""]):
         return is_stable(_slider(friction, mass, k_p, k_v))
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(
@@ -145,7 +145,7 @@ def root_locus(
 ) -> Complex[Array, "p n"]:
     """Poles of the slider [1/s] at every k_p [force/m]; of a delay the rightmost ones."""
 
-    def one(k_p):
+    def one(k_p: Float[Array, ""]):
         slider = _slider(friction, mass, k_p, damping)
         kernel = friction.kernel
         if not isinstance(kernel, DelayKernel):
@@ -162,7 +162,12 @@ def at_index(points: SteadyPoint, index: int) -> SteadyPoint:
     return jax.tree.map(lambda leaf: leaf[index], points)
 
 
-def _slider(friction, mass, k_p, k_v) -> LinearSlider:
+def _slider(
+    friction: LinearFriction,
+    mass: Float[ArrayLike, ""] | None,
+    k_p: Float[ArrayLike, ""],
+    k_v: Float[ArrayLike, ""],
+) -> LinearSlider:
     inertia = None if mass is None else jnp.asarray(mass)
     return LinearSlider(inertia, jnp.asarray(k_p), jnp.asarray(k_v), friction)
 

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from .kernel import AbstractKernel
 
@@ -57,7 +57,7 @@ def critical_points(
     fixed = jax.lax.stop_gradient((kernel, table, damping, left))
     x, G, slope = jax.lax.cond(table.smooth, _by_table, _by_transform, *fixed)
 
-    def finish(x, G, slope):
+    def finish(x: Float[Array, ""], G: Complex[Array, ""], slope: Complex[Array, ""]):
         """One more Newton step, which carries the derivatives."""
         G = _with_derivative(kernel, x, G)
         step = (damping - G.real) / jnp.where(slope.real == 0, 1.0, slope.real)
@@ -101,7 +101,9 @@ def _lagrange(t: float) -> tuple[np.ndarray, np.ndarray]:
     return t ** np.arange(_ROWS) @ matrix, matrix
 
 
-def _by_table(kernel, table: _Table, damping, left):
+def _by_table(
+    kernel: AbstractKernel, table: _Table, damping: Float[Array, ""], left: Int[Array, " number"]
+):
     """Solutions x of (19), G and dG/dx there, of the polynomials through the rows around `left`."""
     del kernel
     points, matrix = table.x.shape[0], jnp.asarray(_lagrange(0.0)[1])
@@ -114,7 +116,7 @@ def _by_table(kernel, table: _Table, damping, left):
     step = table.x[1] - table.x[0]
     low = (first - shifted)[left].astype(table.x.dtype)
 
-    def solve(c, low):
+    def solve(c: Complex[Array, " rows"], low: Float[Array, ""]):
         t = low + 0.5
         for _ in range(_POLYNOMIAL_STEPS):
             value, slope = _polynomial(c, t)
@@ -135,18 +137,20 @@ def _polynomial(c: Complex[Array, " n"], t: Float[Array, ""]) -> tuple[Array, Ar
     return value, slope
 
 
-def _by_transform(kernel, table: _Table, damping, left):
+def _by_transform(
+    kernel: AbstractKernel, table: _Table, damping: Float[Array, ""], left: Int[Array, " number"]
+):
     """The same with transforms of the kernel, from the chord between two rows."""
 
-    def solve(left):
+    def solve(left: Int[Array, ""]):
         low, high = table.x[left], table.x[left + 1]
         a, b = table.G[left].real - damping, table.G[left + 1].real - damping
         x = low + jnp.clip(a / jnp.where(a == b, 1.0, a - b), 0.0, 1.0) * (high - low)
 
-        def both(x):
+        def both(x: Float[Array, ""]):
             return jax.jvp(lambda x: _response(kernel, x), (x,), (jnp.ones_like(x),))
 
-        def step(_, x):
+        def step(_: Int[Array, ""], x: Float[Array, ""]):
             G, slope = both(x)
             change = (G.real - damping) / jnp.where(slope.real == 0, 1.0, slope.real)
             return jnp.clip(x - change, low, high)
@@ -158,14 +162,16 @@ def _by_transform(kernel, table: _Table, damping, left):
 
 
 @eqx.filter_custom_jvp
-def _with_derivative(kernel, x, G):
+def _with_derivative(kernel: AbstractKernel, x: Float[Array, ""], G: Complex[Array, ""]):
     """G, known to be the kernel's response at the fixed x, with its derivative by the kernel."""
     del kernel, x
     return G
 
 
 @_with_derivative.def_jvp
-def _with_derivative_jvp(primals, tangents):
+def _with_derivative_jvp(
+    primals: tuple[AbstractKernel, Array, Array], tangents: tuple[AbstractKernel, Array, Array]
+):
     kernel, x, G = primals
     change = tangents[0]
     if all(leaf is None for leaf in jax.tree.leaves(change, is_leaf=lambda leaf: leaf is None)):

@@ -45,7 +45,7 @@ class Crossings(eqx.Module):
     minus_stiffness: Float[Array, " number"]
 
 
-def _branch(k_v, k_f):
+def _branch(k_v: Array, k_f: Array):
     """Whether there are crossings, r = sqrt(k_f^2 - k_v^2) and beta in (0, 2 pi).
 
     beta is the angle with k_f exp(i beta) = k_v + i r.
@@ -148,7 +148,7 @@ def unstable_roots(
     exists = exists & (square >= 0)
     root = jnp.sqrt(jnp.where(exists, square, 1.0))
 
-    def below(w, offset):
+    def below(w: Array, offset: Array):
         """Number of n >= 0 with (offset + 2 n pi)/alpha < w."""
         return jnp.maximum(jnp.ceil((alpha * w - offset) / (2 * jnp.pi)), 0.0)
 

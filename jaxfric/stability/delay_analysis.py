@@ -15,6 +15,7 @@ from .delay import (
     unstable_roots,
 )
 from .kernel import DelayKernel
+from .linear import LinearFriction
 
 
 def delay_numbers(found: Study) -> tuple[float, Array, Array, Array]:
@@ -42,7 +43,7 @@ def delay_summary(found: Study, *, number: int = 4) -> DelaySummary:
 
 
 @eqx.filter_jit
-def _summary(numbers, k_p, number: int) -> DelaySummary:
+def _summary(numbers: tuple[float, Array, Array, Array], k_p: float, number: int) -> DelaySummary:
     mass, *rest = numbers
     lower, upper = stable_intervals(*numbers, number=number)
     exists, unstable = stable_stiffness_exists(*numbers), unstable_roots(mass, k_p, *rest)
@@ -58,9 +59,10 @@ def intervals_over_velocity(
 
 
 @eqx.filter_jit
-def _intervals(mass, damping, friction, number: int):
-    def one(friction):
+def _intervals(mass: float, damping: float, friction: LinearFriction, number: int):
+    def one(friction: LinearFriction):
         kernel = friction.kernel
+        assert isinstance(kernel, DelayKernel)
         k_v = damping + friction.slope
         return stable_intervals(mass, k_v, kernel.strength, kernel.delay, number=number)
 

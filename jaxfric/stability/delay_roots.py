@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, ArrayLike, Complex, Float, Int
 
 from ..errors import InputError
@@ -41,26 +42,26 @@ class _Slider(NamedTuple):
     alpha: Float[Array, ""]
 
 
-def _slider(*values):
+def _slider(*values: ArrayLike):
     dtype = jnp.result_type(float, *values)
     return _Slider._make(jnp.asarray(value, dtype) for value in values)
 
 
-def _residual(slider, s):
+def _residual(slider: _Slider, s: Array):
     """F and dF/ds."""
     memory = slider.k_f * jnp.exp(-slider.alpha * s)
     value = (slider.mass * s + slider.k_v - memory) * s + slider.k_p
     return value, 2 * slider.mass * s + slider.k_v - memory * (1 - slider.alpha * s)
 
 
-def _scaled(slider, unit):
+def _scaled(slider: _Slider, unit: Array):
     """F/m in time measured in `unit` [s]."""
     mass = slider.mass
     k_p, k_v, k_f = slider.k_p * unit**2 / mass, slider.k_v * unit / mass, slider.k_f * unit / mass
     return _Slider(jnp.ones_like(mass), k_p, k_v, k_f, slider.alpha / unit)
 
 
-def _time_unit(slider):
+def _time_unit(slider: _Slider):
     """A time in which the coefficients other than alpha are at most 1."""
     mass = slider.mass
     rate = jnp.sqrt(jnp.abs(slider.k_p) / mass)
@@ -68,12 +69,12 @@ def _time_unit(slider):
     return 1 / jnp.maximum(rate, jnp.finfo(rate.dtype).tiny ** 0.25)
 
 
-def _largest(dtype):
+def _largest(dtype: DTypeLike):
     """Numbers up to this one can be raised to the fourth power."""
     return jnp.finfo(dtype).max ** 0.2
 
 
-def _equal_magnitude(slider, sigma):
+def _equal_magnitude(slider: _Slider, sigma: Array):
     """P, P', y1^2 <= y2^2 with |L(sigma + i y)| = 1 (mass 1), and whether |L| > 1 between.
 
     If it is not (|L| < 1 on the whole line), one of the two is where |L| comes closest to 1.
@@ -92,12 +93,12 @@ def _equal_magnitude(slider, sigma):
     return P, slope, lower, upper, (square >= 0) & (upper > 0)
 
 
-def _count(slider, sigma):
+def _count(slider: _Slider, sigma: Array):
     """Number of roots with real part above sigma (mass 1), as a float."""
     P, slope, lower, upper, exceeds = _equal_magnitude(slider, sigma)
     negative = jnp.where(slider.k_f < 0, 1.0, 0.0)
 
-    def phase(square):
+    def phase(square: Array):
         """Continuous phase of L at y > 0, in units of pi."""
         y = jnp.sqrt(jnp.maximum(square, 0.0))
         angle = jnp.arctan2(y, sigma) - jnp.arctan2(y * slope, P - square) - slider.alpha * y
@@ -130,7 +131,7 @@ def roots_right_of(
     return _count(_scaled(slider, unit), jnp.asarray(sigma) * unit).astype(int)
 
 
-def _bisect(slider, rank):
+def _bisect(slider: _Slider, rank: Array):
     """The real part of the root of each rank, the count just right of it, whether it exists."""
     largest = _largest(slider.k_p.dtype)
     right = jnp.maximum(jnp.abs(slider.k_f) - slider.k_v, 0.0) + jnp.zeros_like(rank)
@@ -142,7 +143,7 @@ def _bisect(slider, rank):
     right = jnp.where(is_near, right, near)
     exists = _count(slider, left) >= rank
 
-    def halve(_, bounds):
+    def halve(_: Array, bounds: tuple[Array, Array, Array]):
         left, right, count = bounds
         middle = left + (right - left) / 2
         here = _count(slider, middle)
@@ -159,18 +160,18 @@ def _bisect(slider, rank):
     return right, count, exists
 
 
-def _newton(slider, s):
+def _newton(slider: _Slider, s: Array):
     for _ in range(NEWTON_STEPS):
         value, slope = _residual(slider, s)
         s = s - jnp.where(slope == 0, 0.0, value / jnp.where(slope == 0, 1.0, slope))
     return s
 
 
-def _take(rows, index):
+def _take(rows: Array, index: Array):
     return jnp.take_along_axis(rows, index[None], axis=0)[0]
 
 
-def _search(slider, number):
+def _search(slider: _Slider, number: int):
     """The `number` rightmost roots, conjugates listed one after the other."""
     unit = _time_unit(slider)
     scaled = _scaled(slider, unit)
@@ -191,13 +192,13 @@ def _search(slider, number):
 
 
 @jax.custom_jvp
-def _implicit(slider, root):
+def _implicit(slider: _Slider, root: Array):
     """`root`, with the derivative of the implicit function that F(s) = 0 defines."""
     return root
 
 
 @_implicit.defjvp
-def _implicit_jvp(primals, tangents):
+def _implicit_jvp(primals: tuple[_Slider, Array], tangents: tuple[_Slider, Array]):
     slider, root = primals
     root = _implicit(slider, root)
     found = jnp.isfinite(root.real)

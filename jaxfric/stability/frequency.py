@@ -69,12 +69,12 @@ def crossings(
     share = jnp.where(some, a / jnp.where(a == b, 1.0, a - b), 0.5)
     start = low + jnp.clip(share, 0.0, 1.0) * (high - low)
 
-    def refine(x, low, high):
-        def offset(x):
+    def refine(x: Float[Array, ""], low: Float[Array, ""], high: Float[Array, ""]):
+        def offset(x: Float[Array, ""]):
             value = function(jnp.exp(x))
             return jnp.sin(value) if wrapped else value
 
-        def newton(_, x):
+        def newton(_: int | Array, x: Float[Array, ""]):
             x = jnp.clip(x, low, high)
             e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
             slope = jax.lax.stop_gradient(slope)
@@ -93,7 +93,7 @@ def smallest(
     """Least magnitude of a complex function of frequency, refined at the grid's lowest minima."""
     grid = axis(slider)
 
-    def square(x):
+    def square(x: Float[Array, ""]):
         value = function(jnp.exp(x))
         return value.real**2 + value.imag**2
 
@@ -103,11 +103,11 @@ def smallest(
     lowest = jnp.where((inner <= value[:-2]) & (inner <= value[2:]), inner, jnp.inf)
     _, best = jax.lax.top_k(-lowest, _MINIMA)
 
-    def refine(x, low, high):
-        def slope(x):
+    def refine(x: Float[Array, ""], low: Float[Array, ""], high: Float[Array, ""]):
+        def slope(x: Float[Array, ""]):
             return jax.jvp(square, (x,), (jnp.ones_like(x),))[1]
 
-        def newton(_, x):
+        def newton(_: int | Array, x: Float[Array, ""]):
             first, second = jax.jvp(slope, (x,), (jnp.ones_like(x),))
             return jnp.clip(x - first / jnp.where(second > 0, second, jnp.inf), low, high)
 

@@ -68,7 +68,7 @@ class StateSpaceKernel(AbstractRationalKernel):
         top = jnp.stack(numerator[::-1]) if n else jnp.zeros((1,))
         return top, jnp.stack(denominator[::-1])
 
-    def transform(self, s):
+    def transform(self, s: Complex[Array, ""]):
         N, D = self.fraction()
         return poly.value(N, s) / poly.value(D, s)
 
@@ -95,7 +95,7 @@ class ExponentialKernel(AbstractRationalKernel):
         n = self.rate.shape[0]
         factors = [jnp.stack([self.rate[i], jnp.ones_like(self.rate[i])]) for i in range(n)]
 
-        def times(skip):
+        def times(skip: int | None):
             chosen = [factors[i] for i in range(n) if i != skip]
             result = jnp.ones((1,))
             for factor in chosen:
@@ -105,7 +105,7 @@ class ExponentialKernel(AbstractRationalKernel):
         terms = [self.amplitude[i] * times(i) for i in range(n)]
         return (poly.total(*terms) if n else jnp.zeros((1,))), times(None)
 
-    def transform(self, s):
+    def transform(self, s: Complex[Array, ""]):
         return jnp.sum(self.amplitude / (s + self.rate))
 
     def frequencies(self):
@@ -121,7 +121,7 @@ class DelayKernel(AbstractKernel):
     strength: Float[Array, ""] = quantity("k_f", "F s/m", "fall of steady friction with velocity")
     delay: Float[Array, ""] = quantity("alpha", "s", "delay", lower=0.0)
 
-    def transform(self, s):
+    def transform(self, s: Complex[Array, ""]):
         return self.strength * jnp.exp(-self.delay * s)
 
     def frequencies(self):
@@ -189,7 +189,7 @@ class SampledKernel(AbstractKernel):
         mean, half = 0.5 * (g[1:] + g[:-1]), 0.5 * np.diff(g)
         return SampledKernel(jnp.asarray(t), jnp.asarray(np.stack([mean, half], axis=1)))
 
-    def transform(self, s):
+    def transform(self, s: Complex[Array, ""]):
         half = 0.5 * jnp.diff(self.edges)
         moments = legendre_moments(s * half, self.coefficients.shape[1])
         panels = half * jnp.sum(self.coefficients * moments, axis=1)

@@ -330,7 +330,7 @@ def _root(x: Array) -> Array:
     return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
 
 
-def _at(y, real, imaginary, size) -> tuple[Array, Array]:
+def _at(y: Array, real: Array, imaginary: Array, size: Array) -> tuple[Array, Array]:
     below = _nonzero(poly.value(size, y))
     return poly.value(real, y) / below, jnp.sqrt(y) * poly.value(imaginary, y) / below
 

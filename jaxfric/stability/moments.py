@@ -26,7 +26,7 @@ def _upwards(z: Complex[Array, " p"], order: int) -> Complex[Array, "n p"]:
     first = (1 - decayed) * inverse
     second = (first - (1 + decayed)) * inverse
 
-    def step(pair, n):
+    def step(pair: tuple[Array, Array], n: Array):
         before, here = pair
         return (here, before + (2 * n + 1) * inverse * here), before
 
@@ -39,15 +39,15 @@ def _downwards(z: Complex[Array, " p"], order: int, largest: float) -> Complex[A
     For |z| < largest.
     """
     square = z * z
-    last = tuple(_bessel_series(square, n, largest) for n in (order, order - 1))
+    last = (_bessel_series(square, order, largest), _bessel_series(square, order - 1, largest))
 
-    def step(pair, n):
+    def step(pair: tuple[Array, Array], n: Array):
         above, here = pair
         return (here, (2 * n + 1) * here + square * above), here
 
     _, scaled = jax.lax.scan(step, last, jnp.arange(order - 1, -1, -1))
 
-    def power(factor, _):
+    def power(factor: Array, _: None):
         return -factor * z, factor
 
     _, powers = jax.lax.scan(power, 2 * jnp.exp(-z), None, length=order)
@@ -62,7 +62,7 @@ def _bessel_series(square: Complex[Array, " p"], n: int, largest: float) -> Comp
         ratios.append(0.5 / (k * (2 * n + 2 * k + 1)))
         size *= ratios[-1] * largest**2
 
-    def step(total, ratio):
+    def step(total: Array, ratio: Array):
         return 1 + ratio * square * total, None
 
     total, _ = jax.lax.scan(step, jnp.ones_like(square), jnp.asarray(ratios[::-1]))

@@ -45,7 +45,7 @@ def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
 
 
 @roots.defjvp
-def _roots_jvp(primals, tangents):
+def _roots_jvp(primals: tuple[Array], tangents: tuple[Array]):
     (c,), (dc,) = primals, tangents
     s = roots(c)
     slope = value(derivative(c), s)
@@ -125,7 +125,7 @@ def shifted(c: Float[Array, " n"], by: int = 1) -> Float[Array, " n+by"]:
 def on_axis(c: Float[Array, " n"]) -> tuple[Float[Array, " p"], Float[Array, " q"]]:
     """Polynomials E, O in y = w^2 with p(i w) = E(y) + i w O(y)."""
 
-    def part(c):
+    def part(c: Array):
         return c * jnp.asarray((-1.0) ** np.arange(c.shape[0]), c.dtype)
 
     odd = c[1::2] if c.shape[0] > 1 else jnp.zeros((1,), c.dtype)
@@ -165,7 +165,7 @@ def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     n = len(x)
     nearly = _NEARLY * float(jnp.finfo(unit.dtype).eps) ** (1 / 3)
 
-    def step(state):
+    def step(state: _State):
         x, y, change, _, k = state
         u, v = zip(*(_correction(scaled, x, y, i) for i in range(n)), strict=True)
         sizes = [(u[i] ** 2 + v[i] ** 2) / (x[i] ** 2 + y[i] ** 2 + 1e-300) for i in range(n)]
@@ -173,7 +173,7 @@ def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
         y = tuple(y[i] - v[i] for i in range(n))
         return x, y, functools.reduce(jnp.maximum, sizes), change, k + 1
 
-    def unfinished(state):
+    def unfinished(state: _State):
         return (state[3] > nearly**2) & (state[4] < _MAX_ITERATIONS)
 
     infinite = jnp.full_like(unit, jnp.inf)
@@ -184,7 +184,13 @@ def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     return jax.lax.complex(x, jnp.where(far, 0.0, unit * y))
 
 
-def _correction(c, x, y, i: int) -> tuple[Array, Array]:
+_State = tuple[tuple[Array, ...], tuple[Array, ...], Array, Array, Array | int]
+"""Real and imaginary parts of the roots, the last two changes, and the number of steps."""
+
+
+def _correction(
+    c: list[Array], x: tuple[Array, ...], y: tuple[Array, ...], i: int
+) -> tuple[Array, Array]:
     """Aberth's step for root i: p/(p' - p sum_j 1/(s_i - s_j))."""
     zero = jnp.zeros_like(c[-1])
     value, slope = (c[-1], zero), (zero, zero)

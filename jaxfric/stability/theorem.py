@@ -123,7 +123,7 @@ def apply_theorem(slider: LinearSlider, *, number: int = 4, points: int = 512) -
     return theorem(friction.kernel, damping, slider.inertia(), number=number, points=points)
 
 
-def _rational(kernel: AbstractRationalKernel, damping, mass):
+def _rational(kernel: AbstractRationalKernel, damping: Float[Array, ""], mass: Float[Array, ""]):
     """Solutions of (19) as real roots in y = w^2 of Re(N conj D) - damping |D|^2."""
     N, D = kernel.fraction()
     stable = poly.is_hurwitz(D)
