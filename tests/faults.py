@@ -24,6 +24,7 @@ UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
 AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
 SETTLING = "tests/test_end_states.py -k thresholds"
+EXTENSION = "tests/test_extension.py"
 REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
@@ -371,8 +372,9 @@ FAULTS = (
           "last <= 0.5 * before, (a4", "last <= 0.0 * before, (a4", SETTLING),
     Fault("the law of a study is logarithmic", "members/sliders.py",
           "return rate_state(self.law, p, self.states)",
-          "return rate_state(self.law, p, self.states, LogarithmicEffect())", REGULARISED),
-    Fault("another law of massless motions is not told", "members/make.py",
+          "from ..rig.friction import LogarithmicEffect\n"
+          "        return rate_state(self.law, p, self.states, LogarithmicEffect())", REGULARISED),
+    Fault("another law of massless motions is not told", "members/motions.py",
           "_FAR_FROM_REST, _SEEN = 20.0", "_FAR_FROM_REST, _SEEN = 1.0", REGULARISED),
     Fault("a law forgets what its fit warned of", "gains/source.py",
           "return (*own_warnings(content), *_doubts(", "return (*(), *_doubts(", WARNED),
@@ -406,6 +408,16 @@ FAULTS = (
           "if not bool(possible):", "if False:", MEMBERS),
     Fault("a study that fails does not say where", "study/run.py",
           " at {', '.join(where)}", "", "tests/test_study_run.py -k nothing_but"),
+    Fault("a study computes the first of what it is asked for", "members/make.py",
+          "functions[0] if len(functions) == 1 else Together(functions)", "functions[0]",
+          f"{EXTENSION} -k computation"),
+    Fault("a study has the margins that it always had", "members/margins.py",
+          "for name, one in MARGINS.items()", "for name, one in list(MARGINS.items())[:7]",
+          f"{EXTENSION} -k margin_is"),
+    Fault("more is required than a margin can be", "gains/requirement.py",
+          "low <= value <= high", "low <= value", f"{EXTENSION} -k margin_is"),
+    Fault("the phase margin is in degrees", "stability/margin_table.py",
+          '"rad", 0.0, "phase margin"', '"deg", 0.0, "phase margin"', f"{EXTENSION} -k ranges"),
     Fault("steady heat is not solved for", "effects/friction.py",
           "couples: ClassVar[bool] = True", "couples: ClassVar[bool] = False", SETTLED),
     Fault("steady heat is that of the other friction", "rig/friction/extended.py",

@@ -119,6 +119,23 @@ def slowest_halving(k_p: float, k_v: float = 0.0) -> float:
     return -np.linalg.eigvals(np.asarray(matrix)).real.max() / np.log(2.0)
 
 
+KNOWN = {
+    "stiffness": ("1", 1.0, np.inf),
+    "decay": ("1/s", 0.0, np.inf),
+    "damping": ("1", 0.0, 1.0),
+    "modulus": ("1", 0.0, 1.0),
+    "gain": ("1", 1.0, np.inf),
+    "phase": ("rad", 0.0, np.pi),
+    "delay": ("s", 0.0, np.inf),
+}
+"""Unit, limit of stability and largest value of every margin."""
+
+
+def test_units_limits_and_ranges_of_margins() -> None:
+    assert {n: (m.unit, m.limit, m.highest) for n, m in MARGINS.items()} == KNOWN
+    assert [name for name, one in MARGINS.items() if one.zero] == ["decay"]
+
+
 def test_a_margin_is_one_entry(add: Add, tmp_path: Path) -> None:
     """`margin`, `jaxfric stability`, `gains` and `study` have it, and no other file is touched."""
     add("own_margin", HALVINGS)

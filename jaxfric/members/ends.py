@@ -47,7 +47,6 @@ class Ends(NamedTuple):
     """Mean over the cycles of the last half, or of those that repeat [s]."""
     period_spread: Float[Array, " n"]
     """Half of the range of the periods of the same cycles [s]; large where they are irregular."""
-    steps: Array
 
 
 _Range = tuple[Array, Array]
@@ -112,7 +111,7 @@ def ends(of: Lanes, start: LanePoint, span: Span, *, policy: Policy = STANDARD) 
     lost = stopped & (done.point.y[0] - watch.command > np.log(_FAST))
     seen = done.seen._replace(escaped=done.seen.escaped | lost)
     code = _code(seen, done.reached, span)
-    return _numbers(of, seen, code, done.steps)
+    return _numbers(of, seen, code)
 
 
 class _Watch(NamedTuple):
@@ -259,7 +258,7 @@ def _code(seen: _SeenEnds, reached: Array, span: Span) -> Int8[Array, " n"]:
     return jnp.where(seen.escaped, ESCAPE, code).astype(jnp.int8)
 
 
-def _numbers(of: Lanes, seen: _SeenEnds, code: Array, steps: Array) -> Ends:
+def _numbers(of: Lanes, seen: _SeenEnds, code: Array) -> Ends:
     """Amplitudes, least velocity and period, of the last cycle or of the last half."""
     cycle = seen.cycle
 
@@ -287,7 +286,6 @@ def _numbers(of: Lanes, seen: _SeenEnds, code: Array, steps: Array) -> Ends:
         number(low, -jnp.inf, of.velocity),
         jnp.where(code == LIMIT_CYCLE, period, jnp.inf),
         jnp.where(code == LIMIT_CYCLE, spread, jnp.inf),
-        steps,
     )
 
 

@@ -11,8 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from .grid import Tiling
 from .place import AbstractPlace
 
@@ -50,10 +48,6 @@ class Marks:
         if checksum is None:
             raise OSError(5, "a file that was just written is gone", self.place.shown)
         self.place.write(_mark(number), checksum)
-
-    def sound(self) -> np.ndarray:
-        """Which blocks are written and bear their checksum."""
-        return np.asarray([state == "sound" for state in self.states()], bool)
 
     def states(self) -> list[str]:
         """Of every block "sound", "damaged", or "missing" where it has no mark."""

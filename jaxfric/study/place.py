@@ -17,9 +17,12 @@ import time
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+
+if TYPE_CHECKING:
+    from zarr.storage import ObjectStore
 
 Tell = Callable[[str], None]
 LOCK = ".lock"
@@ -66,7 +69,7 @@ class AbstractPlace(abc.ABC):
         """Take the whole store away."""
 
     @abc.abstractmethod
-    def zarr(self) -> Any:
+    def zarr(self) -> "str | ObjectStore":
         """The store as zarr takes it."""
 
     @abc.abstractmethod
@@ -163,7 +166,7 @@ class Directory(AbstractPlace):
     def discard(self) -> None:
         shutil.rmtree(self.path, ignore_errors=True)
 
-    def zarr(self) -> Any:
+    def zarr(self) -> "str | ObjectStore":
         return str(self.path)
 
     def faults(self) -> contextlib.AbstractContextManager[None]:
@@ -266,7 +269,7 @@ class Objects(AbstractPlace):
         for name in self._below(None):
             self.remove(name)
 
-    def zarr(self) -> Any:
+    def zarr(self) -> "str | ObjectStore":
         from zarr.storage import ObjectStore
 
         return ObjectStore(self._store)

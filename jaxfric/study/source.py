@@ -15,7 +15,6 @@ import types
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -77,14 +76,14 @@ def revision() -> str:
     return ""
 
 
-def belongs_to_package(function: Any) -> bool:
+def belongs_to_package(function: object) -> bool:
     """Whether a function, or the class of a callable object, is one of jaxfric itself."""
     function = getattr(function, "__wrapped__", function)
     kind = function if isinstance(function, types.FunctionType) else type(function)
     return (kind.__module__ or "").partition(".")[0] == __name__.partition(".")[0]
 
 
-def fingerprint(function: Any) -> str:
+def fingerprint(function: object) -> str:
     """A checksum of a function: its byte code, defaults, closure, and the globals that it uses.
 
     Functions, classes and modules of one's own are followed wherever they lead; those of installed
@@ -101,9 +100,9 @@ class _Walk:
     def __init__(self):
         self.digest = hashlib.sha256()
         self.seen: dict[int, int] = {}
-        self.kept: list[Any] = []  # so that no address is used twice
+        self.kept: list[object] = []  # so that no address is used twice
 
-    def add(self, x: Any) -> None:
+    def add(self, x: object) -> None:
         """Take `x`, whatever it is, into the checksum."""
         if x is None or isinstance(x, bool | int | float | complex | str | bytes):
             return self._say(type(x).__name__, repr(x))
@@ -114,10 +113,10 @@ class _Walk:
         self._say(type(x).__qualname__)
         self._add_compound(x)
 
-    def _say(self, *words: Any) -> None:
+    def _say(self, *words: object) -> None:
         self.digest.update("\0".join(map(str, words)).encode() + b"\1")
 
-    def _add_compound(self, x: Any) -> None:
+    def _add_compound(self, x: object) -> None:
         if isinstance(x, types.CodeType):
             self._code(x)
         elif isinstance(x, types.FunctionType):
@@ -139,12 +138,12 @@ class _Walk:
         elif hasattr(x, "__array__") and hasattr(x, "dtype"):
             array = np.asarray(x)
             self._say(array.dtype, array.shape, hashlib.sha256(array.tobytes()).hexdigest())
-        elif callable(getattr(x, "__wrapped__", None)):  # compiled by jax.jit, cached, ...
-            self.add(x.__wrapped__)
+        elif callable(inner := getattr(x, "__wrapped__", None)):  # compiled by jax.jit, cached, ...
+            self.add(inner)
         else:
             self._object(x)
 
-    def _all(self, parts: Iterable[Any]) -> None:
+    def _all(self, parts: Iterable[object]) -> None:
         for part in parts:
             self.add(part)
         self._say("end")
@@ -194,7 +193,7 @@ class _Walk:
         own = vars(module)
         self._all(own[n] for n in sorted(own) if isinstance(own[n], types.ModuleType))
 
-    def _object(self, x: Any) -> None:
+    def _object(self, x: object) -> None:
         self.add(type(x))
         if dataclasses.is_dataclass(x):
             self._all(getattr(x, field.name, None) for field in dataclasses.fields(x))
