@@ -58,7 +58,7 @@ import jax
 
 from jaxfric.members.computations import COMPUTATIONS
 from jaxfric.members.sliders import sliders_of
-from jaxfric.members.spec import Computation, Part
+from jaxfric.members.spec import Computation, StudyPart
 from jaxfric.members.tables import refuse_unknown
 from jaxfric.stability.analysis import steady_point
 from jaxfric.study import Output
@@ -76,7 +76,7 @@ def make_fall(spec, table, where):
     def function(varied):
         return jax.vmap(member)(sliders.parameters(varied))
 
-    return Part(function, (Output("fall", "N", "fall of steady friction"),))
+    return StudyPart(function, (Output("fall", "N", "fall of steady friction"),))
 
 
 COMPUTATIONS["fall"] = Computation(make_fall, needs=("V0",))

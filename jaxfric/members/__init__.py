@@ -1,9 +1,12 @@
 """What `jaxfric study` asks of every rig: margins, end states, gains, fits, verdicts.
 
 parameters   names, units and bounds of what can be set and varied
-sliders      margins and simulations of many sliders at once
+sliders      laws, rigs and linearised sliders from parameters by name
+margins      margins and linear stability of many sliders at once
+motions      simulations of many sliders at once
 ends         how massless sliders end, told while they move
 one_by_one   gains, fits and loops: Python, member by member
+computations what a study can compute: one entry each
 spec         study.toml
 saved_law    the friction law of a fit.json or loop.json, of a slider or an axis
 make         from a study.toml to a running study

@@ -1,6 +1,6 @@
 """What a study can compute: one entry each, which study.toml, outputs and runs read.
 
-To add one, write a function that makes its `Part` for a study, and its entry.
+To add one, write a function that makes its `StudyPart` for a study, and its entry.
 """
 
 from .margins import make_margins

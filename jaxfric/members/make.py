@@ -10,7 +10,7 @@ from jaxtyping import Array
 from ..study import Output, Progress, run
 from ..study.function import Cost, Function, refuse_clashes
 from .computations import COMPUTATIONS
-from .spec import Part, Spec, choose_outputs, read_spec
+from .spec import Spec, StudyPart, choose_outputs, read_spec
 
 if TYPE_CHECKING:
     import xarray
@@ -73,7 +73,7 @@ def make(path: str | Path, own: str | None = None) -> Made:
     )
 
 
-def _part(spec: Spec, name: str) -> Part:
+def _part(spec: Spec, name: str) -> StudyPart:
     table = spec.options.get(name, {})
     return COMPUTATIONS[name].make(spec, table, f"{spec.path.name} [{name}]")
 
@@ -83,7 +83,7 @@ def _own(path: str | Path, reference: str) -> Made:
 
     spec, function, outputs, kind = read_own(path, reference)
     chunk = spec.chunk or (_CHUNK_ONE_BY_ONE if kind == "host" else _CHUNK)
-    return Made(spec, function, outputs, kind, None, chunk, Part.batch, separate=False)
+    return Made(spec, function, outputs, kind, None, chunk, StudyPart.batch, separate=False)
 
 
 def run_study(

@@ -12,7 +12,7 @@ from ..stability.margins import is_stable, margins
 from ..stability.theorem import apply_theorem
 from ..study import Output
 from .sliders import Parameters, Sliders, sliders_of
-from .spec import Part, Spec
+from .spec import Spec, StudyPart
 from .tables import Table, refuse_unknown
 
 STABILITY = {
@@ -45,7 +45,7 @@ class LinearStability:
         return {**found, "stability": jnp.where(known, stable, 2).astype(jnp.int8)}
 
 
-def make_margins(spec: Spec, table: Table, where: str) -> Part:
+def make_margins(spec: Spec, table: Table, where: str) -> StudyPart:
     """`compute = ["margins"]`, whose table is empty."""
     refuse_unknown(table, (), where)
     outputs = (
@@ -54,7 +54,7 @@ def make_margins(spec: Spec, table: Table, where: str) -> Part:
         Output("k_cr", "N/m", "critical stiffness"),
         Output("w_cr", "rad/s", "critical frequency"),
     )
-    return Part(LinearStability(sliders_of(spec)), outputs)
+    return StudyPart(LinearStability(sliders_of(spec)), outputs)
 
 
 def _finite(slider: LinearSlider) -> Bool[Array, ""]:

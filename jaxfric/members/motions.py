@@ -24,7 +24,7 @@ from ..study import Axis, Output
 from . import ends as streaming
 from .parameters import number, rate_state, read_value
 from .sliders import Parameters, Sliders, sliders_of
-from .spec import Part, Spec
+from .spec import Spec, StudyPart
 from .tables import Table, refuse_unknown, whole
 
 TRACE = {
@@ -193,7 +193,7 @@ def _coded(found: Mapping[str, Array], code: Array) -> dict[str, Array]:
     return {name: jnp.where(lost, jnp.nan, found[name]) for name in _NUMBERS} | {"end": code}
 
 
-def make_motions(spec: Spec, table: Table, where: str) -> Part:
+def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
     """`compute = ["simulate"]` with its table [simulate].
 
     Raises
@@ -204,7 +204,7 @@ def make_motions(spec: Spec, table: Table, where: str) -> Part:
     function = _function(spec, table, where)
     outputs = ENDINGS + traces(function.samples)
     usual = tuple(o.name for o in (outputs if "samples" in table else ENDINGS))
-    part = Part(function, outputs, usual)
+    part = StudyPart(function, outputs, usual)
     wanted = {output.name for output in part.kept(spec)}
     function = replace(function, wanted=tuple(wanted))
     traced, ended = bool(_IN_TIME & wanted), bool(_ENDINGS & wanted)

@@ -21,7 +21,7 @@ from ..stability.margin_table import MARGINS
 from ..study import Output
 from ..units import parse_quantity
 from .parameters import nearest, number, rate_state
-from .spec import Part, Spec
+from .spec import Spec, StudyPart
 from .tables import Table, refuse_unknown, whole
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def _law(spec: Spec, where: str) -> str:
     return spec.law
 
 
-def make_gains(spec: Spec, table: Table, where: str) -> Part:
+def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
     """`compute = ["gains"]` with its table [gains].
 
     Raises
@@ -92,7 +92,7 @@ def make_gains(spec: Spec, table: Table, where: str) -> Part:
         Output("norm", "1", "norm of the gains"),
     )
     function = LeastGains(law, spec.states, spec.fixed, margin, limits, scales)
-    return Part(function, outputs, kind="host", chunk=_CHUNK_GAINS, batch=1)
+    return StudyPart(function, outputs, kind="host", chunk=_CHUNK_GAINS, batch=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,7 @@ class LeastGains:
         return {"gains": 0, "least_k_p": found.kp, "least_k_v": found.kv, "norm": found.norm}
 
 
-def make_fit(spec: Spec, table: Table, where: str) -> Part:
+def make_fit(spec: Spec, table: Table, where: str) -> StudyPart:
     """`compute = ["fit"]` with its table [fit]."""
     refuse_unknown(table, _RECORD, where)
     maker = _record(spec, table, where)
@@ -139,7 +139,7 @@ def make_fit(spec: Spec, table: Table, where: str) -> Part:
     outputs += [Output(f"std_{n}", units[n], f"standard deviation of {n}") for n in names]
     outputs += [Output("rms", "N", "rms of the residual")]
     function = FitOfRecord(maker, tuple(names))
-    return Part(function, tuple(outputs), kind="host", chunk=_CHUNK_FITS, batch=1)
+    return StudyPart(function, tuple(outputs), kind="host", chunk=_CHUNK_FITS, batch=1)
 
 
 def _state(i: int) -> tuple[str, str]:
@@ -273,7 +273,7 @@ class FitOfRecord:
         return {"fit": code, "rms": float(found.rms), **dict(zip(columns, values, strict=True))}
 
 
-def make_loop(spec: Spec, table: Table, where: str) -> Part:
+def make_loop(spec: Spec, table: Table, where: str) -> StudyPart:
     """`compute = ["loop"]` with its table [loop]."""
     from ..effects import CATALOGUE
     from ..loop import VERDICTS
@@ -295,7 +295,7 @@ def make_loop(spec: Spec, table: Table, where: str) -> Part:
     declared, excluded = (_effects(table, key, where) for key in ("with", "without"))
     recorder = _record(spec, table, where, steps=6)
     function = LoopOfRecord(recorder, tuple(codes), tuple(ids), most, declared, excluded)
-    return Part(function, outputs, kind="host", chunk=_CHUNK_LOOPS, batch=1)
+    return StudyPart(function, outputs, kind="host", chunk=_CHUNK_LOOPS, batch=1)
 
 
 def _effects(table: Table, key: str, where: str) -> tuple[str, ...]:

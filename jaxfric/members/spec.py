@@ -76,7 +76,7 @@ class Spec:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class StudyPart:
     """What one computation does in one study."""
 
     function: Function
@@ -103,7 +103,7 @@ class Part:
 class Computation:
     """What a study can compute, under a name of `compute`: one entry of `COMPUTATIONS`."""
 
-    make: Callable[[Spec, Table, str], Part]
+    make: Callable[[Spec, Table, str], StudyPart]
     """From a study, the computation's own table in it, and how errors call that table."""
     needs: tuple[str, ...] = ("V0", "k_p")
     """Parameters that must be set or vary, besides those of the law."""
