@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from .fitting import fit as fit
     from .gains import check_gains as check_gains
     from .gains import find_gains as find_gains
-    from .gains import law_from_fit as law_from_fit
-    from .gains import law_from_parameters as law_from_parameters
     from .gains import schedule as schedule
+    from .laws import law_from_fit as law_from_fit
+    from .laws import law_from_parameters as law_from_parameters
     from .loop import Loop as Loop
     from .loop import close_loop as close_loop
     from .motion import PiecewiseVelocity as PiecewiseVelocity
@@ -76,8 +76,8 @@ _HOMES = {
     "fit": "fitting",
     "check_gains": "gains",
     "find_gains": "gains",
-    "law_from_fit": "gains",
-    "law_from_parameters": "gains",
+    "law_from_fit": "laws",
+    "law_from_parameters": "laws",
     "schedule": "gains",
     "Loop": "loop",
     "close_loop": "loop",

@@ -25,6 +25,7 @@ STORE = "tests/test_study_run.py -k damaged_samples"
 AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
 SETTLING = "tests/test_end_states.py -k thresholds"
 EXTENSION = "tests/test_extension.py"
+OWN_LAW = "tests/test_new_law.py"
 REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
@@ -176,11 +177,11 @@ FAULTS = (
     Fault("only the last basin counts", "gains/frontier.py",
           "norm[i] <= left and norm[i] < right", "norm[i] <= left and right == np.inf", GAINS),
     Fault("multipliers of either sign", "gains/kkt.py",
-          "if np.all(m >= 0) and rest", "if rest", GAINS),
+          "m, rest = nnls(along, here.p)", "m, rest = np.linalg.pinv(along) @ here.p, 0.0", GAINS),
     Fault("multipliers of the other sign", "gains/kkt.py",
-          "if np.all(m >= 0) and rest", "if np.all(m <= 0) and rest", GAINS),
-    Fault("a step that constraints pull inwards", "gains/kkt.py",
-          "system[:2, 2:] = -g[rows].T", "system[:2, 2:] = g[rows].T", GAINS),
+          "nnls(along, here.p)", "nnls(-along, here.p)", GAINS),
+    Fault("an optimum is where its search began", "gains/kkt.py",
+          "return found.x * size", "return start", GAINS),
     Fault("a bristle without damping", "rig/axis_state.py",
           " + self.sigma_1 * bend", " + 0.0 * bend", AXIS),
     Fault("two opposing lags in one model", "loop/engine.py",
@@ -376,12 +377,22 @@ FAULTS = (
           "        return rate_state(self.law, p, self.states, LogarithmicEffect())", REGULARISED),
     Fault("another law of massless motions is not told", "members/motions.py",
           "_FAR_FROM_REST, _SEEN = 20.0", "_FAR_FROM_REST, _SEEN = 1.0", REGULARISED),
-    Fault("a law forgets what its fit warned of", "gains/source.py",
+    Fault("a law has as many states as it is given", "laws/registry.py",
+          'return getattr(REGISTRY[name], "number", None)', "return None", OWN_LAW),
+    Fault("an unknown evolution moves by the slip law", "simulation/ensemble.py",
+          "elif isinstance(evolution, SlipEvolution):", "elif True:", OWN_LAW),
+    Fault("an unknown evolution is named slip", "laws/registry.py",
+          "if type(kind) is (", "if kind is not law or type(kind) is (", OWN_LAW),
+    Fault("an unknown evolution is blended as the slip law", "effects/effect.py",
+          "first = SlipEvolution() if ageing else evolution", "first = SlipEvolution()", OWN_LAW),
+    Fault("a state is held by one step of Euler", "fitting/start.py",
+          "share = jnp.where(z == 0, 1.0, ", "share = jnp.where(z == z, 1.0, ", OWN_LAW),
+    Fault("a law forgets what its fit warned of", "laws/source.py",
           "return (*own_warnings(content), *_doubts(", "return (*(), *_doubts(", WARNED),
-    Fault("a law forgets what its loop warned of", "gains/loop_source.py",
+    Fault("a law forgets what its loop warned of", "laws/loop_source.py",
           "(*own_warnings(content), *verdict_words(content),", "(*verdict_words(content),",
           "tests/test_loop_source.py -k warned_of"),
-    Fault("a fit that says nothing of converging is sure", "gains/saved.py",
+    Fault("a fit that says nothing of converging is sure", "laws/saved.py",
           'content["schema"] == FIT and "converged" not in content', "False",
           "tests/test_gains.py -k converged"),
     Fault("what a fit warned of is not in stability.json", "cli/stability.py",

@@ -25,7 +25,7 @@ from jaxfric.cli.protocol import TYPICAL
 from jaxfric.errors import InputError, words_of_the_command
 from jaxfric.fitting.start_text import parse_start
 from jaxfric.gains.requirement import Requirement
-from jaxfric.gains.source import law_from_parameters
+from jaxfric.laws.source import law_from_parameters
 from jaxfric.records import VelocitySteps, read, read_axis
 from jaxfric.records.axis_units import FORCE_UNITS, quantity_of, spelling
 from jaxfric.records.roles import AXIS, SLIDER

@@ -26,9 +26,9 @@ FLOORS = {
     "stability": 2,
     "records": 2,
     "effects": 2,
+    "laws": 3,
     "gains": 3,
     "fitting": 3,
-    "laws": 4,
     "loop": 4,
     "prediction": 4,
     "study": 5,
@@ -45,6 +45,8 @@ WITHIN_A_FLOOR = {
     ("quantity", "errors"),
     ("units", "errors"),
     ("rig", "motion"),
+    ("gains", "laws"),
+    ("fitting", "laws"),
     ("prediction", "loop"),
 }
 

@@ -22,7 +22,7 @@ from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
 from jaxfric.effects.axis import DirectionAsymmetry, Presliding, RateAndState
 from jaxfric.gains import find_gains
 from jaxfric.gains.axis import axis_gains, state_gains
-from jaxfric.members.saved_law import law_from_file
+from jaxfric.laws.file import law_from_file
 from jaxfric.motion import MeasuredMotion
 from jaxfric.records import Drive, axis_from_arrays
 from jaxfric.rig.axis import AxisRig

@@ -204,7 +204,7 @@ def test_no_stiffness() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--law", "linear"], ['"linear"', "slip", "ageing"]),
+        (["--law", "linear"], ["'linear'", "slip", "ageing"]),
         (["--states", "0"], ["--states", "1"]),
         (["--states", "1.5"], ["--states", "1.5"]),
         (["--states", "two"], ["--states", "two"]),

@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from jaxfric.errors import InputError
-from jaxfric.gains.basin import basin
-from jaxfric.gains.check import STARTS, check_starts, end_map
-from jaxfric.gains.ends import ENDS, classify, counts, settles
+from jaxfric.gains.basin import BasinSearch, basin
+from jaxfric.gains.check import STARTS, Starts, check_starts, end_map
+from jaxfric.gains.ends import ENDS, Track, classify, counts, settles
 from jaxfric.gains.settle import Policy, end_state
 from jaxfric.simulation import jump_start, step_start
 
@@ -93,7 +93,7 @@ classified = jax.jit(classify)
 )
 def test_planted_signals(name, code):
     t, v, x = signal(name)
-    end = classified(t, v, x, jnp.asarray(2.0), begin=0.0, end=70.0, decay=jnp.inf)
+    end = classified(Track(t, v, x), jnp.asarray(2.0), begin=0.0, end=70.0, decay=jnp.inf)
     assert name_of(end.code) == code
     growth = {"decays": -0.05, "grows": 0.08, "stays": 0.0}
     if name in growth:
@@ -134,7 +134,7 @@ def test_a_known_slow_decay_counts():
     t = np.linspace(0.0, 70.0, 6001)
     v = 2.0 + 0.5 * np.exp(-0.01 * t) * np.cos(9 * t)
     ends = [
-        classified(t, v, v - 2.0, jnp.asarray(2.0), begin=0.0, end=70.0, decay=d)
+        classified(Track(t, v, v - 2.0), jnp.asarray(2.0), begin=0.0, end=70.0, decay=d)
         for d in (jnp.inf, 0.01, 0.05)
     ]
     assert [name_of(e.code) for e in ends] == ["limit_cycle", "steady", "limit_cycle"]
@@ -165,7 +165,7 @@ def test_the_spread_of_unequal_cycles(intervals, period, spread):
     """Half of the range of the intervals of the last half; those before, of 6 s, do not count."""
     late = 21.0 + np.cumsum([0.0, *intervals])
     t, v, x = cycles_of([1.0, 7.0, 13.0, *late], 40.0)
-    end = classified(t, v, x, jnp.asarray(2.0), begin=0.0, end=40.0, decay=jnp.inf)
+    end = classified(Track(t, v, x), jnp.asarray(2.0), begin=0.0, end=40.0, decay=jnp.inf)
     assert name_of(end.code) == "limit_cycle"
     np.testing.assert_allclose([end.period, end.period_spread], [period, spread], atol=1e-12)
 
@@ -173,7 +173,7 @@ def test_the_spread_of_unequal_cycles(intervals, period, spread):
 @pytest.mark.parametrize("late", [[], [25.0]])
 def test_no_spread_below_two_crossings(late):
     t, v, x = cycles_of([1.0, 7.0, 13.0, *late], 40.0)
-    end = classified(t, v, x, jnp.asarray(2.0), begin=0.0, end=40.0, decay=jnp.inf)
+    end = classified(Track(t, v, x), jnp.asarray(2.0), begin=0.0, end=40.0, decay=jnp.inf)
     assert name_of(end.code) == "unresolved"
     assert np.isinf(end.period) and np.isinf(end.period_spread)
 
@@ -279,7 +279,7 @@ def test_standard_starts():
 
 def test_a_light_slider_does_not_sit_on_its_unstable_motion():
     rig = rig_of("slip", 0.5 * K_MASSLESS, 1e-4)
-    ends = check_starts(rig, V0, horizon=30 * PERIOD, at_rest=False)
+    ends = check_starts(rig, V0, horizon=30 * PERIOD, starts=Starts(at_rest=False))
     assert counts(ends)["limit_cycle"] == 4
 
 
@@ -356,7 +356,7 @@ def test_a_batch_survives_what_does_not():
 def test_no_basin_below_and_all_of_it_far_above():
     policy = {"horizon": 25 * PERIOD}
     none = basin(rig_of("slip", 0.9 * K_MASSLESS), V0, **policy)
-    every = basin(rig_of("slip", 20 * K_MASSLESS), V0, largest=20.0, **policy)
+    every = basin(rig_of("slip", 20 * K_MASSLESS), V0, search=BasinSearch(largest=20.0), **policy)
     assert none.size == 1.0 and none.lost < 5.0
     assert every.size == pytest.approx(20.0) and np.isinf(every.lost)
     assert name_of(every.reason) == "steady"
@@ -367,7 +367,7 @@ def test_basin_of_load_point_jumps():
     """Without mass and dashpot a jump by F ln(r)/K multiplies the velocity by r at once."""
     found = basin(
         rig_of("ageing", 1.05 * K_MASSLESS), V0,
-        kind="jump", horizon=25 * PERIOD, points=4, rounds=2,
+        kind="jump", horizon=25 * PERIOD, search=BasinSearch(points=4, rounds=2),
     )  # fmt: skip
     assert found.size < found.lost
     with pytest.raises(InputError, match="kind is 'push'"):

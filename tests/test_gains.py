@@ -21,13 +21,13 @@ from jaxfric.gains import (
     schedule,
 )
 from jaxfric.gains.frontier import Region
-from jaxfric.gains.gains import _warnings, seek_gains
-from jaxfric.gains.result import Basin, WorstCase
+from jaxfric.gains.gains import Machine, Measure, _warnings, seek_gains
+from jaxfric.gains.result import LocalOptimum, WorstCase
 from jaxfric.gains.scenarios import Scenarios, one_sample
 from jaxfric.gains.slack import slacks
 from jaxfric.gains.solve import Infeasible, NoGains, make_region, solve
-from jaxfric.gains.source import seen_velocities, stack
 from jaxfric.gains.verify import JumpSizes
+from jaxfric.laws.source import seen_velocities, stack
 from jaxfric.rig.friction import GaussianStribeck
 
 FREE = ((None, None),) * 3
@@ -142,6 +142,11 @@ def test_margins_that_contradict_each_other():
     assert re.search(r"(decay|delay)=.* is missed at velocity", found.text)
 
 
+def sought(law, *, velocity, mass, margin, upper, confidence=1.0):
+    measure = Measure(upper=upper)
+    return seek_gains(law, Machine(velocity, mass), margin, measure, confidence=confidence)
+
+
 def test_that_there_are_no_gains_is_a_value_and_then_an_error():
     """One text, of the kind `NoGains` where gains were asked for; wrong input is not of that kind.
 
@@ -149,14 +154,14 @@ def test_that_there_are_no_gains_is_a_value_and_then_an_error():
     """
     law = jf.RateState(50.0, 1.0, [3.0], [1e-3], 2e-3)
     asked = {"velocity": 2e-3, "mass": None, "margin": {"modulus": 0.2}, "upper": (1e3, 500.0)}
-    found = seek_gains(law, **asked)
+    found = sought(law, **asked)
     assert isinstance(found, Infeasible) and "k_p up to 1000 N/m" in found.text
     with pytest.raises(NoGains) as refused:
         find_gains(law, **asked)
     assert str(refused.value) == found.text
     for wrong in ({"velocity": -1.0}, {"confidence": 2.0}, {"upper": (-1.0, None)}):
         with pytest.raises(InputError) as refused:
-            seek_gains(law, **{**asked, **wrong})
+            sought(law, **{**asked, **wrong})
         assert not isinstance(refused.value, NoGains)
 
 
@@ -380,7 +385,7 @@ def test_a_fit_that_does_not_say_whether_it_converged_is_told(tmp_path):
 
 
 def test_a_delay_margin_below_any_controller_is_told():
-    best = Basin("damped", 1.0, 1.0, 1.0, 0.0, 0.0, (), False)
+    best = LocalOptimum("damped", 1.0, 1.0, 1.0, 0.0, 0.0, (), False)
     region = Region(*(np.ones(2) for _ in range(4)))._replace(lower=np.zeros(2))
 
     def said(margin, delay=None):

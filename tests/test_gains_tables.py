@@ -12,8 +12,8 @@ from scipy.optimize import minimize
 
 from jaxfric.gains import frontier, kkt
 from jaxfric.gains import solve as solve_module
-from jaxfric.gains.frontier import Region, Start, alone, basins, lowest
-from jaxfric.gains.kkt import Optimum, _Model, _multipliers, _quadratic, polish
+from jaxfric.gains.frontier import FrontierPoint, Region, alone, basins, lowest
+from jaxfric.gains.kkt import Optimum, _Model, _multipliers, polish
 from jaxfric.gains.solve import _dense, solve
 
 ONES = np.ones(2)
@@ -143,38 +143,49 @@ U, W = (0.0, (1.0, 0.0)), (0.0, (0.0, 1.0))
     ],
 )
 def test_multipliers_push_inwards_only(here, multipliers):
-    assert _multipliers(here) == pytest.approx(multipliers)
+    assert _multipliers(here).values == pytest.approx(multipliers)
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_the_step_is_that_of_quadratic_programming(seed):
-    rng = np.random.default_rng(seed)
-    bend = rng.standard_normal((2, 2))
-    bend = bend @ bend.T + 0.3 * np.eye(2)
-    p = rng.standard_normal(2)
-    free = -np.linalg.solve(bend, p)
-    # the free minimum misses the first constraint; the second may or may not decide
-    g = np.stack([-free / np.linalg.norm(free), rng.standard_normal(2)])
-    c = np.asarray([0.4 * np.linalg.norm(free), 0.1])
-    here = model(p, *zip(c, g, strict=True))
+def two_constraints(x):
+    """The least norm is where they meet, (1, 1); a third is far away."""
+    c = np.asarray([x[0] + 0.5 * x[1] ** 2 - 1.5, x[1] + 0.2 * x[0] ** 2 - 1.2, 9.0])
+    return c, np.asarray([[1.0, x[1]], [0.4 * x[0], 1.0], [0.0, 0.0]])
+
+
+def test_an_optimum_where_two_constraints_meet(monkeypatch):
+    def constraints(requirement, scenarios, region, x):
+        c, g = two_constraints(x)
+        limits = np.concatenate([x - region.lower, 1e9 - x])
+        return np.concatenate([c, limits]), np.concatenate([g, np.eye(2), -np.eye(2)])
+
+    needed = SimpleNamespace(number=3)
+    monkeypatch.setattr(kkt, "_constraints", constraints)
+    found = polish(needed, Scenario(), FREE, FrontierPoint(1.6, 1.3, np.inf))  # pyright: ignore
+    np.testing.assert_allclose(found.gains, (1.0, 1.0), rtol=1e-9)
+    # (1, 1) = l (1, 1) + m (0.4, 1): l = 1, m = 0
+    assert found.residual < 1e-9 and found.active == (0,) and not found.at_limit
+    tilted = FREE._replace(scale=np.asarray([1.0, 0.8]))
     truth = minimize(
-        lambda d: p @ d + 0.5 * d @ bend @ d, np.zeros(2), method="SLSQP", tol=1e-14,
-        constraints={"type": "ineq", "fun": lambda d: here.c + here.g @ d},
+        lambda x: np.sum((x / tilted.scale) ** 2), (1.6, 1.3), method="trust-constr",
+        constraints={"type": "ineq", "fun": lambda x: two_constraints(x)[0]},
+        options={"gtol": 1e-10, "xtol": 1e-12},
     )  # fmt: skip
-    np.testing.assert_allclose(_quadratic(here, bend), truth.x, atol=1e-5)
+    found = polish(needed, Scenario(), tilted, FrontierPoint(1.6, 1.3, np.inf))  # pyright: ignore
+    np.testing.assert_allclose(found.gains, truth.x, atol=1e-5)
+    assert found.residual < 1e-9
 
 
 @pytest.mark.parametrize("scale", [(1.0, 1.0), (1.0, 0.4)])
 def test_an_optimum_is_the_least_norm(scale):
     region = FREE._replace(scale=np.asarray(scale))
     (norm, u, v), *_ = minima(one_dip, region)
-    start = Start(1.2 * one_dip(1.1 * v), 1.1 * v, np.inf)
+    start = FrontierPoint(1.2 * one_dip(1.1 * v), 1.1 * v, np.inf)
     found = polish(one_dip, Scenario(), region, start)
     assert found.norm == pytest.approx(norm, rel=1e-8) and found.residual < 1e-6
     np.testing.assert_allclose(found.gains, (u, v), rtol=1e-4)
     assert found.active == (0,) and not found.at_limit
     higher = region._replace(lower=np.asarray([1e-9, 1.5 * v]))
-    found = polish(one_dip, Scenario(), higher, Start(1.0, 1.5 * v, np.inf))
+    found = polish(one_dip, Scenario(), higher, FrontierPoint(1.0, 1.5 * v, np.inf))
     np.testing.assert_allclose(found.gains, (one_dip(1.5 * v), 1.5 * v), rtol=1e-6)
     assert found.at_limit
 
@@ -213,7 +224,7 @@ def solved(monkeypatch, stuck):
         solve_module, "polish", lambda *arguments: optimum_at(2.0 if stuck else arguments[3].v)
     )
     bad = optimum_at(2.0)
-    monkeypatch.setattr(solve_module, "basins", lambda *_: [Start(*bad.gains, bad.norm)])
+    monkeypatch.setattr(solve_module, "basins", lambda *_: [FrontierPoint(*bad.gains, bad.norm)])
     monkeypatch.setattr(solve_module, "alone", lambda *_: [])
     return solve(one_dip, Scenario(), FREE)
 

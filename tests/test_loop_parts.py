@@ -11,7 +11,13 @@ from scipy import linalg, stats
 import jaxfric as jf
 from jaxfric.effects import RecordScales
 from jaxfric.fitting.noise import noise_of
-from jaxfric.fitting.noise_search import Family, estimate_noise, limits_of, noises_around
+from jaxfric.fitting.noise_search import (
+    Family,
+    estimate_noise,
+    limits_of,
+    noise_rows,
+    noises_around,
+)
 from jaxfric.loop import search as search_module
 from jaxfric.loop.engine import Candidate, Column, Engine
 from jaxfric.loop.evidence import evidence
@@ -294,7 +300,8 @@ def test_the_longest_correlation_of_noise_is_a_limit():
     residual = rng.standard_normal(600) + 1.5 * np.sin(2 * np.pi * clock / 300)
     arrays = clock, np.ones(600), residual, np.ones((600, 1))
     free, short, same = (
-        estimate_noise(*arrays, longest).noise for longest in (np.asarray(300.0), 10.0, None)
+        estimate_noise(noise_rows(*arrays, longest)).noise
+        for longest in (np.asarray(300.0), 10.0, None)
     )
     memory, bounded = (float(1 / np.min(n.rates[n.share > 0])) for n in (free, short))
     assert memory > 40 and bounded <= 10.0 * (1 + 1e-9)

@@ -17,7 +17,7 @@ from scipy import stats
 import jaxfric as jf
 from fits.blind import plants
 from jaxfric.effects import effect_of
-from jaxfric.fitting.problem import Channel, Model, make_problem
+from jaxfric.fitting.problem import Channel, Model, ProblemSizes, make_problem
 from jaxfric.fitting.superset import Superset
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.estimates import estimates
@@ -83,11 +83,8 @@ def engine_of(plant: plants.Base, friction, slip, effects=EFFECTS) -> Engine:
         TIMES,
         friction,
         steps,
-        V0=VELOCITIES[0],
-        stiffness=plant.K,
-        noise_scale=SIGMA,
-        force_scale=A,
-        model=Superset(Model(), effects),
+        ProblemSizes(VELOCITIES[0], plant.K, SIGMA, A),
+        Superset(Model(), effects),
         shifted=np.arange(1, len(VELOCITIES)),
     )
     blocks, pad = split(TIMES, steps), (0, len(problem.time) - len(TIMES))
@@ -352,13 +349,10 @@ def test_a_sensor_and_rows_far_apart(id, name, short):
         time,
         truth,
         jf.VelocitySteps(PROTOCOL.starts, np.asarray(VELOCITIES)),
-        V0=VELOCITIES[0],
-        stiffness=plant.K,
-        noise_scale=SIGMA,
-        force_scale=A,
-        model=Superset(Model(), (effect_of(id),)),
-        rtol=1e-7,
+        ProblemSizes(VELOCITIES[0], plant.K, SIGMA, A),
+        Superset(Model(), (effect_of(id),)),
     )
+    problem = dataclasses.replace(problem, rtol=1e-7)
     z = problem.to_free(jnp.asarray([F0, A, B, L, value]))
 
     def wrong(problem):

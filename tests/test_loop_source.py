@@ -15,8 +15,8 @@ from jaxfric.cli.common import read_law
 from jaxfric.effects.friction import _SecondStateTerm, _ViscousTerm
 from jaxfric.errors import InputError
 from jaxfric.gains import find_gains
-from jaxfric.gains.loop_source import law_from_loop
-from jaxfric.members.saved_law import law_from_file
+from jaxfric.laws.file import law_from_file
+from jaxfric.laws.loop_source import law_from_loop
 from jaxfric.rig.friction import Conditions, RateState, critical_stiffness
 from jaxfric.rig.friction.extended import ExtendedLaw
 from jaxfric.stability.linear import linear_friction

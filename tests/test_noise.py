@@ -25,10 +25,10 @@ from jaxfric.fitting.noise_search import (
     Family,
     estimate_noise,
     limits_of,
+    noise_rows,
     noises_around,
     parts_at,
     profile_noise,
-    record_of,
     restricted,
     stretches,
 )
@@ -51,7 +51,7 @@ def as_noise(sigma, share, tau):
 
 def likeliest(*arrays, **options):
     """The noise that is found, and the share and memory of its first part."""
-    found = estimate_noise(*arrays, **options)
+    found = estimate_noise(noise_rows(*arrays), **options)
     assert found.family.second is None
     return found.noise, float(found.noise.share[0]), float(1 / np.max(found.noise.rates[0]))
 
@@ -193,7 +193,7 @@ def test_white_noise_is_found_white():
     rng = np.random.default_rng(4)
     time = uneven(rng, 1000)
     residual = 2e-3 * rng.normal(size=1000)
-    found = estimate_noise(time, np.ones(1000), residual, design(rng, time))
+    found = estimate_noise(noise_rows(time, np.ones(1000), residual, design(rng, time)))
     assert found.family == Family()
     assert float(found.noise.sigma) == pytest.approx(2e-3, rel=0.1)
 
@@ -209,7 +209,7 @@ def test_a_second_part_is_found_where_there_is_hardly_any_white_noise(seed):
     covariance = 0.5 * np.exp(-apart / 30) + 0.49 * swing + 0.01 * np.eye(n)
     residual = 1e-3 * np.linalg.cholesky(covariance) @ rng.normal(size=n)
     jacobian = design(rng, time)
-    found = estimate_noise(time, np.ones(n), residual, jacobian)
+    found = estimate_noise(noise_rows(time, np.ones(n), residual, jacobian))
     # restricted likelihood of the truth, sigma profiled, with the constants of the estimate
     inverse = np.linalg.inv(covariance)
     normal = jacobian.T @ inverse @ jacobian
@@ -331,14 +331,16 @@ def test_differentiated_noise_is_known_as_such():
     white, position = rng.standard_normal((2, 1501))
     made = white[1:] + 1.5 * np.diff(position)
     column = np.ones((1500, 1))
-    found = estimate_noise(time, one, made, column, np.asarray(1.0), either_sign=True).noise
+    found = estimate_noise(
+        noise_rows(time, one, made, column, np.asarray(1.0)), either_sign=True
+    ).noise
     rho = float(found.share[0]) * np.exp(-float(found.rates[0, 0]))
     # variance 1 + 2 1.5^2, covariance of neighbours -1.5^2
     assert float(found.sigma) == pytest.approx(np.sqrt(5.5), rel=0.05)
     assert rho == pytest.approx(-2.25 / 5.5, abs=0.06)
     left = np.asarray(whiten(time, one, made[:, None], found))[:, 0]
     assert abs(np.mean(left[1:] * left[:-1])) < 3 / np.sqrt(1500) + 0.03
-    positive = estimate_noise(time, one, made, column, np.asarray(1.0)).noise
+    positive = estimate_noise(noise_rows(time, one, made, column, np.asarray(1.0))).noise
     assert float(found.log_likelihood) > float(positive.log_likelihood) + 50
 
 
@@ -389,7 +391,7 @@ def test_the_memory_of_noise_does_not_change_when_rows_are_thinned(over, memory)
     column = np.ones((2000, 1))
     even = (np.arange(2000) % 2 == 0).astype(float)
     for weight in (np.ones(2000), even):
-        found = estimate_noise(clock, weight, residual, column)
+        found = estimate_noise(noise_rows(clock, weight, residual, column))
         assert found.family == Family(first=over)
         assert float(1 / found.noise.rates[0, over]) == pytest.approx(memory, rel=0.3)
         assert np.all(np.delete(found.noise.rates[0], over) == 0)
@@ -466,21 +468,23 @@ def test_a_filtered_recorder_and_a_slow_part_are_told_apart():
     n, column = 1500, np.ones((1500, 1))
     rows, one = np.arange(float(n)), np.ones(1500)
     smooth = driven(rng, n, 4.0, 4.0)
-    found = estimate_noise(rows, one, smooth + 0.2 * rng.normal(size=n), column, np.asarray(30.0))
+    found = estimate_noise(
+        noise_rows(rows, one, smooth + 0.2 * rng.normal(size=n), column, np.asarray(30.0))
+    )
     assert found.family == Family(second=0, resonates=True)
     part = noise_estimate(found.noise, 1.0, np.ones(1)).parts[0]
     assert part.swings and part.period == pytest.approx(2 * np.pi * 4.0 / 2.0, rel=0.15)
     assert part.memory == pytest.approx(4.0, rel=0.3)
     fast, slow = (simulated_noise(rng, rows, 1.0, 1.0, tau) for tau in (1.5, 25.0))
     both = fast + slow + 0.5 * rng.normal(size=n)
-    found = estimate_noise(rows, one, both, column, np.asarray(60.0))
+    found = estimate_noise(noise_rows(rows, one, both, column, np.asarray(60.0)))
     parts = noise_estimate(found.noise, 1.0, np.ones(1)).parts
     memories = sorted(part.memory for part in parts)
     assert len(parts) == 2 and memories[0] < 4 and memories[1] > 12
     # the sizes and memories that were drawn are no likelier, nor is what is near them
     truth = np.log([1 / 0.25, 1.5, 1 / 0.25, 25.0])
     again = profile_noise(
-        rows, one, both, column, np.asarray(60.0), Family(first=0, second=0), [truth]
+        noise_rows(rows, one, both, column, np.asarray(60.0)), Family(first=0, second=0), [truth]
     )
     assert found.value > again.value - 0.2
 
@@ -496,7 +500,7 @@ def test_a_long_record_is_sought_in_stretches_and_sized_as_a_whole():
     noise = 0.5 * rng.standard_normal(n) + slow * np.where(np.arange(n) < n // 2, 1.0, 0.6)
     jacobian = np.stack([np.ones(n), time, 1.0 * (np.arange(n) < 300)], axis=1)
 
-    record = record_of(time, weight, noise * weight, jacobian * weight[:, None], None, None)
+    record = noise_rows(time, weight, noise * weight, jacobian * weight[:, None])
     part = stretches(record)
     rows = np.searchsorted(time, np.asarray(part.clock)[:, 0])
     assert len(rows) == part.rows == 8192
@@ -508,9 +512,9 @@ def test_a_long_record_is_sought_in_stretches_and_sized_as_a_whole():
     assert np.all((rows < 5000).sum() == np.histogram(rows, 4, (0, n))[0])
 
     arrays = time, weight, noise * weight, jacobian * weight[:, None]
-    found = estimate_noise(*arrays)
+    found = estimate_noise(noise_rows(*arrays))
     assert found.family == Family(first=0)
-    whole = profile_noise(*arrays, None, Family(first=0), [np.array([1.0, np.log(tau)])])
+    whole = profile_noise(noise_rows(*arrays), Family(first=0), [np.array([1.0, np.log(tau)])])
     assert found.value == pytest.approx(whole.value, abs=0.1)
     variance = float(found.noise.sigma) ** 2 * float(found.noise.share[0])
     assert variance == pytest.approx(np.mean((1.0, 0.36)), rel=0.1)

@@ -6,7 +6,7 @@ from scipy.linalg import null_space
 
 from jaxfric.fitting.noise import noise_of
 from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart
-from jaxfric.fitting.noise_search import Family, Found, not_below, record_of
+from jaxfric.fitting.noise_search import Family, Found, noise_rows, not_below
 from jaxfric.fitting.quantisation import least_noise, recorded_steps, step_words
 
 RNG = np.random.default_rng(0)
@@ -62,7 +62,7 @@ def by_definition(sigma, share, memory):
 
 
 def floored(sigma, share, least):
-    record = record_of(TIME, np.ones(N), RESIDUAL, np.pad(DESIGN, ((0, 0), (0, 6))), None, None)
+    record = noise_rows(TIME, np.ones(N), RESIDUAL, np.pad(DESIGN, ((0, 0), (0, 6))))
     noise = noise_of(sigma, share, 5.0, -7.0)
     found = Found(noise, Family(first=0), np.array([0.0, 0.0]), -7.0)
     return found, not_below(record, found, least)

@@ -13,6 +13,7 @@ from jaxfric.fitting.noise_search import (
     Found,
     estimate_noise,
     limits_of,
+    noise_rows,
     profile_noise,
 )
 from jaxfric.loop.engine import Rows
@@ -50,14 +51,14 @@ class Fits:
     def noise_of_family(self, residual, columns, found):
         starts = (found.theta,)
         rows = self.problem.clock, self.weight, residual, columns, LONGEST
-        return profile_noise(*rows, found.family, starts)
+        return profile_noise(noise_rows(*rows), found.family, starts)
 
 
 def found_in(residual, columns) -> Found:
     """The noise with everything smooth taken out."""
     start = [np.array([0.0, np.log(MEMORY)])]
     rows = Fits.problem.clock, Fits.weight, residual, columns, LONGEST
-    return profile_noise(*rows, Family(first=0), start)
+    return profile_noise(noise_rows(*rows), Family(first=0), start)
 
 
 def rows_of(residual):
@@ -90,7 +91,7 @@ def white():
     rng = np.random.default_rng(4)
     noise = rng.standard_normal(ROWS)
     return noise, estimate_noise(
-        Fits.problem.clock, Fits.weight, noise, np.ones((ROWS, 1)), LONGEST
+        noise_rows(Fits.problem.clock, Fits.weight, noise, np.ones((ROWS, 1)), LONGEST)
     )
 
 

@@ -15,11 +15,11 @@ from matplotlib.image import imread
 import jaxfric
 from jaxfric.gains.ends import ENDS, EndState
 from jaxfric.gains.requirement import Requirement
-from jaxfric.gains.result import Basin, Certificate, Gains, WorstCase
+from jaxfric.gains.result import Certificate, Gains, LocalOptimum, WorstCase
 from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.slack import slacks
 from jaxfric.gains.solve import make_region
-from jaxfric.gains.source import law_from_parameters, stack
+from jaxfric.laws.source import law_from_parameters, stack
 from jaxfric.plot.gain_map import _map_axes, _over_scenarios, draw_gain_map
 from jaxfric.plot.gains import draw_end_map, draw_gains
 from jaxfric.plot.stability import new_figure
@@ -285,7 +285,7 @@ def golden_gains() -> Gains:
     basins = []
     for name, kp, kv in (("stiff", 3100.0, 0.0), ("damped", 1e-3, 2000.0)):
         norm = float(region.norm([kp, kv]))
-        basins.append(Basin(name, kp, kv, norm, 0.0, 0.0, (), False))
+        basins.append(LocalOptimum(name, kp, kv, norm, 0.0, 0.0, (), False))
     worst = {"stiffness": WorstCase(1.5, "1", scenarios.describe(0))}
     certificate = Certificate(0.0, 0, 0, 1)
     numbers = (3100.0, 0.0, basins[0].norm, tuple(basins), worst)

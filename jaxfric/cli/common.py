@@ -250,8 +250,8 @@ def read_law(
     seed: int = 0,
 ):
     """The law that the options name, as a `LawSource`."""
-    from ..gains.source import law_from_parameters
-    from ..members.saved_law import law_from_file
+    from ..laws.file import law_from_file
+    from ..laws.source import law_from_parameters
     from ..units import parse_quantity
 
     if fit is not None:

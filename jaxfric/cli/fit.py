@@ -36,7 +36,7 @@ def fit(
             help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m for a force.",
         ),
     ] = None,
-    law: Annotated[Literal["slip", "ageing"], Parameter(help="Evolution law.")] = "slip",
+    law: Annotated[str, Parameter(help="Evolution law, slip or ageing.")] = "slip",
     states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
     fit_stiffness: Annotated[
         bool, Parameter(negative=(), help="Fit the stiffness too (then it need not be given).")

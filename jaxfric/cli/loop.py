@@ -3,7 +3,7 @@
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -51,7 +51,7 @@ def loop(
     ] = None,
     rig: Rig = "slider",
     law: Annotated[
-        Literal["slip", "ageing"], Parameter(help="Law of the base model of a slider.")
+        str, Parameter(help="Law of the base model of a slider, slip or ageing.")
     ] = "slip",
     with_: Annotated[
         list[str] | None,

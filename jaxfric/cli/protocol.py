@@ -3,7 +3,7 @@
 import dataclasses
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -43,7 +43,7 @@ def protocol(
         str | None, Parameter(help=f"Parameters instead: '{TYPICAL}', which are the default.")
     ] = None,
     law: Annotated[
-        Literal["slip", "ageing"] | None, Parameter(help="Law of the base model. Default: slip.")
+        str | None, Parameter(help="Law of the base model, slip or ageing. Default: slip.")
     ] = None,
     rows: Annotated[int, Parameter(help="Rows of the record at each velocity.")] = 250,
     slip_channel: Annotated[
@@ -193,7 +193,7 @@ def _from_file(
     path: Path,
 ) -> tuple[dict[str, float], str, str, tuple[str, ...], tuple[str, ...]]:
     """Of the fit of a fit.json, or the one after the loop of a loop.json."""
-    from ..gains.saved import (
+    from ..laws.saved import (
         FIT,
         LOOP,
         missing_key,

@@ -283,11 +283,11 @@ def _classifier():
     import equinox as eqx
     import jax.numpy as jnp
 
-    from ..gains.ends import classify
+    from ..gains.ends import Track, classify
 
     @eqx.filter_jit
     def run(time, velocity, deviation, V, begin, end):
-        return classify(time, velocity, deviation, jnp.asarray(V), begin=begin, end=end)
+        return classify(Track(time, velocity, deviation), jnp.asarray(V), begin=begin, end=end)
 
     return lambda *arrays: run(*(jnp.asarray(array) for array in arrays))
 

@@ -19,7 +19,12 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from ..quantity import Quantity, quantities
 from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, BlendedEvolution, ExtendedLaw
-from ..rig.friction.rate_state import AgeingEvolution, RateState, SlipEvolution
+from ..rig.friction.rate_state import (
+    AbstractRateState,
+    AgeingEvolution,
+    RateState,
+    SlipEvolution,
+)
 
 R = TypeVar("R", bound=eqx.Module)
 E = TypeVar("E", bound="AbstractEffect")
@@ -92,6 +97,10 @@ class AbstractPlaceEffect(AbstractEffect[R]):
         """The least stiffness of that spring [F/m]; below 0 it softens."""
 
 
+class AbstractEvolutionEffect(AbstractLinearEffect[Rig]):
+    """An effect on how the states of a `RateState` relax; no other law has such an evolution."""
+
+
 class AbstractHeavyEffect(AbstractLinearEffect[R]):
     """An effect that is costly to simulate, and has something cheaper to stand for it at its null.
 
@@ -133,8 +142,9 @@ def with_term(rig: Rig, term: AbstractTerm) -> Rig:
 def with_evolution(rig: Rig, **changes: Array) -> Rig:
     """The rig with the given amounts added to fields of its `BlendedEvolution`."""
     law = extended(rig)
-    evolution = law.base.evolution
-    assert isinstance(evolution, BlendedEvolution)
+    evolution = evolution_of(law)
+    if evolution is None or not isinstance(law.base, RateState):
+        raise TypeError(f"the states of {type(law.base).__name__} have no evolution to change")
     for name, value in changes.items():
         changed = getattr(evolution, name) + value
         evolution = eqx.tree_at(lambda e, n=name: getattr(e, n), evolution, changed)
@@ -143,24 +153,31 @@ def with_evolution(rig: Rig, **changes: Array) -> Rig:
 
 
 def blended(law: RateState) -> RateState:
-    """The same law with an evolution that can blend: a slip law at q = 0, an ageing law at 1."""
+    """The same law with an evolution that can blend: an ageing law at q = 1, another at 0."""
     evolution = law.evolution
     if isinstance(evolution, BlendedEvolution):
         return law
-    if not isinstance(evolution, SlipEvolution | AgeingEvolution):
-        raise TypeError(f"no blend of evolutions contains {type(evolution).__name__}")
-    share = jnp.asarray(float(isinstance(evolution, AgeingEvolution)))
-    return eqx.tree_at(lambda b: b.evolution, law, BlendedEvolution(q=share))
+    ageing = isinstance(evolution, AgeingEvolution)
+    first = SlipEvolution() if ageing else evolution
+    blend = BlendedEvolution(q=jnp.asarray(float(ageing)), first=first)
+    return eqx.tree_at(lambda b: b.evolution, law, blend)
+
+
+def evolution_of(law: ExtendedLaw) -> BlendedEvolution | None:
+    """How the states of an extended law's base relax; None where its base is no `RateState`."""
+    evolution = law.base.evolution if isinstance(law.base, RateState) else None
+    return evolution if isinstance(evolution, BlendedEvolution) else None
 
 
 def extended(rig: Rig) -> ExtendedLaw:
     """The rig's friction as an `ExtendedLaw` whose base can blend evolutions.
 
-    A slip law becomes q = 0, an ageing law q = 1: the same equations.
+    An ageing law becomes q = 1, any other q = 0: the same equations. A rate-and-state law that is a
+    class of its own stays as it is.
     """
     law = rig.friction
     if isinstance(law, ExtendedLaw):
         return law
-    if not isinstance(law, RateState):
+    if not isinstance(law, AbstractRateState):
         raise TypeError(f"effects need rate-and-state friction, not {type(law).__name__}")
-    return ExtendedLaw(blended(law), ())
+    return ExtendedLaw(blended(law) if isinstance(law, RateState) else law, ())

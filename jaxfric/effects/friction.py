@@ -9,9 +9,10 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
-from ..rig.friction.rate_state import RateState
+from ..rig.friction.rate_state import AbstractRateState
 from .effect import (
     AbstractEffect,
+    AbstractEvolutionEffect,
     AbstractLinearEffect,
     AbstractPlaceEffect,
     RecordScales,
@@ -39,7 +40,7 @@ class _SecondStateTerm(AbstractTerm):
         log_r = jnp.log(jnp.where(r > 0, r, 1.0))
         return jnp.where(r > 0, -(jnp.abs(at.V) / self.L) * (at.state + self.B * log_r), 0.0)
 
-    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
         del force
         return -self.B * jnp.log(jnp.abs(V) / base.V0)[None]
 
@@ -70,7 +71,7 @@ class SecondState(AbstractEffect[Rig]):
         return jnp.asarray(_TRUE)
 
 
-class Ageing(AbstractLinearEffect[Rig]):
+class Ageing(AbstractEvolutionEffect):
     """Evolution between the slip law (q = 0) and the ageing law (q = 1)."""
 
     id: ClassVar[str] = "aging"
@@ -88,7 +89,7 @@ class Ageing(AbstractLinearEffect[Rig]):
         return jnp.abs(self.q) < 1.5
 
 
-class VelocityDependentLength(AbstractLinearEffect[Rig]):
+class VelocityDependentLength(AbstractEvolutionEffect):
     """L (V/V0)^n."""
 
     id: ClassVar[str] = "velocity_dependent_L"
@@ -106,7 +107,7 @@ class VelocityDependentLength(AbstractLinearEffect[Rig]):
         return jnp.abs(self.n) < 2.0
 
 
-class EvolutionCutoff(AbstractLinearEffect[Rig]):
+class EvolutionCutoff(AbstractEvolutionEffect):
     """theta_ss = -B [ln(V/V0) - ln(1 + c V)], c = 1/V_c."""
 
     id: ClassVar[str] = "evolution_cutoff"
@@ -313,7 +314,7 @@ class _LinkerTerm(AbstractTerm):
         del force
         return at.state
 
-    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
         del base, force
         return jnp.zeros((0,), V.dtype)
 
@@ -359,14 +360,16 @@ class _ThermalTerm(AbstractTerm):
     def rate(self, at: Contact, force: Array) -> Array:
         return (self.a * _power(at.V, at.base, force) - at.state) / self.tau
 
-    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
         return (self.a * _power(V, base, force))[None]
 
     def shift(self, at: Contact):
         del at
 
 
-def _power(V: Float[Array, ""], base: RateState, force: Float[Array, ""]) -> Float[Array, ""]:
+def _power(
+    V: Float[Array, ""], base: AbstractRateState, force: Float[Array, ""]
+) -> Float[Array, ""]:
     """Heat that friction makes, over that of f0 at V0."""
     return force * V / (base.f0 * base.V0)
 

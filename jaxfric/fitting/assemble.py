@@ -2,10 +2,12 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
+from jaxtyping import Array, Float
 
 from ..records import Record, VelocitySteps
 from ..units import format_si
@@ -29,49 +31,44 @@ _FAR = 3.0
 _OTHER, _ROWS = 1.5, 20
 
 
+class Solved(NamedTuple):
+    """A solved problem, the noise that it leaves, the rows that are passed over, and the steps in
+    which friction was recorded (0: none are seen)."""
+
+    problem: Problem
+    solution: Solution
+    noise: Noise
+    glitches: Glitches
+    written: float
+
+
 def assemble(
     record: Record,
     steps: VelocitySteps,
     sign: float,
-    problem: Problem,
-    solution: Solution,
-    noise: Noise,
+    solved: Solved,
     *,
-    glitches: Glitches,
-    written: float,
-    profile: bool,
-    progress: Callable[[str], None],
+    profile: Callable[[str], None] | None,
 ) -> Fit:
-    """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit, `glitches`
-    are passed over, and friction is recorded in steps of `written`."""
-    rows = len(record)
+    """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit; `profile` is
+    told of every profile; None: there are none."""
+    problem, solution, noise, glitches, written = solved
+    assert isinstance(problem.model, Model)
     failed = solution.cost >= FAILED_MISFIT**2
-    every = jnp.asarray(np.arange(len(problem.weight)) < rows, float)
-    seen = dataclasses.replace(problem, noise=None, weight=every)
-    plain, _ = residual_and_jacobian(seen, solution.z)
-    misfit = np.asarray(plain)[:rows] * float(problem.noise_scale)
-    counted = misfit[np.asarray(problem.weight)[:rows] > 0]
-    predicted = record.friction + sign * misfit
+    misfit = _misfit(problem, solution, len(record))
+    counted = misfit[np.asarray(problem.weight)[: len(record)] > 0]
     spread = covariance(problem, solution, noise)
-    profiles = progress if profile else None
     ended = bool(solution.result == optx.RESULTS.successful) and not failed
     plausible = _plausible(record, steps, sign, problem, solution)
-    estimates, matrix = _estimates(record, problem, solution, spread, ended, plausible, profiles)
-    names = problem.model.names()
+    estimates, matrix = _estimates(record, problem, solution, spread, ended, plausible, profile)
+    names, unit = problem.model.names(), record.friction_unit
     deviations = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     product = np.outer(deviations, deviations)
-    unit = record.friction_unit
     for name, value in (("K", problem.stiffness), ("V0", problem.V0)):
         if name not in estimates:
             v = float(value)
             estimates[name] = Estimate(v, 0.0, v, v, unit_of(name, unit), free=False)
-    scale = float(problem.noise_scale)
-    result = "converged"
-    if solution.result == optx.RESULTS.nonlinear_max_steps_reached:
-        result = f"still moving after {solution.num_steps} iterations"
-    elif solution.result != optx.RESULTS.successful:
-        result = optx.RESULTS[solution.result]
-    assert isinstance(problem.model, Model)
+    scale, longest = float(problem.noise_scale), longest_memory(problem.clock)
     fit = Fit(
         record=record,
         steps=_refined(steps, problem, solution, spread),
@@ -80,14 +77,12 @@ def assemble(
         free=names,
         covariance=matrix,
         correlation=np.divide(matrix, product, out=np.full_like(matrix, np.nan), where=product > 0),
-        predicted=predicted,
+        predicted=record.friction + sign * misfit,
         sum_of_squares=float(np.sum(counted**2)),
         rms=float(np.sqrt(np.mean(counted**2))),
-        noise=noise_estimate(
-            noise, scale, longest_memory(problem.clock), glitches=glitches, steps=written
-        ),
+        noise=noise_estimate(noise, scale, longest, glitches=glitches, steps=written),
         converged=ended,
-        result="every trial ran away" if failed else result,
+        result="every trial ran away" if failed else _result_words(solution),
         iterations=solution.num_steps,
         weighting="ordinary" if problem.noise is None else "whitened",
         warnings=(),
@@ -96,6 +91,23 @@ def assemble(
     pairs = zip(np.asarray(problem.shifted), shifts, strict=True)
     moved = [(int(k), float(s)) for k, s in pairs if abs(s) > _FAR]
     return _warn(fit, moved, wanders=noise_wanders(problem.clock, noise))
+
+
+def _misfit(problem: Problem, solution: Solution, rows: int) -> np.ndarray:
+    """Predicted minus recorded friction at all rows, those that are passed over too."""
+    every = jnp.asarray(np.arange(len(problem.weight)) < rows, float)
+    seen = dataclasses.replace(problem, noise=None, weight=every)
+    plain, _ = residual_and_jacobian(seen, solution.z)
+    return np.asarray(plain)[:rows] * float(problem.noise_scale)
+
+
+def _result_words(solution: Solution) -> str:
+    """How the search ended."""
+    if solution.result == optx.RESULTS.nonlinear_max_steps_reached:
+        return f"still moving after {solution.num_steps} iterations"
+    return (
+        "converged" if solution.result == optx.RESULTS.successful else optx.RESULTS[solution.result]
+    )
 
 
 def _refined(
@@ -113,14 +125,14 @@ def _refined(
 
 
 def _estimates(
-    record,
+    record: Record,
     problem: Problem,
     solution: Solution,
-    spread,
+    spread: np.ndarray,
     ended: bool,
     plausible: list[bool],
     profiles: Callable[[str], None] | None,
-):
+) -> tuple[dict[str, Estimate], np.ndarray]:
     """Estimates by name, and the covariance of the free parameters in SI.
 
     `ended`: the search converged; `plausible`, which parameters the record can show; `profiles` is
@@ -156,13 +168,15 @@ def _estimates(
         return estimates, spread[:p, :p] * np.outer(slope, slope)
 
 
-def noise_wanders(clock, noise: Noise) -> bool:
+def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:
     """Whether most of the noise has the longest memory that is searched."""
     slow = np.asarray(noise.rates) @ longest_memory(clock) < 1 / 0.9
     return bool(np.sum(np.asarray(noise.share)[slow]) > 0.5)
 
 
-def _plausible(record: Record, steps: VelocitySteps, sign: float, problem, solution) -> list[bool]:
+def _plausible(
+    record: Record, steps: VelocitySteps, sign: float, problem: Problem, solution: Solution
+) -> list[bool]:
     """Whether each free parameter has a value that a record of this size can show."""
     noise, friction = float(problem.noise_scale), sign * record.friction
     values = np.asarray(problem.from_free(solution.z))

@@ -3,27 +3,29 @@
 import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
+from ..laws.registry import evolution_of, fixed_states, refuse_unknown_law
 from ..records import Record, VelocitySteps, record_steps
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
 from ..records.thin import blur, thinned
 from ..simulation import simulate
 from ..units import parse_quantity
-from .assemble import assemble
-from .glitches import NO_GLITCHES, ROUNDS, Glitches, find_glitches
+from .assemble import Solved, assemble
+from .glitches import NO_GLITCHES, ROUNDS, find_glitches
 from .noise import Noise
-from .noise_search import estimate_noise, longest_memory
+from .noise_search import estimate_noise, longest_memory, noise_rows
 from .problem import (
     FAILED_MISFIT,
-    LAWS,
     Model,
     Problem,
+    ProblemSizes,
     RigModel,
     make_problem,
     quantity_of,
@@ -33,7 +35,14 @@ from .problem import (
 from .quantisation import least_noise, recorded_steps
 from .result import Fit, unit_of
 from .solve import Solution, solve
-from .start import average, more_state_starts, noise_from_differences, one_state_starts, split_state
+from .start import (
+    OneStateMotion,
+    average,
+    more_state_starts,
+    noise_from_differences,
+    one_state_starts,
+    split_state,
+)
 from .uncertainty import data_part, fair_hold
 
 WEIGHTINGS = ("ordinary", "whitened")
@@ -111,34 +120,42 @@ def fit(
     forward, sign = forward_steps(record, steps)
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
     progress(f"compiling, then fitting {len(record)} rows")
-    problem, solution = _solve_in_stages(record, sign, forward, model, K, V0, start, progress)
-    written = recorded_steps(record.friction)
+    task = _Task(record, forward, sign, model, K, V0)
+    problem, solution = _solve_in_stages(task, start, progress)
+    solved = _with_noise(task, problem, solution, whitened=weighting == "whitened")
+    found = assemble(record, steps, sign, solved, profile=progress if profile else None)
+    return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
+
+
+class _Task(NamedTuple):
+    """A record, steps that begin forwards and the sign of friction that goes with them, the model,
+    the stiffness where it is known, and the reference velocity [m/s]."""
+
+    record: Record
+    steps: VelocitySteps
+    sign: float
+    model: Model
+    stiffness: float | None
+    V0: float
+
+
+def _with_noise(task: _Task, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
+    """The solution with the noise that it leaves, found again where that noise changes it: without
+    glitches, with fair weights on the times of steps, and `whitened` by it."""
+    written = recorded_steps(task.record.friction)
     noise = _noise(problem, solution, written)
-    problem, solution, noise, glitches = _without_glitches(
-        problem, solution, noise, forward, written
-    )
-    if len(problem.hold) and weighting == "ordinary":
+    solved = _without_glitches(Solved(problem, solution, noise, NO_GLITCHES, written), task.steps)
+    problem, solution, noise, *_ = solved
+    if len(problem.hold) and not whitened:
         problem = problem.holding(fair_hold(problem, solution, noise))
         solution = solve(problem, solution.z[None], refine=1)
         noise = _noise(problem, solution, written)
-    if weighting == "whitened" and solution.cost < FAILED_MISFIT**2:
+    if whitened and solution.cost < FAILED_MISFIT**2:
         solution = solve(problem.whitened(noise), solution.z[None], refine=1)
         noise = _noise(problem, _evaluate(problem, solution), written)
         problem = problem.whitened(noise)
         solution = solve(problem, solution.z[None], refine=1)
-    found = assemble(
-        record,
-        steps,
-        sign,
-        problem,
-        solution,
-        noise,
-        glitches=glitches,
-        written=written,
-        profile=profile,
-        progress=progress,
-    )
-    return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
+    return solved._replace(problem=problem, solution=solution, noise=noise)
 
 
 def require_float64() -> None:
@@ -163,14 +180,16 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
     return few, (text,)
 
 
-def _model(law, states, fit_stiffness, slip_trend, weighting) -> Model:
-    if law not in LAWS:
-        raise InputError(f"law '{law}' is not known; choose one of {', '.join(LAWS)}")
+def _model(law: str, states: int, fit_stiffness: bool, slip_trend: bool, weighting: str) -> Model:
+    refuse_unknown_law(law)
+    always = fixed_states(law)
     if not 1 <= states <= _MAX_STATES:
         raise InputError(f"states is {states}; choose 1 to {_MAX_STATES}")
+    if always is not None and states not in (1, always):
+        raise InputError(f"states is {states}; the {law} law has {always}")
     if weighting not in WEIGHTINGS:
         raise InputError(f"weighting '{weighting}' is not known; choose {' or '.join(WEIGHTINGS)}")
-    return Model(law, int(states), bool(fit_stiffness), bool(slip_trend))
+    return Model(law, always or int(states), bool(fit_stiffness), bool(slip_trend))
 
 
 def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps:
@@ -213,7 +232,7 @@ def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, 
     return mirrored, -1.0 if np.mean(begin) < 0 else 1.0
 
 
-def _stiffness(stiffness, record: Record, fit_stiffness: bool) -> float | None:
+def _stiffness(stiffness: float | str | None, record: Record, fit_stiffness: bool) -> float | None:
     unit = unit_of("K", record.friction_unit)
     if stiffness is None:
         if not fit_stiffness:
@@ -243,7 +262,7 @@ def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
         )
 
 
-def _reference(reference, steps: VelocitySteps) -> float:
+def _reference(reference: float | str | None, steps: VelocitySteps) -> float:
     if reference is None:
         return float(abs(steps.velocities[0]))
     if isinstance(reference, str):
@@ -271,32 +290,26 @@ def prepare(
     if steps.time_errors is not None:
         slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
         shifted = np.flatnonzero(stiffness * slack > _FELT * noise_scale)
-    return make_problem(
-        record.relative_time,
-        friction,
-        steps,
-        V0=abs(steps.velocities[0]) if V0 is None else V0,
-        stiffness=stiffness,
-        noise_scale=noise_scale,
-        force_scale=float(np.ptp(friction)) if force_scale is None else force_scale,
-        model=model,
-        shifted=shifted,
+    sizes = ProblemSizes(
+        abs(steps.velocities[0]) if V0 is None else V0,
+        stiffness,
+        noise_scale,
+        float(np.ptp(friction)) if force_scale is None else force_scale,
     )
+    return make_problem(record.relative_time, friction, steps, sizes, model, shifted=shifted)
 
 
 def _solve_in_stages(
-    record: Record,
-    sign: float,
-    steps: VelocitySteps,
-    model: Model,
-    K: float | None,
-    V0,
-    start,
-    progress,
+    task: _Task, start: Mapping[str, float] | None, progress: Callable[[str], None]
 ) -> tuple[Problem, Solution]:
-    """One state first; the velocity that it finds then serves to start more states."""
+    """One state first; the velocity that it finds then serves to start more states.
+
+    A law that is no `RateState` begins with one state of the slip law.
+    """
+    record, steps, sign, model, K, V0 = task
     time, friction = record.relative_time, sign * record.friction
-    one = model._replace(states=1)
+    law = model.law if evolution_of(model.law) is not None else "slip"
+    one = model._replace(states=1, law=law)
     starts = one_state_starts(time, friction, steps, V0=V0, stiffness=K, model=one)
     problem = prepare(
         record,
@@ -308,21 +321,21 @@ def _solve_in_stages(
         force_scale=float(starts[0, 1]),
     )
     if model.states == 1:
+        problem = problem.with_model(model)
         return problem, _solve(problem, starts, start, progress)
     first = _solve(problem, starts, None, _within("stage 1 of 2, one state", progress))
     data = average(time, friction, steps)
     full = data.count > 0
-    seen = simulate(problem.rig(first.z), problem.motion, jnp.asarray(data.time[full]))
-    starts = more_state_starts(
+    motion = simulate(problem.rig(first.z), problem.motion, jnp.asarray(data.time[full]))
+    seen = OneStateMotion(
         data.time[full],
         data.friction[full],
-        np.asarray(seen.velocity),
-        np.asarray(seen.slip),
+        np.asarray(motion.velocity),
+        np.asarray(motion.slip),
         np.sqrt(data.count[full]),
-        V0=V0,
-        stiffness=float(problem.rig(first.z).machine.stiffness),
-        model=model,
     )
+    found_K = float(problem.rig(first.z).machine.stiffness)
+    starts = more_state_starts(seen, V0=V0, stiffness=found_K, model=model)
     if len(starts) == 0:
         starts = split_state(np.asarray(problem.from_free(first.z)), model.states)
     problem = problem.with_model(model)
@@ -336,7 +349,10 @@ def _within(stage: str, progress: Callable[[str], None]) -> Callable[[str], None
 
 
 def _solve(
-    problem: Problem, starts: np.ndarray, given: Mapping[str, float] | None, progress
+    problem: Problem,
+    starts: np.ndarray,
+    given: Mapping[str, float] | None,
+    progress: Callable[[str], None],
 ) -> Solution:
     names = problem.model.names()
     if given:
@@ -364,17 +380,15 @@ def _noise(problem: Problem, solution: Solution, steps: float = 0.0) -> Noise:
     clock, least = problem.clock, least_noise(steps) / float(problem.noise_scale)
     residual, jacobian = data_part(problem, solution)
     longest = longest_memory(clock)
-    found = estimate_noise(clock, problem.weight, residual, jacobian, longest, least=least).noise
+    rows = noise_rows(clock, problem.weight, residual, jacobian, longest)
+    found = estimate_noise(rows, least=least).noise
     size = jnp.sqrt(jnp.sum(residual**2) / jnp.sum(problem.weight > 0))
     return found._replace(sigma=jnp.maximum(found.sigma, size))
 
 
-def _without_glitches(
-    problem: Problem, solution: Solution, noise: Noise, steps: VelocitySteps, written: float
-) -> tuple[Problem, Solution, Noise, Glitches]:
-    """The fit without rows that stand out of its noise, which are found at most twice; the
-    recorder writes in steps of `written`."""
-    glitches = NO_GLITCHES
+def _without_glitches(solved: Solved, steps: VelocitySteps) -> Solved:
+    """The fit without rows that stand out of its noise, which are found at most twice."""
+    problem, solution, noise, glitches, written = solved
     step = np.searchsorted(np.asarray(steps.times), np.asarray(problem.time), side="right") - 1
     for _ in range(ROUNDS):
         if solution.cost >= FAILED_MISFIT**2:
@@ -390,4 +404,4 @@ def _without_glitches(
         problem = dataclasses.replace(problem, weight=jnp.asarray(weight))
         solution = solve(problem, solution.z[None], refine=1)
         noise = _noise(problem, solution, written)
-    return problem, solution, noise, glitches
+    return Solved(problem, solution, noise, glitches, written)

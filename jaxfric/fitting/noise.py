@@ -30,7 +30,8 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 _HIDDEN = 1e12  # variance of a row that is to be passed over
 _CRITICAL = 1e-3
@@ -77,17 +78,19 @@ def noise_of(
     )
 
 
-def _columns(clock):
+def _columns(clock: Float[Array, "n *k"]) -> Float[Array, "n k"]:
     return clock[:, None] if clock.ndim == 1 else clock
 
 
-def _forgotten(clock, noise: Noise) -> Array:
+def _forgotten(clock: Float[Array, "n *k"], noise: Noise) -> Float[Array, "n 2"]:
     """What each part forgets from a row to the next, (n, 2)."""
     steps = jnp.abs(jnp.diff(_columns(clock), axis=0))
     return jnp.concatenate([steps, jnp.zeros_like(steps[:1])]) @ noise.rates.T
 
 
-def _second(d, beta):
+def _second(
+    d: Float[Array, " n"], beta: Float[Array, ""]
+) -> tuple[list[Array], tuple[Array, Array, Array], Array]:
     """The second part from a row to the next: transition (n,) x 4 and added covariance (n,) x 3.
 
     Its states are b and its slope, in units of what it forgets.
@@ -150,7 +153,14 @@ def coloured(
     return found * (scale * (weight > 0))[:, None]
 
 
-def _filtered(clock, weight, columns, noise: Noise, *, backwards: bool = False):
+def _filtered(
+    clock: Float[Array, "n *k"],
+    weight: Float[Array, " n"],
+    columns: Float[Array, "n m"],
+    noise: Noise,
+    *,
+    backwards: bool = False,
+) -> tuple[Float[Array, "n m"], Float[Array, " n"]]:
     """Innovations of columns of scale 1, or `backwards` the columns of such innovations; and the
     logarithm of the inverse variance of each row's misfit, (n,)."""
     used = weight > 0
@@ -159,7 +169,10 @@ def _filtered(clock, weight, columns, noise: Noise, *, backwards: bool = False):
     white = 1 - first - second
     turn, added, slope = _second(forgotten[:, 1], noise.beta)
 
-    def advance(carry, row):
+    def advance(
+        carry: tuple[list[Array], list[Array]],
+        row: tuple[Array, Array, Array, list[Array], list[Array]],
+    ) -> tuple[tuple[list[Array], list[Array]], tuple[Array, Array]]:
         mean, spread = carry
         y, hidden, f, turn, added = row
         gain, inverse, spread = _update(spread, white + hidden)
@@ -179,7 +192,9 @@ def _filtered(clock, weight, columns, noise: Noise, *, backwards: bool = False):
     return jax.lax.scan(advance, start, rows)[1]
 
 
-def _update(spread, white):
+def _update(
+    spread: list[Array], white: Float[Array, ""]
+) -> tuple[tuple[Array, ...], Array, list[Array]]:
     """Gains, the inverse variance of the misfit, and the covariance of the states once it is seen.
 
     States are a, b and the slope of b, their covariances 11, 12, 13, 22, 23, 33.
@@ -192,7 +207,7 @@ def _update(spread, white):
     return gain, inverse, [x - gain[i] * seen[j] for i, j, x in pairs]
 
 
-def _forecast(spread, f, turn):
+def _forecast(spread: list[Array], f: Float[Array, ""], turn: list[Array]) -> list[Array]:
     """What is left of the covariance of the states at the next row."""
     aa, ab, av, bb, bv, vv = spread
     p, q, r, s = turn
@@ -206,7 +221,7 @@ def _forecast(spread, f, turn):
     ]
 
 
-def limit_of_negative(keep):
+def limit_of_negative(keep: np.ndarray) -> np.ndarray:
     """Largest -variance of the first part, in units of the white one, that is a covariance.
 
     `keep` is its correlation from a row to the next: the spectrum is least at zero frequency.
@@ -227,7 +242,7 @@ def sandwich(
     return noise.sigma**2 * total
 
 
-def _terms(clock, noise: Noise) -> list[tuple[Array, Array]]:
+def _terms(clock: Float[Array, "n *k"], noise: Noise) -> list[tuple[Array, Array]]:
     """The correlated parts as sums of exponentials: sizes, and what each forgets to the next row.
 
     Sizes and exponents are complex; the sum is real.
@@ -242,11 +257,11 @@ def _terms(clock, noise: Noise) -> list[tuple[Array, Array]]:
     return [(a, first), (b * slow[0], slow[1]), (b * fast[0], fast[1])]
 
 
-def _correlated(jacobian, turn):
+def _correlated(jacobian: Float[Array, "n p"], turn: Complex[Array, " n"]) -> Complex[Array, "p p"]:
     """J^T R J, R_ij the product of `turn` from row i to row j."""
     turn = jnp.concatenate([jnp.ones_like(turn[:1]), turn[:-1]])
 
-    def step(carry, row):
+    def step(carry: Array, row: tuple[Array, Array]) -> tuple[Array, Array]:
         j, k = row
         carry = k * carry + j
         return carry, carry
@@ -257,7 +272,7 @@ def _correlated(jacobian, turn):
     return one_sided + one_sided.T - jacobian.T @ jacobian
 
 
-def rms_error(clock: Float[Array, "n *k"], used, noise: Noise) -> float:
+def rms_error(clock: Float[Array, "n *k"], used: ArrayLike, noise: Noise) -> float:
     """Relative standard error of the rms of noise over the `used` rows (a mask or 0 and 1).
 
     sqrt(sum_ij (s_i s_j rho_ij)^2/2)/sum_i s_i^2, rho the correlation and s the scale of rows:
@@ -268,7 +283,9 @@ def rms_error(clock: Float[Array, "n *k"], used, noise: Noise) -> float:
 
 
 @eqx.filter_jit
-def _squares(clock, sizes, noise: Noise):
+def _squares(
+    clock: Float[Array, "n *k"], sizes: Float[Array, " n"], noise: Noise
+) -> Float[Array, ""]:
     """Sum over all pairs of rows of the square of their correlation, times both sizes."""
     terms = _terms(clock, noise)
     total = (1 - jnp.sum(noise.share) ** 2) * jnp.sum(sizes**2) + 0j

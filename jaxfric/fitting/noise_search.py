@@ -14,17 +14,16 @@ Source: Harville 1977 (doi:10.1080/01621459.1977.10480998) for the restricted li
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from .noise import EXPONENTIAL, PARTS, Noise, innovations, limit_of_negative
-from .whitened import compiled_innovations
 
 LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
@@ -80,7 +79,7 @@ class Limits(NamedTuple):
     """From row to row, the median."""
 
 
-class Record(NamedTuple):
+class NoiseRows(NamedTuple):
     """What a noise is estimated from. Column 0 is the residual, the others are the Jacobian's."""
 
     clock: Float[Array, "n k"]
@@ -102,25 +101,12 @@ class Found(NamedTuple):
     value: float
 
 
-def estimate_noise(
-    clock: Rows,
-    weight: Rows,
-    residual: Rows,
-    jacobian: Rows,
-    longest: Rows | None = None,
-    *,
-    either_sign: bool = False,
-    scale: Rows | None = None,
-    least: float = 0.0,
-) -> Found:
-    """Restricted maximum-likelihood noise of a residual (n,) with the given Jacobian (n, p).
+def estimate_noise(record: NoiseRows, *, either_sign: bool = False, least: float = 0.0) -> Found:
+    """Restricted maximum-likelihood noise of a residual with its Jacobian (`noise_rows`).
 
-    `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
-    from half the median gap of rows to `longest`, by default half the record, in each clock; with
-    `either_sign` also negative correlation, of even sampling. `least` is the smallest standard
+    With `either_sign` also negative correlation, of even sampling. `least` is the smallest standard
     deviation of the white part, as of a recorder's steps.
     """
-    record = record_of(clock, weight, residual, jacobian, longest, scale)
     part = stretches(record)
     best = _with_parts(part, either_sign=either_sign)
     if part is not record:
@@ -128,7 +114,7 @@ def estimate_noise(
     return not_below(record, best, least)
 
 
-def stretches(record: Record) -> Record:
+def stretches(record: NoiseRows) -> NoiseRows:
     """Stretches of neighbouring rows, spread evenly over a long record; of a shorter one, itself.
 
     What is correlated over longer than a stretch is seen from stretch to stretch.
@@ -141,10 +127,10 @@ def stretches(record: Record) -> Record:
     taken = np.concatenate([rows[begin : begin + _STRETCH] for rows, begin in pairs])
     scale = record.scale[taken] if record.scale.ndim else record.scale
     clock, weight, columns = (x[taken] for x in (record.clock, record.weight, record.columns))
-    return Record(clock, weight, columns, scale, record.limits, len(taken))
+    return NoiseRows(clock, weight, columns, scale, record.limits, len(taken))
 
 
-def _with_parts(record: Record, *, either_sign: bool) -> Found:
+def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
     """The likeliest noise, part by part, of as many parts as are worth their parameters."""
     best = _best_of(record, Family(), np.zeros((1, 0)))
     for _ in range(2):
@@ -159,24 +145,14 @@ def _with_parts(record: Record, *, either_sign: bool) -> Found:
 
 
 def profile_noise(
-    clock: Rows,
-    weight: Rows,
-    residual: Rows,
-    jacobian: Rows,
-    longest: Rows | None,
-    family: Family,
-    starts: Sequence[np.ndarray],
-    *,
-    scale: Rows | None = None,
-    least: float = 0.0,
+    record: NoiseRows, family: Family, starts: Sequence[np.ndarray], *, least: float = 0.0
 ) -> Found:
     """The likeliest noise of one family, from some starts (as `Found.theta`); `least` as of
     `estimate_noise`."""
-    record = record_of(clock, weight, residual, jacobian, longest, scale)
     return not_below(record, _best_of(record, family, np.stack(starts), refine=True), least)
 
 
-def not_below(record: Record, found: Found, least: float) -> Found:
+def not_below(record: NoiseRows, found: Found, least: float) -> Found:
     """The noise with a white part of the standard deviation `least`, if it has a smaller one.
 
     What white noise gains the correlated parts lose, in proportion; where they have less than that
@@ -197,20 +173,19 @@ def not_below(record: Record, found: Found, least: float) -> Found:
     return found._replace(noise=noise, value=value)
 
 
-def _restricted_at(record: Record, unit: Noise, sigma: float) -> float:
-    """Restricted log-likelihood of a noise whose sigma is given, as of `restricted`."""
-    columns = np.asarray(record.columns)
-    used = np.concatenate([[True], np.linalg.norm(columns[:, 1:], axis=0) > 0])
-    white, log_determinant = compiled_innovations(
-        record.clock, record.weight, jnp.asarray(columns), unit
+def _restricted_at(record: NoiseRows, unit: Noise, sigma: float) -> float:
+    """Restricted log-likelihood of a noise whose sigma is given.
+
+    With the likeliest sigma, s, and n - p free rows it is less by (n - p)/2 (q - 1 - ln q),
+    q = s^2/sigma^2.
+    """
+    parts = (jnp.stack([part] * _AT_ONCE) for part in (unit.share, unit.rates, unit.beta))
+    values, likeliest = restricted(
+        record.clock, record.weight, record.columns, record.scale, *parts
     )
-    white = np.asarray(white)[:, used]
-    basis, triangle = np.linalg.qr(white[:, 1:])
-    left = white[:, 0] - basis @ (basis.T @ white[:, 0])
-    free = record.rows - basis.shape[1]
-    log_det = 2 * float(np.sum(np.log(np.abs(np.diag(triangle)))))
-    deviance = 2 * free * np.log(sigma) + float(left @ left) / sigma**2
-    return -0.5 * (deviance + log_det + float(log_determinant))
+    used = np.linalg.norm(np.asarray(record.columns)[:, 1:], axis=0) > 0
+    q = (float(likeliest[0]) / sigma) ** 2
+    return float(values[0]) - 0.5 * (record.rows - used.sum()) * (q - 1 - np.log(q))
 
 
 def longest_memory(clock: Float[Array, "n *k"]) -> np.ndarray:
@@ -243,7 +218,7 @@ def noises_around(
     return both[0], both[1], both[2]
 
 
-def limits_of(clock, weight, longest=None) -> Limits:
+def limits_of(clock: Rows, weight: Rows, longest: ArrayLike | None = None) -> Limits:
     """From half the median gap of rows with weight to `longest`, by default half the record."""
     times = np.asarray(clock)
     times = times.reshape(len(times), -1)
@@ -255,11 +230,23 @@ def limits_of(clock, weight, longest=None) -> Limits:
     return Limits(0.5 * gaps, np.maximum(most, 0.5 * gaps), gaps)
 
 
-def record_of(clock, weight, residual, jacobian, longest, scale) -> Record:
-    """What a noise is estimated from; arguments as of `estimate_noise`."""
+def noise_rows(
+    clock: Rows,
+    weight: Rows,
+    residual: Rows,
+    jacobian: Rows,
+    longest: ArrayLike | None = None,
+    *,
+    scale: Rows | None = None,
+) -> NoiseRows:
+    """What a noise is estimated from: a residual (n,) with the Jacobian of its fit (n, p).
+
+    `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
+    from half the median gap of rows to `longest`, by default half the record, in each clock.
+    """
     clock = jnp.asarray(clock)
     columns = np.concatenate([np.asarray(residual)[:, None], np.asarray(jacobian)], axis=1)
-    return Record(
+    return NoiseRows(
         clock[:, None] if clock.ndim == 1 else clock,
         jnp.asarray(weight),
         jnp.asarray(columns),
@@ -269,7 +256,7 @@ def record_of(clock, weight, residual, jacobian, longest, scale) -> Record:
     )
 
 
-def _with_another(record: Record, best: Found, *, either_sign: bool) -> Found | None:
+def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found | None:
     """The likeliest noise with one part more than `best`."""
     family, found = best.family, []
     limits, white = record.limits, not best.family.parameters
@@ -320,13 +307,22 @@ def _both_parts(family: Family, limits: Limits) -> np.ndarray:
     return np.array(found)
 
 
-def _on_grid(record: Record, family: Family, theta, grid, *, before: bool = False) -> Found:
+def _on_grid(
+    record: NoiseRows,
+    family: Family,
+    theta: np.ndarray,
+    grid: Iterable[tuple[float, ...]],
+    *,
+    before: bool = False,
+) -> Found:
     """From the parts that there are, the new one before or after them."""
     pairs = ((more, theta) if before else (theta, more) for more in grid)
     return _best_of(record, family, np.array([[*a, *b] for a, b in pairs], float))
 
 
-def _best_of(record: Record, family: Family, starts, *, refine: bool = False) -> Found:
+def _best_of(
+    record: NoiseRows, family: Family, starts: np.ndarray, *, refine: bool = False
+) -> Found:
     """The likeliest of some starts, and from there the likeliest of the family."""
     starts = _inside(record, family, np.asarray(starts, float))
     values, sigmas = _values(record, family, starts)
@@ -348,7 +344,7 @@ def _best_of(record: Record, family: Family, starts, *, refine: bool = False) ->
     return Found(noise_at(record, family, theta, sigma, value), family, theta, float(value))
 
 
-class _Seen(NamedTuple):
+class _Known(NamedTuple):
     """Where likelihoods and sigmas are known."""
 
     theta: np.ndarray
@@ -356,7 +352,7 @@ class _Seen(NamedTuple):
     sigmas: np.ndarray
 
 
-def _newton(record: Record, family: Family, theta: np.ndarray) -> tuple[_Seen, np.ndarray]:
+def _newton(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[_Known, np.ndarray]:
     """What the differences show, and from there steps of Newton's method with many dampings."""
     q = len(theta)
     low, high = _bounds(family, record.limits)
@@ -365,7 +361,7 @@ def _newton(record: Record, family: Family, theta: np.ndarray) -> tuple[_Seen, n
     unit = _STEP * np.eye(q)
     points = [centre, *(centre + u for u in unit), *(centre - u for u in unit)]
     points += [centre + unit[i] + unit[j] for i, j in pairs]
-    seen = _Seen(np.stack(points), *_values(record, family, np.stack(points)))
+    seen = _Known(np.stack(points), *_values(record, family, np.stack(points)))
     values = seen.values
     plus, minus = values[1 : q + 1], values[q + 1 : 2 * q + 1]
     slope = (plus - minus) / (2 * _STEP)
@@ -391,7 +387,7 @@ def _bounds(family: Family, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
     return both[:, 0], both[:, 1]
 
 
-def _inside(record: Record, family: Family, theta: np.ndarray) -> np.ndarray:
+def _inside(record: NoiseRows, family: Family, theta: np.ndarray) -> np.ndarray:
     return np.clip(theta, *_bounds(family, record.limits))
 
 
@@ -421,14 +417,16 @@ def parts_at(
     return size / (1 + size.sum(axis=1, keepdims=True)), rates, beta
 
 
-def noise_at(record: Record, family: Family, theta: np.ndarray, sigma, value) -> Noise:
+def noise_at(
+    record: NoiseRows, family: Family, theta: np.ndarray, sigma: float, value: float
+) -> Noise:
     """The noise of a family at `theta`."""
     parts = parts_at(family, theta[None], record.limits)
     share, rates, beta = (jnp.asarray(x[0]) for x in parts)
     return Noise(jnp.asarray(sigma), share, rates, beta, record.scale, jnp.asarray(value))
 
 
-def _values(record: Record, family: Family, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _values(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Restricted log-likelihoods and sigmas at some `theta` (g, q)."""
     values, sigmas = [], []
     for begin in range(0, len(theta), _AT_ONCE):
@@ -455,7 +453,7 @@ def products(
     """Products of the columns whitened under every noise of sigma 1, and its log-determinants."""
     one = jnp.ones(())
 
-    def under(share, rates, beta):
+    def under(share: Array, rates: Array, beta: Array) -> tuple[Array, Array]:
         noise = Noise(one, share, rates, beta, scale, one)
         return innovations(clock, weight, columns, noise)
 

@@ -18,27 +18,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..laws.registry import fixed_states, law_quantity, numbered, rate_state
 from ..motion import PiecewiseVelocity
 from ..quantity import Quantity, quantities
 from ..records import VelocitySteps
 from ..rig import QuasiStatic, Rig
-from ..rig.friction import (
-    AgeingEvolution,
-    LogarithmicEffect,
-    RateState,
-    RegularisedEffect,
-    SlipEvolution,
-)
+from ..rig.friction import LogarithmicEffect, RegularisedEffect
 from ..rig.normal_stress import NormalStress
 from ..rig.timing import LateSteps
 from ..simulation import RESULTS, simulate
 from .abstract_problem import FAILED_MISFIT, AbstractProblem, ParametricModel, Sizes
 from .noise import Noise, whiten
 
-LAWS = {"slip": SlipEvolution(), "ageing": AgeingEvolution()}
-
 _TIME_SHARE = 1e-3
-_LAW_QUANTITIES = quantities(RateState)
 _MACHINE_QUANTITIES = quantities(QuasiStatic)
 
 
@@ -46,7 +38,7 @@ def quantity_of(name: str) -> Quantity:
     """The `Quantity` behind a parameter name such as "A", "L2", "K" or "slip_trend"."""
     if name == "K":
         return _MACHINE_QUANTITIES["stiffness"]
-    return _LAW_QUANTITIES[name if name in _LAW_QUANTITIES else name.rstrip("0123456789")]
+    return law_quantity(name)
 
 
 class RigModel(ParametricModel, Protocol):
@@ -70,10 +62,7 @@ class Model(NamedTuple):
 
     def names(self) -> tuple[str, ...]:
         """Names of the free parameters, in the order of the parameter vector."""
-        names = ["f0", "A"]
-        for i in range(self.states):
-            suffix = "" if i == 0 else str(i + 1)
-            names += [f"B{suffix}", f"L{suffix}"]
+        names = ["f0", "A", *numbered(fixed_states(self.law) or self.states)]
         names += ["K"] * self.fit_stiffness + ["slip_trend"] * self.slip_trend
         return tuple(names)
 
@@ -125,8 +114,8 @@ class Problem(AbstractProblem):
     channels: tuple[Channel, ...]
     normal_stress: NormalStress | None
     model: RigModel = eqx.field(static=True)
-    rtol: float = eqx.field(static=True)
-    max_steps: int = eqx.field(static=True)
+    rtol: float = eqx.field(static=True, default=1e-5)
+    max_steps: int = eqx.field(static=True, default=4096)
     seen: tuple[Float[Array, " m"], Int[Array, " n"]] | None = None
     """Times at which the sensor sees friction, ascending, and which of them are the rows; None: it
     sees the rows only. Between them it takes friction as straight."""
@@ -240,7 +229,7 @@ def residual_and_jacobian(
 ) -> tuple[Float[Array, " r"], Float[Array, "r q"]]:
     """Residual and its Jacobian, in forward mode: one solve that carries all tangents."""
 
-    def push(tangent):
+    def push(tangent: Array) -> tuple[Array, Array]:
         return jax.jvp(problem.residual, (z,), (tangent,))
 
     return jax.vmap(push, out_axes=(None, -1))(jnp.eye(z.shape[0], dtype=z.dtype))
@@ -267,18 +256,10 @@ def build_rig(
     model: Model, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
 ) -> Rig:
     """The rig of a model with natural (SI) parameter values in the order of `model.names()`."""
-    p = dict(zip(model.names(), values, strict=True))
-    suffixes = ["" if i == 0 else str(i + 1) for i in range(model.states)]
-    law = RateState(
-        f0=p["f0"],
-        A=p["A"],
-        B=jnp.stack([p[f"B{s}"] for s in suffixes]),
-        L=jnp.stack([p[f"L{s}"] for s in suffixes]),
-        V0=V0,
-        evolution=LAWS[model.law],
-        direct=RegularisedEffect() if model.regularised else LogarithmicEffect(),
-        slip_trend=p.get("slip_trend", jnp.zeros_like(V0)),
-    )
+    p = {**dict(zip(model.names(), values, strict=True)), "V0": V0}
+    direct = RegularisedEffect() if model.regularised else LogarithmicEffect()
+    states = fixed_states(model.law) or model.states
+    law = rate_state(model.law, p, states, direct=direct)
     return Rig(QuasiStatic(p.get("K", stiffness)), law)
 
 
@@ -290,19 +271,24 @@ def bucket(n: int, smallest: int) -> int:
     return size
 
 
+class ProblemSizes(NamedTuple):
+    """Reference velocity [m/s], stiffness [F/m], and the sizes of noise and of friction's changes
+    [F] in which residuals and unbounded parameters are counted."""
+
+    V0: float
+    stiffness: float
+    noise: float
+    force: float
+
+
 def make_problem(
     time: np.ndarray,
     friction: np.ndarray,
     steps: VelocitySteps,
-    *,
-    V0: float,
-    stiffness: float,
-    noise_scale: float,
-    force_scale: float,
+    sizes: ProblemSizes,
     model: RigModel,
+    *,
     shifted: np.ndarray | None = None,
-    rtol: float = 1e-5,
-    max_steps: int = 4096,
 ) -> Problem:
     """Pad a record (time from 0 [s], friction) to its bucket and attach the scales.
 
@@ -327,16 +313,14 @@ def make_problem(
         shifted=jnp.asarray(shifted),
         shift_scale=jnp.asarray(errors[shifted], float),
         hold=jnp.ones(len(shifted)),
-        V0=jnp.array(V0, float),
-        stiffness=jnp.array(stiffness, float),
-        noise_scale=jnp.array(noise_scale, float),
-        force_scale=jnp.array(force_scale, float),
+        V0=jnp.array(sizes.V0, float),
+        stiffness=jnp.array(sizes.stiffness, float),
+        noise_scale=jnp.array(sizes.noise, float),
+        force_scale=jnp.array(sizes.force, float),
         slip_scale=jnp.array(path[-1] - path[0], float),
         damping=None,
         noise=None,
         channels=(),
         normal_stress=None,
         model=model,
-        rtol=rtol,
-        max_steps=max_steps,
     )

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..rig.friction import RateState, critical_stiffness
+from ..rig.friction import AbstractRateState, RateState, critical_stiffness
 from ..stability.claims import Claim, rate_state_claim
+from ..stability.linear import linear_friction
+from ..stability.theorem import theorem
 from .noise_estimate import NoiseEstimate
 from .problem import Model, build_rig, quantity_of
 
@@ -70,7 +73,7 @@ class Fit:
 
     @property
     def law(self) -> str:
-        """ "slip" or "ageing"."""
+        """The name of the law: "slip", "ageing" or another of `jaxfric.laws`."""
         return self.model.law
 
     def values(self) -> dict[str, float]:
@@ -90,8 +93,8 @@ class Fit:
     def critical_stiffness(self) -> float:
         """Critical stiffness of the fitted law without mass and damping [friction/m]."""
         law = self.rig().friction
-        assert isinstance(law, RateState)
-        return float(_critical(law))
+        assert isinstance(law, AbstractRateState)
+        return critical_stiffness_of(law)
 
     def stability(self) -> Claim:
         """What may be said of stability: of A, of all B and, for a critical stiffness, of L."""
@@ -143,7 +146,18 @@ class Fit:
         }
 
 
-_critical = eqx.filter_jit(critical_stiffness)
+@eqx.filter_jit
+def _critical(law: AbstractRateState) -> Float[Array, ""]:
+    if isinstance(law, RateState):
+        return critical_stiffness(law)
+    friction = linear_friction(law, law.V0)
+    return theorem(friction.kernel, friction.slope, jnp.zeros_like(law.V0)).critical_stiffness
+
+
+def critical_stiffness_of(law: AbstractRateState) -> float:
+    """Critical stiffness without mass and damping [friction/m]: (25) of a `RateState`, of another
+    law that of (18)-(20) at V0."""
+    return float(_critical(law))
 
 
 def unit_of(name: str, friction_unit: str) -> str:

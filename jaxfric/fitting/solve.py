@@ -37,7 +37,7 @@ class Solution(NamedTuple):
     cost: float
 
 
-def one_pass(problem: Problem, z: Float[Array, " p"]):
+def one_pass(problem: Problem, z: Float[Array, " p"]) -> Callable[[Array], Array]:
     """The residual as a function whose linearisation costs no second solve.
 
     Linearising a `while_loop` would run it once for the value and again for the tangents.
@@ -47,11 +47,11 @@ def one_pass(problem: Problem, z: Float[Array, " p"]):
     both = eqx.filter_closure_convert(lambda y: residual_and_jacobian(problem, y), z)
 
     @jax.custom_jvp
-    def residual(y):
+    def residual(y: Array) -> Array:
         return both(y)[0]
 
     @residual.defjvp
-    def _(primals, tangents):
+    def _(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
         value, jacobian = both(*primals)
         return value, jacobian @ tangents[0]
 
@@ -68,7 +68,9 @@ def misfits(problem: Problem, starts: Float[Array, "s q"]) -> np.ndarray:
 
 
 @eqx.filter_jit
-def descend(problem: Problem, z: Float[Array, " p"], free: Float[Array, " p"], tolerance: float):
+def descend(
+    problem: Problem, z: Float[Array, " p"], free: Float[Array, " p"], tolerance: float
+) -> tuple[Array, optx.RESULTS, Array]:
     """One Levenberg-Marquardt descent in the parameters whose `free` is 1; the others stay.
 
     Returns the parameters, the solver's result and the number of trials.
@@ -132,7 +134,9 @@ def _length(pace: float, last: float | None) -> str:
     return f"{few} to {many} s and compiling where this is the first of its kind"
 
 
-def _descend_safely(problem, z, feasible: bool, tolerance: float):
+def _descend_safely(
+    problem: Problem, z: Float[Array, " p"], feasible: bool, tolerance: float
+) -> tuple[Array, optx.RESULTS, Array]:
     """Descend; from a start that runs away, first with ever weaker dashpots that forbid it."""
     free = jnp.ones_like(z)
     for strength in _DASHPOTS:

@@ -7,8 +7,11 @@ free). The range of A comes from the size of the jumps, that of B from the stead
 from the slip resolved after a step and the slip travelled. f0 (and a slip trend) follow
 by linear least squares. The best few distinct members are the starts.
 
-More states. Once a one-state fit gives the slider's velocity without the record's noise, both
-evolution laws are driven by known velocity: theta = B h, h independent of B,
+A state is carried over an interval at constant velocity by `held`. A law that is no `RateState`
+tells nothing of its states one by one: its search begins as that of the slip law.
+
+More states. Once a one-state fit gives the slider's velocity without the record's noise, the
+evolution is driven by known velocity: theta = B h, where h, the state of B = 1, is
 
     slip     dh/dx = -(h + ln(V/V0))/L
     ageing   h = ln(V0 Theta/L),   dTheta/dt = 1 - V Theta/L
@@ -26,7 +29,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..laws.registry import evolution_of
 from ..records import VelocitySteps
+from ..rig.friction import AbstractEvolution, AgeingEvolution, SlipEvolution
 from .problem import Model, bucket
 
 _INTERVALS = 160
@@ -99,17 +104,17 @@ def one_state_starts(
     dt = np.pad(np.diff(data.end, prepend=0.0), (0, pad))
     load = steps.displacement(data.end)
     velocity = np.diff(load, prepend=0.0) / np.diff(data.end, prepend=0.0)
-    linear, misfit = _grid_misfit(
-        jnp.asarray(grid),
+    members = Members(*(jnp.asarray(column) for column in grid.T))
+    intervals = Intervals(
         jnp.asarray(dt),
         jnp.asarray(np.pad(load, (0, pad), mode="edge")),
         jnp.asarray(np.pad(velocity, (0, pad), mode="edge")),
         jnp.asarray(np.pad(data.friction, (0, pad))),
         jnp.asarray(np.pad(data.count, (0, pad))),
-        jnp.asarray(V0),
-        jnp.asarray(steps.velocities[0]),
-        model.law,
-        model.slip_trend,
+    )
+    begin, evolution = jnp.asarray(steps.velocities[0]), first_evolution(model.law)
+    linear, misfit = _grid_misfit(
+        members, intervals, jnp.asarray(V0), begin, evolution, model.slip_trend
     )
     linear, misfit = np.asarray(linear), np.asarray(misfit)
     kept: list[int] = []
@@ -125,7 +130,9 @@ def one_state_starts(
     return np.stack(columns, axis=1)
 
 
-def _before_reversal(t, f, steps: VelocitySteps):
+def _before_reversal(
+    t: np.ndarray, f: np.ndarray, steps: VelocitySteps
+) -> tuple[np.ndarray, np.ndarray, VelocitySteps]:
     """The part of a record before the load point first turns back; all of it if it never does."""
     back = np.flatnonzero(steps.velocities < 0)
     if len(back) == 0:
@@ -135,7 +142,7 @@ def _before_reversal(t, f, steps: VelocitySteps):
     return t[keep], f[keep], VelocitySteps(steps.times[:first], steps.velocities[:first])
 
 
-def _grid(data: Averaged, steps: VelocitySteps, stiffness) -> np.ndarray:
+def _grid(data: Averaged, steps: VelocitySteps, stiffness: float | None) -> np.ndarray:
     """Rows (A, B, L, K) to try."""
     times, velocities = steps.times, steps.velocities
     full = data.count > 0
@@ -193,63 +200,119 @@ def _steepest_loading(data: Averaged, steps: VelocitySteps, travel: float) -> fl
     return steepest
 
 
+class Members(NamedTuple):
+    """Parameters of the sliders that are tried, SI; an entry for each."""
+
+    A: Float[Array, " m"]
+    B: Float[Array, " m"]
+    L: Float[Array, " m"]
+    K: Float[Array, " m"]
+
+
+class Intervals(NamedTuple):
+    """The record by intervals: length [s], load point [m] at the end, its mean velocity [m/s],
+    friction, rows. Length 0: padding."""
+
+    length: Float[Array, " n"]
+    load: Float[Array, " n"]
+    velocity: Float[Array, " n"]
+    friction: Float[Array, " n"]
+    count: Float[Array, " n"]
+
+
+def first_evolution(law: str) -> AbstractEvolution:
+    """The evolution by which starting values are sought: the law's, or that of the slip law."""
+    return evolution_of(law) or SlipEvolution()
+
+
+def held(
+    evolution: AbstractEvolution,
+    r: Float[Array, " m"],
+    theta: Float[Array, " m"],
+    of: Members,
+    V0: Float[Array, ""],
+    time: Float[Array, ""],
+) -> Float[Array, " m"]:
+    """States, one of each member, after `time` [s] at the constant velocities r V0.
+
+    Of the ageing law exactly: Theta relaxes to L/V. Of another by an exponential step,
+
+        theta + t (1 - exp(-z))/z dtheta/dt,   z = -t d(dtheta/dt)/dtheta,
+
+    exact where the rate is linear in theta, as that of the slip law, and near enough to begin with.
+    """
+    if isinstance(evolution, AgeingEvolution):
+        age = jnp.exp(jnp.clip(theta / of.B, -40.0, 40.0))  # V0 Theta/L
+        return of.B * jnp.log(1 / r + (age - 1 / r) * jnp.exp(-r * V0 * time / of.L))
+
+    def rate(theta: Float[Array, " m"]) -> Float[Array, " m"]:
+        return evolution.rate(r, theta, of.B, of.L, V0)
+
+    now, slope = jax.jvp(rate, (theta,), (jnp.ones_like(theta),))
+    z = -time * slope
+    share = jnp.where(z == 0, 1.0, -jnp.expm1(-z) / jnp.where(z == 0, 1.0, z))
+    return theta + time * share * now
+
+
+_Moved = tuple[Array, Array, Array, Array]
+"""Slip, ln(V/V0), state and friction of all members."""
+
+
 @eqx.filter_jit
-def _grid_misfit(grid, dt, load, velocity, friction, count, V0, first_velocity, law, trend):
+def _grid_misfit(
+    members: Members,
+    intervals: Intervals,
+    V0: Float[Array, ""],
+    first_velocity: Float[Array, ""],
+    evolution: AbstractEvolution,
+    trend: bool,
+) -> tuple[Float[Array, "m 2"], Float[Array, " m"]]:
     """Misfit of every member after linear least squares for f0 (and the trend).
 
-    The slider is stepped by implicit Euler in ln V with the state's exact update at constant V.
+    The slider is stepped by implicit Euler in ln V with the state carried by `held`.
     Trapezoidal means of successive values stand for the interval means of the record.
     """
-    A, B, L, K = grid.T
+    A, B, _, K = members
     u0 = jnp.log(jnp.abs(first_velocity) / V0)
-    members = jnp.ones_like(A)
 
-    def advance(carry, interval):
+    def advance(carry: _Moved, interval: Intervals) -> tuple[_Moved, tuple[Array, Array]]:
         x, u, theta, force = carry
-        h, x_m, v = interval
+        h, x_m, v = interval.length, interval.load, interval.velocity
+
+        def balance(u: Array) -> tuple[Array, Array]:
+            """Friction minus spring force after the step to log velocity u; the state."""
+            state = held(evolution, jnp.exp(u), theta, members, V0, h)
+            return A * u + state - K * (x_m - x - V0 * jnp.exp(u) * h), state
+
         speed = jnp.maximum(jnp.abs(v), 1e-6 * jnp.abs(first_velocity))
         near = jnp.clip(u, jnp.log(speed / V0) - 2.0, jnp.log(speed / V0) + 2.0)
         trial = jnp.where(v > 0, near, u)
         for _ in range(_NEWTON_STEPS):
-            gap, slope, _ = _imbalance(trial, x, theta, h, x_m, A, B, L, K, V0, law)
-            trial = trial - jnp.clip(gap / slope, -1.0, 1.0)
+            gap, slope = jax.jvp(lambda u: balance(u)[0], (trial,), (jnp.ones_like(trial),))
+            trial = trial - jnp.clip(gap / jnp.maximum(slope, 0.1 * A), -1.0, 1.0)
         trial = jnp.clip(trial, -40.0, 40.0)
-        _, _, state = _imbalance(trial, x, theta, h, x_m, A, B, L, K, V0, law)
-        V = V0 * jnp.exp(trial)
-        new = (x + V * h, trial, state, A * trial + state)
-        new = jax.tree.map(lambda n, o: jnp.where(h > 0, n, o), new, carry)
-        return new, (0.5 * (new[3] + force), 0.5 * (new[0] + x))
+        state = balance(trial)[1]
+        new = (x + V0 * jnp.exp(trial) * h, trial, state, A * trial + state)
+        x1, u1, theta1, force1 = (jnp.where(h > 0, n, o) for n, o in zip(new, carry, strict=True))
+        return (x1, u1, theta1, force1), (0.5 * (force1 + force), 0.5 * (x1 + x))
 
     # at the start the spring holds the steady force: x is counted from there
     theta0 = -B * u0
     force0 = A * u0 + theta0
-    start = (-force0 / K, u0 * members, theta0, force0)
-    _, (forces, slips) = jax.lax.scan(advance, start, (dt, load, velocity))
+    start = (-force0 / K, u0 * jnp.ones_like(A), theta0, force0)
+    _, (forces, slips) = jax.lax.scan(advance, start, intervals)
+    friction, count = intervals.friction, intervals.count
     return jax.vmap(_linear_part, in_axes=(1, 1, None, None, None))(
         forces, slips, friction, count, trend
     )
 
 
-def _imbalance(u, x, theta, h, x_m, A, B, L, K, V0, law):
-    """Friction minus spring force after a step to log velocity u, its slope, and the state."""
-    V = V0 * jnp.exp(u)
-    w = V * h / L
-    decay = jnp.exp(-w)
-    if law == "slip":
-        state = -B * u + (theta + B * u) * decay
-        slope = -B * (1 - decay) - (theta + B * u) * w * decay
-    else:
-        age = jnp.exp(jnp.clip(theta / B, -40.0, 40.0))  # V0 Theta/L
-        steady = jnp.exp(-u)
-        new = steady + (age - steady) * decay
-        state = B * jnp.log(new)
-        slope = B * (-steady * (1 - decay) - (age - steady) * w * decay) / new
-    gap = A * u + state - K * (x_m - x - V * h)
-    return gap, jnp.maximum(A + slope + K * V * h, 0.1 * A), state
-
-
 def _linear_part(
-    force: Float[Array, " n"], slip: Float[Array, " n"], friction, count, trend: bool
+    force: Float[Array, " n"],
+    slip: Float[Array, " n"],
+    friction: Float[Array, " n"],
+    count: Float[Array, " n"],
+    trend: bool,
 ) -> tuple[Float[Array, " 2"], Float[Array, ""]]:
     """f0 and trend by weighted least squares, and the misfit that is left."""
     target = friction - force
@@ -264,22 +327,25 @@ def _linear_part(
     return jnp.stack([f0, s]), jnp.sum(count * left**2)
 
 
+class OneStateMotion(NamedTuple):
+    """What a one-state fit says of a record: at times [s], the friction there, velocity and slip of
+    the slider, and the square root of the number of rows."""
+
+    time: np.ndarray
+    friction: np.ndarray
+    velocity: np.ndarray
+    slip: np.ndarray
+    weight: np.ndarray
+
+
 def more_state_starts(
-    time: np.ndarray,
-    friction: np.ndarray,
-    velocity: np.ndarray,
-    slip: np.ndarray,
-    weight: np.ndarray,
-    *,
-    V0: float,
-    stiffness: float,
-    model: Model,
-    number: int = 5,
+    seen: OneStateMotion, *, V0: float, stiffness: float, model: Model, number: int = 5
 ) -> np.ndarray:
     """Starts for two or more states from the velocity and slip of a one-state fit.
 
     None (no rows) where the velocity is not positive throughout, or no regression has A > 0.
     """
+    time, friction, velocity, slip, weight = seen
     if not (np.isfinite(slip).all() and np.isfinite(velocity).all() and (velocity > 0).all()):
         return np.empty((0, len(model.names())))
     u = np.log(velocity / V0)
@@ -287,7 +353,8 @@ def more_state_starts(
     V = np.sqrt(velocity[1:] * velocity[:-1])
     travel = float(np.sum(V * dt))
     Ls = np.geomspace(1e-3 * travel, travel, _GRID_PAIRS)
-    h = _memory(np.log(V / V0), V, dt, Ls, u[0], V0=V0, law=model.law)
+    driven = (jnp.asarray(x, float) for x in (V, dt, Ls, u[0], V0))
+    h = np.asarray(_memory(first_evolution(model.law), *driven))
     found = []
     for chosen in _combinations(len(Ls), model.states):
         columns = [np.ones_like(u), u, *(h[:, i] for i in chosen)]
@@ -313,18 +380,25 @@ def split_state(one: np.ndarray, states: int) -> np.ndarray:
     return np.array([[f0, A, *(value for pair in pairs for value in pair), *rest]])
 
 
-def _memory(u, V, dt, Ls, start_u, *, V0, law) -> np.ndarray:
+@eqx.filter_jit
+def _memory(
+    evolution: AbstractEvolution,
+    V: Float[Array, " n"],
+    dt: Float[Array, " n"],
+    Ls: Float[Array, " l"],
+    start_u: Float[Array, ""],
+    V0: Float[Array, ""],
+) -> Float[Array, "n+1 l"]:
     """h at every time for every L, with V constant over an interval; steady at the start."""
-    decay = np.exp(-(V * dt)[:, None] / Ls)
-    h = np.empty((len(u) + 1, len(Ls)))
-    h[0] = -start_u
-    for k, (uk, Vk) in enumerate(zip(u, V, strict=True)):
-        if law == "slip":
-            h[k + 1] = -uk + (h[k] + uk) * decay[k]
-        else:
-            steady = V0 / Vk
-            h[k + 1] = np.log(steady + (np.exp(h[k]) - steady) * decay[k])
-    return h
+    one = jnp.ones_like(Ls)
+    of = Members(one, one, Ls, one)
+
+    def step(h: Array, interval: tuple[Array, Array]) -> tuple[Array, Array]:
+        h = held(evolution, interval[0] / V0 * one, h, of, V0, interval[1])
+        return h, h
+
+    _, later = jax.lax.scan(step, -start_u * one, (V, dt))
+    return jnp.concatenate([-start_u * one[None], later])
 
 
 def _combinations(n: int, states: int) -> list[tuple[int, ...]]:

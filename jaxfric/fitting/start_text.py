@@ -1,6 +1,7 @@
 """Starting values as text: "A=0.01, B=0.012, L=20 um"."""
 
 from ..errors import InputError
+from ..laws.source import named_values
 from ..units import parse_quantity
 from .problem import quantity_of
 from .result import unit_of
@@ -9,16 +10,11 @@ from .result import unit_of
 def parse_start(text: str, friction_unit: str) -> dict[str, float]:
     """Starting values (SI) by name. Raises `InputError` for text that is not of this form."""
     found: dict[str, float] = {}
-    for part in filter(None, (piece.strip() for piece in text.split(","))):
-        name, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals:
-            raise InputError(f"start: '{part}' is not NAME=VALUE, as in 'A=0.01, L=20 um'")
+    for name, value in named_values(text, "start", "A=0.01, L=20 um").items():
         try:
             quantity_of(name)
         except KeyError:
             raise InputError(f"start: '{name}' is no parameter; they are f0, A, B, L, K") from None
-        if name in found:
-            raise InputError(f"start: {name} is given twice")
         found[name] = parse_quantity(value, unit_of(name, friction_unit), f"start of {name}")
     if not found:
         raise InputError("start: nothing given; write it as in 'A=0.01, L=20 um'")

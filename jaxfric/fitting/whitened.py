@@ -19,7 +19,9 @@ def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]
     return jnp.asarray(np.pad(columns, ((0, 0), (0, more))))
 
 
-def whitened(clock, weight, columns: np.ndarray, noise: Noise) -> np.ndarray:
+def whitened(
+    clock: Float[Array, "n *k"], weight: Float[Array, " n"], columns: np.ndarray, noise: Noise
+) -> np.ndarray:
     """The columns (n, m) in units of the noise and uncorrelated, as of `fitting.noise.whiten`."""
     wide = 1 if columns.shape[1] == 1 else _WIDE
     parts = []

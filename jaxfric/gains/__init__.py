@@ -1,11 +1,11 @@
 """Minimum-norm PD gains whose margins hold in every scenario, checked by simulation."""
 
+from ..laws import LawSource as LawSource
+from ..laws import law_from_fit as law_from_fit
+from ..laws import law_from_parameters as law_from_parameters
 from .gains import check_gains as check_gains
 from .gains import find_gains as find_gains
 from .requirement import Requirement as Requirement
 from .result import Gains as Gains
 from .schedule import Schedule as Schedule
 from .schedule import schedule as schedule
-from .source import LawSource as LawSource
-from .source import law_from_fit as law_from_fit
-from .source import law_from_parameters as law_from_parameters

@@ -1,6 +1,6 @@
 """The size of the basin of steady sliding, by simulation."""
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -30,6 +30,14 @@ class Basin(eqx.Module):
     """How the smallest lost one ends, `ENDS.steady` where none is lost."""
 
 
+class BasinSearch(NamedTuple):
+    """Up to which factor a basin is sought, by how many rounds of how many factors each."""
+
+    largest: float | Array = 1e3
+    points: int = 8
+    rounds: int = 3
+
+
 def basin(
     rig: Rig,
     velocity: ArrayLike,
@@ -37,9 +45,7 @@ def basin(
     horizon: ArrayLike,
     decay: ArrayLike | None = None,
     kind: Literal["step", "jump"] = "step",
-    largest: float = 1e3,
-    points: int = 8,
-    rounds: int = 3,
+    search: BasinSearch = BasinSearch(),  # noqa: B008
     policy: Policy = STANDARD,
 ) -> Basin:
     """The largest perturbation of steady sliding at `velocity` [m/s] that is survived.
@@ -56,15 +62,25 @@ def basin(
     """
     if kind not in ("step", "jump"):
         raise InputError(f"basin: kind is {kind!r}; it must be 'step' or 'jump'")
-    if not largest > 1 or points < 2 or rounds < 1:
+    if not search.largest > 1 or search.points < 2 or search.rounds < 1:
         raise InputError("basin: needs largest > 1, points >= 2 and rounds >= 1")
     V = jnp.asarray(velocity, jnp.result_type(float))
-    log_largest = jnp.log(jnp.asarray(largest, V.dtype))
-    return _basin(rig, V, traced(horizon), traced(decay), log_largest, kind, points, rounds, policy)
+    search = search._replace(largest=jnp.asarray(search.largest, V.dtype))
+    return _basin(rig, V, jnp.asarray(horizon, V.dtype), traced(decay), kind, search, policy)
 
 
 @eqx.filter_jit
-def _basin(rig, V, horizon, decay, log_largest, kind, points, rounds, policy) -> Basin:
+def _basin(
+    rig: Rig,
+    V: Array,
+    horizon: Array,
+    decay: Array | None,
+    kind: str,
+    search: BasinSearch,
+    policy: Policy,
+) -> Basin:
+    points, rounds = search.points, search.rounds
+
     def ends(log_r: Float[Array, ""]) -> ENDS:
         if kind == "step":
             start = step_start(rig, V, jnp.exp(log_r))
@@ -75,7 +91,9 @@ def _basin(rig, V, horizon, decay, log_largest, kind, points, rounds, policy) ->
 
     n = jnp.arange(1, points + 1)
 
-    def refine(sign, carry, first: Bool[Array, ""]):
+    def refine(
+        sign: Array, carry: tuple[Array, Array, ENDS], first: Bool[Array, ""]
+    ) -> tuple[tuple[Array, Array, ENDS], None]:
         low, high, reason = carry  # high is inf where nothing is lost: no more to refine
         parts = jnp.where(first, points, points + 1)  # the far end is tested the first time only
         grid = low + (jnp.where(jnp.isinf(high), low, high) - low) * n / parts
@@ -87,8 +105,12 @@ def _basin(rig, V, horizon, decay, log_largest, kind, points, rounds, policy) ->
         high = jnp.where(some, grid[at], jnp.where(first, jnp.inf, high))
         return (safe, high, reason), None
 
-    def direction(sign):
-        begun = (jnp.zeros_like(V), log_largest, ENDS.where(True, ENDS.steady, ENDS.steady))
+    def direction(sign: Array) -> tuple[Array, Array, ENDS]:
+        begun = (
+            jnp.zeros_like(V),
+            jnp.log(search.largest),
+            ENDS.where(True, ENDS.steady, ENDS.steady),
+        )
         first = jnp.arange(rounds) == 0
         return jax.lax.scan(lambda carry, f: refine(sign, carry, f), begun, first)[0]
 

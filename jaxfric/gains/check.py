@@ -5,6 +5,8 @@ survives. Here are the standard starts, and the map of the gains at which stick-
 disappears (section I.A of the 1994 note, first approach); `basin` has the size of the basin.
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -23,34 +25,39 @@ STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
 _SEED = 0.01  # spring force that goes with a velocity perturbation, in units of the force scale
 
 
+class Starts(NamedTuple):
+    """How far the standard starts are from steady sliding at V0."""
+
+    change: ArrayLike = 0.5
+    """Relative change of the velocity, V(0) = V0 (1 +- change), below 1. With mass the spring is
+    also longer (shorter) by 1 % of `force_scale/K`: a light slider loses its velocity before it has
+    moved, and would sit on an unstable steady motion for ever."""
+    jump: ArrayLike | None = None
+    """Load-point jump [m], of either sign; default `force_scale/K`: without mass and dashpot it
+    multiplies a rate-and-state slider's velocity by e."""
+    at_rest: bool = True
+    """False leaves out the start at rest, which a logarithmic direct effect refuses."""
+    contact_time: ArrayLike | None = None
+    """Of the start at rest, see `rest_start`."""
+
+
 def check_starts(
     rig: Rig,
     velocity: ArrayLike,
     *,
     horizon: ArrayLike,
     decay: ArrayLike | None = None,
-    change: ArrayLike = 0.5,
-    jump: ArrayLike | None = None,
-    at_rest: bool = True,
-    contact_time: ArrayLike | None = None,
+    starts: Starts = Starts(),  # noqa: B008
     policy: Policy = STANDARD,
 ) -> EndState:
-    """End states from the standard starts `STARTS`, in one vmapped call: arrays of shape (5,).
-
-    change : relative change of the velocity, V(0) = V0 (1 +- change), below 1. With mass the
-        spring is also longer (shorter) by 1 % of `force_scale/K`: a light slider loses its
-        velocity before it has moved, and would sit on an unstable steady motion for ever.
-    jump : load-point jump [m], of either sign; default `force_scale/K`: without mass and
-        dashpot it multiplies a rate-and-state slider's velocity by e.
-    at_rest : False leaves out the start at rest, which a logarithmic direct effect refuses.
-    contact_time : of the start at rest, see `rest_start`.
-    """
+    """End states from the standard starts `STARTS`, in one vmapped call: arrays of shape (5,), or
+    (4,) without the start at rest."""
     V = jnp.asarray(velocity, jnp.result_type(float))
-    starts = standard_starts(rig, V, change=change, jump=jump)
-    if at_rest:
-        starts.append(rest_start(rig, V, contact_time=contact_time))
-    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *starts)
-    return _ends_from(rig, V, batch, traced(horizon), traced(decay), policy)
+    every = standard_starts(rig, V, change=starts.change, jump=starts.jump)
+    if starts.at_rest:
+        every.append(rest_start(rig, V, contact_time=starts.contact_time))
+    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *every)
+    return _ends_from(rig, V, batch, jnp.asarray(horizon, V.dtype), traced(decay), policy)
 
 
 def standard_starts(
@@ -102,16 +109,26 @@ def _seeded(rig: Rig, start: Start, seed: float) -> Start:
 
 
 @eqx.filter_jit
-def _ends_from(rig, V, starts, horizon, decay, policy) -> EndState:
-    def one(start):
+def _ends_from(
+    rig: Rig, V: Array, starts: Start, horizon: Array, decay: Array | None, policy: Policy
+) -> EndState:
+    def one(start: Start) -> EndState:
         return end_state(rig, V, start, horizon=horizon, decay=decay, policy=policy)
 
     return jax.vmap(one)(starts)
 
 
 @eqx.filter_jit
-def _ends_over_gains(rig, V, stiffness, damping, horizon, contact_time, policy) -> EndState:
-    def one(k_p, k_v, time):
+def _ends_over_gains(
+    rig: Rig,
+    V: Array,
+    stiffness: Array,
+    damping: Array,
+    horizon: Array,
+    contact_time: Array | None,
+    policy: Policy,
+) -> EndState:
+    def one(k_p: Array, k_v: Array, time: Array) -> EndState:
         machine = rig.machine
         if isinstance(machine, Inertial):
             machine = Inertial(machine.mass, k_p, k_v)

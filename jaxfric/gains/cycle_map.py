@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..errors import InputError
 from ..rig import Inertial, QuasiStatic, Rig
@@ -21,6 +22,7 @@ from ..stability.margins import poles
 from .check import end_map
 from .ends import EndState
 from .result import Gains
+from .scenarios import Scenarios
 from .settle import PERIODS
 
 
@@ -74,12 +76,19 @@ def _hardest(gains: Gains) -> int:
     return next(i for i in rows if gains.scenarios.describe(i) == worst)
 
 
-def _horizon(one, mass, k_p, k_v, V: float, law: AbstractLaw) -> np.ndarray:
+def _horizon(
+    one: Scenarios,
+    mass: float | None,
+    k_p: np.ndarray,
+    k_v: np.ndarray,
+    V: float,
+    law: AbstractLaw,
+) -> np.ndarray:
     """Thirty periods of the slowest pole, or of sticking through the law's changes of force."""
     friction = jax.tree.map(lambda leaf: leaf[0], one.friction)
     m = None if mass is None else jnp.asarray(mass)
 
-    def slowest(k_p, k_v):
+    def slowest(k_p: Array, k_v: Array) -> Array:
         return jnp.min(jnp.abs(poles(LinearSlider(m, k_p, k_v, friction))))
 
     run = eqx.filter_jit(jax.vmap(slowest))

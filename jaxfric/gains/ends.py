@@ -1,5 +1,7 @@
 """How a motion ends, told from its velocity and slip: arrays in, no simulation here."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
@@ -52,7 +54,7 @@ class EndState(eqx.Module):
     def unless(self, fault: Bool[Array, " *s"], code: ENDS) -> "EndState":
         """The same, but `code` and no numbers where `fault`."""
 
-        def drop(x, value=jnp.inf):
+        def drop(x: Array, value: float = jnp.inf) -> Array:
             return jnp.where(fault, value, x)
 
         return EndState(
@@ -66,10 +68,19 @@ class EndState(eqx.Module):
         )
 
 
+class Track(NamedTuple):
+    """A motion as it was sampled."""
+
+    time: Float[ArrayLike, " n"]
+    """[s], ascending; not necessarily even, may repeat."""
+    velocity: Float[ArrayLike, " n"]
+    """[m/s]"""
+    deviation: Float[ArrayLike, " n"]
+    """Slip minus V0 t [m]."""
+
+
 def classify(
-    time: ArrayLike,
-    velocity: ArrayLike,
-    deviation: ArrayLike,
+    track: Track,
     commanded: Float[Array, ""],
     *,
     begin: ArrayLike,
@@ -77,10 +88,10 @@ def classify(
     decay: ArrayLike = jnp.inf,
     small: ArrayLike = SMALL,
 ) -> EndState:
-    """End of a motion sampled at `time` [s] (ascending, not necessarily even, may repeat).
+    """End of a motion. V0 = `commanded` [m/s].
 
-    `velocity` [m/s], `deviation` = slip - V0 t [m], V0 = `commanded`. The deviation from steady
-    sliding, a = max ln(1 + |V - V0|/V0), is taken in the last three quarters of [begin, end]:
+    The deviation from steady sliding, a = max ln(1 + |V - V0|/V0), is taken in the last three
+    quarters of [begin, end]:
 
     steady       a4 < `small`, or decaying: ln(a4/a3) < -0.22 (or half of what the rate
                  `decay` [1/s] promises, if that is less), and not braking, as the approach of a
@@ -90,7 +101,7 @@ def classify(
                  last half: amplitude, period and its spread are then those of it
     unresolved   otherwise
     """
-    time, velocity, deviation = (jnp.asarray(x) for x in (time, velocity, deviation))
+    time, velocity, deviation = (jnp.asarray(x) for x in track)
     V0 = jnp.abs(commanded)
     size = jnp.log1p(jnp.abs(velocity - commanded) / V0)
     window = (jnp.asarray(end) - begin) / 4
@@ -152,19 +163,23 @@ def mean_and_spread(
     return jnp.where(count >= 2, mean, jnp.inf), jnp.where(count >= 2, spread, jnp.inf)
 
 
-def _largest(time, size, begin, end) -> Float[Array, ""]:
+def _largest(time: Array, size: Array, begin: ArrayLike, end: ArrayLike) -> Float[Array, ""]:
     """Largest `size` within [begin, end], whose ends are interpolated: it may hold no sample."""
     at_ends = jnp.interp(jnp.stack([begin, end]), time, size)
     inside = (time >= begin) & (time <= end)
     return jnp.maximum(jnp.max(jnp.where(inside, size, 0.0)), jnp.max(at_ends))
 
 
-def _range(x, inside) -> tuple[Float[Array, ""], Float[Array, ""]]:
+def _range(
+    x: Float[Array, " n"], inside: Bool[Array, " n"]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
     inside = inside | (jnp.arange(x.shape[0]) == x.shape[0] - 1)  # never empty
     return jnp.min(jnp.where(inside, x, jnp.inf)), jnp.max(jnp.where(inside, x, -jnp.inf))
 
 
-def _upward(time, x, inside) -> tuple[Array, Float[Array, ""], Float[Array, ""]]:
+def _upward(
+    time: Float[Array, " n"], x: Float[Array, " n"], inside: Bool[Array, " n"]
+) -> tuple[Array, Float[Array, ""], Float[Array, ""]]:
     """Number of upward zero crossings of `x`, mean and spread of the times between them."""
     rises = inside[:-1] & (x[:-1] < 0) & (x[1:] >= 0)
     step = jnp.where(rises, x[1:] - x[:-1], 1.0)

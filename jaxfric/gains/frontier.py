@@ -10,6 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, ArrayLike
 
 from ..stability.kernel import kernel_total
 from ..stability.linear import LinearFriction
@@ -32,7 +33,7 @@ class Region(NamedTuple):
     lower: np.ndarray
     upper: np.ndarray
 
-    def norm(self, gains) -> np.ndarray:
+    def norm(self, gains: ArrayLike) -> np.ndarray:
         """sqrt((k_p/s_p)^2 + (k_v/s_v)^2), of the last axis."""
         return np.sqrt(np.sum(np.square(np.asarray(gains) / self.scale), axis=-1))
 
@@ -60,8 +61,8 @@ def natural_units(scenarios: Scenarios) -> np.ndarray:
 
 
 @eqx.filter_jit
-def _sizes_of(friction: LinearFriction, mass):
-    def one(friction, mass):
+def _sizes_of(friction: LinearFriction, mass: Array) -> tuple[Array, ...]:
+    def one(friction: LinearFriction, mass: Array) -> tuple[Array, ...]:
         low, high = friction.kernel.frequencies()
         known = theorem(friction.kernel, friction.slope, mass)
         rate = jnp.where(low == high, low, jnp.sqrt(low * high))
@@ -75,7 +76,7 @@ def _sizes(scenarios: Scenarios) -> list[np.ndarray]:
     for rows, used in tiles(len(scenarios), scenarios.tile):
         some = scenarios.take(rows)
         mass = np.zeros(len(rows)) if some.mass is None else some.mass
-        parts.append([np.asarray(x)[:used] for x in _sizes_of(some.friction, mass)])
+        parts.append([np.asarray(x)[:used] for x in _sizes_of(some.friction, jnp.asarray(mass))])
     return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
 
@@ -87,7 +88,7 @@ def axes(region: Region) -> tuple[np.ndarray, np.ndarray]:
     return _within(u, low[0], high[0]), _within(v, low[1], high[1])
 
 
-def _within(values, low, high) -> np.ndarray:
+def _within(values: np.ndarray, low: float, high: float) -> np.ndarray:
     ends = [low, high] if np.isfinite(high) else [low]
     kept = values[(values > low) & (values < high)]
     return np.unique(np.concatenate([kept, ends]))
@@ -126,7 +127,7 @@ def lowest(
     return result
 
 
-class Start(NamedTuple):
+class FrontierPoint(NamedTuple):
     """A local minimum of the norm along the frontier, in natural units, and its distance."""
 
     u: float
@@ -134,7 +135,7 @@ class Start(NamedTuple):
     norm: float
 
 
-def basins(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[Start]:
+def basins(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[FrontierPoint]:
     """Local minima of the norm along the whole frontier, each refined by zooming in."""
     u, v = axes(region)
     found = lowest(requirement, scenarios, region, u, v)
@@ -149,7 +150,7 @@ def basins(requirement: Requirement, scenarios: Scenarios, region: Region) -> li
     return starts
 
 
-def alone(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[Start]:
+def alone(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[FrontierPoint]:
     """The smallest stiffness with the least damping, and the smallest damping with the least
     stiffness: how the slider is held by one of the two alone. Those that exist."""
     found = []
@@ -161,7 +162,9 @@ def alone(requirement: Requirement, scenarios: Scenarios, region: Region) -> lis
         if np.isfinite(value):
             pair = np.where(np.arange(2) == along, value, low)
             found.append(
-                Start(float(pair[0]), float(pair[1]), float(region.norm(pair * region.unit)))
+                FrontierPoint(
+                    float(pair[0]), float(pair[1]), float(region.norm(pair * region.unit))
+                )
             )
     return found
 
@@ -172,9 +175,9 @@ def zoom(
     region: Region,
     u: np.ndarray,
     v: np.ndarray,
-) -> Start:
+) -> FrontierPoint:
     """The least norm of the frontier between the first and the last of some of its points."""
-    best = Start(np.inf, float(v[0]), np.inf)
+    best = FrontierPoint(np.inf, float(v[0]), np.inf)
     limits = region.lower[0] / region.unit[0], region.upper[0] / region.unit[0]
     for _ in range(_ZOOMS):
         inside = u[np.isfinite(u)]
@@ -187,7 +190,7 @@ def zoom(
         norm = region.norm(np.stack([u, v], axis=1) * region.unit)
         i = int(np.argmin(norm))
         if norm[i] < best.norm:
-            best = Start(float(u[i]), float(v[i]), float(norm[i]))
+            best = FrontierPoint(float(u[i]), float(v[i]), float(norm[i]))
         near = slice(max(i - 1, 0), i + 2)
         u, v = u[near], v[near]
     return best

@@ -2,27 +2,28 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike
 
 from ..errors import InputError
+from ..laws import LawSource
+from ..laws.registry import Law
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..stability.linear import sampling_delay
 from ..stability.margin_table import MARGINS
 from ..units import parse_values
-from .frontier import Start
+from .frontier import FrontierPoint, Region
 from .kkt import Optimum
 from .margins import several_margins
 from .requirement import Requirement
-from .result import Basin, Certificate, Gains, WorstCase
+from .result import Certificate, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios, one_sample
 from .slack import slacks
-from .solve import Infeasible, NoGains, Solution, drop_samples, make_region, solve
-from .source import LawSource
+from .solve import Infeasible, NoGains, Optima, Pair, drop_samples, make_region, solve
 from .verify import choose, verify
 
-Pair = tuple[float | None, float | None]
 _CONFIDENCE_ROUNDS = 6
 _MOST_RAISED = 30.0
 SHORTEST_DELAY = 50e-6
@@ -33,7 +34,7 @@ _MASSES = 5
 
 
 def find_gains(
-    law: LawSource | AbstractLaw | AbstractDelayLaw,
+    law: LawSource | Law,
     *,
     velocity: ArrayLike | str,
     mass: ArrayLike | str | None,
@@ -76,34 +77,37 @@ def find_gains(
     InputError : a bad argument; of the kind `NoGains` where no gains within the limits meet the
         requirement.
     """
-    found = seek_gains(
-        law,
-        velocity=velocity,
-        mass=mass,
-        margin=margin,
-        confidence=confidence,
-        scale=scale,
-        lower=lower,
-        upper=upper,
-        sample_time=sample_time,
-        progress=progress,
-    )
+    machine = Machine(velocity, mass, sample_time)
+    measure = Measure(scale, lower, upper)
+    found = seek_gains(law, machine, margin, measure, confidence=confidence, progress=progress)
     if isinstance(found, Infeasible):
         raise NoGains(found.text)
     return found
 
 
+class Machine(NamedTuple):
+    """What gains are for; see `find_gains`."""
+
+    velocity: ArrayLike | str
+    mass: ArrayLike | str | None
+    sample_time: float | None = None
+
+
+class Measure(NamedTuple):
+    """Units of the norm of (k_p, k_v), and between which limits they lie; see `find_gains`."""
+
+    scale: Pair = (None, None)
+    lower: Pair = (None, None)
+    upper: Pair = (None, None)
+
+
 def seek_gains(
-    law: LawSource | AbstractLaw | AbstractDelayLaw,
-    *,
-    velocity: ArrayLike | str,
-    mass: ArrayLike | str | None,
+    law: LawSource | Law,
+    machine: Machine,
     margin: Mapping[str, float] | Requirement | str,
+    measure: Measure = Measure(),  # noqa: B008
+    *,
     confidence: float = 1.0,
-    scale: Pair = (None, None),
-    lower: Pair = (None, None),
-    upper: Pair = (None, None),
-    sample_time: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Gains | Infeasible:
     """The gains of `find_gains`, or, where no gains within the limits meet the requirement, why.
@@ -118,6 +122,7 @@ def seek_gains(
             " jaxfric.law_from_parameters(...), or a law itself, as RateState(...)"
         )
     source = law if isinstance(law, LawSource) else LawSource(law, one_sample(law), "law", None)
+    velocity, mass, sample_time = machine
     mass = source.mass if mass is None else mass
     if isinstance(velocity, str):
         velocity = np.asarray(parse_values(velocity, "m/s", "velocity"))
@@ -128,10 +133,10 @@ def seek_gains(
     requirement = margin if isinstance(margin, Requirement) else Requirement(margin)
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
-    _check_pairs(scale, lower, upper)
+    _check_pairs(*measure)
     delay = _checked_delay(sample_time, mass, requirement, source.law)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay)
-    region = make_region(scenarios, scale, lower, upper)
+    region = make_region(scenarios, *measure)
     tell = progress or (lambda text: None)
     tell(f"searching over {len(scenarios)} scenarios")
     samples = np.unique(scenarios.sample)
@@ -153,7 +158,9 @@ def seek_gains(
     return _result(source, requirement, solution, confidence, kept.size)
 
 
-def _checked_delay(sample_time, mass, requirement: Requirement, law) -> float | None:
+def _checked_delay(
+    sample_time: float | None, mass: ArrayLike | None, requirement: Requirement, law: Law
+) -> float | None:
     """The delay of a sampled controller [s]."""
     if sample_time is None:
         return None
@@ -184,7 +191,9 @@ def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
             raise InputError(f"lower limit of {name} is {value:g}; it must not be negative")
 
 
-def _difficulty(requirement, scenarios: Scenarios, region, optimum: Optimum) -> np.ndarray:
+def _difficulty(
+    requirement: Requirement, scenarios: Scenarios, region: Region, optimum: Optimum
+) -> np.ndarray:
     """For each sample, how much less than the requirement it has at the optimum."""
     slack = slacks(requirement, scenarios, region.unit, optimum.gains)[0]
     samples = np.unique(scenarios.sample)
@@ -192,7 +201,7 @@ def _difficulty(requirement, scenarios: Scenarios, region, optimum: Optimum) -> 
 
 
 def _result(
-    source: LawSource, requirement: Requirement, solution: Solution, confidence: float, kept: int
+    source: LawSource, requirement: Requirement, solution: Optima, confidence: float, kept: int
 ) -> Gains:
     region, scenarios = solution.region, solution.scenarios
     best = solution.optima[0]
@@ -236,12 +245,12 @@ def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
     return worst
 
 
-def _basin(requirement, solution: Solution, optimum: Optimum) -> Basin:
+def _basin(requirement: Requirement, solution: Optima, optimum: Optimum) -> LocalOptimum:
     u, v = optimum.gains / solution.region.unit
     slack = slacks(requirement, solution.scenarios, solution.region.unit, optimum.gains)
     active = tuple(solution.carried.describe(index) for index in optimum.active)
     kp, kv = (float(x) for x in optimum.gains)
-    return Basin(
+    return LocalOptimum(
         "damped" if v > u else "stiff",
         kp,
         kv,
@@ -254,16 +263,18 @@ def _basin(requirement, solution: Solution, optimum: Optimum) -> Basin:
     )
 
 
-def _alone(requirement, solution: Solution, start: Start) -> Basin:
+def _alone(requirement: Requirement, solution: Optima, start: FrontierPoint) -> LocalOptimum:
     pair = np.asarray(start[:2]) * solution.region.unit
     slack = slacks(requirement, solution.scenarios, solution.region.unit, pair)[0]
     worst = (solution.scenarios.describe(int(np.argmin(slack))),)
     name = "damped" if start.v > start.u else "stiff"
     kp, kv = (float(x) for x in pair)
-    return Basin(name, kp, kv, start.norm, float(np.min(slack)), np.inf, worst, True, False)
+    return LocalOptimum(name, kp, kv, start.norm, float(np.min(slack)), np.inf, worst, True, False)
 
 
-def _warnings(best: Basin, region, worst: dict[str, WorstCase], delay) -> list[str]:
+def _warnings(
+    best: LocalOptimum, region: Region, worst: dict[str, WorstCase], delay: np.ndarray | None
+) -> list[str]:
     texts = []
     if delay is None and worst["delay"].value < SHORTEST_DELAY:
         texts.append(

@@ -4,26 +4,31 @@ from collections.abc import Iterable
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from ..stability.linear import LinearSlider
+from ..stability.linear import LinearFriction, LinearSlider
 from ..stability.margins import several
 from .scenarios import Scenarios, tiles
+from .settle import traced
 
 
-def margin_values(name: str, scenarios: Scenarios, gains) -> np.ndarray:
+def margin_values(name: str, scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
     """One margin in every scenario at gains (k_p, k_v)."""
     return several_margins([name], scenarios, gains)[name]
 
 
-def several_margins(names: Iterable[str], scenarios: Scenarios, gains) -> dict[str, np.ndarray]:
+def several_margins(
+    names: Iterable[str], scenarios: Scenarios, gains: np.ndarray
+) -> dict[str, np.ndarray]:
     """Margins in every scenario at gains (k_p, k_v), each of shape (n,)."""
     names = tuple(names)
-    gains = np.asarray(gains, float)
+    at = jnp.asarray(gains, float)
     found = {name: np.empty(len(scenarios)) for name in names}
     for rows, used in tiles(len(scenarios), _size(scenarios)):
         some = scenarios.take(rows)
-        values = _values(names, some.friction, some.mass, some.delay, gains)
+        values = _values(names, some.friction, traced(some.mass), traced(some.delay), at)
         for name in names:
             found[name][rows[:used]] = np.asarray(values[name])[:used]
     return found
@@ -34,8 +39,14 @@ def _size(scenarios: Scenarios) -> int:
 
 
 @eqx.filter_jit
-def _values(names: tuple[str, ...], friction, mass, delay, gains):
-    def one(friction, mass, delay):
+def _values(
+    names: tuple[str, ...],
+    friction: LinearFriction,
+    mass: Array | None,
+    delay: Array | None,
+    gains: Array,
+) -> dict[str, Float[Array, " n"]]:
+    def one(friction: LinearFriction, mass: Array | None, delay: Array | None) -> dict[str, Array]:
         slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
         return several(names, slider)
 

@@ -14,8 +14,8 @@ SCHEMA = "jaxfric.gains/1"
 
 
 @dataclass(frozen=True)
-class Basin:
-    """One local optimum: "stiff" (k_p above critical) or "damped" (k_v nearly enough alone)."""
+class LocalOptimum:
+    """A local optimum: "stiff" (k_p above critical) or "damped" (k_v nearly enough alone)."""
 
     name: str
     kp: float
@@ -62,7 +62,7 @@ class Gains:
     kp: float
     kv: float
     norm: float
-    basins: tuple[Basin, ...]
+    basins: tuple[LocalOptimum, ...]
     """All local optima, the smallest norm first; then the way that is no optimum, if there is one:
     held by stiffness alone, or by damping alone."""
     margins: Mapping[str, WorstCase]
@@ -142,9 +142,9 @@ class Gains:
         }
 
 
-def _number(value) -> float | None:
+def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _range(values) -> list[float]:
+def _range(values: np.ndarray) -> list[float]:
     return [float(np.min(values)), float(np.max(values))]

@@ -1,14 +1,16 @@
 """The set of situations in which gains must hold: velocities, masses, samples of the law."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, ArrayLike
 
 from ..errors import InputError
-from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..laws.registry import Law
 from ..stability.kernel import AbstractRationalKernel
 from ..stability.linear import LinearFriction, linear_friction, refuse_without_steady_state
 
@@ -21,7 +23,7 @@ _SMALL_TILE = 64
 class Scenarios:
     """Friction linearised at every (sample, velocity, mass); all arrays share the length n."""
 
-    laws: AbstractLaw | AbstractDelayLaw
+    laws: Law
     """The samples of the law: every array has a leading axis."""
     velocity: np.ndarray
     """[m/s]"""
@@ -43,7 +45,7 @@ class Scenarios:
 
     @staticmethod
     def product(
-        laws: AbstractLaw | AbstractDelayLaw, velocities, masses, delay: float | None = None
+        laws: Law, velocities: ArrayLike, masses: ArrayLike | None, delay: float | None = None
     ) -> "Scenarios":
         """All combinations. `masses` None means a slider without mass; `delay` [s] is of all.
 
@@ -61,18 +63,24 @@ class Scenarios:
         return Scenarios.at(laws, velocity, None if m is None else mass, sample, late)
 
     @staticmethod
-    def at(laws: AbstractLaw | AbstractDelayLaw, velocity, mass, sample, delay=None) -> "Scenarios":
+    def at(
+        laws: Law,
+        velocity: ArrayLike,
+        mass: np.ndarray | None,
+        sample: ArrayLike,
+        delay: np.ndarray | None = None,
+    ) -> "Scenarios":
         """Scenarios listed one by one."""
         velocity, sample = np.asarray(velocity, float), np.asarray(sample)
         parts = []
         for index, used in tiles(len(velocity), _SMALL_TILE if len(velocity) <= 512 else _TILE):
-            part = _linearise(laws, velocity[index], sample[index])
+            part = _linearise(laws, jnp.asarray(velocity[index]), jnp.asarray(sample[index]))
             parts.append(jax.tree.map(lambda leaf, used=used: np.asarray(leaf)[:used], part))
         friction = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
         refuse_without_steady_state(velocity, friction)
         return Scenarios(laws, velocity, mass, sample, friction, delay)
 
-    def take(self, index) -> "Scenarios":
+    def take(self, index: ArrayLike | Sequence[int]) -> "Scenarios":
         """Some of the scenarios."""
         index = np.asarray(index)
         friction = jax.tree.map(lambda leaf: leaf[index], self.friction)
@@ -82,7 +90,7 @@ class Scenarios:
     def join(self, other: "Scenarios") -> "Scenarios":
         """These and then the others."""
 
-        def both(a, b):
+        def both(a: ArrayLike, b: ArrayLike | None) -> np.ndarray:
             return np.concatenate([np.asarray(a), np.asarray(b)])
 
         friction = jax.tree.map(both, self.friction, other.friction)
@@ -91,7 +99,7 @@ class Scenarios:
         velocity, sample = both(self.velocity, other.velocity), both(self.sample, other.sample)
         return Scenarios(self.laws, velocity, mass, sample, friction, delay)
 
-    def law(self, index: int) -> AbstractLaw | AbstractDelayLaw:
+    def law(self, index: int) -> Law:
         """The law of one scenario."""
         chosen = int(self.sample[index])
         arrays, rest = eqx.partition(self.laws, eqx.is_array)
@@ -119,29 +127,29 @@ def tiles(number: int, size: int) -> Iterator[tuple[np.ndarray, int]]:
         yield padded(row, size=size), row.size
 
 
-def number_of_samples(laws: AbstractLaw | AbstractDelayLaw) -> int:
+def number_of_samples(laws: Law) -> int:
     """Length of the leading axis of a batch of laws."""
     return jax.tree.leaves(eqx.filter(laws, eqx.is_array))[0].shape[0]
 
 
-def one_sample(law: AbstractLaw | AbstractDelayLaw) -> AbstractLaw | AbstractDelayLaw:
+def one_sample(law: Law) -> Law:
     """A batch of one law."""
     arrays, rest = eqx.partition(law, eqx.is_array)
     return eqx.combine(jax.tree.map(lambda leaf: leaf[None], arrays), rest)
 
 
 @eqx.filter_jit
-def _linearise(laws, velocity, sample) -> LinearFriction:
+def _linearise(laws: Law, velocity: Array, sample: Array) -> LinearFriction:
     arrays, rest = eqx.partition(laws, eqx.is_array)
 
-    def one(V, index):
+    def one(V: Array, index: Array) -> LinearFriction:
         law = eqx.combine(jax.tree.map(lambda leaf: leaf[index], arrays), rest)
         return linear_friction(law, V)
 
     return jax.vmap(one)(velocity, sample)
 
 
-def _positive(values, what: str, unit: str) -> np.ndarray:
+def _positive(values: ArrayLike, what: str, unit: str) -> np.ndarray:
     values = np.unique(np.atleast_1d(np.asarray(values, float)))
     if values.size == 0:
         raise InputError(f"{what}: the range is empty; give one {what} or more")

@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..errors import InputError
+from ..laws import LawSource
 from .gains import find_gains
 from .requirement import Requirement
 from .scenarios import Scenarios
-from .source import LawSource
 from .verify import jump_sizes
 
 _MOST = 64
@@ -115,7 +115,13 @@ def _chained(slow: SetPoint, fast: SetPoint) -> bool:
     return fast.up >= step and slow.down >= step
 
 
-def _set_point(law: LawSource, V: float, reach: float, mass, margin) -> SetPoint:
+def _set_point(
+    law: LawSource,
+    V: float,
+    reach: float,
+    mass: ArrayLike | None,
+    margin: Mapping[str, float] | Requirement,
+) -> SetPoint:
     around = V * np.geomspace(1 / reach, reach, _AROUND)
     found = find_gains(law, velocity=around, mass=mass, margin=margin)
     heaviest = None if mass is None else np.atleast_1d(np.max(np.asarray(mass)))

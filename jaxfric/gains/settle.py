@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike
 from ..motion import PiecewiseVelocity
 from ..rig import Rig
 from ..simulation import RESULTS, Start, Trajectory, simulate
-from .ends import ENDS, RUNAWAY, SMALL, EndState, classify
+from .ends import ENDS, RUNAWAY, SMALL, EndState, Track, classify
 
 PERIODS = 30.0
 """Of the slowest linear mode, in which a motion is given time to end."""
@@ -82,14 +82,19 @@ def end_state(
     return _end_of(trajectory, V, lead, horizon, jnp.where(known, rate, jnp.inf), policy)
 
 
-def _end_of(trajectory: Trajectory, V, lead, horizon, rate, policy: Policy) -> EndState:
+def _end_of(
+    trajectory: Trajectory, V: Array, lead: Array, horizon: Array, rate: Array, policy: Policy
+) -> EndState:
     ran_away = trajectory.result == RESULTS.ran_away
     finite = jnp.all(jnp.isfinite(trajectory.velocity)) & jnp.all(jnp.isfinite(trajectory.slip))
     gave_up = (trajectory.result != RESULTS.successful) & ~ran_away
-    end = classify(
+    track = Track(
         trajectory.time,
         jnp.where(finite, trajectory.velocity, 0.0),
         jnp.where(finite, trajectory.slip, 0.0) - V * trajectory.time,
+    )
+    end = classify(
+        track,
         V,
         begin=lead,
         end=lead + horizon,

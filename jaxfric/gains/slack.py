@@ -8,11 +8,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from ..stability.linear import LinearFriction
 from .requirement import Requirement
 from .scenarios import Scenarios, tiles
+from .settle import traced
 
 
 def slacks(
@@ -36,7 +37,9 @@ def paired_slacks(
     found = np.empty(len(index))
     for pairs, used in tiles(len(index), scenarios.tile):
         some = scenarios.take(index[pairs])
-        value = _tile(requirement, some.friction, some.mass, some.delay, unit, gains[pairs])
+        late = traced(some.mass), traced(some.delay)
+        at = jnp.asarray(unit), jnp.asarray(gains[pairs])
+        value = _tile(requirement, some.friction, *late, *at)
         found[pairs[:used]] = np.asarray(value)[:used]
     return found
 
@@ -45,12 +48,14 @@ def paired_slacks(
 def _tile(
     requirement: Requirement,
     friction: LinearFriction,
-    mass: Float[ArrayLike, " n"] | None,
-    delay: Float[ArrayLike, " n"] | None,
-    unit: Float[ArrayLike, " 2"],
-    gains: Float[ArrayLike, "n 2"],
+    mass: Array | None,
+    delay: Array | None,
+    unit: Array,
+    gains: Array,
 ) -> Float[Array, " n"]:
-    def one(friction, mass, delay, gains):
+    def one(
+        friction: LinearFriction, mass: Array | None, delay: Array | None, gains: Array
+    ) -> Array:
         return jnp.min(requirement.slack(gains, friction, mass, jnp.asarray(unit), delay))
 
     axes = (0, *(None if x is None else 0 for x in (mass, delay)), 0)

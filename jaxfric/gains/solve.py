@@ -20,12 +20,15 @@ import numpy as np
 
 from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
-from .frontier import Region, Start, alone, basins, natural_units, zoom
+from .frontier import FrontierPoint, Region, alone, basins, natural_units, zoom
 from .kkt import Optimum, polish
 from .margins import margin_values
 from .requirement import Requirement
 from .scenarios import Scenarios
 from .slack import slacks
+
+Pair = tuple[float | None, float | None]
+"""Of k_p and of k_v."""
 
 _ROUNDS = 20
 _ADDED = 3
@@ -46,11 +49,11 @@ class Infeasible(NamedTuple):
     """Where it fails, by how much, what to do."""
 
 
-class Solution(NamedTuple):
+class Optima(NamedTuple):
     """Local optima, smallest norm first, and what certifies them."""
 
     optima: list[Optimum]
-    alone: list[Start]
+    alone: list[FrontierPoint]
     """Held by stiffness alone, by damping alone: those that exist and are no optimum."""
     carried: Scenarios
     scenarios: Scenarios
@@ -60,7 +63,7 @@ class Solution(NamedTuple):
     smaller_found: int
 
 
-def make_region(scenarios: Scenarios, scale, lower, upper) -> Region:
+def make_region(scenarios: Scenarios, scale: Pair, lower: Pair, upper: Pair) -> Region:
     """Natural units, and scales and limits in SI with None for the defaults.
 
     Scales default to the natural units; k_p has the lower limit 1e-9 K0: any positive stiffness.
@@ -75,7 +78,7 @@ def make_region(scenarios: Scenarios, scale, lower, upper) -> Region:
     return Region(unit, chosen, np.asarray(least), np.asarray(most))
 
 
-def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Solution | Infeasible:
+def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Optima | Infeasible:
     """All local optima over all scenarios, with a certificate; or why there are none."""
     carried = scenarios.take(_first(requirement, scenarios, region))
     starts = basins(requirement, carried, region)
@@ -101,12 +104,12 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Sol
         if smaller is None or rounds == _ROUNDS:
             found = 0 if smaller is None else len(smaller)
             others = _others(single, optima, region)
-            return Solution(optima, others, carried, scenarios, region, rounds, points, found)
+            return Optima(optima, others, carried, scenarios, region, rounds, points, found)
         starts = [*starts, _near(requirement, carried, region, smaller[0])]
     raise AssertionError("unreachable")
 
 
-def _first(requirement, scenarios: Scenarios, region: Region) -> np.ndarray:
+def _first(requirement: Requirement, scenarios: Scenarios, region: Region) -> np.ndarray:
     """The worst scenarios at a handful of gains."""
     u, v = np.meshgrid([1e-3, 0.1, 1.0, 3.0], [0.0, 0.1, 0.5, 1.2])
     gains = np.stack([u.ravel(), v.ravel()], axis=1) * region.unit
@@ -123,7 +126,9 @@ def _distinct(optima: list[Optimum]) -> list[Optimum]:
     return kept
 
 
-def _others(single: list[Start], optima: list[Optimum], region: Region) -> list[Start]:
+def _others(
+    single: list[FrontierPoint], optima: list[Optimum], region: Region
+) -> list[FrontierPoint]:
     """Those that are not, within a thousandth, an optimum."""
     near = 1e-3
     return [
@@ -136,14 +141,18 @@ def _others(single: list[Start], optima: list[Optimum], region: Region) -> list[
     ]
 
 
-def _violated(requirement, scenarios, region, gains: list[np.ndarray]) -> np.ndarray:
+def _violated(
+    requirement: Requirement, scenarios: Scenarios, region: Region, gains: list[np.ndarray]
+) -> np.ndarray:
     slack = slacks(requirement, scenarios, region.unit, np.asarray(gains))
     worst = np.argsort(slack, axis=1)[:, :_ADDED]
     rows = np.arange(len(gains))[:, None]
     return np.unique(worst[slack[rows, worst] < -_VIOLATED])
 
 
-def _between(requirement, scenarios: Scenarios, region, optima) -> Scenarios | None:
+def _between(
+    requirement: Requirement, scenarios: Scenarios, region: Region, optima: list[Optimum]
+) -> Scenarios | None:
     """Velocities between those of the set that violate the requirement where it is just met."""
     velocities = np.unique(scenarios.velocity)
     if velocities.size < 2:
@@ -174,7 +183,13 @@ def _same_but(scenarios: Scenarios, index: int, velocity: np.ndarray) -> Scenari
     return Scenarios.at(scenarios.laws, velocity, mass, sample, delay)
 
 
-def _dense(requirement, scenarios, carried, region: Region, optima):
+def _dense(
+    requirement: Requirement,
+    scenarios: Scenarios,
+    carried: Scenarios,
+    region: Region,
+    optima: list[Optimum],
+) -> tuple[int, np.ndarray | None]:
     """Number of gains of smaller norm that were tried, and those of them that are feasible."""
     best = optima[0]
     size = best.norm * region.scale
@@ -197,12 +212,16 @@ def _dense(requirement, scenarios, carried, region: Region, optima):
     return tried, (grid if len(grid) else None)
 
 
-def _feasible(requirement, scenarios, region, grid: np.ndarray) -> np.ndarray:
+def _feasible(
+    requirement: Requirement, scenarios: Scenarios, region: Region, grid: np.ndarray
+) -> np.ndarray:
     """Which gains every one of the scenarios accepts."""
     return np.min(slacks(requirement, scenarios, region.unit, grid), axis=1) >= 0
 
 
-def _near(requirement, carried, region: Region, gains: np.ndarray) -> Start:
+def _near(
+    requirement: Requirement, carried: Scenarios, region: Region, gains: np.ndarray
+) -> FrontierPoint:
     u, v = gains / region.unit
     return zoom(requirement, carried, region, np.asarray([u]), np.asarray([0.8 * v, 1.2 * v]))
 
@@ -232,7 +251,9 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     )
 
 
-def _missed(requirement, scenario: Scenarios, region, gains) -> tuple[str, float, float]:
+def _missed(
+    requirement: Requirement, scenario: Scenarios, region: Region, gains: np.ndarray
+) -> tuple[str, float, float]:
     single = [
         Requirement({name: value})
         for name, value in zip(requirement.names, requirement.values, strict=True)

@@ -7,17 +7,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
 from ..simulation import Start, rest_start, step_start
 from ..simulation.start import regularised
-from ..stability.linear import LinearSlider
+from ..stability.linear import LinearFriction, LinearSlider
 from ..stability.margins import poles
 from .check import STARTS, standard_starts
-from .ends import ENDS
+from .ends import ENDS, EndState
 from .scenarios import Scenarios, padded, tiles
-from .settle import PERIODS, end_state, slowest_mode
+from .settle import PERIODS, end_state, slowest_mode, traced
 
 # Simulations in one call: one shape to compile.
 _LANES = 32
@@ -138,13 +139,15 @@ def _rigs(scenarios: Scenarios, gains: np.ndarray) -> tuple[Rig, jnp.ndarray]:
 def _times(scenarios: Scenarios, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Horizon [s] and slowest decay [1/s] of each scenario, from the linear poles."""
     some = scenarios.take(padded(np.arange(len(scenarios))))
-    horizon, decay = _paces(some.friction, some.mass, np.asarray(gains, float))
+    horizon, decay = _paces(some.friction, traced(some.mass), jnp.asarray(gains, float))
     return np.asarray(horizon)[: len(scenarios)], np.asarray(decay)[: len(scenarios)]
 
 
 @eqx.filter_jit
-def _paces(friction, mass, gains):
-    def one(friction, mass):
+def _paces(
+    friction: LinearFriction, mass: Array | None, gains: Array
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    def one(friction: LinearFriction, mass: Array | None) -> tuple[Array, Array]:
         s = poles(LinearSlider(mass, gains[0], gains[1], friction))
         return PERIODS * 2 * jnp.pi / slowest_mode(s), -jnp.max(s.real)
 
@@ -188,7 +191,9 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
     return JumpSizes(up, down, list(reason))
 
 
-def _narrowed(grid, names, low, high, ends):
+def _narrowed(
+    grid: np.ndarray, names: np.ndarray, low: np.ndarray, high: np.ndarray, ends: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The bracket of the first loss, and how that ends."""
     lost = names != "steady"
     some = lost.any(axis=-1)
@@ -206,14 +211,23 @@ class _End(NamedTuple):
     least_velocity: float
 
 
-def _simulated(scenarios: Scenarios, gains: np.ndarray, where, kind, log_ratio) -> list[_End]:
+def _simulated(
+    scenarios: Scenarios,
+    gains: np.ndarray,
+    where: np.ndarray,
+    kind: np.ndarray,
+    log_ratio: np.ndarray,
+) -> list[_End]:
     """How simulations end: of scenario `where`, from the start `kind` (see `_start`)."""
     horizon, decay = _times(scenarios, gains)
     found: list[_End] = []
     for lane, used in tiles(len(where), _LANES):
         rigs, velocity = _rigs(scenarios.take(where[lane]), gains)
-        time, rate = horizon[where[lane]], decay[where[lane]]
-        ends = _ends(rigs, velocity, time, rate, kind[lane], log_ratio[lane])
+        at = where[lane]
+        lanes = _Lanes(
+            velocity, *map(jnp.asarray, (horizon[at], decay[at], kind[lane], log_ratio[lane]))
+        )
+        ends = _ends(rigs, lanes)
         masks = np.stack([np.asarray(ends.code == getattr(ENDS, name)) for name in _NAMES])
         numbers = (ends.velocity_amplitude, ends.period, ends.least_velocity)
         columns = zip(np.argmax(masks, axis=0), *(np.asarray(x) for x in numbers), strict=True)
@@ -222,15 +236,26 @@ def _simulated(scenarios: Scenarios, gains: np.ndarray, where, kind, log_ratio) 
 
 
 @eqx.filter_jit
-def _ends(rigs, velocity, horizon, decay, kind, log_ratio):
-    def one(rig, V, horizon, decay, kind, log_ratio):
-        start = _start(rig, V, kind, jnp.exp(log_ratio))
-        return end_state(rig, V, start, horizon=horizon, decay=decay)
+def _ends(rigs: Rig, lanes: "_Lanes") -> EndState:
+    def one(rig: Rig, lane: _Lanes) -> EndState:
+        start = _start(rig, lane.velocity, lane.kind, jnp.exp(lane.log_ratio))
+        return end_state(rig, lane.velocity, start, horizon=lane.horizon, decay=lane.decay)
 
-    return eqx.filter_vmap(one)(rigs, velocity, horizon, decay, kind, log_ratio)
+    return eqx.filter_vmap(one)(rigs, lanes)
 
 
-def _start(rig: Rig, V, kind, ratio) -> Start:
+class _Lanes(NamedTuple):
+    """What is simulated together: commanded velocities, horizons and decays of the linear theory,
+    starts (`_start`) and the logarithms of the steps of the command."""
+
+    velocity: Array
+    horizon: Array
+    decay: Array
+    kind: Array
+    log_ratio: Array
+
+
+def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> Start:
     """One of `STARTS` by its index; the one after the last is a step of the command by `ratio`."""
     every = [*standard_starts(rig, V), rest_start(rig, V), step_start(rig, V, ratio)]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves)[kind], *every)
@@ -242,5 +267,5 @@ def _row(scenarios: Scenarios, index: int, start: str, end: _End) -> CheckedStar
     return CheckedStart(scenarios.describe(index), start, end.name, *values)
 
 
-def _number(value) -> float | None:
+def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None

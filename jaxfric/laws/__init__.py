@@ -1,1 +1,15 @@
-"""Laws of friction from files."""
+"""Friction laws by name and from files: whatever says which law it is, every verb asks here.
+
+registry      name -> class, parameters, how it is built
+source        a law of a fit.json with samples, or of parameters given one by one
+loop_source   the law that a loop.json of a slider ends with
+axis_loop     the law of a loop.json of a servo axis
+file          the law of any such file
+saved         reading, checking and sampling such files; their warnings go wherever the law goes
+"""
+
+from .registry import REGISTRY as REGISTRY
+from .registry import name_of as name_of
+from .source import LawSource as LawSource
+from .source import law_from_fit as law_from_fit
+from .source import law_from_parameters as law_from_parameters

@@ -25,8 +25,11 @@ from jaxtyping import Array
 from ..effects import AbstractEffect, AbstractPlaceEffect, effect_of, made
 from ..effects.axis import AxisTimeDrift, DirectionAsymmetry, RateAndState
 from ..errors import InputError
-from ..gains.loop_source import spring_words, verdict_words
-from ..gains.saved import (
+from ..quantity import quantities
+from ..rig.axis import LAW, AxisRig, BaseLaw
+from ..rig.axis_law import AxisLaw, axis_law
+from .loop_source import spring_words, verdict_words
+from .saved import (
     LOOP,
     missing_key,
     own_warnings,
@@ -36,10 +39,7 @@ from ..gains.saved import (
     table_damage,
     values_of,
 )
-from ..gains.source import LawSource, force_of_unit, seen_velocities
-from ..quantity import quantities
-from ..rig.axis import LAW, AxisRig, BaseLaw
-from ..rig.axis_law import AxisLaw, axis_law
+from .source import LawSource, force_of_unit, seen_velocities
 
 Effects = Sequence[type[AbstractEffect]]
 

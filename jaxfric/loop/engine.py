@@ -24,8 +24,10 @@ from ..fitting.noise import Noise, noise_of, rms_error
 from ..fitting.noise_search import (
     Family,
     Limits,
+    NoiseRows,
     estimate_noise,
     limits_of,
+    noise_rows,
     noises_around,
     profile_noise,
 )
@@ -253,7 +255,7 @@ class Engine(Generic[P]):
         """As `noise`, of the parts of one that was found, from there."""
         rows = self._noise_rows(residual, columns)
         starts = (found.theta,)
-        return profile_noise(*rows, found.family, starts, scale=self.scale, least=self.least)
+        return profile_noise(rows, found.family, starts, least=self.least)
 
     def limits(self) -> Limits:
         """Between which memories a noise is searched."""
@@ -263,20 +265,19 @@ class Engine(Generic[P]):
         if self.family is not None:
             rows = self._noise_rows(residual, columns)
             family, noises = self.family, self.noises
-            return profile_noise(*rows, family, noises, scale=self.scale, least=self.least)
+            return profile_noise(rows, family, noises, least=self.least)
         found = self._anew(residual, columns)
         self.family, self.noises = found.family, (found.theta,)
         return found
 
     def _anew(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
         rows = self._noise_rows(residual, columns)
-        return estimate_noise(
-            *rows, either_sign=self.either_sign, scale=self.scale, least=self.least
-        )
+        return estimate_noise(rows, either_sign=self.either_sign, least=self.least)
 
-    def _noise_rows(self, residual: np.ndarray, columns: np.ndarray):
-        problem = self.problem
-        return problem.clock, problem.weight, residual, padded_columns(columns), self.longest
+    def _noise_rows(self, residual: np.ndarray, columns: np.ndarray) -> NoiseRows:
+        clock, weight = self.problem.clock, self.problem.weight
+        padded = padded_columns(columns)
+        return noise_rows(clock, weight, residual, padded, self.longest, scale=self.scale)
 
     def learn_noise(self, candidate: Candidate) -> Candidate:
         """The candidate with the noise that is found when everything smooth is taken out.

@@ -19,6 +19,7 @@ from ..fitting.noise_estimate import noise_words
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
 from ..fitting.superset import Superset
+from ..laws.registry import refuse_unknown_law, refuse_untaken, takes
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
@@ -83,8 +84,9 @@ def close_loop(
     if rows is not None:
         record, thinning = few_rows(record, rows, found_steps)
     stress = _stress(record)
+    refuse_unknown_law(law)
     asked = offered(CATALOGUE, own, with_, without, most, effect_of)
-    asked = _with_channels(record, asked, stress=stress is not None)
+    asked = _with_channels(record, law, asked, stress=stress is not None)
     progress("base fit of the whole record")
     _refuse_stops(record, found_steps)
     base_fit = fit(
@@ -235,8 +237,10 @@ class SliderBench(AbstractBench):
         """Nothing more."""
 
 
-def _with_channels(record: Record, asked: Offered, *, stress: bool) -> Offered:
-    """Without the effects that need a column which the record does not have."""
+def _with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> Offered:
+    """Without the effects that the law cannot have, or that need a column which the record does not
+    have."""
+    refuse_untaken(law, (e for e in asked.effects if e.id in asked.with_))
     columns = {name for name in record.columns if name != "normal_stress" or stress}
     for effect in asked.effects:
         if effect.id in asked.with_ and effect.channel not in (None, *columns):
@@ -245,7 +249,8 @@ def _with_channels(record: Record, asked: Offered, *, stress: bool) -> Offered:
                 " changes, which the record does not have; name it with --column, or leave the"
                 " effect out"
             )
-    return asked._replace(effects=tuple(e for e in asked.effects if e.channel in (None, *columns)))
+    effects = (e for e in asked.effects if takes(law, e) and e.channel in (None, *columns))
+    return asked._replace(effects=tuple(effects))
 
 
 def _stress(record: Record) -> NormalStress | None:

@@ -21,19 +21,20 @@ from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ..errors import InputError
 from ..fitting.problem import (
     FAILED_MISFIT,
-    LAWS,
     Channel,
     Model,
     Problem,
+    ProblemSizes,
     bucket,
     build_rig,
     make_problem,
     to_free,
 )
-from ..fitting.result import tidy_unit
+from ..fitting.result import critical_stiffness_of, tidy_unit
 from ..fitting.superset import Superset
+from ..laws.registry import count_states, refuse_unknown_law, refuse_untaken, takes
 from ..records import VelocitySteps
-from ..rig.friction import critical_stiffness
+from ..rig.friction import AbstractRateState
 from ..units import speed_text
 from .engine import Candidate, Engine
 from .outlook import Change, Outlook, Protocol, Smallest
@@ -139,7 +140,8 @@ def plan(
     velocities = tuple(float(V) for V in velocities)
     _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise)
     with_, without = ids_of(with_), ids_of(without)
-    effects = _effects(with_, without, own)
+    refuse_unknown_law(law)
+    effects = _effects(law, with_, without, own)
     values = dict(parameters)
     values.setdefault("V0", velocities[0])
     model = _model(values, law, effects, tuple(with_))
@@ -209,7 +211,7 @@ def _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise) -> Non
         )
 
 
-def _effects(with_, without, own) -> tuple[type[AbstractEffect], ...]:
+def _effects(law: str, with_, without, own) -> tuple[type[AbstractEffect], ...]:
     known = {**CATALOGUE, **{e.id: e for e in own}}
     for id in (*with_, *without):
         if id not in known:
@@ -220,6 +222,7 @@ def _effects(with_, without, own) -> tuple[type[AbstractEffect], ...]:
             f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
             " (--without)"
         )
+    refuse_untaken(law, (known[id] for id in with_))
     for id in with_:
         if known[id].channel is not None:
             raise InputError(
@@ -228,14 +231,11 @@ def _effects(with_, without, own) -> tuple[type[AbstractEffect], ...]:
             )
     if not any(e.channel is None and id not in (*with_, *without) for id, e in known.items()):
         raise InputError("no effect is left to look at: shorten --with and --without")
-    return tuple(e for e in known.values() if e.channel is None)
+    return tuple(e for e in known.values() if e.channel is None and takes(law, e))
 
 
 def _model(values: dict[str, float], law: str, effects, with_) -> Model:
-    if law not in LAWS:
-        raise InputError(f"law '{law}' does not exist; there are: {', '.join(LAWS)}")
-    states = max(1, sum(name[0] == "B" and name[1:].isdigit() for name in values) + 1)
-    base = Model(law=law, states=states)
+    base = Model(law=law, states=count_states(law, values))
     superset = Superset(base, effects)
     declared = [name for name in superset.names() if name.split(".")[0] in with_]
     known = (*superset.base.names(), "V0", *declared)
@@ -251,7 +251,8 @@ def _model(values: dict[str, float], law: str, effects, with_) -> Model:
 def _critical(model: Model, values: Mapping[str, float], stiffness: float) -> float:
     row = jnp.asarray([values[name] for name in model.names()], float)
     rig = build_rig(model, row, jnp.asarray(values["V0"]), jnp.asarray(stiffness))
-    return float(critical_stiffness(rig.friction))  # pyright: ignore[reportArgumentType]
+    assert isinstance(rig.friction, AbstractRateState)
+    return critical_stiffness_of(rig.friction)
 
 
 def _refuse_unstable(ratio: float | None, stiffness: float, unit: str) -> None:
@@ -330,13 +331,10 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         times,
         np.full(n, values["f0"]),
         variant.steps(),
-        V0=values["V0"],
-        stiffness=setup.stiffness,
-        noise_scale=setup.noise,
-        force_scale=values["A"],
-        model=Superset(setup.model, setup.effects),
-        max_steps=_SOLVER_STEPS,
+        ProblemSizes(values["V0"], setup.stiffness, setup.noise, values["A"]),
+        Superset(setup.model, setup.effects),
     )
+    problem = dataclasses.replace(problem, max_steps=_SOLVER_STEPS)
     # as if one velocity more were planned: some variants have it
     planned = len(variant.velocities) - (variant.key in _LONGER)
     size = bucket(setup.rows * (planned + 1), _ROWS)

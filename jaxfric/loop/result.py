@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fitting import Estimate, NoiseEstimate
-from ..fitting.problem import LAWS
+from ..laws.registry import is_rate_state
 from ..records import Provenance, Sampling, VelocitySteps
 from .family import CurveFamily
 from .split import NAMES, Blocks
@@ -186,7 +186,7 @@ class Loop:
     @property
     def is_axis(self) -> bool:
         """Whether the record is of a servo axis."""
-        return self.base_fit.law not in LAWS
+        return not is_rate_state(self.base_fit.law)
 
     @property
     def length_unit(self) -> str:

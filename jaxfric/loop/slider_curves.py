@@ -1,12 +1,14 @@
 """Steady curves of a slider's friction, sent through its linearised motion."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..effects import STEADY_CURVES
+from ..effects.effect import evolution_of
 from ..fitting.problem import Problem
 from ..records import VelocitySteps
-from ..rig.friction.extended import BlendedEvolution, Contact, ExtendedLaw
+from ..rig.friction.extended import Contact, ExtendedLaw
 from .curves import Curve, CurveRig
 from .engine import Candidate, Engine
 from .response import Response, linear_response
@@ -49,7 +51,7 @@ def _level(law: ExtendedLaw, V: np.ndarray) -> np.ndarray:
     """Friction of steady sliding, without what has states of its own or follows slip or time."""
     base, speed, still = law.base, jnp.asarray(V), jnp.zeros_like(jnp.asarray(V))
     total = base.f0 + base.A * jnp.log(speed / base.V0)
-    total += base.evolution.steady_state(speed / base.V0, base.B[0], base.V0)
+    total += jnp.sum(jax.vmap(base.steady_state)(speed), axis=1)
     for term in law.terms:
         if not term.states and term.shift(Contact(speed, still, still, still, base)) is None:
             total += term.force(Contact(speed, still, still, still, base))
@@ -74,10 +76,10 @@ def followed(response: Response, curves: np.ndarray) -> np.ndarray:
     """What a state that follows curves (k+1, c) over the slip length makes of them:
     h' = (V/L) (curve - h), from steady sliding on."""
     law = response.rig.friction
-    assert isinstance(law, ExtendedLaw) and isinstance(law.base.evolution, BlendedEvolution)
-    lengths = float(law.base.L[0]) * np.asarray(response.velocity / law.base.V0) ** float(
-        law.base.evolution.n
-    )
+    assert isinstance(law, ExtendedLaw)
+    evolution = evolution_of(law)
+    power = 0.0 if evolution is None else float(evolution.n)
+    lengths = float(law.base.L[0]) * np.asarray(response.velocity / law.base.V0) ** power
     share = np.exp(-np.diff(np.asarray(response.slip)) / (0.5 * (lengths[1:] + lengths[:-1])))
     middle, out = 0.5 * (curves[1:] + curves[:-1]), [curves[0]]
     for keep, value in zip(share, middle, strict=True):

@@ -8,7 +8,6 @@ ends         how massless sliders end, told while they move
 one_by_one   gains, fits and loops: Python, member by member
 computations what a study can compute: one entry each
 spec         study.toml
-saved_law    the friction law of a fit.json or loop.json, of a slider or an axis
 make         from a study.toml to a running study
 """
 

@@ -137,7 +137,7 @@ def posterior(
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
     """What the fit of an axis `from` says of the parameters that it does not draw: law, parameters,
     and what it warns of."""
-    from ..gains.source import fit_warnings
+    from ..laws.source import fit_warnings
 
     table = table_of(content, "axes", path.name)
     sources = [axis for axis in table.values() if isinstance(axis, dict) and "from" in axis]
@@ -161,8 +161,8 @@ def posterior(
 
 def _fitted(axis: Table, source: Path, where: str):
     """A fit.json: its content, friction to force [N per its unit], values of its parameters."""
-    from ..gains.saved import FIT, read_saved, refuse_damage, values_of
-    from ..gains.source import fit_damage, force_of_unit
+    from ..laws.saved import FIT, read_saved, refuse_damage, values_of
+    from ..laws.source import fit_damage, force_of_unit
 
     content, force = read_saved(source, FIT), None
     refuse_damage(source, FIT, fit_damage(content))

@@ -16,14 +16,14 @@ from jaxtyping import Array
 from ..errors import InputError
 from ..gains.ends import ENDS, RUNAWAY
 from ..gains.settle import Policy, end_state, slowest_mode, stretched
-from ..rig.friction import AbstractInvertibleLaw, LogarithmicEffect
+from ..rig.friction import AbstractInvertibleLaw, LogarithmicEffect, RateState
 from ..simulation import ensemble, step_start
 from ..simulation.start import regularised
 from ..stability.margins import poles
 from ..study import Axis, Output
 from . import ends as streaming
 from .parameters import number, rate_state, read_value
-from .sliders import Parameters, Sliders, sliders_of
+from .sliders import Parameters, Sliders, sliders_of, streamed
 from .spec import Spec, StudyPart
 from .tables import Table, refuse_unknown, whole
 
@@ -98,7 +98,7 @@ class Motions:
     @property
     def slow(self) -> bool:
         """Whether motions are simulated by the solver that serves all laws."""
-        return self.inertia or not isinstance(self.sliders.law, str)
+        return self.inertia or not streamed(self.sliders.law)
 
     def cost(self, varied: Parameters) -> Array:
         """About the number of steps that a member will take, to sort by.
@@ -125,10 +125,11 @@ class Motions:
         s = poles(self.sliders.linear(p, mass=self.inertia))
         return slowest_mode(s), -jnp.max(s.real)
 
-    def _lanes(self, p: Parameters) -> tuple[ensemble.Lanes, ensemble.Point]:
+    def _lanes(self, p: Parameters) -> tuple[ensemble.Lanes, ensemble.LanePoint]:
         kind = self.sliders.law
         assert isinstance(kind, str)
         law = rate_state(kind, p, self.sliders.states, LogarithmicEffect())
+        assert isinstance(law, RateState)
         of = ensemble.lanes(law, p["k_p"], p["k_v"], p["V0"])
         return of, ensemble.stepped(of, p["ratio"])
 

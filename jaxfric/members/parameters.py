@@ -4,22 +4,15 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import jax.numpy as jnp
+from jaxtyping import ArrayLike
 
 from ..errors import InputError
+from ..laws import registry
 from ..quantity import Quantity
-from ..rig.friction import (
-    AbstractDirectEffect,
-    AgeingEvolution,
-    RateState,
-    RegularisedEffect,
-    SlipEvolution,
-)
+from ..rig.friction import AbstractDirectEffect, AbstractRateState, RegularisedEffect
 from ..units import parse_quantity
-
-EVOLUTIONS = {"slip": SlipEvolution, "ageing": AgeingEvolution}
 
 _KNOWN = {
     "A": Quantity("A", "N", "direct effect", lower=0.0),
@@ -66,12 +59,12 @@ def nearest(name: str, names: Iterable[str]) -> str:
     return f"; there are: {', '.join(names)}"
 
 
-def read_value(content: Any, name: str, where: str) -> float:
+def read_value(content: object, name: str, where: str) -> float:
     """The value of one parameter, "3 um" or, without unit, a plain number."""
     return value_of(content, parameter(name, where), where)
 
 
-def value_of(content: Any, about: Quantity, where: str) -> float:
+def value_of(content: object, about: Quantity, where: str) -> float:
     """The same of a parameter that is known."""
     value = number(content, about.unit, where)
     if about.symbol == "k_v" and value == 0:
@@ -79,7 +72,7 @@ def value_of(content: Any, about: Quantity, where: str) -> float:
     return about.check(value, where)
 
 
-def number(content: Any, unit: str, where: str) -> float:
+def number(content: object, unit: str, where: str) -> float:
     """A number in SI from a text with a unit, or from a plain number where `unit` is "1".
 
     Raises
@@ -97,40 +90,23 @@ def number(content: Any, unit: str, where: str) -> float:
     return parse_quantity(content, unit, where)
 
 
-def states_of(names: Iterable[str]) -> int:
-    """Number of states that a set of parameters speaks of."""
-    found = [int(match.group(2)) for match in map(_OF_A_STATE.fullmatch, names) if match]
-    return max(found, default=1)
-
-
 def needed(states: int) -> list[str]:
     """Parameters of a rate-and-state law that have no default: A, B, L, B2, L2, ..."""
-    more = [f"{letter}{i}" for i in range(2, states + 1) for letter in "BL"]
-    return ["A", "B", "L", *more]
+    return ["A", *registry.numbered(states)]
 
 
 def rate_state(
     kind: str,
-    p: Mapping[str, Any],
+    p: Mapping[str, ArrayLike],
     states: int,
     direct: AbstractDirectEffect = RegularisedEffect(),  # noqa: B008
-) -> RateState:
+) -> AbstractRateState:
     """The law of one member or, where parameters are arrays, of all: states along the last axis.
 
     The direct effect is the regularised one, as in the law of a file or of the command.
     The reference velocity matters to f0 only, and f0 only where friction is less than some 20 A, or
     at rest: by default they are the commanded velocity and 50 A.
     """
-    B = [p["B" if i == 1 else f"B{i}"] for i in range(1, states + 1)]
-    L = [p["L" if i == 1 else f"L{i}"] for i in range(1, states + 1)]
-    A = jnp.asarray(p["A"])
-    return RateState(
-        jnp.asarray(p.get("f0", 50.0 * A)),
-        A,
-        jnp.stack([jnp.asarray(x) for x in B], axis=-1),
-        jnp.stack([jnp.asarray(x) for x in L], axis=-1),
-        jnp.asarray(p.get("V_ref", p["V0"])),
-        EVOLUTIONS[kind](),
-        direct,
-        jnp.zeros_like(A),
-    )
+    known = {name: p[name] for name in needed(states)}
+    known |= {"f0": p.get("f0", 50.0 * jnp.asarray(p["A"])), "V0": p.get("V_ref", p["V0"])}
+    return registry.rate_state(kind, known, states, direct=direct)

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..errors import InputError
+from ..laws.registry import evolution_of
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractLaw
 from ..stability.linear import LinearSlider, linearise
@@ -19,11 +20,16 @@ from .spec import Spec
 Parameters = Mapping[str, Array]
 
 
+def streamed(law: str | AbstractLaw) -> bool:
+    """Whether massless sliders under a law are simulated all at once, by `simulation.ensemble`."""
+    return isinstance(law, str) and evolution_of(law) is not None
+
+
 @dataclass(frozen=True, eq=False)
 class Sliders:
     """The sliders of a study.
 
-    law : "slip" or "ageing", whose parameters are among those given; or a law of another kind.
+    law : a rate-and-state law by its name, whose parameters are among those given; or a law.
     fixed : parameters that do not vary, SI.
     """
 
@@ -63,7 +69,7 @@ def sliders_of(spec: Spec) -> Sliders:
     """
     if spec.law is not None:
         return Sliders(spec.law, spec.states, spec.fixed)
-    from .saved_law import law_from_file
+    from ..laws.file import law_from_file
 
     assert spec.source is not None
     law = law_from_file(spec.source, normal_force=spec.normal_force, samples=0).law

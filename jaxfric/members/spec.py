@@ -31,11 +31,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from ..errors import InputError
+from ..laws.registry import count_states, is_rate_state, name_of, numbered, rate_state_laws
+from ..rig.friction import AbstractRateState
 from ..study import Grid, Output
 from ..study.function import Cost, Function
 from .axes import posterior, read_grid
-from .parameters import LAW, nearest, needed, number, parameter, read_value, states_of
+from .parameters import LAW, nearest, needed, number, parameter, read_value
 from .tables import Table, file_of, names_of, refuse_unknown, table_of, whole
 
 _TOP = ("compute", "outputs", "chunk", "dtype", "rig", "axes", "samples")
@@ -56,7 +60,7 @@ class Spec:
     chunk: int | None
     dtype: str
     law: str | None
-    """"slip" or "ageing"; None where the law is taken whole from a file."""
+    """A rate-and-state law by its name; None where the law is taken whole from a file."""
     source: Path | None
     """The fit.json or loop.json of the law, and the normal force [N] that goes with it."""
     normal_force: float | None
@@ -144,7 +148,7 @@ def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
     if in_both:
         raise InputError(f"{where}: {in_both[0]} is in [rig] and in [axes]; leave one out")
     fixed = {name: value for name, value in fixed.items() if name not in grid.names}
-    states = states_of((*fixed, *grid.names))
+    states = count_states(law, (*fixed, *grid.names))
     spec = Spec(
         path,
         text,
@@ -241,8 +245,9 @@ def _rig(rig: Table, path: Path, files: dict[str, str]):
             except InputError:
                 raise InputError(f"{where}: no key '{key}'{nearest(key, _RIG)}") from None
         fixed[key] = read_value(rig[key], key, f"{where} {key}")
-    if law is not None and law not in ("slip", "ageing"):
-        raise InputError(f"{where}: no law {law!r} in studies; there are: slip, ageing")
+    if law is not None and not is_rate_state(law):
+        there = ", ".join(rate_state_laws())
+        raise InputError(f"{where}: no law {law!r} in studies; there are: {there}")
     if ("from" in rig) and law is not None:
         raise InputError(f"{where}: law and from exclude each other; give one")
     force = None
@@ -261,24 +266,19 @@ def _rig(rig: Table, path: Path, files: dict[str, str]):
 def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
     """The evolution and the parameters of a file, None and only a velocity for another law; and
     what it warns of."""
-    from ..rig.friction import AgeingEvolution, RateState
-    from .saved_law import law_from_file
+    from ..laws.file import law_from_file
 
     read = law_from_file(source, normal_force=force, samples=0)
-    found = read.law
-    if not isinstance(found, RateState) or float(found.slip_trend) != 0:
+    found, kind = read.law, name_of(read.law)
+    if kind is None or not isinstance(found, AbstractRateState) or float(found.slip_trend) != 0:
         given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
         if given:
             raise InputError(f"{where}: {given[0]} cannot be set: the law of {source} is whole")
         own_mass = {} if read.mass is None else {"m": read.mass}
         return None, {**own_mass, **fixed}, read.warnings
-    states = found.B.shape[0]
     own = {"f0": float(found.f0), "A": float(found.A), "V_ref": float(found.V0)}
-    for i in range(states):
-        own |= {f"{letter}{i + 1 if i else ''}": 0.0 for letter in "BL"}
-        own["B" if i == 0 else f"B{i + 1}"] = float(found.B[i])
-        own["L" if i == 0 else f"L{i + 1}"] = float(found.L[i])
-    kind = "ageing" if isinstance(found.evolution, AgeingEvolution) else "slip"
+    pairs = np.stack([found.B, found.L], axis=-1).ravel()
+    own |= {name: float(x) for name, x in zip(numbered(len(found.B)), pairs, strict=True)}
     return kind, {**own, **fixed}, read.warnings
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..gains.result import Basin, Gains
+from ..gains.result import Gains, LocalOptimum
 from ..gains.scenarios import Scenarios
 from ..gains.slack import paired_slacks
 from ..stability.linear import LinearSlider
@@ -78,11 +78,11 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
     legend_below(axis)
 
 
-def _is_recommended(basin: Basin, result: Gains) -> bool:
+def _is_recommended(basin: LocalOptimum, result: Gains) -> bool:
     return bool(np.allclose([basin.kp, basin.kv], [result.kp, result.kv], rtol=1e-6))
 
 
-def _of(basin: Basin) -> str:
+def _of(basin: LocalOptimum) -> str:
     """What an optimum, or the way that is none, is called in the legend."""
     what = f"optimum: {basin.name}" if basin.minimum else f"{_MEANS[basin.name]} alone"
     return f"{what} (norm {basin.norm:.3g})"

@@ -13,11 +13,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 
+from ..laws.registry import name_of
 from ..rig.friction import (
+    AbstractRateState,
     AbstractStribeck,
-    AgeingEvolution,
     HessSoom,
-    RateState,
     critical_velocity,
 )
 from ..stability.analysis import (
@@ -259,8 +259,8 @@ def speed(velocity: float) -> str:
 
 def law_name(law: Law) -> str:
     """What a law is called in a heading."""
-    if isinstance(law, RateState):
-        kind = "ageing" if isinstance(law.evolution, AgeingEvolution) else "slip"
+    if isinstance(law, AbstractRateState):
+        kind = name_of(law) or type(getattr(law, "evolution", law)).__name__
         states = law.B.shape[-1]
         return f"{kind} law" + (f", {states} states" if states > 1 else "")
     names = {"HessSoom": "delay law", "Dahl": "Dahl's law", "GaussianStribeck": "Gaussian Stribeck"}

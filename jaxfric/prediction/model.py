@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import InputError
-from ..gains.saved import (
+from ..laws.saved import (
     FIT,
     LOOP,
     missing_key,

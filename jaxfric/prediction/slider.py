@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..fitting.fit import forward_steps, prepare, require_float64, steps_of
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import sandwich
-from ..fitting.noise_search import estimate_noise
+from ..fitting.noise_search import estimate_noise, noise_rows
 from ..fitting.problem import FAILED_MISFIT, Model, Problem, bucket, residual_and_jacobian, to_free
 from ..fitting.result import unit_of
 from ..fitting.start import noise_from_differences
@@ -222,7 +222,8 @@ def _shifts(setting: _Setting, name: str, refit: _Found) -> tuple[Shift, ...]:
     n = problem.time.shape[0]
     residual = jnp.asarray(refit.error / float(problem.noise_scale))
     padded = jnp.zeros(n).at[: len(refit.error)].set(residual)
-    noise = estimate_noise(problem.clock, problem.weight, padded, columns[:n]).noise
+    rows = noise_rows(problem.clock, problem.weight, padded, columns[:n])
+    noise = estimate_noise(rows).noise
     inverse = normal_inverse(columns)
     middle = np.array(sandwich(problem.clock, columns[:n], noise))
     held = range(len(free), len(index))

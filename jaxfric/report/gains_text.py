@@ -1,6 +1,6 @@
 """Gains as lines of text."""
 
-from ..gains.result import Basin, Gains
+from ..gains.result import Gains, LocalOptimum
 from ..units import between
 
 
@@ -51,7 +51,7 @@ def _scenarios(gains: Gains) -> str:
     return text
 
 
-def _basin(basin: Basin, gains: Gains) -> str:
+def _basin(basin: LocalOptimum, gains: Gains) -> str:
     how = {"stiff": "held by stiffness", "damped": "held by damping"}[basin.name]
     if not basin.minimum:
         how += " alone; the norm has no minimum there"

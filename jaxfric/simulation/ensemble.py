@@ -12,7 +12,8 @@ can be differentiated, and e is then known from u and theta without being integr
     slip law (4):  dtheta_i/dt = -(V/L_i) (theta_i + B_i u)
     ageing law:    dtheta_i/dt = (B_i V0/L_i) (exp(-theta_i/B_i) - V/V0)
 
-One exponential a stage (two or more for ageing), no root to find. Tsit5 (Tsitouras 2011,
+Any other evolution is asked for its rate. One exponential a stage (two or more for ageing), no root
+to find. Tsit5 (Tsitouras 2011,
 doi:10.1016/j.camwa.2011.06.002) with its own error estimate and interpolant; the controller and the
 tolerance are those of `simulate`. All lanes step together, each with its own step; a lane that has
 ended is left as it is, and the loop ends with its last lane. So lanes that take about as
@@ -118,7 +119,7 @@ def lanes(law: RateState, stiffness: ArrayLike, damping: ArrayLike, velocity: Ar
 
     Raises
     ------
-    InputError : a law that is not rate-and-state friction, or that hardens with slip; of what is
+    InputError : a law that is no `RateState`, or that hardens with slip; of what is
         known, parameters, stiffness or velocity that are not positive, damping below 0.
     """
     if not isinstance(law, RateState):
@@ -126,8 +127,6 @@ def lanes(law: RateState, stiffness: ArrayLike, damping: ArrayLike, velocity: Ar
             f"an ensemble of sliders without mass needs a rate-and-state law, not a"
             f" {type(law).__name__}"
         )
-    if not isinstance(law.evolution, SlipEvolution | AgeingEvolution):
-        raise InputError(f"an ensemble has no {type(law.evolution).__name__}")
     refuse_outside(law, "ensemble")
     refuse_outside(QuasiStatic(stiffness, damping), "ensemble")
     if is_known(velocity) and not np.all(np.asarray(velocity) > 0):
@@ -156,12 +155,13 @@ def derivative(of: Lanes) -> Callable[[Vector], Vector]:
     command = of.velocity / law.V0
     b = [law.B[:, i] / law.A for i in range(n)]
     pace = [law.V0 / law.L[:, i] for i in range(n)]
-    ageing = isinstance(law.evolution, AgeingEvolution)
+    evolution = law.evolution
+    own = jax.vmap(lambda r, theta, B, L, V0: evolution.rate(r, theta, B, L, V0))
 
     def rates(y: Vector) -> Vector:
         u, *psi = y
         r = jnp.exp(jnp.minimum(u, _LARGEST_EXPONENT))
-        if ageing:
+        if isinstance(evolution, AgeingEvolution):
             states = [
                 jnp.where(
                     b[i] == 0,
@@ -172,8 +172,11 @@ def derivative(of: Lanes) -> Callable[[Vector], Vector]:
                 )
                 for i in range(n)
             ]
-        else:
+        elif isinstance(evolution, SlipEvolution):
             states = [-(pace[i] * r) * (psi[i] + b[i] * u) for i in range(n)]
+        else:
+            theta = jnp.stack(psi, axis=1) * law.A[:, None]
+            states = list((own(r, theta, law.B, law.L, law.V0) / law.A[:, None]).T)
         du = (stiff * (command - r) - sum(states)) / (1 + damp * r)
         return (du, *states)
 

@@ -15,6 +15,7 @@ from ..quantity import as_floats
 from ..rig import Inertial, Rig
 from ..rig.friction import (
     AbstractLaw,
+    AbstractRateState,
     AgeingEvolution,
     Conditions,
     LogarithmicEffect,
@@ -117,13 +118,13 @@ def rest_start(
         a law that does not heal at rest, or with a given `state`.
     """
     law = law_with_states(rig)
-    if isinstance(law, RateState) and isinstance(law.direct, LogarithmicEffect):
+    if isinstance(law, AbstractRateState) and isinstance(law.direct, LogarithmicEffect):
         raise InputError(
             "start at rest: ln(V/V0) is infinite at V = 0; give the law a RegularisedEffect "
             "(`regularised(rig)` does)"
         )
-    ageing = isinstance(law, RateState) and isinstance(law.evolution, AgeingEvolution)
-    if contact_time is not None and (state is not None or not ageing):
+    heals = isinstance(law, RateState) and isinstance(law.evolution, AgeingEvolution)
+    if contact_time is not None and (state is not None or not heals):
         raise InputError(
             "start at rest: contact_time is for the ageing law, whose state heals at rest, "
             "and not with a given state; leave it out"
@@ -132,7 +133,7 @@ def rest_start(
     steady = law.steady_state(V0)
     if state is not None:
         begun = jnp.asarray(state, jnp.result_type(float))
-    elif not isinstance(law, RateState):
+    elif not isinstance(law, AbstractRateState):
         begun = jnp.zeros_like(steady)
     elif contact_time is not None:
         begun = law.B * jnp.log(law.V0 / jnp.abs(V0) + law.V0 * jnp.asarray(contact_time) / law.L)
@@ -146,7 +147,7 @@ def rest_start(
 def regularised(rig: Rig) -> Rig:
     """The rig with a `RegularisedEffect` in place of a logarithmic one; other laws as they are."""
     law = rig.friction
-    if isinstance(law, RateState) and isinstance(law.direct, LogarithmicEffect):
+    if isinstance(law, AbstractRateState) and isinstance(law.direct, LogarithmicEffect):
         return eqx.tree_at(lambda r: r.friction.direct, rig, RegularisedEffect())
     return rig
 

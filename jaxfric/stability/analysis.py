@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..errors import InputError
-from ..rig.friction import AbstractDelayLaw, AbstractLaw, LogarithmicEffect, RateState
+from ..rig.friction import AbstractDelayLaw, AbstractLaw, AbstractRateState, LogarithmicEffect
 from ..rig.friction.law import Conditions
 from .delay_roots import rightmost_roots
 from .kernel import AbstractKernel, DelayKernel, kernel_total
@@ -60,7 +60,7 @@ class SteadyPoint(eqx.Module):
 
 def logarithmic(law: Law) -> Law:
     """The law with the direct effect ln(V/V0) of (3) in place of a regularised one."""
-    if isinstance(law, RateState):
+    if isinstance(law, AbstractRateState):
         return eqx.tree_at(lambda law: law.direct, law, LogarithmicEffect())
     return law
 

@@ -21,7 +21,14 @@ from ...errors import InputError
 from ...fitting.fit import require_float64
 from ...fitting.noise import Noise, sandwich
 from ...fitting.noise_estimate import CLOCKS, ROTARY_CLOCKS, NoiseEstimate, noise_estimate
-from ...fitting.noise_search import LONGEST, Family, Found, estimate_noise, profile_noise
+from ...fitting.noise_search import (
+    LONGEST,
+    Family,
+    Found,
+    estimate_noise,
+    noise_rows,
+    profile_noise,
+)
 from ...fitting.quantisation import least_noise, recorded_steps
 from ...records.steady import SteadyCurve
 
@@ -162,13 +169,14 @@ def _likeliest(
     """The noise from white on, part by part; or with a swing once a turn, if that is worth more."""
     weight = np.ones(len(residual))
     means = (run[:, None] == np.unique(run)).astype(float)
-    found = estimate_noise(clock, weight, residual, means, longest, least=least)
+    rows = noise_rows(clock, weight, residual, means, longest)
+    found = estimate_noise(rows, least=least)
     if not rotary:
         return found
     memory, once = math.log(_MEMORY * longest[_ANGLE]), 0.0  # logarithm of 2 pi/turn [1/rad]
     family = Family(_ANGLE, _ANGLE, resonates=True)
     starts = [np.array([_SIZE, memory + a, _SIZE, memory, once]) for a in _SHORTER]
-    turning = profile_noise(clock, weight, residual, means, longest, family, starts, least=least)
+    turning = profile_noise(rows, family, starts, least=least)
     return max((found, turning), key=lambda one: _worth_of(one, len(residual)))
 
 

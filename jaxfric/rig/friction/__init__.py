@@ -13,6 +13,7 @@ from .memoryless import worst_slope as worst_slope
 from .presliding import Dahl as Dahl
 from .rate_state import AbstractDirectEffect as AbstractDirectEffect
 from .rate_state import AbstractEvolution as AbstractEvolution
+from .rate_state import AbstractRateState as AbstractRateState
 from .rate_state import AgeingEvolution as AgeingEvolution
 from .rate_state import LogarithmicEffect as LogarithmicEffect
 from .rate_state import RateState as RateState

@@ -16,6 +16,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...quantity import quantity, refuse_outside
+from .law import Scalar
 
 
 class AbstractDelayLaw(eqx.Module):
@@ -27,19 +28,19 @@ class AbstractDelayLaw(eqx.Module):
     delay: eqx.AbstractVar[Float[Array, ""]]
 
     @abc.abstractmethod
-    def steady_force(self, V: Float[Array, ""]) -> Float[Array, ""]:
+    def steady_force(self, V: Scalar) -> Scalar:
         """Friction force [F] when sliding steadily at `V` > 0 [m/s]."""
 
     @abc.abstractmethod
-    def force(self, V_now: Float[Array, ""], V_delayed: Float[Array, ""]) -> Float[Array, ""]:
+    def force(self, V_now: Scalar, V_delayed: Scalar) -> Scalar:
         """Friction force [F] by the velocity now and the one `delay` seconds ago [m/s]."""
 
     @abc.abstractmethod
-    def negative_slope(self, V: Float[Array, ""]) -> Float[Array, ""]:
+    def negative_slope(self, V: Scalar) -> Scalar:
         """k_f = -df/dV_delayed at steady sliding at `V` [F s/m]; > 0 where friction falls (26)."""
 
     @abc.abstractmethod
-    def force_scale(self) -> Float[Array, ""]:
+    def force_scale(self) -> Scalar:
         """A positive force [F] typical of the law's changes."""
 
 
@@ -59,16 +60,16 @@ class HessSoom(AbstractDelayLaw):
     def __check_init__(self):
         refuse_outside(self, "HessSoom")
 
-    def steady_force(self, V):
+    def steady_force(self, V: Scalar) -> Scalar:
         return self.c0 * V + self.c1 / (1 + self.c2 * V**2)
 
-    def force(self, V_now, V_delayed):
+    def force(self, V_now: Scalar, V_delayed: Scalar) -> Scalar:
         del V_now
         return self.steady_force(V_delayed)
 
-    def negative_slope(self, V):
+    def negative_slope(self, V: Scalar) -> Scalar:
         """k_f = 2 c1 c2 V/(1 + c2 V^2)^2 - c0                                          (26)"""
         return 2 * self.c1 * self.c2 * V / (1 + self.c2 * V**2) ** 2 - self.c0
 
-    def force_scale(self):
+    def force_scale(self) -> Scalar:
         return self.c1

@@ -19,6 +19,7 @@ and Newton's method finds it. Without a term that couples nothing is solved.
 """
 
 import abc
+from collections.abc import Callable, Sequence
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -27,8 +28,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...quantity import quantity
-from .law import AbstractInvertibleLaw, Conditions
-from .rate_state import AbstractEvolution, RateState
+from .law import AbstractInvertibleLaw, Conditions, Scalar, States
+from .rate_state import AbstractEvolution, AbstractRateState, AgeingEvolution, SlipEvolution
 
 _NEWTON_STEPS = 3
 # One is exact where states are proportional to the force, the next takes its rounding away.
@@ -44,7 +45,7 @@ class Contact(NamedTuple):
     time: Float[Array, ""]
     state: Float[Array, " n"]
     """States of the term itself."""
-    base: RateState
+    base: AbstractRateState
     stress: Float[Array, ""] | None = None
     """Normal stress over the one at the start; None: it does not move."""
     load_velocity: Float[Array, ""] | None = None
@@ -62,22 +63,20 @@ class AbstractTerm(eqx.Module):
     """Whether its steady state depends on the whole friction force."""
 
     @abc.abstractmethod
-    def force(self, at: Contact) -> Float[Array, ""]:
+    def force(self, at: Contact) -> Scalar:
         """Added friction force."""
 
     @abc.abstractmethod
-    def rate(self, at: Contact, force: Float[Array, ""]) -> Float[Array, " n"]:
+    def rate(self, at: Contact, force: Scalar) -> States:
         """Time derivative of its states; `force` is the whole friction force."""
 
     @abc.abstractmethod
-    def steady_state(
-        self, V: Float[Array, ""], base: RateState, force: Float[Array, ""]
-    ) -> Float[Array, " n"]:
+    def steady_state(self, V: Scalar, base: AbstractRateState, force: Scalar) -> States:
         """Its states in steady sliding at `V`, where `rate` vanishes; `force` is the whole
         friction force there, and is 0 where the term does not couple."""
 
     @abc.abstractmethod
-    def shift(self, at: Contact) -> Float[Array, ""] | None:
+    def shift(self, at: Contact) -> Scalar | None:
         """h: what the base's evolution sees of theta beyond what is integrated; None: nothing."""
 
 
@@ -86,14 +85,12 @@ class AbstractStatelessTerm(AbstractTerm):
 
     couples: ClassVar[bool] = False
 
-    def rate(self, at: Contact, force: Float[Array, ""]) -> Float[Array, " 0"]:
+    def rate(self, at: Contact, force: Scalar) -> Float[Array, " 0"]:
         """None."""
         del force
         return at.state
 
-    def steady_state(
-        self, V: Float[Array, ""], base: RateState, force: Float[Array, ""]
-    ) -> Float[Array, " 0"]:
+    def steady_state(self, V: Scalar, base: AbstractRateState, force: Scalar) -> Float[Array, " 0"]:
         """None."""
         del base, force
         return jnp.zeros((0,), V.dtype)
@@ -106,17 +103,17 @@ class AbstractStatelessTerm(AbstractTerm):
 class ExtendedLaw(AbstractInvertibleLaw):
     """A base law and its terms; the states are the base's, then those of the terms in order."""
 
-    base: RateState
+    base: AbstractRateState
     terms: tuple[AbstractTerm, ...] = ()
 
-    def force(self, V, state, at):
+    def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         theta, parts = self._split(state)
         total = self.base.force(V, theta, at)
         for term, part in zip(self.terms, parts, strict=True):
             total = total + term.force(self._contact(V, part, at))
         return total
 
-    def rate(self, V, state, at):
+    def rate(self, V: Scalar, state: States, at: Conditions) -> States:
         theta, parts = self._split(state)
         rates = [self.base.rate(V, self._seen(V, theta, parts, at), at)]
         force = self.force(V, state, at) if any(term.states for term in self.terms) else V
@@ -125,13 +122,13 @@ class ExtendedLaw(AbstractInvertibleLaw):
                 rates.append(term.rate(self._contact(V, part, at), force))
         return jnp.concatenate(rates)
 
-    def steady_state(self, V):
+    def steady_state(self, V: Scalar) -> States:
         at, none = Conditions(jnp.zeros_like(V), jnp.zeros_like(V)), jnp.zeros_like(V)
         state = self._settled(V, none, at)
         if not any(term.couples for term in self.terms):
             return state
 
-        def excess(force):
+        def excess(force: Scalar) -> Scalar:
             return force - self.force(V, self._settled(V, force, at), at)
 
         force = self.force(V, state, at)
@@ -140,17 +137,19 @@ class ExtendedLaw(AbstractInvertibleLaw):
             force = force - value / slope
         return self._settled(V, force, at)
 
-    def _settled(self, V, force, at: Conditions):
+    def _settled(self, V: Scalar, force: Scalar, at: Conditions) -> States:
         """The states in steady sliding at `V` where the whole friction force is `force`."""
         parts = [term.steady_state(V, self.base, force) for term in self.terms]
         theta = self.base.steady_state(V)
         theta = theta - (self._seen(V, theta, parts, at) - theta)
         return jnp.concatenate([theta, *parts])
 
-    def force_scale(self):
+    def force_scale(self) -> Scalar:
         return self.base.force_scale()
 
-    def velocity(self, force, state, at, *, damping=None):
+    def velocity(
+        self, force: Scalar, state: States, at: Conditions, *, damping: Scalar | None = None
+    ) -> Scalar:
         theta, parts = self._split(state)
         pairs = list(zip(self.terms, parts, strict=True))
         still = jnp.ones_like(force)
@@ -162,7 +161,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
         if not moving:
             return V
 
-        def excess(V):
+        def excess(V: Scalar) -> Scalar:
             total = self.base.force(V, theta, at) - force
             for term, part in moving:
                 total = total + term.force(self._contact(V, part, at))
@@ -173,10 +172,10 @@ class ExtendedLaw(AbstractInvertibleLaw):
             V = _newton(excess, jax.lax.stop_gradient(V))
         return V
 
-    def _contact(self, V, part, at: Conditions) -> Contact:
+    def _contact(self, V: Scalar, part: States, at: Conditions) -> Contact:
         return Contact(V, at.slip, at.time, part, self.base, at.stress, at.load_velocity)
 
-    def _seen(self, V, theta, parts, at: Conditions):
+    def _seen(self, V: Scalar, theta: States, parts: Sequence[States], at: Conditions) -> States:
         """The base's states as their evolution sees them; shifts are the first one's."""
         for term, part in zip(self.terms, parts, strict=True):
             shift = term.shift(self._contact(V, part, at))
@@ -184,7 +183,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
                 theta = theta.at[0].add(shift)
         return theta
 
-    def _split(self, state) -> tuple[Array, list[Array]]:
+    def _split(self, state: States) -> tuple[Array, list[Array]]:
         n = self.base.B.shape[0]
         parts, begin = [], n
         for term in self.terms:
@@ -193,7 +192,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
         return state[:n], parts
 
 
-def _newton(excess, V: Float[Array, ""]) -> Float[Array, ""]:
+def _newton(excess: Callable[[Scalar], Scalar], V: Scalar) -> Scalar:
     value, slope = jax.jvp(excess, (V,), (jnp.ones_like(V),))
     rise = jax.lax.stop_gradient(slope * V)
     step = value / jnp.where(rise == 0, jnp.inf, rise)
@@ -201,34 +200,30 @@ def _newton(excess, V: Float[Array, ""]) -> Float[Array, ""]:
 
 
 class BlendedEvolution(AbstractEvolution):
-    """Slip law, ageing law and all between, with a slip length and a steady state that may vary.
+    """A law, the ageing law and all between, with a slip length and a steady state that may vary.
 
-        dtheta/dt = (1 - q) slip + q ageing,   L -> L (V/V0)^n
+        dtheta/dt = (1 - q) first + q ageing,   L -> L (V/V0)^n
         theta_ss = -B [ln(V/V0) - ln(1 + c V)],   c = 1/V_c
 
-    q = 0, n = 0, c = 0 is the slip law (4), and q = 1 the ageing law. With c the ageing
-    law's steady state is that too: its V/V0 becomes (V/V0)/(1 + c V).
+    q = 0, n = 0, c = 0 is the `first` law, as a rule the slip law (4), and q = 1 the ageing law.
+    With c every law is asked at theta - B ln(1 + c V), where it is steady at -B ln(V/V0).
     """
 
     q: Float[Array, ""] = quantity("q", "1", "ageing share of the evolution", default=0.0)
     n: Float[Array, ""] = quantity("n", "1", "exponent of L with velocity", default=0.0)
     c: Float[Array, ""] = quantity("c", "s/m", "inverse cutoff velocity of evolution", default=0.0)
 
-    def rate(self, r, theta, B, L, V0):
-        moving = r > 0
-        log_r = jnp.log(jnp.where(moving, r, 1.0))
-        cut = self._cut(r, V0)
+    first: AbstractEvolution = SlipEvolution()
+
+    def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
+        log_r = jnp.log(jnp.where(r > 0, r, 1.0))
         length = L * jnp.exp(jnp.clip(self.n * log_r, -_LOG_MAX, _LOG_MAX))
-        slip = -(V0 * r / length) * (theta + B * (log_r - cut))
-        slip = jnp.where(moving, slip, 0.0)
-        absent = B == 0
-        psi = theta / jnp.where(absent, 1.0, B)
-        heal = jnp.exp(jnp.minimum(-psi + cut, _LOG_MAX))
-        ageing = jnp.where(absent, 0.0, (B * V0 / length) * (heal - r))
-        return (1 - self.q) * slip + self.q * ageing
+        seen = theta - B * self._cut(r, V0)
+        first = self.first.rate(r, seen, B, length, V0)
+        return (1 - self.q) * first + self.q * AgeingEvolution().rate(r, seen, B, length, V0)
 
-    def steady_state(self, r, B, V0):
-        return -B * (jnp.log(r) - self._cut(r, V0))
+    def steady_state(self, r: Scalar, B: States, V0: Scalar) -> States:
+        return self.first.steady_state(r, B, V0) + B * self._cut(r, V0)
 
-    def _cut(self, r, V0):
+    def _cut(self, r: Scalar, V0: Scalar) -> Scalar:
         return jnp.log1p(jnp.maximum(self.c * V0 * r, -0.9))

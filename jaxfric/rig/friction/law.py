@@ -11,6 +11,10 @@ from typing import NamedTuple
 import equinox as eqx
 from jaxtyping import Array, Float
 
+Scalar = Float[Array, ""]
+States = Float[Array, " n"]
+"""State variables of a law, or what goes with each of them."""
+
 
 class Conditions(NamedTuple):
     """Where and when the contact is: slip since the start [m] and time since the start [s].
@@ -33,23 +37,19 @@ class AbstractLaw(eqx.Module):
     """
 
     @abc.abstractmethod
-    def force(
-        self, V: Float[Array, ""], state: Float[Array, " n"], at: Conditions
-    ) -> Float[Array, ""]:
+    def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         """Friction force at slip velocity `V` in `state`."""
 
     @abc.abstractmethod
-    def rate(
-        self, V: Float[Array, ""], state: Float[Array, " n"], at: Conditions
-    ) -> Float[Array, " n"]:
+    def rate(self, V: Scalar, state: States, at: Conditions) -> States:
         """Time derivative of the state [force/s]."""
 
     @abc.abstractmethod
-    def steady_state(self, V: Float[Array, ""]) -> Float[Array, " n"]:
+    def steady_state(self, V: Scalar) -> States:
         """The state at which `rate` vanishes when sliding steadily at `V` != 0."""
 
     @abc.abstractmethod
-    def force_scale(self) -> Float[Array, ""]:
+    def force_scale(self) -> Scalar:
         """A positive force typical of the law's changes: the unit of its error control."""
 
 
@@ -62,11 +62,6 @@ class AbstractInvertibleLaw(AbstractLaw):
 
     @abc.abstractmethod
     def velocity(
-        self,
-        force: Float[Array, ""],
-        state: Float[Array, " n"],
-        at: Conditions,
-        *,
-        damping: Float[Array, ""] | None = None,
-    ) -> Float[Array, ""]:
+        self, force: Scalar, state: States, at: Conditions, *, damping: Scalar | None = None
+    ) -> Scalar:
         """The velocity at which friction plus `damping` times velocity equals `force`."""

@@ -16,10 +16,10 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 from jax.scipy.special import xlogy
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from ...quantity import quantity
-from .law import AbstractLaw
+from ...quantity import Quantity, quantity
+from .law import AbstractLaw, Conditions, Scalar, States
 
 # exp(-700) is negligible and its argument, and the powers that lead to it, are still finite.
 _POWER_MAX = 700.0
@@ -41,10 +41,10 @@ class AbstractStribeck(AbstractLaw):
     width: eqx.AbstractVar[Float[Array, ""] | None]
 
     @abc.abstractmethod
-    def exponent(self) -> Float[Array, ""]:
+    def exponent(self) -> Scalar:
         """c4 of (1)."""
 
-    def force(self, V, state, at):
+    def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         """Friction force (1) [F] at velocity `V` [m/s].
 
         Derivatives are finite everywhere. At V = 0 with the exact sign they are 0, which is
@@ -56,19 +56,29 @@ class AbstractStribeck(AbstractLaw):
         bump = jnp.exp(-_power(speed / self.c3, self.exponent()))
         return (self.c0 + self.c1 * speed + self.c2 * bump) * sign
 
-    def rate(self, V, state, at):
+    def rate(self, V: Scalar, state: States, at: Conditions) -> States:
         """No states, so nothing changes: shape (0,)."""
         del V, at
         return jnp.zeros_like(state)
 
-    def steady_state(self, V):
+    def steady_state(self, V: Scalar) -> States:
         """No states: shape (0,)."""
         return jnp.zeros((0,), jnp.result_type(float, V))
 
-    def force_scale(self):
+    def force_scale(self) -> Scalar:
         """c2 + c1 c3, by which the curve changes over a Stribeck velocity; c0 if that is 0."""
         change = self.c2 + self.c1 * self.c3
         return jnp.where(change > 0, change, self.c0)
+
+
+def _width() -> Float[Array, ""] | None:
+    """A field that is None where it is not given."""
+    about = Quantity("width", "m/s", "velocity over which the sign of friction turns", lower=0.0)
+
+    def array(value: ArrayLike | None) -> Array | None:
+        return None if value is None else 1.0 * jnp.asarray(value)
+
+    return eqx.field(converter=array, metadata={"quantity": about}, default=None)
 
 
 class GeneralStribeck(AbstractStribeck):
@@ -79,15 +89,9 @@ class GeneralStribeck(AbstractStribeck):
     c2: Float[Array, ""] = quantity("c2", "F", "Stribeck amplitude", lower=0.0, closed=True)
     c3: Float[Array, ""] = quantity("c3", "m/s", "Stribeck velocity", lower=0.0)
     c4: Float[Array, ""] = quantity("c4", "1", "Stribeck exponent", lower=0.0)
-    width: Float[Array, ""] | None = quantity(
-        "width", "m/s", "velocity over which the sign of friction turns", lower=0.0
-    )
+    width: Float[Array, ""] | None = _width()
 
-    def __init__(self, c0, c1, c2, c3, c4, *, width=None):
-        self.c0, self.c1, self.c2, self.c3, self.c4 = c0, c1, c2, c3, c4
-        self.width = width
-
-    def exponent(self):
+    def exponent(self) -> Scalar:
         return self.c4
 
 
@@ -102,19 +106,13 @@ class GaussianStribeck(AbstractStribeck):
     c1: Float[Array, ""] = quantity("c1", "F s/m", "viscous friction", lower=0.0, closed=True)
     c2: Float[Array, ""] = quantity("c2", "F", "Stribeck amplitude", lower=0.0, closed=True)
     c3: Float[Array, ""] = quantity("c3", "m/s", "Stribeck velocity", lower=0.0)
-    width: Float[Array, ""] | None = quantity(
-        "width", "m/s", "velocity over which the sign of friction turns", lower=0.0
-    )
+    width: Float[Array, ""] | None = _width()
 
-    def __init__(self, c0, c1, c2, c3, *, width=None):
-        self.c0, self.c1, self.c2, self.c3 = c0, c1, c2, c3
-        self.width = width
-
-    def exponent(self):
+    def exponent(self) -> Scalar:
         return jnp.full_like(self.c3, 2.0)
 
 
-def critical_velocity(law: AbstractStribeck) -> Float[Array, ""]:
+def critical_velocity(law: AbstractStribeck) -> Scalar:
     """The velocity V > 0 at which curve (1) falls most steeply: the hardest to stabilise [m/s].
 
     V_cr = c3 ((c4 - 1)/c4)^(1/c4) for c4 > 1, which for c4 = 2 is (16), c3/sqrt(2). For
@@ -127,7 +125,7 @@ def critical_velocity(law: AbstractStribeck) -> Float[Array, ""]:
     return jnp.where(inside, law.c3 * jnp.exp(jnp.log((n - 1) / n) / n), 0.0)
 
 
-def worst_slope(law: AbstractStribeck) -> Float[Array, ""]:
+def worst_slope(law: AbstractStribeck) -> Scalar:
     """The most negative slope f_v of curve (1) over V > 0 [F s/m]; the slider needs k_v > -f_v.
 
     For c4 > 1, with w = (c4 - 1)/c4:
@@ -144,7 +142,7 @@ def worst_slope(law: AbstractStribeck) -> Float[Array, ""]:
     return jnp.where(n < 1, -jnp.inf, law.c1 - (law.c2 / law.c3) * factor)
 
 
-def _power(u: Float[Array, ""], n: Float[Array, ""]) -> Float[Array, ""]:
+def _power(u: Scalar, n: Scalar) -> Scalar:
     """min(u^n, 700) for u >= 0, with derivatives that are finite at u = 0 and for large u."""
     moving = u > jnp.finfo(u.dtype).tiny
     log_power = n * jnp.log(jnp.where(moving, u, 1.0))

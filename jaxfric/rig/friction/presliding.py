@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...quantity import quantity
-from .law import AbstractLaw
+from .law import AbstractLaw, Conditions, Scalar, States
 
 # Distance to full sliding, relative to f_c, below which the power is continued linearly.
 _NEAR_SLIDING = 1e-12
@@ -39,18 +39,18 @@ class Dahl(AbstractLaw):
     )
     viscous: Float[Array, ""] = quantity("viscous", "F s/m", "viscous friction", default=0.0)
 
-    def force(self, V, state, at):
+    def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         del at
         return state[0] + self.viscous * V
 
-    def rate(self, V, state, at):
+    def rate(self, V: Scalar, state: States, at: Conditions) -> States:
         del at
         left = 1 - state / self.f_c * jnp.sign(V)
         size = jnp.maximum(jnp.abs(left), _NEAR_SLIDING)
         return self.sigma * V * left * size ** (self.gamma - 1)
 
-    def steady_state(self, V):
+    def steady_state(self, V: Scalar) -> States:
         return jnp.reshape(self.f_c * jnp.sign(V), (1,))
 
-    def force_scale(self):
+    def force_scale(self) -> Scalar:
         return self.f_c

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 
 from ...errors import InputError
 from ...quantity import quantity, refuse_outside
-from .law import AbstractInvertibleLaw, Conditions
+from .law import AbstractInvertibleLaw, Conditions, Scalar, States
 
 _NEWTON_STEPS = 4
 # Largest logarithm of a velocity ratio: a solver's trial step must stay a finite number.
@@ -31,32 +31,23 @@ class AbstractEvolution(eqx.Module):
     """How the states relax; in force units, with `r = |V|/V0`."""
 
     @abc.abstractmethod
-    def rate(
-        self,
-        r: Float[Array, ""],
-        theta: Float[Array, " n"],
-        B: Float[Array, " n"],
-        L: Float[Array, " n"],
-        V0: Float[Array, ""],
-    ) -> Float[Array, " n"]:
+    def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
         """dtheta/dt [force/s]."""
 
     @abc.abstractmethod
-    def steady_state(
-        self, r: Float[Array, ""], B: Float[Array, " n"], V0: Float[Array, ""]
-    ) -> Float[Array, " n"]:
+    def steady_state(self, r: Scalar, B: States, V0: Scalar) -> States:
         """theta at which `rate` vanishes."""
 
 
 class SlipEvolution(AbstractEvolution):
     """Ruina's slip law (4): dtheta/dt = -(V/L) (theta + B ln(V/V0)); frozen at rest."""
 
-    def rate(self, r, theta, B, L, V0):
+    def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
         moving = r > 0
         log_r = jnp.log(jnp.where(moving, r, 1.0))
         return jnp.where(moving, -(V0 * r / L) * (theta + B * log_r), 0.0)
 
-    def steady_state(self, r, B, V0):
+    def steady_state(self, r: Scalar, B: States, V0: Scalar) -> States:
         return -B * jnp.log(r)
 
 
@@ -67,12 +58,12 @@ class AgeingEvolution(AbstractEvolution):
     state that stays at 0; at B = 0 exactly it is taken, so that no 0/0 appears.
     """
 
-    def rate(self, r, theta, B, L, V0):
+    def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
         absent = B == 0
         psi = theta / jnp.where(absent, 1.0, B)
         return jnp.where(absent, 0.0, (B * V0 / L) * (jnp.exp(jnp.minimum(-psi, _LOG_MAX)) - r))
 
-    def steady_state(self, r, B, V0):
+    def steady_state(self, r: Scalar, B: States, V0: Scalar) -> States:
         return -B * jnp.log(r)
 
 
@@ -83,34 +74,25 @@ class AbstractDirectEffect(eqx.Module):
     """
 
     @abc.abstractmethod
-    def force(
-        self,
-        V: Float[Array, ""],
-        rest: Float[Array, ""],
-        A: Float[Array, ""],
-        V0: Float[Array, ""],
-    ) -> Float[Array, ""]:
+    def force(self, V: Scalar, rest: Scalar, A: Scalar, V0: Scalar) -> Scalar:
         """Friction force."""
 
     @abc.abstractmethod
     def velocity(
-        self,
-        force: Float[Array, ""],
-        rest: Float[Array, ""],
-        A: Float[Array, ""],
-        V0: Float[Array, ""],
-        damping: Float[Array, ""] | None,
-    ) -> Float[Array, ""]:
+        self, force: Scalar, rest: Scalar, A: Scalar, V0: Scalar, damping: Scalar | None
+    ) -> Scalar:
         """Velocity at which `force(V, ...) + damping V` equals the given force."""
 
 
 class LogarithmicEffect(AbstractDirectEffect):
     """A ln(V/V0), equation (3): for V > 0 only, singular at rest."""
 
-    def force(self, V, rest, A, V0):
+    def force(self, V: Scalar, rest: Scalar, A: Scalar, V0: Scalar) -> Scalar:
         return rest + A * jnp.log(V / V0)
 
-    def velocity(self, force, rest, A, V0, damping):
+    def velocity(
+        self, force: Scalar, rest: Scalar, A: Scalar, V0: Scalar, damping: Scalar | None
+    ) -> Scalar:
         u = (force - rest) / A
         if damping is not None:
             u = _damped_log(u, damping * V0 / A)
@@ -125,7 +107,7 @@ class RegularisedEffect(AbstractDirectEffect):
     to be positive (it is the friction level near V0).
     """
 
-    def force(self, V, rest, A, V0):
+    def force(self, V: Scalar, rest: Scalar, A: Scalar, V0: Scalar) -> Scalar:
         # asinh(x e^p / 2) with x = |V|/V0, written so that e^p may exceed the number range
         x = V / V0
         p = rest / A
@@ -135,7 +117,9 @@ class RegularisedEffect(AbstractDirectEffect):
         asymptotic = jnp.sign(x) * (p + jnp.log(jnp.where(small, 1.0, jnp.abs(x))))
         return A * jnp.where(small, direct, asymptotic)
 
-    def velocity(self, force, rest, A, V0, damping):
+    def velocity(
+        self, force: Scalar, rest: Scalar, A: Scalar, V0: Scalar, damping: Scalar | None
+    ) -> Scalar:
         g = force / A
         if damping is not None:
             c = damping * V0 / A
@@ -149,7 +133,23 @@ class RegularisedEffect(AbstractDirectEffect):
         return V0 * _twice_sinh(g, rest / A)
 
 
-class RateState(AbstractInvertibleLaw):
+class AbstractRateState(AbstractInvertibleLaw):
+    """Friction with a direct effect and states, each with an amplitude B_i and a slip length L_i.
+
+    In steady sliding theta_i = -B_i ln(V/V0), so that A - sum B_i is the slope of the steady
+    curve over ln V, whatever the states do on their way. How they relax is for `rate` to say.
+    """
+
+    f0: eqx.AbstractVar[Float[Array, ""]]
+    A: eqx.AbstractVar[Float[Array, ""]]
+    B: eqx.AbstractVar[Float[Array, " n"]]
+    L: eqx.AbstractVar[Float[Array, " n"]]
+    V0: eqx.AbstractVar[Float[Array, ""]]
+    direct: eqx.AbstractVar[AbstractDirectEffect]
+    slip_trend: eqx.AbstractVar[Float[Array, ""]]
+
+
+class RateState(AbstractRateState):
     """Rate-and-state friction with `n` states, all of one evolution law.
 
     Parameters
@@ -184,27 +184,29 @@ class RateState(AbstractInvertibleLaw):
             )
         refuse_outside(self, "RateState")
 
-    def _rest(self, state: Float[Array, " n"], at: Conditions) -> Float[Array, ""]:
+    def _rest(self, state: States, at: Conditions) -> Scalar:
         return self.f0 + jnp.sum(state) + self.slip_trend * at.slip
 
-    def force(self, V, state, at):
+    def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         return self.direct.force(V, self._rest(state, at), self.A, self.V0)
 
-    def velocity(self, force, state, at, *, damping=None):
+    def velocity(
+        self, force: Scalar, state: States, at: Conditions, *, damping: Scalar | None = None
+    ) -> Scalar:
         return self.direct.velocity(force, self._rest(state, at), self.A, self.V0, damping)
 
-    def rate(self, V, state, at):
+    def rate(self, V: Scalar, state: States, at: Conditions) -> States:
         del at
         return self.evolution.rate(jnp.abs(V) / self.V0, state, self.B, self.L, self.V0)
 
-    def steady_state(self, V):
+    def steady_state(self, V: Scalar) -> States:
         return self.evolution.steady_state(jnp.abs(V) / self.V0, self.B, self.V0)
 
-    def force_scale(self):
+    def force_scale(self) -> Scalar:
         return self.A
 
 
-def critical_stiffness(law: RateState) -> Float[Array, ""]:
+def critical_stiffness(law: RateState) -> Scalar:
     """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
 
     One state: (B - A)/L. Several: the largest k(w) = sum_i B_i w s_i/(1 + s_i^2) over the
@@ -223,7 +225,7 @@ def critical_stiffness(law: RateState) -> Float[Array, ""]:
     return jnp.max(jnp.where(crossing, between, 0.0))
 
 
-def _damped_log(z: Float[Array, ""], c: Float[Array, ""]) -> Float[Array, ""]:
+def _damped_log(z: Scalar, c: Scalar) -> Scalar:
     """u such that u + c e^u = z, for c >= 0: z - W(c e^z) with Lambert's W, by Newton steps.
 
     A small negative c (a trial of a fit) is continued through 0.
@@ -236,10 +238,10 @@ def _damped_log(z: Float[Array, ""], c: Float[Array, ""]) -> Float[Array, ""]:
     return u
 
 
-def _twice_sinh(g: Float[Array, ""], p: Float[Array, ""]) -> Float[Array, ""]:
+def _twice_sinh(g: Scalar, p: Scalar) -> Scalar:
     """2 e^-p sinh(g) without overflow of its factors."""
     return jnp.exp(jnp.minimum(g - p, _LOG_MAX)) - jnp.exp(jnp.minimum(-g - p, _LOG_MAX))
 
 
-def _twice_cosh(g: Float[Array, ""], p: Float[Array, ""]) -> Float[Array, ""]:
+def _twice_cosh(g: Scalar, p: Scalar) -> Scalar:
     return jnp.exp(jnp.minimum(g - p, _LOG_MAX)) + jnp.exp(jnp.minimum(-g - p, _LOG_MAX))

@@ -154,7 +154,9 @@ def sampled(
     return columns
 
 
-def _draw(mean, covariance, positive, samples: int, seed: int) -> np.ndarray:
+def _draw(
+    mean: np.ndarray, covariance: np.ndarray, positive: np.ndarray, samples: int, seed: int
+) -> np.ndarray:
     """Samples, one row each."""
     jacobian = np.where(positive, 1 / np.where(positive, mean, 1.0), 1.0)
     spread = covariance * np.outer(jacobian, jacobian)

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from ..gains.loop_source import law_from_loop
-from ..gains.saved import FIT, LOOP, read_saved
-from ..gains.source import LawSource, law_from_fit
+from .axis_loop import is_of_axis, law_from_axis_loop
+from .loop_source import law_from_loop
+from .saved import FIT, LOOP, read_saved
+from .source import LawSource, law_from_fit
 
 
 def law_from_file(
@@ -19,7 +20,5 @@ def law_from_file(
     content = read_saved(Path(path), FIT, LOOP)
     if content["schema"] == FIT:
         return law_from_fit(path, normal_force=normal_force, samples=samples, seed=seed)
-    from ..laws.axis_loop import is_of_axis, law_from_axis_loop
-
     load = law_from_axis_loop if is_of_axis(content) else law_from_loop
     return load(path, normal_force=normal_force, samples=samples, seed=seed)

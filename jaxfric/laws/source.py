@@ -1,5 +1,6 @@
 """Where a friction law for control comes from: a fit's file, or parameters given one by one."""
 
+import inspect
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,24 +10,24 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
 
 from ..errors import InputError
 from ..quantity import Quantity, quantities
-from ..rig.friction import (
-    AbstractDelayLaw,
-    AbstractLaw,
-    AgeingEvolution,
-    Dahl,
-    GaussianStribeck,
-    GeneralStribeck,
-    HessSoom,
-    RateState,
-    RegularisedEffect,
-    SlipEvolution,
-)
+from ..rig.friction import AbstractRateState
 from ..stability.claims import rate_state_claim
 from ..units import between, parse_quantity
+from .registry import (
+    REGISTRY,
+    Law,
+    count_states,
+    fixed_states,
+    is_rate_state,
+    law_quantity,
+    made,
+    names_of_laws,
+    numbered,
+    rate_state,
+)
 from .saved import (
     FIT,
     missing_key,
@@ -38,14 +39,6 @@ from .saved import (
     values_of,
 )
 
-EVOLUTIONS = {"slip": SlipEvolution, "ageing": AgeingEvolution}
-_CURVES = {
-    "stribeck": GeneralStribeck,
-    "gaussian-stribeck": GaussianStribeck,
-    "delay": HessSoom,
-    "dahl": Dahl,
-}
-LAWS = (*EVOLUTIONS, *_CURVES)
 _BEYOND = 2.0
 _F0 = 50.0
 """Steady friction in units of A where f0 is not given: of rock and metal it is 30 to 100."""
@@ -55,9 +48,9 @@ _F0 = 50.0
 class LawSource:
     """A law, and samples of it that its uncertainty allows; forces in newtons."""
 
-    law: AbstractLaw | AbstractDelayLaw
+    law: Law
     """The estimate."""
-    samples: AbstractLaw | AbstractDelayLaw
+    samples: Law
     """The estimate and then the samples: every array has a leading axis."""
     text: str
     """What it is, in a line."""
@@ -116,14 +109,14 @@ def law_from_fit(
     content = read_saved(path, FIT)
     refuse_damage(path, FIT, fit_damage(content))
     scale = force_of_unit(content["friction_unit"], normal_force, path)
-    states, evolution = int(content["states"]), EVOLUTIONS[content["law"]]()
+    kind, states = content["law"], int(content["states"])
     values = values_of(content)
     names = [n for n in ("f0", "A", *numbered(states), "V0", "slip_trend") if n in values]
     positive = {name: law_quantity(name).lower == 0.0 for name in names}
     columns = sampled(content, positive, samples, seed, path)
-    law = rate_state(values, states, evolution, scale)
-    text = f"{content['law']} law, {states} state(s), fitted: {path}"
-    samples_of = rate_state(columns, states, evolution, scale)
+    law = rate_state(kind, values, states, scale=scale)
+    text = f"{kind} law, {states} state(s), fitted: {path}"
+    samples_of = rate_state(kind, columns, states, scale=scale)
     steps = content.get("steps")
     seen = seen_velocities(steps.get("velocities") if isinstance(steps, dict) else None)
     return LawSource(law, samples_of, text, values["V0"], fit_warnings(content), seen)
@@ -146,7 +139,7 @@ def seen_velocities(velocities: object) -> tuple[float, float] | None:
 def _doubts(content: Mapping, states: int) -> tuple[str, ...]:
     """A line where the fit itself says nothing of stability."""
     table, free = content["parameters"], content["free"]
-    amplitudes = [f"B{'' if i == 0 else i + 1}" for i in range(states)]
+    amplitudes = numbered(states)[0::2]
     weight = np.array([(name == "A") - (name in amplitudes) for name in free], float)
     variance = float(weight @ np.asarray(content["covariance"], float) @ weight) if free else 0.0
     claim = rate_state_claim(
@@ -174,14 +167,14 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     ------
     InputError : no such law or parameter; one is missing, given twice or out of bounds.
     """
-    if kind not in LAWS:
-        raise InputError(f"law '{kind}' does not exist; there are: {', '.join(LAWS)}")
-    pairs = _pairs(text)
-    unsaid = kind in EVOLUTIONS and "f0" not in pairs
-    law = (_from_pairs if kind in EVOLUTIONS else _curve)(kind, pairs)
+    if kind not in REGISTRY:
+        raise InputError(f"law '{kind}' does not exist; there are: {', '.join(names_of_laws())}")
+    pairs = named_values(text, "parameters", "A=1 N, L=1 mm")
+    unsaid = is_rate_state(kind) and "f0" not in pairs
+    law = (_rate_state_of if is_rate_state(kind) else _other)(kind, pairs)
     V0 = getattr(law, "V0", None)
     name = f"{kind} law: {text}"
-    if unsaid:
+    if unsaid and isinstance(law, AbstractRateState):
         name += (
             f"; f0, the steady friction at V0, is not given: {float(law.f0):.4g} N ({_F0:g} A) are"
             " assumed, which matter to rest and stick-slip and hardly to linear stability"
@@ -212,55 +205,43 @@ def fit_damage(content: dict) -> str | None:
     problem = missing_key(content, keys)
     if problem:
         return problem
-    if content["law"] not in EVOLUTIONS:
+    if not is_rate_state(content["law"]):
         return f"law '{content['law']}' is not known"
-    states = content["states"]
+    states, always = content["states"], fixed_states(content["law"])
     if isinstance(states, bool) or not isinstance(states, int) or states < 1:
+        return f"the number of states is '{states}'"
+    if always not in (None, states):
         return f"the number of states is '{states}'"
     return table_damage(content, ["f0", "A", "V0", *numbered(states)])
 
 
-def numbered(states: int) -> list[str]:
-    """B, L, B2, L2, ..."""
-    return [f"{letter}{'' if i == 0 else i + 1}" for i in range(int(states)) for letter in "BL"]
-
-
-def law_quantity(name: str) -> Quantity:
-    """The quantity behind a name of `numbered`, or f0, A, V0, slip_trend."""
-    return quantities(RateState)[name if name in ("f0", "V0", "slip_trend") else name[0]]
-
-
-def rate_state(p: Mapping[str, ArrayLike], states: int, evolution, scale: float = 1.0) -> RateState:
-    """The law with forces `scale` times those given; a batch where the values are arrays."""
-    names = numbered(states)
-    p = {name: jnp.asarray(value, float) for name, value in p.items()}
-    return RateState(
-        p["f0"] * scale,
-        p["A"] * scale,
-        jnp.stack([p[name] * scale for name in names[0::2]], axis=-1),
-        jnp.stack([p[name] for name in names[1::2]], axis=-1),
-        p["V0"],
-        evolution,
-        RegularisedEffect(),
-        p.get("slip_trend", jnp.zeros_like(p["V0"])) * scale,
-    )
-
-
-def stack(laws):
+def stack(laws: Sequence[Law]) -> Law:
     """A batch of laws of one kind."""
     parts = [eqx.partition(law, eqx.is_array) for law in laws]
     arrays = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(arrays for arrays, _ in parts))
     return eqx.combine(arrays, parts[0][1])
 
 
-def _pairs(text: str) -> dict[str, str]:
+def first_of(laws: Law) -> Law:
+    """The first law of a batch."""
+    arrays, rest = eqx.partition(laws, eqx.is_array)
+    return eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest)
+
+
+def named_values(text: str, where: str, example: str) -> dict[str, str]:
+    """NAME=VALUE, separated by commas, as texts by name.
+
+    Raises
+    ------
+    InputError : a part is not of this form, or a name is given twice; it begins with `where`.
+    """
     found: dict[str, str] = {}
     for part in filter(None, (piece.strip() for piece in text.split(","))):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or not name:
-            raise InputError(f"parameters: '{part}' is not NAME=VALUE, as in 'A=1 N, L=1 mm'")
+            raise InputError(f"{where}: '{part}' is not NAME=VALUE, as in '{example}'")
         if name in found:
-            raise InputError(f"parameters: {name} is given twice")
+            raise InputError(f"{where}: {name} is given twice")
         found[name] = value
     return found
 
@@ -271,30 +252,34 @@ def _value(pairs: dict[str, str], name: str, about: Quantity) -> float:
     return about.check(value, "parameters")
 
 
-def _from_pairs(kind: str, pairs: dict[str, str]) -> RateState:
-    states = 1 + sum(name[0] == "B" and name[1:].isdigit() for name in pairs)
+def _rate_state_of(kind: str, pairs: dict[str, str]) -> AbstractRateState:
+    states = count_states(kind, pairs)
     names = numbered(states)
     for name in ("A", *names, "V0"):
         if name not in pairs:
-            raise InputError(f"parameters: {name} is missing; the {kind} law needs A, B, L, V0")
+            needed = ", ".join(("A", *numbered(fixed_states(kind) or 1), "V0"))
+            raise InputError(f"parameters: {name} is missing; the {kind} law needs {needed}")
     values = {name: _value(pairs, name, law_quantity(name)) for name in ("A", *names, "V0")}
     values["f0"] = _value(pairs, "f0", law_quantity("f0")) if "f0" in pairs else _F0 * values["A"]
     _refuse_rest(pairs, kind, "A, B, L, V0, f0")
-    return rate_state(values, states, EVOLUTIONS[kind]())
+    return rate_state(kind, values, states)
 
 
-def _curve(kind: str, pairs: dict[str, str]):
-    known = quantities(_CURVES[kind])
+def _other(kind: str, pairs: dict[str, str]) -> Law:
+    law = REGISTRY[kind]
+    assert isinstance(law, type)
+    known = quantities(law)
     fields = {about.symbol: name for name, about in known.items()}
     pairs = {fields.get(name, name): value for name, value in pairs.items()}
-    optional = {"width", "gamma", "viscous"}
+    defaults = {n: one.default for n, one in inspect.signature(law).parameters.items()}
+    optional = {name for name in known if defaults[name] is not inspect.Parameter.empty}
     for name in known:
         if name not in pairs and name not in optional:
             needed = ", ".join(n for n in known if n not in optional)
             raise InputError(f"parameters: {name} is missing; the {kind} law needs {needed}")
     values = {name: _value(pairs, name, known[name]) for name in known if name in pairs}
     _refuse_rest(pairs, kind, ", ".join(known))
-    return _CURVES[kind](**values)
+    return made(law, values)
 
 
 def _refuse_rest(pairs: dict[str, str], kind: str, known: str) -> None:

@@ -18,19 +18,27 @@ damping of its machine, the lag of its drive, lag, delay, drift and gain of its 
 law's parameters are those fitted together with them, so it is already free of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..effects import AbstractEffect, effect_of, parameters
 from ..errors import InputError
 from ..rig import QuasiStatic, Rig
 from ..rig.friction import AbstractLaw
 from ..rig.friction.extended import ExtendedLaw
+from .registry import (
+    count_states,
+    is_rate_state,
+    law_quantity,
+    made,
+    numbered,
+    rate_state,
+)
 from .saved import (
     LOOP,
     missing_key,
@@ -41,15 +49,7 @@ from .saved import (
     table_damage,
     values_of,
 )
-from .source import (
-    EVOLUTIONS,
-    LawSource,
-    force_of_unit,
-    law_quantity,
-    numbered,
-    rate_state,
-    seen_velocities,
-)
+from .source import LawSource, first_of, force_of_unit, seen_velocities
 
 CERTAIN = ("no_missing_effect", "effects", "ambiguous")
 """Verdicts whose model describes the record."""
@@ -90,21 +90,21 @@ def law_from_loop(
     content = read_saved(path, LOOP)
     if content.get("law") == "coulomb_viscous":
         raise InputError(
-            f"{path}: it is of an axis; its law is read by jaxfric.axis.law_source, and by every"
-            " verb of the command"
+            f"{path}: it is of an axis; its law is read by law_from_axis_loop, and by every verb of"
+            " the command"
         )
     refuse_damage(path, LOOP, _damage(content))
     scale = force_of_unit(content["friction_unit"], normal_force, path)
     after = content["after"]
     values = values_of(after)
     effects = _effects(path, content["effects"], values)
-    states = _states(values)
+    states = count_states(content["law"], values)
     positive = _positive(path, effects, states, values)
     columns = sampled(after, positive, samples, seed, path)
     names = tuple(columns)
     velocity = float(values["V0"] if "V0" in values else content["reference_velocity"])
 
-    def build(row):
+    def build(row: Float[Array, " p"]) -> AbstractLaw:
         p = dict(zip(names, row, strict=True))
         p.setdefault("V0", jnp.asarray(velocity, float))
         return _law(p, content["law"], states, effects, scale)
@@ -114,9 +114,8 @@ def law_from_loop(
     text = f"{content['law']} law" + (f" with {', '.join(found)}" if found else "")
     text += f", from the loop ({content['verdict']}): {path}"
     laws = eqx.filter_jit(eqx.filter_vmap(build))(rows)
-    arrays, rest = eqx.partition(laws, eqx.is_array)
     return LawSource(
-        eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest),
+        first_of(laws),
         laws,
         text,
         velocity,
@@ -125,15 +124,20 @@ def law_from_loop(
     )
 
 
-def _law(p: Mapping, kind: str, states: int, effects, scale: float) -> AbstractLaw:
+def _law(
+    p: dict[str, Array],
+    kind: str,
+    states: int,
+    effects: Sequence[type[AbstractEffect]],
+    scale: float,
+) -> AbstractLaw:
     """The law of one set of parameters, SI and the unit of the fit."""
     inside = [effect for effect in effects if _in_law(effect)]
-    if kind == "slip" and all(effect.id == "second_state" for effect in inside):
-        more = ("second_state.B2", "second_state.L2") if inside else ()
-        names = (f"B{states + 1}", f"L{states + 1}")
-        p = {**p, **{name: p[old] for name, old in zip(names, more, strict=False)}}
-        return rate_state(p, states + len(more) // 2, EVOLUTIONS[kind](), scale)
-    law = rate_state(p, states, EVOLUTIONS[kind](), scale)
+    if kind == "slip" and [effect.id for effect in inside] == ["second_state"]:
+        states += 1
+        p |= {f"{letter}{states}": p[f"second_state.{letter}2"] for letter in "BL"}
+        inside = []
+    law = rate_state(kind, p, states, scale=scale)
     if not inside:
         return law
     rig = Rig(QuasiStatic(1.0), law)
@@ -142,7 +146,7 @@ def _law(p: Mapping, kind: str, states: int, effects, scale: float) -> AbstractL
             name: p[f"{effect.id}.{name}"] * (scale if about.unit.startswith("F") else 1.0)
             for name, about in parameters(effect).items()
         }
-        rig = effect(**fields).embed(rig)
+        rig = made(effect, fields).embed(rig)
     assert isinstance(rig.friction, ExtendedLaw)
     return rig.friction
 
@@ -151,7 +155,9 @@ def _in_law(effect: type[AbstractEffect]) -> bool:
     return effect.room == "friction" and effect.id not in (*_SOFTEST, _STRESS)
 
 
-def _effects(path: Path, ids: list[str], values) -> tuple[type[AbstractEffect], ...]:
+def _effects(
+    path: Path, ids: list[str], values: Mapping[str, float]
+) -> tuple[type[AbstractEffect], ...]:
     """The effects found, and those that the base was declared with, in order."""
     declared = [name.split(".")[0] for name in values if "." in name]
     chosen = []
@@ -167,7 +173,9 @@ def _effects(path: Path, ids: list[str], values) -> tuple[type[AbstractEffect], 
     return tuple(chosen)
 
 
-def _positive(path: Path, effects, states: int, values) -> dict[str, bool]:
+def _positive(
+    path: Path, effects: Sequence[type[AbstractEffect]], states: int, values: Mapping[str, float]
+) -> dict[str, bool]:
     """The parameters of the law, and which of them are positive; all are checked."""
     about = {name: law_quantity(name) for name in ("f0", "A", *numbered(states))}
     if "V0" in values:
@@ -180,11 +188,6 @@ def _positive(path: Path, effects, states: int, values) -> dict[str, bool]:
     return {name: quantity.lower >= 0.0 for name, quantity in about.items()}
 
 
-def _states(parameters: Mapping) -> int:
-    """States of the base law: B, B2, ..."""
-    return max(1, sum(name[0] == "B" and name[1:].isdigit() for name in parameters) + 1)
-
-
 def _damage(content: dict) -> str | None:
     """What is missing from or wrong in a loop.json."""
     problem = missing_key(content, ("law", "friction_unit", "verdict", "effects", "after"))
@@ -193,7 +196,7 @@ def _damage(content: dict) -> str | None:
     )
     if problem:
         return problem
-    if content["law"] not in EVOLUTIONS:
+    if not is_rate_state(content["law"]):
         return f"law '{content['law']}' is not known"
     ids = content["effects"]
     if not isinstance(ids, list) or not all(isinstance(id, str) for id in ids):
@@ -202,7 +205,7 @@ def _damage(content: dict) -> str | None:
     if problem:
         return problem
     known = content["after"]["parameters"]
-    needed = ("f0", "A", *numbered(_states(known)))
+    needed = ("f0", "A", *numbered(count_states(content["law"], known)))
     missing = next((name for name in needed if name not in known), None)
     if missing:
         return f"parameter {missing} is missing"
@@ -224,7 +227,9 @@ def verdict_words(content: Mapping) -> list[str]:
     ]
 
 
-def _left_out(effects, values: Mapping[str, float], scale: float) -> list[str]:
+def _left_out(
+    effects: Sequence[type[AbstractEffect]], values: Mapping[str, float], scale: float
+) -> list[str]:
     """A line for every effect that is not in the law: which, and why."""
     lines = []
     fields = {e.id: [values[f"{e.id}.{name}"] for name in parameters(e)] for e in effects}
