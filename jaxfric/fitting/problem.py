@@ -18,9 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..laws.registry import fixed_states, law_quantity, numbered, rate_state
+from ..laws.registry import fixed_states, law_quantity, rate_state
 from ..motion import PiecewiseVelocity
-from ..quantity import Quantity, quantities
+from ..quantity import Quantity, numbered_names, quantities
 from ..records import VelocitySteps
 from ..rig import QuasiStatic, Rig
 from ..rig.friction import LogarithmicEffect, RegularisedEffect
@@ -62,7 +62,7 @@ class Model(NamedTuple):
 
     def names(self) -> tuple[str, ...]:
         """Names of the free parameters, in the order of the parameter vector."""
-        names = ["f0", "A", *numbered(fixed_states(self.law) or self.states)]
+        names = ["f0", "A", *numbered_names(fixed_states(self.law) or self.states)]
         names += ["K"] * self.fit_stiffness + ["slip_trend"] * self.slip_trend
         return tuple(names)
 

@@ -17,21 +17,19 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..effects import AbstractEffect, AbstractPlaceEffect, effect_of, made
+from ..effects import AbstractEffect, AbstractPlaceEffect, made
 from ..effects.axis import AxisTimeDrift, DirectionAsymmetry, RateAndState
 from ..errors import InputError
 from ..quantity import quantities
 from ..rig.axis import LAW, AxisRig, BaseLaw
 from ..rig.axis_law import AxisLaw, axis_law
-from .loop_source import spring_words, verdict_words
+from .loop_source import effects_in, loop_damage, spring_words, verdict_words
 from .saved import (
     LOOP,
-    missing_key,
     own_warnings,
     read_saved,
     refuse_damage,
@@ -39,7 +37,7 @@ from .saved import (
     table_damage,
     values_of,
 )
-from .source import LawSource, force_of_unit, seen_velocities
+from .source import LawSource, first_of, force_of_unit, seen_velocities
 
 Effects = Sequence[type[AbstractEffect]]
 
@@ -87,7 +85,7 @@ def law_from_axis_loop(
     refuse_damage(path, LOOP, _damage(content))
     after, about = content["after"], content.get("axis") or {}
     values = values_of(after)
-    effects = _effects(path, content["effects"], values)
+    effects = effects_in(path, content["effects"], values, AxisRig)
     _refuse_other(path, content, effects)
     force_of_unit(content["friction_unit"], normal_force, path)
     inside = [effect for effect in effects if _in_law(effect)]
@@ -95,10 +93,9 @@ def law_from_axis_loop(
     width, reach = (float(about.get(key) or 0.0) for key in ("width", "reach"))
     build = _builder(inside, tuple(columns), values["M"], width or _NO_WIDTH, reach)
     laws = eqx.filter_jit(eqx.filter_vmap(build))(jnp.asarray(np.stack([*columns.values()], -1)))
-    arrays, rest = eqx.partition(laws, eqx.is_array)
     steps = content.get("steps", [])
     return LawSource(
-        eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest),
+        first_of(laws),
         laws,
         f"friction of an axis with {', '.join(e.id for e in inside)}, from the loop"
         f" ({content['verdict']}): {path}",
@@ -139,14 +136,10 @@ def _builder(
 
 def _damage(content: dict) -> str | None:
     """What is missing from or wrong in a loop.json of an axis."""
-    problem = missing_key(content, ("law", "friction_unit", "verdict", "effects", "after"))
-    keys = ("parameters", "free", "covariance")
-    problem = problem or missing_key(content["after"], keys, "after.")
+    problem = loop_damage(content)
     if problem:
         return problem
-    ids, about = content["effects"], content.get("axis")
-    if not isinstance(ids, list) or not all(isinstance(id, str) for id in ids):
-        return "the effects are no list of names"
+    about = content.get("axis")
     if about is not None and not isinstance(about, dict):
         return "'axis' is no table"
     for key in ("width", "reach"):
@@ -154,24 +147,6 @@ def _damage(content: dict) -> str | None:
         if size is not None and not (isinstance(size, int | float) and 0 <= size < np.inf):
             return f"'axis.{key}' is {size!r}"
     return table_damage(content["after"], BaseLaw().names())
-
-
-def _effects(
-    path: Path, ids: list[str], values: Mapping[str, float]
-) -> tuple[type[AbstractEffect], ...]:
-    """The effects found, and those that the base was declared with, in order."""
-    declared = [name.split(".")[0] for name in values if "." in name]
-    chosen = []
-    for id in dict.fromkeys([*ids, *declared]):
-        try:
-            effect = effect_of(id, AxisRig)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-        for field in quantities(effect):
-            if f"{id}.{field}" not in values:
-                refuse_damage(path, LOOP, f"parameter {id}.{field} is missing")
-        chosen.append(effect)
-    return tuple(chosen)
 
 
 def _refuse_other(path: Path, content: Mapping, effects: Effects) -> None:

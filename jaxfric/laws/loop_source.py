@@ -26,17 +26,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..effects import AbstractEffect, effect_of, parameters
+from ..effects import AbstractEffect, AbstractPlaceEffect, effect_of, made, parameters
+from ..effects.friction import SlipTrend
 from ..errors import InputError
+from ..quantity import numbered_names
 from ..rig import QuasiStatic, Rig
+from ..rig.axis import AxisRig
 from ..rig.friction import AbstractLaw
 from ..rig.friction.extended import ExtendedLaw
 from .registry import (
     count_states,
     is_rate_state,
     law_quantity,
-    made,
-    numbered,
     rate_state,
 )
 from .saved import (
@@ -54,12 +55,6 @@ from .source import LawSource, first_of, force_of_unit, seen_velocities
 CERTAIN = ("no_missing_effect", "effects", "ambiguous")
 """Verdicts whose model describes the record."""
 
-# Softest spring [F/m] that an effect of the slider's place can be.
-_SOFTEST = {
-    "slip_trend": lambda s: s,
-    "run_in": lambda d, dc: min(d, 0.0) / dc,
-    "position_periodic": lambda a, b, wavelength: -2 * np.pi * np.hypot(a, b) / wavelength,
-}
 _STRESS = "normal_stress"
 _ROOMS = {"machine": "machine", "drive": "drive", "sensor": "force sensor"}
 
@@ -97,7 +92,7 @@ def law_from_loop(
     scale = force_of_unit(content["friction_unit"], normal_force, path)
     after = content["after"]
     values = values_of(after)
-    effects = _effects(path, content["effects"], values)
+    effects = effects_in(path, content["effects"], values)
     states = count_states(content["law"], values)
     positive = _positive(path, effects, states, values)
     columns = sampled(after, positive, samples, seed, path)
@@ -152,18 +147,19 @@ def _law(
 
 
 def _in_law(effect: type[AbstractEffect]) -> bool:
-    return effect.room == "friction" and effect.id not in (*_SOFTEST, _STRESS)
+    place = issubclass(effect, AbstractPlaceEffect)
+    return effect.room == "friction" and not place and effect.id != _STRESS
 
 
-def _effects(
-    path: Path, ids: list[str], values: Mapping[str, float]
+def effects_in(
+    path: Path, ids: list[str], values: Mapping[str, float], rig: type[Rig] | type[AxisRig] = Rig
 ) -> tuple[type[AbstractEffect], ...]:
     """The effects found, and those that the base was declared with, in order."""
     declared = [name.split(".")[0] for name in values if "." in name]
     chosen = []
     for id in dict.fromkeys([*ids, *declared]):
         try:
-            effect = effect_of(id)
+            effect = effect_of(id, rig)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         for field in parameters(effect):
@@ -177,7 +173,7 @@ def _positive(
     path: Path, effects: Sequence[type[AbstractEffect]], states: int, values: Mapping[str, float]
 ) -> dict[str, bool]:
     """The parameters of the law, and which of them are positive; all are checked."""
-    about = {name: law_quantity(name) for name in ("f0", "A", *numbered(states))}
+    about = {name: law_quantity(name) for name in ("f0", "A", *numbered_names(states))}
     if "V0" in values:
         about["V0"] = law_quantity("V0")
     for effect in effects:
@@ -188,24 +184,31 @@ def _positive(
     return {name: quantity.lower >= 0.0 for name, quantity in about.items()}
 
 
-def _damage(content: dict) -> str | None:
-    """What is missing from or wrong in a loop.json."""
+def loop_damage(content: dict) -> str | None:
+    """What is missing from or wrong in a loop.json, of whatever rig."""
     problem = missing_key(content, ("law", "friction_unit", "verdict", "effects", "after"))
-    problem = problem or missing_key(
-        content["after"], ("parameters", "free", "covariance"), "after."
-    )
+    keys = ("parameters", "free", "covariance")
+    problem = problem or missing_key(content["after"], keys, "after.")
+    if problem:
+        return problem
+    ids = content["effects"]
+    if not isinstance(ids, list) or not all(isinstance(id, str) for id in ids):
+        return "the effects are no list of names"
+    return None
+
+
+def _damage(content: dict) -> str | None:
+    """The same of a slider's."""
+    problem = loop_damage(content)
     if problem:
         return problem
     if not is_rate_state(content["law"]):
         return f"law '{content['law']}' is not known"
-    ids = content["effects"]
-    if not isinstance(ids, list) or not all(isinstance(id, str) for id in ids):
-        return "the effects are no list of names"
     problem = table_damage(content["after"], ())
     if problem:
         return problem
     known = content["after"]["parameters"]
-    needed = ("f0", "A", *numbered(count_states(content["law"], known)))
+    needed = ("f0", "A", *numbered_names(count_states(content["law"], known)))
     missing = next((name for name in needed if name not in known), None)
     if missing:
         return f"parameter {missing} is missing"
@@ -232,13 +235,14 @@ def _left_out(
 ) -> list[str]:
     """A line for every effect that is not in the law: which, and why."""
     lines = []
-    fields = {e.id: [values[f"{e.id}.{name}"] for name in parameters(e)] for e in effects}
     if "slip_trend" in values:  # declared in the base law itself
-        fields["slip_trend"] = [values["slip_trend"]]
-    for id, chosen in fields.items():
-        effect = effect_of(id)
-        if id in _SOFTEST:
-            spring = scale * _SOFTEST[id](*chosen)
+        effects = (*effects, SlipTrend)
+        values = {**values, "slip_trend.s": values["slip_trend"]}
+    for effect in effects:
+        id = effect.id
+        if issubclass(effect, AbstractPlaceEffect):
+            own = {name: values[f"{id}.{name}"] for name in parameters(effect)}
+            spring = scale * float(made(effect, own).softest_spring())
             lines.append(
                 f"{id} is left out of the law: it depends on where the slider is, so no steady"
                 f" sliding exists with it. {spring_words(spring)}"

@@ -11,15 +11,14 @@ laws only. Any other law has the parameters that its class declares.
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping
-from typing import TypeVar
+from collections.abc import Iterable, Mapping
 
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
 from ..effects.effect import AbstractEffect, AbstractEvolutionEffect
 from ..errors import InputError
-from ..quantity import Quantity, quantities
+from ..quantity import Quantity, numbered_names, quantities
 from ..rig.friction import (
     AbstractDelayLaw,
     AbstractDirectEffect,
@@ -37,7 +36,6 @@ from ..rig.friction import (
 )
 
 Law = AbstractLaw | AbstractDelayLaw
-Made = TypeVar("Made", bound=Law | AbstractEffect)
 
 REGISTRY: dict[str, AbstractEvolution | type[AbstractLaw] | type[AbstractDelayLaw]] = {
     "slip": SlipEvolution(),
@@ -113,11 +111,6 @@ def name_of(law: Law) -> str | None:
     return None
 
 
-def numbered(states: int) -> list[str]:
-    """B, L, B2, L2, ..."""
-    return [f"{letter}{'' if i == 0 else i + 1}" for i in range(int(states)) for letter in "BL"]
-
-
 def count_states(name: str | None, parameters: Iterable[str]) -> int:
     """Number of states of a law with these parameters: its own, or one for each B or L there is."""
     always = None if name is None else fixed_states(name)
@@ -133,11 +126,6 @@ def law_quantity(name: str) -> Quantity:
     KeyError : no such parameter.
     """
     return _RATE_STATE[name if name in _RATE_STATE else name.rstrip("0123456789")]
-
-
-def made(kind: Callable[..., Made], fields: Mapping[str, ArrayLike]) -> Made:
-    """A law or an effect from its fields."""
-    return kind(**fields)
 
 
 def rate_state(
@@ -156,8 +144,8 @@ def rate_state(
     fields = {
         "f0": p["f0"] * scale,
         "A": p["A"] * scale,
-        "B": jnp.stack([p[key] * scale for key in numbered(states)[0::2]], axis=-1),
-        "L": jnp.stack([p[key] for key in numbered(states)[1::2]], axis=-1),
+        "B": jnp.stack([p[key] * scale for key in numbered_names(states)[0::2]], axis=-1),
+        "L": jnp.stack([p[key] for key in numbered_names(states)[1::2]], axis=-1),
         "V0": p["V0"],
         "direct": direct,
         "slip_trend": p.get("slip_trend", jnp.zeros_like(p["V0"])) * scale,

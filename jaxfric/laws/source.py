@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
-from ..quantity import Quantity, quantities
+from ..quantity import Quantity, numbered_names, quantities
 from ..rig.friction import AbstractRateState
 from ..stability.claims import rate_state_claim
 from ..units import between, parse_quantity
@@ -23,9 +23,7 @@ from .registry import (
     fixed_states,
     is_rate_state,
     law_quantity,
-    made,
     names_of_laws,
-    numbered,
     rate_state,
 )
 from .saved import (
@@ -111,7 +109,7 @@ def law_from_fit(
     scale = force_of_unit(content["friction_unit"], normal_force, path)
     kind, states = content["law"], int(content["states"])
     values = values_of(content)
-    names = [n for n in ("f0", "A", *numbered(states), "V0", "slip_trend") if n in values]
+    names = [n for n in ("f0", "A", *numbered_names(states), "V0", "slip_trend") if n in values]
     positive = {name: law_quantity(name).lower == 0.0 for name in names}
     columns = sampled(content, positive, samples, seed, path)
     law = rate_state(kind, values, states, scale=scale)
@@ -139,14 +137,14 @@ def seen_velocities(velocities: object) -> tuple[float, float] | None:
 def _doubts(content: Mapping, states: int) -> tuple[str, ...]:
     """A line where the fit itself says nothing of stability."""
     table, free = content["parameters"], content["free"]
-    amplitudes = numbered(states)[0::2]
+    amplitudes = numbered_names(states)[0::2]
     weight = np.array([(name == "A") - (name in amplitudes) for name in free], float)
     variance = float(weight @ np.asarray(content["covariance"], float) @ weight) if free else 0.0
     claim = rate_state_claim(
         table["A"]["value"],
         [table[name]["value"] for name in amplitudes],
         math.sqrt(variance) if variance >= 0 else math.nan,
-        determined=all(table[n].get("determined", True) for n in ("A", *numbered(states))),
+        determined=all(table[n].get("determined", True) for n in ("A", *numbered_names(states))),
     )
     if claim.kind != "open":
         return ()
@@ -212,7 +210,7 @@ def fit_damage(content: dict) -> str | None:
         return f"the number of states is '{states}'"
     if always not in (None, states):
         return f"the number of states is '{states}'"
-    return table_damage(content, ["f0", "A", "V0", *numbered(states)])
+    return table_damage(content, ["f0", "A", "V0", *numbered_names(states)])
 
 
 def stack(laws: Sequence[Law]) -> Law:
@@ -254,10 +252,10 @@ def _value(pairs: dict[str, str], name: str, about: Quantity) -> float:
 
 def _rate_state_of(kind: str, pairs: dict[str, str]) -> AbstractRateState:
     states = count_states(kind, pairs)
-    names = numbered(states)
+    names = numbered_names(states)
     for name in ("A", *names, "V0"):
         if name not in pairs:
-            needed = ", ".join(("A", *numbered(fixed_states(kind) or 1), "V0"))
+            needed = ", ".join(("A", *numbered_names(fixed_states(kind) or 1), "V0"))
             raise InputError(f"parameters: {name} is missing; the {kind} law needs {needed}")
     values = {name: _value(pairs, name, law_quantity(name)) for name in ("A", *names, "V0")}
     values["f0"] = _value(pairs, "f0", law_quantity("f0")) if "f0" in pairs else _F0 * values["A"]
@@ -279,7 +277,11 @@ def _other(kind: str, pairs: dict[str, str]) -> Law:
             raise InputError(f"parameters: {name} is missing; the {kind} law needs {needed}")
     values = {name: _value(pairs, name, known[name]) for name in known if name in pairs}
     _refuse_rest(pairs, kind, ", ".join(known))
-    return made(law, values)
+    return _built(law, values)
+
+
+def _built(law: Callable[..., Law], values: Mapping[str, float]) -> Law:
+    return law(**values)
 
 
 def _refuse_rest(pairs: dict[str, str], kind: str, known: str) -> None:

@@ -10,7 +10,7 @@ from jaxtyping import ArrayLike
 
 from ..errors import InputError
 from ..laws import registry
-from ..quantity import Quantity
+from ..quantity import Quantity, numbered_names
 from ..rig.friction import AbstractDirectEffect, AbstractRateState, RegularisedEffect
 from ..units import parse_quantity
 
@@ -92,7 +92,7 @@ def number(content: object, unit: str, where: str) -> float:
 
 def needed(states: int) -> list[str]:
     """Parameters of a rate-and-state law that have no default: A, B, L, B2, L2, ..."""
-    return ["A", *registry.numbered(states)]
+    return ["A", *numbered_names(states)]
 
 
 def rate_state(

@@ -34,7 +34,8 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError
-from ..laws.registry import count_states, is_rate_state, name_of, numbered, rate_state_laws
+from ..laws.registry import count_states, is_rate_state, name_of, rate_state_laws
+from ..quantity import numbered_names
 from ..rig.friction import AbstractRateState
 from ..study import Grid, Output
 from ..study.function import Cost, Function
@@ -278,7 +279,7 @@ def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], whe
         return None, {**own_mass, **fixed}, read.warnings
     own = {"f0": float(found.f0), "A": float(found.A), "V_ref": float(found.V0)}
     pairs = np.stack([found.B, found.L], axis=-1).ravel()
-    own |= {name: float(x) for name, x in zip(numbered(len(found.B)), pairs, strict=True)}
+    own |= {name: float(x) for name, x in zip(numbered_names(len(found.B)), pairs, strict=True)}
     return kind, {**own, **fixed}, read.warnings
 
 
