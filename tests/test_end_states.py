@@ -265,7 +265,7 @@ def test_limit_cycle_against_scipy():
 
 
 def test_standard_starts():
-    policy = {"horizon": 25 * PERIOD, "contact_time": 100.0}
+    policy = {"horizon": 25 * PERIOD, "starts": Starts(contact_time=100.0)}
     soft = check_starts(rig_of("ageing", 0.6 * K_MASSLESS, 1e2, regularised=True), V0, **policy)
     stiff = check_starts(rig_of("ageing", 3 * K_MASSLESS, 1e2, regularised=True), V0, **policy)
     assert soft.period.shape == (len(STARTS),)

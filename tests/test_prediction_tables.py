@@ -223,6 +223,7 @@ def test_the_error_of_a_slider_shift_counts_correlated_noise_and_its_own_fit(mon
     refit = SimpleNamespace(
         z=z, values={"f0": 0.5, "A": 1.0}, error=np.ones(rows), jacobian=jacobian
     )
+    monkeypatch.setattr(slider, "noise_rows", lambda *_: None)
     monkeypatch.setattr(slider, "estimate_noise", lambda *_: SimpleNamespace(noise=None))
     monkeypatch.setattr(slider, "sandwich", lambda clock, J, noise: J.T @ root @ root.T @ J)
     made = saved([UM])
