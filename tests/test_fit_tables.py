@@ -86,5 +86,5 @@ def test_what_a_record_determines(positive, std, known):
     """A 95 % interval of less than a decade; of a signed one, half of it less than the span."""
     about = SimpleNamespace(lower=0.0 if positive else -np.inf)
     model = SimpleNamespace(names=lambda: ("A",), quantity=lambda name: about)
-    problem = SimpleNamespace(model=model, force_scale=2.0)
+    problem = SimpleNamespace(model=model, sizes=SimpleNamespace(force=2.0))
     assert determined(problem, np.asarray([std]), 2.0) == [known]
