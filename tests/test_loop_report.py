@@ -42,6 +42,7 @@ from jaxfric.loop.result import (
 )
 from jaxfric.loop.split import NAMES, split
 from jaxfric.loop.verdict import Told
+from jaxfric.loop.words import AXIS, SLIDER
 from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title
 from jaxfric.plot.stability import tidy
 from jaxfric.records import VelocitySteps, from_arrays
@@ -110,6 +111,7 @@ def make_loop(
     return Loop(
         record=record,
         base_fit=fit,
+        words=SLIDER,
         blocks=blocks,
         verdict=verdict,
         sentence=SENTENCES[verdict],
@@ -324,6 +326,36 @@ def page_of(loop: Loop) -> Page:
     html = page(loop, figures, version="1.2.3", command="jaxfric loop '<b>&.csv'")
     assert "http" not in html and "@import" not in html and "url(" not in html
     return Page(html)
+
+
+@pytest.mark.parametrize(("words", "other"), [(SLIDER, AXIS), (AXIS, SLIDER)])
+def test_each_rig_has_its_own_words(words, other) -> None:
+    """What is said of one rig is not said of the other: what its record is split by, its base, its
+    parameters, its effects and what marks their beginning."""
+    slider = words is SLIDER
+    loop = dataclasses.replace(make_loop("effects"), words=words, effects=("stribeck",))
+    text, html = " ".join(printed(loop).split()), page_of(loop).text
+    for shown in (text, html):
+        assert f"split by {words.part}: no {words.part.split()[1]} is both" in shown
+        assert words.errors in shown and other.errors not in shown
+        assert other.part not in shown and other.marks not in shown
+        assert ("direct effect" in shown) == slider  # the law of a slider has an A
+    assert f"anything that repeats after {words.marks} is" in html
+    assert words.catalogue["stribeck"].equation in html
+    assert other.catalogue["stribeck"].equation not in html
+    assert ("what does the slip law lack?" in html) == slider
+    assert ("0 s: 1 um/s" in html) == slider and ("0 s: 0.001 mm/s" in html) != slider
+    titles = [a.get_title(loc="left") for a in figure_of(loop, "residual").axes]
+    assert titles[0].endswith(f"dashed lines: {words.marks}")
+
+
+def figure_of(loop: Loop, name: str) -> Figure:
+    """The figure that would be saved."""
+    drawn: list[Figure] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("jaxfric.plot.loop.save", lambda figure, *_: drawn.append(figure) or [])
+        DRAWERS[name](loop, Path())
+    return drawn[0]
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

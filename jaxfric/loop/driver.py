@@ -28,6 +28,7 @@ from .search import MOST, Search, refit_safely, search
 from .split import NAMES
 from .verdict import conclude, noise_floor, questions
 from .where import where_it_sits
+from .words import LoopWords
 
 
 class Offered(NamedTuple):
@@ -108,6 +109,10 @@ class AbstractBench(abc.ABC):
         """What a user should know of the record, its preparation and the fits."""
 
     @abc.abstractmethod
+    def words(self) -> LoopWords:
+        """What reports and figures call things."""
+
+    @abc.abstractmethod
     def shown(self) -> tuple[LoopRecord, LoopBase]:
         """Record and base as reports see them."""
 
@@ -178,6 +183,7 @@ def run(
     return Loop(
         record=record,
         base_fit=base_fit,
+        words=bench.words(),
         blocks=engine.blocks,
         verdict=told.verdict,
         sentence=told.sentence,

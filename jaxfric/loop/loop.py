@@ -33,6 +33,7 @@ from .search import MOST, Search
 from .shapes import friction_shapes
 from .slider_curves import slider_curves
 from .split import Blocks, split
+from .words import SLIDER, LoopWords
 
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
 _FELT = 0.1
@@ -226,6 +227,10 @@ class SliderBench(AbstractBench):
         elif not change < _FINE_ENOUGH:
             warnings.append(f"a finer solver moves the prediction by {change:.2g} sigma")
         return (*self.thinning, *warnings)
+
+    def words(self) -> LoopWords:
+        """Those of a slider."""
+        return SLIDER
 
     def shown(self) -> tuple[Record, Fit]:
         """The record as read and its base fit."""

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fitting import Estimate, NoiseEstimate
-from ..laws.registry import is_rate_state
 from ..records import Provenance, Sampling, VelocitySteps
 from .family import CurveFamily
 from .split import NAMES, Blocks
+from .words import LoopWords
 
 SCHEMA = "jaxfric.loop/1"
 VERDICTS = ("no_missing_effect", "effects", "ambiguous", "outside_catalogue", "too_weak")
@@ -146,6 +146,8 @@ class Loop:
     record: LoopRecord
     base_fit: LoopBase
     """Fit of the base to the whole record; of an axis, what its base model is."""
+    words: LoopWords
+    """What is called how in reports and figures of this kind of rig."""
     blocks: Blocks
     verdict: str
     """One of `VERDICTS`."""
@@ -184,11 +186,6 @@ class Loop:
     """As `sigma`, of the rows that are held out; nan where it is not known apart."""
 
     @property
-    def is_axis(self) -> bool:
-        """Whether the record is of a servo axis."""
-        return not is_rate_state(self.base_fit.law)
-
-    @property
     def length_unit(self) -> str:
         """The SI unit of lengths: "m", or "rad" of a rotary axis."""
         rotary = self.record.units.get("load_point_displacement") == "rad"
@@ -197,7 +194,7 @@ class Loop:
     @property
     def base_name(self) -> str:
         """The base model in words."""
-        return "Coulomb and viscous friction" if self.is_axis else f"{self.base_fit.law} law"
+        return self.words.base.format(law=self.base_fit.law)
 
     def shifts(self) -> dict[str, float]:
         """How far each parameter of the base moved, in standard deviations of the fit after."""

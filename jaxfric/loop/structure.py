@@ -16,8 +16,8 @@ from jax.scipy.special import gammaincc
 
 QUESTIONS = {
     "block_means": "slow changes along the record",
-    "step_locked": "the same shape after every velocity step",
-    "spread_after_step": "larger or smaller just after the velocity steps",
+    "step_locked": "the same shape after every change of velocity",
+    "spread_after_step": "larger or smaller just after changes of velocity",
     "slip": "follows the slip",
     "position": "follows the position",
     "time": "follows time",

@@ -104,7 +104,8 @@ def _abscissa(loop: Loop) -> tuple[np.ndarray, str, np.ndarray]:
     """Load-point displacement where it always advances, else time; its label; where velocities
     begin."""
     steps, time = loop.base_fit.steps, loop.record.relative_time
-    if not loop.is_axis and (np.all(steps.velocities > 0) or np.all(steps.velocities < 0)):
+    one_way = np.all(steps.velocities > 0) or np.all(steps.velocities < 0)
+    if loop.words.over_path and one_way:
         along, marks = steps.displacement(time), steps.displacement(steps.times)
         size, unit = prefixed(min(float(np.max(np.abs(along))), 9e-3), "m")
         return size * along, f"load-point displacement since the first row [{unit}]", size * marks
@@ -139,9 +140,7 @@ def _velocities(axis: Axes, loop: Loop, along: np.ndarray, marks: np.ndarray) ->
         text = f"{float(f'{shown[k]:.3g}'):.15g}"  # 2000, not 2e+03
         axis.annotate(text, at, (0, 3), textcoords="offset points", ha="center", fontsize=8)
     axis.set_ylabel(f"velocity\n[{unit}]")
-    what = "Mean velocity" if loop.is_axis else "Commanded velocity"
-    marks_are = "stops and reversals" if loop.is_axis else "velocity steps"
-    tidy(axis, f"{what} [{unit}]; dashed lines: {marks_are}")
+    tidy(axis, f"{loop.words.velocity} [{unit}]; dashed lines: {loop.words.marks}")
 
 
 def _slowest(velocities: np.ndarray) -> float:
@@ -279,8 +278,7 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
         x, unit = _velocity_of(x, loop), "m/s"
     if unit in ("m", "m/s", "rad", "rad/s", "s"):
         largest = float(np.max(np.abs(x)))
-        most = np.inf if loop.is_axis else {"m": 9e-3, "m/s": 9e-4}.get(unit, 1.0)
-        factor, unit = prefixed(min(largest, most), unit)
+        factor, unit = prefixed(min(largest, loop.words.most.get(unit, np.inf)), unit)
         x = factor * x
     if unit == "F":
         x, unit = size * x, loop.readable()[1]

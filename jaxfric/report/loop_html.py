@@ -11,11 +11,9 @@ from .loop_text import (
     Table,
     apart,
     candidates,
-    catalogue,
     headline,
     numeric,
     splitting,
-    spoken,
     tables,
 )
 
@@ -24,7 +22,7 @@ FIGURES = {
         "What the model leaves",
         "Record minus model before and after, in units of the noise: dots are rows, the line is"
         " their mean with its uncertainty. A line that stays at 0 within its band is noise alone;"
-        " anything that repeats after the velocity steps is friction that the model lacks.",
+        " anything that repeats after {marks} is friction that the model lacks.",
     ),
     "noise": (
         "The noise of the record",
@@ -200,10 +198,9 @@ def _head(loop: Loop, name: str) -> str:
     law = loop.base_name
     declared = listed(loop.before.effects)
     asked = f"{name}: what does the {law}{' with ' + declared if declared else ''} lack?"
-    reasons = _list([spoken(loop, reason) for reason in loop.reasons])
     return (
         f"<header>{_paragraph(asked, 'of')}<h1>{_text(headline(loop))}</h1>"
-        f"{_paragraph(loop.sentence, 'sentence')}{reasons}</header>"
+        f"{_paragraph(loop.sentence, 'sentence')}{_list(loop.reasons)}</header>"
     )
 
 
@@ -231,7 +228,7 @@ def _added(loop: Loop) -> str:
     """Room and equation of the effects that were added."""
     items = []
     for id in loop.effects:
-        effect = catalogue(loop).get(id)
+        effect = loop.words.catalogue.get(id)
         items.append(f"{id} ({effect.room}): {effect.equation}" if effect else id)
     if not items:
         return _paragraph(
@@ -263,7 +260,7 @@ def _table(table: Table) -> str:
 
 
 def _figure(loop: Loop, name: str, figures: Mapping[str, bytes], more: str = "") -> str:
-    title, caption = (spoken(loop, text) for text in FIGURES[name])
+    title, caption = (text.format(marks=loop.words.marks) for text in FIGURES[name])
     if name not in figures:
         return f"<h2>{_text(title)}</h2>{more}{_paragraph('This figure was not drawn.', 'note')}"
     data = base64.b64encode(figures[name]).decode("ascii")
@@ -287,7 +284,7 @@ def _steps(loop: Loop) -> str:
     """When which velocity begins."""
     steps = loop.base_fit.steps
     if loop.length_unit == "m":
-        return steps.text("mm/s" if loop.is_axis else "um/s", 4)
+        return steps.text(loop.words.speed, 4)
     both = zip(steps.times, steps.velocities, strict=True)
     return ", ".join(f"{t:.4g} s: {v:.4g} {loop.length_unit}/s" for t, v in both)
 
@@ -303,7 +300,7 @@ def _provenance(loop: Loop, name: str, version: str, command: str) -> str:
         ("rows", f"{len(loop.record)} used of {origin.rows_read} (dropped: {dropped})"),
         ("sampling", str(loop.record.sampling())),
         ("friction", unit),
-        (spoken(loop, "velocity steps"), _steps(loop)),
+        (f"{loop.words.part}s", _steps(loop)),
         ("made by", f"jaxfric {version} in {loop.seconds:.1f} s"),
         ("command", command),
     ]

@@ -1,20 +1,18 @@
 """A closed loop as tables and lines of text, for the terminal and for the page."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..effects import AXIS_CATALOGUE, CATALOGUE, parameters
+from ..effects import parameters
 from ..fitting import Estimate
-from ..fitting.problem import quantity_of
 from ..fitting.table import decimals, noise_text
 from ..loop.family import CurveFamily, listed
 from ..loop.result import ROLES, CandidateScore, Loop, Table
-from ..loop.split import NAMES, Blocks
+from ..loop.split import NAMES
 from ..loop.structure import QUESTIONS, p_text
 from ..loop.thresholds import ALIAS, SIGNIFICANT
-from ..rig.axis import BaseLaw
 from ..units import factor, format_si
 
 HEADLINES = {
@@ -33,21 +31,6 @@ _TOLD = 10.0
 _MOST_CANDIDATES = 10
 _WIDE = 105
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
-
-
-def spoken(loop: Loop, text: str) -> str:
-    """A text about velocity steps, as it is said of an axis."""
-    if not loop.is_axis:
-        return text
-    for step, stop in (
-        ("the velocity steps", "stops and reversals"),
-        ("every velocity step", "every stop or reversal"),
-        ("velocity steps", "motion segments"),
-        ("velocity step", "motion segment"),
-        ("no step is", "no segment is"),
-    ):
-        text = text.replace(step, stop)
-    return text
 
 
 def headline(loop: Loop) -> str:
@@ -77,7 +60,7 @@ def lines(loop: Loop) -> list[str]:
 
 
 def _reasons(loop: Loop) -> list[str]:
-    return [f"  - {spoken(loop, reason)}" for reason in loop.reasons]
+    return [f"  - {reason}" for reason in loop.reasons]
 
 
 def print_loop(loop: Loop, console) -> None:
@@ -183,8 +166,7 @@ def by_velocity(loop: Loop) -> Table:
         errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
         rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
     head = ("from", "velocity", "block", "before [σ]", "after [σ]")
-    title = "Error in every motion segment" if loop.is_axis else "Error at every velocity"
-    return Table(title, head, rows)
+    return Table(loop.words.errors, head, rows)
 
 
 def moved(loop: Loop) -> Table:
@@ -211,7 +193,7 @@ def _also_fitted(loop: Loop) -> str:
     """Which columns beside friction the errors rest on; `jaxfric fit` leaves them out."""
     columns = ("slip", "load_point_encoder")
     used = [name for name in columns if getattr(loop.record, name, None) is not None]
-    if loop.is_axis or not used:
+    if not used:
         return ""
     return f"\n± rests on friction and {' and '.join(used)}; a fit of friction alone knows less"
 
@@ -237,21 +219,16 @@ def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
     return value_text, std_text, f"{low} to {high}"
 
 
-def catalogue(loop: Loop) -> Mapping[str, type]:
-    """The effects that a loop considers, but for the user's own."""
-    return AXIS_CATALOGUE if loop.is_axis else CATALOGUE
-
-
 def _meaning(loop: Loop, name: str) -> str:
     """What a parameter is; nothing for one of an effect that is not of the catalogue."""
     if "." not in name:
         try:
-            text = (BaseLaw().quantity(name) if loop.is_axis else quantity_of(name)).text
+            text = loop.words.quantity(name).text
             return "moment of inertia" if (name, loop.length_unit) == ("M", "rad") else text
-        except (KeyError, StopIteration):
+        except KeyError:
             return "reference velocity" if name == "V0" else ""
     effect, field = name.split(".", 1)
-    known = parameters(catalogue(loop)[effect]) if effect in catalogue(loop) else {}
+    known = parameters(loop.words.catalogue[effect]) if effect in loop.words.catalogue else {}
     return known[field].text if field in known else ""
 
 
@@ -260,7 +237,7 @@ def significance(loop: Loop) -> Table:
     rows = []
     for name, before in loop.before.tests.items():
         both = (before, loop.after.tests.get(name, math.nan))
-        rows.append((spoken(loop, QUESTIONS.get(name, name)), *(p_value(p) for p in both)))
+        rows.append((QUESTIONS.get(name, name), *(p_value(p) for p in both)))
     head = ("is it left in the residual?", "p before", "p after")
     note = (
         f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block; by likelihood,"
@@ -386,7 +363,7 @@ def _nearest(loop: Loop, id: str) -> tuple[str, float]:
 def splitting(loop: Loop) -> str:
     """How the record was split, and what that means."""
     if loop.blocks.by_step:
-        return spoken(loop, f"split by velocity step: {_whole_steps(loop.blocks)}")
+        return f"split by {loop.words.part}: {_whole_parts(loop)}"
     count = len(alias_pairs(loop))
     return (
         "the record has too few velocity steps to hold whole ones out: it was split by displacement"
@@ -395,14 +372,15 @@ def splitting(loop: Loop) -> str:
     )
 
 
-def _whole_steps(blocks: Blocks) -> str:
-    """Whether all steps are held out whole, and what is done with one that is not."""
+def _whole_parts(loop: Loop) -> str:
+    """Whether all parts are held out whole, and what is done with one that is not."""
+    blocks, piece = loop.blocks, loop.words.piece
     held = blocks.select | blocks.report
     if not np.isin(blocks.step[held], blocks.step[blocks.train]).any():
-        return "no step is both fitted and held out"
+        return f"no {piece} is both fitted and held out"
     return (
-        "the last step reports, whole and never fitted; the step before it is cut: its start is"
-        " fitted, its end selects"
+        f"the last {piece} reports, whole and never fitted; the {piece} before it is cut: its start"
+        " is fitted, its end selects"
     )
 
 

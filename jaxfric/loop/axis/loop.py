@@ -29,6 +29,7 @@ from ..engine import Candidate, Engine
 from ..location import Bumps
 from ..result import Loop, Score
 from ..search import MOST, Search
+from ..words import AXIS, LoopWords
 from .curves import axis_curves
 from .details import details_of
 from .reading import Reading, read_rows
@@ -197,6 +198,10 @@ class AxisBench(AbstractBench):
         """Of the record, of its rows, and of what was seen at low speed."""
         seen = doubts(engine, found.final, self.counted)
         return (*self.reading.warnings, *self.counted.warnings(), *seen)
+
+    def words(self) -> LoopWords:
+        """Those of an axis."""
+        return AXIS
 
     def shown(self) -> tuple[PreparedRecord, AxisBase]:
         """The rows, and what the base model is."""

@@ -1,0 +1,65 @@
+"""What the reports and figures of a loop call things, by the kind of rig that it is of."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from ..effects import AXIS_CATALOGUE, CATALOGUE, AbstractEffect
+from ..fitting.problem import quantity_of
+from ..quantity import Quantity, quantities
+from ..rig.axis import AxisRig
+
+
+class LoopWords(NamedTuple):
+    """Words, units, catalogue and limits of drawings of one kind of rig."""
+
+    base: str
+    """The base model; "{law}" stands for the name of its law."""
+    part: str
+    """What the record is split by, one of them."""
+    piece: str
+    """The same in short."""
+    marks: str
+    """Where a part begins."""
+    errors: str
+    """Title of the errors of every part."""
+    velocity: str
+    """What is known of the velocity of a part."""
+    speed: str
+    """Unit of the velocities of a record in metres."""
+    catalogue: Mapping[str, type[AbstractEffect]]
+    """The effects that are considered, but for the user's own."""
+    quantity: Callable[[str], Quantity]
+    """Symbol, unit and meaning of a parameter of the base. Raises `KeyError` where it has none of
+    that name."""
+    over_path: bool
+    """Whether figures are drawn over the motion, where that always advances; else over time."""
+    most: Mapping[str, float]
+    """By unit the largest value that chooses the prefix of an axis of a figure."""
+
+
+SLIDER = LoopWords(
+    base="{law} law",
+    part="velocity step",
+    piece="step",
+    marks="velocity steps",
+    errors="Error at every velocity",
+    velocity="Commanded velocity",
+    speed="um/s",
+    catalogue=CATALOGUE,
+    quantity=quantity_of,
+    over_path=True,
+    most={"m": 9e-3, "m/s": 9e-4, "s": 1.0},
+)
+AXIS = LoopWords(
+    base="Coulomb and viscous friction",
+    part="motion segment",
+    piece="segment",
+    marks="stops and reversals",
+    errors="Error in every motion segment",
+    velocity="Mean velocity",
+    speed="mm/s",
+    catalogue=AXIS_CATALOGUE,
+    quantity={about.symbol: about for about in quantities(AxisRig).values()}.__getitem__,
+    over_path=False,
+    most={},
+)
