@@ -20,6 +20,7 @@ FLOORS = {
     "cache": 1,
     "quantity": 0,
     "units": 0,
+    "pairs": 1,
     "motion": 1,
     "rig": 1,
     "simulation": 2,

@@ -1,7 +1,7 @@
 """Starting values as text: "A=0.01, B=0.012, L=20 um"."""
 
 from ..errors import InputError
-from ..laws.source import named_values
+from ..pairs import read_pairs
 from ..units import parse_quantity
 from .problem import quantity_of
 from .result import unit_of
@@ -10,7 +10,7 @@ from .result import unit_of
 def parse_start(text: str, friction_unit: str) -> dict[str, float]:
     """Starting values (SI) by name. Raises `InputError` for text that is not of this form."""
     found: dict[str, float] = {}
-    for name, value in named_values(text, "start", "A=0.01, L=20 um").items():
+    for name, value in read_pairs(text, "start", "'A=0.01, L=20 um'").items():
         try:
             quantity_of(name)
         except KeyError:

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..errors import InputError
+from ..pairs import read_pairs
 from ..stability.kernel import DelayKernel
 from ..stability.linear import LinearFriction, LinearSlider
-from ..stability.margin_table import MARGINS, known_margin
+from ..stability.margin_table import known_margin
 from ..stability.margins import margin
 from ..stability.theorem import apply_theorem
 
@@ -44,17 +45,17 @@ class Requirement(eqx.Module):
     @staticmethod
     def parse(texts: list[str]) -> "Requirement":
         """From texts such as "modulus=0.5"."""
-        margins = {}
         for text in texts:
-            name, equals, value = text.partition("=")
+            known_margin(text.partition("=")[0].strip())
+        margins = {}
+        example, form = "modulus=0.5", "NAME=NUMBER"
+        for name, value in read_pairs(texts, "margin", example, form=form).items():
             try:
-                margins[name.strip()] = float(value)
+                margins[name] = float(value)
             except ValueError:
-                if name.strip() in MARGINS or equals:
-                    raise InputError(
-                        f"margin '{text}' is not NAME=NUMBER, as in modulus=0.5"
-                    ) from None
-                _check(name.strip(), 1.0)
+                raise InputError(
+                    f"margin '{name}={value}' is not {form}, as in {example}"
+                ) from None
         return Requirement(margins)
 
     def slack(

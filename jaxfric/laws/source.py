@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
+from ..pairs import read_pairs
 from ..quantity import Quantity, numbered_names, quantities
 from ..rig.friction import AbstractRateState
 from ..stability.claims import rate_state_claim
@@ -167,7 +168,7 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     """
     if kind not in REGISTRY:
         raise InputError(f"law '{kind}' does not exist; there are: {', '.join(names_of_laws())}")
-    pairs = named_values(text, "parameters", "A=1 N, L=1 mm")
+    pairs = read_pairs(text, "parameters", "'A=1 N, L=1 mm'")
     unsaid = is_rate_state(kind) and "f0" not in pairs
     law = (_rate_state_of if is_rate_state(kind) else _other)(kind, pairs)
     V0 = getattr(law, "V0", None)
@@ -224,24 +225,6 @@ def first_of(laws: Law) -> Law:
     """The first law of a batch."""
     arrays, rest = eqx.partition(laws, eqx.is_array)
     return eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest)
-
-
-def named_values(text: str, where: str, example: str) -> dict[str, str]:
-    """NAME=VALUE, separated by commas, as texts by name.
-
-    Raises
-    ------
-    InputError : a part is not of this form, or a name is given twice; it begins with `where`.
-    """
-    found: dict[str, str] = {}
-    for part in filter(None, (piece.strip() for piece in text.split(","))):
-        name, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals or not name:
-            raise InputError(f"{where}: '{part}' is not NAME=VALUE, as in '{example}'")
-        if name in found:
-            raise InputError(f"{where}: {name} is given twice")
-        found[name] = value
-    return found
 
 
 def _value(pairs: dict[str, str], name: str, about: Quantity) -> float:
