@@ -17,7 +17,7 @@ from fits.blind import plants
 from jaxfric.effects import CATALOGUE
 from jaxfric.loop import protocol as module
 from jaxfric.loop.outlook import Change, Outlook, Protocol, Smallest
-from jaxfric.loop.protocol import plan
+from jaxfric.loop.protocol import Planned, plan
 from jaxfric.report.protocol_text import _stay, advice, apart, changes, effects
 
 UM = 1e-6
@@ -28,16 +28,10 @@ PLANT = {"f0": 0.6, "A": 0.010, "B": 0.014, "L": 20 * UM}
 STIFFNESS = 4 * 0.004 / (20 * UM)
 
 
-def planned(velocities: Iterable[float] = TWELVE, *, rows=75, **changed):
-    options = {
-        "slip_per_step": 150 * UM,
-        "stiffness": STIFFNESS,
-        "noise": NOISE,
-        "parameters": PLANT,
-        "rows": rows,
-        "changes": False,
-    }
-    return plan(list(velocities), **{**options, **changed})
+def planned(velocities: Iterable[float] = TWELVE, *, with_=(), without=(), changes=False, **own):
+    asked = Planned(list(velocities), 150 * UM, STIFFNESS, NOISE, PLANT, rows=75)
+    asked = dataclasses.replace(asked, **own)
+    return plan(asked, with_=with_, without=without, changes=changes)
 
 
 @pytest.fixture(scope="module")
@@ -325,8 +319,8 @@ def test_tables(twelve):
 def test_the_command(twelve, monkeypatch, tmp_path):
     asked = {}
 
-    def made_up(velocities, **options):
-        asked.update(options, velocities=velocities)
+    def made_up(what, **options):
+        asked.update(options, **vars(what))
         return twelve
 
     monkeypatch.setattr(module, "plan", made_up)

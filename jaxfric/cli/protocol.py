@@ -79,20 +79,22 @@ def protocol(
         K = _size(stiffness, f"{unit}/m", "--stiffness", values.pop("K", None))
         sigma = _size(noise, unit, "--noise", values.pop("noise", None))
         prepare_jax()
-        from ..loop.protocol import plan
+        from ..loop.protocol import Planned, plan
         from ..plot.loop import save_aliasing
 
         folder = choose_folder(out, source_name(from_), from_) if from_ else choose_folder(out, "")
         found = plan(
-            commanded,
-            slip_per_step=slip,
-            stiffness=K,
-            noise=sigma,
-            parameters=values,
-            law=found_law,
-            friction_unit=unit,
-            rows=rows,
-            slip_noise=optional_quantity(slip_channel, "m", "--slip-channel"),
+            Planned(
+                commanded,
+                slip_per_step=slip,
+                stiffness=K,
+                noise=sigma,
+                parameters=values,
+                law=found_law,
+                friction_unit=unit,
+                rows=rows,
+                slip_noise=optional_quantity(slip_channel, "m", "--slip-channel"),
+            ),
             with_=tuple(dict.fromkeys((*more, *declared))),
             without=excluded,
             progress=progress,

@@ -36,10 +36,12 @@ from ..laws.registry import count_states, refuse_unknown_law, refuse_untaken, ta
 from ..records import VelocitySteps
 from ..rig.friction import AbstractRateState
 from ..units import speed_text
+from .driver import offered
 from .engine import Candidate, Engine
 from .outlook import Change, Outlook, Protocol, Smallest
 from .sampling import seen_between
 from .screen import Screening, alias_cosines, orthonormal, sensitivities
+from .search import MOST
 from .shapes import friction_shapes
 from .split import Blocks
 from .thresholds import ACCEPT
@@ -78,31 +80,46 @@ class _Variant:
 
 
 @dataclass(frozen=True)
+class Planned:
+    """A planned sequence of velocity steps, its machine, its recorder and the base model. SI."""
+
+    velocities: Sequence[float]
+    """Commanded, each for `slip_per_step` of load-point motion."""
+    slip_per_step: float
+    stiffness: float
+    """Of the machine [F/m]."""
+    noise: float
+    """White, standard deviation of a row [F]."""
+    parameters: Mapping[str, float]
+    """Of the base: f0, A, B, L (B2, L2, ...), and V0 if it is not the first velocity; of effects
+    that the base has as "viscous.c", at their null where they are not given."""
+    law: str = "slip"
+    friction_unit: str = "1"
+    rows: int = 250
+    """Samples of each velocity, evenly spaced in time."""
+    slip_noise: float | None = None
+    """Of a channel of slip [m], None where there is none."""
+
+
+@dataclass(frozen=True)
 class _Setup:
     """What all variants share."""
 
+    planned: Planned
     model: Model
-    values: Mapping[str, float]
     effects: tuple[type[AbstractEffect], ...]
     always: tuple[str, ...]
     without: tuple[str, ...]
-    stiffness: float
-    noise: float
-    rows: int
-    friction_unit: str
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Parameters of the base."""
+        return self.planned.parameters
 
 
 def plan(
-    velocities: Sequence[float],
+    asked: Planned,
     *,
-    slip_per_step: float,
-    stiffness: float,
-    noise: float,
-    parameters: Mapping[str, float],
-    law: str = "slip",
-    friction_unit: str = "1",
-    rows: int = 250,
-    slip_noise: float | None = None,
     with_: str | Sequence[str] = (),
     without: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
@@ -118,12 +135,7 @@ def plan(
 
     Parameters
     ----------
-    velocities : commanded [m/s], each for `slip_per_step` [m] of load-point motion.
-    stiffness : of the machine [F/m]; noise : white, standard deviation of a row [F].
-    parameters : of the base: f0, A, B, L (B2, L2, ...), and V0 if it is not the first velocity; of
-        effects in `with_` as "viscous.c", at their null where they are not given.
-    rows : samples of each velocity, evenly spaced in time.
-    slip_noise : of a channel of slip [m], None where there is none.
+    asked : what is planned.
     with_ : ids of effects that the base has; without : of those that are not considered.
     changes : also look at changes of the plan.
 
@@ -137,21 +149,18 @@ def plan(
     that are uncertain, and effects so large that they are not linear.
     """
     begun = time.monotonic()
-    velocities = tuple(float(V) for V in velocities)
-    _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise)
-    with_, without = ids_of(with_), ids_of(without)
-    refuse_unknown_law(law)
-    effects = _effects(law, with_, without, own)
-    values = dict(parameters)
+    velocities, values = tuple(map(float, asked.velocities)), dict(asked.parameters)
+    _check(asked)
+    refuse_unknown_law(asked.law)
     values.setdefault("V0", velocities[0])
-    model = _model(values, law, effects, tuple(with_))
-    setup = _Setup(
-        model, values, effects, tuple(with_), tuple(without), stiffness, noise, rows, friction_unit
-    )
-    critical = _critical(model, values, stiffness)
-    ratio = stiffness / critical if critical > 0 else None
-    _refuse_unstable(ratio, stiffness, friction_unit)
-    first = _Variant("plan", "as planned", velocities, slip_per_step, slip_noise, None)
+    asked = dataclasses.replace(asked, velocities=velocities, parameters=values)
+    with_, without = tuple(ids_of(with_)), tuple(ids_of(without))
+    effects = _effects(asked.law, with_, without, own)
+    setup = _Setup(asked, _model(asked, effects, with_), effects, with_, without)
+    critical = _critical(setup)
+    ratio = asked.stiffness / critical if critical > 0 else None
+    _refuse_unstable(ratio, asked.stiffness, asked.friction_unit)
+    first = _Variant("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise, None)
     variants = [first, *(_changes(first) if changes else ())]
     found: list[Outlook | None] = []
     for k, variant in enumerate(variants):
@@ -162,16 +171,8 @@ def plan(
     outlook = found[0]
     assert outlook is not None
     return Protocol(
-        velocities=velocities,
-        slip_per_step=slip_per_step,
-        stiffness=stiffness,
-        noise=noise,
-        slip_noise=slip_noise,
-        rows=rows,
-        friction_unit=friction_unit,
-        law=law,
-        parameters=values,
-        with_=tuple(with_),
+        **vars(asked),
+        with_=with_,
         critical_stiffness=critical,
         ratio=ratio,
         outlook=outlook,
@@ -179,7 +180,7 @@ def plan(
             Change(v.key, v.text, float(v.durations.sum()), o)
             for v, o in zip(variants[1:], found[1:], strict=True)
         ),
-        warnings=_warnings(ratio, values, slip_per_step),
+        warnings=_warnings(ratio, values, asked.slip_per_step),
         seconds=time.monotonic() - begun,
     )
 
@@ -187,7 +188,8 @@ def plan(
 # ---- input ---------------------------------------------------------------------------------
 
 
-def _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise) -> None:
+def _check(asked: Planned) -> None:
+    velocities, rows = asked.velocities, asked.rows
     for V in velocities:
         if not (math.isfinite(V) and V > 0):
             raise InputError(
@@ -198,9 +200,13 @@ def _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise) -> Non
             "the protocol has no velocity step: give two velocities or more that differ, as in"
             " '1, 10, 1 um/s'"
         )
-    positive = {"slip per step": slip_per_step, "stiffness": stiffness, "noise": noise}
-    if slip_noise is not None:
-        positive["noise of the slip channel"] = slip_noise
+    positive = {
+        "slip per step": asked.slip_per_step,
+        "stiffness": asked.stiffness,
+        "noise": asked.noise,
+    }
+    if asked.slip_noise is not None:
+        positive["noise of the slip channel"] = asked.slip_noise
     for name, value in positive.items():
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"{name} is {value:g}; it must be positive")
@@ -211,17 +217,11 @@ def _check(velocities, slip_per_step, stiffness, noise, rows, slip_noise) -> Non
         )
 
 
-def _effects(law: str, with_, without, own) -> tuple[type[AbstractEffect], ...]:
-    known = {**CATALOGUE, **{e.id: e for e in own}}
-    for id in (*with_, *without):
-        if id not in known:
-            effect_of(id)
-    both = sorted(set(with_) & set(without))
-    if both:
-        raise InputError(
-            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
-            " (--without)"
-        )
+def _effects(
+    law: str, with_: Sequence[str], without: Sequence[str], own: Sequence[type[AbstractEffect]]
+) -> tuple[type[AbstractEffect], ...]:
+    asked = offered(CATALOGUE, own, with_, without, MOST, effect_of)
+    known = {effect.id: effect for effect in asked.effects}
     refuse_untaken(law, (known[id] for id in with_))
     for id in with_:
         if known[id].channel is not None:
@@ -234,7 +234,10 @@ def _effects(law: str, with_, without, own) -> tuple[type[AbstractEffect], ...]:
     return tuple(e for e in known.values() if e.channel is None and takes(law, e))
 
 
-def _model(values: dict[str, float], law: str, effects, with_) -> Model:
+def _model(
+    asked: Planned, effects: tuple[type[AbstractEffect], ...], with_: Sequence[str]
+) -> Model:
+    values, law = asked.parameters, asked.law
     base = Model(law=law, states=count_states(law, values))
     superset = Superset(base, effects)
     declared = [name for name in superset.names() if name.split(".")[0] in with_]
@@ -248,9 +251,10 @@ def _model(values: dict[str, float], law: str, effects, with_) -> Model:
     return base
 
 
-def _critical(model: Model, values: Mapping[str, float], stiffness: float) -> float:
-    row = jnp.asarray([values[name] for name in model.names()], float)
-    rig = build_rig(model, row, jnp.asarray(values["V0"]), jnp.asarray(stiffness))
+def _critical(setup: _Setup) -> float:
+    values, stiffness = setup.values, setup.planned.stiffness
+    row = jnp.asarray([values[name] for name in setup.model.names()], float)
+    rig = build_rig(setup.model, row, jnp.asarray(values["V0"]), jnp.asarray(stiffness))
     assert isinstance(rig.friction, AbstractRateState)
     return critical_stiffness_of(rig.friction)
 
@@ -325,19 +329,20 @@ def _times(variant: _Variant, rows: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
     """The problem of a record at f0, padded to the common size. Sensitivities need no data."""
-    times, step = _times(variant, setup.rows)
-    values, n = setup.values, len(times)
+    planned, values = setup.planned, setup.values
+    times, step = _times(variant, planned.rows)
+    n = len(times)
     problem = make_problem(
         times,
         np.full(n, values["f0"]),
         variant.steps(),
-        ProblemSizes(values["V0"], setup.stiffness, setup.noise, values["A"]),
+        ProblemSizes(values["V0"], planned.stiffness, planned.noise, values["A"]),
         Superset(setup.model, setup.effects),
     )
     problem = dataclasses.replace(problem, max_steps=_SOLVER_STEPS)
     # as if one velocity more were planned: some variants have it
-    planned = len(variant.velocities) - (variant.key in _LONGER)
-    size = bucket(setup.rows * (planned + 1), _ROWS)
+    count = len(variant.velocities) - (variant.key in _LONGER) + 1
+    size = bucket(planned.rows * count, _ROWS)
     pad = (0, size - n)
     used = np.ones(n, bool)
     time = jnp.asarray(np.pad(times, pad, mode="edge"))
@@ -354,11 +359,11 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         friction=jnp.full(size, values["f0"], float),
         weight=anchor,
         clock=time[:, None],
-        motion=problem.motion.padded(bucket(planned + 1, _VELOCITIES)),
+        motion=problem.motion.padded(bucket(count, _VELOCITIES)),
         channels=channels,
     )
     # every row: the slope that a small lag of the sensor needs is that at the row
-    problem = seen_between(problem, values["A"] / setup.stiffness, values["L"], share=1.0)
+    problem = seen_between(problem, values["A"] / planned.stiffness, values["L"], share=1.0)
     return problem, Blocks(used, ~used, ~used, step, True)
 
 
@@ -391,13 +396,13 @@ def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     cosines = cosines[np.ix_(order, order)]
     shown = np.asarray([smallest[id].amplitude is not None for id in ids])
     cosines = np.where(np.outer(shown, shown) | np.eye(len(ids), dtype=bool), cosines, np.nan)
-    predicted = setup.values["f0"] + setup.noise * residual
+    predicted = setup.values["f0"] + setup.planned.noise * residual
     times = np.asarray(problem.time)[:rows]
     return Outlook(ids, cosines, tuple(smallest[id] for id in ids), times, predicted)
 
 
 def _smallest(
-    engine: Engine[Problem], seen: Screening, columns, setup: _Setup
+    engine: Engine[Problem], seen: Screening, columns: np.ndarray, setup: _Setup
 ) -> dict[str, Smallest]:
     """For every effect the smallest amplitude that is named, over its shapes."""
     basis = orthonormal(columns[:, list(seen.base)])
@@ -424,10 +429,12 @@ def _smallest(
     return {id: _named(engine, id, cases, setup) for id, cases in found.items()}
 
 
-def _named(engine: Engine, id: str, cases, setup: _Setup) -> Smallest:
+def _named(
+    engine: Engine, id: str, cases: Sequence[tuple[float, dict[str, float]]], setup: _Setup
+) -> Smallest:
     effect = next(e for e in engine.model.effects if e.id == id)
     names = [engine.names[i].split(".")[1] for i in engine.model.amplitudes(id)]
-    unit = tidy_unit(parameters(effect)[names[0]].unit_for(setup.friction_unit))
+    unit = tidy_unit(parameters(effect)[names[0]].unit_for(setup.planned.friction_unit))
     possible = [(a, shape) for a, shape in cases if _possible(effect, names[0], a, shape)]
     if not possible:
         least = min((a for a, _ in cases), default=np.inf)
@@ -439,7 +446,9 @@ def _named(engine: Engine, id: str, cases, setup: _Setup) -> Smallest:
     return Smallest(id, tuple(names), unit, best[0], best[1], worst, best[0])
 
 
-def _possible(effect, name: str, amplitude: float, shape: Mapping[str, float]) -> bool:
+def _possible(
+    effect: type[AbstractEffect], name: str, amplitude: float, shape: Mapping[str, float]
+) -> bool:
     """Whether an effect of this size, of either sign, is physically possible."""
     if not np.isfinite(amplitude):
         return False
@@ -454,6 +463,6 @@ def _scales(setup: _Setup, variant: _Variant) -> RecordScales:
         total_slip=variant.slip_per_step * len(V),
         slowest=float(V.min()),
         fastest=float(V.max()),
-        interval=float(np.median(np.repeat(durations / setup.rows, setup.rows))),
+        interval=float(np.median(np.repeat(durations / setup.planned.rows, setup.planned.rows))),
         duration=float(durations.sum()),
     )
