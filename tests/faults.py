@@ -281,7 +281,7 @@ FAULTS = (
           "return size * scales.fastest**-m <= force", "return True", FIXED),
     Fault("padding is friction", "loop/fixed.py", ")[: engine.rows])))", "))))", FIXED),
     Fault("--rows is not heeded", "loop/loop.py", "if rows is not None:", "if False:", FEW_ROWS),
-    Fault("--rows is not handed on", "cli/loop.py", '"rows": rows}', '"rows": None}', VERB),
+    Fault("--rows is not handed on", "cli/loop.py", "rows=rows", "rows=None", VERB),
     Fault("two lags may act against each other", "loop/fixed.py",
           "    found += [engine.names[lags[k]] for k in inseparable(spread[np.ix_(at, at)])]\n",
           "", FIXED),

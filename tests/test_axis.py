@@ -481,18 +481,20 @@ def test_bad_input(tmp_path, monkeypatch):
         f"{a:.3f},{30 * a + 0.001 * b:.6f},{5 + b:.5f}" for a, b in zip(t, noise, strict=True)
     ]
     Path("one.csv").write_text("\n".join(lines) + "\n")
-    given = ("loop", "one.csv", "--rig", "axis", "--json")
+    given = ("axis", "one.csv", "--json")
     assert_refused(run(*given), "one.csv", "one direction only")
-    assert_refused(run(*given, "--stiffness", "1/um"), "--stiffness", "--rig axis")
+    words = "--stiffness", "with 'jaxfric axis'", "choose 'jaxfric loop'"
+    assert_refused(run(*given, "--stiffness", "1/um"), *words)
     assert_refused(run(*given, "--with", "stribek"), "stribek", "did you mean 'stribeck'")
-    assert_refused(run("loop", "one.csv", "--flip", "--stiffness", "1/um"), "--flip", "slider")
-    assert_refused(run("loop", ".", "--rig", "steady", "--json"), "needs at least 4")
+    words = "--flip", "choose 'jaxfric axis' or 'jaxfric steady'"
+    assert_refused(run("loop", "one.csv", "--flip", "--stiffness", "1/um"), *words)
+    assert_refused(run("steady", ".", "--json"), "needs at least 4")
     assert_refused(run(*given, "--cutoff", "50"), "--cutoff", "no unit")
     assert_refused(run(*given, "--cutoff", "600 Hz"), "cutoff 600 Hz", "500 Hz")
     assert_refused(run(*given, "--cutoff", "0 Hz"), "cutoff 0 Hz", "above 0")
     assert_refused(run(*given, "--cutoff", "1 Hz"), "leaves 3 rows", "choose one above 3.3 Hz")
-    for other in (("--rig", "steady"), ("--stiffness", "1/um")):
-        assert_refused(run("loop", "one.csv", *other, "--cutoff", "50 Hz"), "--cutoff", "--rig")
+    for verb in ("steady", "loop"):
+        assert_refused(run(verb, "one.csv", "--cutoff", "50 Hz"), "--cutoff", "'jaxfric axis'")
     asked = {}
 
     def made_up(record, **options):

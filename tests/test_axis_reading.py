@@ -122,7 +122,7 @@ def test_a_reversed_force_is_refused_at_once_and_turned(tmp_path, monkeypatch):
     cells = [line.split(",") for line in lines[1:]]
     wrong = [lines[0], *(f"{t},{q},{-float(f)}" for t, q, f in cells)]
     written(tmp_path / "wrong.csv", "\n".join(wrong) + "\n")
-    given = ("loop", "wrong.csv", "--rig", "axis", "--json")
+    given = ("axis", "wrong.csv", "--json")
     words = ("mass of -0.0495 kg m^2", "sign of the force reversed", "--flip force")
     assert_refused(run(*given), *words)
     assert_refused(run(*given, "--flip"), *words)  # both: as wrong as before

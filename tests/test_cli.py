@@ -125,15 +125,14 @@ def test_a_window_of_a_record() -> None:
     assert_refused(run("fit", "run.csv", *STIFFNESS, "--from", "30 s"), "no velocity step")
     outcome = run("loop", "run.csv", *STIFFNESS, "--from", "3 min", "--json")
     assert_refused(outcome, "--from '3 min'", "45 s")
-    rigs = (("axis", "goes back and forth"), ("steady", "--from would not be used"))
     written(
         Path("axis.csv"),
         "time [s],position [mm],motor_force [N]\n"
         + "".join(f"{k / 10},{100 * np.sin(k / 9)},{k % 7}\n" for k in range(90)),
     )
-    for rig, words in rigs:
-        for verb in (("record",), ("loop", "--json")):
-            assert_refused(run(*verb, "axis.csv", "--rig", rig, "--from", "3 um"), words)
+    for rig, words in (("axis", "goes back and forth"), ("steady", "--from would not be used")):
+        for verb in (("record", "--rig", rig), (rig, "--json")):
+            assert_refused(run(*verb, "axis.csv", "--from", "3 um"), words)
 
 
 def test_record_of_columns_named_by_the_user() -> None:
@@ -328,11 +327,13 @@ def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, cap
 
 def test_ids_of_effects_in_help_are_those_of_the_catalogues() -> None:
     from jaxfric.axis import AXIS_CATALOGUE
-    from jaxfric.cli.common import AXIS_EFFECTS, EFFECTS
+    from jaxfric.cli import options
     from jaxfric.effects import CATALOGUE
+    from jaxfric.loop.steady.loop import STEADY_EFFECTS
 
-    assert EFFECTS.split(", ") == list(CATALOGUE)
-    assert AXIS_EFFECTS.split(", ") == list(AXIS_CATALOGUE)
+    assert options.EFFECTS.split(", ") == list(CATALOGUE)
+    assert options.AXIS_EFFECTS.split(", ") == list(AXIS_CATALOGUE)
+    assert options.STEADY_EFFECTS.split(", ") == list(STEADY_EFFECTS)
 
 
 def test_a_gross_misfit_points_to_the_loop() -> None:

@@ -23,7 +23,8 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 from rich.console import Console
 
-from jaxfric.cli import loop as verb
+from jaxfric.cli import options
+from jaxfric.cli.call import in_new_words
 from jaxfric.effects import CATALOGUE
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.axis_preparation import Preparation
@@ -572,9 +573,61 @@ def test_the_verb(closed: dict[str, Any]) -> None:
         ["loop.html", "loop.json", *kinds]
     )
     assert (
-        "--with slip_trend,gain --without thermal --most 2"
+        "--with 'slip_trend, gain' --with gain --without thermal --most 2"
         in Page((folder / "loop.html").read_text(encoding="utf-8")).text
     )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "remark"),
+    [
+        ("loop a.csv --rig axis --held", "axis a.csv --held", "axis' is now 'jaxfric axis'"),
+        ("loop --rig=axis a.csv", "axis a.csv", "axis' is now 'jaxfric axis'"),
+        ("loop runs --out o --rig steady", "steady runs --out o", "steady' is now 'jaxfric ste"),
+        ("loop a.csv --rig slider --rows 9", "loop a.csv --rows 9", "slider' is now 'jaxf"),
+        ("loop a.csv --rows 9", "loop a.csv --rows 9", ""),
+        ("record a.csv --rig axis", "record a.csv --rig axis", ""),
+        ("fit loop --rig axis", "fit loop --rig axis", ""),
+    ],
+)
+def test_the_old_spelling_of_a_rig(old: str, new: str, remark: str) -> None:
+    words, said = in_new_words(old.split())
+    assert words == new.split() and remark in said and bool(said) == bool(remark)
+
+
+@pytest.mark.parametrize("rig", [("--rig", "press"), ("--rig",), ("--rig=",)])
+def test_a_rig_that_there_is_not_is_refused(rig: tuple[str, ...]) -> None:
+    assert_refused(run("loop", "run.csv", *rig), "--rig", "'jaxfric axis' and 'jaxfric steady'")
+
+
+def test_an_axis_in_both_spellings(closed: dict[str, Any], monkeypatch) -> None:
+    """The same is asked, written to the same folder and told; the old one tells the new."""
+    made = dataclasses.replace(make_loop("no_missing_effect"), words=AXIS)
+
+    def close_axis_loop(record, *, progress, **options) -> Loop:
+        closed.update(options, read=len(record))
+        return made
+
+    monkeypatch.setattr("jaxfric.axis.close_axis_loop", close_axis_loop)
+    turns = (f"{k / 10},{100 * np.sin(k / 9)},{k % 7}\n" for k in range(90))
+    written(Path("a.csv"), "time [s],position [mm],motor_force [N]\n" + "".join(turns))
+    options = ("--held", "--with", "cubic", "--most", 2, "--cutoff", "4 Hz")
+    asked, outcomes, texts = [], [], []
+    for verb_of_it in (("axis", "a.csv"), ("loop", "a.csv", "--rig", "axis")):
+        outcomes.append(run(*verb_of_it, *options))
+        asked.append(dict(closed))
+        folder = Path("a-loop-with-cubic-most2-held-cutoff4Hz")
+        texts.append((folder / "loop.json").read_text())
+        html = Page((folder / "loop.html").read_text(encoding="utf-8")).text
+        assert "jaxfric axis a.csv --held --with cubic --most 2 --cutoff '4 Hz'" in html
+    new, old = outcomes
+    assert (new.code, old.code) == (0, 0), outcomes
+    assert asked[0] == asked[1] and texts[0] == texts[1] and new.out == old.out
+    assert asked[0]["with_"] == ("cubic",) and asked[0]["held"] is True and asked[0]["most"] == 2
+    assert asked[0]["preparation"].cutoff == 4.0 and asked[0]["read"] == 90
+    remark = "jaxfric: note: 'jaxfric loop --rig axis' is now 'jaxfric axis'\n"
+    assert old.err.count(remark) == 1 and remark not in new.err
+    assert "written by the same command" in old.err  # as the new one is noted
 
 
 def test_few_rows_through_the_verb(closed: dict[str, Any]) -> None:
@@ -613,7 +666,7 @@ def test_an_output_that_cannot_be_written_is_known_before_the_work(closed) -> No
 
 
 def test_help_lists_the_catalogue() -> None:
-    assert verb.EFFECTS.split(", ") == list(CATALOGUE)
+    assert options.EFFECTS.split(", ") == list(CATALOGUE)
     shown = run("loop", "--help")
     assert shown.code == 0 and all(id in shown.out for id in CATALOGUE)
     assert all(len(line) <= 80 for line in shown.out.splitlines())

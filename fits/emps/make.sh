@@ -4,5 +4,5 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 record="${JAXFRIC_DATA:-../../../shared/data}/servo/emps/DATA_EMPS.mat"
-jaxfric loop "$record" --rig axis --out loop
+jaxfric axis "$record" --out loop
 rm -f loop/*.svg

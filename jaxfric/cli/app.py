@@ -12,7 +12,8 @@ from collections.abc import Iterator
 import cyclopts
 
 from ..errors import InputError, words_of_the_command
-from .call import calling
+from .axis import axis
+from .call import LOOPS, calling, in_new_words
 from .fit import fit
 from .gains import gains
 from .loop import loop
@@ -21,6 +22,7 @@ from .protocol import protocol
 from .record import record
 from .simulate import simulate
 from .stability import stability
+from .steady import steady
 from .study import study
 from .told import telling
 
@@ -30,7 +32,7 @@ app = cyclopts.App(
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
-_VERBS = (record, fit, loop, predict, protocol, gains, stability, simulate, study)
+_VERBS = (record, fit, loop, axis, steady, predict, protocol, gains, stability, simulate, study)
 for verb in _VERBS:
     app.command(verb)
 
@@ -59,6 +61,9 @@ def _run(arguments: list[str]) -> int:
     """The exit code; a verb returns one that is not 0."""
     try:
         with _quiet(), words_of_the_command():
+            arguments, remark = in_new_words(arguments)
+            if remark:
+                print(f"jaxfric: note: {remark}", file=sys.stderr)
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
             telling_of_it = telling() if verb in _VERBS else contextlib.nullcontext()
             with calling(verb, bound, arguments), telling_of_it:
@@ -66,7 +71,8 @@ def _run(arguments: list[str]) -> int:
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         verb = " ".join(("jaxfric", *(error.command_chain or ())))
-        return _complain(f"{error} ({verb} --help lists what there is)", 2)
+        wrong = _of_another_rig(error) or f"{error} ({verb} --help lists what there is)"
+        return _complain(wrong, 2)
     except InputError as error:
         return _complain(str(error), 2)
     except (KeyboardInterrupt, BrokenPipeError):
@@ -83,6 +89,23 @@ def _run(arguments: list[str]) -> int:
             f"internal error ({kind}: {error}); please report it. JAXFRIC_DEBUG=1 shows where", 1
         )
     return code if isinstance(code, int) else 0
+
+
+def _of_another_rig(error: cyclopts.CycloptsError) -> str:
+    """What to do about an option that only the verbs of other rigs have; '' for another error."""
+    (verb,) = error.command_chain or ("",)
+    if not isinstance(error, cyclopts.UnknownOptionError) or verb not in LOOPS:
+        return ""
+    option = error.token.keyword
+    others = [
+        f"'jaxfric {other}'"
+        for other in LOOPS
+        if any(option in argument.names for argument in app[other].assemble_argument_collection())
+    ]
+    if not others:
+        return ""
+    instead = " or ".join(others)
+    return f"{option} would not be used with 'jaxfric {verb}'; leave it out, or choose {instead}"
 
 
 @contextlib.contextmanager

@@ -1,127 +1,22 @@
-"""What several verbs share: options, reading a record, preparing JAX."""
+"""What several verbs share: reading a record or a law, preparing JAX, telling."""
 
 import contextlib
 import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar
 
 from ..errors import InputError
+from ..pairs import read_pairs
 from .told import doing as doing
 from .told import told as told
 
-File = Annotated[Path, Parameter(help="The record: a CSV or other table of columns.")]
-Columns = Annotated[
-    list[str] | None,
-    Parameter(
-        name="--column",
-        help="Say which column is what, as ROLE=NAME or 'ROLE=NAME [UNIT]'. Roles: time, friction, "
-        "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress, "
-        "shear_stress (over normal_stress it is friction); of an axis time, position, "
-        "motor_force, control_signal, motor_current, reference_position, velocity, "
-        "disturbance (added to the controller's output). ROLE=none: no column has it; "
-        "#3 is the third column. time=1kHz: no column has it, rows come at that rate. May be"
-        " repeated.",
-        negative=(),
-    ),
-]
-DropBad = Annotated[
-    bool,
-    Parameter(
-        negative=(),
-        help="Leave out rows with cells that are no numbers, of a slider also those far out of"
-        " their neighbours.",
-    ),
-]
-Steps = Annotated[
-    str | None,
-    Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),
-]
+if TYPE_CHECKING:
+    from rich.console import Console
 
-
-def named(type_: object, tokens) -> str:
-    """A path or URL that is written out: an empty one is no name of the current folder."""
-    text = tokens[0].value
-    if not text.strip():
-        raise InputError(
-            f"{tokens[0].keyword or 'a path'} is empty; write . for the current folder"
-        )
-    return text
-
-
-def named_path(type_: object, tokens) -> Path:
-    """The same as a path."""
-    return Path(named(type_, tokens))
-
-
-Since = Annotated[
-    str | None,
-    Parameter(
-        name="--from",
-        allow_leading_hyphen=True,
-        help="Leave out all rows before this time since the first row, '120 s', or, of a slider,"
-        " before the load point has moved so far, '9500 um'.",
-    ),
-]
-Until = Annotated[
-    str | None,
-    Parameter(
-        name="--to",
-        allow_leading_hyphen=True,
-        help="Leave out all rows after this time or displacement since the first row.",
-    ),
-]
-Out = Annotated[Path | None, Parameter(converter=named_path, help="Output folder.")]
-Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
-"""An option that may begin with a minus sign: a negative quantity is then refused as such."""
-
-Rig = Annotated[
-    Literal["slider", "axis", "steady"],
-    Parameter(
-        help="slider: velocity steps of a press. axis: a servo axis that moves back and forth,"
-        " from its motor force and encoder. steady: a folder of runs at steady speeds."
-    ),
-]
-DriveGain = Annotated[
-    str | None,
-    Parameter(help='Of an axis: motor force per control signal, as in "35.15 N/V".'),
-]
-PositionGain = Annotated[
-    str | None,
-    Parameter(help='Of an axis under two nested loops: kp of the outer one, "160 1/s".'),
-]
-VelocityGain = Annotated[
-    str | None,
-    Parameter(help='Of an axis: kv of the inner loop, "240 V s/m", or in force "8436 N s/m".'),
-]
-RatedTorque = Annotated[
-    str | None,
-    Parameter(help='Of an axis whose torque is recorded in per cent of it: "9.84 mN m".'),
-]
-Flip = Annotated[
-    list[Literal["force", "motion", "both"]] | None,
-    Parameter(
-        negative=(),
-        consume_multiple=True,
-        help="Of an axis: turn a sign, that of the force, that of the motion, or (without a word)"
-        " of both.",
-    ),
-]
-
-EFFECTS = (
-    "second_state, aging, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
-    "run_in, position_periodic, normal_stress, thermal, frictional_delay, stiffness, damping, "
-    "inertia, servo_lag, sensor_lag, sensor_delay, time_drift, gain"
-)
-"""The ids of the catalogue, written here too so that --help need not load it."""
-AXIS_EFFECTS = (
-    "direction_asymmetry, cubic, stribeck, log_viscous, position_periodic, position_dependence, "
-    "time_drift, presliding, rate_and_state, servo_lag, sensor_lag, sensor_delay"
-)
-"""Those of an axis."""
+    from ..gains.source import LawSource
+    from ..records import AxisRecord, Record
 
 
 def read_record(
@@ -130,45 +25,49 @@ def read_record(
     drop_bad: bool,
     since: str | None = None,
     until: str | None = None,
-):
+) -> "Record":
     """The record, with columns given as ROLE=NAME texts, cut to the window of `Since`, `Until`."""
     from ..records import read
 
-    record = read(file, columns=_roles(columns, "friction=mu"), drop_bad=drop_bad)
+    roles = read_pairs(columns or (), "--column", "--column friction=mu", form="ROLE=NAME")
+    record = read(file, columns=roles or None, drop_bad=drop_bad)
     warn(record.provenance.doubts)
     return windowed(record, since, until)
 
 
-def windowed(record, since: str | None, until: str | None):
+AnyRecord = TypeVar("AnyRecord", "Record", "AxisRecord")
+
+
+def windowed(record: AnyRecord, since: str | None, until: str | None) -> AnyRecord:
     """The rows of a record (of a slider or an axis) that `Since` and `Until` ask for."""
     return record if since is None and until is None else record.window(since, until)
 
 
+class AxisColumns(NamedTuple):
+    """How the columns of an axis, or of its steady runs, are read: arguments of their readers."""
+
+    columns: dict[str, str] | None
+    drive_gain: str | None
+    rated_torque: str | None
+    flip: str | Literal[False]
+    drop_bad: bool
+
+    @staticmethod
+    def of(
+        columns: list[str] | None,
+        drive_gain: str | None,
+        rated_torque: str | None,
+        flip: Sequence[str] | None,
+        drop_bad: bool,
+    ) -> "AxisColumns":
+        """From the options: columns as ROLE=NAME texts, the signs that `Flip` asks to turn."""
+        return AxisColumns(axis_roles(columns), drive_gain, rated_torque, flipped(flip), drop_bad)
+
+
 def axis_roles(columns: list[str] | None) -> dict[str, str] | None:
     """Columns of an axis, given as ROLE=NAME texts."""
-    return _roles(columns, "motor_force=F")
-
-
-def _roles(columns: list[str] | None, example: str) -> dict[str, str] | None:
-    roles = {}
-    for text in columns or []:
-        role, equals, name = text.partition("=")
-        if not equals or not name.strip():
-            raise InputError(f"--column '{text}' is not ROLE=NAME, as in --column {example}")
-        roles[role.strip()] = name.strip()
-    return roles or None
-
-
-def tell_reading(record) -> None:
-    """What was assumed of the columns of a record, and which are not used, on stderr."""
-    for note in record.provenance.notes:
-        print(f"jaxfric: note: {note}", file=sys.stderr)
-
-
-def refuse_options(rig: str, of_others: dict[str, object]) -> None:
-    """Refuse options that a rig has no use for."""
-    other = "slider" if rig == "axis" else "axis"
-    refuse_unused(f"--rig {rig}", of_others, f", or choose --rig {other}")
+    example = "--column motor_force=F"
+    return read_pairs(columns or (), "--column", example, form="ROLE=NAME") or None
 
 
 def refuse_unused(by: str, options: dict[str, object], instead: str = "") -> None:
@@ -200,44 +99,17 @@ def prepare_jax() -> None:
             cache_compiled()
 
 
-From = Annotated[
-    Path | None,
-    Parameter(
-        name="--from",
-        help="A fit.json of 'jaxfric fit', or a loop.json of 'jaxfric loop', from which the law is "
-        "taken; of the loop with the effects that it found.",
-    ),
-]
-LawName = Annotated[
-    str | None,
-    Parameter(
-        help="A law by name instead: slip, ageing, stribeck, gaussian-stribeck, delay or dahl."
-    ),
-]
-LawParameters = Annotated[
-    str | None, Parameter(help="Its parameters: 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'.")
-]
-NormalForce = Annotated[
-    str | None,
-    Parameter(
-        allow_leading_hyphen=True,
-        help="Normal force, '500 N': needed where the fit is of a friction coefficient.",
-    ),
-]
-Mass = Annotated[
-    str | None,
-    Parameter(
-        allow_leading_hyphen=True,
-        help="Mass of the slider: '2 kg', '1, 2 kg' or '1..3 kg'; by default none or, where the law"
-        " is from the loop.json of an axis, its own.",
-    ),
-]
-
-
-def warn(lines: Iterable[str]) -> None:
-    """Print each line as a warning on stderr."""
+def warn(lines: Iterable[str], kind: str = "warning") -> None:
+    """Print each line as a warning, or another kind of remark, on stderr."""
     for line in lines:
-        print(f"jaxfric: warning: {line}", file=sys.stderr)
+        print(f"jaxfric: {kind}: {line}", file=sys.stderr)
+
+
+def stdout_console(width: int = 120) -> "Console":
+    """A console of rich for tables on stdout, so wide where stdout is no terminal."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else width, highlight=False)
 
 
 def read_law(
@@ -248,7 +120,7 @@ def read_law(
     *,
     samples: int = 0,
     seed: int = 0,
-):
+) -> "LawSource":
     """The law that the options name, as a `LawSource`."""
     from ..laws.file import law_from_file
     from ..laws.source import law_from_parameters

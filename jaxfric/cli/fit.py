@@ -1,32 +1,23 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
 import sys
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from .common import (
-    Columns,
-    DropBad,
-    File,
-    Out,
-    Since,
-    Steps,
-    Until,
-    doing,
-    prepare_jax,
-    read_record,
-    told,
-)
-from .folder import Folder, choose_folder
+from . import options
+from .common import doing, prepare_jax, read_record, stdout_console, told, warn
+from .folder import Folder, choose_folder, json_text
+
+if TYPE_CHECKING:
+    from ..fitting import Fit
 
 _MISFIT = 2.0
 
 
 def fit(
-    file: File,
+    file: options.File,
     /,
     *,
     stiffness: Annotated[
@@ -44,11 +35,11 @@ def fit(
     slip_trend: Annotated[
         bool, Parameter(negative=(), help="Fit a linear change of friction with slip as well.")
     ] = False,
-    steps: Steps = None,
-    column: Columns = None,
-    drop_bad: DropBad = False,
-    since: Since = None,
-    until: Until = None,
+    steps: options.Steps = None,
+    column: options.Columns = None,
+    drop_bad: options.DropBad = False,
+    since: options.Since = None,
+    until: options.Until = None,
     reference_velocity: Annotated[
         str | None,
         Parameter(allow_leading_hyphen=True, help="Velocity, with unit, at which friction is f0."),
@@ -71,18 +62,14 @@ def fit(
             " falls with the root of the rows in a mean, and errors are those of what is left."
         ),
     ] = None,
-    out: Out = None,
-    json: Annotated[
-        bool, Parameter(negative=(), help="Print fit.json on stdout instead of the table.")
-    ] = False,
+    out: options.Out = None,
+    json: options.Json = False,
 ) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
     Writes fit.json, fit.png and fit.svg to the output folder, by default ./NAME-fit/ with the
     options that differ from their default: ./NAME-fit-ageing/.
     """
-    import json as text
-
     doing(f"reading {file.name}")
     measured = read_record(file, column, drop_bad, since, until)
     prepare_jax()
@@ -108,7 +95,7 @@ def fit(
             rows=rows,
             progress=progress,
         )
-        content = text.dumps(result.to_json(), indent=1, allow_nan=False)
+        content = json_text(result.to_json())
         keeps = not result.converged and _has_converged(folder.path / "fit.json")
         if not keeps:
             progress("drawing the figure")
@@ -121,17 +108,12 @@ def fit(
         return _complain_and_keep(result, folder)
     if not json:
         _print_fit(result, folder)
-    _warn((*result.warnings, *_misfit(result)))
+    warn((*result.warnings, *_misfit(result)))
     code = folder.close()
     if result.converged:
         return code
     print(f"jaxfric: error: {_not_converged(result, folder)}", file=sys.stderr)
     return 1
-
-
-def _warn(warnings: Iterable[str]) -> None:
-    for warning in warnings:
-        print(f"jaxfric: warning: {warning}", file=sys.stderr)
 
 
 def _has_converged(file: Path) -> bool:
@@ -144,9 +126,9 @@ def _has_converged(file: Path) -> bool:
         return False
 
 
-def _complain_and_keep(result, folder: Folder) -> int:
+def _complain_and_keep(result: "Fit", folder: Folder) -> int:
     """What did not converge does not take the place of what did."""
-    _warn(result.warnings)
+    warn(result.warnings)
     print(
         f"jaxfric: error: {_not_converged(result, folder)}. {folder.path} keeps the fit that"
         " converged there before, and nothing was written; give another folder with --out",
@@ -155,7 +137,7 @@ def _complain_and_keep(result, folder: Folder) -> int:
     return 1
 
 
-def _not_converged(result, folder: Folder) -> str:
+def _not_converged(result: "Fit", folder: Folder) -> str:
     """What to do; of files only those that this run wrote are named."""
     no_use = ", and no other verb takes its fit.json" if "fit.json" in folder.files else ""
     figure = f"Look at {folder.path / 'fit.png'}: are" if "fit.png" in folder.files else "Are"
@@ -166,7 +148,7 @@ def _not_converged(result, folder: Folder) -> str:
     )
 
 
-def _misfit(result) -> list[str]:
+def _misfit(result: "Fit") -> list[str]:
     """A pointer to the loop, where the residual is far above the scatter of neighbouring rows."""
     from ..fitting.start import noise_from_differences
 
@@ -179,8 +161,7 @@ def _misfit(result) -> list[str]:
     ]
 
 
-def _print_fit(result, folder: Folder) -> None:
-    from rich.console import Console
+def _print_fit(result: "Fit", folder: Folder) -> None:
     from rich.table import Table
 
     from ..fitting.table import rows, summary
@@ -190,8 +171,8 @@ def _print_fit(result, folder: Folder) -> None:
         table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
     for row in rows(result):
         table.add_row(row.name, row.meaning, row.value, row.std, row.interval, row.unit)
-    console = Console(width=None if sys.stdout.isatty() else 100, highlight=False)
+    console = stdout_console(100)
     console.print(table)
     for line in summary(result):
         console.print(line)
-    console.print(f"written: {folder.path}/{', '.join(folder.files)}")
+    console.print(folder.written)

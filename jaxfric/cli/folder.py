@@ -12,9 +12,9 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from ..errors import InputError
 from ..report.output import output_folder
@@ -41,7 +41,7 @@ _ALONE = frozenset(("law", "weighting"))
 _LONGEST_VALUE, _LONGEST_NAME = 24, 120
 
 
-def folder_name(source: str, verb: str, given: dict[str, Any]) -> str:
+def folder_name(source: str, verb: str, given: dict[str, object]) -> str:
     """SOURCE-VERB, and the options that differ from their default: `run-fit-ageing-states2`."""
     tags = [_tag(name, value) for name, value in given.items() if name not in _NOT_NAMED]
     name = "-".join([*filter(None, (source, verb)), *tags])
@@ -50,7 +50,7 @@ def folder_name(source: str, verb: str, given: dict[str, Any]) -> str:
     return f"{name[: _LONGEST_NAME - 9]}-{_short_digest(name)}"
 
 
-def _tag(name: str, value: Any) -> str:
+def _tag(name: str, value: object) -> str:
     word = name.strip("_").replace("_", "-")
     if value is True:
         return word
@@ -105,6 +105,17 @@ def choose_law_folder(out: Path | None, fit: Path | None, law: str | None) -> "F
     return choose_folder(out, law or "", unnamed=("law",))
 
 
+class _Run(TypedDict):
+    """What is noted of the last run of a verb in a folder."""
+
+    command: str
+    inputs: list[dict[str, str]]
+    files: list[str]
+
+
+_NO_RUN: _Run = {"command": "", "inputs": [], "files": []}
+
+
 @dataclasses.dataclass
 class Folder:
     """An output folder in use: first the results, then the figures, then what is said of it."""
@@ -121,8 +132,8 @@ class Folder:
 
     def refuse_another_input(self) -> None:
         """A default folder that another input's results are in is not written to."""
-        before = _read_notes(self.path).get(self.call.verb, {}).get("inputs", [])
-        for old, new in zip(before, self._inputs(), strict=False):
+        before = _read_notes(self.path).get(self.call.verb, _NO_RUN)
+        for old, new in zip(before["inputs"], self._inputs(), strict=False):
             if old["path"] != new["path"] and old["sha256"] != new["sha256"]:
                 where = os.path.normpath(self.path / old["path"])
                 raise InputError(
@@ -138,19 +149,26 @@ class Folder:
         now; the files of others stay.
         """
         notes = _read_notes(self.path)
-        before = notes.get(self.call.verb, {})
+        before = notes.get(self.call.verb, _NO_RUN)
         with output_folder(self.path) as work:
             yield work
             new = sorted(file.name for file in work.iterdir())
-            self.known = [name for name in before.get("files", []) if (self.path / name).is_file()]
+            self.known = [name for name in before["files"] if (self.path / name).is_file()]
             self._note(notes, work, new)
         self.files += new
         others = {name for verb in notes for name in notes[verb]["files"]}
         for name in set(self.known) - others:
             (self.path / name).unlink(missing_ok=True)
-        if before:
+        if before is not _NO_RUN:
             same = before["command"] == self.call.command and before["inputs"] == self._inputs()
             self.earlier = "the same command" if same else f"'{before['command']}'"
+
+    def save_json(self, name: str, table: Mapping[str, object]) -> str:
+        """Write a table as the JSON file `name`, the only result; its text."""
+        content = json_text(table)
+        with self.results() as to:
+            (to / name).write_text(content + "\n", encoding="utf-8")
+        return content
 
     def draw(self, what: str, drawing: Callable[[Path], object]) -> list[str]:
         """Add `what`, a figure or page that may fail: then it is missing, and nothing else.
@@ -186,6 +204,11 @@ class Folder:
         )
 
     @property
+    def written(self) -> str:
+        """What this run wrote, in words."""
+        return f"written: {self.path}/{', '.join(self.files)}"
+
+    @property
     def replaced(self) -> str:
         """What this run took the place of, in words; '' for nothing."""
         where = f"replaced in {self.path}"
@@ -209,7 +232,7 @@ class Folder:
         except ValueError:  # on another drive
             return file.resolve().as_posix()
 
-    def _note(self, notes: dict[str, Any], work: Path, files: list[str]) -> None:
+    def _note(self, notes: dict[str, _Run], work: Path, files: list[str]) -> None:
         """Note in `work` what is to be in the folder, and remember which of it was there."""
         there = (file.name for file in work.iterdir() if (self.path / file.name).is_file())
         self.strange += sorted(set(there) - set(self.known) - set(self.files))
@@ -224,6 +247,11 @@ class Folder:
         (work / NOTES).write_text(content + "\n", encoding="utf-8")
 
 
+def json_text(table: Mapping[str, object]) -> str:
+    """A table as the text of a JSON file; one that is not a number must be null in it."""
+    return json.dumps(table, indent=1, allow_nan=False)
+
+
 def _digest(file: Path) -> str:
     """SHA-256 of a file, '' of a folder."""
     if not file.is_file():
@@ -232,7 +260,7 @@ def _digest(file: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _read_notes(folder: Path) -> dict[str, Any]:
+def _read_notes(folder: Path) -> dict[str, _Run]:
     """What is noted in a folder, by verb; nothing where that is damaged."""
     try:
         runs = json.loads((folder / NOTES).read_text(encoding="utf-8"))["runs"]
@@ -241,7 +269,7 @@ def _read_notes(folder: Path) -> dict[str, Any]:
         return {}
 
 
-def _checked(run: dict[str, Any]) -> dict[str, Any]:
+def _checked(run: _Run) -> _Run:
     """The notes of one verb; names of files have no folder in them."""
     return {
         "command": str(run["command"]),

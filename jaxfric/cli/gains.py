@@ -1,38 +1,28 @@
 """`jaxfric gains`: the smallest PD gains that are safe over a set of situations."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
 from ..stability.margin_table import named_with_units
-from .common import (
-    From,
-    LawName,
-    LawParameters,
-    Mass,
-    NormalForce,
-    Out,
-    Text,
-    optional_quantity,
-    prepare_jax,
-    read_law,
-    read_masses,
-    told,
-)
+from . import options
+from .common import optional_quantity, prepare_jax, read_law, read_masses, told, warn
 from .folder import choose_law_folder
+
+if TYPE_CHECKING:
+    from ..gains.result import Gains
 
 
 def gains(
     *,
-    from_: From = None,
-    law: LawName = None,
-    parameters: LawParameters = None,
-    normal_force: NormalForce = None,
-    mass: Mass = None,
+    from_: options.From = None,
+    law: options.LawName = None,
+    parameters: options.LawParameters = None,
+    normal_force: options.NormalForce = None,
+    mass: options.Mass = None,
     velocity: Annotated[
         str | None,
         Parameter(
@@ -55,13 +45,17 @@ def gains(
         float, Parameter(help="Share of the samples in which the margins must hold.")
     ] = 1.0,
     seed: Annotated[int, Parameter(help="Seed of the samples.")] = 0,
-    max_kp: Annotated[Text, Parameter(help="Largest k_p, '1e6 N/m'.")] = None,
-    max_kv: Annotated[Text, Parameter(help="Largest k_v, '100 N*s/m'.")] = None,
-    min_kp: Annotated[Text, Parameter(help="Smallest k_p, '10 N/m'.")] = None,
-    scale_kp: Annotated[Text, Parameter(help="Unit of k_p in the norm, '1000 N/m'.")] = None,
-    scale_kv: Annotated[Text, Parameter(help="Unit of k_v in the norm, '10 N*s/m'.")] = None,
+    max_kp: Annotated[options.Text, Parameter(help="Largest k_p, '1e6 N/m'.")] = None,
+    max_kv: Annotated[options.Text, Parameter(help="Largest k_v, '100 N*s/m'.")] = None,
+    min_kp: Annotated[options.Text, Parameter(help="Smallest k_p, '10 N/m'.")] = None,
+    scale_kp: Annotated[
+        options.Text, Parameter(help="Unit of k_p in the norm, '1000 N/m'.")
+    ] = None,
+    scale_kv: Annotated[
+        options.Text, Parameter(help="Unit of k_v in the norm, '10 N*s/m'.")
+    ] = None,
     sample_time: Annotated[
-        Text,
+        options.Text,
         Parameter(
             help="How often the controller samples, '1 ms': its delay of 1.5 samples (hold and "
             "computing) is then in the loop."
@@ -85,19 +79,14 @@ def gains(
             help="Also map, by simulation from rest, the gains at which stick-slip disappears.",
         ),
     ] = False,
-    out: Out = None,
-    json: Annotated[
-        bool, Parameter(negative=(), help="Print gains.json on stdout instead of the table.")
-    ] = False,
+    out: options.Out = None,
+    json: options.Json = False,
 ) -> int:
     """Find the smallest PD gains whose stability margins hold over velocities, masses and samples.
 
-    Writes gains.json and figures to the output folder, by default
-    ./NAME-gains/ with the options that differ from their default; NAME is the law's, or the
-    folder's of the fit.
+    Writes gains.json and figures to the output folder, by default ./NAME-gains/ with the options
+    that differ from their default; NAME is the law's, or the folder's of the fit.
     """
-    import json as text
-
     import numpy as np
 
     from ..gains.requirement import Requirement
@@ -143,24 +132,16 @@ def gains(
         elif basin is not None:
             raise InputError("--basin needs the simulations that --no-check leaves out")
         progress("drawing figures (3 of 3)")
-        content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-        with folder.results() as to:
-            (to / "gains.json").write_text(content + "\n")
+        content = folder.save_json("gains.json", result.to_json())
         folder.draw("gains", lambda to: draw_gains(result, to))
         if map_:
             folder.draw("end_map", lambda to: _draw_map(result, to, progress))
-    if json:
-        print(content)
-    else:
-        for line in describe(result):
-            print(line)
-        print(f"written: {folder.path}/{', '.join(folder.files)}")
-    for warning in (one for one in result.warnings if one not in source.warnings):
-        print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    print(content if json else "\n".join([*describe(result), folder.written]))
+    warn(line for line in result.warnings if line not in source.warnings)
     return folder.close()
 
 
-def _draw_map(result, folder: Path, progress: Callable[[str], None]) -> list[str]:
+def _draw_map(result: "Gains", folder: Path, progress: Callable[[str], None]) -> list[str]:
     from ..gains.cycle_map import cycle_map
     from ..plot.gains import draw_end_map
     from ..stability.analysis import steady_point

@@ -1,30 +1,25 @@
 """`jaxfric predict`: a saved model on a record that it has not seen."""
 
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from . import options
 from .common import (
-    Columns,
-    DriveGain,
-    DropBad,
-    Flip,
-    Out,
-    PositionGain,
-    RatedTorque,
-    Steps,
-    VelocityGain,
-    axis_roles,
+    AxisColumns,
     doing,
-    flipped,
     prepare_jax,
     read_record,
     refuse_unused,
+    stdout_console,
     told,
+    warn,
 )
 from .folder import Folder, choose_folder, source_name
+
+if TYPE_CHECKING:
+    from ..prediction import Prediction
 
 
 def predict(
@@ -43,65 +38,53 @@ def predict(
         str | None,
         Parameter(help="Of a slider: parameters fitted to this record, 'f0,A'; none: ''."),
     ] = None,
-    steps: Steps = None,
-    drive_gain: DriveGain = None,
-    position_gain: PositionGain = None,
-    velocity_gain: VelocityGain = None,
-    rated_torque: RatedTorque = None,
-    flip: Flip = None,
-    held: Annotated[
-        bool, Parameter(negative=(), help="Of an axis: the force is held until the next row.")
-    ] = False,
-    column: Columns = None,
-    drop_bad: DropBad = False,
-    out: Out = None,
-    json: Annotated[
-        bool, Parameter(negative=(), help="Print prediction.json on stdout instead of the tables.")
-    ] = False,
+    steps: options.Steps = None,
+    drive_gain: options.DriveGain = None,
+    position_gain: options.PositionGain = None,
+    velocity_gain: options.VelocityGain = None,
+    rated_torque: options.RatedTorque = None,
+    flip: options.Flip = None,
+    held: options.Held = False,
+    column: options.Columns = None,
+    drop_bad: options.DropBad = False,
+    out: options.Out = None,
+    json: options.Json = False,
 ) -> int:
     """Predict a record with a saved model: how large is the error, and does the noise allow it?
 
     Of a slider f0 is fitted to the record, of an axis nothing. Writes prediction.json and figures
     to the output folder, by default ./RECORD-by-MODEL-predict/.
     """
-    import json as text
-
     prepare_jax()
     from ..prediction import predict as run
     from ..prediction.model import load_model
+    from ..records import read_axis
 
-    saved, turned = load_model(model), flipped(flip)
+    saved = load_model(model)
+    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
     of_an_axis = {
         "--drive-gain": drive_gain,
         "--position-gain": position_gain,
         "--velocity-gain": velocity_gain,
         "--rated-torque": rated_torque,
-        "--flip": turned,
+        "--flip": columns.flip,
         "--held": held,
     }
     of_a_slider = {"--stiffness": stiffness, "--steps": steps, "--free": free is not None}
     kind = "an axis" if saved.is_axis else "a slider"
     refuse_unused(f"{model}, a model of {kind}", of_a_slider if saved.is_axis else of_an_axis)
     doing(f"reading {record.name}")
-    measured = read_record(record, column, drop_bad) if not saved.is_axis else None
     if saved.is_axis:
-        from ..records import read_axis
-
         measured = read_axis(
-            record,
-            columns=axis_roles(column),
-            drive_gain=drive_gain,
-            position_gain=position_gain,
-            velocity_gain=velocity_gain,
-            rated_torque=rated_torque,
-            flip=turned,
-            drop_bad=drop_bad,
+            record, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
         )
+    else:
+        measured = read_record(record, column, drop_bad)
     folder = choose_folder(out, f"{record.stem}-by-{source_name(model)}", record, model)
     with told(quiet=json) as progress:
         result = run(
             model,
-            measured,  # pyright: ignore[reportArgumentType]
+            measured,
             stiffness=stiffness,
             steps=steps,
             free=None if free is None else [name.strip() for name in free.split(",") if name],
@@ -109,35 +92,25 @@ def predict(
             progress=progress,
         )
         progress("drawing figures")
-        content = text.dumps(result.to_json(), indent=1, allow_nan=False)
-        with folder.results() as to:
-            (to / "prediction.json").write_text(content + "\n", encoding="utf-8")
-        _draw(result, folder)
+        from ..plot.prediction import draw_prediction
+
+        content = folder.save_json("prediction.json", result.to_json())
+        folder.draw("the figure", lambda to: draw_prediction(result, to))
     if json:
         print(content)
     else:
         _print(result, folder)
-    for warning in result.warnings:
-        print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    warn(result.warnings)
     return folder.close()
 
 
-def _draw(result, folder: Folder) -> None:
-    from ..plot.prediction import draw_prediction
-
-    folder.draw("the figure", lambda to: draw_prediction(result, to))
-
-
-def _print(result, folder: Folder) -> None:
-    from rich.console import Console
-
+def _print(result: "Prediction", folder: Folder) -> None:
     from ..report.loop_text import print_tables
     from ..report.prediction_text import tables
 
-    console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    console = stdout_console()
     console.print(result.sentence, markup=False)
     for note in result.notes:
         console.print(f"  - {note}", markup=False)
     print_tables(console, tables(result))
-    written = f"{folder.path}/{', '.join(folder.files)}"
-    console.print(f"\nwritten: {written}", markup=False, soft_wrap=True)
+    console.print(f"\n{folder.written}", markup=False, soft_wrap=True)

@@ -1,15 +1,19 @@
 """`jaxfric protocol`: what will a planned sequence of velocity steps be able to tell apart?"""
 
 import dataclasses
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import EFFECTS, Out, Text, effect_ids, optional_quantity, prepare_jax, told
+from ..pairs import read_pairs
+from . import options
+from .common import effect_ids, optional_quantity, prepare_jax, stdout_console, told, warn
 from .folder import Folder, choose_folder, source_name
+
+if TYPE_CHECKING:
+    from ..loop.outlook import Protocol
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
@@ -26,14 +30,14 @@ def protocol(
     /,
     *,
     slip_per_step: Annotated[
-        Text, Parameter(help="Load-point motion at each velocity: 150um.")
+        options.Text, Parameter(help="Load-point motion at each velocity: 150um.")
     ] = None,
     stiffness: Annotated[
-        Text,
+        options.Text,
         Parameter(help="Stiffness of the machine: 5e-3/um, or 2e6 N/m. Default: that of --from."),
     ] = None,
     noise: Annotated[
-        Text, Parameter(help="Noise of a row: 3e-4, or 0.5 N. Default: that of --from.")
+        options.Text, Parameter(help="Noise of a row: 3e-4, or 0.5 N. Default: that of --from.")
     ] = None,
     from_: Annotated[
         Path | None,
@@ -47,28 +51,18 @@ def protocol(
     ] = None,
     rows: Annotated[int, Parameter(help="Rows of the record at each velocity.")] = 250,
     slip_channel: Annotated[
-        Text, Parameter(help="A channel of slip is planned, of this noise: '0.1 um'.")
+        options.Text, Parameter(help="A channel of slip is planned, of this noise: '0.1 um'.")
     ] = None,
-    with_: Annotated[
-        list[str] | None,
-        Parameter(name="--with", negative=(), help="Effects that the base model has: ids."),
-    ] = None,
-    without: Annotated[
-        list[str] | None,
-        Parameter(negative=(), help=f"Effects that are not considered. All ids: {EFFECTS}."),
-    ] = None,
-    out: Out = None,
-    json: Annotated[
-        bool, Parameter(negative=(), help="Print protocol.json on stdout instead of the tables.")
-    ] = False,
+    with_: options.With = None,
+    without: options.Without = None,
+    out: options.Out = None,
+    json: options.Json = False,
 ) -> int:
     """Say, before the experiment, which effects it can tell apart, and what would help.
 
     Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/
     with the options that differ from their default.
     """
-    import json as text
-
     declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
     commanded = read_velocities(velocities)
     slip = optional_quantity(slip_per_step, "m", "--slip-per-step")
@@ -101,17 +95,14 @@ def protocol(
         )
         found = dataclasses.replace(found, warnings=(*warned, *found.warnings))
         progress("drawing figures")
-        content = text.dumps(found.to_json(), indent=1, allow_nan=False)
-        with folder.results() as to:
-            (to / "protocol.json").write_text(content + "\n", encoding="utf-8")
+        content = folder.save_json("protocol.json", found.to_json())
         ids, cosines = found.outlook.ids, found.outlook.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     if json:
         print(content)
     else:
         _print(found, folder, typical=from_ is None and parameters is None)
-    for warning in found.warnings:
-        print(f"jaxfric: warning: {warning}", file=sys.stderr)
+    warn(found.warnings)
     return folder.close()
 
 
@@ -176,12 +167,7 @@ def _from_text(text: str, unit: str) -> dict[str, float]:
     from ..units import parse_quantity
 
     values: dict[str, float] = {}
-    for part in filter(None, (piece.strip() for piece in text.split(","))):
-        name, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals or not name or not value:
-            raise InputError(f"--parameters: '{part}' is not NAME=VALUE, as in '{TYPICAL}'")
-        if name in values:
-            raise InputError(f"--parameters: {name} is given twice")
+    for name, value in read_pairs(text, "--parameters", f"'{TYPICAL}'").items():
         if name.rstrip("0123456789") not in ("A", "B", "L") and name not in ("f0", "V0"):
             raise InputError(f"--parameters: '{name}' is unknown; there are: f0, A, B, L, V0")
         about = quantity_of(name)
@@ -230,12 +216,9 @@ def _numbers(table: object, **keys: str) -> dict[str, float]:
     return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
 
 
-def _print(found, folder: Folder, *, typical: bool) -> None:
-    from rich.console import Console
-
+def _print(found: "Protocol", folder: Folder, *, typical: bool) -> None:
     from ..report.protocol_text import print_protocol
 
-    console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    console = stdout_console()
     print_protocol(found, console, typical=typical)
-    written = f"{folder.path}/{', '.join(folder.files)}"
-    console.print(f"\nwritten: {written}", markup=False, soft_wrap=True)
+    console.print(f"\n{folder.written}", markup=False, soft_wrap=True)

@@ -1,49 +1,34 @@
 """`jaxfric record`: what is understood of a record."""
 
-import sys
-from typing import Any
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from .common import (
-    Columns,
-    DriveGain,
-    DropBad,
-    File,
-    Flip,
-    Out,
-    PositionGain,
-    RatedTorque,
-    Rig,
-    Since,
-    Steps,
-    Until,
-    VelocityGain,
-    axis_roles,
-    doing,
-    flipped,
-    read_record,
-    refuse_options,
-    told,
-    windowed,
-)
+from . import options
+from .common import AxisColumns, doing, read_record, refuse_unused, told, warn, windowed
 from .folder import Folder, choose_folder
+
+if TYPE_CHECKING:
+    from ..records import AxisRecord, Record
+    from ..records.steady import SteadyCurve
 
 
 def record(
-    file: File,
+    file: options.File,
     /,
     *,
-    rig: Rig = "slider",
-    column: Columns = None,
-    drop_bad: DropBad = False,
-    since: Since = None,
-    until: Until = None,
-    steps: Steps = None,
-    drive_gain: DriveGain = None,
-    position_gain: PositionGain = None,
-    velocity_gain: VelocityGain = None,
-    rated_torque: RatedTorque = None,
-    flip: Flip = None,
-    out: Out = None,
+    rig: options.Rig = "slider",
+    column: options.Columns = None,
+    drop_bad: options.DropBad = False,
+    since: options.Since = None,
+    until: options.Until = None,
+    steps: options.Steps = None,
+    drive_gain: options.DriveGain = None,
+    position_gain: options.PositionGain = None,
+    velocity_gain: options.VelocityGain = None,
+    rated_torque: options.RatedTorque = None,
+    flip: options.Flip = None,
+    out: options.Out = None,
 ) -> int:
     """Show what is understood of a record, and draw it.
 
@@ -51,35 +36,34 @@ def record(
     steps of the encoder, strokes, and which columns are not used. Of a folder of steady runs: speed
     and force of each. The figure goes to the output folder, by default ./NAME-record/.
     """
-    loops = {"--position-gain": position_gain, "--velocity-gain": velocity_gain}
-    of_an_axis = {
+    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
+    signals = {
         "--drive-gain": drive_gain,
         "--rated-torque": rated_torque,
-        "--flip": flipped(flip),
+        "--flip": columns.flip,
     }
-    unused = {"slider": of_an_axis | loops, "axis": {}, "steady": loops}[rig]
-    refuse_options(rig, unused if rig == "slider" else {**unused, "--steps": steps})
-    if rig == "steady":
-        refuse_options(rig, {"--from": since, "--to": until})
+    loops = {"--position-gain": position_gain, "--velocity-gain": velocity_gain}
+    unused = {
+        "slider": signals | loops,
+        "axis": {"--steps": steps},
+        "steady": {"--steps": steps, **loops, "--from": since, "--to": until},
+    }[rig]
+    other = "slider" if rig == "axis" else "axis"
+    refuse_unused(f"--rig {rig}", unused, f", or choose --rig {other}")
     doing(f"reading {file.name}")
+    from ..records import read_axis, read_steady
+
     if rig == "slider":
         return _slider(read_record(file, column, drop_bad, since, until), file, steps, out)
-    reading: dict[str, Any] = {
-        "columns": axis_roles(column),
-        "drive_gain": drive_gain,
-        "rated_torque": rated_torque,
-        "flip": flipped(flip),
-        "drop_bad": drop_bad,
-    }
     if rig == "steady":
-        return _steady(file, reading, out)
-    from ..records import read_axis
+        return _steady(read_steady(file, **columns._asdict()), file, out)
+    measured = read_axis(
+        file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
+    )
+    return _axis(windowed(measured, since, until), file, out)
 
-    axis = read_axis(file, **reading, position_gain=position_gain, velocity_gain=velocity_gain)
-    return _axis(windowed(axis, since, until), file, out)
 
-
-def _slider(measured, file, steps, out) -> int:
+def _slider(measured: "Record", file: Path, steps: str | None, out: Path | None) -> int:
     from ..plot.record import draw_record
     from ..records import VelocitySteps, record_steps
     from ..records.steps import speeds_without_steps
@@ -93,13 +77,11 @@ def _slider(measured, file, steps, out) -> int:
         lambda to: draw_record(measured, found, to / "record.png"),
         describe(measured, found),
     )
-    unsteady = speeds_without_steps(measured, found)
-    if unsteady:
-        print(f"jaxfric: warning: {unsteady}", file=sys.stderr)
+    warn(filter(None, [speeds_without_steps(measured, found)]))
     return code
 
 
-def _axis(measured, file, out) -> int:
+def _axis(measured: "AxisRecord", file: Path, out: Path | None) -> int:
     from ..plot.axis_record import draw_axis_record
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import describe_axis
@@ -113,17 +95,15 @@ def _axis(measured, file, out) -> int:
     )
 
 
-def _steady(file, reading: dict[str, Any], out) -> int:
+def _steady(curve: "SteadyCurve", file: Path, out: Path | None) -> int:
     from ..plot.axis_record import draw_curve
-    from ..records import read_steady
     from ..report.axis_record_text import describe_steady
 
-    curve = read_steady(file, **reading)
     folder = choose_folder(out, file.resolve().name, file)
     return _show(folder, lambda to: draw_curve(curve, to / "record.png"), describe_steady(curve))
 
 
-def _show(folder: Folder, drawing, lines: list[str]) -> int:
+def _show(folder: Folder, drawing: Callable[[Path], object], lines: Sequence[str]) -> int:
     with told(quiet=True) as progress:
         progress("drawing the figure")
         with folder.results():

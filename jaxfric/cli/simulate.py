@@ -2,26 +2,24 @@
 
 import functools
 import math
-from typing import Annotated
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import (
-    From,
-    LawName,
-    LawParameters,
-    Mass,
-    NormalForce,
-    Out,
-    Text,
-    prepare_jax,
-    read_law,
-    told,
-    warn,
-)
+from . import options
+from .common import prepare_jax, read_law, told, warn
 from .folder import choose_law_folder
 from .stability import read_damping, read_one_mass, read_positive
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..plot.cycle import Motion
+    from ..rig import Rig
+    from ..simulation import RESULTS, Start, Trajectory
+    from ..stability.analysis import Law
 
 _MAX_STEPS = 16384
 _RTOL = 1e-6
@@ -37,12 +35,13 @@ _WIDTH = 1e-3
 
 def simulate(
     *,
-    from_: From = None,
-    law: LawName = None,
-    parameters: LawParameters = None,
-    normal_force: NormalForce = None,
+    from_: options.From = None,
+    law: options.LawName = None,
+    parameters: options.LawParameters = None,
+    normal_force: options.NormalForce = None,
     velocity: Annotated[
-        Text, Parameter(allow_leading_hyphen=True, help="Constant commanded velocity, '2 um/s'.")
+        options.Text,
+        Parameter(allow_leading_hyphen=True, help="Constant commanded velocity, '2 um/s'."),
     ] = None,
     steps: Annotated[
         str | None, Parameter(help="Velocity steps instead, '0 s: 1 um/s, 10 s: 10 um/s'.")
@@ -55,22 +54,22 @@ def simulate(
             help="Stiffness or position gain, '3 kN/m'.",
         ),
     ] = None,
-    kv: Annotated[Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")] = None,
-    mass: Mass = None,
+    kv: options.Damping = None,
+    mass: options.Mass = None,
     duration: Annotated[
-        Text, Parameter(help="How long, '20 s'; by default until the end is seen.")
+        options.Text, Parameter(help="How long, '20 s'; by default until the end is seen.")
     ] = None,
     at_rest: Annotated[
         bool, Parameter(negative=(), help="Start at rest on an unloaded spring: stuck.")
     ] = False,
     jump: Annotated[
-        Text,
+        options.Text,
         Parameter(
             help="Jump of the load point at the start, '1 um', of either sign. At a constant "
             "velocity the default is a small one: nothing disturbs steady sliding otherwise."
         ),
     ] = None,
-    out: Out = None,
+    out: options.Out = None,
 ) -> int:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
 
@@ -109,7 +108,7 @@ def simulate(
             folder.draw(name, lambda to, draw=draw: draw(run, to))
     for line in [*heading, *lines]:
         print(line)
-    print(f"written: {folder.path}/{', '.join(folder.files)}")
+    print(folder.written)
     return folder.close()
 
 
@@ -133,7 +132,9 @@ def _command(velocity: str | None, steps: str | None) -> tuple[list[float], list
     return [0.0], values
 
 
-def _rig(law, mass: float | None, k_p: float, k_v: float, velocities: list[float]):
+def _rig(
+    law: "Law", mass: float | None, k_p: float, k_v: float, velocities: list[float]
+) -> "tuple[Rig, list[str]]":
     """The rig, and what was assumed."""
     import equinox as eqx
     import jax.numpy as jnp
@@ -158,7 +159,15 @@ def _rig(law, mass: float | None, k_p: float, k_v: float, velocities: list[float
     return Rig(machine, law), notes
 
 
-def _run(rig, times, velocities, length, at_rest: bool, jump: float | None, progress):
+def _run(
+    rig: "Rig",
+    times: list[float],
+    velocities: list[float],
+    length: float | None,
+    at_rest: bool,
+    jump: float | None,
+    progress: Callable[[str], None],
+) -> "tuple[Motion, list[str]]":
     """Simulate, longer and longer where nothing was asked for and no end is seen; what happened."""
     from ..rig.friction import AbstractDelayLaw
     from ..simulation import rest_start
@@ -189,7 +198,7 @@ def _run(rig, times, velocities, length, at_rest: bool, jump: float | None, prog
     return run, [*lines, *lines_end]
 
 
-def _jumped(rig, V: float, jump: float, delayed: bool):
+def _jumped(rig: "Rig", V: float, jump: float, delayed: bool) -> "Start":
     import equinox as eqx
 
     from ..simulation import Start, jump_start
@@ -197,7 +206,9 @@ def _jumped(rig, V: float, jump: float, delayed: bool):
     return Start(elongation=jump) if delayed else eqx.filter_jit(jump_start)(rig, V, jump)
 
 
-def _default_duration(rig, times, velocities, lead: float) -> float:
+def _default_duration(
+    rig: "Rig", times: list[float], velocities: list[float], lead: float
+) -> float:
     """Periods of the slowest linear mode that matters, and the time to load the spring."""
     import numpy as np
 
@@ -217,7 +228,14 @@ def _default_duration(rig, times, velocities, lead: float) -> float:
     return _PERIODS * 2 * math.pi / slow / 3 + 2 * lead
 
 
-def _once(rig, times, velocities, duration: float, start, lead: float):
+def _once(
+    rig: "Rig",
+    times: list[float],
+    velocities: list[float],
+    duration: float,
+    start: "Start | None",
+    lead: float,
+) -> "tuple[Motion, list[str], bool]":
     """One simulation: what to draw and write, lines about its end, whether the end was seen."""
     import jax.numpy as jnp
     import numpy as np
@@ -226,19 +244,20 @@ def _once(rig, times, velocities, duration: float, start, lead: float):
     from ..plot.cycle import Motion
     from ..rig.friction import AbstractDelayLaw
     from ..simulation import RESULTS
+    from ..simulation.delay import simulate_delay
 
     motion = PiecewiseVelocity(jnp.asarray(times), jnp.asarray(velocities))
     delayed = isinstance(rig.friction, AbstractDelayLaw)
     even = np.linspace(0.0, duration, _ROWS + 1)
     if delayed:
-        found = _simulate_delay(rig, velocities[0], even, start)
+        found = simulate_delay(rig, velocities[0], jnp.asarray(even), start=start, pieces=8)
     else:
         span = jnp.asarray([0.0, duration])
-        rough = _integrator()(rig, motion, span, start, True)
+        rough = _integrator()(rig, motion, span, start=start, at_steps=True)
         own = np.asarray(rough.time)
         ts = np.unique(np.concatenate([even, own]))
         ts = np.concatenate([ts, np.full(_ROWS + 1 + len(own) - len(ts), ts[-1])])
-        found = _integrator()(rig, motion, jnp.asarray(ts), start, False)
+        found = _integrator()(rig, motion, jnp.asarray(ts), start=start, at_steps=False)
     end = float(found.end)
     keep = np.unique(np.asarray(found.time), return_index=True)[1]
     keep = keep[np.asarray(found.time)[keep] <= end * (1 + 1e-12)]
@@ -261,46 +280,25 @@ def _integrator():
     from ..gains.ends import RUNAWAY
     from ..simulation import simulate as integrate
 
-    @eqx.filter_jit
-    def run(rig, motion, ts, start, at_steps):
-        return integrate(
-            rig,
-            motion,
-            ts,
-            start=start,
-            at_steps=at_steps,
-            rtol=_RTOL,
-            max_steps=_MAX_STEPS,
-            runaway=RUNAWAY,
-        )
-
-    return run
+    limits = {"rtol": _RTOL, "max_steps": _MAX_STEPS, "runaway": RUNAWAY}
+    return eqx.filter_jit(functools.partial(integrate, **limits))
 
 
 @functools.cache
 def _classifier():
     """`classify`, compiled: arrays in, the end state out."""
     import equinox as eqx
-    import jax.numpy as jnp
 
     from ..gains.ends import Track, classify
 
     @eqx.filter_jit
-    def run(time, velocity, deviation, V, begin, end):
-        return classify(Track(time, velocity, deviation), jnp.asarray(V), begin=begin, end=end)
+    def run(time, velocity, deviation, V, *, begin, end):
+        return classify(Track(time, velocity, deviation), V, begin=begin, end=end)
 
-    return lambda *arrays: run(*(jnp.asarray(array) for array in arrays))
-
-
-def _simulate_delay(rig, V: float, ts, start):
-    import jax.numpy as jnp
-
-    from ..simulation.delay import simulate_delay
-
-    return simulate_delay(rig, V, jnp.asarray(ts), start=start, pieces=8)
+    return run
 
 
-def _why(result) -> str:
+def _why(result: "RESULTS") -> str:
     from ..simulation import RESULTS
 
     if bool(result == RESULTS.max_steps_reached):
@@ -308,16 +306,21 @@ def _why(result) -> str:
     return " ".join(RESULTS[result].split())
 
 
-def _ending(found, run, V: float, lead: float, early: bool) -> tuple[str, bool]:
+def _ending(
+    found: "Trajectory", run: "Motion", V: float, lead: float, early: bool
+) -> tuple[str, bool]:
     """How the motion ends, in words."""
+    import jax.numpy as jnp
+
     from ..gains.ends import ENDS
     from ..simulation import RESULTS
 
     if bool(found.result == RESULTS.ran_away):
         return "end: escape, the slider ran away", True
     last = float(run.time[-1])
-    deviation = run.slip - V * run.time
-    end = _classifier()(run.time, run.velocity, deviation, V, min(lead, 0.5 * last), last)
+    columns = (run.time, run.velocity, run.slip - V * run.time, V, min(lead, 0.5 * last), last)
+    *seen, begin, until = (jnp.asarray(column) for column in columns)
+    end = _classifier()(*seen, begin=begin, end=until)
     if bool(end.code == ENDS.steady):
         return "end: steady sliding, or ever closer to it", True
     if bool(end.code == ENDS.limit_cycle):
@@ -332,7 +335,7 @@ def _ending(found, run, V: float, lead: float, early: bool) -> tuple[str, bool]:
     return "end: not decided in this time; give a longer --duration", False
 
 
-def _period(time, friction) -> float | None:
+def _period(time: "np.ndarray", friction: "np.ndarray") -> float | None:
     """Mean time [s] between rises of friction from its lower to its upper quarter, in the last
     half: what happens within a slip does not count."""
     late = time >= 0.5 * time[-1]
@@ -353,7 +356,7 @@ def _machine(k_p: float, k_v: float, mass: float | None) -> str:
     return f"k_p = {k_p:g} N/m, k_v = {k_v:g} N s/m, {text}"
 
 
-def _table(run, notes: list[str]) -> str:
+def _table(run: "Motion", notes: list[str]) -> str:
     """trajectory.csv: comments, a line of names with units, numbers."""
     names = ("time [s]", "load_point_displacement [um]", "friction [N]", "slip [um]")
     lines = [f"# {' '.join(note.split())}" for note in ("simulated by jaxfric", *notes)]

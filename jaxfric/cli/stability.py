@@ -5,31 +5,18 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import (
-    From,
-    LawName,
-    LawParameters,
-    Mass,
-    NormalForce,
-    Out,
-    Text,
-    optional_quantity,
-    prepare_jax,
-    read_law,
-    read_masses,
-    told,
-    warn,
-)
+from . import options
+from .common import optional_quantity, prepare_jax, read_law, read_masses, told, warn
 from .folder import choose_law_folder
 
 
 def stability(
     *,
-    from_: From = None,
-    law: LawName = None,
-    parameters: LawParameters = None,
-    normal_force: NormalForce = None,
-    mass: Mass = None,
+    from_: options.From = None,
+    law: options.LawName = None,
+    parameters: options.LawParameters = None,
+    normal_force: options.NormalForce = None,
+    mass: options.Mass = None,
     velocity: Annotated[
         str | None,
         Parameter(
@@ -38,21 +25,18 @@ def stability(
         ),
     ] = None,
     kp: Annotated[
-        Text, Parameter(help="Stiffness or position gain, '3 kN/m': gives poles and margins.")
+        options.Text,
+        Parameter(help="Stiffness or position gain, '3 kN/m': gives poles and margins."),
     ] = None,
-    kv: Annotated[Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")] = None,
-    out: Out = None,
-    json: Annotated[
-        bool, Parameter(negative=(), help="Print stability.json on stdout instead of the text.")
-    ] = False,
+    kv: options.Damping = None,
+    out: options.Out = None,
+    json: options.Json = False,
 ) -> int:
     """Show the linear stability of steady sliding: critical stiffness, damping, poles, margins.
 
     Writes stability.json and figures to the output folder, by default ./NAME-stability/;
     NAME is the law's, or the folder's of the fit.
     """
-    import json as text
-
     from ..units import parse_values
 
     if velocity is None:
@@ -79,9 +63,7 @@ def stability(
 
         progress("drawing figures (2 of 2)")
         known = content(found, source.text, (*source.warnings, *unseen))
-        written = text.dumps(known, indent=1, allow_nan=False)
-        with folder.results() as to:
-            (to / "stability.json").write_text(written + "\n")
+        written = folder.save_json("stability.json", known)
         for name, draw in drawers(found).items():
             folder.draw(name, lambda to, draw=draw: draw(found, to))
         if found.delayed:
@@ -91,7 +73,7 @@ def stability(
     else:
         for line in describe(found, source.text):
             print(line)
-        print(f"written: {folder.path}/{', '.join(folder.files)}")
+        print(folder.written)
     return folder.close()
 
 

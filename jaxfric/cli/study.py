@@ -8,14 +8,21 @@ import shlex
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .common import named, prepare_jax, told, warn
+from . import options
+from .common import prepare_jax, told, warn
 from .folder import choose_folder
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+    from ..study.progress import Progress
 
 # Without a terminal progress is told once in so many seconds.
 _EVERY = 10.0
@@ -30,7 +37,7 @@ def study(
     out: Annotated[
         str | None,
         Parameter(
-            converter=named,
+            converter=options.named,
             help="The store, a folder or s3://BUCKET/NAME.zarr (also gs://, az://); by default"
             " NAME.zarr. With --plot: the folder of the figures.",
         ),
@@ -175,7 +182,7 @@ def _cores() -> int:
 class _Teller:
     """Tells how far a run is: always on a terminal, seldom elsewhere."""
 
-    def __init__(self, say):
+    def __init__(self, say: Callable[[str], None]):
         self.say, self.last, self.members = say, time.monotonic(), 0
         self.state = "no chunk is written yet"
 
@@ -184,7 +191,7 @@ class _Teller:
             self.state = text
         self.say(text)
 
-    def progress(self, now) -> None:
+    def progress(self, now: "Progress") -> None:
         self.members = now.members
         self.state = f"{now.written} of {now.blocks} chunks are written"
         whole = now.written == now.blocks
@@ -204,7 +211,7 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
-def _summary(found, seconds: float, members: int) -> list[str]:
+def _summary(found: "Dataset", seconds: float, members: int) -> list[str]:
     """What was computed, and how often each code occurs."""
     import numpy as np
 

@@ -1,0 +1,91 @@
+"""`jaxfric axis`: which effect does Coulomb and viscous friction lack on this servo axis?"""
+
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from . import options
+from .common import AxisColumns, effect_ids, prepare_jax, told, warn, windowed
+from .folder import choose_folder
+from .looped import checked_most, save_loop, tell_loop
+
+if TYPE_CHECKING:
+    from ..fitting.axis_preparation import Preparation
+    from ..records import AxisRecord
+
+
+def axis(
+    file: options.File,
+    /,
+    *,
+    with_: options.With = None,
+    without: options.WithoutOfAxis = None,
+    most: options.Most = 8,
+    drive_gain: options.DriveGain = None,
+    position_gain: options.PositionGain = None,
+    velocity_gain: options.VelocityGain = None,
+    rated_torque: options.RatedTorque = None,
+    flip: options.Flip = None,
+    held: options.Held = False,
+    cutoff: Annotated[
+        str | None,
+        Parameter(
+            help='Low-pass of the position, "50 Hz"; by default a tenth of the sampling rate, or'
+            " less where the encoder's error, differentiated twice, would drown the force."
+        ),
+    ] = None,
+    column: options.Columns = None,
+    drop_bad: options.DropBad = False,
+    since: options.Since = None,
+    until: options.Until = None,
+    out: options.Out = None,
+    json: options.Json = False,
+) -> int:
+    """Name the effect that a servo axis has beyond Coulomb and viscous friction.
+
+    Fits mass, friction and an offset to a record of motor force and encoder that moves back and
+    forth, tests what they leave, and tries every effect of the catalogue. Writes loop.html,
+    loop.json and the figures residual, noise, location, aliasing and candidates to the output
+    folder, by default ./NAME-loop/ with the options that differ from their default.
+    """
+    most = checked_most(most)
+    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
+    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
+    with told(quiet=json) as progress:
+        progress(f"reading {file.name}")
+        from ..records import read_axis
+
+        record = read_axis(
+            file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
+        )
+        record = windowed(record, since, until)
+        if not json:
+            warn(record.provenance.notes, "note")
+        prepare_jax()
+        from ..axis import close_axis_loop
+
+        folder = choose_folder(out, file.stem, file)
+        result = close_axis_loop(
+            record,
+            with_=declared,
+            without=excluded,
+            most=most,
+            held=held or None,
+            preparation=_filtered(record, cutoff),
+            progress=progress,
+        )
+        content = save_loop(result, folder, progress)
+    return tell_loop(result, content if json else "", folder)
+
+
+def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":
+    """The usual preparation of an axis record, with a cutoff of the user's own."""
+    if cutoff is None:
+        return None
+    import numpy as np
+
+    from ..fitting.axis_preparation import usual
+    from ..units import parse_quantity
+
+    interval = float(np.median(np.diff(record.time)))
+    return usual(interval, parse_quantity(cutoff, "Hz", "--cutoff"))

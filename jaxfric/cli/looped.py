@@ -1,0 +1,69 @@
+"""What `jaxfric loop` and `jaxfric axis` do with a closed loop: write it, draw it, tell it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from .call import current_call
+from .common import stdout_console, warn
+from .folder import Folder
+
+if TYPE_CHECKING:
+    from ..loop import Loop
+
+
+def checked_most(most: int) -> int:
+    """The largest number of effects that may be added, 1 or more."""
+    if most < 1:
+        raise InputError(f"--most is {most}; it must be 1 or more")
+    return most
+
+
+def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -> str:
+    """Write loop.json, the figures, and the page of those that could be drawn; the JSON's text."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    from ..plot.loop import DRAWERS
+    from ..report.loop_html import page
+
+    content = folder.save_json("loop.json", result.to_json())
+    progress("drawing figures")
+    try:
+        number = version("jaxfric")
+    except PackageNotFoundError:  # run from a source tree
+        number = "(not installed)"
+    for name, draw in DRAWERS.items():
+        folder.draw(name, lambda to, draw=draw: draw(result, to))
+    drawn = [name for name in DRAWERS if f"{name}.svg" in folder.files]
+
+    def write(to: Path) -> None:
+        drawings = {name: (folder.path / f"{name}.svg").read_bytes() for name in drawn}
+        html = page(result, drawings, version=number, command=current_call().command)
+        (to / "loop.html").write_text(html, encoding="utf-8")
+
+    folder.draw("loop.html", write)
+    return content
+
+
+def tell_loop(result: "Loop", content: str, folder: Folder) -> int:
+    """Print the JSON's text where there is one, else the tables; warn; the verb's exit code."""
+    if content:
+        print(content)
+    else:
+        _print(result, folder)
+    warn(result.warnings)
+    return folder.close()
+
+
+def _print(result: "Loop", folder: Folder) -> None:
+    from ..report.loop_text import print_loop
+
+    console = stdout_console()
+    print_loop(result, console)
+    names = folder.files
+    pictures = sorted({Path(name).stem for name in names if name.endswith((".png", ".svg"))})
+    page = "loop.html (open it in a browser)" if "loop.html" in names else ""
+    written = [f"{', '.join(pictures)} (.png, .svg)"] if pictures else []
+    written = ", ".join(filter(None, [page, "loop.json", *written]))
+    console.print(f"\nwritten: {folder.path}/{written}", markup=False, soft_wrap=True)

@@ -1,0 +1,82 @@
+"""`jaxfric steady`: the friction of a servo axis from a folder of runs at steady speeds."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from . import options
+from .common import AxisColumns, doing, effect_ids, prepare_jax, stdout_console, told
+from .folder import Folder, choose_folder
+
+if TYPE_CHECKING:
+    from ..loop.steady.loop import SteadyLoop
+    from ..loop.steady.noise import SteadyNoise
+
+
+def steady(
+    file: Annotated[
+        Path, Parameter(help="A folder of runs at steady speeds, each a table of columns.")
+    ],
+    /,
+    *,
+    with_: options.With = None,
+    without: options.WithoutOfSteady = None,
+    drive_gain: options.DriveGain = None,
+    rated_torque: options.RatedTorque = None,
+    flip: options.Flip = None,
+    column: options.Columns = None,
+    drop_bad: options.DropBad = False,
+    out: options.Out = None,
+    json: options.Json = False,
+) -> int:
+    """Name the effect that the friction of steady speeds has beyond Coulomb and viscous friction.
+
+    Every run of the folder is one speed. Writes steady.json and the figures curve and noise to the
+    output folder, by default ./NAME-loop/ with the options that differ from their default.
+    """
+    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
+    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
+    doing(f"reading {file.name}")
+    from ..loop.steady.loop import close_steady_loop
+    from ..loop.steady.noise import steady_noise
+    from ..plot.steady import draw_noise, draw_steady
+    from ..records import read_steady
+    from ..report.steady_text import to_json
+
+    curve = read_steady(file, **columns._asdict())
+    folder = choose_folder(out, file.stem, file)
+    with told(quiet=json) as progress:
+        progress("fitting the curve of friction over velocity")
+        result = close_steady_loop(curve, with_=declared, without=excluded)
+        prepare_jax()
+        progress("estimating the noise of the runs")
+        noise = steady_noise(curve)
+        content = folder.save_json("steady.json", to_json(result, noise))
+        progress("drawing the figures")
+        folder.draw("curve", lambda to: draw_steady(result, to))
+        if noise is not None:
+            folder.draw("noise", lambda to: draw_noise(curve, noise, to))
+    if json:
+        print(content)
+    else:
+        _print(result, noise, folder)
+    return folder.close()
+
+
+def _print(result: "SteadyLoop", noise: "SteadyNoise | None", folder: Folder) -> None:
+    from ..report.loop_text import print_tables
+    from ..report.steady_text import noise_text, sentence, tables
+
+    console = stdout_console()
+    console.print(f"{result.verdict}: {result.sentence}", markup=False)
+    for note in result.curve.provenance.notes:
+        console.print(f"  - {note}", markup=False)
+    print_tables(console, tables(result))
+    console.print(f"\nGains: {sentence(result)}", markup=False)
+    if noise is not None:
+        first, *more = noise_text(noise, result.curve)
+        console.print(f"\n{first[:1].upper()}{first[1:]}", markup=False)
+        for line in more:
+            console.print(f"  - {line}", markup=False)
+    console.print(folder.written, markup=False, soft_wrap=True)
