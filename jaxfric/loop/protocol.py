@@ -162,14 +162,9 @@ def plan(
     _refuse_unstable(ratio, asked.stiffness, asked.friction_unit)
     first = _Variant("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise, None)
     variants = [first, *(_changes(first) if changes else ())]
-    found: list[Outlook | None] = []
-    for k, variant in enumerate(variants):
-        progress(f"{variant.text} ({k + 1} of {len(variants)})")
-        found.append(_look(setup, variant))
-        if found[0] is None:
-            raise InputError(_slips_away(ratio))
-    outlook = found[0]
-    assert outlook is not None
+    outlook, *others = _looks(setup, variants, progress)
+    if outlook is None:
+        raise InputError(_slips_away(ratio))
     return Protocol(
         **vars(asked),
         with_=with_,
@@ -178,7 +173,7 @@ def plan(
         outlook=outlook,
         changes=tuple(
             Change(v.key, v.text, float(v.durations.sum()), o)
-            for v, o in zip(variants[1:], found[1:], strict=True)
+            for v, o in zip(variants[1:], others, strict=True)
         ),
         warnings=_warnings(ratio, values, asked.slip_per_step),
         seconds=time.monotonic() - begun,
@@ -368,6 +363,19 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
 
 
 # ---- sensitivities -------------------------------------------------------------------------
+
+
+def _looks(
+    setup: _Setup, variants: Sequence[_Variant], progress: Callable[[str], None]
+) -> list[Outlook | None]:
+    """What the plan and its variants tell apart; of the plan alone where its slider slips away."""
+    found: list[Outlook | None] = []
+    for k, variant in enumerate(variants):
+        progress(f"{variant.text} ({k + 1} of {len(variants)})")
+        found.append(_look(setup, variant))
+        if found[0] is None:
+            break
+    return found
 
 
 def _look(setup: _Setup, variant: _Variant) -> Outlook | None:

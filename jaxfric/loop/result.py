@@ -292,21 +292,8 @@ class Loop:
             "alias_groups": [list(group) for group in self.alias_groups],
             "separations": dict(self.separations),
             "families": [family.to_json() for family in self.families],
-            "candidates": [
-                {
-                    "effects": list(c.effects),
-                    "delta_bic": _number(c.delta_bic),
-                    "train_rms": _number(c.train_rms),
-                    "heldout_rms": _number(c.heldout_rms),
-                    "parameters": {k: _number(v) for k, v in c.parameters.items()},
-                    "physical": c.physical,
-                    "converged": c.converged,
-                    "accepted": c.accepted,
-                    "refused": c.refused,
-                }
-                for c in self.candidates
-            ],
-            "screened": [{"id": s.id, "delta_bic": _number(s.delta_bic)} for s in self.screened],
+            "candidates": [_plain(candidate) for candidate in self.candidates],
+            "screened": [_plain(effect) for effect in self.screened],
             "before": self._score(self.before),
             "after": self._score(self.after),
             "shifts_in_sigma": {k: _number(v) for k, v in self.shifts().items()},
@@ -319,18 +306,7 @@ class Loop:
                 name: {"before": _number(p), "after": _number(self.after.tests[name])}
                 for name, p in self.before.tests.items()
             },
-            "location_map": [
-                {
-                    "variable": m.variable,
-                    "unit": m.unit,
-                    "centres": [_number(x) for x in m.centres],
-                    "amplitudes": [_number(x) for x in m.amplitudes],
-                    "errors": [_number(x) for x in m.errors],
-                    "explained": _number(m.explained),
-                    "p_value": _number(m.p_value),
-                }
-                for m in self.location
-            ],
+            "location_map": [_plain(profile) for profile in self.location],
             "aliasing": {
                 "ids": list(self.alias_ids),
                 "cosines": [[_number(c) for c in row] for row in self.alias_cosines],
@@ -371,6 +347,22 @@ class Loop:
             "free": list(score.free),
             "covariance": [[_number(c) for c in row] for row in score.covariance],
         }
+
+
+def _plain(part: CandidateScore | ScreenedEffect | LocationProfile) -> dict:
+    """The fields of a part of a loop as JSON has them, by name."""
+    return {name: _json(value) for name, value in vars(part).items()}
+
+
+def _json(value: str | bool | float | tuple | np.ndarray | Mapping) -> object:
+    """Lists for tuples and arrays, null for a number that is not finite."""
+    if isinstance(value, str | bool):
+        return value
+    if isinstance(value, Mapping):
+        return {key: _json(one) for key, one in value.items()}
+    if isinstance(value, tuple | np.ndarray):
+        return [_json(one) for one in value]
+    return _number(float(value))
 
 
 def _number(value: float) -> float | None:

@@ -5,10 +5,12 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, ArrayLike, Float
 from matplotlib.axes import Axes
 
 from ..stability.analysis import Study
 from ..stability.delay import (
+    Crossings,
     crossings,
     stiffness_damping_chart,
     stiffness_delay_chart,
@@ -102,17 +104,25 @@ def _over_delay(axis: Axes, found: Study, k_p: np.ndarray, size: float) -> float
     return scale * float(delay)
 
 
-def _shade(axis: Axes, x: np.ndarray, y: np.ndarray, stable) -> None:
+def _shade(axis: Axes, x: np.ndarray, y: np.ndarray, stable: ArrayLike) -> None:
     shade(axis, x, y, np.asarray(stable), [UNSTABLE, STABLE])
     axis.plot([], [], "s", color=STABLE, ms=9, label="stable")
     axis.plot([], [], "s", color=UNSTABLE, ms=9, label="unstable")
 
 
-def _branches(axis: Axes, size: float, y: np.ndarray, mass, damping, strength, delay) -> None:
+def _branches(
+    axis: Axes,
+    size: float,
+    y: np.ndarray,
+    mass: ArrayLike,
+    damping: ArrayLike,
+    strength: ArrayLike,
+    delay: ArrayLike,
+) -> None:
     """Both branches of crossings: stability is won on one and lost on the other."""
     damping, delay = jnp.broadcast_arrays(jnp.asarray(damping), jnp.asarray(delay))
 
-    def one(k_v, alpha):
+    def one(k_v: Float[Array, ""], alpha: Float[Array, ""]) -> Crossings:
         return crossings(mass, k_v, strength, alpha, number=_BRANCHES)
 
     found = jax.jit(jax.vmap(one))(damping, delay)

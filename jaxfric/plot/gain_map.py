@@ -1,17 +1,18 @@
 """The map of all gains under a recommendation: what every scenario accepts, and the optima."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from matplotlib.axes import Axes
 
 from ..gains.result import Gains, LocalOptimum
 from ..gains.scenarios import Scenarios
 from ..gains.slack import paired_slacks
-from ..stability.linear import LinearSlider
+from ..stability.linear import LinearFriction, LinearSlider
 from ..stability.margins import is_stable
 from ..stability.theorem import theorem
 from .stability import (
@@ -57,7 +58,7 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
             axis.plot([], [], "s", color=colour, ms=9, label=text)
     if result.delay is None:  # the theorem's boundaries are of a spring, which answers at once
         draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
-    _iso_norm(axis, result, k_p, k_v, sizes)
+    _iso_norm(axis, result, sizes)
     for basin in result.basins:
         if _is_recommended(basin, result):
             continue
@@ -105,8 +106,8 @@ def _boundary(scenarios: Scenarios):
     mass = jnp.zeros(len(scenarios)) if scenarios.mass is None else jnp.asarray(scenarios.mass)
 
     @eqx.filter_jit
-    def largest(k_v):
-        def one(friction, mass):
+    def largest(k_v: Float[Array, ""]) -> Float[Array, ""]:
+        def one(friction: LinearFriction, mass: Float[Array, ""]) -> Float[Array, ""]:
             return theorem(friction.kernel, friction.slope + k_v, mass).critical_stiffness
 
         return jnp.max(jax.vmap(one)(scenarios.friction, mass))
@@ -128,7 +129,9 @@ def _boundary(scenarios: Scenarios):
     return k_cr, high
 
 
-def _map_axes(result: Gains, k_cr_at, needed: float) -> tuple[np.ndarray, np.ndarray]:
+def _map_axes(
+    result: Gains, k_cr_at: Callable[[np.ndarray], np.ndarray], needed: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Gains to show: all optima, and the boundaries of the linear theory, which is of a controller
     that answers at once; of a late one as much damping as leaves the optima stable."""
     k_v = [1.3 * b.kv for b in result.basins] + [1.3 * result.kv]
@@ -216,19 +219,11 @@ def _least(result: Gains, gains: np.ndarray, asked: np.ndarray) -> np.ndarray:
 def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
     """Whether each scenario is stable at its pair of gains."""
     mass, delay = (None if x is None else jnp.asarray(x) for x in (scenarios.mass, scenarios.delay))
-    axes = (0, *(None if x is None else 0 for x in (mass, delay)), 0)
-
-    @eqx.filter_jit
-    def run(friction, mass, delay, gains):
-        def one(friction, mass, delay, pair):
-            return is_stable(LinearSlider(mass, pair[0], pair[1], friction, delay))
-
-        return jax.vmap(one, axes)(friction, mass, delay, gains)
-
-    return np.asarray(run(scenarios.friction, mass, delay, jnp.asarray(gains)))
+    sliders = LinearSlider(mass, *jnp.asarray(gains).T, scenarios.friction, delay)
+    return np.asarray(eqx.filter_jit(eqx.filter_vmap(is_stable))(sliders))
 
 
-def _iso_norm(axis: Axes, result: Gains, k_p, k_v, sizes: Sequence[float]) -> None:
+def _iso_norm(axis: Axes, result: Gains, sizes: Sequence[float]) -> None:
     """The ellipse of equal norm through the smallest optimum."""
     angle = np.linspace(0, np.pi / 2, 200)
     norm = result.basins[0].norm

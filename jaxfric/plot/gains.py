@@ -1,5 +1,6 @@
 """Figures of recommended gains: where they lie among all gains, and how much they leave."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -179,7 +180,6 @@ def draw_end_map(
     k_v: np.ndarray,
     folder: str | Path,
     *,
-    name: str = "end_map",
     point: SteadyPoint | None = None,
     mass: float | None = None,
     optimum: tuple[float, float] | None = None,
@@ -214,7 +214,7 @@ def draw_end_map(
     tidy(axis, f"How a stuck slider ends, simulated{where}")
     axis.grid(False)
     legend_below(axis, columns=3)
-    return save(figure, Path(folder), name)
+    return save(figure, Path(folder), "end_map")
 
 
 def _shade_ends(axis: Axes, ends: EndState, x: np.ndarray, y: np.ndarray) -> None:
@@ -229,6 +229,12 @@ def _shade_ends(axis: Axes, ends: EndState, x: np.ndarray, y: np.ndarray) -> Non
             axis.plot([], [], "s", color=_END_COLOURS[name], ms=9, label=_END_NAMES[name])
 
 
-def _linear_boundary(axis: Axes, point: SteadyPoint, mass, k_v, sizes) -> None:
+def _linear_boundary(
+    axis: Axes,
+    point: SteadyPoint,
+    mass: float | None,
+    k_v: np.ndarray,
+    sizes: Sequence[float],
+) -> None:
     k_cr = np.asarray(theorem_over_damping(point.friction, k_v, mass).critical_stiffness)
     draw_boundaries(axis, k_v, k_cr, float(point.needed_damping), sizes)

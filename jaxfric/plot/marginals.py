@@ -3,7 +3,7 @@
 import itertools
 import textwrap
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +13,9 @@ from matplotlib.patches import Patch
 from .side import Side, code_colour, side_of
 from .stability import BLUE, new_figure, prefixed
 from .ticks import plain_log
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 _BINS, _MOST = 16, 400_000
 _WIDE, _LETTERS = 22, 11
@@ -27,7 +30,7 @@ class _Band(NamedTuple):
     high: np.ndarray
 
 
-def draw_marginals(found: Any, outputs: Sequence[str], coded: Sequence[str]) -> Figure | None:
+def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str]) -> Figure | None:
     """Every output over every parameter: the median and the range of nine in ten, or shares.
 
     Outputs `coded` are codes, whose shares are drawn. All panels of a row share one scale. An
@@ -62,7 +65,7 @@ def draw_marginals(found: Any, outputs: Sequence[str], coded: Sequence[str]) -> 
     return figure
 
 
-def _title(found: Any, empty: Sequence[str], width: int) -> str:
+def _title(found: "Dataset", empty: Sequence[str], width: int) -> str:
     """What is drawn, and what is not; lines of no more than `width` letters."""
     lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
     names = ", ".join(found[name].attrs.get("long_name", name) for name in empty)
@@ -70,7 +73,7 @@ def _title(found: Any, empty: Sequence[str], width: int) -> str:
     return "\n".join(textwrap.fill(line, width) for line in lines)
 
 
-def _thinned(found: Any) -> tuple[dict[str, slice], dict[str, tuple[Side, np.ndarray]]]:
+def _thinned(found: "Dataset") -> tuple[dict[str, slice], dict[str, tuple[Side, np.ndarray]]]:
     """Members to read, no more than some hundred thousand, and what each parameter is for them."""
     dims = tuple(found["outcome"].dims)
     steps = dict.fromkeys(dims, 1)

@@ -1,10 +1,13 @@
 """What the figures of a study share: a parameter as an axis, and the colours of codes."""
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from .stability import STABLE, prefixed
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 _COLOURS = {
     "steady": STABLE,
@@ -29,7 +32,7 @@ class Side(NamedTuple):
     log: bool
 
 
-def side_of(found: Any, name: str) -> Side:
+def side_of(found: "Dataset", name: str) -> Side:
     """A parameter of a study, a dimension or a sampled column, as an axis."""
     about = found[name]
     values = np.asarray(about.values, float)

@@ -55,7 +55,9 @@ def save(figure: Figure, folder: Path, name: str) -> list[str]:
     return names
 
 
-def shade(axis: Axes, x: np.ndarray, y: np.ndarray, codes, colours: Sequence[str]) -> None:
+def shade(
+    axis: Axes, x: np.ndarray, y: np.ndarray, codes: np.ndarray, colours: Sequence[str]
+) -> None:
     """Colour a map by whole numbers; x and y are evenly spaced, rows of `codes` go with y."""
     half_x, half_y = 0.5 * (x[-1] - x[0]) / (len(x) - 1), 0.5 * (y[-1] - y[0]) / (len(y) - 1)
     axis.imshow(
@@ -164,7 +166,9 @@ def _curve_range(law: Law, low: float, high: float) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def draw_boundaries(axis: Axes, k_v, k_cr, needed: float, sizes: Sequence[float]) -> None:
+def draw_boundaries(
+    axis: Axes, k_v: np.ndarray, k_cr: np.ndarray, needed: float, sizes: Sequence[float]
+) -> None:
     """The curve k_cr(k_v), and the damping above which any stiffness will do."""
     inside = np.isfinite(k_cr) & (k_cr > 0) & (k_v < needed)
     along = np.append(k_v[inside], needed) if inside.any() else k_v[:0]
@@ -245,7 +249,7 @@ def own_stiffness(found: Study) -> float:
     return 4 * need**2 / found.mass
 
 
-def gain_units(k_p, k_v) -> tuple[tuple[float, float], tuple[str, str]]:
+def gain_units(k_p: np.ndarray, k_v: np.ndarray) -> tuple[tuple[float, float], tuple[str, str]]:
     """Factors and units of both axes of a map."""
     first, second = prefixed(float(k_p[-1]), "N/m"), prefixed(float(k_v[-1]), "N s/m")
     return (first[0], second[0]), (first[1], second[1])

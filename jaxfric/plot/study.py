@@ -4,12 +4,21 @@ From the Dataset of a store alone: names, units, codes and their texts are in it
 Outputs with further dimensions (motions in time) are not drawn.
 """
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, TwoSlopeNorm
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import (
+    BoundaryNorm,
+    Colormap,
+    ListedColormap,
+    LogNorm,
+    Normalize,
+    TwoSlopeNorm,
+)
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -19,10 +28,13 @@ from .side import Side, code_colour, side_of
 from .stability import new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
+if TYPE_CHECKING:
+    from xarray import Dataset
+
 _PANELS = 4
 
 
-def draw_study(found: Any, folder: Path) -> list[str]:
+def draw_study(found: "Dataset", folder: Path) -> list[str]:
     """Write a map of every output over the two longest dimensions, and all marginal curves.
 
     `found` is the Dataset of a store (`study.load`). Further dimensions are shown in up to four
@@ -44,11 +56,11 @@ def draw_study(found: Any, folder: Path) -> list[str]:
     return names if figure is None else names + save(figure, folder, "marginals")
 
 
-def _dimensions(found: Any) -> tuple[str, ...]:
+def _dimensions(found: "Dataset") -> tuple[str, ...]:
     return tuple(found["outcome"].dims)
 
 
-def _shown_at(found: Any, name: str, index: int) -> str:
+def _shown_at(found: "Dataset", name: str, index: int) -> str:
     value, unit = float(found[name].values[index]), found[name].attrs.get("units", "1")
     if unit == "1":
         return f"{name} = {value:.3g}"
@@ -56,7 +68,7 @@ def _shown_at(found: Any, name: str, index: int) -> str:
     return f"{name} = {size * value:.3g} {text.replace('*', ' ')}"
 
 
-def _map(found: Any, name: str, dims: tuple[str, ...], coded: bool) -> Figure | None:
+def _map(found: "Dataset", name: str, dims: tuple[str, ...], coded: bool) -> Figure | None:
     """Maps over the two longest dimensions of a grid, in panels over the next one."""
     grid = [d for d in dims if d != "sample" and found.sizes[d] > 1]
     if len(grid) < 2 or "sample" in dims:
@@ -81,7 +93,7 @@ def _map(found: Any, name: str, dims: tuple[str, ...], coded: bool) -> Figure | 
         _panel(axis, sides, ", ".join(held))
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
-    used = axes[: len(panels)]
+    used = axes[: len(panels)].tolist()
     about = found[name].attrs
     if coded:
         _codes(figure, used, sides, values, about)
@@ -114,12 +126,20 @@ def _edges(side: Side) -> np.ndarray:
     return np.exp(edges) if side.log else edges
 
 
-def _mesh(axis: Axes, sides: tuple[Side, Side], values, cmap, norm):
+def _mesh(
+    axis: Axes, sides: tuple[Side, Side], values: np.ndarray, cmap: Colormap | str, norm: Normalize
+) -> QuadMesh:
     x, y = (_edges(side) for side in sides)
     return axis.pcolormesh(x, y, values, cmap=cmap, norm=norm, rasterized=True)
 
 
-def _codes(figure: Figure, axes, sides, values, about) -> None:
+def _codes(
+    figure: Figure,
+    axes: Sequence[Axes],
+    sides: tuple[Side, Side],
+    values: Sequence[np.ndarray],
+    about: Mapping[str, str],
+) -> None:
     names = about["flag_meanings"].split()
     colours = [code_colour(i, name) for i, name in enumerate(names)]
     norm = BoundaryNorm(np.arange(-1.5, len(names)), len(names) + 1)
@@ -137,7 +157,14 @@ def _codes(figure: Figure, axes, sides, values, about) -> None:
     figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=9)
 
 
-def _numbers(figure: Figure, axes, sides, values, name: str, about) -> None:
+def _numbers(
+    figure: Figure,
+    axes: Sequence[Axes],
+    sides: tuple[Side, Side],
+    values: Sequence[np.ndarray],
+    name: str,
+    about: Mapping[str, str],
+) -> None:
     every = np.concatenate([part.ravel() for part in values])
     finite = every[np.isfinite(every)]
     unit = about.get("units", "1")

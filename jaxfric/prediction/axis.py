@@ -13,6 +13,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..effects import effect_of
 from ..errors import InputError
@@ -26,7 +27,7 @@ from ..loop.axis.result import AxisRows
 from ..loop.axis.rows import rows_of
 from ..records.axis_record import AxisRecord
 from ..rig.axis import AxisRig, BaseLaw
-from ..simulation.axis_closed_loop import Controller, closed_loop, substeps
+from ..simulation.axis_closed_loop import ClosedLoop, Controller, simulate_closed_loop, substeps
 from .model import SavedModel
 from .result import Comparison, Prediction, Shift
 
@@ -39,7 +40,7 @@ _UNSEEN = 0.05
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Setting:
+class _AxisSetting:
     """The record as the model takes it."""
 
     saved: SavedModel
@@ -125,7 +126,7 @@ def _refuse_other(saved: SavedModel, record: AxisRecord) -> None:
         )
 
 
-def _setting(saved: SavedModel, record: AxisRecord, held: bool | None) -> _Setting:
+def _setting(saved: SavedModel, record: AxisRecord, held: bool | None) -> _AxisSetting:
     """The record with that of its possible forces that the model predicts better."""
     added = record.disturbance_force
     force = record.motor_force
@@ -137,7 +138,7 @@ def _setting(saved: SavedModel, record: AxisRecord, held: bool | None) -> _Setti
     ]
     best = list(saved.tables())[-1]
 
-    def misfit(option: _Setting) -> float:
+    def misfit(option: _AxisSetting) -> float:
         error = _force_error(option.problem, saved.values(best))
         return float(np.sum((error * np.asarray(option.problem.weight)) ** 2))
 
@@ -145,8 +146,12 @@ def _setting(saved: SavedModel, record: AxisRecord, held: bool | None) -> _Setti
 
 
 def _prepared(
-    saved: SavedModel, record: AxisRecord, force, held: bool | None, inside: bool | None
-) -> _Setting:
+    saved: SavedModel,
+    record: AxisRecord,
+    force: np.ndarray,
+    held: bool | None,
+    inside: bool | None,
+) -> _AxisSetting:
     about = saved.content.get("axis") or {}
     interval = float(np.median(np.diff(record.time)))
     cutoff = about.get("cutoff")
@@ -180,10 +185,10 @@ def _prepared(
         noise_scale=noise_from_differences(prepared.force[: prepared.rows][rows.used]),
     )
     published = as_published(problem, prepared, rows)
-    return _Setting(saved, record, problem, published, rows, inside)
+    return _AxisSetting(saved, record, problem, published, rows, inside)
 
 
-def _free(problem: AxisProblem, values: dict[str, float]):
+def _free(problem: AxisProblem, values: dict[str, float]) -> Float[Array, " p"]:
     """The unbounded variables of a model's values; effects that it has not are at their null."""
     names = problem.model.names()
     nulls = dict(zip(names[len(BaseLaw().names()) :], problem.model.nulls(), strict=True))
@@ -191,7 +196,7 @@ def _free(problem: AxisProblem, values: dict[str, float]):
 
 
 @eqx.filter_jit
-def _predict(problem: AxisProblem, z):
+def _predict(problem: AxisProblem, z: Float[Array, " p"]) -> Float[Array, " n"]:
     return problem.predict(z)
 
 
@@ -199,7 +204,7 @@ def _force_error(problem: AxisProblem, values: dict[str, float]) -> np.ndarray:
     return np.asarray(_predict(problem, _free(problem, values)) - problem.friction)
 
 
-def _published(setting: _Setting, name: str, unit: str) -> Comparison:
+def _published(setting: _AxisSetting, name: str, unit: str) -> Comparison:
     """All rows but those at rest, decimated, the force acting at once: as publications do it."""
     problem = setting.published
     used = np.asarray(problem.weight) > 0
@@ -216,7 +221,7 @@ def _fitted(saved: SavedModel, name: str, method: str) -> dict[str, float]:
     return saved.values(name)
 
 
-def _closed_loop(setting: _Setting, name: str):
+def _closed_loop(setting: _AxisSetting, name: str) -> ClosedLoop | None:
     """Position and force of model and controller; None where the controller is not known."""
     record, problem = setting.record, setting.problem
     drive, reference = record.drive, record.reference_position
@@ -231,20 +236,13 @@ def _closed_loop(setting: _Setting, name: str):
         jnp.asarray(drive.position_gain), jnp.asarray(drive.K_d), jnp.asarray(interval)
     )
     added = record.disturbance_force
-    return _simulate(
+    return simulate_closed_loop(
         rig,
         controller,
         jnp.asarray(reference),
         jnp.asarray(record.position[:3]),
-        jnp.zeros(len(record)) if added is None else jnp.asarray(added),
-        substeps(rig, interval),
-    )
-
-
-@eqx.filter_jit
-def _simulate(rig, controller, reference, first, disturbance, substeps: int):
-    return closed_loop(
-        rig, controller, reference, first, substeps=substeps, disturbance=disturbance
+        substeps=substeps(rig, interval),
+        disturbance=jnp.zeros(len(record)) if added is None else jnp.asarray(added),
     )
 
 
@@ -256,13 +254,20 @@ def _position_noise(position: np.ndarray) -> float | None:
     return max(noise, count / np.sqrt(12)) if np.isfinite(count) else None
 
 
-def _compared(name, method, error, recorded, unit, sigma) -> Comparison:
+def _compared(
+    name: str,
+    method: str,
+    error: np.ndarray,
+    recorded: np.ndarray,
+    unit: str,
+    sigma: float | None,
+) -> Comparison:
     rms = float(np.sqrt(np.mean(error**2)))
     relative = float(np.linalg.norm(error) / np.linalg.norm(recorded))
     return Comparison(name, method, rms, unit, relative, None if not sigma else rms / sigma)
 
 
-def _refit(setting: _Setting, name: str) -> tuple[float, tuple[Shift, ...]]:
+def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
     """What all parameters of the model, fitted to this record, leave; and where they go."""
     saved, problem = setting.saved, setting.problem
     values, table = saved.values(name), saved.tables()[name]
@@ -277,7 +282,7 @@ def _refit(setting: _Setting, name: str) -> tuple[float, tuple[Shift, ...]]:
     return fit.rms, shifts
 
 
-def _notes(setting: _Setting) -> tuple[str, ...]:
+def _notes(setting: _AxisSetting) -> tuple[str, ...]:
     notes = ["nothing of this record was fitted"]
     if setting.inside is not None:
         beside = "holds the disturbance already" if setting.inside else "is without the disturbance"
@@ -285,7 +290,7 @@ def _notes(setting: _Setting) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _warnings(setting: _Setting) -> tuple[str, ...]:
+def _warnings(setting: _AxisSetting) -> tuple[str, ...]:
     """What the model warns of, and where the record goes beyond what it saw."""
     saved, rows = setting.saved, setting.rows
     told = list(saved.warnings())

@@ -16,12 +16,15 @@ from ..laws.saved import (
     values_of,
 )
 
+Content = Mapping[str, Any]
+"""What a JSON file holds, or a part of it."""
+
 
 class SavedModel(NamedTuple):
     """A model and where it is from."""
 
     path: Path
-    content: Mapping[str, Any]
+    content: Content
 
     @property
     def is_axis(self) -> bool:
@@ -33,7 +36,7 @@ class SavedModel(NamedTuple):
         """Whether it is from a loop: two models, before and after."""
         return self.content["schema"] == LOOP
 
-    def tables(self) -> dict[str, Mapping[str, Any]]:
+    def tables(self) -> dict[str, Content]:
         """Its models by name: "fit", or "before" and, where effects were added, "after"."""
         if not self.is_loop:
             return {"fit": self.content}
@@ -77,7 +80,7 @@ def load_model(model: object) -> SavedModel:
     """
     if isinstance(model, str | Path):
         path = Path(model)
-        content: Mapping[str, Any] = read_saved(path, FIT, LOOP)
+        content: Content = read_saved(path, FIT, LOOP)
     elif hasattr(model, "to_json"):
         path, content = Path(f"this {type(model).__name__.lower()}"), model.to_json()  # pyright: ignore[reportAttributeAccessIssue]
     else:

@@ -10,7 +10,7 @@ from ..loop import Loop
 from ..records import AxisRecord, Record, VelocitySteps
 from ..records.given import as_axis_record, as_record
 from .axis import predict_axis
-from .model import load_model
+from .model import SavedModel, load_model
 from .result import Prediction
 from .slider import predict_slider
 
@@ -63,6 +63,20 @@ def predict(
     sliding.
     """
     saved = load_model(model)
+    record = _record_for(saved, record)
+    if isinstance(record, AxisRecord):
+        unused = {"stiffness": stiffness, "steps": steps, "free": free}
+        _refuse(saved.path, "an axis", unused)
+        return predict_axis(saved, record, held=held, progress=progress)
+    _refuse(saved.path, "a slider", {"held": held})
+    names = ("f0",) if free is None else ids_of(free)
+    return predict_slider(
+        saved, record, stiffness=stiffness, steps=steps, free=names, progress=progress
+    )
+
+
+def _record_for(saved: SavedModel, record: Record | AxisRecord | str | Path) -> Record | AxisRecord:
+    """The record, read where it is a path, of the kind that the model is of."""
     if isinstance(record, str | Path):
         record = as_axis_record(record) if saved.is_axis else as_record(record)
     if saved.is_axis != isinstance(record, AxisRecord):
@@ -71,19 +85,7 @@ def predict(
             f"{saved.path} is a model of {kinds[0]}; read the record with jaxfric.{kinds[1]}, not"
             f" as {type(record).__name__}"
         )
-    if isinstance(record, AxisRecord):
-        unused = {"stiffness": stiffness, "steps": steps, "free": free}
-        _refuse(saved.path, "an axis", unused)
-        return predict_axis(saved, record, held=held, progress=progress)
-    _refuse(saved.path, "a slider", {"held": held})
-    return predict_slider(
-        saved,
-        record,
-        stiffness=stiffness,
-        steps=steps,
-        free=("f0",) if free is None else ids_of(free),
-        progress=progress,
-    )
+    return record
 
 
 def _refuse(path: Path, kind: str, unused: dict[str, object]) -> None:

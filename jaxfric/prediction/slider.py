@@ -37,7 +37,7 @@ _TOLERANCE = 1e-6
 _TRIALS = 40
 
 
-class _Setting(NamedTuple):
+class _SliderSetting(NamedTuple):
     saved: SavedModel
     record: Record
     problem: Problem
@@ -124,20 +124,16 @@ def _refuse_other(saved: SavedModel, record: Record) -> None:
         )
 
 
-def _setting(saved: SavedModel, record: Record, stiffness, steps) -> _Setting:
+def _setting(
+    saved: SavedModel,
+    record: Record,
+    stiffness: float | str | None,
+    steps: VelocitySteps | str | None,
+) -> _SliderSetting:
     values = saved.values(list(saved.tables())[-1])
     found, sign = forward_steps(record, steps_of(record, steps))
     effects = tuple(effect_of(id) for id in saved.effects())
-    K = values["K"]
-    if stiffness is not None:
-        unit = unit_of("K", record.friction_unit)
-        K = (
-            parse_quantity(stiffness, unit, "stiffness")
-            if isinstance(stiffness, str)
-            else stiffness
-        )
-        if not K > 0:
-            raise InputError(f"stiffness is {K:g} {unit}; it must be positive")
+    K = values["K"] if stiffness is None else _stated(stiffness, record.friction_unit)
     law = saved.content["law"]
     if effects:
         model = Superset(Model(law=law), effects)
@@ -166,10 +162,20 @@ def _setting(saved: SavedModel, record: Record, stiffness, steps) -> _Setting:
         problem = dataclasses.replace(problem, normal_stress=padded)
     if effects:
         problem = seen_between(problem, values["A"] / float(K), values["L"])
-    return _Setting(saved, record, problem, found, sign, float(K), stiffness is not None)
+    return _SliderSetting(saved, record, problem, found, sign, float(K), stiffness is not None)
 
 
-def _start(setting: _Setting, name: str) -> np.ndarray:
+def _stated(stiffness: float | str, friction_unit: str) -> float:
+    """A stiffness that was given [F/m]."""
+    unit = unit_of("K", friction_unit)
+    text = isinstance(stiffness, str)
+    K = parse_quantity(stiffness, unit, "stiffness") if text else stiffness
+    if not K > 0:
+        raise InputError(f"stiffness is {K:g} {unit}; it must be positive")
+    return K
+
+
+def _start(setting: _SliderSetting, name: str) -> np.ndarray:
     model, values = setting.problem.model, setting.saved.values(name)
     if isinstance(model, Superset):
         nulls = zip(model.names()[len(model.base.names()) :], model.nulls(), strict=True)
@@ -178,13 +184,13 @@ def _start(setting: _Setting, name: str) -> np.ndarray:
     return np.array(to_free(setting.problem, natural[None]))[0]
 
 
-def _fitted(setting: _Setting, name: str) -> tuple[str, ...]:
+def _fitted(setting: _SliderSetting, name: str) -> tuple[str, ...]:
     """Parameters of the model that its own record fitted, but for the stiffness."""
     names = setting.problem.model.names()
     return tuple(n for n in setting.saved.tables()[name]["free"] if n in names)
 
 
-def _descend(setting: _Setting, z: np.ndarray, free: tuple[str, ...]) -> _Found:
+def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _Found:
     """Least squares over the parameters `free` and the times of steps that are felt."""
     problem, names = setting.problem, setting.problem.model.names()
     if unknown := [name for name in free if name not in names]:
@@ -212,7 +218,7 @@ def _descend(setting: _Setting, z: np.ndarray, free: tuple[str, ...]) -> _Found:
     return _Found(z, values, error, jacobian)
 
 
-def _shifts(setting: _Setting, name: str, refit: _Found) -> tuple[Shift, ...]:
+def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, ...]:
     """How far the parameters go; the noise is as correlated as the refit's residual is."""
     problem, names = setting.problem, setting.problem.model.names()
     table, model = setting.saved.tables()[name], setting.saved.values(name)
@@ -242,7 +248,7 @@ def _shifts(setting: _Setting, name: str, refit: _Found) -> tuple[Shift, ...]:
     return tuple(out)
 
 
-def _notes(setting: _Setting, free: Sequence[str]) -> tuple[str, ...]:
+def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[str, ...]:
     what = " and ".join(free) if free else "nothing"
     told = f"of this record {what} was fitted"
     if len(setting.problem.shifted):
@@ -257,7 +263,7 @@ def _notes(setting: _Setting, free: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _warnings(setting: _Setting) -> tuple[str, ...]:
+def _warnings(setting: _SliderSetting) -> tuple[str, ...]:
     """What the model warns of, and where the record goes beyond what it saw."""
     saved = setting.saved
     told = list(saved.warnings())

@@ -1,7 +1,7 @@
 """A closed loop as one page, loop.html: no network, no scripts, nothing outside the file."""
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 
 from ..fitting.table import noise_text
@@ -185,7 +185,7 @@ def _paragraph(text: str, kind: str) -> str:
     return f'<p class="{kind}">{_text(text)}</p>'
 
 
-def _list(items, kind: str = "") -> str:
+def _list(items: Sequence[str], kind: str = "") -> str:
     inside = "".join(f"<li>{_text(item)}</li>" for item in items)
     return f'<ul class="{kind}">{inside}</ul>' if inside else ""
 
@@ -242,7 +242,7 @@ def _table(table: Table) -> str:
         return ""
     right = [numeric(table, k) for k in range(len(table.head))]
 
-    def cells(tag: str, row) -> str:
+    def cells(tag: str, row: Sequence[str]) -> str:
         return "".join(
             f"<{tag}{' class=n' if n else ''}>{_text(cell)}</{tag}>"
             for cell, n in zip(row, right, strict=True)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from ..loop.split import NAMES
 from ..loop.structure import QUESTIONS, p_text
 from ..loop.thresholds import ALIAS, SIGNIFICANT
 from ..units import factor, format_si
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 HEADLINES = {
     "no_missing_effect": "No effect is missing",
@@ -63,7 +67,7 @@ def _reasons(loop: Loop) -> list[str]:
     return [f"  - {reason}" for reason in loop.reasons]
 
 
-def print_loop(loop: Loop, console) -> None:
+def print_loop(loop: Loop, console: "Console") -> None:
     """Print verdict, tables and aliases to a rich console."""
     for line in lines(loop):
         console.print(line, markup=False)
@@ -74,7 +78,7 @@ def print_loop(loop: Loop, console) -> None:
         console.print(f"  {line}", markup=False)
 
 
-def print_tables(console, shown_tables: Sequence[Table]) -> None:
+def print_tables(console: "Console", shown_tables: Sequence[Table]) -> None:
     """Tables one below the other; a narrow console leaves out meanings."""
     from rich.table import Table as RichTable
 

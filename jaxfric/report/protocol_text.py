@@ -1,7 +1,8 @@
 """A planned protocol as tables and lines of text, for the terminal."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,7 +10,10 @@ from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..loop.outlook import Change, Outlook, Protocol, Smallest
 from ..units import format_si, speed_text
-from .loop_text import Table, shown_unit
+from .loop_text import Table, print_tables, shown_unit
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _NOTE = (
     "smallest: the effect's amplitude at which its likelihood ratio reaches 10 + p ln n, at the"
@@ -102,28 +106,14 @@ def changes(plan: Protocol) -> Table:
     return Table(title, head, rows, "", marked)
 
 
-def print_protocol(plan: Protocol, console, *, typical: bool = False) -> None:
+def print_protocol(plan: Protocol, console: "Console", *, typical: bool = False) -> None:
     """Print everything to a rich console."""
-    from rich.table import Table as RichTable
-    from rich.text import Text
-
     for line in headline(plan, typical=typical):
         console.print(line, markup=False)
     console.print("\nWhat this plan cannot tell apart", markup=False)
     for line in apart(plan):
         console.print(f"  {line}", markup=False)
-    for table in (effects(plan), changes(plan)):
-        if not table.rows:
-            continue
-        shown = RichTable(title=table.title, title_justify="left", box=None, pad_edge=False)
-        for head in table.head:
-            shown.add_column(Text(head))
-        for k, row in enumerate(table.rows):
-            shown.add_row(*map(Text, row), style="bold" if k in table.marked else None)
-        console.print()
-        console.print(shown)
-        if table.note:
-            console.print(table.note, markup=False)
+    print_tables(console, [table for table in (effects(plan), changes(plan)) if table.rows])
     if plan.changes:
         console.print("\n" + advice(plan), markup=False)
 
@@ -140,7 +130,7 @@ def _change(plan: Protocol, change: Change) -> tuple[str, ...]:
     return change.text, _duration(change.duration), left, _list(plan.separated(change)), _list(new)
 
 
-def _list(pairs) -> str:
+def _list(pairs: Iterable[tuple[str, str]]) -> str:
     return ", ".join(f"{a}/{b}" for a, b in pairs)
 
 

@@ -1,6 +1,7 @@
 """A stability study as lines of text."""
 
 import math
+from typing import SupportsFloat
 
 import numpy as np
 
@@ -187,5 +188,5 @@ def _interval(low: float, high: float) -> str:
     return f"above {low:.5g}" if math.isinf(high) else f"{low:.5g} .. {high:.5g}"
 
 
-def _number(value) -> str:
+def _number(value: SupportsFloat) -> str:
     return f"{float(value):.6g}"
