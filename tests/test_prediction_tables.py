@@ -1,5 +1,6 @@
 """What a prediction says of its numbers: every threshold from both sides, without a simulation."""
 
+import dataclasses
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -39,6 +40,14 @@ def prediction(rms, refit, sigma, *shifts):
 )
 def test_the_verdict_of_a_prediction(rms, refit, sigma, verdict):
     assert prediction(rms, refit, sigma).verdict == verdict
+
+
+@pytest.mark.parametrize("refit", [1.31, 1.45])
+def test_what_asks_further_is_the_verb_of_the_rig(refit):
+    found = prediction(1.45, refit, 1.0)
+    assert found.sentence.count("(jaxfric loop asks which)") == 1
+    text = dataclasses.replace(found, kind="axis").sentence
+    assert text == found.sentence.replace("jaxfric loop", "jaxfric axis")
 
 
 @pytest.mark.parametrize(

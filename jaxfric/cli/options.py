@@ -172,8 +172,8 @@ From = Annotated[
     Path | None,
     Parameter(
         name="--from",
-        help="A fit.json of 'jaxfric fit', or a loop.json of 'jaxfric loop', from which the law is "
-        "taken; of the loop with the effects that it found.",
+        help="A fit.json of 'jaxfric fit', or a loop.json of 'jaxfric loop' or 'jaxfric axis', from"
+        " which the law is taken; of a loop with the effects that it found.",
     ),
 ]
 

@@ -113,19 +113,18 @@ class Prediction:
         ]
         if self.verdict == "noise":
             return f"{begin}: the noise allows it, and nothing else is seen."
-        beyond = self.refit_rms > _AT_NOISE * self.sigma
-        left = (
-            "; that too is more than the noise: the model lacks an effect here, or the noise is"
-            " correlated over many rows (jaxfric loop asks which)"
-            if beyond
-            else ", which is the noise"
+        asks = "jaxfric axis" if self.kind == "axis" else "jaxfric loop"
+        lacks = (
+            "the model lacks an effect here, or the noise is correlated over many rows"
+            f" ({asks} asks which)"
         )
         if self.verdict == "model":
             return (
                 f"{begin}. A fit of the same model to this record would leave no less"
-                f" ({self.refit_rms:.3g}{unit}): the model lacks an effect here, or the noise is"
-                " correlated over many rows (jaxfric loop asks which)."
+                f" ({self.refit_rms:.3g}{unit}): {lacks}."
             )
+        beyond = self.refit_rms > _AT_NOISE * self.sigma
+        left = f"; that too is more than the noise: {lacks}" if beyond else ", which is the noise"
         names = f" ({', '.join(moved)} differ)" if moved else ""
         return (
             f"{begin}. A fit of the same model to this record would leave"
