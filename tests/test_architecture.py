@@ -21,6 +21,7 @@ FLOORS = {
     "quantity": 0,
     "units": 0,
     "pairs": 1,
+    "plain": 0,
     "motion": 1,
     "rig": 1,
     "simulation": 2,

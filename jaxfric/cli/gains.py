@@ -142,19 +142,21 @@ def gains(
 
 
 def _draw_map(result: "Gains", folder: Path, progress: Callable[[str], None]) -> list[str]:
+    import jax.numpy as jnp
+
     from ..gains.cycle_map import cycle_map
     from ..plot.gains import draw_end_map
     from ..stability.analysis import steady_point
 
     progress("mapping the ends from rest")
     found = cycle_map(result)
-    where = result.scenarios.describe(found.scenario)
+    scenarios, k = result.scenarios, found.scenario
     return draw_end_map(
         found.ends,
         found.k_p,
         found.k_v,
         folder,
-        point=steady_point(result.scenarios.law(found.scenario), where["velocity"]),
-        mass=where["mass"],
+        point=steady_point(scenarios.law(k), jnp.asarray(scenarios.velocity[k])),
+        mass=None if scenarios.mass is None else float(scenarios.mass[k]),
         optimum=(result.kp, result.kv),
     )

@@ -455,7 +455,7 @@ def _named(
 
 
 def _possible(
-    effect: type[AbstractEffect], name: str, amplitude: float, shape: Mapping[str, float]
+    effect: Callable[..., AbstractEffect], name: str, amplitude: float, shape: Mapping[str, float]
 ) -> bool:
     """Whether an effect of this size, of either sign, is physically possible."""
     if not np.isfinite(amplitude):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fitting import Estimate, NoiseEstimate
+from ..plain import plain
 from ..records import Provenance, Sampling, VelocitySteps
 from .family import CurveFamily
 from .split import NAMES, Blocks
@@ -273,97 +274,64 @@ class Loop:
 
     def to_json(self) -> dict:
         """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""
-        origin = self.record.provenance
-        steps = self.base_fit.steps
-        return {
+        origin, values, steps = self.record.provenance, self.base_fit.values(), self.base_fit.steps
+        table = {
             "schema": SCHEMA,
             "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
             "friction_unit": self.record.friction_unit,
             "law": self.base_fit.law,
-            "stiffness": self.base_fit.values().get("K"),
-            "reference_velocity": self.base_fit.values().get("V0"),
-            "steps": [
-                [float(t), float(v)] for t, v in zip(steps.times, steps.velocities, strict=True)
-            ],
+            "stiffness": values.get("K"),
+            "reference_velocity": values.get("V0"),
+            "steps": np.stack([steps.times, steps.velocities], axis=1),
             "verdict": self.verdict,
             "sentence": self.sentence,
-            "reasons": list(self.reasons),
-            "effects": list(self.effects),
-            "alias_groups": [list(group) for group in self.alias_groups],
-            "separations": dict(self.separations),
+            "reasons": self.reasons,
+            "effects": self.effects,
+            "alias_groups": self.alias_groups,
+            "separations": self.separations,
             "families": [family.to_json() for family in self.families],
-            "candidates": [_plain(candidate) for candidate in self.candidates],
-            "screened": [_plain(effect) for effect in self.screened],
+            "candidates": self.candidates,
+            "screened": self.screened,
             "before": self._score(self.before),
             "after": self._score(self.after),
-            "shifts_in_sigma": {k: _number(v) for k, v in self.shifts().items()},
+            "shifts_in_sigma": self.shifts(),
             "noise": {
-                "sigma": _number(self.sigma),
-                "sigma_held_out": _number(self.sigma_held_out),
+                "sigma": self.sigma,
+                "sigma_held_out": self.sigma_held_out,
                 **self.after.noise.to_json(),
             },
             "tests": {
-                name: {"before": _number(p), "after": _number(self.after.tests[name])}
+                name: {"before": p, "after": self.after.tests[name]}
                 for name, p in self.before.tests.items()
             },
-            "location_map": [_plain(profile) for profile in self.location],
-            "aliasing": {
-                "ids": list(self.alias_ids),
-                "cosines": [[_number(c) for c in row] for row in self.alias_cosines],
-            },
+            "location_map": self.location,
+            "aliasing": {"ids": self.alias_ids, "cosines": self.alias_cosines},
             "blocks": {
                 "by_step": self.blocks.by_step,
                 **{name: int(self.blocks.of(name).sum()) for name in NAMES},
             },
             **({} if self.details is None else self.details.to_json()),
-            "warnings": list(self.warnings),
-            "seconds": float(self.seconds),
+            "warnings": self.warnings,
+            "seconds": self.seconds,
         }
+        return plain(table)
 
-    def _score(self, score: Score) -> dict:
-        rms = {f"{name}_rms": _number(value) for name, value in score.rms.items()}
-        step = self.blocks.step
+    def _score(self, score: Score) -> dict[str, object]:
+        """Errors, parameters and their covariance; no interval of what is not determined."""
+        of, step = self.blocks.of, self.blocks.step
+        fields = ("value", "std", "lower", "upper", "unit", "free", "determined")
+        unknown = dict.fromkeys(("std", "lower", "upper"))
         return {
-            **rms,
-            "in_sigma": {
-                name: _number(v / self.sigma_of(self.blocks.of(name)))
-                for name, v in score.rms.items()
-            },
+            **{f"{name}_rms": rms for name, rms in score.rms.items()},
+            "in_sigma": {name: v / self.sigma_of(of(name)) for name, v in score.rms.items()},
             "per_step_in_sigma": [
-                _number(v / self.sigma_of(step == k)) for k, v in enumerate(score.per_step)
+                v / self.sigma_of(step == k) for k, v in enumerate(score.per_step)
             ],
             "parameters": {
-                name: {
-                    "value": _number(e.value),
-                    "std": _number(e.std) if e.determined else None,
-                    "lower": _number(e.lower) if e.determined else None,
-                    "upper": _number(e.upper) if e.determined else None,
-                    "unit": e.unit,
-                    "free": e.free,
-                    "determined": e.determined,
-                }
+                name: {field: getattr(e, field) for field in fields}
+                | ({} if e.determined else unknown)
                 for name, e in score.parameters.items()
             },
-            "free": list(score.free),
-            "covariance": [[_number(c) for c in row] for row in score.covariance],
+            "free": score.free,
+            "covariance": score.covariance,
         }
-
-
-def _plain(part: CandidateScore | ScreenedEffect | LocationProfile) -> dict:
-    """The fields of a part of a loop as JSON has them, by name."""
-    return {name: _json(value) for name, value in vars(part).items()}
-
-
-def _json(value: str | bool | float | tuple | np.ndarray | Mapping) -> object:
-    """Lists for tuples and arrays, null for a number that is not finite."""
-    if isinstance(value, str | bool):
-        return value
-    if isinstance(value, Mapping):
-        return {key: _json(one) for key, one in value.items()}
-    if isinstance(value, tuple | np.ndarray):
-        return [_json(one) for one in value]
-    return _number(float(value))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -219,7 +219,8 @@ def _least(result: Gains, gains: np.ndarray, asked: np.ndarray) -> np.ndarray:
 def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
     """Whether each scenario is stable at its pair of gains."""
     mass, delay = (None if x is None else jnp.asarray(x) for x in (scenarios.mass, scenarios.delay))
-    sliders = LinearSlider(mass, *jnp.asarray(gains).T, scenarios.friction, delay)
+    k_p, k_v = jnp.asarray(gains).T
+    sliders = LinearSlider(mass, k_p, k_v, scenarios.friction, delay)
     return np.asarray(eqx.filter_jit(eqx.filter_vmap(is_stable))(sliders))
 
 

@@ -1,6 +1,5 @@
 """Curves of a study: every output over every parameter, whatever the others are."""
 
-import itertools
 import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -75,7 +74,7 @@ def _title(found: "Dataset", empty: Sequence[str], width: int) -> str:
 
 def _thinned(found: "Dataset") -> tuple[dict[str, slice], dict[str, tuple[Side, np.ndarray]]]:
     """Members to read, no more than some hundred thousand, and what each parameter is for them."""
-    dims = tuple(found["outcome"].dims)
+    dims = tuple(map(str, found["outcome"].dims))
     steps = dict.fromkeys(dims, 1)
     sizes = {d: found.sizes[d] for d in dims}
     while np.prod([-(-sizes[d] // steps[d]) for d in dims], dtype=float) > _MOST:
@@ -84,17 +83,18 @@ def _thinned(found: "Dataset") -> tuple[dict[str, slice], dict[str, tuple[Side, 
     members = {d: slice(None, None, steps[d]) for d in dims}
     shape = tuple(-(-sizes[d] // steps[d]) for d in dims)
     columns = {}
-    for name in itertools.chain(found.coords):
+    for name in map(str, found.coords):
         about = found[name]
-        if about.dims[0] not in dims or about.ndim != 1:
+        dim = str(about.dims[0])
+        if dim not in dims or about.ndim != 1:
             continue
         side = side_of(found, name)
-        part = side.values[members[about.dims[0]]]
+        part = side.values[members[dim]]
         if np.ptp(part) == 0:
             continue
-        if name != about.dims[0]:  # a sampled column: in bins
+        if name != dim:  # a sampled column: in bins
             side, part = _binned(side, part)
-        place = [-1 if d == about.dims[0] else 1 for d in dims]
+        place = [-1 if d == dim else 1 for d in dims]
         columns[name] = side, np.broadcast_to(part.reshape(place), shape).ravel()
     return members, columns
 

@@ -40,9 +40,9 @@ def draw_study(found: "Dataset", folder: Path) -> list[str]:
     `found` is the Dataset of a store (`study.load`). Further dimensions are shown in up to four
     panels, or at the middle of what is left. Returns the names written; none where nothing varies.
     """
-    coded = [n for n in found.data_vars if "flag_values" in found[n].attrs]
-    dims = _dimensions(found)
-    outputs = [n for n in found.data_vars if n != "done" and tuple(found[n].dims) == dims]
+    known, dims = list(map(str, found.data_vars)), _dimensions(found)
+    coded = [n for n in known if "flag_values" in found[n].attrs]
+    outputs = [n for n in known if n != "done" and found[n].dims == dims]
     outputs = [n for n in outputs if n != "outcome"] + ["outcome"]
     names = []
     for name in outputs:
@@ -57,7 +57,7 @@ def draw_study(found: "Dataset", folder: Path) -> list[str]:
 
 
 def _dimensions(found: "Dataset") -> tuple[str, ...]:
-    return tuple(found["outcome"].dims)
+    return tuple(map(str, found["outcome"].dims))
 
 
 def _shown_at(found: "Dataset", name: str, index: int) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..plain import plain
 from ..records.record import Provenance
 
 SCHEMA = "jaxfric.prediction/1"
@@ -133,7 +134,7 @@ class Prediction:
 
     def to_json(self) -> dict:
         """The content of `prediction.json`, schema "jaxfric.prediction/1"; SI."""
-        return {
+        table = {
             "schema": SCHEMA,
             "model": self.source,
             "record": {
@@ -145,17 +146,7 @@ class Prediction:
             "force_unit": self.force_unit,
             "verdict": self.verdict,
             "sentence": self.sentence,
-            "comparisons": [
-                {
-                    "model": c.model,
-                    "method": c.method,
-                    "rms": c.rms,
-                    "unit": c.unit,
-                    "relative_error": c.relative_error,
-                    "in_sigma": c.in_sigma,
-                }
-                for c in self.comparisons
-            ],
+            "comparisons": self.comparisons,
             "refitted": {
                 name: {"model": model, "here": here}
                 for name, (model, here) in self.refitted.items()
@@ -167,15 +158,12 @@ class Prediction:
                 s.name: {
                     "model": s.model,
                     "here": s.here,
-                    "error": _number(s.error),
-                    "in_sigma": _number(s.in_sigma),
+                    "error": s.error,
+                    "in_sigma": s.in_sigma,
                 }
                 for s in self.shifts
             },
-            "notes": list(self.notes),
-            "warnings": list(self.warnings),
+            "notes": self.notes,
+            "warnings": self.warnings,
         }
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+        return plain(table)

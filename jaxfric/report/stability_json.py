@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from typing import SupportsFloat
 
 import numpy as np
 
+from ..plain import plain
 from ..rig.friction import AbstractStribeck, critical_velocity, worst_slope
 from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary
@@ -28,40 +28,40 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
         "mass": study.mass,
         "kp": study.k_p,
         "kv": study.k_v,
-        "velocity": float(here.velocity),
+        "velocity": here.velocity,
         "friction": {
-            "steady": _finite(here.force),
-            "slope": _finite(here.slope),
-            "memory": _finite(here.memory),
-            "steady_slope": _finite(here.steady_slope),
-            "slip_slope": _finite(here.friction.trend),
+            "steady": here.force,
+            "slope": here.slope,
+            "memory": here.memory,
+            "steady_slope": here.steady_slope,
+            "slip_slope": here.friction.trend,
         },
-        "needed_damping": _finite(here.needed_damping),
+        "needed_damping": here.needed_damping,
         "theorem": _theorem_content(study),
         **_gains_content(study),
         "velocities": {
-            "velocity": [_finite(V) for V in points.velocity],
-            "critical_stiffness": [_finite(k) for k in theorems.critical_stiffness],
-            "critical_frequency": [_finite(w) for w in theorems.critical_frequency],
-            "needed_damping": [_finite(k) for k in points.needed_damping],
+            "velocity": points.velocity,
+            "critical_stiffness": theorems.critical_stiffness,
+            "critical_frequency": theorems.critical_frequency,
+            "needed_damping": points.needed_damping,
         },
     }
     if study.delayed:
         result["delay"] = _delay_content(study)
     if isinstance(study.law, AbstractStribeck):
         result["memoryless"] = {
-            "critical_velocity": _finite(critical_velocity(study.law)),
-            "worst_slope": _finite(worst_slope(study.law)),
+            "critical_velocity": critical_velocity(study.law),
+            "worst_slope": worst_slope(study.law),
         }
-    return {**result, "warnings": list(warnings)}
+    return plain({**result, "warnings": warnings})
 
 
 def _theorem_content(study: Study) -> dict:
     found = study.theorem
     names = ("integrable", "damped", "underdamped", "complete", "holds")
-    k_cr, w_cr = _finite(found.critical_stiffness), _finite(found.critical_frequency)
+    k_cr, w_cr = found.critical_stiffness, found.critical_frequency
     return {
-        **{name: bool(getattr(found, name)) for name in names},
+        **{name: getattr(found, name) for name in names},
         "critical_stiffness": None if study.delayed else k_cr,
         "critical_frequency": None if study.delayed else w_cr,
         "solutions": [{"frequency": w, "stiffness": k} for w, k in solutions(study)],
@@ -72,10 +72,10 @@ def _gains_content(study: Study) -> dict:
     if study.poles is None or study.margins is None:
         return {"stable": None, "poles": None, "margins": None}
     return {
-        "stable": bool(study.stable),
-        "poles": [[_finite(s.real), _finite(s.imag)] for s in np.asarray(study.poles)],
+        "stable": study.stable,
+        "poles": [[s.real, s.imag] for s in np.asarray(study.poles)],
         "margins": {
-            name: {"value": _finite(study.margins[name]), "unit": about.unit}
+            name: {"value": study.margins[name], "unit": about.unit}
             for name, about in MARGINS.items()
             if name in study.margins
         },
@@ -86,20 +86,14 @@ def _delay_content(study: Study) -> dict:
     numbers = delay_numbers(study)
     known = delay_summary(study, number=INTERVALS)
     return {
-        "strength": float(numbers[2]),
-        "delay": float(numbers[3]),
-        "stable_stiffness_exists": bool(known.exists),
+        "strength": numbers[2],
+        "delay": numbers[3],
+        "stable_stiffness_exists": known.exists,
         "stable_intervals": [
-            {"lower": a, "upper": _finite(b), "frequencies": [_finite(v), _finite(w)]}
-            for a, b, v, w in intervals(study)
+            {"lower": a, "upper": b, "frequencies": [v, w]} for a, b, v, w in intervals(study)
         ],
         "unstable_roots": None if study.k_p is None else int(known.unstable),
     }
-
-
-def _finite(value: SupportsFloat) -> float | None:
-    number = float(value)
-    return number if math.isfinite(number) else None
 
 
 def solutions(study: Study) -> list[tuple[float, float]]:

@@ -1,0 +1,30 @@
+"""Results as JSON files have them."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+
+def plain(table: Mapping[str, object]) -> dict[str, object]:
+    """A table whose values, at any depth, are what JSON has.
+
+    Tuples and arrays become lists, a dataclass its fields by name, numbers those of Python; a
+    number that is not finite is null.
+    """
+    return {name: _plain(value) for name, value in table.items()}
+
+
+def _plain(value: object) -> object:
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    if isinstance(value, Mapping):
+        return plain(value)
+    if dataclasses.is_dataclass(value):
+        return plain(vars(value))
+    if isinstance(value, Sequence):
+        return [_plain(one) for one in value]
+    if not isinstance(value, float):
+        return _plain(np.asarray(value).tolist())  # an array, or a number of NumPy or JAX
+    return value if math.isfinite(value) else None
