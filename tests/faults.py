@@ -30,6 +30,9 @@ REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
 )
+WORDS_OF_A_RIG, SPELLINGS = (
+    f"tests/test_loop_report.py -k {word}" for word in ("own_words", "spelling")
+)
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
 
 
@@ -438,5 +441,17 @@ FAULTS = (
           "return self._settled(V, jax.lax.stop_gradient(force), at)", SETTLED),
     Fault("a force from the start leaves heat where it was", "loop/response.py",
           "y0 = self.begin[:, None] * first", "y0 = 0 * self.begin[:, None] * first", WARM),
+    Fault("an axis is split by velocity steps", "loop/words.py",
+          'part="motion segment"', 'part="velocity step"', WORDS_OF_A_RIG),
+    Fault("an axis has the effects of a slider", "loop/words.py",
+          "catalogue=AXIS_CATALOGUE", "catalogue=CATALOGUE", WORDS_OF_A_RIG),
+    Fault("the old spelling forgets what stands before it", "cli/call.py",
+          "[verb, *words[1:first], *rest]", "[verb, *rest]", SPELLINGS),
+    Fault("an axis has a folder of its own", "cli/call.py",
+          '"loop" if name in LOOPS else name', "name", SPELLINGS),
+    Fault("of two values of a name the last one counts", "pairs.py",
+          "if name in found:", "if False:", "tests/test_pairs.py"),
+    Fault("a number that is not finite is written", "plain.py",
+          "value if math.isfinite(value) else None", "value", "tests/test_plain.py"),
 )
 # fmt: on
