@@ -9,7 +9,6 @@ from cyclopts import Parameter, Token
 from ..errors import InputError
 
 File = Annotated[Path, Parameter(help="The record: a CSV or other table of columns.")]
-
 Columns = Annotated[
     list[str] | None,
     Parameter(
@@ -24,7 +23,6 @@ Columns = Annotated[
         negative=(),
     ),
 ]
-
 DropBad = Annotated[
     bool,
     Parameter(
@@ -33,7 +31,6 @@ DropBad = Annotated[
         " their neighbours.",
     ),
 ]
-
 Steps = Annotated[
     str | None,
     Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),
@@ -64,7 +61,6 @@ Since = Annotated[
         " before the load point has moved so far, '9500 um'.",
     ),
 ]
-
 Until = Annotated[
     str | None,
     Parameter(
@@ -73,12 +69,9 @@ Until = Annotated[
         help="Leave out all rows after this time or displacement since the first row.",
     ),
 ]
-
 Out = Annotated[Path | None, Parameter(converter=named_path, help="Output folder.")]
-
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option that may begin with a minus sign: a negative quantity is then refused as such."""
-
 Rig = Annotated[
     Literal["slider", "axis", "steady"],
     Parameter(
@@ -86,27 +79,22 @@ Rig = Annotated[
         " from its motor force and encoder. steady: a folder of runs at steady speeds."
     ),
 ]
-
 DriveGain = Annotated[
     str | None,
     Parameter(help='Of an axis: motor force per control signal, as in "35.15 N/V".'),
 ]
-
 PositionGain = Annotated[
     str | None,
     Parameter(help='Of an axis under two nested loops: kp of the outer one, "160 1/s".'),
 ]
-
 VelocityGain = Annotated[
     str | None,
     Parameter(help='Of an axis: kv of the inner loop, "240 V s/m", or in force "8436 N s/m".'),
 ]
-
 RatedTorque = Annotated[
     str | None,
     Parameter(help='Of an axis whose torque is recorded in per cent of it: "9.84 mN m".'),
 ]
-
 Flip = Annotated[
     list[Literal["force", "motion", "both"]] | None,
     Parameter(
@@ -116,7 +104,6 @@ Flip = Annotated[
         " of both.",
     ),
 ]
-
 Held = Annotated[
     bool,
     Parameter(
@@ -125,7 +112,6 @@ Held = Annotated[
         " Known without it where the gains of its loops are.",
     ),
 ]
-
 With = Annotated[
     list[str] | None,
     Parameter(
@@ -134,27 +120,22 @@ With = Annotated[
         help="Effects that the base model has from the start: ids, separated by commas.",
     ),
 ]
-
 Most = Annotated[int, Parameter(help="Largest number of effects that may be added.")]
-
 Json = Annotated[
     bool,
     Parameter(negative=(), help="Print on stdout what the JSON file holds, instead of the tables."),
 ]
-
 EFFECTS = (
     "second_state, aging, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
     "run_in, position_periodic, normal_stress, thermal, frictional_delay, stiffness, damping, "
     "inertia, servo_lag, sensor_lag, sensor_delay, time_drift, gain"
 )
 """The ids of the catalogue, written here too so that --help need not load it."""
-
 AXIS_EFFECTS = (
     "direction_asymmetry, cubic, stribeck, log_viscous, position_periodic, position_dependence, "
     "time_drift, presliding, rate_and_state, servo_lag, sensor_lag, sensor_delay"
 )
 """Those of an axis."""
-
 STEADY_EFFECTS = "direction_asymmetry, stribeck, cubic"
 """Those of a curve of steady speeds."""
 
@@ -176,18 +157,15 @@ From = Annotated[
         " which the law is taken; of a loop with the effects that it found.",
     ),
 ]
-
 LawName = Annotated[
     str | None,
     Parameter(
         help="A law by name instead: slip, ageing, stribeck, gaussian-stribeck, delay or dahl."
     ),
 ]
-
 LawParameters = Annotated[
     str | None, Parameter(help="Its parameters: 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'.")
 ]
-
 NormalForce = Annotated[
     str | None,
     Parameter(
@@ -195,7 +173,6 @@ NormalForce = Annotated[
         help="Normal force, '500 N': needed where the fit is of a friction coefficient.",
     ),
 ]
-
 Mass = Annotated[
     str | None,
     Parameter(
