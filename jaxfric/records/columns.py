@@ -224,8 +224,8 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
     lacks = f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
     if schema is SLIDER and _of_an_axis(table):
         raise InputError(
-            f"{lacks}. These are of a servo axis, which is read with --rig axis ('jaxfric record') or"
-            " by 'jaxfric axis'"
+            f"{lacks}. These are of a servo axis, which is read with --rig axis ('jaxfric record')"
+            " or by 'jaxfric axis'"
         )
     machine = next((one for one in table.units if one and _MACHINE.fullmatch(spelt(one))), None)
     hint = did_you_mean(missing[0], table.names, listed=False) or ";"
