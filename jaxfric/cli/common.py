@@ -15,7 +15,7 @@ from .told import told as told
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..gains.source import LawSource
+    from ..laws.source import LawSource
     from ..records import AxisRecord, Record
 
 

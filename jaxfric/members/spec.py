@@ -232,7 +232,9 @@ def dtype_of(content: Table, where: str) -> str:
     raise InputError(f"{where}: dtype is {found!r}; it is 'float64' or 'float32'")
 
 
-def _rig(rig: Table, path: Path, files: dict[str, str]):
+def _rig(
+    rig: Table, path: Path, files: dict[str, str]
+) -> tuple[str | None, Path | None, float | None, dict[str, float]]:
     where = f"{path.name} [rig]"
     fixed: dict[str, float] = {}
     law = rig.get("law")
@@ -246,7 +248,7 @@ def _rig(rig: Table, path: Path, files: dict[str, str]):
             except InputError:
                 raise InputError(f"{where}: no key '{key}'{nearest(key, _RIG)}") from None
         fixed[key] = read_value(rig[key], key, f"{where} {key}")
-    if law is not None and not is_rate_state(law):
+    if law is not None and not (isinstance(law, str) and is_rate_state(law)):
         there = ", ".join(rate_state_laws())
         raise InputError(f"{where}: no law {law!r} in studies; there are: {there}")
     if ("from" in rig) and law is not None:
