@@ -25,6 +25,7 @@ STORE = "tests/test_study_run.py -k damaged_samples"
 AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
 SETTLING = "tests/test_end_states.py -k thresholds"
 EXTENSION = "tests/test_extension.py"
+OWN_EFFECT = "tests/test_new_effect.py"
 OWN_LAW = "tests/test_new_law.py"
 REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
@@ -453,5 +454,17 @@ FAULTS = (
           "if name in found:", "if False:", "tests/test_pairs.py"),
     Fault("a number that is not finite is written", "plain.py",
           "value if math.isfinite(value) else None", "value", "tests/test_plain.py"),
+    Fault("an effect is of the first rig that it fits", "effects/catalogue.py",
+          "for rig in effect.rigs:", "for rig in effect.rigs[:1]:", f"{OWN_EFFECT} -k catalogue"),
+    Fault("two effects of one name", "effects/catalogue.py",
+          "is not effect:", "is None:", f"{OWN_EFFECT} -k catalogue"),
+    Fault("a spring along the slip is in the law", "laws/loop_source.py",
+          "place = issubclass(effect, AbstractPlaceEffect)", "place = False",
+          f"{OWN_EFFECT} -k slider_with_it"),
+    Fault("a lag is as long as the record", "fitting/abstract_problem.py",
+          "return sizes.lag", "return sizes.duration", f"{OWN_EFFECT} -k unit"),
+    Fault("a unit that is not known is 1", "fitting/abstract_problem.py",
+          "if symbol not in powers:", "if symbol not in powers and sign > 5:",
+          f"{OWN_EFFECT} -k unit"),
 )
 # fmt: on
