@@ -6,6 +6,7 @@ Read from the source by AST, so imports inside functions count and nothing is ex
 import ast
 import functools
 import graphlib
+import itertools
 from collections import defaultdict
 from pathlib import Path
 
@@ -33,6 +34,7 @@ FLOORS = {
     "fitting": 3,
     "loop": 4,
     "prediction": 4,
+    "protocol": 4,
     "study": 5,
     "axis": 5,
     "plot": 5,
@@ -50,6 +52,7 @@ WITHIN_A_FLOOR = {
     ("gains", "laws"),
     ("fitting", "laws"),
     ("prediction", "loop"),
+    ("protocol", "loop"),
 }
 
 
@@ -221,6 +224,22 @@ def test_the_package_was_read():
 
 def test_floors():
     assert floor_faults(SOURCES) == []
+
+
+def drawn():
+    """Names of the tree that README draws, a list for every line, from the ground floor up."""
+    text = (ROOT.parent / "README.md").read_text(encoding="utf-8")
+    tree = text.split("    jaxfric/\n")[1].split("\n\n")[0]
+    return [line[6:41].replace("/", " ").split() for line in tree.splitlines()]
+
+
+def test_readme_draws_the_tree():
+    """Every module of the top level, once, and none above what is built from it."""
+    floors = [[FLOORS[name] for name in line] for line in drawn()]
+    names = [name for line in drawn() for name in line]
+    assert sorted(names) == sorted(name for name in FLOORS if name not in ("", "__main__"))
+    assert all(max(a) <= min(b) for a, b in itertools.pairwise(floors))
+    assert len(floors) <= 12
 
 
 def test_no_module_imports_itself_by_a_detour():

@@ -16,8 +16,8 @@ import jaxfric as jf
 from fits.blind import plants
 from jaxfric.effects import CATALOGUE
 from jaxfric.loop import protocol as module
-from jaxfric.loop.outlook import Change, Outlook, Protocol, Smallest
-from jaxfric.loop.protocol import Planned, plan
+from jaxfric.protocol.outlook import Change, Outlook, Protocol, Smallest
+from jaxfric.protocol.plan import Planned, plan
 from jaxfric.report.protocol_text import _stay, advice, apart, changes, effects
 
 UM = 1e-6

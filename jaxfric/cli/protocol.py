@@ -13,7 +13,7 @@ from .common import effect_ids, optional_quantity, prepare_jax, stdout_console, 
 from .folder import Folder, choose_folder, source_name
 
 if TYPE_CHECKING:
-    from ..loop.outlook import Protocol
+    from ..protocol.outlook import Protocol
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
@@ -73,8 +73,8 @@ def protocol(
         K = _size(stiffness, f"{unit}/m", "--stiffness", values.pop("K", None))
         sigma = _size(noise, unit, "--noise", values.pop("noise", None))
         prepare_jax()
-        from ..loop.protocol import Planned, plan
         from ..plot.loop import save_aliasing
+        from ..protocol.plan import Planned, plan
 
         folder = choose_folder(out, source_name(from_), from_) if from_ else choose_folder(out, "")
         found = plan(

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
-from ..loop.outlook import Change, Outlook, Protocol, Smallest
+from ..protocol.outlook import Change, Outlook, Protocol, Smallest
 from ..units import format_si, speed_text
 from .loop_text import Table, print_tables, shown_unit
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .thresholds import ALIAS
+from ..loop.thresholds import ALIAS
 
 SCHEMA = "jaxfric.protocol/1"
 

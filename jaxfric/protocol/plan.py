@@ -33,18 +33,18 @@ from ..fitting.problem import (
 from ..fitting.result import critical_stiffness_of, tidy_unit
 from ..fitting.superset import Superset
 from ..laws.registry import count_states, refuse_unknown_law, refuse_untaken, takes
+from ..loop.driver import offered
+from ..loop.engine import Candidate, Engine
+from ..loop.sampling import seen_between
+from ..loop.screen import Screening, alias_cosines, orthonormal, sensitivities
+from ..loop.search import MOST
+from ..loop.shapes import friction_shapes
+from ..loop.split import Blocks
+from ..loop.thresholds import ACCEPT
 from ..records import VelocitySteps
 from ..rig.friction import AbstractRateState
 from ..units import speed_text
-from .driver import offered
-from .engine import Candidate, Engine
 from .outlook import Change, Outlook, Protocol, Smallest
-from .sampling import seen_between
-from .screen import Screening, alias_cosines, orthonormal, sensitivities
-from .search import MOST
-from .shapes import friction_shapes
-from .split import Blocks
-from .thresholds import ACCEPT
 
 CHANNEL_NOISE = 1e-7
 """Noise of a displacement channel that a change adds, where none is given [m]."""
