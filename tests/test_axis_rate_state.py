@@ -357,7 +357,7 @@ def without(name):
         ({"after": without("F_c")}, "parameter F_c is missing"),
         ({"after": without("rate_and_state.L")}, "parameter rate_and_state.L is missing"),
         ({"after": None}, "'after.' is no table"),
-        ({"effects": ["rate_and_stat"]}, "did you mean rate_and_state"),
+        ({"effects": ["rate_and_stat"]}, "did you mean 'rate_and_state"),
         ({"axis": {"width": "x"}}, "'axis.width' is 'x'"),
         ({"part": float("nan"), "samples": 2}, "undetermined"),
     ],
