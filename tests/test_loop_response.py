@@ -167,7 +167,7 @@ def error(found, truth) -> float:
 
 def per_unit(case: Case, id: str) -> float:
     """Friction in units of the noise by the unbounded amplitude, over that by the natural one."""
-    return float(case.engine.problem._scale(f"{id}.{AMPLITUDES[id]}")) / SIGMA
+    return float(case.engine.problem.scale(f"{id}.{AMPLITUDES[id]}")) / SIGMA
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ def test_response_of_a_law_with_heat(soft):
     In the first rows: there the midpoint rule has not yet erred by more.
     """
     z, wave = soft.z.copy(), soft.index("position_periodic", "b")
-    z[soft.index("thermal", "a_T")] = 0.002 / soft.engine.problem._scale("thermal.a_T")
+    z[soft.index("thermal", "a_T")] = 0.002 / soft.engine.problem.scale("thermal.a_T")
     case, early = soft._replace(z=z), slice(5)
     unit = per_unit(case, "position_periodic")
     truth = case.engine.evaluate(z).jacobian[early, wave] / unit
