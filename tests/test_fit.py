@@ -18,7 +18,7 @@ import jaxfric
 from jaxfric import InputError, VelocitySteps
 from jaxfric.fitting import NoiseEstimate, NoisePart
 from jaxfric.fitting.assemble import _plausible, edge_warnings
-from jaxfric.fitting.fit import _noise, prepare
+from jaxfric.fitting.fit import _noise, _Task, prepare
 from jaxfric.fitting.plausible import bounds_of
 from jaxfric.fitting.problem import Model, residual_and_jacobian, to_free
 from jaxfric.fitting.result import Estimate, Fit
@@ -59,8 +59,9 @@ def test_descents_are_counted_within_their_stage(monkeypatch):
     monkeypatch.setattr(module, "simulate", lambda *_: SimpleNamespace(velocity=zeros, slip=zeros))
     record: Any = SimpleNamespace(relative_time=zeros, friction=zeros)
     for states in (1, 2):
-        given: Any = (record, 1.0, None, Model(states=states), 1.0, None, None)
-        module._solve_in_stages(*given, told.append)
+        steps: Any = None
+        task = _Task(record, steps, 1.0, Model(states=states), 1.0, 1.0)
+        module._solve_in_stages(task, None, told.append)
     assert told == [
         "descent 1 of at most 3",
         "stage 1 of 2, one state: descent 1 of at most 3",
