@@ -383,7 +383,7 @@ FAULTS = (
           "_FAR_FROM_REST, _SEEN = 20.0", "_FAR_FROM_REST, _SEEN = 1.0", REGULARISED),
     Fault("a law has as many states as it is given", "laws/registry.py",
           'return getattr(REGISTRY[name], "number", None)', "return None",
-          OWN_LAW + " -k simulate"),
+          OWN_LAW + " -k fit"),
     Fault("an unknown evolution moves by the slip law", "simulation/ensemble.py",
           "elif isinstance(evolution, SlipEvolution):", "elif True:",
           OWN_LAW + " -k at_once"),
