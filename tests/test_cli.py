@@ -216,9 +216,10 @@ def test_two_states() -> None:
 def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypatch) -> None:
     from jaxfric.fitting import assemble
 
-    def ended_early(record, steps, sign, problem, solution, noise, **options):
-        early = solution._replace(result=optx.RESULTS.nonlinear_max_steps_reached)
-        return assemble.assemble(record, steps, sign, problem, early, noise, **options)
+    def ended_early(record, steps, sign, solved, **options):
+        most = optx.RESULTS.nonlinear_max_steps_reached
+        early = solved._replace(solution=solved.solution._replace(result=most))
+        return assemble.assemble(record, steps, sign, early, **options)
 
     before = run("fit", "run.csv", *STIFFNESS, *STEPS, "--out", "good")
     good = Path("good/fit.json").read_bytes()
