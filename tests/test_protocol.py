@@ -5,6 +5,7 @@ All plans have one size (1024 rows, 16 velocities), so they share what is compil
 
 import dataclasses
 import json
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -15,7 +16,6 @@ from command import assert_refused, run
 import jaxfric as jf
 from fits.blind import plants
 from jaxfric.effects import CATALOGUE
-from jaxfric.loop import protocol as module
 from jaxfric.protocol.outlook import Change, Outlook, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
 from jaxfric.report.protocol_text import _stay, advice, apart, changes, effects
@@ -299,7 +299,7 @@ def test_near_the_edge(monkeypatch):
     assert any("K/K_cr is 1.50" in line for line in near.warnings)
     with pytest.raises(jf.InputError, match=r"is 0\.80 of the critical one"):
         planned(stiffness=0.8 * STIFFNESS / 4)
-    monkeypatch.setattr(module, "_look", lambda setup, variant: None)
+    monkeypatch.setattr(sys.modules["jaxfric.protocol.plan"], "_look", lambda setup, variant: None)
     with pytest.raises(jf.InputError, match=r"slips away at a velocity step at K/K_cr = 1\.05"):
         planned(stiffness=1.05 * STIFFNESS / 4)
 
@@ -323,7 +323,7 @@ def test_the_command(twelve, monkeypatch, tmp_path):
         asked.update(options, **vars(what))
         return twelve
 
-    monkeypatch.setattr(module, "plan", made_up)
+    monkeypatch.setattr(sys.modules["jaxfric.protocol.plan"], "plan", made_up)
     monkeypatch.chdir(tmp_path)
     base = ("protocol", "1, 10, 3 um/s", "--slip-per-step", "150um", "--stiffness", "5e-3/um")
     code, out, err = run(
