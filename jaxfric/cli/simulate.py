@@ -188,14 +188,14 @@ def _run(
         lines.append(f"start: steady sliding; then the load point jumps by {1e6 * jump:.4g} um")
     whole = length or _default_duration(rig, times, velocities, lead)
     tries = 1 if length or not constant else _TRIES
-    for k in range(tries):
-        of = f", try {k + 1} of at most {tries}" if tries > 1 else ""
+    k = 1
+    while True:
+        of = f", try {k} of at most {tries}" if tries > 1 else ""
         progress(f"simulating {whole:.4g} s{of}")
         run, lines_end, seen = _once(rig, times, velocities, whole, start, lead)
-        if seen:
-            break
-        whole *= _LONGER
-    return run, [*lines, *lines_end]
+        if seen or k == tries:
+            return run, [*lines, *lines_end]
+        k, whole = k + 1, whole * _LONGER
 
 
 def _jumped(rig: "Rig", V: float, jump: float, delayed: bool) -> "Start":

@@ -32,7 +32,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, Contact
-from ..rig.friction.rate_state import RateState
+from ..rig.friction.rate_state import AbstractRateState
 from .effect import AbstractHeavyEffect, extended, with_term
 
 # c is 0.4/(1 + K L/(4 A)) crossings: a slider answers in A/(K V) itself. Half of it costs twice the
@@ -82,7 +82,7 @@ class _DelayTerm(AbstractTerm):
         del force
         return _SCALE * at.base.A * self._past(at).rates
 
-    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
         del force
         u = jnp.log(jnp.abs(V) / base.V0)
         return _SCALE * base.A * jnp.stack([u, u, jnp.zeros_like(V)])
@@ -189,7 +189,7 @@ class _FirstOrderTerm(AbstractTerm):
         del force
         return at.state
 
-    def steady_state(self, V: Array, base: RateState, force: Array) -> Array:
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
         del base, force
         return jnp.zeros((0,), V.dtype)
 

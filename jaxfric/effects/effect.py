@@ -10,7 +10,7 @@ time, a velocity), which means nothing while the amplitudes are 0 and is started
 
 import abc
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -25,6 +25,11 @@ from ..rig.friction.rate_state import (
     RateState,
     SlipEvolution,
 )
+
+if TYPE_CHECKING:  # which takes equinox's for a field of an instance
+    from typing import ClassVar as AbstractClassVar
+else:
+    from equinox import AbstractClassVar
 
 R = TypeVar("R", bound=eqx.Module)
 E = TypeVar("E", bound="AbstractEffect")
@@ -59,12 +64,12 @@ class AbstractEffect(eqx.Module, Generic[R]):
 
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (Rig,)
 
-    id: eqx.AbstractClassVar[str]
-    room: eqx.AbstractClassVar[str]
-    equation: eqx.AbstractClassVar[str]
-    confused_with: eqx.AbstractClassVar[tuple[str, ...]]
-    separated_by: eqx.AbstractClassVar[str]
-    channel: eqx.AbstractClassVar[str | None]
+    id: AbstractClassVar[str]
+    room: AbstractClassVar[str]
+    equation: AbstractClassVar[str]
+    confused_with: AbstractClassVar[tuple[str, ...]]
+    separated_by: AbstractClassVar[str]
+    channel: AbstractClassVar[str | None]
     """The optional channel of a record that it needs, if any."""
 
     @abc.abstractmethod

@@ -41,7 +41,7 @@ class AxisProblem(AbstractProblem):
     typical: Sizes
     hold: Float[Array, "0"]
     channels: tuple[()]
-    model: Superset = eqx.field(static=True)
+    model: Superset = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def sizes(self) -> Sizes:
@@ -55,7 +55,7 @@ class AxisProblem(AbstractProblem):
         rig = AxisRig(*values[:n], width=self.width, reach=self.reach)
         return self.model.embed(rig, values[n:])
 
-    def possible(self, z: Float[Array, " p"]) -> bool:
+    def possible(self, z: Float[Array, " p"] | np.ndarray) -> bool:
         """Whether friction takes energy, as far as the record moves: F_c and (F(v) - F(-v))/2.
 
         Less than a fiftieth of the force below zero is taken for zero.

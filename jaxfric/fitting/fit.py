@@ -325,14 +325,14 @@ def _solve_in_stages(
         return problem, _solve(problem, starts, start, progress)
     first = _solve(problem, starts, None, _within("stage 1 of 2, one state", progress))
     data = average(time, friction, steps)
-    full = data.count > 0
+    full = data.rows > 0
     motion = simulate(problem.rig(first.z), problem.motion, jnp.asarray(data.time[full]))
     seen = OneStateMotion(
         data.time[full],
         data.friction[full],
         np.asarray(motion.velocity),
         np.asarray(motion.slip),
-        np.sqrt(data.count[full]),
+        np.sqrt(data.rows[full]),
     )
     found_K = float(problem.rig(first.z).machine.stiffness)
     starts = more_state_starts(seen, V0=V0, stiffness=found_K, model=model)

@@ -51,7 +51,7 @@ class Averaged(NamedTuple):
     end: np.ndarray
     time: np.ndarray
     friction: np.ndarray
-    count: np.ndarray
+    rows: np.ndarray
 
 
 def average(t: np.ndarray, f: np.ndarray, steps: VelocitySteps) -> Averaged:
@@ -110,7 +110,7 @@ def one_state_starts(
         jnp.asarray(np.pad(load, (0, pad), mode="edge")),
         jnp.asarray(np.pad(velocity, (0, pad), mode="edge")),
         jnp.asarray(np.pad(data.friction, (0, pad))),
-        jnp.asarray(np.pad(data.count, (0, pad))),
+        jnp.asarray(np.pad(data.rows, (0, pad))),
     )
     begin, evolution = jnp.asarray(steps.velocities[0]), first_evolution(model.law)
     linear, misfit = _grid_misfit(
@@ -145,7 +145,7 @@ def _before_reversal(
 def _grid(data: Averaged, steps: VelocitySteps, stiffness: float | None) -> np.ndarray:
     """Rows (A, B, L, K) to try."""
     times, velocities = steps.times, steps.velocities
-    full = data.count > 0
+    full = data.rows > 0
     time, friction = data.time[full], data.friction[full]
     segment = np.searchsorted(times, time, side="right") - 1
     levels, logs, jump, resolved, held = [], [], 0.0, np.inf, False
@@ -182,7 +182,7 @@ def _grid(data: Averaged, steps: VelocitySteps, stiffness: float | None) -> np.n
 
 def _steepest_loading(data: Averaged, steps: VelocitySteps, travel: float) -> float:
     """A stiffness that the loading after the steps shows to be exceeded or nearly so."""
-    full = data.count > 0
+    full = data.rows > 0
     times, velocities = steps.times, steps.velocities
     load = steps.displacement(data.time[full])
     friction = data.friction[full]
@@ -217,7 +217,7 @@ class Intervals(NamedTuple):
     load: Float[Array, " n"]
     velocity: Float[Array, " n"]
     friction: Float[Array, " n"]
-    count: Float[Array, " n"]
+    rows: Float[Array, " n"]
 
 
 def first_evolution(law: str) -> AbstractEvolution:
@@ -301,9 +301,8 @@ def _grid_misfit(
     force0 = A * u0 + theta0
     start = (-force0 / K, u0 * jnp.ones_like(A), theta0, force0)
     _, (forces, slips) = jax.lax.scan(advance, start, intervals)
-    friction, count = intervals.friction, intervals.count
     return jax.vmap(_linear_part, in_axes=(1, 1, None, None, None))(
-        forces, slips, friction, count, trend
+        forces, slips, intervals.friction, intervals.rows, trend
     )
 
 
@@ -311,20 +310,20 @@ def _linear_part(
     force: Float[Array, " n"],
     slip: Float[Array, " n"],
     friction: Float[Array, " n"],
-    count: Float[Array, " n"],
+    rows: Float[Array, " n"],
     trend: bool,
 ) -> tuple[Float[Array, " 2"], Float[Array, ""]]:
     """f0 and trend by weighted least squares, and the misfit that is left."""
     target = friction - force
-    total = jnp.sum(count)
-    f0 = jnp.sum(count * target) / total
+    total = jnp.sum(rows)
+    f0 = jnp.sum(rows * target) / total
     s = jnp.zeros_like(f0)
     if trend:
-        centred = slip - jnp.sum(count * slip) / total
-        s = jnp.sum(count * centred * target) / jnp.sum(count * centred**2)
-        f0 = f0 - s * jnp.sum(count * slip) / total
+        centred = slip - jnp.sum(rows * slip) / total
+        s = jnp.sum(rows * centred * target) / jnp.sum(rows * centred**2)
+        f0 = f0 - s * jnp.sum(rows * slip) / total
     left = target - f0 - s * slip
-    return jnp.stack([f0, s]), jnp.sum(count * left**2)
+    return jnp.stack([f0, s]), jnp.sum(rows * left**2)
 
 
 class OneStateMotion(NamedTuple):

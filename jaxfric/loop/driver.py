@@ -48,7 +48,7 @@ class ScoredRows(NamedTuple):
     """Mask of the rows that count."""
     part: np.ndarray
     """Index of the velocity or stroke of each."""
-    count: int
+    parts: int
     """How many of those there are."""
 
 
@@ -238,7 +238,7 @@ def _score(
     return Score(
         effects=candidate.effects,
         rms={name: candidate.rms[name] for name in NAMES},
-        per_step=tuple(_rms(residual[rows.part == k]) for k in range(rows.count)),
+        per_step=tuple(_rms(residual[rows.part == k]) for k in range(rows.parts)),
         residual=residual,
         parameters=bench.named(parameters),
         free=free,

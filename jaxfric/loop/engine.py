@@ -517,7 +517,7 @@ def _in_parts(
     problem: AbstractProblem, z: np.ndarray, index: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """`_evaluate` for a few parameters at a time: it is compiled for one number of them."""
-    parts = []
+    residual, parts = np.zeros(0), []
     for begin in range(0, max(len(index), 1), _AT_ONCE):
         part = index[begin : begin + _AT_ONCE]
         padded = np.pad(part, (0, _AT_ONCE - len(part)), constant_values=len(z))

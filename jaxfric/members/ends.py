@@ -59,7 +59,7 @@ class _SeenEnds(NamedTuple):
     largest: Float[Array, "4 n"]  # of ln(1 + |V - V0|/V0), in each quarter
     speeds: _Range  # of the last half, and so are the following
     springs: _Range
-    count: Array
+    rises: Array
     first: Array
     last: Array
     escaped: Bool[Array, " n"]
@@ -180,12 +180,12 @@ class _Watch(NamedTuple):
             jnp.where(inside, jnp.maximum(seen.largest, size), seen.largest),
             _widened(seen.speeds, u, late),
             _widened(seen.springs, spring, late),
-            seen.count + rises,
-            jnp.where(rises & (seen.count == 0), at, seen.first),
+            seen.rises + rises,
+            jnp.where(rises & (seen.rises == 0), at, seen.first),
             jnp.where(rises, at, seen.last),
             seen.escaped | escaped,
             seen.arrived | arrived,
-            _widened(seen.periods, at - seen.last, rises & (seen.count > 0)),
+            _widened(seen.periods, at - seen.last, rises & (seen.rises > 0)),
             cycle,
         )
         return new, escaped | arrived | (step.accepted & cycle.repeats)
@@ -249,10 +249,10 @@ def _code(seen: _SeenEnds, reached: Array, span: Span) -> Int8[Array, " n"]:
     """Which of `CODES` an end is."""
     a2, a3, a4 = seen.largest[1:]
     rate = jnp.where(span.decay > 0, span.decay, jnp.inf)
-    steady = seen.arrived | settles((a2, a3, a4), seen.count, span.horizon / 4, rate)[0]
+    steady = seen.arrived | settles((a2, a3, a4), seen.rises, span.horizon / 4, rate)[0]
     # no unstable slider slides steadily: its oscillation is still too small to be seen
     steady = steady & ~(span.decay < 0)
-    code = jnp.where(steady, STEADY, jnp.where(seen.count >= 2, LIMIT_CYCLE, FAILED))
+    code = jnp.where(steady, STEADY, jnp.where(seen.rises >= 2, LIMIT_CYCLE, FAILED))
     code = jnp.where(reached, code, FAILED)
     code = jnp.where(seen.cycle.repeats, LIMIT_CYCLE, code)
     return jnp.where(seen.escaped, ESCAPE, code).astype(jnp.int8)
@@ -272,7 +272,7 @@ def _numbers(of: Lanes, seen: _SeenEnds, code: Array) -> Ends:
     known = (code == LIMIT_CYCLE) | ((code == STEADY) & jnp.isfinite(speeds[0]))
     at_end = (code == STEADY) & ~known  # not followed to its last half: it is steady
     periods = chosen(cycle.periods, seen.periods)
-    count = jnp.where(cycle.repeats, cycle.agree + 2, seen.count)
+    count = jnp.where(cycle.repeats, cycle.agree + 2, seen.rises)
     mean, spread = mean_and_spread(count, seen.first, seen.last, *periods)
     period = jnp.where(cycle.repeats, cycle.period, mean)
 

@@ -176,11 +176,12 @@ def _numbers(
     size, text = (1.0, "") if unit == "1" else prefixed(float(max(abs(low), abs(high))), unit)
     low, high = size * low, size * high
     norm, cmap = _scale(low, high, name, size * finite)
+    meshes = []
     for axis, part in zip(axes, values, strict=True):
         shown = np.where(np.isfinite(part), size * part, np.nan)
-        mesh = _mesh(axis, sides, shown, cmap, norm)
+        meshes.append(_mesh(axis, sides, shown, cmap, norm))
         axis.set_facecolor("0.87")
-    bar = figure.colorbar(mesh, ax=list(axes), extend="both", shrink=0.9, pad=0.02)
+    bar = figure.colorbar(meshes[-1], ax=list(axes), extend="both", shrink=0.9, pad=0.02)
     label = _symbol(name) + (f" [{text.replace('*', ' ')}]" if text else "")
     if not np.all(np.isfinite(every)):
         kinds = [("infinite", np.isinf(every)), ("no number", np.isnan(every))]

@@ -140,7 +140,7 @@ class Forces:
         if "gain" in gains:
             return gains["gain"]
         example = "35.15 N/V" if (force, unit) == ("N", "V") else f"0.05 {force}/{unit}"
-        name = self.found.table.names[self.uses[role].index]
+        name = self.found.table.names[self.uses[role].column]
         raise InputError(
             f"{self.path}: '{name}' is a {what} [{unit}], not a motor force: force = drive gain x"
             f" {what}, and the drive gain is not known; give it, as in --drive-gain '{example}'"

@@ -23,9 +23,9 @@ _PER_CENT = {"%": 1.0, "percent": 1.0, "per cent": 1.0, "‰": 0.1, "permille": 
 
 
 class Use(NamedTuple):
-    """Column `index` of a table; one of its units, `unit` as written, is `size` in `si_unit`."""
+    """Column `column` of a table; one of its units, `unit` as written, is `size` in `si_unit`."""
 
-    index: int
+    column: int
     unit: str
     si_unit: str
     size: float
@@ -64,11 +64,11 @@ def understand(
     table = _with_suffixes(table, schema)
     uses, notes = assign(table, columns, schema, settle)
     rows = _rows(table, uses)
-    filled = filled_rows(table.blank, (use.index for use in uses.values()), len(rows.lines))
+    filled = filled_rows(table.blank, (use.column for use in uses.values()), len(rows.lines))
     empty = len(rows.lines) - (filled.stop - filled.start)
     with np.errstate(all="ignore"):  # what overflows is refused with its row
         values = {
-            role: scale(table.columns[use.index][filled], use.size) for role, use in uses.items()
+            role: scale(table.columns[use.column][filled], use.size) for role, use in uses.items()
         }
     origin = Provenance(
         table.path,
@@ -118,11 +118,11 @@ def assign(
         if name in found
     }
     notes += [
-        f"column '{table.names[use.index]}' is {role}"
+        f"column '{table.names[use.column]}' is {role}"
         for role, use in uses.items()
-        if folded(table.names[use.index]) != folded(role)
+        if folded(table.names[use.column]) != folded(role)
     ]
-    used = {use.index for use in uses.values()}
+    used = {use.column for use in uses.values()}
     ignored = [name for i, name in enumerate(table.names) if i not in used]
     return uses, notes + ([f"ignored columns: {', '.join(ignored)}"] if ignored else [])
 
@@ -148,10 +148,10 @@ def _with_suffixes(table: Table, schema: Schema) -> Table:
 
 def _rows(table: Table, uses: Mapping[str, Use]) -> FileRows:
     """The rows of the columns in use: vectors of a MATLAB file may differ in length."""
-    sizes = {role: len(table.columns[use.index]) for role, use in uses.items()}
+    sizes = {role: len(table.columns[use.column]) for role, use in uses.items()}
     if len(set(sizes.values())) > 1:
         shown = ", ".join(
-            f"{role} ('{table.names[uses[role].index]}') {size}" for role, size in sizes.items()
+            f"{role} ('{table.names[uses[role].column]}') {size}" for role, size in sizes.items()
         )
         raise InputError(
             f"{table.path}: columns of different length: {shown}; cut them to the same rows"

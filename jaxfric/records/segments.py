@@ -43,9 +43,11 @@ _BRIEF, _BRIEF_HEIGHT = 0.02, 60.0
 """A line that lasts less than this fraction of its neighbours is more often a transient of
 the servo or a jump of the recorder than a commanded step: its joints need this height."""
 
-
 _NEAR = 1.0
 """How far a joint is looked at on either side, in lengths of its shorter line."""
+
+_PASSES = 4
+"""Rows that are lone glitches are left out, and lines fitted anew, so often at most."""
 
 
 def find_lines(t: np.ndarray, y: np.ndarray, least_change: float) -> tuple[Sums, np.ndarray]:
@@ -57,16 +59,16 @@ def find_lines(t: np.ndarray, y: np.ndarray, least_change: float) -> tuple[Sums,
     **Returns:** the sums of the rows used (all but lone glitches), and the first row of
     every line followed by the number of rows.
     """
-    for _ in range(4):
+    for left in reversed(range(_PASSES)):
         sums = Sums(t, y)
         if len(t) < 2 * MIN_ROWS:
             return sums, np.array([0, len(t)])
         nodes = _nodes(t, y)
         keep = ~_glitches(sums, _partition(sums, nodes, min(_ROWS_FOR_GLITCHES, len(t) // 2)))
-        if keep.all():
-            break
+        if keep.all() or not left:
+            return sums, _weed(sums, _partition(sums, nodes, MIN_ROWS), least_change)
         t, y = t[keep], y[keep]
-    return sums, _weed(sums, _partition(sums, nodes, MIN_ROWS), least_change)
+    raise AssertionError("unreachable")
 
 
 def _weed(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:

@@ -251,7 +251,7 @@ def _tsit5(
     tolerance: float,
 ) -> tuple[Vector, Vector, Float[Array, " n"], Vector]:
     """A step: y at its end, dy/dt there, error in units of the tolerance, y in the middle."""
-    ks = [first]
+    ks, at = [first], y
     for row in _A:
         at = tuple(
             y[j] + h * sum(float(a) * k[j] for a, k in zip(row, ks, strict=True))

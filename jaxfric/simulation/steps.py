@@ -19,6 +19,8 @@ from jaxtyping import Array, Float, PyTree
 RealScalar = int | float | Array | np.ndarray
 """A number of diffrax: a time, a step, an order."""
 
+Truth = bool | Array | np.ndarray
+
 # Tsit5 is stable for real rates up to 3.3 per step, for oscillating ones up to about 2.5.
 _LIMIT = 1.8
 _SQUARINGS = 6
@@ -60,7 +62,7 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, Re
         return self.controller.atol
 
     @property
-    def norm(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+    def norm(self):  # pyright: ignore[reportIncompatibleMethodOverride]  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.controller.norm
 
     def wrap(self, direction: int | Array | np.ndarray) -> "StableStepController":
@@ -89,10 +91,10 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, Re
         args: PyTree,
         y_error: PyTree | None,
         error_order: RealScalar,
-        state: PyTree,
-    ) -> tuple[RealScalar, RealScalar, Array, RealScalar, PyTree, diffrax.RESULTS]:
+        controller_state: PyTree,
+    ) -> tuple[Truth, RealScalar, Array, Truth, PyTree, diffrax.RESULTS]:
         keep, begin, end, jump, state, result = self.controller.adapt_step_size(
-            t0, t1, y0, y1_candidate, args, y_error, error_order, state
+            t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
         )
         y = jax.tree.map(lambda a, b: jnp.where(keep, a, b), y1_candidate, y0)
         return keep, begin, self._clip(begin, end, y), jump, state, result

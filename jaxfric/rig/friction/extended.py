@@ -20,7 +20,7 @@ and Newton's method finds it. Without a term that couples nothing is solved.
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -30,6 +30,11 @@ from jaxtyping import Array, Float
 from ...quantity import quantity
 from .law import AbstractInvertibleLaw, Conditions, Scalar, States
 from .rate_state import AbstractEvolution, AbstractRateState, AgeingEvolution, SlipEvolution
+
+if TYPE_CHECKING:  # which takes equinox's for a field of an instance
+    from typing import ClassVar as AbstractClassVar
+else:
+    from equinox import AbstractClassVar
 
 _NEWTON_STEPS = 3
 # One is exact where states are proportional to the force, the next takes its rounding away.
@@ -55,11 +60,11 @@ class Contact(NamedTuple):
 class AbstractTerm(eqx.Module):
     """An addition to friction."""
 
-    moves: eqx.AbstractClassVar[bool]
+    moves: AbstractClassVar[bool]
     """Whether its force depends on the velocity now."""
-    states: eqx.AbstractClassVar[int]
+    states: AbstractClassVar[int]
     """Number of its states."""
-    couples: eqx.AbstractClassVar[bool]
+    couples: AbstractClassVar[bool]
     """Whether its steady state depends on the whole friction force."""
 
     @abc.abstractmethod
