@@ -203,7 +203,7 @@ def noises_of(clock, weight):
 def known_of(case):
     clock, weight, residual, columns, extra, extra_columns = case
     arrays = jnp.asarray(clock), jnp.asarray(weight), residual, columns
-    return evidence(*arrays, extra, extra_columns, noises_of(clock, weight))
+    return evidence(*arrays, (extra, extra_columns), noises_of(clock, weight))
 
 
 def as_numbers(known):

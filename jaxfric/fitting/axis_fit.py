@@ -1,8 +1,8 @@
 """Two fits of an axis: inverse dynamics (filtered least squares) and closed-loop output error.
 
 Inverse dynamics compares forces, motion given: quick, and biased where the motion is noisy.
-Output error simulates axis and controller from the reference alone and compares positions: what a
-measured position would tell about a friction law that is wrong, it tells here.
+Output error simulates axis and controller from the reference alone and compares positions: a
+friction law that is wrong shows in how far the simulated position is from the measured one.
 """
 
 import dataclasses
@@ -58,11 +58,11 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
     of the parameters that are fitted, from `z`.
     """
     index = _padded(free, len(z))
-    solved, jacobian, ok = _solve(lambda z: _force_error(problem, z, index), z, free)
+    found = _solve(lambda z: _force_error(problem, z, index), z, free)
     used = np.asarray(problem.weight) > 0
-    residual = np.asarray(_force_error(problem, jnp.asarray(solved), index)[0])[used]
+    found = found._replace(residual=found.residual[used])
     recorded = np.asarray(problem.friction)[used]
-    return _fit("inverse dynamics", problem, solved, free, jacobian, residual, recorded, ok)
+    return _fit("inverse dynamics", problem, found, free, recorded)
 
 
 def output_error(
@@ -90,10 +90,8 @@ def output_error(
     disturbance = jnp.zeros(len(record)) if added is None else jnp.asarray(added)
     setting = _Setting(controller, jnp.asarray(reference), measured, disturbance, number)
     index = _padded(free, len(z))
-    solved, jacobian, ok = _solve(lambda z: _position_error(problem, setting, z, index), z, free)
-    residual = np.asarray(_position_error(problem, setting, jnp.asarray(solved), index)[0])
-    recorded = np.asarray(measured)[::_COMPARED]
-    return _fit("closed-loop output error", problem, solved, free, jacobian, residual, recorded, ok)
+    found = _solve(lambda z: _position_error(problem, setting, z, index), z, free)
+    return _fit("closed-loop output error", problem, found, free, np.asarray(measured)[::_COMPARED])
 
 
 def _moving_states(problem: AxisProblem, free: np.ndarray) -> tuple[AxisProblem, np.ndarray]:
@@ -121,26 +119,32 @@ class _Setting(NamedTuple):
     substeps: int
 
 
-def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Least squares over the parameters `free`: all parameters, the Jacobian there, success.
+class _Minimum(NamedTuple):
+    z: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    """By the parameters that are fitted."""
+    converged: bool
 
-    `both` gives residual and Jacobian by those parameters.
-    """
+
+def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> _Minimum:
+    """Least squares over the parameters `free`; `both` gives residual and Jacobian by them."""
     z = np.array(z)
 
-    def at(y):
+    def at(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         z[free] = y
         residual, jacobian = both(jnp.asarray(z))
         return np.asarray(residual), np.asarray(jacobian)[:, : len(free)]
 
     scale = float(np.sqrt(np.mean(at(z[free])[0] ** 2))) or 1.0
 
-    def scaled(y):
+    def scaled(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         residual, jacobian = at(y)
         return residual / scale, jacobian / scale
 
     found, ok = levenberg_marquardt(scaled, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
-    return z, at(found)[1], ok
+    residual, jacobian = at(found)
+    return _Minimum(z, residual, jacobian, ok)
 
 
 def _padded(free: np.ndarray, beyond: int) -> np.ndarray:
@@ -148,12 +152,14 @@ def _padded(free: np.ndarray, beyond: int) -> np.ndarray:
     return np.pad(free, (0, -len(free) % _AT_ONCE), constant_values=beyond)
 
 
-def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> AxisFit:
-    names = problem.model.names()
+def _fit(
+    method: str, problem: AxisProblem, found: _Minimum, free: np.ndarray, recorded: np.ndarray
+) -> AxisFit:
+    names, z, residual = problem.model.names(), found.z, found.residual
     natural = np.asarray(problem.from_free(jnp.asarray(z)))
     slopes = np.diagonal(np.asarray(jax.jacfwd(problem.from_free)(jnp.asarray(z))))
     rms = float(np.sqrt(np.mean(residual**2)))
-    std = rms * np.sqrt(np.diag(normal_inverse(jacobian)))
+    std = rms * np.sqrt(np.diag(normal_inverse(found.jacobian)))
     peak = float(np.max(np.abs(np.asarray(problem.friction)[np.asarray(problem.weight) > 0])))
     share = peak / float(problem.sizes.force)
     limits = [1.0 if np.isfinite(problem.model.quantity(names[i]).lower) else share for i in free]
@@ -164,19 +170,19 @@ def _fit(method, problem, z, free, jacobian, residual, recorded, ok: bool) -> Ax
         std={names[i]: float(abs(slopes[i]) * s) for i, s in zip(free, std, strict=True)},
         relative_error=float(np.linalg.norm(residual) / np.linalg.norm(recorded)),
         rms=rms,
-        converged=ok,
+        converged=found.converged,
         loose=tuple(loose),
     )
 
 
 @eqx.filter_jit
-def _force_error(problem: AxisProblem, z, free):
+def _force_error(problem: AxisProblem, z: Array, free: Array | np.ndarray) -> tuple[Array, Array]:
     """Residual of the used rows (0 on the others) and its Jacobian by the parameters `free`.
 
     An index that does not exist gives a column of zeros.
     """
 
-    def error(y):
+    def error(y: Array) -> Array:
         z_free = z.at[free].set(y, mode="drop")
         return (problem.predict(z_free) - problem.friction) * problem.weight
 
@@ -185,10 +191,12 @@ def _force_error(problem: AxisProblem, z, free):
 
 
 @eqx.filter_jit
-def _position_error(problem: AxisProblem, setting: _Setting, z, free):
+def _position_error(
+    problem: AxisProblem, setting: _Setting, z: Array, free: Array | np.ndarray
+) -> tuple[Array, Array]:
     """Simulated minus measured position at every tenth sample; its Jacobian as above."""
 
-    def error(y):
+    def error(y: Array) -> Array:
         run = closed_loop(
             problem.rig(z.at[free].set(y, mode="drop")),
             setting.controller,

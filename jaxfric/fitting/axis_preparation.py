@@ -204,58 +204,25 @@ def prepare(
     InputError : a cutoff not between 0 and half the sampling rate, or so low that few rows are
         left; a record shorter than its edges.
     """
-    from scipy import signal
-
     time, position, velocity, recorded = _even(time, position, velocity, force)
     interval = float(np.median(np.diff(time)))
     chosen = preparation or usual(interval)
-    if not 0 < chosen.cutoff * 2 * interval < 1:
-        raise InputError(
-            f"cutoff {chosen.cutoff:g} Hz: choose one above 0 and below half the sampling rate,"
-            f" {0.5 / interval:g} Hz"
-        )
-    if time[-1] < 4 * chosen.edge or len(time) < 100:
-        raise InputError(
-            f"the record lasts {time[-1]:.3g} s in {len(time)} rows; {4 * chosen.edge:g} s and 100"
-            " rows are needed"
-        )
-    if len(time) < _FEWEST_ROWS * chosen.decimation:
-        raise InputError(
-            f"cutoff {chosen.cutoff:g} Hz: of {time[-1]:.3g} s that leaves"
-            f" {len(time) // chosen.decimation} rows, and {_FEWEST_ROWS} are needed; choose one"
-            f" above {_FEWEST_ROWS / time[-1]:.2g} Hz"
-        )
-    low = signal.butter(_ORDER, chosen.cutoff * 2 * interval, output="sos")
+    _refuse_few_rows(chosen, time, interval)
     raw = position if position is not None else velocity
     assert raw is not None
-    smooth = signal.sosfiltfilt(low, raw)
-    if position is not None:
-        q, v = smooth, np.gradient(smooth, interval)
-    else:
-        v = smooth
-        q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * interval)])
-    a = np.gradient(v, interval)
+    smooth = _low_pass(raw, chosen.cutoff, interval)
     every = chosen.decimation
-    size = -(-bucket(len(time), 1024) // every) * every
-    more = (0, size - len(time))
-    motion = MeasuredMotion(
-        jnp.asarray(np.arange(size) * interval),
-        jnp.asarray(np.pad(q, more, mode="edge")),
-        jnp.asarray(np.pad(v, more)),
-        jnp.asarray(np.pad(a, more)),
-        jnp.asarray(np.pad(np.cumsum(np.abs(v)) * interval, more, mode="edge")),
-    )
+    more = (0, -(-bucket(len(time), 1024) // every) * every - len(time))
+    motion = _motion(smooth, interval, more, of_position=position is not None)
+    size = len(time) + more[1]
     means, (long_rows, usual_rows) = Means(every), _decimators(size, interval, every)
     forces = long_rows if every > usual(interval).decimation else means
     padded = np.pad(recorded, more, "edge")
     acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
     at = (np.arange(size // every) * every + 0.5 * (every - 1)) * interval
     inside = (at >= chosen.edge) & (at <= time[-1] - chosen.edge)
-    above = usual(interval).cutoff
-    least = smooth
-    if above != chosen.cutoff:  # what a lower filter takes away is motion too
-        low = signal.butter(_ORDER, above * 2 * interval, output="sos")
-        least = signal.sosfiltfilt(low, raw)
+    above = usual(interval).cutoff  # what a lower filter takes away is motion too
+    least = smooth if above == chosen.cutoff else _low_pass(raw, above, interval)
     within = slice(round(chosen.edge / interval), len(raw) - round(chosen.edge / interval))
     white = float(np.std((raw - least)[within])) / np.sqrt(max(1 - 2 * above * interval, 1e-3))
     return Prepared(
@@ -274,6 +241,51 @@ def prepare(
         np.sqrt(np.mean(np.pad((raw - smooth) ** 2, more).reshape(-1, every), axis=1)),
         _floor(raw),
         chosen,
+    )
+
+
+def _refuse_few_rows(chosen: Preparation, time: np.ndarray, interval: float) -> None:
+    if not 0 < chosen.cutoff * 2 * interval < 1:
+        raise InputError(
+            f"cutoff {chosen.cutoff:g} Hz: choose one above 0 and below half the sampling rate,"
+            f" {0.5 / interval:g} Hz"
+        )
+    if time[-1] < 4 * chosen.edge or len(time) < 100:
+        raise InputError(
+            f"the record lasts {time[-1]:.3g} s in {len(time)} rows; {4 * chosen.edge:g} s and 100"
+            " rows are needed"
+        )
+    if len(time) < _FEWEST_ROWS * chosen.decimation:
+        raise InputError(
+            f"cutoff {chosen.cutoff:g} Hz: of {time[-1]:.3g} s that leaves"
+            f" {len(time) // chosen.decimation} rows, and {_FEWEST_ROWS} are needed; choose one"
+            f" above {_FEWEST_ROWS / time[-1]:.2g} Hz"
+        )
+
+
+def _low_pass(raw: np.ndarray, cutoff: float, interval: float) -> np.ndarray:
+    """Both ways, so without a phase."""
+    from scipy import signal
+
+    return signal.sosfiltfilt(signal.butter(_ORDER, cutoff * 2 * interval, output="sos"), raw)
+
+
+def _motion(
+    smooth: np.ndarray, interval: float, more: tuple[int, int], *, of_position: bool
+) -> MeasuredMotion:
+    """From a smooth position or velocity; `more` rows stand still at the ends."""
+    if of_position:
+        q, v = smooth, np.gradient(smooth, interval)
+    else:
+        v = smooth
+        q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * interval)])
+    a = np.gradient(v, interval)
+    return MeasuredMotion(
+        jnp.asarray(np.arange(len(q) + sum(more)) * interval),
+        jnp.asarray(np.pad(q, more, mode="edge")),
+        jnp.asarray(np.pad(v, more)),
+        jnp.asarray(np.pad(a, more)),
+        jnp.asarray(np.pad(np.cumsum(np.abs(v)) * interval, more, mode="edge")),
     )
 
 

@@ -69,35 +69,28 @@ def fit(
 ) -> Fit:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
 
-    The model is a massless slider on a spring (`rig.QuasiStatic`), in steady sliding at the
-    first velocity: f = f0 + A ln(V/V0) + sum_i theta_i (+ s x), K (x_m - x) = f - f_start, with
-    the slip law (4) or the ageing law. Starting values come from the data (`fitting.start`).
+    A massless slider in steady sliding at the first velocity (`rig.QuasiStatic`), on a spring:
+    f = f0 + A ln(V/V0) + sum_i theta_i (+ s x), K (x_m - x) = f - f_start.
 
     Parameters
     ----------
     record : as read by `jaxfric.read`, or the path of one that needs no more words.
-    stiffness : of spring and specimen, in friction per metre (1/m for a coefficient, N/m for
-        a force), or text with a unit: "1.6e-3/um". Needed unless `fit_stiffness`.
+    stiffness : of spring and specimen [friction/m], or text: "1.6e-3/um". See `fit_stiffness`.
     law : "slip" or "ageing".
     states : number of state variables, 1 to 3.
-    fit_stiffness : K is a parameter; a given `stiffness` is then a start.
-    slip_trend : friction changes linearly with slip; fitted with the rest, not before.
+    fit_stiffness, slip_trend : also fit K, from a given `stiffness`; also a trend of friction, s.
     steps : velocity steps of the load point, or text "0 s: 2 um/s, 60 s: 20 um/s" (time from the
-        first row), then taken as exact; found in the record where not given. Found step times
-        whose errors are felt above the noise are refined with the rest.
+        first row), taken as exact. Else found, and refined with the rest where noise lets it.
     reference_velocity : V0 [m/s], where friction is f0; default the first speed.
-    start : starting values (SI) by name, for any of the parameters.
-    weighting : "ordinary" least squares minimises the plain sum of squares, as published
-        fits do; "whitened" weights by the estimated noise, which is more precise where noise is
-        correlated. The errors are honest in both.
+    start : starting values (SI) by name, of any parameter; others come from the data.
+    weighting : "ordinary" least squares, as published fits; "whitened": by the estimated noise.
     profile : intervals from the profile likelihood instead of the covariance.
-    rows : fit means over neighbouring rows instead, about so many (`records.thin`): time falls in
-        proportion. Steps are found in all rows, and errors are those of the noise of the means.
+    rows : fit means over neighbouring rows instead, about so many (`records.thin`).
     progress : told what is being done.
 
     Returns
     -------
-    Fit. Look at its `converged`, `result` and `warnings`; they are values, not exceptions.
+    Fit. Look at its `converged`, `result` and `warnings`: nothing about a record raises.
 
     Raises
     ------
@@ -111,19 +104,12 @@ def fit(
     K = _stiffness(stiffness, record, fit_stiffness)
     progress("velocity steps")
     steps = steps_of(record, steps)
-    warnings: tuple[str, ...] = ()
-    if rows is not None:
-        record, warnings = few_rows(record, rows, steps)
-    if K is not None:
-        _refuse_soft(K, record, steps)
-    V0 = _reference(reference_velocity, steps)
-    forward, sign = forward_steps(record, steps)
-    model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
+    record, warnings = (record, ()) if rows is None else few_rows(record, rows, steps)
+    task = _task(record, steps, model, K, reference_velocity)
     progress(f"compiling, then fitting {len(record)} rows")
-    task = _Task(record, forward, sign, model, K, V0)
     problem, solution = _solve_in_stages(task, start, progress)
     solved = _with_noise(task, problem, solution, whitened=weighting == "whitened")
-    found = assemble(record, steps, sign, solved, profile=progress if profile else None)
+    found = assemble(record, steps, task.sign, solved, profile=progress if profile else None)
     return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
 
 
@@ -137,6 +123,21 @@ class _Task(NamedTuple):
     model: Model
     stiffness: float | None
     V0: float
+
+
+def _task(
+    record: Record,
+    steps: VelocitySteps,
+    model: Model,
+    stiffness: float | None,
+    reference_velocity: float | str | None,
+) -> _Task:
+    if stiffness is not None:
+        _refuse_soft(stiffness, record, steps)
+    V0 = _reference(reference_velocity, steps)
+    forward, sign = forward_steps(record, steps)
+    model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
+    return _Task(record, forward, sign, model, stiffness, V0)
 
 
 def _with_noise(task: _Task, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:

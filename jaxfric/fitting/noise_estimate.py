@@ -193,14 +193,13 @@ def noise_estimate(
     scale: float,
     longest: np.ndarray,
     *,
-    pace: Sequence[float] = (),
-    scales: Sequence[float] = (),
+    by_step: tuple[Sequence[float], Sequence[float]] = ((), ()),
     glitches: Glitches = NO_GLITCHES,
     steps: float = 0.0,
     clocks: tuple[str, ...] = CLOCKS,
 ) -> NoiseEstimate:
-    """Of a residual in units of `scale`; `longest` memory over every clock, `pace` and `scales` of
-    the velocity steps where they differ, `glitches` that are passed over, the `steps` of the
+    """Of a residual in units of `scale`; `longest` memory over every clock, pace and scale
+    `by_step` of velocity where they differ, `glitches` that are passed over, the `steps` of the
     recorder [unit of friction], and what the `clocks` are."""
     parts = []
     rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
@@ -213,8 +212,8 @@ def noise_estimate(
     parts.sort(key=lambda part: -part.share)
     most = tuple(float(x) for x in np.ravel(longest))
     size = scale * float(noise.sigma)
-    found = tuple(parts), most, tuple(pace), tuple(scales), glitches, steps, clocks
-    return NoiseEstimate(size, *found)
+    pace, scales = map(tuple, by_step)
+    return NoiseEstimate(size, tuple(parts), most, pace, scales, glitches, steps, clocks)
 
 
 def noise_words(noise: NoiseEstimate, record: ToldRecord) -> tuple[str, ...]:

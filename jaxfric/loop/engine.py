@@ -122,20 +122,39 @@ class Shapes(Protocol):
         ...
 
 
+class Choice(NamedTuple):
+    """Which effects may be in a model, by id."""
+
+    always: tuple[str, ...] = ()
+    """Belong to the base."""
+    without: tuple[str, ...] = ()
+    """Are not offered."""
+    one_of: tuple[frozenset[str], ...] = ()
+    """Groups of which a record determines what they do together: no two of one group are in one
+    model, unless they belong to the base."""
+
+
+class NoiseBounds(NamedTuple):
+    """What the noise of a record may be."""
+
+    longest: np.ndarray | None = None
+    """Memory over each clock of the problem; by default a tenth of the mean duration, path or
+    number of rows of a velocity: a slower noise would explain structure away."""
+    either_sign: bool = False
+    """Neighbouring rows may also be correlated negatively."""
+    by_step: bool = True
+    """It may differ from step to step in scale and in pace."""
+
+
+_EVERYTHING, _USUAL = Choice(), NoiseBounds()
+
+
 class Engine(Generic[P]):
     """Fits candidates of one record; `problem` has a `Superset` model. Only train rows count.
 
-    `shifted` are the indices of the problem's shifts of step times that are parameters, `always`
-    the ids of effects that belong to the base, `without` of those that are not offered. `one_of`
-    are groups of effects of which a record determines what they do together: no two of one group
-    are in one model, unless they belong to the base.
-
-    Noise forgets over no more than a tenth of the mean duration, path or number of rows of a
-    velocity: what lasts longer is structure, which a slow noise would explain away. `longest` sets
-    other limits, for each clock of the problem; with `either_sign` neighbouring rows may also be
-    correlated negatively. `path` is that of the load point or axis at every row: what is smooth
-    along it, and along the path since each step, is no noise. With `by_step` noise may differ from
-    step to step in scale and in pace.
+    `shifted` are the indices of the problem's shifts of step times that are parameters. `path` is
+    that of the load point or axis at every row: what is smooth along it, and along the path since
+    each step, is no noise.
     """
 
     def __init__(
@@ -143,34 +162,29 @@ class Engine(Generic[P]):
         problem: P,
         blocks: Blocks,
         shifted: np.ndarray,
-        always: tuple[str, ...] = (),
-        without: tuple[str, ...] = (),
+        choice: Choice = _EVERYTHING,
         *,
         shapes: Shapes,
-        one_of: tuple[frozenset[str], ...] = (),
         path: np.ndarray | None = None,
-        longest: np.ndarray | None = None,
-        either_sign: bool = False,
-        by_step: bool = True,
+        bounds: NoiseBounds = _USUAL,
     ):
         assert isinstance(problem.model, Superset)
         self.model: Superset = problem.model
-        self.always, self.shapes = always, shapes
+        self.always, self.one_of, self.shapes = choice.always, choice.one_of, shapes
         self.stopwatch = Stopwatch()
-        self.either_sign = either_sign
-        self.offered = tuple(e for e in self.model.effects if e.id not in without)
-        self.one_of = one_of
+        self.either_sign = bounds.either_sign
+        self.offered = tuple(e for e in self.model.effects if e.id not in choice.without)
         self.rows = len(blocks.train)
         clock = np.asarray(problem.clock)[: self.rows]
         shortest = _SHORTEST_LIMIT * np.median(np.diff(clock, axis=0), axis=0)
         per_velocity = np.ptp(clock, axis=0) / (int(blocks.step.max()) + 1)
         limit = np.maximum(shortest, _NOISE_SHARE * per_velocity)
-        self.longest = limit if longest is None else longest
-        if by_step:  # a last clock, which `learn_noise` may set going
+        self.longest = limit if bounds.longest is None else bounds.longest
+        if bounds.by_step:  # a last clock, which `learn_noise` may set going
             still = jnp.pad(problem.clock, ((0, 0), (0, 1)))
             problem = eqx.tree_at(lambda p: p.clock, problem, still)
             self.longest = np.append(self.longest, 0.0)
-        self.by_step, self.pace = by_step, None
+        self.by_step, self.pace = bounds.by_step, None
         self.problem = problem
         self.glitches = NO_GLITCHES
         self.steps = recorded_steps(np.asarray(problem.friction)[: self.rows])

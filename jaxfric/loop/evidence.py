@@ -82,15 +82,14 @@ def evidence(
     weight: Array | np.ndarray,
     residual: np.ndarray,
     columns: np.ndarray,
-    extra: np.ndarray,
-    extra_columns: np.ndarray,
+    extra: tuple[np.ndarray, np.ndarray],
     noises: tuple[np.ndarray, np.ndarray, np.ndarray],
     scale: np.ndarray | None = None,
 ) -> Evidence:
     """Products of the residual and some columns (rows of zero weight are passed over).
 
-    The extra rows are data of unit variance, uncorrelated with the others. `noises` are shares
-    (g, 2), rates (g, 2, k) and betas (g,), all with the same `scale` of every row.
+    The `extra` rows (residual, columns) are data of unit variance, uncorrelated with the others.
+    `noises` are shares (g, 2), rates (g, 2, k) and betas (g,), all with one `scale` of every row.
     """
     n, m = columns.shape
     pad = -(m + 2) % 32
@@ -106,7 +105,7 @@ def evidence(
         grams.append(np.asarray(found[0]))
         log_det.append(np.asarray(found[1]))
     g = len(noises[2])
-    more = np.concatenate([extra[:, None], extra_columns], axis=1)
+    more = np.concatenate([extra[0][:, None], extra[1]], axis=1)
     extra_products = np.zeros(grams[0].shape[1:])
     extra_products[: m + 1, : m + 1] = more.T @ more
     number = float(np.sum(np.asarray(weight) > 0))

@@ -25,7 +25,7 @@ from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from .curves import CurveRig
 from .driver import AbstractBench, Offered, ScoredRows, offered, run
-from .engine import Candidate, Engine
+from .engine import Candidate, Choice, Engine
 from .location import Bumps, friction_bumps
 from .result import Loop, Score
 from .sampling import seen_between
@@ -90,13 +90,8 @@ def close_loop(
     asked = _with_channels(record, law, asked, stress=stress is not None)
     progress("base fit of the whole record")
     _refuse_stops(record, found_steps)
-    base_fit = fit(
-        record,
-        stiffness=stiffness,
-        law=law,
-        steps=found_steps,
-        progress=lambda text: progress(f"base fit of the whole record: {text}"),
-    )
+    say = lambda text: progress(f"base fit of the whole record: {text}")  # noqa: E731
+    base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
     _check(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
     problem, felt = _problem(record, base_fit, found_steps, blocks, asked.effects)
@@ -130,8 +125,7 @@ class SliderBench(AbstractBench):
             self.problem,
             self.blocks,
             self.felt,
-            with_,
-            self.without,
+            Choice(with_, self.without),
             shapes=friction_shapes,
             path=self.path(),
         )

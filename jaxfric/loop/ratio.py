@@ -60,13 +60,13 @@ def chances(
     asked = np.concatenate([q.columns for q in questions], axis=1) * weight
     more = rng.standard_normal((len(rows.extra), _DRAWS))
     noises = _around(found.family, (null.theta, found.theta), engine.limits())
+    extra = more, rows.extra_jacobian, np.zeros((len(more), asked.shape[1]))
     known = evidence(
         engine.problem.clock,
         engine.weight,
         rows.residual * engine.weight,
         np.concatenate([np.asarray(drawn), jacobian, asked], axis=1),
-        rows.extra,
-        np.concatenate([more, rows.extra_jacobian, np.zeros((len(more), asked.shape[1]))], axis=1),
+        (rows.extra, np.concatenate(extra, axis=1)),
         noises,
         engine.scale,
     )

@@ -123,7 +123,7 @@ class LoopBase(typing.Protocol):
     def values(self) -> dict[str, float]: ...
 
 
-class Table(NamedTuple):
+class TextTable(NamedTuple):
     """A table of text: its title, column heads, rows, a remark, the rows that matter most."""
 
     title: str
@@ -136,7 +136,7 @@ class Table(NamedTuple):
 class LoopDetails(typing.Protocol):
     """More tables and more of `loop.json`."""
 
-    def tables(self) -> list[Table]: ...
+    def tables(self) -> list[TextTable]: ...
     def to_json(self) -> dict: ...
 
 

@@ -87,8 +87,7 @@ def screen(
         jnp.asarray(engine.known),
         seen.rows.residual * engine.known,
         seen.matrix,
-        seen.rows.extra,
-        seen.extra,
+        (seen.rows.extra, seen.extra),
         engine.trial_noises(),
         engine.scale,
     )

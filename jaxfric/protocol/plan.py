@@ -34,7 +34,7 @@ from ..fitting.result import critical_stiffness_of, tidy_unit
 from ..fitting.superset import Superset
 from ..laws.registry import count_states, refuse_unknown_law, refuse_untaken, takes
 from ..loop.driver import offered
-from ..loop.engine import Candidate, Engine
+from ..loop.engine import Candidate, Choice, Engine
 from ..loop.sampling import seen_between
 from ..loop.screen import Screening, alias_cosines, orthonormal, sensitivities
 from ..loop.search import MOST
@@ -142,8 +142,7 @@ def plan(
     Raises
     ------
     InputError : fewer than two velocities that differ, one not positive; a parameter missing or out
-        of bounds; an unknown effect; a stiffness below the critical one, or a slider that slips
-        away at a step.
+        of bounds; an unknown effect; a slider that slips away, steadily driven or at a step.
 
     Every row counts as fitted. Not tried: holds, reversals, noise that is correlated, step times
     that are uncertain, and effects so large that they are not linear.
@@ -381,9 +380,8 @@ def _looks(
 def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     """What a variant tells apart; None where the slider slips away."""
     problem, blocks = _problem(setup, variant)
-    engine = Engine(
-        problem, blocks, np.zeros(0, int), setup.always, setup.without, shapes=friction_shapes
-    )
+    choice = Choice(setup.always, setup.without)
+    engine = Engine(problem, blocks, np.zeros(0, int), choice, shapes=friction_shapes)
     natural = [setup.values[name] for name in setup.model.names()]
     names = engine.names[len(natural) :]
     natural += [setup.values.get(n, v) for n, v in zip(names, engine.model.nulls(), strict=True)]

@@ -8,7 +8,7 @@ from ..fitting.table import noise_text
 from ..loop.family import listed
 from ..loop.result import Loop
 from .loop_text import (
-    Table,
+    TextTable,
     apart,
     candidates,
     headline,
@@ -237,7 +237,7 @@ def _added(loop: Loop) -> str:
     return _list(items)
 
 
-def _table(table: Table) -> str:
+def _table(table: TextTable) -> str:
     if not table.rows:
         return ""
     right = [numeric(table, k) for k in range(len(table.head))]

@@ -10,7 +10,7 @@ from ..effects import parameters
 from ..fitting import Estimate
 from ..fitting.table import decimals, noise_text
 from ..loop.family import CurveFamily, listed
-from ..loop.result import ROLES, CandidateScore, Loop, Table
+from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
 from ..loop.structure import QUESTIONS, p_text
 from ..loop.thresholds import ALIAS, SIGNIFICANT
@@ -46,7 +46,7 @@ def headline(loop: Loop) -> str:
     return text.format(effects=listed(loop.effects) or "an effect")
 
 
-def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[Table]:
+def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[TextTable]:
     """Errors by block and by velocity, parameters, tests, candidates: what both reports show."""
     return [
         errors(loop),
@@ -78,7 +78,7 @@ def print_loop(loop: Loop, console: "Console") -> None:
         console.print(f"  {line}", markup=False)
 
 
-def print_tables(console: "Console", shown_tables: Sequence[Table]) -> None:
+def print_tables(console: "Console", shown_tables: Sequence[TextTable]) -> None:
     """Tables one below the other; a narrow console leaves out meanings."""
     from rich.table import Table as RichTable
 
@@ -105,7 +105,7 @@ def _plain(text: str):
     return Text(text)
 
 
-def numeric(table: Table, column: int) -> bool:
+def numeric(table: TextTable, column: int) -> bool:
     """Whether a column is of numbers, which stand at the right."""
     cells = [row[column] for row in table.rows if row[column]]
     return bool(cells) and sum(cell[0] in "+−-<0123456789." for cell in cells) > 0.5 * len(cells)
@@ -114,7 +114,7 @@ def numeric(table: Table, column: int) -> bool:
 # ---- tables --------------------------------------------------------------------------------
 
 
-def errors(loop: Loop) -> Table:
+def errors(loop: Loop) -> TextTable:
     """rms of the residual by block, in the unit of friction and in sigma."""
     size, unit = loop.readable()
     within = f" [{unit}]" if unit else ""
@@ -128,7 +128,7 @@ def errors(loop: Loop) -> Table:
     held = loop.blocks.select | loop.blocks.report
     sigma = loop.sigma_of(held)
     rows.append(("held out: select and report", str(int(held.sum())), *_errors(both, size, sigma)))
-    return Table(
+    return TextTable(
         "Error before and after",
         ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
         rows,
@@ -155,7 +155,7 @@ def _errors(both: list[float], size: float, sigma: float) -> tuple[str, ...]:
     return (*(f"{size * v:.4g}" for v in both), *(f"{v / sigma:.3f}" for v in both))
 
 
-def by_velocity(loop: Loop) -> Table:
+def by_velocity(loop: Loop) -> TextTable:
     """rms [sigma] of every velocity of the record."""
     steps, rows = loop.base_fit.steps, []
     length = _length(loop)
@@ -170,10 +170,10 @@ def by_velocity(loop: Loop) -> Table:
         errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
         rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
     head = ("from", "velocity", "block", "before [σ]", "after [σ]")
-    return Table(loop.words.errors, head, rows)
+    return TextTable(loop.words.errors, head, rows)
 
 
-def moved(loop: Loop) -> Table:
+def moved(loop: Loop) -> TextTable:
     """Parameters before and after, with intervals, and how far they moved."""
     shifts, rows = loop.shifts(), []
     for name, after in loop.after.parameters.items():
@@ -190,7 +190,7 @@ def moved(loop: Loop) -> Table:
     note = "shift: after minus before, in standard deviations of the fit after"
     if loop.verdict == "ambiguous" and loop.effects:
         note += "\n± and intervals cover what the fits with its rivals make of the same parameters"
-    return Table("Parameters", head, rows, note + _also_fitted(loop), marked)
+    return TextTable("Parameters", head, rows, note + _also_fitted(loop), marked)
 
 
 def _also_fitted(loop: Loop) -> str:
@@ -236,7 +236,7 @@ def _meaning(loop: Loop, name: str) -> str:
     return known[field].text if field in known else ""
 
 
-def significance(loop: Loop) -> Table:
+def significance(loop: Loop) -> TextTable:
     """p-values of the structure tests before and after."""
     rows = []
     for name, before in loop.before.tests.items():
@@ -248,10 +248,10 @@ def significance(loop: Loop) -> Table:
         " the noise found anew with and without it; corrected for all that is asked, those of the"
         " figure location each by itself)"
     )
-    return Table("Tests for structure", head, rows, note)
+    return TextTable("Tests for structure", head, rows, note)
 
 
-def candidates(loop: Loop, *, most: int) -> Table:
+def candidates(loop: Loop, *, most: int) -> TextTable:
     """Models that were fitted, best first."""
     found = loop.ranked()
     rows = [
@@ -270,7 +270,7 @@ def candidates(loop: Loop, *, most: int) -> Table:
         note += f"; {more} more in loop.json"
     head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
     marked = tuple(k for k, c in enumerate(found[:most]) if loop.role(c) == "model")
-    return Table("Models that were fitted", head, rows, note, marked)
+    return TextTable("Models that were fitted", head, rows, note, marked)
 
 
 def _role(loop: Loop, candidate: CandidateScore) -> str:

@@ -2,16 +2,16 @@
 
 import math
 
-from ..loop.result import Table
+from ..loop.result import TextTable
 from ..prediction import Prediction
 
 
-def tables(found: Prediction) -> list[Table]:
+def tables(found: Prediction) -> list[TextTable]:
     """Errors of every model and way of comparing, and where a fit's parameters would go."""
     return [_errors(found), *_parameters(found)]
 
 
-def _errors(found: Prediction) -> Table:
+def _errors(found: Prediction) -> TextTable:
     rows = [
         (
             c.model,
@@ -37,7 +37,7 @@ def _errors(found: Prediction) -> Table:
         )
     ]
     told = "; ".join(f"{what} {share}" for what, share in shares)
-    return Table("Prediction", heads, rows, f"{note}. Mean square of the first row: {told}")
+    return TextTable("Prediction", heads, rows, f"{note}. Mean square of the first row: {told}")
 
 
 def _sized(value: float, unit: str) -> str:
@@ -52,7 +52,7 @@ def _sized(value: float, unit: str) -> str:
     return f"{factor * value:.3g} {shown}{unit}"
 
 
-def _parameters(found: Prediction) -> list[Table]:
+def _parameters(found: Prediction) -> list[TextTable]:
     if not found.shifts:
         return []
     rows = []
@@ -70,4 +70,4 @@ def _parameters(found: Prediction) -> list[Table]:
     marked = tuple(k for k, shift in enumerate(found.shifts) if abs(shift.in_sigma) > 3)
     heads = ("parameter (SI)", "model", "fitted here", "± of the difference", "in sigma")
     note = "fitted here: what a fit of the same model to this record alone would give; not used"
-    return [Table("Have the parameters changed?", heads, rows, note, marked)]
+    return [TextTable("Have the parameters changed?", heads, rows, note, marked)]

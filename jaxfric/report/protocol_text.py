@@ -10,7 +10,7 @@ from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
 from ..protocol.outlook import Change, Outlook, Protocol, Smallest
 from ..units import format_si, speed_text
-from .loop_text import Table, print_tables, shown_unit
+from .loop_text import TextTable, print_tables, shown_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -89,21 +89,21 @@ def advice(plan: Protocol) -> str:
     return f"{text}: {stay}." if stay else f"{text}."
 
 
-def effects(plan: Protocol) -> Table:
+def effects(plan: Protocol) -> TextTable:
     """For every effect the smallest amplitude that is named, and what looks most like it."""
     rows = [(s.id, *_amplitude(s), *_nearest(plan.outlook, s.id)) for s in plan.outlook.smallest]
     head = ("effect", "smallest", "at", "most alike", "|cosine|")
-    return Table("How large an effect must be to be named", head, rows, _NOTE)
+    return TextTable("How large an effect must be to be named", head, rows, _NOTE)
 
 
-def changes(plan: Protocol) -> Table:
+def changes(plan: Protocol) -> TextTable:
     """What every change of the plan separates, and how many pairs it leaves."""
     best = plan.recommended()
     rows = [_change(plan, change) for change in plan.changes]
     marked = tuple(k for k, c in enumerate(plan.changes) if c is best)
     head = ("change", "lasts", "pairs left", "separates", "no longer told apart")
     title = f"What would separate more (the plan leaves {len(plan.outlook.pairs())} pairs)"
-    return Table(title, head, rows, "", marked)
+    return TextTable(title, head, rows, "", marked)
 
 
 def print_protocol(plan: Protocol, console: "Console", *, typical: bool = False) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from ..fitting.quantisation import step_words
 from ..fitting.table import noise_lines
 from ..gains.axis_result import AxisGains, Shown
-from ..loop.result import Table
+from ..loop.result import TextTable
 from ..loop.steady.loop import SteadyLoop, steady_gains
 from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
@@ -44,7 +44,7 @@ def _range(samples: np.ndarray) -> str:
     return f"{np.min(samples):.0f} to {np.max(samples):.0f}"
 
 
-def tables(loop: SteadyLoop) -> list[Table]:
+def tables(loop: SteadyLoop) -> list[TextTable]:
     """Models that were fitted, and parameters of base and final model."""
     unit, speed, size = loop.units()
     rows = [
@@ -63,7 +63,7 @@ def tables(loop: SteadyLoop) -> list[Table]:
         "held out: every run predicted without it and its neighbours in speed. spread: how runs"
         " differ beyond the error of their means"
     )
-    models = [Table("Models that were fitted", head, rows, note)]
+    models = [TextTable("Models that were fitted", head, rows, note)]
     names = list(dict.fromkeys([*loop.base.values, *loop.final.values]))
     shown = [
         (
@@ -74,7 +74,7 @@ def tables(loop: SteadyLoop) -> list[Table]:
         )
         for name in names
     ]
-    return [Table("Parameters", ("name", "before", "after", "unit"), shown), *models]
+    return [TextTable("Parameters", ("name", "before", "after", "unit"), shown), *models]
 
 
 def _value(model: SteadyModel, name: str, size: float) -> str:

@@ -95,9 +95,8 @@ def run(
         processes of this machine, of kind "host"; the other kinds use all cores anyway.
     ask : told size and time of a very large study before it begins; may raise to stop it.
     other_versions : go on with a store that was begun with other versions of packages.
-    description, toml, warnings : what the store says of its study, see `Label`; by default it is
-        described by the grid, the outputs and the name of the function. What the function does, and
-        all of one's own code that it uses, is compared in any case.
+    description, toml, warnings : what the store says of its study, see `Label`; by default its
+        grid, outputs and function. The function's code, and yours that it uses, is compared anyway.
     progress, tell : told how far it is, and what else is worth a line.
 
     Raises
@@ -115,8 +114,7 @@ def run(
     described = _described(task) if description is None else _with_layout(description, task)
     label = Label(described, toml, tuple(warnings))
     listener = Listener(progress, tell or (lambda text: None), ask)
-    workers = scheduler or processes
-    _run(task, label, place_of(out), workers, listener, any_versions=other_versions)
+    _run(task, label, place_of(out), scheduler or processes, listener, any_versions=other_versions)
     return load(out, verify=False)
 
 

@@ -10,14 +10,15 @@ from ...fitting.axis_fit import AxisFit, inverse_dynamics, output_error
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import AxisProblem
 from ...fitting.result import Estimate
-from ...gains.axis import axis_gains, state_gains
-from ...records.axis_record import AxisRecord
+from ...gains.axis import AxisGains, axis_gains, state_gains
+from ...records.axis_record import AxisRecord, Drive
+from ...rig.axis import AxisRig
 from ...stability.claims import Curve
 from ..engine import Engine
 from ..search import Search
 from .reading import Reading
 from .result import AxisDetails, AxisRows
-from .seen import seen
+from .seen import Seen, seen
 
 
 def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:
@@ -59,30 +60,9 @@ def details_of(
         fits += [] if simulated is None else [(when, simulated)]
     # the slope and its error are those of one model: the loop's, in the rows that count
     rig = problem.rig(jnp.asarray(found.final.z))
-    middle = jnp.asarray(float(np.median(rows.position)))
-
-    def steady(speed: np.ndarray) -> np.ndarray:
-        v = jnp.asarray(speed)
-        return np.asarray(rig.friction(middle, v, jnp.zeros_like(v), rig.steady(v)))
-
     unit = "rad" if record.coordinate == "rotary" else "m"
     known = seen(engine, found.final, rows, prepared, unit)
-    slow, fast = known.slowest, known.fastest
-    gains = state_gains(rig, float(middle), slow, fast, drive=record.drive)
-    if gains is None:
-        gains = axis_gains(
-            steady,
-            slow,
-            fast,
-            drive=record.drive,
-            error=known.error,
-            above=known.above,
-            unseen=known.unseen,
-        )
-    else:
-        error = known.error(gains.worst_velocity)
-        curve = Curve(gains.slope, error, slow, fast, known.above, known.unseen)
-        gains = dataclasses.replace(gains, curve=curve)
+    gains = _gains(rig, float(np.median(rows.position)), known, record.drive)
     return AxisDetails(
         tuple(fits),
         prepared.preparation,
@@ -92,4 +72,28 @@ def details_of(
         reading.notes,
         told,
         float(rig.reach),
+    )
+
+
+def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> AxisGains:
+    """Those of a friction with a state, else of its steady curve at `position`."""
+    slow, fast = known.slowest, known.fastest
+    gains = state_gains(rig, position, slow, fast, drive=drive)
+    if gains is not None:
+        error = known.error(gains.worst_velocity)
+        curve = Curve(gains.slope, error, slow, fast, known.above, known.unseen)
+        return dataclasses.replace(gains, curve=curve)
+
+    def steady(speed: np.ndarray) -> np.ndarray:
+        v = jnp.asarray(speed)
+        return np.asarray(rig.friction(jnp.asarray(position), v, jnp.zeros_like(v), rig.steady(v)))
+
+    return axis_gains(
+        steady,
+        slow,
+        fast,
+        drive=drive,
+        error=known.error,
+        above=known.above,
+        unseen=known.unseen,
     )

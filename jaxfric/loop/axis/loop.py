@@ -25,7 +25,7 @@ from ...records.given import as_axis_record
 from ...rig.axis import AxisRig, BaseLaw
 from ..curves import CurveRig
 from ..driver import AbstractBench, ScoredRows, offered, run
-from ..engine import Candidate, Engine
+from ..engine import Candidate, Choice, Engine, NoiseBounds
 from ..location import Bumps
 from ..result import Loop, Score
 from ..search import MOST, Search
@@ -124,13 +124,10 @@ class AxisBench(AbstractBench):
             self.problem,
             self.reading.blocks,
             np.zeros(0, int),
-            with_ or (),
+            Choice(with_ or (), one_of=() if with_ is None else (IN_TIME,)),
             shapes=axis_shapes,
-            one_of=() if with_ is None else (IN_TIME,),
             path=self.path(),
-            longest=np.asarray([_NOISE_ROWS * interval]),
-            either_sign=True,
-            by_step=False,
+            bounds=NoiseBounds(np.asarray([_NOISE_ROWS * interval]), True, by_step=False),
         )
 
     def start(self, engine: Engine[AxisProblem]) -> np.ndarray:

@@ -13,7 +13,7 @@ from ...gains.axis_result import AxisGains, Shown, StiffBasin
 from ...records import Provenance, Sampling, VelocitySteps
 from ...records.axis_record import AxisRecord
 from ...rig.axis import LAW
-from ..result import Table
+from ..result import TextTable
 
 _APART = 4.0
 
@@ -109,7 +109,7 @@ class AxisDetails:
     reach: float = 0.0
     """Distance between two rows where the axis is slowest [m]; a slip length is no less."""
 
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[TextTable]:
         """Parameters and errors of the fits, side by side."""
         fits = [fit for _, fit in self.fits]
         names = list(dict.fromkeys(name for fit in fits for name in fit.values))
@@ -130,7 +130,7 @@ class AxisDetails:
             f" with its noise.{self._differing()}"
         )
         both = "The two fits" if len({fit.method for fit in fits}) > 1 else "The fit"
-        fitted = Table(f"{both}, over all rows", ("parameter", *heads), rows, note)
+        fitted = TextTable(f"{both}, over all rows", ("parameter", *heads), rows, note)
         return [fitted, self._gains(unit)]
 
     def _least(self, damping: str, unit: str) -> tuple[str, str, str]:
@@ -171,7 +171,7 @@ class AxisDetails:
     def _noted(self) -> str:
         return "".join(f" {note[0].upper()}{note[1:]}." for note in self.notes)
 
-    def _gains(self, unit: str) -> Table:
+    def _gains(self, unit: str) -> TextTable:
         """Gains in force, and the least damping that friction asks for, in both units."""
         force, drive, gains = self.record.force_unit, self.record.drive, self.gains
         damping = f"{force} s/{unit}"
@@ -202,7 +202,7 @@ class AxisDetails:
         head = ("", "in force", "at the drive")
         if not any(row[-1] for row in rows):  # a drive of which nothing is known
             head, rows = head[:-1], [row[:-1] for row in rows]
-        return Table("Gains", head, rows, note)
+        return TextTable("Gains", head, rows, note)
 
     def to_json(self) -> dict:
         """Under "axis": what was prepared how, and the fits."""

@@ -111,7 +111,7 @@ def steady_noise(curve: SteadyCurve) -> SteadyNoise | None:
         found.noise,
         rms,
         longest,
-        scales=(scale / rms).tolist(),
+        by_step=((), (scale / rms).tolist()),
         steps=steps,
         clocks=ROTARY_CLOCKS if rotary else CLOCKS,
     )
