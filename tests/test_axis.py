@@ -24,7 +24,7 @@ from jaxfric.effects import parameters
 from jaxfric.fitting.axis_fit import inverse_dynamics, output_error
 from jaxfric.fitting.axis_preparation import prepare, shifted
 from jaxfric.fitting.axis_problem import make_problem
-from jaxfric.fitting.superset import Superset
+from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.gains.axis import axis_gains
 from jaxfric.loop.axis.loop import rotary_unit
 from jaxfric.loop.axis.split import segments, split
@@ -72,7 +72,7 @@ def problem_of(record, effects=(), width=2e-4):
     clear = moving & np.roll(moving, 1) & np.roll(moving, -1)
     weight[: made.rows] = (clear & made.inside)[: made.rows]
     chosen = tuple(AXIS_CATALOGUE[e] for e in effects)
-    model = Superset(BaseLaw(), chosen)  # pyright: ignore[reportArgumentType]
+    model = EncompassingModel(BaseLaw(), chosen)  # pyright: ignore[reportArgumentType]
     return make_problem(made, weight, model, width=width, noise_scale=1.0)
 
 
@@ -315,7 +315,7 @@ def test_emps_fits(emps):
     weight = np.zeros(len(made.time))
     weight[: made.rows] = made.inside[: made.rows]
     effects = (AXIS_CATALOGUE["direction_asymmetry"],)
-    model = Superset(BaseLaw(), effects)  # pyright: ignore[reportArgumentType]
+    model = EncompassingModel(BaseLaw(), effects)  # pyright: ignore[reportArgumentType]
     problem = make_problem(made, weight, model, width=1.3e-4, noise_scale=1.0)
     z = start(problem)
     usual = dataclasses.replace(problem, sampler=made.usual, friction=jnp.asarray(made.usual_force))
@@ -331,7 +331,7 @@ def test_emps_fits(emps):
 @pytest.mark.long
 def test_emps_loop(emps):
     loop = close_axis_loop(emps)
-    assert loop.effects[0] == "direction_asymmetry"
+    assert {"direction_asymmetry", "position_periodic"} == set(loop.effects[:2])
     assert loop.heldout(loop.after) < 0.6 * loop.heldout(loop.before)
 
 

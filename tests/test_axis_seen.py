@@ -10,7 +10,7 @@ import pytest
 from jaxfric.fitting.axis_fit import inverse_dynamics
 from jaxfric.fitting.axis_preparation import Preparation
 from jaxfric.fitting.axis_problem import make_problem
-from jaxfric.fitting.superset import Superset
+from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.loop.axis.reading import read_rows
 from jaxfric.loop.axis.seen import _stairs, _stops, doubts, slowest_told
 from jaxfric.records import axis_from_arrays
@@ -87,7 +87,7 @@ def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
     found = read(False, 40.0)
     weight = np.zeros(len(found.prepared.time))
     weight[: found.prepared.rows] = found.rows.used
-    model = Superset(BaseLaw(), ())
+    model = EncompassingModel(BaseLaw(), ())
     problem = make_problem(found.prepared, weight, model, width=5e-3, noise_scale=1.0)
     z = problem.to_free(jnp.asarray([0.05, viscous, coulomb, 0.02]))
     assert problem.possible(z) is possible

@@ -33,7 +33,7 @@ SHORT = plants.Protocol((3 * UM, 20 * UM, 6 * UM), (5.0, 2.5, 8.0))
 STRESS = plants.Stress((0.01, 0.004), (0.9, 2.3), (0.4, 2.0))
 CASES = {
     "second_state": {"B2": 0.003, "L2": 20 * UM},
-    "aging": {"q": 0.4},
+    "ageing": {"q": 0.4},
     "velocity_dependent_L": {"n": 0.2},
     "evolution_cutoff": {"Vc": 40 * UM},
     "viscous": {"c": 100.0},
@@ -121,7 +121,7 @@ def rebuild(path, effects, stressed, own=0.0):
         length = L * (V / V0) ** p("velocity_dependent_L", "n")
         age = (length / V0) * np.exp(theta / B)  # Dieterich's, of a contact
         ageing = B * (1 + V / p("evolution_cutoff", "Vc", np.inf) - V * age / length) / age
-        q, h = own + p("aging", "q"), 1e-6
+        q, h = own + p("ageing", "q"), 1e-6
         dtheta = (1 - q) * slip + q * ageing
         if stressed:
             log_rate = (np.log(n_at(t + h)) - np.log(n_at(t - h))) / (2 * h)
@@ -197,7 +197,7 @@ def test_effects_that_meet_obey_both_equations():
 
 def test_effects_on_a_base_with_the_ageing_law():
     names = ("evolution_cutoff", "velocity_dependent_L")
-    effects = {name: CASES[name] for name in names} | {"aging": {"q": -0.3}}
+    effects = {name: CASES[name] for name in names} | {"ageing": {"q": -0.3}}
     path = run(effects, base=dataclasses.replace(BASE, q=1.0))
     assert np.all(faults(path, effects, own=1.0) < 2e-6)
     for name in effects:
@@ -235,7 +235,7 @@ def test_plants_refuse_what_they_cannot_do():
     soft = plants.Base(0.6, 0.01, 0.014, 8 * UM, 300.0)
     with pytest.raises(plants.RunawayError):
         plants.simulate(soft, SHORT, {}, t)
-    for wrong in ({"effects": ("ageing",)}, {"rho": 0.0}, {"noise": "pink"}, {"channels": ("x",)}):
+    for wrong in ({"effects": ("aging",)}, {"rho": 0.0}, {"noise": "pink"}, {"channels": ("x",)}):
         with pytest.raises(ValueError):
             generate.Request(1, **wrong)
 
@@ -348,4 +348,4 @@ def test_files_are_read_and_hide_the_truth(tmp_path):
         assert truth["effects"] in ([], ["time_drift"]) and truth["seed"] == 4
         assert "drift" not in folder.name + (folder / "record.csv").read_text()[:200]
     with pytest.raises(SystemExit):
-        generate.main(["--effect", "ageing", *common])
+        generate.main(["--effect", "aging", *common])

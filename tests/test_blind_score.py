@@ -119,8 +119,8 @@ def test_states_may_come_back_exchanged():
     one = scored(truth(SECOND), loop(["second_state"], other))
     assert one.exchanged and all(one.covered.values()) and one.bias_after["B"] == 0.0
     # only where nothing else acts on the first state alone
-    both = SECOND | {"aging": {"q": 0.3}}
-    two = scored(truth(both), loop(["second_state", "aging"], other | {"aging.q": 0.3}))
+    both = SECOND | {"ageing": {"q": 0.3}}
+    two = scored(truth(both), loop(["second_state", "ageing"], other | {"ageing.q": 0.3}))
     assert two.kind == "two" and two.exact and not two.exchanged and not two.covered["B"]
     # and only where a second state was found
     assert not scored(truth(SECOND), loop(["viscous"], other)).exchanged
@@ -162,7 +162,7 @@ def test_parameters_are_those_of_jaxfric():
 
 KEY = {
     "second_state": {"B2": 0.003, "L2": 2e-5},
-    "aging": {"q": 0.4},
+    "ageing": {"q": 0.4},
     "velocity_dependent_L": {"n": 0.2},
     "evolution_cutoff": {"Vc": 4e-5},
     "viscous": {"c": 100.0},

@@ -57,8 +57,8 @@ def test_an_ageing_base_is_that_of_the_reference(mass):
     np.testing.assert_allclose(path.friction, expected.f, rtol=0, atol=3e-8)
     slip = plants.simulate(replace(base, q=0.0), SHORT, {}, t).friction
     assert np.max(np.abs(slip - expected.f)) > 3e-4
-    # the share that `aging` takes away again, and the base that refits are made of
-    back = plants.simulate(base, SHORT, {"aging": {"q": -1.0}}, t).friction
+    # the share that `ageing` takes away again, and the base that refits are made of
+    back = plants.simulate(base, SHORT, {"ageing": {"q": -1.0}}, t).friction
     np.testing.assert_allclose(back, slip, rtol=0, atol=1e-9)
     if not mass:
         quick = plants.simulate_base(base, SHORT, t)
@@ -233,7 +233,9 @@ def test_a_law_that_nobody_declares_is_what_is_missing(monkeypatch):
     monkeypatch.setattr(wide, "draw_conditions", lambda rng, noise, effects: known)
     blind = made((), noise="wide-law")
     assert blind.declared["law"] is None and blind.declared["stiffness known to [1]"] == 0.0
-    assert blind.truth["effects"] == ["aging"] and blind.truth["parameters"] == {"aging": {"q": 1}}
+    assert blind.truth["effects"] == ["ageing"] and blind.truth["parameters"] == {
+        "ageing": {"q": 1}
+    }
     assert blind.truth["rho"]["wanted"] == 0.0 and blind.truth["rho"]["all"] > 0.3
     assert blind.truth["base"]["q"] == 1.0 and not blind.truth["wide"]["law_declared"]
 
@@ -330,7 +332,7 @@ def test_an_undeclared_law_is_a_kind_of_its_own():
     }  # fmt: skip
     base = {"f0": 0.6, "A": 0.01, "B": 0.014, "L": 8e-6, "V0": 1e-6, "m": 0.0, "k_v": 0.0}
     truth = {
-        "effects": ["aging"], "parameters": {"aging": {"q": 1.0}}, "rho": {"wanted": 0.0},
+        "effects": ["ageing"], "parameters": {"ageing": {"q": 1.0}}, "rho": {"wanted": 0.0},
         "base": base, "plant": "quasi-static", "sampling": "uneven", "stiffness_ratio": 4.0,
         "noise": {"sigma": 1e-4, "correlation": 0.0, "kind": "wide"}, "wide": wide_truth,
     }  # fmt: skip

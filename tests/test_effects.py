@@ -1,5 +1,7 @@
 """The catalogue: at the null nothing changes, and every derivative there is the right one."""
 
+import json
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +10,8 @@ from scipy.optimize import brentq
 
 import jaxfric as jf
 from jaxfric.effects import CATALOGUE, RecordScales, effect_of, null, parameters
-from jaxfric.effects.effect import ROOMS
+from jaxfric.effects.effect import ROOMS, id_of, ids_of
+from jaxfric.laws.saved import read_saved
 from jaxfric.rig import recorded_stress
 from jaxfric.rig.friction import Conditions
 from jaxfric.rig.friction.extended import ExtendedLaw
@@ -151,7 +154,7 @@ def test_describes_itself(id):
 def test_ageing_base_is_kept():
     """Embedding an effect of evolution in an ageing law leaves it one."""
     ageing = rig(jf.AgeingEvolution())
-    with_effect = CATALOGUE["aging"]().embed(ageing)
+    with_effect = CATALOGUE["ageing"]().embed(ageing)
     a = jf.simulate(ageing, MOTION, TS).recorded
     b = jf.simulate(with_effect, MOTION, TS).recorded
     np.testing.assert_allclose(a, b, atol=1e-13)
@@ -160,7 +163,7 @@ def test_ageing_base_is_kept():
 def test_ageing_share_one_is_the_ageing_law():
     """From the slip law by q = 1."""
     a = jf.simulate(rig(jf.AgeingEvolution()), MOTION, TS).recorded
-    b = predict(changed("aging", q=1.0))
+    b = predict(changed("ageing", q=1.0))
     np.testing.assert_allclose(a, b, atol=1e-7)
 
 
@@ -176,7 +179,7 @@ def test_second_state_is_the_two_state_law():
 # In steady sliding: each effect of the room of friction, well away from its null.
 PRESENT = {
     "second_state": {"B2": 0.004, "L2": 40 * UM},
-    "aging": {"q": 0.4},
+    "ageing": {"q": 0.4},
     "velocity_dependent_L": {"n": 0.3},
     "evolution_cutoff": {"c": 3e4},
     "viscous": {"c": 300.0},
@@ -309,3 +312,20 @@ def test_steady_sliding_with_heat_stays_steady():
 def test_unknown_effect_suggests_the_nearest():
     with pytest.raises(jf.InputError, match="did you mean 'second_state'"):
         effect_of("second_sate")
+
+
+@pytest.mark.parametrize(
+    ("name", "now"),
+    [("aging", "ageing"), ("aging.q", "ageing.q"), ("agings", "agings"), ("q", "q")],
+)
+def test_an_old_id_is_read(name, now):
+    assert id_of(name) == now
+
+
+def test_old_ids_of_commands_and_files_are_read(tmp_path):
+    assert effect_of("aging") is effect_of("ageing") is CATALOGUE["ageing"]
+    assert ids_of("viscous, aging") == ("viscous", "ageing")
+    old = {"schema": "jaxfric.loop/1", "effects": ["aging"], "after": {"aging.q": {"value": 0.5}}}
+    (tmp_path / "loop.json").write_text(json.dumps(old))
+    new = read_saved(tmp_path / "loop.json", "jaxfric.loop/1")
+    assert new["effects"] == ["ageing"] and new["after"] == {"ageing.q": {"value": 0.5}}

@@ -12,7 +12,8 @@ from scipy.optimize import minimize
 
 from jaxfric.gains import frontier, kkt
 from jaxfric.gains import solve as solve_module
-from jaxfric.gains.frontier import FrontierPoint, Region, alone, basins, lowest
+from jaxfric.gains.frontier import FrontierPoint, Region, alone, lowest
+from jaxfric.gains.frontier import minima as on_frontier
 from jaxfric.gains.kkt import Optimum, _Model, _multipliers, polish
 from jaxfric.gains.solve import _dense, solve
 
@@ -97,10 +98,10 @@ def test_the_lowest_gain_that_is_accepted(needed, v, u):
 
 @pytest.mark.parametrize("scale", [(1.0, 1.0), (1.0, 0.4), (0.5, 3.0)])
 @pytest.mark.parametrize("needed", [one_dip, two_dips, begins])
-def test_every_local_minimum_of_the_norm_is_a_basin(needed, scale):
+def test_every_local_minimum_of_the_norm_is_an_optimum(needed, scale):
     region = FREE._replace(scale=np.asarray(scale))
     truth = minima(needed, region)
-    found = sorted(basins(needed, Scenario(), region), key=lambda one: one.norm)
+    found = sorted(on_frontier(needed, Scenario(), region), key=lambda one: one.norm)
     assert len(found) == len(truth) >= 1 + (needed is two_dips and scale == (1.0, 1.0))
     for one, (norm, _, v) in zip(found, truth, strict=True):
         assert one.norm == pytest.approx(norm, rel=1e-3)
@@ -224,7 +225,7 @@ def solved(monkeypatch, stuck):
         solve_module, "polish", lambda *arguments: optimum_at(2.0 if stuck else arguments[3].v)
     )
     bad = optimum_at(2.0)
-    monkeypatch.setattr(solve_module, "basins", lambda *_: [FrontierPoint(*bad.gains, bad.norm)])
+    monkeypatch.setattr(solve_module, "minima", lambda *_: [FrontierPoint(*bad.gains, bad.norm)])
     monkeypatch.setattr(solve_module, "alone", lambda *_: [])
     return solve(one_dip, Scenario(), FREE)
 

@@ -1,4 +1,4 @@
-"""Parts of the loop that need no fit: blocks, structure tests, likelihoods, screening's algebra."""
+"""Parts of the loop that need no fit: blocks, residual tests, likelihoods, screening's algebra."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -23,6 +23,12 @@ from jaxfric.loop.engine import Candidate, Column, Engine
 from jaxfric.loop.evidence import evidence
 from jaxfric.loop.fixed import Part, inseparable, loose
 from jaxfric.loop.pace import Stopwatch
+from jaxfric.loop.residual_tests import (
+    QUESTIONS,
+    chi_square_tail,
+    holm,
+    structure,
+)
 from jaxfric.loop.screen import (
     Screened,
     Screening,
@@ -32,12 +38,6 @@ from jaxfric.loop.screen import (
     project,
 )
 from jaxfric.loop.split import split
-from jaxfric.loop.structure import (
-    QUESTIONS,
-    chi_square_tail,
-    holm,
-    structure,
-)
 from jaxfric.loop.verdict import _QUESTIONS, _groups, _rivals, largest_rms
 
 

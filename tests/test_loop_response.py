@@ -1,4 +1,4 @@
-"""The linearised slider, and fits of a superset: against exact Jacobians, SciPy and dense algebra.
+"""The linearised slider, fits of an encompassing model: against Jacobians, SciPy, dense algebra.
 
 The plants are those of `fits.blind.plants`, in SciPy; nothing of jaxfric is in them.
 """
@@ -17,13 +17,13 @@ from scipy import stats
 import jaxfric as jf
 from fits.blind import plants
 from jaxfric.effects import effect_of
+from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.fitting.problem import Channel, Model, ProblemSizes, make_problem
-from jaxfric.fitting.superset import Superset
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.estimates import estimates
+from jaxfric.loop.nonlinear import friction_sensitivities
 from jaxfric.loop.response import linear_response, term_forces
 from jaxfric.loop.sampling import seen_between
-from jaxfric.loop.shapes import friction_shapes
 from jaxfric.loop.split import split
 
 UM, SIGMA, SLIP_NOISE, TIME_ERROR = 1e-6, 3e-4, 0.02e-6, 5e-3
@@ -84,7 +84,7 @@ def engine_of(plant: plants.Base, friction, slip, effects=EFFECTS) -> Engine:
         friction,
         steps,
         ProblemSizes(VELOCITIES[0], plant.K, SIGMA, A),
-        Superset(Model(), effects),
+        EncompassingModel(Model(), effects),
         shifted=np.arange(1, len(VELOCITIES)),
     )
     blocks, pad = split(TIMES, steps), (0, len(problem.time) - len(TIMES))
@@ -98,7 +98,7 @@ def engine_of(plant: plants.Base, friction, slip, effects=EFFECTS) -> Engine:
         dataclasses.replace(problem, channels=(channel,)),
         blocks,
         np.arange(2),
-        shapes=friction_shapes,
+        shapes=friction_sensitivities,
     )
 
 
@@ -298,7 +298,7 @@ def noisy(case: Case, seed: int = 1) -> Engine:
 
 
 def test_a_delay_at_its_null_is_simulated_without_states():
-    """Only there; a superset without anything cheaper stays as it is."""
+    """Only there; an encompassing model without anything cheaper stays as it is."""
     plant, rest = plant_of(SOFT), np.zeros(len(TIMES))
     effects = (effect_of("viscous"), effect_of("frictional_delay"), effect_of("inertia"))
     engine = engine_of(plant, rest + F0, rest, effects)
@@ -350,7 +350,7 @@ def test_a_sensor_and_rows_far_apart(id, name, short):
         truth,
         jf.VelocitySteps(PROTOCOL.starts, np.asarray(VELOCITIES)),
         ProblemSizes(VELOCITIES[0], plant.K, SIGMA, A),
-        Superset(Model(), (effect_of(id),)),
+        EncompassingModel(Model(), (effect_of(id),)),
     )
     problem = dataclasses.replace(problem, rtol=1e-7)
     z = problem.to_free(jnp.asarray([F0, A, B, L, value]))

@@ -319,7 +319,7 @@ def refused(record, velocities) -> str:
     told = []
     with pytest.raises(jf.InputError) as error:
         close_loop(record, stiffness=1e3, steps=steps_of(velocities), progress=told.append)
-    assert told in ([], ["base fit of the whole record"])
+    assert all(line.startswith("base fit of the whole record") for line in told)
     text = str(error.value)
     assert "\n" not in text
     return text
@@ -389,7 +389,7 @@ def test_step_times_that_followed_the_friction_do_not_hide_a_lag():
     request = Request(415165, ("sensor_lag",), 0.5, "white", "inertial")
     record, stiffness, truth = blind(request)
     declared_starts = np.asarray(make(request).declared["starts [s]"])
-    loop = close_loop(record, stiffness=stiffness, **offering("sensor_lag", "aging"))
+    loop = close_loop(record, stiffness=stiffness, **offering("sensor_lag", "ageing"))
     moved = loop.base_fit.steps.times[1:] - declared_starts[1:]
     assert np.max(moved / loop.base_fit.steps.time_errors[1:]) > 4
     assert loop.verdict == "effects" and loop.effects == ("sensor_lag",)

@@ -11,8 +11,8 @@ RECORD = Path(__file__).parents[1] / "data" / "velocity_steps.csv"
 TRUTH = {"A": 0.008, "B": 0.012, "L": 15e-6}
 
 
-def parameters(verb: str, record: Path) -> tuple[dict, dict]:
-    out = run(verb, record, "--stiffness", "4e-3/um", "--json", "--out", f"{verb}-out")
+def parameters(verb: str, record: Path, *options: str) -> tuple[dict, dict]:
+    out = run(verb, record, "--stiffness", "4e-3/um", "--json", "--out", f"{verb}-out", *options)
     assert out.code == 0, out.err
     content = json.loads(out.out)
     return content, content["parameters"] if verb == "fit" else content["after"]["parameters"]
@@ -22,7 +22,7 @@ def parameters(verb: str, record: Path) -> tuple[dict, dict]:
 def test_nothing_is_missing_and_errors_are_those_of_the_fit(tmp_path, monkeypatch):
     """With all its columns, and with those alone that the fit uses too.
 
-    The loop fits the train block, the fit the whole record; it weighs rows by the noise.
+    The loop fits the train block, the fit the whole record; both weigh rows by the noise.
     """
     monkeypatch.chdir(tmp_path)
     whole, found = parameters("loop", RECORD)
@@ -31,7 +31,7 @@ def test_nothing_is_missing_and_errors_are_those_of_the_fit(tmp_path, monkeypatc
     lines = [line for line in RECORD.read_text().splitlines() if not line.startswith("#")]
     with Path("three.csv").open("w", newline="") as file:
         csv.writer(file).writerows(row[:3] for row in csv.reader(lines))
-    fit, by_fit = parameters("fit", Path("three.csv"))
+    fit, by_fit = parameters("fit", Path("three.csv"), "--weighting", "whitened")
     loop, by_loop = parameters("loop", Path("three.csv"))
     assert loop["verdict"] == "no_missing_effect"
     for content in (fit, loop):

@@ -27,7 +27,7 @@ V0, V = 1 * UM, 7 * UM
 FREQUENCIES = np.geomspace(1e-3, 1e3, 61) * V / BASE["L"]
 EFFECTS = {
     "second_state": {"B2": 0.003, "L2": 40 * UM},
-    "aging": {"q": 0.6},
+    "ageing": {"q": 0.6},
     "velocity_dependent_L": {"n": 0.3},
     "evolution_cutoff": {"c": 2e4},
     "viscous": {"c": 150.0},
@@ -148,7 +148,7 @@ def test_comparison_catches_a_wrong_law(tmp_path):
     F = face(source(tmp_path).law)[0]
     for effect in EFFECTS:
         missed = np.max(np.abs(F - transfer(1j * FREQUENCIES, (effect,)))) * V / BASE["B"]
-        assert (missed > 1e-4) == (effect != "aging")
+        assert (missed > 1e-4) == (effect != "ageing")
 
 
 def test_several_effects_on_an_ageing_base(tmp_path):

@@ -14,7 +14,7 @@ import pytest
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, AbstractEffect, effect_of, made, register
 from jaxfric.errors import InputError
 from jaxfric.fitting.axis_problem import AxisProblem
-from jaxfric.fitting.superset import Superset
+from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.laws.axis_loop import law_from_axis_loop
 from jaxfric.laws.loop_source import law_from_loop
 from jaxfric.loop.driver import offered
@@ -224,7 +224,7 @@ def test_a_unit_that_is_not_known_is_refused_where_it_would_scale_silently(own):
             return True
 
     class Sized:
-        model = Superset(BaseLaw(), (Odd, own.Drag, effect_of("servo_lag", AxisRig)))
+        model = EncompassingModel(BaseLaw(), (Odd, own.Drag, effect_of("servo_lag", AxisRig)))
         sizes = type("Sizes", (), {"force": jnp.asarray(8.0), "velocity": jnp.asarray(2.0)})
         sizes.length, sizes.duration, sizes.lag = (jnp.asarray(x) for x in (5.0, 10.0, 0.1))
 

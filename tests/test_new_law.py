@@ -257,11 +257,11 @@ def test_a_study_takes_it_by_its_name(plant, tmp_path):
 def test_a_loop_finds_nothing_missing(plant, tmp_path):
     record, steps, _ = plant.record(seed=1)
     if plant.two:
-        with pytest.raises(jf.InputError, match="aging changes the evolution of a RateState"):
-            jf.close_loop(record, stiffness=K, law="own", steps=steps, with_=["aging"])
+        with pytest.raises(jf.InputError, match="ageing changes the evolution of a RateState"):
+            jf.close_loop(record, stiffness=K, law="own", steps=steps, with_=["ageing"])
     found = jf.close_loop(record, stiffness=K, law="own", steps=steps)
     assert found.verdict in ("no_missing_effect", "too_weak") and found.base_fit.law == "own"
-    assert ("aging" in {one.id for one in found.screened}) is not plant.two
+    assert ("ageing" in {one.id for one in found.screened}) is not plant.two
     path = tmp_path / "loop.json"
     path.write_text(json.dumps(found.to_json()))
     law = law_from_loop(path, normal_force=500.0, samples=2).law

@@ -16,7 +16,7 @@ from command import assert_refused, run
 import jaxfric as jf
 from fits.blind import plants
 from jaxfric.effects import CATALOGUE
-from jaxfric.protocol.outlook import Change, Outlook, Protocol, Smallest
+from jaxfric.protocol.design import Change, Design, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
 from jaxfric.report.protocol_text import _stay, advice, apart, changes, effects
 
@@ -39,8 +39,8 @@ def twelve():
     return planned(changes=True)
 
 
-def cosine(outlook, a, b):
-    return outlook.cosines[outlook.ids.index(a), outlook.ids.index(b)]
+def cosine(design, a, b):
+    return design.cosines[design.ids.index(a), design.ids.index(b)]
 
 
 # ---- against what was measured and what is known ---------------------------------------------
@@ -54,7 +54,7 @@ def test_the_catalogue_s_cosines(twelve):
     delay of the sensor at any motion, and for a drive that turns late by tau at every step.
     """
     assert twelve.ratio == pytest.approx(4.0)
-    out = twelve.outlook
+    out = twelve.design
     assert cosine(out, "slip_trend", "time_drift") == pytest.approx(0.995, abs=0.005)
     for pair in (("servo_lag", "sensor_lag"), ("servo_lag", "sensor_delay")):
         assert cosine(out, *pair) > 0.999
@@ -74,14 +74,14 @@ def test_other_plants(seed):
     B = A * random.uniform(1.2, 2.2)
     K = random.uniform(3, 5) * (B - A) / L
     found = planned(parameters={"f0": 0.6, "A": A, "B": B, "L": L}, stiffness=K)
-    assert cosine(found.outlook, "slip_trend", "time_drift") == pytest.approx(0.995, abs=0.006)
-    assert cosine(found.outlook, "servo_lag", "sensor_lag") > 0.99
+    assert cosine(found.design, "slip_trend", "time_drift") == pytest.approx(0.995, abs=0.006)
+    assert cosine(found.design, "servo_lag", "sensor_lag") > 0.99
 
 
 def test_a_slip_channel_and_slow_dwells_leave_few_pairs():
     """None but those that no displacement can separate, and a run-in as long as the record."""
     dwells = np.asarray([1 / 3, 0.1]) * UM
-    found = planned([*TWELVE, *dwells], rows=65, slip_noise=0.1 * UM).outlook
+    found = planned([*TWELVE, *dwells], rows=65, slip_noise=0.1 * UM).design
     left = {frozenset(pair[:2]) for pair in found.pairs()}
     always = [("sensor_lag", "sensor_delay"), ("stiffness", "gain"), ("slip_trend", "run_in")]
     assert {frozenset(pair) for pair in always} <= left
@@ -92,7 +92,7 @@ def test_a_slip_channel_and_slow_dwells_leave_few_pairs():
 
 PAIRS = [
     ("slip_trend", "time_drift"),
-    ("aging", "velocity_dependent_L"),
+    ("ageing", "velocity_dependent_L"),
     ("viscous", "evolution_cutoff"),
     ("servo_lag", "sensor_lag"),
 ]
@@ -101,7 +101,7 @@ PAIRS = [
 DIFFERENCES = {
     "slip_trend": (lambda a: {"s": a}, 1e-2, True),
     "time_drift": (lambda a: {"r": a}, 1e-7, True),
-    "aging": (lambda a: {"q": a}, 1e-3, True),
+    "ageing": (lambda a: {"q": a}, 1e-3, True),
     "velocity_dependent_L": (lambda a: {"n": a}, 1e-3, True),
     "viscous": (lambda a: {"c": a}, 1.0, True),
     "evolution_cutoff": (lambda a: {"Vc": 1 / a}, 30.0, False),
@@ -159,7 +159,7 @@ def beyond(columns, base, rows, slip_noise):
 
 @pytest.fixture(scope="module")
 def five():
-    return {noise: planned(FIVE, rows=160, slip_noise=noise).outlook for noise in (None, 0.1 * UM)}
+    return {noise: planned(FIVE, rows=160, slip_noise=noise).design for noise in (None, 0.1 * UM)}
 
 
 @pytest.fixture(scope="module")
@@ -194,12 +194,12 @@ def test_the_base_is_that_of_scipy(five, sensitivities):
 def test_a_wrong_plant_is_noticed(five):
     """The comparison is no tautology: a plant ten per cent stiffer has other cosines and sizes."""
     plant = Plant(five[None].time, 1.1 * STIFFNESS)
-    both = np.stack([plant.of(id) for id in ("aging", "velocity_dependent_L")], 1)
+    both = np.stack([plant.of(id) for id in ("ageing", "velocity_dependent_L")], 1)
     rest = beyond(both, plant.of_base(), len(plant.time), 1e6)
     size = np.linalg.norm(rest, axis=0)
     right = {one.id: one.amplitude for one in five[None].smallest}
     wrong = np.sqrt(10 + np.log(len(plant.time))) / size
-    off = [wrong[0] / right["aging"] - 1, wrong[1] / right["velocity_dependent_L"] - 1]
+    off = [wrong[0] / right["ageing"] - 1, wrong[1] / right["velocity_dependent_L"] - 1]
     assert max(np.abs(off)) > 0.03
 
 
@@ -219,7 +219,7 @@ def test_changes_of_the_plan(twelve):
         assert lag <= set(twelve.separated(by_key[key]))
     assert ("slip_trend", "time_drift") in twelve.separated(by_key["slip_channel"])
     assert by_key["slip_x2"].duration == pytest.approx(2 * twelve.duration)
-    counts = [len(c.outlook.pairs()) for c in twelve.changes]
+    counts = [len(c.design.pairs()) for c in twelve.changes]
     best = twelve.recommended()
     assert twelve.changes.index(best) == int(np.argmin(counts)) and best.key == "slip_channel"
     assert "a slip channel" in advice(twelve)
@@ -227,25 +227,25 @@ def test_changes_of_the_plan(twelve):
 
 @pytest.mark.long
 def test_the_recommendation_is_the_first_of_the_fewest(twelve):
-    def outlook(*pairs):
+    def design(*pairs):
         ids = ("a", "b", "c")
         cosines = np.eye(3)
         for i, j in pairs:
             cosines[i, j] = cosines[j, i] = 0.97
         seen = tuple(Smallest(id, ("x",), "1", 0.1, {}, 0.1, 0.1) for id in ids)
-        return Outlook(ids, cosines, seen, np.zeros(1), np.zeros(1))
+        return Design(ids, cosines, seen, np.zeros(1), np.zeros(1))
 
     def recommended(before, *after):
         changes = [
-            dataclasses.replace(c, outlook=None if o is None else outlook(*o))
+            dataclasses.replace(c, design=None if o is None else design(*o))
             for c, o in zip(twelve.changes, after, strict=False)
         ]
         return dataclasses.replace(
-            twelve, outlook=outlook(*before), changes=tuple(changes)
+            twelve, design=design(*before), changes=tuple(changes)
         ).recommended()
 
     two = ((0, 1), (1, 2))
-    assert outlook(*two).groups() == (("a", "b", "c"),)
+    assert design(*two).groups() == (("a", "b", "c"),)
     assert recommended(two, two, ((0, 1),), ((1, 2),)).key == "slip_x4"
     assert recommended(two, ((0, 1),), None, ()).key == "dwell"
     assert recommended(two, two, None) is None
@@ -255,16 +255,16 @@ def test_advice_names_what_the_table_shows_and_what_was_not_tried():
     """The catalogue would tell slip_trend from time_drift by a dwell: the table shows whether."""
     ids = ("slip_trend", "time_drift")
 
-    def outlook(alike):
+    def design(alike):
         cosines = np.where(np.eye(2, dtype=bool), 1.0, 0.97 if alike else 0.1)
         seen = tuple(Smallest(id, ("x",), "1", 0.1, {}, 0.1, 0.1) for id in ids)
-        return Outlook(ids, cosines, seen, np.zeros(1), np.zeros(1))
+        return Design(ids, cosines, seen, np.zeros(1), np.zeros(1))
 
     def told(dwell_helps):
-        slow = Change("dwell", "a slow dwell at 0.3 um/s appended", 1.0, outlook(not dwell_helps))
+        slow = Change("dwell", "a slow dwell at 0.3 um/s appended", 1.0, design(not dwell_helps))
         return Protocol(
             (1e-6,), 1e-4, 1e3, NOISE, None, 10, "1", "slip", PLANT, (), 1e2, 2.0,
-            outlook(True), (slow,), (), 1.0,
+            design(True), (slow,), (), 1.0,
         )  # fmt: skip
 
     useless = told(False)
@@ -273,23 +273,23 @@ def test_advice_names_what_the_table_shows_and_what_was_not_tried():
     assert advice(told(True)).startswith("Recommended: a slow dwell at 0.3 um/s appended.")
     other = dataclasses.replace(useless, changes=(*useless.changes, told(True).changes[0]))
     assert "(separated by a slow dwell at 0.3 um/s appended; not tried" in _stay(
-        other, other.outlook
+        other, other.design
     )
 
 
 def test_effects_may_be_declared_and_left_out():
     """An effect in the base is no longer asked for, and takes its alias with it."""
-    found = planned(with_=["slip_trend"], without=["gain", "run_in"]).outlook
+    found = planned(with_=["slip_trend"], without=["gain", "run_in"]).design
     assert not {"slip_trend", "gain", "run_in"} & set(found.ids)
     drift = {s.id: s.amplitude for s in found.smallest}["time_drift"]
-    alone = {s.id: s.amplitude for s in planned().outlook.smallest}["time_drift"]
+    alone = {s.id: s.amplitude for s in planned().design.smallest}["time_drift"]
     assert drift is not None and alone is not None
     assert drift > 5 * alone  # sin of the angle between them is 0.1
 
 
 def test_what_would_have_to_be_impossibly_large_is_not_seen():
-    found = planned(noise=0.3).outlook
-    assert {"gain", "stiffness", "aging"} <= set(found.unseen())
+    found = planned(noise=0.3).design
+    assert {"gain", "stiffness", "ageing"} <= set(found.unseen())
     assert np.isnan(cosine(found, "gain", "stiffness"))
     assert not any("gain" in pair for pair in found.pairs())
 
@@ -309,10 +309,10 @@ def test_near_the_edge(monkeypatch):
 
 @pytest.mark.long
 def test_tables(twelve):
-    assert {row[0] for row in effects(twelve).rows} == set(twelve.outlook.ids)
+    assert {row[0] for row in effects(twelve).rows} == set(twelve.design.ids)
     assert len(changes(twelve).rows) == 7
     assert any("slip_trend" in line and "time_drift" in line for line in apart(twelve))
-    assert set(twelve.outlook.ids) == set(CATALOGUE) - {"normal_stress"}
+    assert set(twelve.design.ids) == set(CATALOGUE) - {"normal_stress"}
 
 
 @pytest.mark.long

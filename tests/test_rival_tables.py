@@ -8,7 +8,7 @@ import pytest
 from jaxfric.loop.rivals import all_rivals, disagreement, rival_fits
 
 INDEX = np.array([0, 1, 2])
-COLUMNS = {"viscous": 2, "damping": 3, "aging": 4}
+COLUMNS = {"viscous": 2, "damping": 3, "ageing": 4}
 
 
 def candidate(effects, bic, z, *, physical=True, failed=False):
@@ -48,7 +48,7 @@ def test_errors_cover_the_mixture_of_all_fits_that_are_as_good():
     """Mean squares from the value reported, of draws from the fits in proportion to exp(-BIC/2)."""
     rivals = [
         candidate(("damping",), 101.0, [1.5, 1.8, 0.0, 7.0, 0.0]),
-        candidate(("aging",), 103.0, [0.2, 2.4, 0.0, 0.0, 9.0]),
+        candidate(("ageing",), 103.0, [0.2, 2.4, 0.0, 0.0, 9.0]),
     ]
     covariance = np.array([[0.2, 0.05, 0.0], [0.05, 0.1, 0.02], [0.0, 0.02, 0.3]])
     random = np.random.default_rng(0)

@@ -314,7 +314,7 @@ def test_the_map_of_a_late_controller_shows_gains_of_its_size() -> None:
     stable: of a mass alone, T w < 1 rad at w = k_v/m."""
     result = golden_gains()
     late = Scenarios.product(result.scenarios.laws, [1e-3, 2e-3, 4e-3], [0.05], 5e-3)
-    slow = dataclasses.replace(result, scenarios=late, delay=5e-3, basins=result.basins[:1])
+    slow = dataclasses.replace(result, scenarios=late, delay=5e-3, optima=result.optima[:1])
     k_v = _map_axes(slow, None, 2000.0)[1][-1]
     assert 0 < k_v < 500
     assert _map_axes(result, lambda v: 2000 + 0 * v, 2000.0)[1][-1] == 2600

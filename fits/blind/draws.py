@@ -85,7 +85,7 @@ RECIPES: dict[str, Recipe] = {
         lambda w: 0.02 * w.base.B,
         lambda w: w.base.B,
     ),
-    "aging": _plain("q", lambda w: 0.05, lambda w: 1.0),
+    "ageing": _plain("q", lambda w: 0.05, lambda w: 1.0),
     "velocity_dependent_L": _plain("n", lambda w: 0.02, lambda w: 0.5, signed=True),
     "evolution_cutoff": Recipe(
         lambda rng, w: {},

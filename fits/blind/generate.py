@@ -113,12 +113,17 @@ class Request:
     def entropy(self, *more: int) -> np.random.Generator:
         """Random numbers of this request. rho has no part in them: only amplitudes differ."""
         text = "|".join(("+".join(self.effects), self.noise, self.plant, self.sampling))
-        return np.random.default_rng([self.seed, zlib.crc32(text.encode()), *more])
+        return np.random.default_rng([self.seed, _number(text), *more])
 
     @property
     def name(self) -> str:
         key = repr(self)
-        return f"{self.seed:06d}-{zlib.crc32(key.encode()):08x}"
+        return f"{self.seed:06d}-{_number(key):08x}"
+
+
+def _number(text: str) -> int:
+    """Of a stream or a name; `ageing` was `aging` when the first records were drawn."""
+    return zlib.crc32(text.replace("ageing", "aging").encode())
 
 
 def draw_plant(rng: np.random.Generator, request: Request) -> Draw:
@@ -332,8 +337,8 @@ def _attempt(request: Request, attempt: int, redraws: Counter[str]) -> Blind:
     truth = {
         "schema": "jaxfric.blind/1",
         "seed": request.seed,
-        "effects": ["aging"] if unknown else list(request.effects),
-        "parameters": {"aging": {"q": 1.0}} if unknown else effects,
+        "effects": ["ageing"] if unknown else list(request.effects),
+        "parameters": {"ageing": {"q": 1.0}} if unknown else effects,
         "rho": {"wanted": request.rho if effects else 0.0, "each": each, "all": rho},
         "cosine": _cosine(draw, refit, effects) if len(effects) == 2 else None,
         "base": {**asdict(draw.base), "V0": draw.protocol.velocities[0]},

@@ -6,14 +6,14 @@ commanded velocity, f friction coefficient [1], theta state [1], K stiffness ove
 the load point, s its lead over the slider beyond the start [m], n = sigma_n(t)/sigma_n0.
 
 Base    f = f0 + A u + theta,   dtheta/dt = -(V/L) (theta - theta_ss),   theta_ss = -B u
-        or, with q = 1, under the ageing law; the effect `aging` adds its q to that of the base
+        or, with q = 1, under the ageing law; the effect `ageing` adds its q to that of the base
         ds/dt = V_m - V,   quasi-static:  n f = F0 + K s + k_v (V_m - V)
                            inertial:      m dV/dt = F0 + K s + k_v (V_m - V) - n f
         It begins in steady sliding at V0 with s = 0, which sets F0. The record is f.
 
 What an effect changes (`EFFECTS`: its id and its parameters)
     second_state          f + theta2, dtheta2/dt = -(V/L2) (theta2 + B2 u)        B2 [1], L2 [m]
-    aging                 dtheta/dt = (1 - q) slip law + q ageing law, which is   q [1], 0..1
+    ageing                dtheta/dt = (1 - q) slip law + q ageing law, which is   q [1], 0..1
                           (B V0/L) [exp(-theta/B) (1 + V/Vc) - V/V0]
     velocity_dependent_L  L (V/V0)^n in place of L                                n [1]
     evolution_cutoff      theta_ss = -B [u - ln(1 + V/Vc)]                        Vc [m/s]
@@ -55,7 +55,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 EFFECTS: dict[str, tuple[str, ...]] = {
     "second_state": ("B2", "L2"),
-    "aging": ("q",),
+    "ageing": ("q",),
     "velocity_dependent_L": ("n",),
     "evolution_cutoff": ("Vc",),
     "viscous": ("c",),
@@ -280,7 +280,7 @@ class _Plant:
         self.starts, self.corners = self.protocol.starts.tolist(), self.protocol.corners.tolist()
         self.lags = self._trailing()
         self.Vc = self.number("evolution_cutoff", "Vc", math.inf)
-        self.q = self.base.q + self.number("aging", "q")
+        self.q = self.base.q + self.number("ageing", "q")
         self.n = self.number("velocity_dependent_L", "n")
         self.c, self.trend = self.number("viscous", "c"), self.number("slip_trend", "s")
         self.fs, self.Vs, self.d = self.numbers("stribeck", (0.0, 1.0, 1.0))

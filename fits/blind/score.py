@@ -44,7 +44,10 @@ def never_made(out: Path) -> list[str]:
 
 
 def _load(path: Path) -> dict | None:
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+    """Older files have `ageing` by the id that it had."""
+    if not path.exists():
+        return None
+    return json.loads(path.read_text(encoding="utf-8").replace('"aging', '"ageing'))
 
 
 def tables(scores: Sequence[Score]) -> dict[str, list[dict]]:

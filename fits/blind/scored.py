@@ -38,7 +38,7 @@ ALIKE = 0.95
 NO_NAME = ("outside_catalogue", "ambiguous", "too_weak")
 BASE = ("A", "B", "L")
 _FIRST_STATE = {
-    "aging",
+    "ageing",
     "velocity_dependent_L",
     "evolution_cutoff",
     "frictional_delay",

@@ -21,7 +21,7 @@ Every record draws all of these, each by itself, from the record's seed:
 A frictional delay has the slip law. f0, A, B/A are as in `generate`, L is 3 to 20 um. The normal
 stress hunts in proportion to noise and rho, and its gauge's noise in proportion to the noise.
 
-`wide-law`: the ageing law without any effect, and it is not declared that it is: `aging` is
+`wide-law`: the ageing law without any effect, and it is not declared that it is: `ageing` is
 what is missing, with q = 1.
 
 Imports nothing of jaxfric.
@@ -177,7 +177,7 @@ WIDE: dict[str, Recipe] = RECIPES | {
         "second_state",
         lambda rng, w: {"L2": beyond(rng, 0.2 * w.base.L, max(_step(w), 5 * w.base.L))},
     ),
-    "aging": Recipe(
+    "ageing": Recipe(
         lambda rng, w: {"sign": -1.0 if w.base.q else 1.0},
         lambda a, shape: {"q": a * shape["sign"]},
         lambda w: 0.05,

@@ -20,7 +20,7 @@ KINDS: dict[str, tuple[str, ...]] = {
         "stribeck",
         "evolution_cutoff",
         "damping",
-        "aging",
+        "ageing",
         "velocity_dependent_L",
         "gain",
         "thermal",
@@ -30,7 +30,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     # a transient that dies out along the slip after a step, or with the state
     "relaxation": (
         "second_state",
-        "aging",
+        "ageing",
         "velocity_dependent_L",
         "evolution_cutoff",
         "frictional_delay",
@@ -45,7 +45,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     # a transient that dies out in time after a step
     "waiting": (
         "second_state",
-        "aging",
+        "ageing",
         "thermal",
         "stiffness",
         "servo_lag",

@@ -126,7 +126,7 @@ Json = Annotated[
     Parameter(negative=(), help="Print on stdout what the JSON file holds, instead of the tables."),
 ]
 EFFECTS = (
-    "second_state, aging, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
+    "second_state, ageing, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
     "run_in, position_periodic, normal_stress, thermal, frictional_delay, stiffness, damping, "
     "inertia, servo_lag, sensor_lag, sensor_delay, time_drift, gain"
 )

@@ -13,7 +13,7 @@ from .common import effect_ids, optional_quantity, prepare_jax, stdout_console, 
 from .folder import Folder, choose_folder, source_name
 
 if TYPE_CHECKING:
-    from ..protocol.outlook import Protocol
+    from ..protocol.design import Protocol
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
@@ -96,7 +96,7 @@ def protocol(
         found = dataclasses.replace(found, warnings=(*warned, *found.warnings))
         progress("drawing figures")
         content = folder.save_json("protocol.json", found.to_json())
-        ids, cosines = found.outlook.ids, found.outlook.cosines
+        ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     if json:
         print(content)

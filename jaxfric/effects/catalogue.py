@@ -3,9 +3,7 @@
 An effect of one's own becomes one of the catalogue by `register`, for every rig that it fits.
 """
 
-import difflib
-
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..rig import Rig
 from ..rig.axis import AxisRig
 from .axis import (
@@ -24,7 +22,7 @@ from .axis import (
 )
 from .delay import FrictionalDelay
 from .drive import ServoLag
-from .effect import AbstractEffect
+from .effect import AbstractEffect, id_of
 from .friction import (
     Ageing,
     EvolutionCutoff,
@@ -109,9 +107,9 @@ def effect_of(name: str, rig: type[Rig] | type[AxisRig] = Rig) -> type[AbstractE
     InputError : there is none; the nearest id is suggested.
     """
     known = _CATALOGUES[rig]
+    name = id_of(name)
     if name in known:
         return known[name]
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
+    hint = did_you_mean(name, known)
     of = " of an axis" if rig is AxisRig else ""
-    raise InputError(f"effect '{name}'{of} does not exist{hint}; there are: {', '.join(known)}")
+    raise InputError(f"effect '{name}'{of} does not exist{hint}")

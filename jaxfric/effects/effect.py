@@ -33,6 +33,7 @@ else:
 
 R = TypeVar("R", bound=eqx.Module)
 E = TypeVar("E", bound="AbstractEffect")
+_RENAMED = {"aging": "ageing"}
 
 ROOMS = ("friction", "machine", "drive", "sensor")
 
@@ -135,7 +136,13 @@ def null(effect: type[E]) -> E:
 def ids_of(value: str | Sequence[str]) -> tuple[str, ...]:
     """Ids of effects, each once: of a sequence, or of one text, "thermal" or "thermal, gain"."""
     pieces = value.split(",") if isinstance(value, str) else value
-    return tuple(dict.fromkeys(piece.strip() for piece in pieces if piece.strip()))
+    return tuple(dict.fromkeys(id_of(piece.strip()) for piece in pieces if piece.strip()))
+
+
+def id_of(name: str) -> str:
+    """What an effect, or a parameter of one, is called now; older files have older names."""
+    old, dot, parameter = name.partition(".")
+    return _RENAMED.get(old, old) + dot + parameter
 
 
 def with_term(rig: Rig, term: AbstractTerm) -> Rig:

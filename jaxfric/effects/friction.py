@@ -74,7 +74,7 @@ class SecondState(AbstractEffect[Rig]):
 class Ageing(AbstractEvolutionEffect):
     """Evolution between the slip law (q = 0) and the ageing law (q = 1)."""
 
-    id: ClassVar[str] = "aging"
+    id: ClassVar[str] = "ageing"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "evolution (1 - q) slip + q ageing"
     confused_with: ClassVar[tuple[str, ...]] = ("velocity_dependent_L", "stiffness")
@@ -95,7 +95,7 @@ class VelocityDependentLength(AbstractEvolutionEffect):
     id: ClassVar[str] = "velocity_dependent_L"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "L (V/V0)^n"
-    confused_with: ClassVar[tuple[str, ...]] = ("aging",)
+    confused_with: ClassVar[tuple[str, ...]] = ("ageing",)
     separated_by: ClassVar[str] = "equal steps at several velocities"
     channel: ClassVar[str | None] = None
     n: Float[Array, ""] = quantity("n", "1", "exponent of L with velocity", default=0.0)

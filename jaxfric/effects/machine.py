@@ -17,7 +17,7 @@ class Stiffness(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "stiffness"
     room: ClassVar[str] = "machine"
     equation: ClassVar[str] = "K exp(kappa)"
-    confused_with: ClassVar[tuple[str, ...]] = ("aging", "servo_lag")
+    confused_with: ClassVar[tuple[str, ...]] = ("ageing", "servo_lag")
     separated_by: ClassVar[str] = "elastic loading, a slip channel"
     channel: ClassVar[str | None] = None
     kappa: Float[Array, ""] = quantity(

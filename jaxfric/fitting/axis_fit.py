@@ -21,8 +21,8 @@ from ..records.axis_record import AxisRecord
 from ..rig.axis import AxisRig
 from ..simulation.axis_closed_loop import Controller, closed_loop, substeps
 from .axis_problem import AxisProblem
+from .encompassing import EncompassingModel
 from .marquardt import levenberg_marquardt
-from .superset import Superset
 from .uncertainty import normal_inverse
 
 _TOLERANCE = 1e-9
@@ -108,7 +108,7 @@ def _moving_states(problem: AxisProblem, free: np.ndarray) -> tuple[AxisProblem,
     )
     effects = tuple(e for e in model.effects if e.id not in idle)
     kept = np.setdiff1d(np.arange(len(model.names())), model.columns(idle))
-    return dataclasses.replace(problem, model=Superset(model.base, effects)), kept
+    return dataclasses.replace(problem, model=EncompassingModel(model.base, effects)), kept
 
 
 class _Setting(NamedTuple):

@@ -16,7 +16,7 @@ from ..motion import MeasuredMotion
 from ..rig.axis import AxisRig
 from .abstract_problem import FAILED_MISFIT, AbstractProblem, Sizes
 from .axis_preparation import AbstractSampler, Prepared, shifted
-from .superset import Superset
+from .encompassing import EncompassingModel
 
 _SLOWEST = 0.02
 _SPEEDS, _NEGLIGIBLE = 12, 0.02
@@ -24,7 +24,7 @@ _LAG = 1e-2
 
 
 class AxisProblem(AbstractProblem):
-    """A prepared record and a `Superset` of axis effects."""
+    """A prepared record and a `EncompassingModel` of axis effects."""
 
     time: Float[Array, " n"]
     friction: Float[Array, " n"]
@@ -41,7 +41,7 @@ class AxisProblem(AbstractProblem):
     typical: Sizes
     hold: Float[Array, "0"]
     channels: tuple[()]
-    model: Superset = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+    model: EncompassingModel = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def sizes(self) -> Sizes:
@@ -93,7 +93,7 @@ class AxisProblem(AbstractProblem):
 def make_problem(
     prepared: Prepared,
     weight: np.ndarray,
-    model: Superset,
+    model: EncompassingModel,
     *,
     width: float,
     noise_scale: float,

@@ -4,7 +4,7 @@ Friction without memory, F(V), is linearised about a steady velocity: f_v = dF/d
 an axis that moves at V if k_v + f_v(V) > 0; the worst velocity is where f_v is least. Whether that
 may be said of a measured curve is for `jaxfric.stability.claims` to tell.
 
-Friction with memory of the distance (rate-and-state) has two basins: damping that needs no
+Friction with memory of the distance (rate-and-state) has two optima: damping that needs no
 stiffness, and stiffness that needs no damping, above k_cr of (18)-(20): of (25) for one state.
 """
 
@@ -19,7 +19,7 @@ from ..rig.axis import AxisRig
 from ..rig.axis_law import axis_law
 from ..stability.analysis import study
 from ..stability.claims import Above, Curve, Unseen
-from .axis_result import AxisGains, StiffBasin
+from .axis_result import AxisGains, StiffOptimum
 
 _SPEEDS = 4001
 _FEWER = 501
@@ -61,7 +61,7 @@ def axis_gains(
 def state_gains(
     rig: AxisRig, position: float, slowest: float, fastest: float, *, drive: Drive | None = None
 ) -> AxisGains | None:
-    """Both basins over the speeds `slowest` to `fastest` [m/s] in both directions.
+    """Both optima over the speeds `slowest` to `fastest` [m/s] in both directions.
 
     Friction at `position` [m] is linearised about 501 speeds each way by `jaxfric.stability`:
     f_v and the memory G(s). Least damping: k_v > max_w Re G(i w) - f_v, any k_p > 0. Critical
@@ -74,7 +74,7 @@ def state_gains(
     # what is the same at all speeds answers to none
     if not any(np.ptp(np.asarray(values)) > 0 for values in rig.steady(jnp.asarray(speed))):
         return None
-    parts = [_both_basins(rig, position, sign * speed) for sign in (1.0, -1.0)]
+    parts = [_both_optima(rig, position, sign * speed) for sign in (1.0, -1.0)]
     velocity, slope, least = min((damped for damped, _ in parts), key=lambda d: d[1])
     stiff = max((stiff for _, stiff in parts), key=lambda b: b.critical_stiffness)
     gain = None if drive is None or not drive.gain else least / drive.gain
@@ -83,11 +83,11 @@ def state_gains(
     return AxisGains(velocity, slope, least, gain, stiff)
 
 
-def _both_basins(
+def _both_optima(
     rig: AxisRig, position: float, velocity: np.ndarray
-) -> tuple[tuple[float, float, float], StiffBasin]:
+) -> tuple[tuple[float, float, float], StiffOptimum]:
     """Of one direction: where damping is needed most, the slope there and what is needed; the
-    basin of stiffness."""
+    optimum of stiffness."""
     law = axis_law(rig, position, float(np.sign(velocity[0])))
     found = study(law, np.abs(velocity), mass=float(rig.mass))
     points, theorems = found.points, found.theorems
@@ -97,5 +97,5 @@ def _both_basins(
     damped = float(velocity[k]), float(slope[k]), float(needed[k])
     j = int(np.argmax(np.asarray(theorems.critical_stiffness)))
     critical, frequency = theorems.critical_stiffness[j], theorems.critical_frequency[j]
-    basin = StiffBasin(float(velocity[j]), float(critical), float(frequency), None)
-    return damped, basin
+    stiff = StiffOptimum(float(velocity[j]), float(critical), float(frequency), None)
+    return damped, stiff

@@ -24,7 +24,7 @@ SI, SPEED = Shown("N s/m"), Shown("m/s")
 
 
 @dataclass(frozen=True)
-class StiffBasin:
+class StiffOptimum:
     """Stiffness that holds an axis at every speed of a range without any damping added. SI."""
 
     worst_velocity: float
@@ -60,8 +60,8 @@ class AxisGains:
     """max(0, -slope): k_v must be larger [N s/m]."""
     velocity_gain: float | None
     """The same in the drive's unit, k_v/g_tau [V s/m]; None where its gain is not known."""
-    stiff: StiffBasin | None = None
-    """The other basin; None where friction has no memory."""
+    stiff: StiffOptimum | None = None
+    """The other optimum; None where friction has no memory."""
     curve: Curve | None = None
     """What the slope rests on; None where that was not told, and then nothing is claimed."""
 

@@ -1,7 +1,7 @@
 """The frontier of feasible gains: for every k_v the smallest k_p that meets the requirement.
 
 Gains are in natural units here: u = k_p/K0, v = k_v/C0 (`natural_units`). The norm grows with u,
-so the smallest norm lies on the frontier u(v), and its local minima along v are the basins.
+so the smallest norm lies on the frontier u(v), and its local minima along v are the local optima.
 """
 
 from typing import NamedTuple
@@ -135,7 +135,7 @@ class FrontierPoint(NamedTuple):
     norm: float
 
 
-def basins(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[FrontierPoint]:
+def minima(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[FrontierPoint]:
     """Local minima of the norm along the whole frontier, each refined by zooming in."""
     u, v = axes(region)
     found = lowest(requirement, scenarios, region, u, v)

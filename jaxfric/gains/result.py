@@ -62,9 +62,8 @@ class Gains:
     kp: float
     kv: float
     norm: float
-    basins: tuple[LocalOptimum, ...]
-    """All local optima, the smallest norm first; then the way that is no optimum, if there is one:
-    held by stiffness alone, or by damping alone."""
+    optima: tuple[LocalOptimum, ...]
+    """Local optima, the smallest norm first; then stiffness or damping alone, if that is none."""
     margins: Mapping[str, WorstCase]
     scenarios: Scenarios
     requirement: Requirement
@@ -78,6 +77,11 @@ class Gains:
     warnings: tuple[str, ...] = field(default=())
     delay: float | None = None
     """By which the controller answers late in every margin [s]; None: it does not."""
+
+    @property
+    def basins(self) -> tuple[LocalOptimum, ...]:
+        """The old name of `optima`."""
+        return self.optima
 
     @property
     def any_stiffness(self) -> bool:
@@ -103,17 +107,17 @@ class Gains:
             "required": dict(zip(self.requirement.names, self.requirement.values, strict=True)),
             "basins": [
                 {
-                    "name": basin.name,
-                    "kp": basin.kp,
-                    "kv": basin.kv,
-                    "norm": basin.norm,
-                    "margin": basin.margin,
-                    "kkt": _number(basin.kkt),
-                    "active": list(basin.active),
-                    "at_limit": basin.at_limit,
-                    "minimum": basin.minimum,
+                    "name": optimum.name,
+                    "kp": optimum.kp,
+                    "kv": optimum.kv,
+                    "norm": optimum.norm,
+                    "margin": optimum.margin,
+                    "kkt": _number(optimum.kkt),
+                    "active": list(optimum.active),
+                    "at_limit": optimum.at_limit,
+                    "minimum": optimum.minimum,
                 }
-                for basin in self.basins
+                for optimum in self.optima
             ],
             "margins": {
                 name: {

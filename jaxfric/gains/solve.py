@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
-from .frontier import FrontierPoint, Region, alone, basins, natural_units, zoom
+from .frontier import FrontierPoint, Region, alone, minima, natural_units, zoom
 from .kkt import Optimum, polish
 from .margins import margin_values
 from .requirement import Requirement
@@ -81,7 +81,7 @@ def make_region(scenarios: Scenarios, scale: Pair, lower: Pair, upper: Pair) -> 
 def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Optima | Infeasible:
     """All local optima over all scenarios, with a certificate; or why there are none."""
     carried = scenarios.take(_first(requirement, scenarios, region))
-    starts = basins(requirement, carried, region)
+    starts = minima(requirement, carried, region)
     if not starts:
         return _infeasible(requirement, carried, region)
     for rounds in range(1, _ROUNDS + 1):
@@ -96,7 +96,7 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Opt
                 worse = np.arange(len(scenarios) - len(extra), len(scenarios))
         if worse.size:
             carried = carried.join(scenarios.take(worse))
-            starts = basins(requirement, carried, region)
+            starts = minima(requirement, carried, region)
             if not starts:
                 return _infeasible(requirement, carried, region)
             continue

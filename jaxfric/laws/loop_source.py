@@ -1,6 +1,6 @@
 """The friction law that `jaxfric loop` of a slider ends with: the base and the effects found.
 
-Effects in the room of friction are in the law: second_state, aging, velocity_dependent_L,
+Effects in the room of friction are in the law: second_state, ageing, velocity_dependent_L,
 evolution_cutoff, viscous, stribeck, thermal, frictional_delay and what the catalogue has of
 others. Three of them are not, because they depend on where the slider is, so that no steady
 sliding exists with them:

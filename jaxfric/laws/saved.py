@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..effects.effect import id_of
 from ..errors import InputError
 
 FIT, LOOP = "jaxfric.fit/1", "jaxfric.loop/1"
@@ -23,7 +24,7 @@ def read_saved(path: Path, *schemas: str) -> dict:
     """
     verbs = " or ".join(_VERBS[schema] for schema in schemas)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_renamed)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; make one with: {verbs}") from None
     except OSError as error:
@@ -55,6 +56,15 @@ def read_saved(path: Path, *schemas: str) -> dict:
     if not _is_lines(content.get("warnings", [])):
         refuse_damage(path, str(schema), "the warnings are no list of lines")
     return content
+
+
+def _renamed(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """With the ids that effects have now: as keys, as values and in lists."""
+
+    def now(value: object) -> object:
+        return id_of(value) if isinstance(value, str) else value
+
+    return {id_of(k): [now(x) for x in v] if isinstance(v, list) else now(v) for k, v in pairs}
 
 
 def _is_lines(warnings: object) -> bool:

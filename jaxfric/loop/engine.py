@@ -1,4 +1,4 @@
-"""Fits of candidates: one superset problem, any choice of free effects, noise profiled anew.
+"""Fits of candidates: an encompassing model, any choice of its effects, noise profiled anew.
 
 A candidate is the base and some effects, all their parameters free together. The sizes, memories
 and periods of its noise are estimated with it, never taken from another one: noise estimated from
@@ -18,6 +18,7 @@ from jaxtyping import Array, Float, Int
 from ..effects import AbstractHeavyEffect, RecordScales, made
 from ..effects.effect import AbstractEffect
 from ..fitting.abstract_problem import FAILED_MISFIT, AbstractProblem
+from ..fitting.encompassing import EncompassingModel
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, noise_of, rms_error
@@ -33,7 +34,6 @@ from ..fitting.noise_search import (
 )
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.quantisation import least_noise, recorded_steps
-from ..fitting.superset import Superset
 from ..fitting.whitened import compiled_innovations, padded_columns, whitened
 from .pace import Stopwatch
 from .smooth import smooth_columns
@@ -99,7 +99,7 @@ class Column(NamedTuple):
     """Of the amplitudes' columns in the matrix."""
 
 
-class ShapedColumns(NamedTuple):
+class Sensitivities(NamedTuple):
     """Sensitivities of effects at every one of their shapes; places count from 0."""
 
     columns: tuple[Column, ...]
@@ -109,7 +109,7 @@ class ShapedColumns(NamedTuple):
 
 
 class Shapes(Protocol):
-    """How a problem finds `ShapedColumns`."""
+    """How a problem finds `Sensitivities`."""
 
     def __call__(
         self,
@@ -117,7 +117,7 @@ class Shapes(Protocol):
         z: np.ndarray,
         missing: Sequence[type[AbstractEffect]],
         scales: RecordScales,
-    ) -> ShapedColumns:
+    ) -> Sensitivities:
         """Of those of the `missing` effects whose shapes it knows how to try all at once."""
         ...
 
@@ -150,11 +150,11 @@ _EVERYTHING, _USUAL = Choice(), NoiseBounds()
 
 
 class Engine(Generic[P]):
-    """Fits candidates of one record; `problem` has a `Superset` model. Only train rows count.
+    """Fits candidates of one record; only train rows count.
 
-    `shifted` are the indices of the problem's shifts of step times that are parameters. `path` is
-    that of the load point or axis at every row: what is smooth along it, and along the path since
-    each step, is no noise.
+    The model of `problem` is an `EncompassingModel`. `shifted` are the indices of its shifts of
+    step times that are parameters. `path` is that of the load point or axis at every row: what is
+    smooth along it, and along the path since each step, is no noise.
     """
 
     def __init__(
@@ -168,8 +168,8 @@ class Engine(Generic[P]):
         path: np.ndarray | None = None,
         bounds: NoiseBounds = _USUAL,
     ):
-        assert isinstance(problem.model, Superset)
-        self.model: Superset = problem.model
+        assert isinstance(problem.model, EncompassingModel)
+        self.model: EncompassingModel = problem.model
         self.always, self.one_of, self.shapes = choice.always, choice.one_of, shapes
         self.stopwatch = Stopwatch()
         self.either_sign = bounds.either_sign

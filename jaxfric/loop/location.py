@@ -20,13 +20,13 @@ from ..fitting.noise_search import Found
 from ..fitting.problem import Problem
 from ..rig.friction.extended import ExtendedLaw
 from .engine import Candidate, Engine
+from .nonlinear import respond
 from .ratio import Question, chances
+from .residual_tests import chi_square_tail
 from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
-from .shapes import respond
 from .smooth import ALONG
-from .structure import chi_square_tail
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _CHANCE = 0.01

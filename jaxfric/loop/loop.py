@@ -14,11 +14,11 @@ from jaxtyping import Array
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ..errors import InputError
 from ..fitting import Estimate, Fit, fit
+from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import few_rows, prepare, steps_of
 from ..fitting.noise_estimate import noise_words
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
 from ..fitting.start import noise_from_differences
-from ..fitting.superset import Superset
 from ..laws.registry import refuse_unknown_law, refuse_untaken, takes
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
@@ -27,10 +27,10 @@ from .curves import CurveRig
 from .driver import AbstractBench, Offered, ScoredRows, offered, run
 from .engine import Candidate, Choice, Engine
 from .location import Bumps, friction_bumps
+from .nonlinear import friction_sensitivities
 from .result import Loop, Score
 from .sampling import seen_between
 from .search import MOST, Search
-from .shapes import friction_shapes
 from .slider_curves import slider_curves
 from .split import Blocks, split
 from .words import SLIDER, LoopWords
@@ -120,13 +120,13 @@ class SliderBench(AbstractBench):
     def engine(self, with_: tuple[str, ...] | None) -> Engine[Problem]:
         """Everything is offered but what is left out."""
         if with_ is None:
-            return Engine(self.problem, self.blocks, self.felt, shapes=friction_shapes)
+            return Engine(self.problem, self.blocks, self.felt, shapes=friction_sensitivities)
         return Engine(
             self.problem,
             self.blocks,
             self.felt,
             Choice(with_, self.without),
-            shapes=friction_shapes,
+            shapes=friction_sensitivities,
             path=self.path(),
         )
 
@@ -295,7 +295,7 @@ def _problem(
     blocks: Blocks,
     effects: tuple[type[AbstractEffect], ...],
 ) -> tuple[Problem, np.ndarray]:
-    """The superset's problem, and which shifts of step times are felt.
+    """The problem with all effects, and which shifts of step times are felt.
 
     It has a shift for every step, felt or not, so that records differ in numbers only and share
     what is compiled. The shifts are from the times that the load point shows: those of the base
@@ -305,7 +305,7 @@ def _problem(
     problem = prepare(
         record,
         steps,
-        Superset(Model(law=base.model.law), effects),
+        EncompassingModel(Model(law=base.model.law), effects),
         stiffness=values["K"],
         V0=values["V0"],
         force_scale=values["A"],

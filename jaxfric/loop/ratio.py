@@ -25,7 +25,7 @@ from ..fitting.noise import coloured
 from ..fitting.noise_search import Family, Found, Limits, parts_at
 from .engine import Engine, Rows
 from .evidence import Evidence, evidence
-from .structure import chi_square_tail
+from .residual_tests import chi_square_tail
 
 _DRAWS, _SEED = 60, 20
 _BETWEEN = (0.0, 0.5, 1.0)

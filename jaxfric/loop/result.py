@@ -48,7 +48,7 @@ class Score:
     noise: NoiseEstimate
     """Of its own residual."""
     tests: Mapping[str, float]
-    """p-values of the structure tests on the train block, corrected together."""
+    """p-values of the residual tests on the train block, corrected together."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ..effects import RecordScales
 from ..fitting.abstract_problem import FAILED_MISFIT
 from .engine import Candidate, Column, Engine, Rows
 from .evidence import Evidence, evidence
-from .structure import chi_square_tail
+from .residual_tests import chi_square_tail
 
 _DRAWS = 2000
 _KEPT = 8

@@ -53,8 +53,8 @@ def search(
     most: int,
     progress: Callable[[str], None],
 ) -> Search:
-    """Find what the base model lacks. `starts` are superset parameters to start the base from,
-    the likeliest first."""
+    """Find what the base model lacks. `starts` are parameters of the encompassing model
+    to start the base from, the likeliest first."""
     words = "base fit of the train block"
     progress(words)
     engine.stopwatch.listen = now_and_then(progress, words)

@@ -11,8 +11,8 @@ from ..records import VelocitySteps
 from ..rig.friction.extended import Contact, ExtendedLaw
 from .curves import Curve, CurveRig
 from .engine import Candidate, Engine
+from .nonlinear import extra_rows, respond
 from .response import Response, linear_response
-from .shapes import extra_rows, respond
 
 _LATE = "evolution_cutoff"
 """The curve that friction reaches over the slip length, not at once."""

@@ -13,10 +13,10 @@ from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows, padded_columns
 from .family import CurveFamily, listed
 from .location import Left
+from .residual_tests import QUESTIONS, p_text, structure
 from .rivals import rival_fits
 from .screen import orthonormal
 from .search import Search
-from .structure import QUESTIONS, p_text, structure
 from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
 
 _HELD_OUT = 1.06
@@ -51,7 +51,7 @@ class Told(NamedTuple):
     most: float
     """The held-out error that noise alone explains, in sigma."""
     p_value: float
-    """The least of the structure tests."""
+    """The least of the residual tests."""
 
     def change(self) -> str:
         """The held-out error before and after, said as a fall only where it is one."""
@@ -154,7 +154,7 @@ def _prediction_errors(engine: Engine, rows: Rows, held: np.ndarray, noise: Nois
 def questions(
     engine: Engine, candidate: Candidate, slip: np.ndarray, left: Left, noise: Noise
 ) -> dict[str, float]:
-    """p-values of the structure tests on the train block; `left` is what the candidate leaves,
+    """p-values of the residual tests on the train block; `left` is what the candidate leaves,
     `noise` that with everything smooth taken out."""
     train = engine.blocks.train
     residual = np.zeros((len(engine.weight), 1))

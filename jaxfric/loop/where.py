@@ -3,8 +3,8 @@
 import numpy as np
 
 from .family import listed
+from .residual_tests import p_text
 from .result import LocationProfile
-from .structure import p_text
 from .thresholds import SIGNIFICANT
 
 _NEARLY = 0.9

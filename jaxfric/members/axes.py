@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..quantity import Quantity
 from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
 from ..study.grid import KINDS
-from .parameters import nearest, number, parameter, value_of
+from .parameters import number, parameter, value_of
 from .tables import Table, file_of, refuse_unknown, table_of, whole
 
 About = Callable[[str, str], Quantity]
@@ -55,7 +55,7 @@ def _kind(axis: Table, where: str) -> str:
     if len(kinds) != 1:
         unknown = [key for key in axis if key not in (*_AXIS, "points", "log", "normal_force")]
         if unknown:
-            raise InputError(f"{where}: no key '{unknown[0]}'{nearest(unknown[0], _AXIS)}")
+            raise InputError(f"{where}: no key '{unknown[0]}'{did_you_mean(unknown[0], _AXIS)}")
         raise InputError(f"{where}: give one of {', '.join(_AXIS)}")
     kind = kinds[0]
     allowed = extras.get(kind, ("log",) if kind in KINDS else ())

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..stability.margin_table import MARGINS
 from ..study import Output
 from ..units import parse_quantity
-from .parameters import nearest, number, rate_state
+from .parameters import number, rate_state
 from .spec import Spec, StudyPart
 from .tables import Table, refuse_unknown, whole
 
@@ -75,7 +75,7 @@ def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
         raise InputError(f"{where}: margin is missing; say which, margin = {{ stiffness = 1.2 }}")
     for key, value in margin.items():
         if key not in MARGINS:
-            raise InputError(f"{where}: no margin '{key}'{nearest(key, MARGINS)}")
+            raise InputError(f"{where}: no margin '{key}'{did_you_mean(key, MARGINS)}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{where}: margin {key} is {value!r}; it is a number")
     try:

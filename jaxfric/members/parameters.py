@@ -1,6 +1,5 @@
 """The parameters that a study can set and vary: names, units, bounds; and the law they make."""
 
-import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -8,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..laws import registry
 from ..quantity import Quantity, numbered_names
 from ..rig.friction import AbstractDirectEffect, AbstractRateState, RegularisedEffect
@@ -45,18 +44,8 @@ def parameter(name: str, where: str, *, known: Iterable[str] | None = None) -> Q
         )
     names = list(_KNOWN if known is None else known)
     if name not in names:
-        raise InputError(f"{where}: no parameter '{name}'{nearest(name, names)}")
+        raise InputError(f"{where}: no parameter '{name}'{did_you_mean(name, names)}")
     return _KNOWN[name]
-
-
-def nearest(name: str, names: Iterable[str]) -> str:
-    """ "; did you mean 'x'?", or the list of names where none is like it."""
-    names = list(names)
-    folded = {known.lower(): known for known in names}
-    close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=0.5)
-    if close:
-        return f"; did you mean '{folded[close[0]]}'?"
-    return f"; there are: {', '.join(names)}"
 
 
 def read_value(content: object, name: str, where: str) -> float:

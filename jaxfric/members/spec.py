@@ -33,14 +33,14 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..laws.registry import count_states, is_rate_state, name_of, rate_state_laws
 from ..quantity import numbered_names
 from ..rig.friction import AbstractRateState
 from ..study import Grid, Output
 from ..study.function import Cost, Function
 from .axes import posterior, read_grid
-from .parameters import LAW, nearest, needed, number, parameter, read_value
+from .parameters import LAW, needed, number, parameter, read_value
 from .tables import Table, file_of, names_of, refuse_unknown, table_of, whole
 
 _TOP = ("compute", "outputs", "chunk", "dtype", "rig", "axes", "samples")
@@ -186,7 +186,7 @@ def choose_outputs(
         if name not in names:
             raise InputError(
                 f"{spec.path.name}: no output '{name}' of {' and '.join(spec.compute)}"
-                f"{nearest(name, names)}"
+                f"{did_you_mean(name, names)}"
             )
     wanted = spec.outputs or usual
     return tuple(output for output in known if output.name in wanted)
@@ -214,7 +214,7 @@ def _compute(content: Table, where: str, known: Mapping[str, Computation]) -> tu
         raise InputError(f"{where}: compute is missing; say what, as in compute = ['margins']")
     for name in found:
         if name not in known:
-            raise InputError(f"{where}: compute: no '{name}'{nearest(name, known)}")
+            raise InputError(f"{where}: compute: no '{name}'{did_you_mean(name, known)}")
     alone = [name for name in found if known[name].alone]
     if alone and len(found) > 1:
         raise InputError(
@@ -246,7 +246,7 @@ def _rig(
             try:
                 parameter(key, where, known=known)
             except InputError:
-                raise InputError(f"{where}: no key '{key}'{nearest(key, _RIG)}") from None
+                raise InputError(f"{where}: no key '{key}'{did_you_mean(key, _RIG)}") from None
         fixed[key] = read_value(rig[key], key, f"{where} {key}")
     if law is not None and not (isinstance(law, str) and is_rate_state(law)):
         there = ", ".join(rate_state_laws())

@@ -4,8 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..errors import InputError
-from .parameters import nearest
+from ..errors import InputError, did_you_mean
 
 Table = Mapping[str, object]
 """A table of a study.toml, whose values are checked where they are read."""
@@ -43,7 +42,7 @@ def refuse_unknown(table: Table, known: Sequence[str], where: str) -> None:
     """Raise `InputError` for a key that is not `known`; the nearest is named."""
     for key in table:
         if key not in known:
-            raise InputError(f"{where}: no key '{key}'{nearest(key, known)}")
+            raise InputError(f"{where}: no key '{key}'{did_you_mean(key, known)}")
 
 
 def file_of(name: object, path: Path, where: str, files: dict[str, str]) -> Path:

@@ -59,14 +59,14 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
     if result.delay is None:  # the theorem's boundaries are of a spring, which answers at once
         draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
     _iso_norm(axis, result, sizes)
-    for basin in result.basins:
-        if _is_recommended(basin, result):
+    for one in result.optima:
+        if _is_recommended(one, result):
             continue
         axis.plot(
-            sizes[0] * basin.kp, sizes[1] * basin.kv, "D", mfc="white", mec=BLACK, ms=8, mew=1.5,
-            clip_on=False, zorder=6, label=_of(basin),
+            sizes[0] * one.kp, sizes[1] * one.kv, "D", mfc="white", mec=BLACK, ms=8, mew=1.5,
+            clip_on=False, zorder=6, label=_of(one),
         )  # fmt: skip
-    here = "".join(f", {_of(b)}" for b in result.basins if _is_recommended(b, result))
+    here = "".join(f", {_of(b)}" for b in result.optima if _is_recommended(b, result))
     recommended = f"recommended{here}{_simulated(result)}"
     star(axis, sizes[0] * result.kp, sizes[1] * result.kv, recommended)
     axis.set_xlim(0, x[-1])
@@ -79,14 +79,14 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
     legend_below(axis)
 
 
-def _is_recommended(basin: LocalOptimum, result: Gains) -> bool:
-    return bool(np.allclose([basin.kp, basin.kv], [result.kp, result.kv], rtol=1e-6))
+def _is_recommended(optimum: LocalOptimum, result: Gains) -> bool:
+    return bool(np.allclose([optimum.kp, optimum.kv], [result.kp, result.kv], rtol=1e-6))
 
 
-def _of(basin: LocalOptimum) -> str:
+def _of(optimum: LocalOptimum) -> str:
     """What an optimum, or the way that is none, is called in the legend."""
-    what = f"optimum: {basin.name}" if basin.minimum else f"{_MEANS[basin.name]} alone"
-    return f"{what} (norm {basin.norm:.3g})"
+    what = f"optimum: {optimum.name}" if optimum.minimum else f"{_MEANS[optimum.name]} alone"
+    return f"{what} (norm {optimum.norm:.3g})"
 
 
 def _simulated(result: Gains) -> str:
@@ -134,8 +134,8 @@ def _map_axes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gains to show: all optima, and the boundaries of the linear theory, which is of a controller
     that answers at once; of a late one as much damping as leaves the optima stable."""
-    k_v = [1.3 * b.kv for b in result.basins] + [1.3 * result.kv]
-    k_p = [1.4 * b.kp for b in result.basins] + [1.4 * result.kp]
+    k_v = [1.3 * b.kv for b in result.optima] + [1.3 * result.kv]
+    k_p = [1.4 * b.kp for b in result.optima] + [1.4 * result.kp]
     if result.delay is None:
         k_v.append(1.25 * needed)
         k_cr = k_cr_at(np.asarray([0.02, 0.25]) * needed) if needed > 0 else np.zeros(0)
@@ -152,7 +152,7 @@ def _most_damping(result: Gains) -> float:
     """The largest k_v with which a late controller is stable at the k_p of an optimum, in all
     scenarios of one sample of the law; 0 where there is none."""
     tried = np.geomspace(1e-6, 10, _DAMPINGS) * result.region.unit[1]
-    k_p = np.asarray([b.kp for b in result.basins])
+    k_p = np.asarray([b.kp for b in result.optima])
     gains = np.stack(np.meshgrid(k_p, tried), axis=-1).reshape(-1, 2)
     one = np.flatnonzero(result.scenarios.sample == result.scenarios.sample[0])
     row, column = np.divmod(np.arange(len(gains) * len(one)), len(one))
@@ -180,7 +180,7 @@ def _deciding(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """Rows of the gains, and with each a scenario that may decide there."""
     pick = np.linspace(0, _GRID - 1, _CELLS + 1).astype(int)
     coarse = gains.reshape(_GRID, _GRID, 2)[np.ix_(pick, pick)].reshape(-1, 2)
-    optima = np.asarray([[basin.kp, basin.kv] for basin in result.basins])
+    optima = np.asarray([[optimum.kp, optimum.kv] for optimum in result.optima])
     worst = _worst(result, np.concatenate([coarse, optima]))
     corner = worst[: len(coarse)].reshape(len(pick), len(pick))
     cell = np.clip(np.searchsorted(pick, np.arange(_GRID), side="right") - 1, 0, _CELLS - 1)
@@ -227,7 +227,7 @@ def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
 def _iso_norm(axis: Axes, result: Gains, sizes: Sequence[float]) -> None:
     """The ellipse of equal norm through the smallest optimum."""
     angle = np.linspace(0, np.pi / 2, 200)
-    norm = result.basins[0].norm
+    norm = result.optima[0].norm
     x = norm * result.region.scale[0] * np.cos(angle)
     y = norm * result.region.scale[1] * np.sin(angle)
     axis.plot(sizes[0] * x, sizes[1] * y, color=BLACK, lw=1, ls=":", label="equal norm")

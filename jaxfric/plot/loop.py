@@ -11,9 +11,9 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 
 from ..fitting.table import noise_lines
+from ..loop.residual_tests import p_text
 from ..loop.result import CandidateScore, LocationProfile, Loop
 from ..loop.split import NAMES
-from ..loop.structure import p_text
 from ..loop.thresholds import ACCEPT, ALIAS, SIGNIFICANT
 from ..loop.where import share_text
 from .label import printable

@@ -20,8 +20,8 @@ from ..errors import InputError
 from ..fitting.axis_fit import inverse_dynamics
 from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
+from ..fitting.encompassing import EncompassingModel
 from ..fitting.start import noise_from_differences
-from ..fitting.superset import Superset
 from ..loop.axis.details import as_published
 from ..loop.axis.result import AxisRows
 from ..loop.axis.rows import rows_of
@@ -180,7 +180,7 @@ def _prepared(
     problem = make_problem(
         prepared,
         weight,
-        Superset(BaseLaw(), effects),  # pyright: ignore[reportArgumentType]
+        EncompassingModel(BaseLaw(), effects),  # pyright: ignore[reportArgumentType]
         width=float(about.get("width", rows.width)),
         noise_scale=noise_from_differences(prepared.force[: prepared.rows][rows.used]),
     )

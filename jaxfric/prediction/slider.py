@@ -15,6 +15,7 @@ import numpy as np
 
 from ..effects import effect_of
 from ..errors import InputError
+from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, prepare, require_float64, steps_of
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import sandwich
@@ -22,7 +23,6 @@ from ..fitting.noise_search import estimate_noise, noise_rows
 from ..fitting.problem import FAILED_MISFIT, Model, Problem, bucket, residual_and_jacobian, to_free
 from ..fitting.result import unit_of
 from ..fitting.start import noise_from_differences
-from ..fitting.superset import Superset
 from ..fitting.uncertainty import normal_inverse
 from ..loop.sampling import seen_between
 from ..records import Record, VelocitySteps
@@ -136,7 +136,7 @@ def _setting(
     K = values["K"] if stiffness is None else _stated(stiffness, record.friction_unit)
     law = saved.content["law"]
     if effects:
-        model = Superset(Model(law=law), effects)
+        model = EncompassingModel(Model(law=law), effects)
     else:
         states = int(saved.content.get("states", 1))
         backwards = bool(np.any(found.velocities < 0))
@@ -177,7 +177,7 @@ def _stated(stiffness: float | str, friction_unit: str) -> float:
 
 def _start(setting: _SliderSetting, name: str) -> np.ndarray:
     model, values = setting.problem.model, setting.saved.values(name)
-    if isinstance(model, Superset):
+    if isinstance(model, EncompassingModel):
         nulls = zip(model.names()[len(model.base.names()) :], model.nulls(), strict=True)
         values = {**dict(nulls), **values}
     natural = jnp.asarray([values[n] for n in model.names()])

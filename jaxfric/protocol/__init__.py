@@ -1,7 +1,7 @@
 """What a planned sequence of velocity steps will be able to tell, before it is run."""
 
-from .outlook import Change as Change
-from .outlook import Outlook as Outlook
-from .outlook import Smallest as Smallest
+from .design import Change as Change
+from .design import Design as Design
+from .design import Smallest as Smallest
 from .plan import Planned as Planned
 from .plan import plan as plan

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of, parameters
 from ..errors import InputError
+from ..fitting.encompassing import EncompassingModel
 from ..fitting.problem import (
     FAILED_MISFIT,
     Channel,
@@ -31,20 +32,19 @@ from ..fitting.problem import (
     to_free,
 )
 from ..fitting.result import critical_stiffness_of, tidy_unit
-from ..fitting.superset import Superset
 from ..laws.registry import count_states, refuse_unknown_law, refuse_untaken, takes
 from ..loop.driver import offered
 from ..loop.engine import Candidate, Choice, Engine
+from ..loop.nonlinear import friction_sensitivities
 from ..loop.sampling import seen_between
 from ..loop.screen import Screening, alias_cosines, orthonormal, sensitivities
 from ..loop.search import MOST
-from ..loop.shapes import friction_shapes
 from ..loop.split import Blocks
 from ..loop.thresholds import ACCEPT
 from ..records import VelocitySteps
 from ..rig.friction import AbstractRateState
 from ..units import speed_text
-from .outlook import Change, Outlook, Protocol, Smallest
+from .design import Change, Design, Protocol, Smallest
 
 CHANNEL_NOISE = 1e-7
 """Noise of a displacement channel that a change adds, where none is given [m]."""
@@ -161,15 +161,15 @@ def plan(
     _refuse_unstable(ratio, asked.stiffness, asked.friction_unit)
     first = _Variant("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise, None)
     variants = [first, *(_changes(first) if changes else ())]
-    outlook, *others = _looks(setup, variants, progress)
-    if outlook is None:
+    design, *others = _looks(setup, variants, progress)
+    if design is None:
         raise InputError(_slips_away(ratio))
     return Protocol(
         **vars(asked),
         with_=with_,
         critical_stiffness=critical,
         ratio=ratio,
-        outlook=outlook,
+        design=design,
         changes=tuple(
             Change(v.key, v.text, float(v.durations.sum()), o)
             for v, o in zip(variants[1:], others, strict=True)
@@ -233,15 +233,15 @@ def _model(
 ) -> Model:
     values, law = asked.parameters, asked.law
     base = Model(law=law, states=count_states(law, values))
-    superset = Superset(base, effects)
-    declared = [name for name in superset.names() if name.split(".")[0] in with_]
-    known = (*superset.base.names(), "V0", *declared)
-    for name in (*superset.base.names(), *values):
+    encompassing = EncompassingModel(base, effects)
+    declared = [name for name in encompassing.names() if name.split(".")[0] in with_]
+    known = (*encompassing.base.names(), "V0", *declared)
+    for name in (*encompassing.base.names(), *values):
         if name not in known:
             raise InputError(f"parameter {name} is unknown; there are: {', '.join(known)}")
         if name not in values:
             raise InputError(f"parameter {name} is missing; {', '.join(known)} are needed")
-        superset.quantity(name).check(float(values[name]), f"parameter {name}")
+        encompassing.quantity(name).check(float(values[name]), f"parameter {name}")
     return base
 
 
@@ -331,7 +331,7 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         np.full(n, values["f0"]),
         variant.steps(),
         ProblemSizes(values["V0"], planned.stiffness, planned.noise, values["A"]),
-        Superset(setup.model, setup.effects),
+        EncompassingModel(setup.model, setup.effects),
     )
     problem = dataclasses.replace(problem, max_steps=_SOLVER_STEPS)
     # as if one velocity more were planned: some variants have it
@@ -366,9 +366,9 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
 
 def _looks(
     setup: _Setup, variants: Sequence[_Variant], progress: Callable[[str], None]
-) -> list[Outlook | None]:
+) -> list[Design | None]:
     """What the plan and its variants tell apart; of the plan alone where its slider slips away."""
-    found: list[Outlook | None] = []
+    found: list[Design | None] = []
     for k, variant in enumerate(variants):
         progress(f"{variant.text} ({k + 1} of {len(variants)})")
         found.append(_look(setup, variant))
@@ -377,11 +377,11 @@ def _looks(
     return found
 
 
-def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
+def _look(setup: _Setup, variant: _Variant) -> Design | None:
     """What a variant tells apart; None where the slider slips away."""
     problem, blocks = _problem(setup, variant)
     choice = Choice(setup.always, setup.without)
-    engine = Engine(problem, blocks, np.zeros(0, int), choice, shapes=friction_shapes)
+    engine = Engine(problem, blocks, np.zeros(0, int), choice, shapes=friction_sensitivities)
     natural = [setup.values[name] for name in setup.model.names()]
     names = engine.names[len(natural) :]
     natural += [setup.values.get(n, v) for n, v in zip(names, engine.model.nulls(), strict=True)]
@@ -404,7 +404,7 @@ def _look(setup: _Setup, variant: _Variant) -> Outlook | None:
     cosines = np.where(np.outer(shown, shown) | np.eye(len(ids), dtype=bool), cosines, np.nan)
     predicted = setup.values["f0"] + setup.planned.noise * residual
     times = np.asarray(problem.time)[:rows]
-    return Outlook(ids, cosines, tuple(smallest[id] for id in ids), times, predicted)
+    return Design(ids, cosines, tuple(smallest[id] for id in ids), times, predicted)
 
 
 def _smallest(

@@ -18,7 +18,7 @@ def describe(gains: Gains) -> list[str]:
     lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {gains.norm:.5g})")
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
-    lines += [f"  {_basin(basin, gains)}" for basin in gains.basins]
+    lines += [f"  {_optimum(optimum, gains)}" for optimum in gains.optima]
     lines += ["", "margins at these gains, worst scenario:"]
     lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
     grid = gains.certificate
@@ -51,13 +51,13 @@ def _scenarios(gains: Gains) -> str:
     return text
 
 
-def _basin(basin: LocalOptimum, gains: Gains) -> str:
-    how = {"stiff": "held by stiffness", "damped": "held by damping"}[basin.name]
-    if not basin.minimum:
+def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
+    how = {"stiff": "held by stiffness", "damped": "held by damping"}[optimum.name]
+    if not optimum.minimum:
         how += " alone; the norm has no minimum there"
-    tiny = basin.kp <= 1e-8 * gains.region.unit[0]
-    kp = _smallest(gains) if tiny else f"k_p = {basin.kp:.6g} N/m"
-    return f"{basin.name:<7} {kp}, k_v = {basin.kv:.6g} N s/m, norm {basin.norm:.5g}: {how}"
+    tiny = optimum.kp <= 1e-8 * gains.region.unit[0]
+    kp = _smallest(gains) if tiny else f"k_p = {optimum.kp:.6g} N/m"
+    return f"{optimum.name:<7} {kp}, k_v = {optimum.kv:.6g} N s/m, norm {optimum.norm:.5g}: {how}"
 
 
 def _margin(gains: Gains, name: str) -> str:

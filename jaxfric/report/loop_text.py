@@ -10,9 +10,9 @@ from ..effects import parameters
 from ..fitting import Estimate
 from ..fitting.table import decimals, noise_text
 from ..loop.family import CurveFamily, listed
+from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
-from ..loop.structure import QUESTIONS, p_text
 from ..loop.thresholds import ALIAS, SIGNIFICANT
 from ..units import factor, format_si
 
@@ -237,7 +237,7 @@ def _meaning(loop: Loop, name: str) -> str:
 
 
 def significance(loop: Loop) -> TextTable:
-    """p-values of the structure tests before and after."""
+    """p-values of the residual tests before and after."""
     rows = []
     for name, before in loop.before.tests.items():
         both = (before, loop.after.tests.get(name, math.nan))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
-from ..protocol.outlook import Change, Outlook, Protocol, Smallest
+from ..protocol.design import Change, Design, Protocol, Smallest
 from ..units import format_si, speed_text
 from .loop_text import TextTable, print_tables, shown_unit
 
@@ -58,14 +58,14 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
 
 def apart(plan: Protocol) -> list[str]:
     """What the plan cannot tell apart, and what would, in general."""
-    outlook, out = plan.outlook, []
-    for group in outlook.groups():
-        pairs = [(a, b, v) for a, b, v in outlook.pairs() if a in group]
+    design, out = plan.design, []
+    for group in design.groups():
+        pairs = [(a, b, v) for a, b, v in design.pairs() if a in group]
         text = ", ".join(f"{a}/{b} {_cosine(v)}" for a, b, v in pairs)
         out.append(f"{' or '.join(group)}  (|cosine|: {text})")
     if not out:
         out.append("every pair of effects is told apart (|cosine| at most 0.95)")
-    unseen = outlook.unseen()
+    unseen = design.unseen()
     if unseen:
         out.append(f"not seen at all: {', '.join(unseen)}")
     return out
@@ -73,11 +73,11 @@ def apart(plan: Protocol) -> list[str]:
 
 def advice(plan: Protocol) -> str:
     """The change that is recommended."""
-    pairs = len(plan.outlook.pairs())
+    pairs = len(plan.design.pairs())
     if not pairs:
         return "The plan needs no change: it tells all effects apart that it sees."
     best = plan.recommended()
-    left = plan.outlook if best is None else best.outlook
+    left = plan.design if best is None else best.design
     assert left is not None
     stay = _stay(plan, left)
     if best is None:
@@ -91,7 +91,7 @@ def advice(plan: Protocol) -> str:
 
 def effects(plan: Protocol) -> TextTable:
     """For every effect the smallest amplitude that is named, and what looks most like it."""
-    rows = [(s.id, *_amplitude(s), *_nearest(plan.outlook, s.id)) for s in plan.outlook.smallest]
+    rows = [(s.id, *_amplitude(s), *_nearest(plan.design, s.id)) for s in plan.design.smallest]
     head = ("effect", "smallest", "at", "most alike", "|cosine|")
     return TextTable("How large an effect must be to be named", head, rows, _NOTE)
 
@@ -102,7 +102,7 @@ def changes(plan: Protocol) -> TextTable:
     rows = [_change(plan, change) for change in plan.changes]
     marked = tuple(k for k, c in enumerate(plan.changes) if c is best)
     head = ("change", "lasts", "pairs left", "separates", "no longer told apart")
-    title = f"What would separate more (the plan leaves {len(plan.outlook.pairs())} pairs)"
+    title = f"What would separate more (the plan leaves {len(plan.design.pairs())} pairs)"
     return TextTable(title, head, rows, "", marked)
 
 
@@ -122,11 +122,11 @@ def print_protocol(plan: Protocol, console: "Console", *, typical: bool = False)
 
 
 def _change(plan: Protocol, change: Change) -> tuple[str, ...]:
-    if change.outlook is None:
+    if change.design is None:
         return change.text, _duration(change.duration), "–", "the slider slips away", ""
-    before = {(a, b) for a, b, _ in plan.outlook.pairs()}
-    new = [(a, b) for a, b, _ in change.outlook.pairs() if (a, b) not in before]
-    left = str(len(change.outlook.pairs()))
+    before = {(a, b) for a, b, _ in plan.design.pairs()}
+    new = [(a, b) for a, b, _ in change.design.pairs() if (a, b) not in before]
+    left = str(len(change.design.pairs()))
     return change.text, _duration(change.duration), left, _list(plan.separated(change)), _list(new)
 
 
@@ -134,7 +134,7 @@ def _list(pairs: Iterable[tuple[str, str]]) -> str:
     return ", ".join(f"{a}/{b}" for a, b in pairs)
 
 
-def _stay(plan: Protocol, outlook: Outlook) -> str:
+def _stay(plan: Protocol, design: Design) -> str:
     """Pairs that are not told apart, the changes in the table that separate them, and what the
     catalogue knows besides, which was not tried here.
 
@@ -142,7 +142,7 @@ def _stay(plan: Protocol, outlook: Outlook) -> str:
     """
     tried = [word for change in plan.changes for word in _TRIED.get(change.key, ())]
     texts = []
-    for a, b, value in outlook.pairs():
+    for a, b, value in design.pairs():
         separates = [c.text for c in plan.changes if (a, b) in plan.separated(c)]
         hints = [
             hint
@@ -183,14 +183,14 @@ def _shape(id: str, name: str, value: float) -> str:
     return f"{symbol} = {text.removesuffix(' 1')}"
 
 
-def _nearest(outlook: Outlook, id: str) -> tuple[str, str]:
-    i = outlook.ids.index(id)
-    row = np.array(outlook.cosines[i])
+def _nearest(design: Design, id: str) -> tuple[str, str]:
+    i = design.ids.index(id)
+    row = np.array(design.cosines[i])
     row[i] = np.nan
     if not np.isfinite(row).any():
         return "", ""
     k = int(np.nanargmax(row))
-    return outlook.ids[k], _cosine(float(row[k]))
+    return design.ids[k], _cosine(float(row[k]))
 
 
 def _cosine(value: float) -> str:

@@ -18,8 +18,8 @@ from ...effects.axis import IN_TIME
 from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation
 from ...fitting.axis_problem import AxisProblem, make_problem
+from ...fitting.encompassing import EncompassingModel
 from ...fitting.start import noise_from_differences
-from ...fitting.superset import Superset
 from ...records.axis_record import AxisRecord
 from ...records.given import as_axis_record
 from ...rig.axis import AxisRig, BaseLaw
@@ -32,11 +32,11 @@ from ..search import MOST, Search
 from ..words import AXIS, LoopWords
 from .curves import axis_curves
 from .details import details_of
+from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
 from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord
 from .rows import scales_of
 from .seen import doubts
-from .shapes import axis_shapes, friction_bumps
 
 # What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.
@@ -95,7 +95,7 @@ def close_axis_loop(
     problem = make_problem(
         prepared,
         weight,
-        Superset(BaseLaw(), effects),
+        EncompassingModel(BaseLaw(), effects),
         width=rows.width,
         noise_scale=unit_of_residuals(prepared.force[: prepared.rows][rows.used]),
     )
@@ -125,7 +125,7 @@ class AxisBench(AbstractBench):
             self.reading.blocks,
             np.zeros(0, int),
             Choice(with_ or (), one_of=() if with_ is None else (IN_TIME,)),
-            shapes=axis_shapes,
+            shapes=axis_sensitivities,
             path=self.path(),
             bounds=NoiseBounds(np.asarray([_NOISE_ROWS * interval]), True, by_step=False),
         )

@@ -9,7 +9,7 @@ import numpy as np
 from ...fitting import Estimate
 from ...fitting.axis_fit import AxisFit
 from ...fitting.axis_preparation import Preparation
-from ...gains.axis_result import AxisGains, Shown, StiffBasin
+from ...gains.axis_result import AxisGains, Shown, StiffOptimum
 from ...records import Provenance, Sampling, VelocitySteps
 from ...records.axis_record import AxisRecord
 from ...rig.axis import LAW
@@ -241,7 +241,7 @@ class AxisDetails:
 
 
 def _stiff_rows(gains: AxisGains, force: str, unit: str) -> list[tuple[str, str, str]]:
-    """The basin of stiffness, where there is one."""
+    """The optimum of stiffness, where there is one."""
     stiff = gains.stiff
     if stiff is None:
         return []
@@ -255,7 +255,7 @@ def _stiff_rows(gains: AxisGains, force: str, unit: str) -> list[tuple[str, str,
     ]
 
 
-def _stiff_json(stiff: StiffBasin | None) -> dict | None:
+def _stiff_json(stiff: StiffOptimum | None) -> dict | None:
     """Values that are not finite are null: no stiffness suffices."""
     if stiff is None:
         return None

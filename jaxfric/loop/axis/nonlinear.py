@@ -8,20 +8,20 @@ import numpy as np
 from ...effects import RecordScales
 from ...effects.effect import AbstractEffect
 from ...fitting.axis_problem import AxisProblem, shape_columns
-from ..engine import Column, Engine, ShapedColumns, columns_of
+from ..engine import Column, Engine, Sensitivities, columns_of
 from ..location import Bumps
-from ..shapes import shapes_of
+from ..nonlinear import shapes_of
 from .result import AxisRows
 
 _COARSE, _WAVES = 16, 60
 
 
-def axis_shapes(
+def axis_sensitivities(
     engine: Engine[AxisProblem],
     z: np.ndarray,
     missing: Sequence[type[AbstractEffect]],
     scales: RecordScales,
-) -> ShapedColumns:
+) -> Sensitivities:
     """Columns of the missing effects that have shapes: derivatives at every shape."""
     problem = engine.problem
     columns: list[Column] = []
@@ -40,7 +40,7 @@ def axis_shapes(
         blocks.append(block)
         place += block.shape[1]
     matrix = np.concatenate(blocks, axis=1)
-    return ShapedColumns(tuple(columns), matrix, np.zeros((0, matrix.shape[1])))
+    return Sensitivities(tuple(columns), matrix, np.zeros((0, matrix.shape[1])))
 
 
 def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "m") -> list[Bumps]:

@@ -29,7 +29,7 @@ class Smallest:
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class Design:
     """Sensitivities of one variant of a plan."""
 
     ids: tuple[str, ...]
@@ -68,12 +68,12 @@ class Outlook:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of the plan, and what it brings; `outlook` is None where the slider slips away."""
+    """A change of the plan, and what it brings; `design` is None where the slider slips away."""
 
     key: str
     text: str
     duration: float
-    outlook: Outlook | None
+    design: Design | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class Protocol:
     critical_stiffness: float
     ratio: float | None
     """K/K_cr; None where any stiffness is stable."""
-    outlook: Outlook
+    design: Design
     changes: tuple[Change, ...]
     """The cheapest first."""
     warnings: tuple[str, ...]
@@ -106,15 +106,15 @@ class Protocol:
 
     def separated(self, change: Change) -> tuple[tuple[str, str], ...]:
         """Pairs that a change separates."""
-        after = {(a, b) for a, b, _ in change.outlook.pairs()} if change.outlook else None
-        pairs = [(a, b) for a, b, _ in self.outlook.pairs()]
+        after = {(a, b) for a, b, _ in change.design.pairs()} if change.design else None
+        pairs = [(a, b) for a, b, _ in self.design.pairs()]
         return () if after is None else tuple(pair for pair in pairs if pair not in after)
 
     def recommended(self) -> Change | None:
         """The first of the changes that leave fewest pairs; None where none leaves fewer."""
-        possible = [c for c in self.changes if c.outlook is not None]
+        possible = [c for c in self.changes if c.design is not None]
         best = min(possible, key=_remaining, default=None)
-        if best is None or _remaining(best) >= len(self.outlook.pairs()):
+        if best is None or _remaining(best) >= len(self.design.pairs()):
             return None
         return best
 
@@ -137,15 +137,15 @@ class Protocol:
             "parameters": dict(self.parameters),
             "with": list(self.with_),
             "threshold": ALIAS,
-            "plan": _plain(self.outlook),
+            "plan": _plain(self.design),
             "changes": [
                 {
                     "change": c.key,
                     "text": c.text,
                     "duration": c.duration,
                     "separates": [list(pair) for pair in self.separated(c)],
-                    "remaining": None if c.outlook is None else len(c.outlook.pairs()),
-                    **({} if c.outlook is None else _plain(c.outlook)),
+                    "remaining": None if c.design is None else len(c.design.pairs()),
+                    **({} if c.design is None else _plain(c.design)),
                 }
                 for c in self.changes
             ],
@@ -156,11 +156,11 @@ class Protocol:
 
 
 def _remaining(change: Change) -> int:
-    assert change.outlook is not None
-    return len(change.outlook.pairs())
+    assert change.design is not None
+    return len(change.design.pairs())
 
 
-def _plain(outlook: Outlook) -> dict:
+def _plain(design: Design) -> dict:
     return {
         "effects": [
             {
@@ -172,10 +172,10 @@ def _plain(outlook: Outlook) -> dict:
                 "smallest_at_worst_shape": s.worst,
                 "would_need": s.needed,
             }
-            for s in outlook.smallest
+            for s in design.smallest
         ],
-        "cosines": [[v if np.isfinite(v) else None for v in row] for row in outlook.cosines],
-        "pairs": [{"effects": [a, b], "cosine": value} for a, b, value in outlook.pairs()],
-        "groups": [list(group) for group in outlook.groups()],
-        "unseen": list(outlook.unseen()),
+        "cosines": [[v if np.isfinite(v) else None for v in row] for row in design.cosines],
+        "pairs": [{"effects": [a, b], "cosine": value} for a, b, value in design.pairs()],
+        "groups": [list(group) for group in design.groups()],
+        "unseen": list(design.unseen()),
     }

@@ -19,7 +19,7 @@ from .problem import Model
 R = TypeVar("R")
 
 
-class Superset(NamedTuple):
+class EncompassingModel(NamedTuple):
     """A base model and effects; parameter "viscous.c" is field c of the effect viscous."""
 
     base: ParametricModel
@@ -82,5 +82,5 @@ class Superset(NamedTuple):
 
 
 def names_of(effect: type[AbstractEffect]) -> tuple[str, ...]:
-    """Names of the parameters of an effect in a `Superset`."""
+    """Names of the parameters of an effect in a `EncompassingModel`."""
     return tuple(f"{effect.id}.{name}" for name in parameters(effect))

@@ -11,18 +11,18 @@ from ..effects.effect import made
 from ..fitting.problem import Problem
 from ..rig import Rig
 from ..rig.friction.extended import ExtendedLaw
-from .engine import Column, Engine, ShapedColumns, columns_of, padded_columns
+from .engine import Column, Engine, Sensitivities, columns_of, padded_columns
 from .response import Response, linear_response, term_forces
 
 _FORCES = 64
 
 
-def friction_shapes(
+def friction_sensitivities(
     engine: Engine[Problem],
     z: np.ndarray,
     missing: Sequence[type[AbstractEffect]],
     scales: RecordScales,
-) -> ShapedColumns:
+) -> Sensitivities:
     """Columns of those missing effects that have shapes and are friction terms."""
     problem = engine.at(z, engine.problem)
     rig = problem.rig(jnp.asarray(z))
@@ -38,7 +38,7 @@ def friction_shapes(
         blocks.append(block)
         extras.append(extra)
         place += block.shape[1]
-    return ShapedColumns(
+    return Sensitivities(
         tuple(columns), np.concatenate(blocks, axis=1), np.concatenate(extras, axis=1)
     )
 
