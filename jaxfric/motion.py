@@ -12,14 +12,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .errors import InputError
-from .quantity import is_known
-
-
-def _floats(x):
-    x = jnp.asarray(x)
-    return jnp.asarray(
-        x, x.dtype if jnp.issubdtype(x.dtype, jnp.inexact) else jnp.result_type(float)
-    )
+from .quantity import as_floats, is_known
 
 
 def _ascend(times: np.ndarray) -> bool:
@@ -59,8 +52,8 @@ class PiecewiseVelocity(AbstractMotion):
     reached (see `padded`), so that motions of different length share one compilation.
     """
 
-    times: Float[Array, " n"] = eqx.field(converter=_floats)
-    velocities: Float[Array, " n"] = eqx.field(converter=_floats)
+    times: Float[Array, " n"] = eqx.field(converter=as_floats)
+    velocities: Float[Array, " n"] = eqx.field(converter=as_floats)
 
     def __check_init__(self):
         if self.times.ndim != 1 or self.times.shape != self.velocities.shape:

@@ -27,9 +27,9 @@ from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
 from .smooth import ALONG
+from .thresholds import SIGNIFICANT
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
-_CHANCE = 0.01
 _MOSTLY = 0.5
 _LARGEST = 3.0
 """Standard deviation of missing friction before anything is known, over the rms of the residual."""
@@ -110,7 +110,7 @@ def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
     them is structure. nan where that is no more than chance: there is nothing to have a share of.
     """
     squares, rows = whole
-    if chi_square_tail(squares, int(rows)) > _CHANCE:
+    if chi_square_tail(squares, int(rows)) > SIGNIFICANT:
         return float("nan")
     return float(np.clip((gain - degrees) / (squares - rows), 0.0, 1.0))
 

@@ -17,7 +17,7 @@ from .engine import Candidate, Engine
 from .fixed import not_fixed
 from .pace import Pace, now_and_then
 from .screen import Screened, aliases, screen
-from .thresholds import ACCEPT, ALIAS
+from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
 
 MOST = 8
 """Largest number of effects that a search adds: evidence ends it before, as a rule."""
@@ -26,7 +26,6 @@ _TIE = 2.0
 _REFITS = 4
 _WORSE = 1.02
 _TRAIN_WORSE = 1.005
-_CHANCE = 0.01
 _AGREE, _ROUGHLY = 1.0, 0.1
 """Of BIC: what two fits that agree may differ by, and what a rough fit may be off."""
 
@@ -132,7 +131,7 @@ def _refits(
     asked = [
         s
         for k, s in enumerate(found[:_REFITS])
-        if (s.delta_bic >= 0 and s.p_value <= _CHANCE)
+        if (s.delta_bic >= 0 and s.p_value <= SIGNIFICANT)
         or len(tried) + k <= 2  # two of the base are fitted in any case, for comparison
     ]
     for place, one in enumerate(asked):
@@ -142,7 +141,7 @@ def _refits(
         candidate = refit_safely(engine, effects, one, current)
         chance = engine.rms_error(engine.blocks.select, candidate.noise)
         why = fault(current, candidate, chance)
-        if not why and one.p_value > _CHANCE:
+        if not why and one.p_value > SIGNIFICANT:
             why = "may be chance"
         loose = () if why else not_fixed(engine, candidate, scales)
         tried.append(candidate._replace(refused=why or _said(loose)))
