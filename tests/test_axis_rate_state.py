@@ -8,6 +8,7 @@ import dataclasses
 import json
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -168,6 +169,16 @@ def test_both_optima_at_the_worst_velocity():
     assert "Nothing is said of stability" in found.sentence()  # what it rests on was not told
     exact = dataclasses.replace(found, curve=Curve(found.slope, 0.0, 1e-3, 0.1))
     assert "Without k_v the axis needs k_p above" in exact.sentence()
+
+
+def test_an_axis_whose_record_does_not_fix_its_mass_has_gains():
+    """A fitted mass may underflow to 0: K_cr is then that of a quasi-static slider, (B - A)/L."""
+    light = eqx.tree_at(lambda r: r.mass, rig_of(), jnp.zeros(()))
+    found = state_gains(light, 0.0, 1e-3, 0.1)
+    assert found is not None and found.stiff is not None
+    V = np.geomspace(1e-3, 0.1, 20001)
+    X, Y = (FV + A / (V + VC)) * V, B / (V + VC) * V
+    assert found.stiff.critical_stiffness == pytest.approx(((Y - X) / L).max(), rel=1e-4)
 
 
 @pytest.mark.long

@@ -89,7 +89,7 @@ def _both_optima(
     """Of one direction: where damping is needed most, the slope there and what is needed; the
     optimum of stiffness."""
     law = axis_law(rig, position, float(np.sign(velocity[0])))
-    found = study(law, np.abs(velocity), mass=float(rig.mass))
+    found = study(law, np.abs(velocity), mass=float(rig.mass) or None)  # 0: not fixed by a record
     points, theorems = found.points, found.theorems
     needed = np.asarray(points.needed_damping)
     slope = np.where(needed > 0, -needed, np.asarray(points.steady_slope))
