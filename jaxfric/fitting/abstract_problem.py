@@ -46,7 +46,7 @@ class Sizes(NamedTuple):
     length: Array
     duration: Array
     lag: Array
-    """Of a time constant that shows in the record."""
+    """Size of a time constant that shows in the record [s]."""
 
 
 class AbstractProblem(eqx.Module):
@@ -61,7 +61,7 @@ class AbstractProblem(eqx.Module):
     hold: eqx.AbstractVar[Float[Array, " s"]]
     """Weights of the last parameters, shifts of step times in units of their errors."""
     channels: eqx.AbstractVar[tuple]
-    """Other recorded quantities."""
+    """Other recorded quantities that are fitted beside friction."""
     model: eqx.AbstractVar[ParametricModel]
 
     @property
@@ -83,10 +83,10 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def heavier(self, factor: int) -> Self:
-        """The same problem, of which a simulation may take so many times the steps."""
+        """A copy of this problem whose simulations may take `factor` times as many steps."""
 
     def with_model(self, model: ParametricModel) -> Self:
-        """The same record with another model."""
+        """A copy of this problem: the same record with another model."""
         return dataclasses.replace(self, model=model)
 
     def to_free(self, values: Float[Array, " p"]) -> Float[Array, " q"]:

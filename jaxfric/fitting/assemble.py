@@ -1,4 +1,4 @@
-"""From a solution in unbounded variables to a `Fit` in SI, with errors and warnings."""
+"""Turns a solution in unbounded variables into a `Fit` in SI, with errors and warnings."""
 
 import dataclasses
 from collections.abc import Callable
@@ -189,7 +189,7 @@ def _plausible(
 
 
 def _contradicted(record: Record, steps: VelocitySteps) -> list[str]:
-    """Where the steps that were given are not those of the load point."""
+    """Warnings for the velocity steps whose stated speed is not that of the recorded load point."""
     time, motion = record.relative_time, record.load_point_displacement
     if motion is None:
         return []

@@ -40,11 +40,11 @@ class AxisFit:
     values: dict[str, float]
     """SI, by name."""
     std: dict[str, float]
-    """Under white residuals."""
+    """Standard deviations by name, if the residuals are white."""
     relative_error: float
     """|residual|/|recorded|, of the force or of the position."""
     rms: float
-    """Of the residual [N, N m or %; m or rad]."""
+    """Root mean square of the residual [N, N m or %; m or rad]."""
     converged: bool
     loose: tuple[str, ...] = ()
     """Parameters that the record does not fix: what is uncertain of them would take more than the
@@ -68,7 +68,7 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
 def output_error(
     problem: AxisProblem, z: np.ndarray, free: np.ndarray, record: AxisRecord
 ) -> AxisFit | None:
-    """Least squares of the simulated position; None where the controller is not known.
+    """Fit of the simulated position by least squares; None where the controller is not known.
 
     Every tenth sample is compared. The controller is the one of `closed_loop`, the disturbance of
     the record is added to its force; lags and delays of the force are not simulated.
@@ -123,12 +123,12 @@ class _Minimum(NamedTuple):
     z: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
-    """By the parameters that are fitted."""
+    """Derivatives of the residual with respect to the fitted parameters."""
     converged: bool
 
 
 def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> _Minimum:
-    """Least squares over the parameters `free`; `both` gives residual and Jacobian by them."""
+    """Least squares over the parameters `free`; `both` returns the residual and its Jacobian."""
     z = np.array(z)
 
     def at(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -95,8 +95,8 @@ class Decimator(AbstractSampler):
     """Low-pass, then every n-th sample."""
 
     gain: Num[Array, " f"]
-    """Of the filter at the frequencies of the extended signal; complex where rows stand elsewhere
-    than at a sample."""
+    """Gain of the filter at the frequencies of the extended signal; complex where rows stand
+    elsewhere than at a sample."""
     margin: int = eqx.field(static=True)
     after: int = eqx.field(static=True)
     every: int = eqx.field(static=True)
@@ -138,13 +138,13 @@ class Prepared(NamedTuple):
     """Takes forces to the rows of the loop, which stand where those of `means` do."""
     usual: Decimator
     interval: float
-    """Between samples [s]."""
+    """Time between samples [s]."""
     time: np.ndarray
-    """Of the rows (n), from 0 [s]."""
+    """Times of the rows (n), from 0 [s]."""
     force: np.ndarray
-    """Recorded, by `forces` (n)."""
+    """Recorded force at the rows, filtered by `forces` (n)."""
     usual_force: np.ndarray
-    """Recorded, by `usual` (n)."""
+    """Recorded force at the rows, filtered by `usual` (n)."""
     rows: int
     inside: np.ndarray
     """Rows that are not at an end."""
@@ -264,7 +264,7 @@ def _refuse_few_rows(chosen: Preparation, time: np.ndarray, interval: float) -> 
 
 
 def _low_pass(raw: np.ndarray, cutoff: float, interval: float) -> np.ndarray:
-    """Both ways, so without a phase."""
+    """Butterworth low-pass, run forwards and backwards so that it shifts no phase."""
     from scipy import signal
 
     return signal.sosfiltfilt(signal.butter(_ORDER, cutoff * 2 * interval, output="sos"), raw)
@@ -273,7 +273,7 @@ def _low_pass(raw: np.ndarray, cutoff: float, interval: float) -> np.ndarray:
 def _motion(
     smooth: np.ndarray, interval: float, more: tuple[int, int], *, of_position: bool
 ) -> MeasuredMotion:
-    """From a smooth position or velocity; `more` rows stand still at the ends."""
+    """Motion from a smooth position or velocity; `more` samples at rest are added at the ends."""
     if of_position:
         q, v = smooth, np.gradient(smooth, interval)
     else:
@@ -315,7 +315,7 @@ def _of_rows(f: np.ndarray, interval: float, every: int) -> np.ndarray:
 
 
 def _decimators(size: int, interval: float, every: int) -> tuple[Decimator, Decimator]:
-    """Those of long rows, in the middle of every so many samples, and of publications."""
+    """Decimators for a loop's rows, in the middle of every so many samples, and as published."""
     from scipy import signal
     from scipy.fft import next_fast_len
 

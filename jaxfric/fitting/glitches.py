@@ -36,9 +36,9 @@ LONGEST = 3
 ROUNDS = 2
 """How often noise is learned anew without what stands out of it."""
 _CHANCE = 0.01
-"""That noise alone gives a record of so many rows one glitch."""
+"""Probability that noise alone makes a record of this length show one glitch."""
 _SHARE = 0.01
-"""Of the rows, at most: what is more frequent is what the noise is like."""
+"""Largest share of rows that may be glitches: more frequent outliers belong to the noise."""
 _BODY, _SHOULDER = 0.5, 0.93
 _UPPER = 0.5 * (1 + _BODY)
 _NORMAL = 0.6744897501960817  # median size of a normal error
@@ -46,7 +46,7 @@ _FEWEST = 50
 _BESIDE, _PART = (5, 10), 0.1
 _TOLD = 3
 _NEAR = 0.6
-"""Of the limit: rows beside a glitch stand out of the noise by less than that."""
+"""Share of the limit for glitches that the rows beside a glitch must stay below."""
 _SHARED = 20
 """Rows that the errors of all steps count for beside those of one."""
 
@@ -55,15 +55,15 @@ class Glitches(NamedTuple):
     """Rows that are passed over because they stand out of the noise."""
 
     rows: tuple[int, ...] = ()
-    """Of those that are fitted, from 0: means over rows, and of an axis prepared rows, have other
-    numbers than the rows of the file."""
+    """Indices of the glitches among the fitted rows, from 0. They are not row numbers of the file
+    where rows are means, or prepared rows of an axis."""
     beyond: float = 0.0
     """[standard deviations of the noise of its velocity step, of a row predicted from others]"""
     tails: int = 0
     """Rows that stand out as far, but are too many to be glitches: none is passed over."""
 
     def to_json(self) -> dict:
-        """Its numbers; the rows that are fitted count from 0."""
+        """The fields as JSON values, and the number of glitches; row indices count from 0."""
         return self._asdict() | {"rows": list(self.rows), "count": len(self.rows)}
 
 
@@ -85,8 +85,8 @@ def beside_steps(step: np.ndarray) -> np.ndarray:
 def prediction_errors(
     clock: Rows, weight: Rows, columns: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of every row its error, in standard deviations, when predicted from the rows before it, and
-    from those after it; each (n,).
+    """Errors of predicting every row from the rows before it, and from those after it, in standard
+    deviations; each (n,).
 
     Column 0 of `columns` (n, m) is the residual, the others are what a model may still explain of
     it. Rows of `weight` 0 are passed over: 0.
@@ -118,8 +118,8 @@ def in_sizes_of_steps(
 def standing_out(
     ahead: np.ndarray, back: np.ndarray, spared: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Which of n rows are glitches, by their errors of prediction either way; and how far out such
-    rows are at least, in standard deviations of a normal law with the same median error.
+    """Mask (n,) of the rows that are glitches, by their errors of prediction both ways; and how far
+    out a glitch is at least, in standard deviations of a normal law with the same median error.
 
     `spared` rows (a mask) are none.
     """
@@ -194,7 +194,7 @@ def find_glitches(
 
 
 class ToldRecord(Protocol):
-    """What is told of a record."""
+    """What `glitch_words` needs of a record: the times of its rows and its provenance."""
 
     @property
     def relative_time(self) -> np.ndarray: ...
@@ -203,7 +203,7 @@ class ToldRecord(Protocol):
 
 
 def glitch_words(glitches: Glitches, record: ToldRecord) -> tuple[str, ...]:
-    """What a user should know of them: how many, how far out, and where the first ones are."""
+    """Sentences on glitches for the user: how many, how far out, and where the first ones are."""
     origin, time = record.provenance, record.relative_time
     far = f"{glitches.beyond:.2g} standard deviations"
     if glitches.tails:

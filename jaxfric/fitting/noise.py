@@ -46,13 +46,13 @@ class Noise(NamedTuple):
 
     sigma: Float[Array, ""]
     share: Float[Array, " 2"]
-    """Of the variance, by part; the rest is white."""
+    """Share of the variance in each correlated part; the rest is white."""
     rates: Float[Array, "2 k"]
-    """Forgotten per unit of every clock, by part."""
+    """Inverse memory of each part over every clock."""
     beta: Float[Array, ""]
-    """Of the second part: a resonator above `EXPONENTIAL`, there an exponential."""
+    """w^2 of the second part's resonator (see above); `EXPONENTIAL`: it is an exponential."""
     scale: Float[Array, " *n"]
-    """Of every row, or one of all."""
+    """Relative size of the noise in every row, or one number for all rows."""
     log_likelihood: Float[Array, ""]
 
 
@@ -83,7 +83,7 @@ def _columns(clock: Float[Array, "n *k"]) -> Float[Array, "n k"]:
 
 
 def _forgotten(clock: Float[Array, "n *k"], noise: Noise) -> Float[Array, "n 2"]:
-    """What each part forgets from a row to the next, (n, 2)."""
+    """Distance to the next row in memories of each part, (n, 2)."""
     steps = jnp.abs(jnp.diff(_columns(clock), axis=0))
     return jnp.concatenate([steps, jnp.zeros_like(steps[:1])]) @ noise.rates.T
 
@@ -129,7 +129,7 @@ def innovations(
     columns: Float[Array, "n m"],
     noise: Noise,
 ) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
-    """As of `whiten`, but for sigma = 1; and the log-determinant of that covariance."""
+    """Columns whitened as by `whiten` for sigma = 1, and the log-determinant of that covariance."""
     scale = jnp.broadcast_to(noise.scale, weight.shape)
     found, log_inverse = _filtered(clock, weight, columns / scale[:, None], noise)
     log_scale = jnp.sum(jnp.where(weight > 0, jnp.log(noise.scale), 0.0))
@@ -208,7 +208,7 @@ def _update(
 
 
 def _forecast(spread: list[Array], f: Float[Array, ""], turn: list[Array]) -> list[Array]:
-    """What is left of the covariance of the states at the next row."""
+    """Covariance of the states carried on to the next row, before noise is added there."""
     aa, ab, av, bb, bv, vv = spread
     p, q, r, s = turn
     return [

@@ -15,7 +15,7 @@ CLOCKS = ("time", "path", "rows", "pace")
 """What noise forgets over: time [s], the path of the load point [m], rows of the record, or rows in
 units of the memory that each velocity step shows."""
 ROTARY_CLOCKS = ("time", "angle", "rows", "pace")
-"""Those of an axis that turns: its path is an angle [rad]."""
+"""The clocks of an axis that turns: its path is an angle [rad]."""
 _UNITS = {"time": "s", "path": "m", "angle": "rad", "rows": "rows", "pace": "memory of a step"}
 _ORIGINS = {
     "pace": "a recorder set anew at every velocity",
@@ -38,17 +38,17 @@ class NoisePart:
     """A correlated part of a noise (see `noise`)."""
 
     share: float
-    """Of the variance; below 0 neighbouring rows differ by more than chance."""
+    """Share of the variance; below 0 neighbouring rows differ by more than chance."""
     over: str
-    """One of `CLOCKS` or `ROTARY_CLOCKS`."""
+    """The clock over which this part forgets: one of `CLOCKS` or `ROTARY_CLOCKS`."""
     memory: float
     """[s], [m], [rad] or rows; of a resonator without a swing the longer of two."""
     beta: float = EXPONENTIAL
-    """Of a resonator; `EXPONENTIAL`: it is none."""
+    """w^2 of a resonator (see `noise`); `EXPONENTIAL` where it is none."""
 
     @property
     def period(self) -> float:
-        """Of its swing, in the unit of its memory; infinite where it does not swing."""
+        """Period of the swing, in the unit of `memory`; infinite where it does not swing."""
         return 2 * math.pi * self.memory / math.sqrt(self.beta) if self.beta > 0 else math.inf
 
     @property
@@ -66,7 +66,7 @@ class NoisePart:
         return (np.exp(-d) * (np.cosh(s * d) + np.sinh(s * d) / s)).real
 
     def text(self) -> str:
-        """Over what it is correlated: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
+        """The memory in words: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
         words = self._size(self.memory)
         return words + (f", swinging every {self._size(self.period)}" if self.swings else "")
 
@@ -85,7 +85,7 @@ class NoisePart:
 
     @property
     def origin(self) -> str:
-        """What makes such noise, as a rule."""
+        """The usual cause of such noise."""
         if self.over == "time" and self.swings:
             return "servo or resonance of the machine"
         slow = self.over == "time" and self.memory > _SLOW
@@ -109,13 +109,13 @@ class NoiseEstimate:
     pace: tuple[float, ...] = ()
     """Memory of each velocity step in rows, where noise forgets over that clock."""
     scale: tuple[float, ...] = ()
-    """Of every velocity step where they differ; their mean square over the train rows is 1."""
+    """Relative noise of every velocity step where they differ; mean square 1 over train rows."""
     glitches: Glitches = NO_GLITCHES
     """Rows that stand out of the noise and are passed over."""
     steps: float = 0.0
     """Steps in which friction is recorded [unit of friction]; 0 where it is continuous."""
     clocks: tuple[str, ...] = CLOCKS
-    """What the clocks of the record are: `CLOCKS` or `ROTARY_CLOCKS`."""
+    """Names of the record's clocks: `CLOCKS` or `ROTARY_CLOCKS`."""
 
     @property
     def correlated_share(self) -> float:
@@ -129,13 +129,13 @@ class NoiseEstimate:
         return least_noise(self.steps) ** 2 > _MOST * white
 
     def origins(self) -> tuple[str, ...]:
-        """What makes such noise, as a rule, its correlated parts first."""
+        """The usual causes of such noise, those of its correlated parts first."""
         found = [part.origin for part in self.parts if part.share > _WHITE]
         found += [f"the recorder's steps of {self.steps:.2g}"] * self.written
         return tuple(dict.fromkeys(found))
 
     def text(self) -> str:
-        """In words: "white", or "40 % of its variance correlated over 3 rows"."""
+        """The noise in words: "white", or "40 % of its variance correlated over 3 rows"."""
         if any(part.share < -_WHITE for part in self.parts):
             return "alternating: neighbouring rows differ by more than chance"
         told = [p for p in self.parts if p.share >= _WHITE]
@@ -160,14 +160,14 @@ class NoiseEstimate:
         return " or ".join(NoisePart(1.0, over, most).text() for over, most in pairs)
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
-        """Between different rows that are `apart` (n, k) in each of the record's clocks."""
+        """Correlation (n,) of different rows that are `apart` (n, k) in the record's clocks."""
         total = np.zeros(len(apart))
         for part in self.parts:
             total += part.share * part.correlation(apart[:, self.clocks.index(part.over)])
         return total
 
     def to_json(self) -> dict:
-        """Its numbers, null for what is infinite; memories and longest ones in SI and rows."""
+        """The estimate as JSON values, null for what is infinite; memories in SI and in rows."""
         return {
             "correlated_share": self.correlated_share if math.isfinite(self.sigma) else None,
             "parts": [
@@ -198,9 +198,9 @@ def noise_estimate(
     steps: float = 0.0,
     clocks: tuple[str, ...] = CLOCKS,
 ) -> NoiseEstimate:
-    """Of a residual in units of `scale`; `longest` memory over every clock, pace and scale
-    `by_step` of velocity where they differ, `glitches` that are passed over, the `steps` of the
-    recorder [unit of friction], and what the `clocks` are."""
+    """The estimate of a residual's noise in units of `scale`; `longest` memory searched over every
+    clock, pace and scale `by_step` of velocity where they differ, `glitches` that are passed over,
+    the `steps` of the recorder [unit of friction], and names of the `clocks`."""
     parts = []
     rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
     for k, (share, rates) in enumerate(rows):
@@ -217,6 +217,6 @@ def noise_estimate(
 
 
 def noise_words(noise: NoiseEstimate, record: ToldRecord) -> tuple[str, ...]:
-    """What a user should know of the noise of a record: rows passed over, coarse steps."""
+    """Sentences on a record's noise for the user: rows passed over, coarse recorder steps."""
     coarse = step_words(noise.steps, noise.sigma, record.provenance.path)
     return (*glitch_words(noise.glitches, record), *coarse)

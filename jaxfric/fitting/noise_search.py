@@ -1,4 +1,4 @@
-"""Which noise a residual has: by restricted likelihood, from white to two correlated parts.
+"""Finds the noise of a residual by restricted likelihood: white, with up to two correlated parts.
 
 A `Family` says which parts there are and over which clock each forgets. Its likelihood is the
 restricted one (REML): the residual of a fit has lost the directions of its parameters, and without
@@ -71,16 +71,16 @@ class Family(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Between which memories a noise is searched over each clock, (k,)."""
+    """Shortest and longest memory that is searched over each clock, (k,)."""
 
     shortest: np.ndarray
     longest: np.ndarray
     gaps: np.ndarray
-    """From row to row, the median."""
+    """Median distance between neighbouring rows in each clock."""
 
 
 class NoiseRows(NamedTuple):
-    """What a noise is estimated from. Column 0 is the residual, the others are the Jacobian's."""
+    """The input of a noise estimate. Column 0 is the residual, the others are the Jacobian's."""
 
     clock: Float[Array, "n k"]
     weight: Float[Array, " n"]
@@ -96,7 +96,7 @@ class Found(NamedTuple):
     noise: Noise
     family: Family
     theta: np.ndarray
-    """Of each part the logarithms of its variance over the white one and of its longest memory;
+    """For each part the logarithms of its variance over the white one and of its longest memory;
     then that of a resonator's natural frequency, ln(sqrt(1 + beta)/memory)."""
     value: float
 
@@ -189,7 +189,7 @@ def _restricted_at(record: NoiseRows, unit: Noise, sigma: float) -> float:
 
 
 def longest_memory(clock: Float[Array, "n *k"]) -> np.ndarray:
-    """Of the noise of a fit: `LONGEST` of the record, over every clock, (k,)."""
+    """Longest memory of a fit's noise over every clock: `LONGEST` times the record's span, (k,)."""
     return LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
 
 
@@ -219,7 +219,7 @@ def noises_around(
 
 
 def limits_of(clock: Rows, weight: Rows, longest: ArrayLike | None = None) -> Limits:
-    """From half the median gap of rows with weight to `longest`, by default half the record."""
+    """Limits: half the median gap of weighted rows, and `longest`, by default half the record."""
     times = np.asarray(clock)
     times = times.reshape(len(times), -1)
     on = np.asarray(weight) > 0
@@ -239,7 +239,7 @@ def noise_rows(
     *,
     scale: Rows | None = None,
 ) -> NoiseRows:
-    """What a noise is estimated from: a residual (n,) with the Jacobian of its fit (n, p).
+    """The input of a noise estimate: a residual (n,) with the Jacobian of its fit (n, p).
 
     `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
     from half the median gap of rows to `longest`, by default half the record, in each clock.
@@ -315,7 +315,7 @@ def _on_grid(
     *,
     before: bool = False,
 ) -> Found:
-    """From the parts that there are, the new one before or after them."""
+    """The best noise with one more part from `grid`, which goes before or after the others."""
     pairs = ((more, theta) if before else (theta, more) for more in grid)
     return _best_of(record, family, np.array([[*a, *b] for a, b in pairs], float))
 
@@ -345,7 +345,7 @@ def _best_of(
 
 
 class _Known(NamedTuple):
-    """Where likelihoods and sigmas are known."""
+    """Points theta at which likelihoods (`values`) and sigmas are known."""
 
     theta: np.ndarray
     values: np.ndarray
@@ -353,7 +353,7 @@ class _Known(NamedTuple):
 
 
 def _newton(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[_Known, np.ndarray]:
-    """What the differences show, and from there steps of Newton's method with many dampings."""
+    """Points around theta with their likelihoods, and Newton steps from it with many dampings."""
     q = len(theta)
     low, high = _bounds(family, record.limits)
     centre = np.clip(theta, low + _STEP, np.maximum(high - _STEP, low + _STEP))

@@ -151,7 +151,7 @@ class Problem(AbstractProblem):
         return eqx.tree_at(lambda r: r.machine.damping, rig, total, is_leaf=lambda x: x is None)
 
     def damped(self, strength: float) -> "Problem":
-        """The same problem with a dashpot that ends a runaway.
+        """A copy of this problem with a dashpot added that ends a runaway.
 
         At the largest commanded speed it carries `strength` force scales: little to a slider
         in steady motion, decisive at 1/strength times that speed.
@@ -160,11 +160,11 @@ class Problem(AbstractProblem):
         return eqx.tree_at(lambda p: p.damping, self, dashpot, is_leaf=lambda x: x is None)
 
     def heavier(self, factor: int) -> "Problem":
-        """The same problem with so many times the steps."""
+        """A copy of this problem whose simulations may take `factor` times as many steps."""
         return dataclasses.replace(self, max_steps=factor * self.max_steps)
 
     def possible(self, z: Float[Array, " q"] | np.ndarray) -> bool:
-        """Whether the whole friction is possible: a slider's always is."""
+        """Whether the whole friction is physically possible: that of a slider always is."""
         return True
 
     def whitened(self, noise: Noise) -> "Problem":
@@ -176,7 +176,7 @@ class Problem(AbstractProblem):
         return dataclasses.replace(self, noise=None, hold=jnp.ones_like(self.hold))
 
     def holding(self, hold: np.ndarray) -> "Problem":
-        """The same problem with other weights on the shifts of the step times."""
+        """A copy of this problem with other weights `hold` on the shifts of the step times."""
         return dataclasses.replace(self, hold=jnp.asarray(hold))
 
     def predict(

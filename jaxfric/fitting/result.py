@@ -56,9 +56,9 @@ class Fit:
     predicted: np.ndarray
     """Fitted friction at the rows of the record."""
     sum_of_squares: float
-    """Of the rows that count: those that stand out of the noise are passed over."""
+    """Sum of squared residuals over the rows that count: glitches are passed over."""
     rms: float
-    """Of the same rows."""
+    """Root mean square of the residual over the same rows."""
     noise: NoiseEstimate
     converged: bool
     result: str
