@@ -61,7 +61,7 @@ def axis_gains(
 def state_gains(
     rig: AxisRig, position: float, slowest: float, fastest: float, *, drive: Drive | None = None
 ) -> AxisGains | None:
-    """Both optima over the speeds `slowest` to `fastest` [m/s] in both directions.
+    """The optima of damping and of stiffness over speeds `slowest` to `fastest` [m/s] both ways.
 
     Friction at `position` [m] is linearised about 501 speeds each way by `jaxfric.stability`:
     f_v and the memory G(s). Least damping: k_v > max_w Re G(i w) - f_v, any k_p > 0. Critical
@@ -86,7 +86,7 @@ def state_gains(
 def _both_optima(
     rig: AxisRig, position: float, velocity: np.ndarray
 ) -> tuple[tuple[float, float, float], StiffOptimum]:
-    """Of one direction: where damping is needed most, the slope there and what is needed; the
+    """For one direction (speed where damping is needed most, slope there, damping needed), and the
     optimum of stiffness."""
     law = axis_law(rig, position, float(np.sign(velocity[0])))
     found = study(law, np.abs(velocity), mass=float(rig.mass) or None)  # 0: not fixed by a record

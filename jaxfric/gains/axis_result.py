@@ -28,16 +28,16 @@ class StiffOptimum:
     """Stiffness that holds an axis at every speed of a range without any damping added. SI."""
 
     worst_velocity: float
-    """Where k_cr is largest [m/s]; signed."""
+    """Velocity at which k_cr is largest [m/s]; signed."""
     critical_stiffness: float
     """k_cr there: k_p must be larger [N/m]; 0: any k_p > 0 will do, inf: none suffices."""
     frequency: float
-    """At which the axis swings at k_p = k_cr [rad/s]."""
+    """Angular frequency at which the axis swings at k_p = k_cr [rad/s]."""
     position_gain: float | None
-    """The same in the drive's unit at its k_v, k_cr/(k_v g_tau) [1/s]; None where not known."""
+    """k_cr in the drive's unit at its k_v, k_cr/(k_v g_tau) [1/s]; None where not known."""
 
     def sentence(self, unit: Shown, velocity: Shown) -> str:
-        """What it says; `unit` is that of damping."""
+        """This optimum as a sentence; `unit` is that of damping."""
         at = f"at {velocity.text(self.worst_velocity)}"
         if not np.isfinite(self.critical_stiffness):
             return f"Without k_v no k_p suffices {at}."
@@ -53,27 +53,27 @@ class AxisGains:
     """The least damping that holds an axis at every speed of a range. SI; N m, rad if rotary."""
 
     worst_velocity: float
-    """Where dF/dV is least [m/s]; signed."""
+    """Velocity at which dF/dV is least [m/s]; signed."""
     slope: float
     """dF/dV there [N s/m]."""
     least_damping: float
     """max(0, -slope): k_v must be larger [N s/m]."""
     velocity_gain: float | None
-    """The same in the drive's unit, k_v/g_tau [V s/m]; None where its gain is not known."""
+    """The least k_v in the drive's unit, k_v/g_tau [V s/m]; None where its gain is not known."""
     stiff: StiffOptimum | None = None
     """The other optimum; None where friction has no memory."""
     curve: Curve | None = None
-    """What the slope rests on; None where that was not told, and then nothing is claimed."""
+    """The friction curve that the slope rests on; None: not told, and then nothing is claimed."""
 
     @property
     def claim(self) -> Claim:
-        """What may be said of stability."""
+        """What the slope allows to be said of stability."""
         if self.curve is None:
             return Claim("open", ("what the fitted curve rests on was not told",))
         return curve_claim(self.curve)
 
     def sentence(self, unit: Shown = SI, velocity: Shown = SPEED) -> str:
-        """What may be said and what was not seen, in units of damping and of velocity."""
+        """Sentences on stability and on what was not seen, in units of damping and of velocity."""
         claim = self.claim
         at, slope = velocity.text(self.worst_velocity), self._slope(unit)
         if claim.kind == "open":

@@ -27,7 +27,7 @@ class Basin(eqx.Module):
     up: Float[Array, ""]
     down: Float[Array, ""]
     reason: ENDS
-    """How the smallest lost one ends, `ENDS.steady` where none is lost."""
+    """How the motion ends after the smallest lost jump, `ENDS.steady` where none is lost."""
 
 
 class BasinSearch(NamedTuple):

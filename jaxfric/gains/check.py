@@ -26,7 +26,7 @@ _SEED = 0.01  # spring force that goes with a velocity perturbation, in units of
 
 
 class Starts(NamedTuple):
-    """How far the standard starts are from steady sliding at V0."""
+    """Size of the standard starts' deviations from steady sliding at V0."""
 
     change: ArrayLike = 0.5
     """Relative change of the velocity, V(0) = V0 (1 +- change), below 1. With mass the spring is
@@ -38,7 +38,7 @@ class Starts(NamedTuple):
     at_rest: bool = True
     """False leaves out the start at rest, which a logarithmic direct effect refuses."""
     contact_time: ArrayLike | None = None
-    """Of the start at rest, see `rest_start`."""
+    """Time of contact before the start at rest [s], see `rest_start`."""
 
 
 def check_starts(

@@ -1,4 +1,4 @@
-"""Where the stick-slip cycle itself disappears: the first approach of section I.A of the note.
+"""Map of the gains at which the stick-slip cycle disappears (section I.A of the note).
 
 From rest, with healed contact, a slider either comes to steady motion or keeps sticking and
 slipping. Gains at which it comes to steady motion have made the cycle disappear, as far as

@@ -12,9 +12,9 @@ LINEAR = 0.3
 """A slider that sticks has |V - V0|/V0 = 1. A decay between windows that are shorter than a cycle
 is believed only below this: the time between two slips is no decay."""
 CYCLES = 4
-"""In the last half, so two in a window."""
+"""Least number of cycles in the last half of a motion, so two in a window."""
 SMALL = 1e-3
-"""Of |V - V0|/V0: below it the end is steady."""
+"""Largest |V - V0|/V0 of a motion that counts as steady."""
 RUNAWAY = 1e9
 """A slider so many times as fast as commanded has run away; slips of a light one reach 1e6."""
 
@@ -39,15 +39,15 @@ class EndState(eqx.Module):
 
     code: ENDS
     velocity_amplitude: Float[Array, " *s"]
-    """Half of the range of the velocity [m/s]."""
+    """Half the range of the velocity [m/s]."""
     slip_amplitude: Float[Array, " *s"]
-    """Half of the range of slip minus V0 t [m]."""
+    """Half the range of slip minus V0 t [m]."""
     least_velocity: Float[Array, " *s"]
     """Smallest velocity [m/s]."""
     period: Float[Array, " *s"]
     """Mean time between upward crossings of the middle of the slip's range [s]."""
     period_spread: Float[Array, " *s"]
-    """Half of the range of the times between the same crossings [s] (`mean_and_spread`)."""
+    """Half the range of the times between these crossings [s] (`mean_and_spread`)."""
     growth: Float[Array, " *s"]
     """Rate of ln(largest deviation) between the last two windows [1/s]; negative: decays."""
 
@@ -196,6 +196,6 @@ def _upward(
 
 
 def counts(ends: EndState) -> dict[str, int]:
-    """How many of a batch end in which way, by name."""
+    """Number of motions of a batch that end in each way, by name."""
     names = ("steady", "limit_cycle", "escape", "unresolved")
     return {name: int(jnp.sum(ends.code == getattr(ENDS, name))) for name in names}

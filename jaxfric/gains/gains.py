@@ -194,7 +194,7 @@ def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
 def _difficulty(
     requirement: Requirement, scenarios: Scenarios, region: Region, optimum: Optimum
 ) -> np.ndarray:
-    """For each sample, how much less than the requirement it has at the optimum."""
+    """For each sample of the law, minus its least slack at the optimum: larger is harder."""
     slack = slacks(requirement, scenarios, region.unit, optimum.gains)[0]
     samples = np.unique(scenarios.sample)
     return np.asarray([-np.min(slack[scenarios.sample == s]) for s in samples])
@@ -301,7 +301,7 @@ def check_gains(
     number: int = 4,
     progress: Callable[[str], None] | None = None,
 ) -> Gains:
-    """The same gains, checked by nonlinear simulation in the `number` hardest scenarios.
+    """A copy of these gains, checked by nonlinear simulation in the `number` hardest scenarios.
 
     With `basin` both gains are raised by one factor, in steps of 2 %, until velocity may jump by
     that factor either way in all of them; the margins are then those of the raised gains.

@@ -93,8 +93,8 @@ def polish(
 def _descend(
     model: Callable[[np.ndarray], _Model], start: np.ndarray, region: Region, count: int
 ) -> np.ndarray:
-    """Where SLSQP ends: 0.5 |W x|^2 is minimised under the first `count` constraints and the limits
-    of the gains, in units of the start."""
+    """The gains at which SLSQP ends. It minimises 0.5 |W x|^2 under the first `count` constraints
+    and the limits of the gains, in units of the start."""
     size = np.maximum(np.abs(start), 1e-3 * np.max(np.abs(start)))
 
     def slack(y: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from .settle import traced
 
 
 def margin_values(name: str, scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
-    """One margin in every scenario at gains (k_p, k_v)."""
+    """Values of one margin in every scenario at gains (k_p, k_v), shape (n,)."""
     return several_margins([name], scenarios, gains)[name]
 
 

@@ -44,7 +44,7 @@ class Requirement(eqx.Module):
 
     @staticmethod
     def parse(texts: list[str]) -> "Requirement":
-        """From texts such as "modulus=0.5"."""
+        """A requirement from texts such as "modulus=0.5"."""
         for text in texts:
             known_margin(text.partition("=")[0].strip())
         margins = {}

@@ -1,4 +1,4 @@
-"""What a search for gains returns."""
+"""The result of a search for gains."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -76,7 +76,7 @@ class Gains:
     simulation: CheckReport | None = None
     warnings: tuple[str, ...] = field(default=())
     delay: float | None = None
-    """By which the controller answers late in every margin [s]; None: it does not."""
+    """Delay of the controller in every margin [s]; None: it has none."""
 
     @property
     def basins(self) -> tuple[LocalOptimum, ...]:

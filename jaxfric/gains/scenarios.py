@@ -33,14 +33,14 @@ class Scenarios:
     """Index into `laws`."""
     friction: LinearFriction
     delay: np.ndarray | None = None
-    """By which the controller answers late [s]; None: it does not."""
+    """Delay of the controller in every scenario [s]; None: it has none."""
 
     def __len__(self) -> int:
         return self.velocity.shape[0]
 
     @property
     def tile(self) -> int:
-        """How many of them to evaluate at once: one shape to compile (`tiles`)."""
+        """Number of scenarios to evaluate at once, one shape to compile (`tiles`)."""
         return _TILE if isinstance(self.friction.kernel, AbstractRationalKernel) else _SMALL_TILE
 
     @staticmethod
@@ -88,7 +88,7 @@ class Scenarios:
         return Scenarios(self.laws, self.velocity[index], mass, self.sample[index], friction, delay)
 
     def join(self, other: "Scenarios") -> "Scenarios":
-        """These and then the others."""
+        """These scenarios followed by the others."""
 
         def both(a: ArrayLike, b: ArrayLike | None) -> np.ndarray:
             return np.concatenate([np.asarray(a), np.asarray(b)])

@@ -47,7 +47,7 @@ class Schedule:
     gap: tuple[float, float] | None
     """The first two velocities between which the chain breaks [m/s]."""
     warnings: tuple[str, ...] = ()
-    """What the law warns of, and whether it is asked beyond the record that it is from."""
+    """Warnings of the law, and one where it is asked for velocities beyond its record."""
 
     def gains(self, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """(k_p, k_v) for a velocity: those of the nearest set point, by ratio."""

@@ -14,7 +14,7 @@ from ..simulation import RESULTS, Start, Trajectory, simulate
 from .ends import ENDS, RUNAWAY, SMALL, EndState, Track, classify
 
 PERIODS = 30.0
-"""Of the slowest linear mode, in which a motion is given time to end."""
+"""Time that a motion is given to end, in periods of the slowest linear mode."""
 SPREAD = 1e6
 """Modes slower than the quickest by more than this are left to the linear theory."""
 _FOLDS = 8.0  # decay by exp(-8) where the rate is known ...

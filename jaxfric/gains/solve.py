@@ -28,7 +28,7 @@ from .scenarios import Scenarios
 from .slack import slacks
 
 Pair = tuple[float | None, float | None]
-"""Of k_p and of k_v."""
+"""(k_p, k_v), each None where it is not given."""
 
 _ROUNDS = 20
 _ADDED = 3
@@ -43,10 +43,10 @@ class NoGains(InputError):
 
 
 class Infeasible(NamedTuple):
-    """The same as a value: too much is asked, and nothing is wrong with the input."""
+    """The requirement cannot be met, as a value and not an error: the input itself is sound."""
 
     text: str
-    """Where it fails, by how much, what to do."""
+    """Sentences on where the requirement fails, by how much, and what to do."""
 
 
 class Optima(NamedTuple):
@@ -129,7 +129,7 @@ def _distinct(optima: list[Optimum]) -> list[Optimum]:
 def _others(
     single: list[FrontierPoint], optima: list[Optimum], region: Region
 ) -> list[FrontierPoint]:
-    """Those that are not, within a thousandth, an optimum."""
+    """The points of `single` that are not, within a thousandth, an optimum."""
     near = 1e-3
     return [
         one
@@ -215,7 +215,7 @@ def _dense(
 def _feasible(
     requirement: Requirement, scenarios: Scenarios, region: Region, grid: np.ndarray
 ) -> np.ndarray:
-    """Which gains every one of the scenarios accepts."""
+    """Mask (p,) of the rows of gains in `grid` that every scenario accepts."""
     return np.min(slacks(requirement, scenarios, region.unit, grid), axis=1) >= 0
 
 
@@ -227,7 +227,7 @@ def _near(
 
 
 def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> Infeasible:
-    """What fails: the scenario that is worst at the gains whose worst scenario is best."""
+    """An `Infeasible` that names the worst scenario at the gains whose worst scenario is best."""
     u = np.concatenate([np.geomspace(1e-6, 1e4, 61)])
     v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2) * region.unit

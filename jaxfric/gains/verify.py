@@ -35,7 +35,7 @@ class CheckedStart:
     start: str
     end: str
     amplitude: float | None
-    """Half of the range of the velocity [m/s]."""
+    """Half the range of the velocity [m/s]."""
     period: float | None
     least_velocity: float | None
 
@@ -160,7 +160,7 @@ class JumpSizes(NamedTuple):
     up: np.ndarray
     """The slider settles after the command steps up from velocity/r, for every r up to this."""
     down: np.ndarray
-    """The same for steps down from velocity r."""
+    """The slider settles after the command steps down from velocity r, for every r up to this."""
     lost: list[str]
     """How the first larger jump ends; "steady" where none is lost."""
 
@@ -218,7 +218,7 @@ def _simulated(
     kind: np.ndarray,
     log_ratio: np.ndarray,
 ) -> list[_End]:
-    """How simulations end: of scenario `where`, from the start `kind` (see `_start`)."""
+    """How simulations end, each in scenario `where`, from the start `kind` (see `_start`)."""
     horizon, decay = _times(scenarios, gains)
     found: list[_End] = []
     for lane, used in tiles(len(where), _LANES):
@@ -245,8 +245,8 @@ def _ends(rigs: Rig, lanes: "_Lanes") -> EndState:
 
 
 class _Lanes(NamedTuple):
-    """What is simulated together: commanded velocities, horizons and decays of the linear theory,
-    starts (`_start`) and the logarithms of the steps of the command."""
+    """Inputs of a batch of simulations: commanded velocities, horizons and decays of the linear
+    theory, starts (`_start`) and logarithms of the steps of the command."""
 
     velocity: Array
     horizon: Array
@@ -256,7 +256,7 @@ class _Lanes(NamedTuple):
 
 
 def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> Start:
-    """One of `STARTS` by its index; the one after the last is a step of the command by `ratio`."""
+    """The start `STARTS[kind]`, or after the last of them a step of the command by `ratio`."""
     every = [*standard_starts(rig, V), rest_start(rig, V), step_start(rig, V, ratio)]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves)[kind], *every)
 
