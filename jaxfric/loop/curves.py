@@ -32,14 +32,14 @@ _MOST = 3
 
 
 class CurveRig(NamedTuple):
-    """What a kind of rig tells of its steady curves; speeds in m/s or rad/s, positive."""
+    """The steady curves of a kind of rig; speeds in m/s or rad/s, positive."""
 
     effects: tuple[str, ...]
-    """Of the fit, those that are such curves."""
+    """The effects of the fit that are such curves."""
     declared: tuple[str, ...]
-    """Of those that the base was given, too."""
+    """The effects given with the base that are such curves."""
     speeds: np.ndarray
-    """Of the motion segments that train or select."""
+    """Speeds of the motion segments that train or select."""
     counted: bool
     """Whether the rig slides at these speeds only."""
     replaced: tuple[str, ...]
@@ -49,7 +49,7 @@ class CurveRig(NamedTuple):
     lowest: int
     """Degree of the first power of ln V that the base has not."""
     parameters: int
-    """Of the steady curve of the base."""
+    """Number of parameters of the base's steady curve."""
     level: Callable[[np.ndarray, np.ndarray], np.ndarray]
     """Friction of steady sliding at parameters z and speeds (m,)."""
     send: Callable[[Curve], tuple[np.ndarray, np.ndarray]]
@@ -58,7 +58,7 @@ class CurveRig(NamedTuple):
 
 
 def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily | None:
-    """What else fits in place of the steady curves of a fit; None where it has none."""
+    """Other shapes that fit in place of the steady curves of a fit; None where it has none."""
     if not rig.effects or final.failed:
         return None
     speeds = distinct(rig.speeds)
@@ -143,8 +143,8 @@ def distinct(speeds: np.ndarray) -> np.ndarray:
 
 
 def _shapes(rig: CurveRig, speeds: np.ndarray) -> list[tuple[str, Curve]]:
-    """Other shapes by their words. Between velocities the transients tell of a curve, so that a
-    cubic may be known of three."""
+    """Other shapes, each with its words. Between velocities the transients tell of a curve, so that
+    a cubic may be known of three."""
     centre = np.log(np.sqrt(speeds[0] * speeds[-1]))
 
     def powers(degree: int) -> Curve:
@@ -170,7 +170,7 @@ def _grid(speeds: np.ndarray, *, counted: bool) -> np.ndarray:
 
 
 def _sorted_out(grid, named, found, speeds, error) -> tuple[tuple, tuple]:
-    """Other shapes, best first, and the velocities that decide.
+    """The other shapes, best first, and the velocities that decide between them.
 
     A shape that is nowhere clearly apart from the named one is that one, in other words.
     """
@@ -184,8 +184,8 @@ def _sorted_out(grid, named, found, speeds, error) -> tuple[tuple, tuple]:
 def deciding(
     grid: np.ndarray, levels: np.ndarray, speeds: np.ndarray, error: float
 ) -> tuple[Decisive, ...]:
-    """Where curves differ most: the best velocity of every gap between those of the record, and
-    beyond them, if they differ there by more than 3 errors; the three clearest.
+    """Velocities at which curves differ most: the best one in every gap between those of the record
+    and beyond them, if curves differ there by more than 3 errors; the three clearest.
 
     grid : speeds (m,). levels : friction of every curve there (c, m). speeds : those of the record,
     ascending. error : of the mean of one more step.

@@ -32,24 +32,24 @@ from .words import LoopWords
 
 
 class Offered(NamedTuple):
-    """What a loop may add, and what its base has from the start."""
+    """The effects that a loop may add, and those that its base has from the start."""
 
     effects: tuple[type[AbstractEffect], ...]
-    """In the model: those that may be added, and those of the base."""
+    """The effects of the encompassing model: those that may be added, and those of the base."""
     with_: tuple[str, ...]
     without: tuple[str, ...]
     most: int
 
 
 class ScoredRows(NamedTuple):
-    """What the errors of a model are told of: its rows, by velocity or by stroke."""
+    """Rows over which the errors of a model are reported, by velocity or by stroke."""
 
     used: np.ndarray
     """Mask of the rows that count."""
     part: np.ndarray
-    """Index of the velocity or stroke of each."""
+    """Index of the velocity or stroke of every row."""
     parts: int
-    """How many of those there are."""
+    """Number of velocities or strokes."""
 
 
 class AbstractBench(abc.ABC):
@@ -57,7 +57,7 @@ class AbstractBench(abc.ABC):
 
     @abc.abstractmethod
     def engine(self, with_: tuple[str, ...] | None) -> Engine:
-        """What fits candidates: of a base that has `with_`; None: to start such a base from."""
+        """The engine for a base that has the effects `with_`; None: one to start that base from."""
 
     @abc.abstractmethod
     def start(self, engine: Engine) -> np.ndarray:
@@ -65,7 +65,7 @@ class AbstractBench(abc.ABC):
 
     @abc.abstractmethod
     def starts(self, engine: Engine, z: np.ndarray) -> Sequence[np.ndarray]:
-        """From where the base is fitted: from `z`, and from where else it may end."""
+        """Points to fit the base from: `z`, and others that may lead to another minimum."""
 
     @abc.abstractmethod
     def scales(self) -> RecordScales:
@@ -77,11 +77,11 @@ class AbstractBench(abc.ABC):
 
     @abc.abstractmethod
     def passing_over(self, engine: Engine) -> Self:
-        """The same without the rows that the engine found to be glitches."""
+        """A copy of this bench without the rows that the engine found to be glitches."""
 
     @abc.abstractmethod
     def bumps(self, engine: Engine, candidate: Candidate) -> Sequence[Bumps]:
-        """Over which variables missing friction is looked for."""
+        """Bumps over the variables on which missing friction may depend."""
 
     @abc.abstractmethod
     def curves(self, engine: Engine, final: Candidate) -> CurveRig:
@@ -89,7 +89,7 @@ class AbstractBench(abc.ABC):
 
     @abc.abstractmethod
     def rows(self, engine: Engine) -> ScoredRows:
-        """What errors are told of."""
+        """The rows over which errors are reported."""
 
     @abc.abstractmethod
     def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
@@ -106,11 +106,11 @@ class AbstractBench(abc.ABC):
 
     @abc.abstractmethod
     def warnings(self, engine: Engine, found: Search) -> tuple[str, ...]:
-        """What a user should know of the record, its preparation and the fits."""
+        """Warnings for the user about the record, its preparation and the fits."""
 
     @abc.abstractmethod
     def words(self) -> LoopWords:
-        """What reports and figures call things."""
+        """The words that reports and figures use."""
 
     @abc.abstractmethod
     def shown(self) -> tuple[LoopRecord, LoopBase]:
@@ -120,7 +120,7 @@ class AbstractBench(abc.ABC):
     def details(
         self, engine: Engine, found: Search, after: Score, progress: Callable[[str], None]
     ) -> LoopDetails | None:
-        """What else this kind of rig has to tell."""
+        """Further results of this kind of rig; None where it has none."""
 
 
 def offered(

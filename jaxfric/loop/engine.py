@@ -61,9 +61,9 @@ class Candidate(NamedTuple):
     """Predicted minus recorded over the problem's noise scale, all rows of the record."""
     noise: Noise
     bic: float
-    """Of the train block, plus the deviance of the select block that this fit predicts."""
+    """BIC of the train block, plus the deviance of the select block that this fit predicts."""
     rms: dict[str, float]
-    """By block, in units of the record."""
+    """Root mean square of the residual by block, in the unit of the record."""
     physical: bool
     failed: bool
     refused: str = ""
@@ -90,13 +90,13 @@ class Rows(NamedTuple):
 
 
 class Column(NamedTuple):
-    """One shape of one effect: shape parameters by index in z, and where its amplitudes are."""
+    """One shape of one effect: shape parameters by index in z, and indices of its amplitudes."""
 
     id: str
     shape: dict[int, float]
     amplitudes: tuple[int, ...]
     places: tuple[int, ...]
-    """Of the amplitudes' columns in the matrix."""
+    """Indices of the amplitudes' columns in the matrix."""
 
 
 class Sensitivities(NamedTuple):
@@ -105,11 +105,11 @@ class Sensitivities(NamedTuple):
     columns: tuple[Column, ...]
     matrix: np.ndarray
     extra: np.ndarray
-    """The same columns in the extra rows."""
+    """The columns of `matrix` in the extra rows."""
 
 
 class Shapes(Protocol):
-    """How a problem finds `Sensitivities`."""
+    """A function that computes the `Sensitivities` of a kind of problem."""
 
     def __call__(
         self,
@@ -118,24 +118,24 @@ class Shapes(Protocol):
         missing: Sequence[type[AbstractEffect]],
         scales: RecordScales,
     ) -> Sensitivities:
-        """Of those of the `missing` effects whose shapes it knows how to try all at once."""
+        """Sensitivities of those `missing` effects all of whose shapes it can try at once."""
         ...
 
 
 class Choice(NamedTuple):
-    """Which effects may be in a model, by id."""
+    """Ids of the effects that a model may have."""
 
     always: tuple[str, ...] = ()
-    """Belong to the base."""
+    """Effects of the base."""
     without: tuple[str, ...] = ()
-    """Are not offered."""
+    """Effects that are not offered."""
     one_of: tuple[frozenset[str], ...] = ()
     """Groups of which a record determines what they do together: no two of one group are in one
     model, unless they belong to the base."""
 
 
 class NoiseBounds(NamedTuple):
-    """What the noise of a record may be."""
+    """Limits to the noise of a record."""
 
     longest: np.ndarray | None = None
     """Memory over each clock of the problem; by default a tenth of the mean duration, path or
@@ -143,7 +143,7 @@ class NoiseBounds(NamedTuple):
     either_sign: bool = False
     """Neighbouring rows may also be correlated negatively."""
     by_step: bool = True
-    """It may differ from step to step in scale and in pace."""
+    """Noise may differ from step to step in scale and in pace."""
 
 
 _EVERYTHING, _USUAL = Choice(), NoiseBounds()
@@ -260,19 +260,19 @@ class Engine(Generic[P]):
         return self._noise(residual, columns).noise
 
     def noise_afresh(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
-        """As `noise`, but of whatever parts it has."""
+        """The noise as by `noise`, with whatever parts are likeliest."""
         return self._anew(residual, columns)
 
     def noise_of_family(
         self, residual: np.ndarray, columns: np.ndarray, found: FoundNoise
     ) -> FoundNoise:
-        """As `noise`, of the parts of one that was found, from there."""
+        """The noise as by `noise`, with the parts of `found`, searched from its values."""
         rows = self._noise_rows(residual, columns)
         starts = (found.theta,)
         return profile_noise(rows, found.family, starts, least=self.least)
 
     def limits(self) -> Limits:
-        """Between which memories a noise is searched."""
+        """Shortest and longest memory that is searched over each clock."""
         return limits_of(self.problem.clock, self.weight, self.longest)
 
     def _noise(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
@@ -557,7 +557,7 @@ def _natural(problem: AbstractProblem, z: Float[Array, " q"]):
 
 
 def white_noise(clocks: int) -> Noise:
-    """Of sigma 1, for a problem with so many clocks."""
+    """White noise of sigma 1, for a problem with so many clocks."""
     return noise_of(1.0, 0.0, jnp.ones(clocks))
 
 

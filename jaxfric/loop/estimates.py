@@ -76,7 +76,7 @@ def _natural(engine: Engine, z: np.ndarray, named: np.ndarray, std: np.ndarray):
 
 
 def candidate_scores(engine: Engine, found: Search) -> tuple[CandidateScore, ...]:
-    """All that was tried, best Delta BIC first."""
+    """Scores of all candidates that were tried, best Delta BIC first."""
     out = []
     for c in found.tried:
         values = engine.values(c.z)

@@ -23,7 +23,7 @@ class Evidence(NamedTuple):
     products: np.ndarray
     """Shape (g, m, m), in units of sigma = 1."""
     log_determinant: np.ndarray
-    """Of the covariance at sigma = 1, shape (g,)."""
+    """Log-determinant of the covariance at sigma = 1, shape (g,)."""
     noises: tuple[np.ndarray, np.ndarray, np.ndarray]
     """Shares (g, 2), rates (g, 2, k) and betas (g,)."""
     rows: float
@@ -64,7 +64,7 @@ class Evidence(NamedTuple):
         return deviance[best, chosen], best, solved[best, chosen]
 
     def independent_rows(self, noise: int) -> float:
-        """How many independent rows the record is worth under a noise of the grid."""
+        """Number of independent rows that the record is worth under a noise of the grid."""
         return float(np.clip(self.products[noise, -1, -1], 2.0, self.rows))
 
 

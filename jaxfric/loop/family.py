@@ -19,12 +19,12 @@ class OtherShape(NamedTuple):
     """A curve of another shape, fitted in place of the named one."""
 
     shape: str
-    """In words."""
+    """The shape in words."""
     worse: float
     """BIC with it less that of the fit; below 0 it fits better."""
 
     def to_json(self) -> dict:
-        """Its part of `loop.json`."""
+        """The entry of this shape in `loop.json`."""
         return {"shape": self.shape, "worse_by": self.worse}
 
 
@@ -34,10 +34,10 @@ class Decisive(NamedTuple):
     velocity: float
     """[m/s], or [rad/s]."""
     errors: float
-    """Between the highest and the lowest of them, over the error of the mean of one more step."""
+    """Range of the curves there, over the standard error of the mean of one more step."""
 
     def to_json(self) -> dict:
-        """Its part of `loop.json`."""
+        """The entry of this velocity in `loop.json`."""
         return {"velocity": self.velocity, "errors": self.errors}
 
 
@@ -45,13 +45,13 @@ class CurveFamily(NamedTuple):
     """The effects of a fit that are a steady curve of velocity, and what else would be one."""
 
     effects: tuple[str, ...]
-    """Those named."""
+    """Ids of the effects of the fit that are steady curves."""
     velocities: int | None
-    """How many differ in the rows that train or select; None where velocity takes all values."""
+    """Number of velocities in the train and select rows; None where velocity takes all values."""
     parameters: int
-    """Of the steady curve, those of the base among them."""
+    """Number of parameters of the steady curve, with those of the base."""
     others: tuple[OtherShape, ...]
-    """All that were fitted, best first."""
+    """All other shapes that were fitted, best first."""
     decided_by: tuple[Decisive, ...]
     """Velocities at which the shapes that fit differ most, and clearly; the clearest first."""
     unit: str = "m/s"
@@ -68,11 +68,11 @@ class CurveFamily(NamedTuple):
 
     @property
     def untold(self) -> bool:
-        """Whether the record does not tell the shape."""
+        """Whether the record leaves the shape of the curve open."""
         return self.interpolates or bool(self.fitting)
 
     def name(self) -> str:
-        """What is missing, in words."""
+        """The missing effect in words."""
         fit = "is one that fits" if len(self.effects) == 1 else "together are one that fits"
         also = f", {listed(self.fitting)} another" if len(self.fitting) == 1 else ""
         also = f", {listed(self.fitting)} are others" if len(self.fitting) > 1 else also
@@ -99,7 +99,7 @@ class CurveFamily(NamedTuple):
         return "; ".join(parts)
 
     def to_json(self) -> dict:
-        """Its part of `loop.json`; SI."""
+        """The entry of this family in `loop.json`; SI."""
         return {
             "family": "steady_curve",
             "effects": list(self.effects),

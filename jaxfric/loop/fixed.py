@@ -50,7 +50,7 @@ def loose(parts: list[Part], force: float, scales: RecordScales) -> tuple[str, .
 
 
 def _possible(part: Part, force: float, scales: RecordScales) -> bool:
-    """Whether a record of this size can show such a value."""
+    """Whether a record of this size can show an effect of such a value."""
     f, m, s = powers(part.unit)
     size = abs(part.value)
     if not math.isfinite(size):
@@ -99,14 +99,14 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
 
 
 def _is_shape_only(engine: Engine, i: int) -> bool:
-    """Whether a parameter is an exponent between bounds, or where a logarithm begins."""
+    """Whether a parameter only gives a shape: a bounded exponent, or where a logarithm begins."""
     about = engine.model.quantity(engine.names[i])
     return math.isfinite(about.upper) or about.shape_only
 
 
 def inseparable(covariance: np.ndarray) -> list[int]:
-    """Which of several amplitudes are known together only: |correlation| of two errors, which is
-    the cosine of their sensitivities beyond all others."""
+    """Indices of the amplitudes that the record fixes only together: |correlation| of two errors,
+    which is the cosine of their sensitivities beyond all others, exceeds `ALIAS`."""
     size = np.sqrt(np.diag(covariance))
     alike = np.abs(covariance) > ALIAS * size[:, None] * size
     return np.flatnonzero(np.sum(alike, axis=1) > 1).tolist()

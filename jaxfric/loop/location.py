@@ -1,4 +1,4 @@
-"""Where structure sits that the base leaves, without any catalogue.
+"""Finds where structure sits that the base leaves, without any catalogue.
 
 Bumps of friction as functions of one variable (slip, velocity, state, time, time or slip since the
 step, wavelength) are sent through the linearised slider and fitted together with the base.
@@ -45,25 +45,25 @@ class Bumps(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What the bumps of one variable take of what is left."""
+    """Part of a residual that the bumps of one variable explain."""
 
     profile: LocationProfile
-    """Its p-value is not known yet."""
+    """The profile, its p-value not yet known."""
     gain: float
     """Fall of the sum of squares, less its degrees of freedom."""
     columns: tuple[int, ...]
     """The bumps that are asked together."""
     times: int
-    """How many such questions were asked, of which this has the largest answer."""
+    """Number of such questions that were asked, of which this one has the largest answer."""
 
 
 class Left(NamedTuple):
-    """What is left of a residual."""
+    """Structure that is left in a residual."""
 
     location: tuple[LocationProfile, ...]
-    """The most telling variable first."""
+    """Profiles, the most telling variable first."""
     chances: dict[str, float]
-    """Of noise alone to answer each of `structure.QUESTIONS` that is asked by likelihood."""
+    """p-values of those of `structure.QUESTIONS` that are asked by likelihood."""
 
 
 def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]) -> Left:
@@ -170,7 +170,7 @@ def _ripples(
     whole: tuple[float, float],
     size: float,
 ) -> Asked:
-    """Each wavelength alone, a sine and a cosine: many together would follow anything."""
+    """Fits a sine and a cosine for each wavelength alone: many together would follow anything."""
     del size  # a sine and a cosine are known each for itself
     amplitudes, errors, gains = np.zeros((3, len(centres)))
     for k in range(len(centres)):

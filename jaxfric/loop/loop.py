@@ -112,10 +112,10 @@ class SliderBench(AbstractBench):
     blocks: Blocks
     problem: Problem
     felt: np.ndarray
-    """Which shifts of step times are parameters."""
+    """Mask of the step times whose shifts are parameters."""
     without: tuple[str, ...]
     thinning: tuple[str, ...]
-    """What was said of rows that were left out."""
+    """Sentences on the rows that were left out."""
 
     def engine(self, with_: tuple[str, ...] | None) -> Engine[Problem]:
         """Everything is offered but what is left out."""
@@ -150,7 +150,7 @@ class SliderBench(AbstractBench):
         return [z, other]
 
     def scales(self) -> RecordScales:
-        """Of the steps as the base fit has them."""
+        """Sizes of the record, from the steps as the base fit has them."""
         base, time = self.base_fit, self.record.relative_time
         inside = np.clip(np.append(base.steps.times, time[-1]), 0, time[-1])
         ends = np.asarray(base.steps.displacement(inside))
@@ -175,7 +175,7 @@ class SliderBench(AbstractBench):
         return self
 
     def bumps(self, engine: Engine[Problem], candidate: Candidate) -> list[Bumps]:
-        """Over velocity, state, slip, time and what goes with them."""
+        """Bumps of friction over velocity, state, slip, time and variables that go with them."""
         return friction_bumps(engine, candidate)
 
     def curves(self, engine: Engine[Problem], final: Candidate) -> CurveRig:
@@ -188,12 +188,12 @@ class SliderBench(AbstractBench):
         return ScoredRows(used, engine.blocks.step, len(self.base_fit.steps))
 
     def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
-        """With stiffness and reference velocity."""
+        """The parameters, with stiffness and reference velocity added."""
         known = self.base_fit.parameters
         return {**parameters, "K": known["K"], "V0": known["V0"]}
 
     def friction_unit(self) -> str:
-        """That of the record."""
+        """Unit of friction in the record."""
         return self.record.friction_unit
 
     def edge(self) -> float | None:
@@ -204,7 +204,7 @@ class SliderBench(AbstractBench):
         return base.values()["K"] / base.critical_stiffness()
 
     def warnings(self, engine: Engine[Problem], found: Search) -> tuple[str, ...]:
-        """Those of the base fit but what it says of its noise: the loop speaks of its own."""
+        """Warnings of the base fit except on its noise, and those of the loop itself."""
         own = noise_words(self.base_fit.noise, self.record)
         warnings = [text for text in self.base_fit.warnings if text not in own]
         edge = self.edge()
@@ -223,7 +223,7 @@ class SliderBench(AbstractBench):
         return (*self.thinning, *warnings)
 
     def words(self) -> LoopWords:
-        """Those of a slider."""
+        """Words of reports about a slider."""
         return SLIDER
 
     def shown(self) -> tuple[Record, Fit]:
@@ -233,12 +233,12 @@ class SliderBench(AbstractBench):
     def details(
         self, engine: Engine[Problem], found: Search, after: Score, progress: Callable[[str], None]
     ) -> None:
-        """Nothing more."""
+        """None: a slider has no further results."""
 
 
 def _with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> Offered:
-    """Without the effects that the law cannot have, or that need a column which the record does not
-    have."""
+    """The offer without the effects that the law cannot have, or that need a column which the
+    record lacks."""
     refuse_untaken(law, (e for e in asked.effects if e.id in asked.with_))
     columns = {name for name in record.columns if name != "normal_stress" or stress}
     for effect in asked.effects:
@@ -347,7 +347,7 @@ def _channels(
 
 
 def _finer(engine: Engine[Problem], base: Candidate) -> float:
-    """How far a ten times finer solver moves the prediction, in sigma of the noise."""
+    """Change of the prediction under a ten times finer solver, in sigma of the noise."""
     if engine.always:
         problem, z = engine.at(base.z, engine.everywhere), base.z
     else:  # the base alone is quicker to compile

@@ -50,7 +50,7 @@ def shapes_of(effect: type[AbstractEffect], scales: RecordScales) -> list[dict[s
 
 
 def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
-    """Whether an effect does no more than to add a friction term."""
+    """Whether an effect only adds a friction term."""
     after = null(effect).embed(before)
     a, b = before.friction, after.friction
     if not (isinstance(a, ExtendedLaw) and isinstance(b, ExtendedLaw)):
@@ -106,7 +106,7 @@ def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def extra_rows(engine: Engine[Problem], slip: np.ndarray) -> np.ndarray:
-    """What a change of slip does to the extra rows; friction terms move no load point."""
+    """Change of the extra rows with a change of slip; friction terms move no load point."""
     rows = []
     for channel in engine.problem.channels:
         anchor = np.asarray(channel.anchor)

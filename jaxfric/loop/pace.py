@@ -1,4 +1,4 @@
-"""What is left of a search, in seconds of this machine: told with every message.
+"""Estimates how long the rest of a search takes [s]; every message says it.
 
 One linearisation of the record takes the same time whatever is asked of it, and nearly all of a
 search is made of them. The median of the latest is what one takes here: one with its compilation
@@ -18,7 +18,7 @@ _SILENT = 10.0
 
 
 class Stopwatch:
-    """How long the same work took each time [s]."""
+    """Times that the same work took, one after another [s]."""
 
     def __init__(self, seconds: Sequence[float] = ()):
         self.seconds = list(seconds)
@@ -81,18 +81,18 @@ class Pace:
         stopwatch.listen = self._again
 
     def screening(self, text: str, number: int) -> None:
-        """Of round `number`, from 0: it, two refits and the last steps are left at least."""
+        """Begin round `number`, from 0: at least it, two refits and the last steps are left."""
         whole = 1 + self.refits
         self._begin(text, 4, (self.rounds - number) * whole + 3, fits=False)
 
     def refitting(self, text: str, number: int, place: int, of: int) -> None:
-        """The refit `place` of so many, from 0, in round `number`."""
+        """Begin refit `place` of `of`, from 0, in round `number`."""
         left = of - place
         later = (self.rounds - number - 1) * (1 + self.refits)
         self._begin(f"{text} ({place + 1} of {of})", left + 1, left + later + 3, fits=True)
 
     def end(self) -> None:
-        """Of the stages whose number is known: no more is told of them."""
+        """End the stages whose number is known: no more is reported of them."""
         self.stopwatch.listen = lambda number, seconds: None
 
     def _begin(self, text: str, least: int, most: int, *, fits: bool) -> None:

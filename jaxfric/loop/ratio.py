@@ -34,13 +34,13 @@ _SEEN = 1e-6
 
 
 class Question(NamedTuple):
-    """What may be left: any combination of some columns."""
+    """Structure that may be left in a residual: any combination of some columns."""
 
     name: str
     columns: np.ndarray
-    """In units of the problem's noise scale, (n, k)."""
+    """Columns in units of the problem's noise scale, (n, k)."""
     times: int = 1
-    """How many such questions were asked, of which this is the one with the largest answer."""
+    """Number of such questions that were asked, of which this one has the largest answer."""
 
 
 def chances(

@@ -29,7 +29,7 @@ QUESTIONS = {
     "since_reversal": "follows the distance since a stop",
     "wavelength": "a ripple along the slip",
 }
-"""What the tests look for: along the record and since the steps, then over one variable."""
+"""Words for the structure that each test looks for, by the name of the test or variable."""
 _BINS = 12
 
 

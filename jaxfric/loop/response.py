@@ -1,4 +1,4 @@
-"""What a small friction force, added as a function of time, does to the record.
+"""The linear response of the record to a small friction force, added as a function of time.
 
 The slider is linearised along its own motion, y' = A(t) y + b(t) g(t), so any number of forces
 is sent through the dynamics at once, at no further solves of the equation of motion. That
@@ -53,13 +53,13 @@ def _unknowns(equation: SliderEquation, moved: Trajectory) -> dict[str, Array]:
 
 
 def _begun(equation: SliderEquation, force: Float[Array, ""]) -> SliderEquation:
-    """With `force` added at the start, where sliding is steady, and ever since."""
+    """The equation with `force` added from the start on, where sliding is steady."""
     where = lambda rig: rig.friction.terms[-1].value  # noqa: E731
     return SliderEquation(eqx.tree_at(where, equation.rig, force), equation.motion)
 
 
 def _probed(equation: SliderEquation, g: Float[Array, " 2"]) -> SliderEquation:
-    """With the force g[0] added now, and g[1] at the start."""
+    """The equation with the force g[0] added now, and g[1] from the start on."""
     return eqx.tree_at(lambda e: e.law.terms[-1].value, _begun(equation, g[1]), g[0])
 
 
@@ -72,7 +72,7 @@ class Response(eqx.Module):
     start: Float[Array, ""]
     middle: Float[Array, " k"]
     velocity: Float[Array, " k+1"]
-    """At the start, then at every middle; so are slip, state and force."""
+    """Velocity at the start, then at every middle; so are slip, state and force."""
     slip: Float[Array, " k+1"]
     state: Float[Array, "k+1 s"]
     force: Float[Array, " k+1"]
@@ -80,7 +80,7 @@ class Response(eqx.Module):
     driven: Float[Array, "k d"]
     by_start: Float[Array, "k d"]
     begin: Float[Array, " d"]
-    """By a force at the start: states that depend on the whole of friction begin elsewhere."""
+    """Change of the initial states by a force at the start, for those that depend on friction."""
     read: Float[Array, "k d"]
     read_directly: Float[Array, "k 2"]
     read_slip: Float[Array, "k d"]

@@ -25,7 +25,7 @@ ROLES = {
     "impossible": "impossible parameters",
     "failed": "did not converge",
 }
-"""What a model that was fitted is in a search, in words."""
+"""The role of a fitted model in the search, in words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Score:
 
     effects: tuple[str, ...]
     rms: Mapping[str, float]
-    """By block ("train", "select", "report"), in the unit of friction."""
+    """Root mean square by block ("train", "select", "report"), in the unit of friction."""
     per_step: tuple[float, ...]
     """rms of every velocity of the record, in the unit of friction."""
     residual: np.ndarray
@@ -46,7 +46,7 @@ class Score:
     covariance: np.ndarray
     """Covariance of the free parameters (SI)."""
     noise: NoiseEstimate
-    """Of its own residual."""
+    """Noise of this model's own residual."""
     tests: Mapping[str, float]
     """p-values of the residual tests on the train block, corrected together."""
 
@@ -59,7 +59,7 @@ class CandidateScore:
     delta_bic: float
     train_rms: float
     heldout_rms: float
-    """On the select block; the report block is scored only for the final model."""
+    """rms on the select block; the report block is scored only for the final model."""
     parameters: Mapping[str, float]
     physical: bool
     converged: bool
@@ -99,7 +99,7 @@ class LocationProfile:
 
 
 class LoopRecord(typing.Protocol):
-    """What is told of a record: a `Record`, or the prepared rows of an axis."""
+    """What a loop needs of a record: a `Record`, or the prepared rows of an axis."""
 
     @property
     def relative_time(self) -> np.ndarray: ...
@@ -114,7 +114,7 @@ class LoopRecord(typing.Protocol):
 
 
 class LoopBase(typing.Protocol):
-    """What is told of a base model: a `Fit`, or that of an axis."""
+    """What a loop needs of a base model: a `Fit`, or the base model of an axis."""
 
     @property
     def law(self) -> str: ...
@@ -134,7 +134,7 @@ class TextTable(NamedTuple):
 
 
 class LoopDetails(typing.Protocol):
-    """More tables and more of `loop.json`."""
+    """Results of one kind of rig only: further tables, and further entries of `loop.json`."""
 
     def tables(self) -> list[TextTable]: ...
     def to_json(self) -> dict: ...
@@ -148,30 +148,30 @@ class Loop:
     base_fit: LoopBase
     """Fit of the base to the whole record; of an axis, what its base model is."""
     words: LoopWords
-    """What is called how in reports and figures of this kind of rig."""
+    """Words for reports and figures of this kind of rig."""
     blocks: Blocks
     verdict: str
     """One of `VERDICTS`."""
     sentence: str
     """The verdict in words."""
     reasons: tuple[str, ...]
-    """What speaks against more, a line each."""
+    """Reasons against more, a line each."""
     effects: tuple[str, ...]
-    """Those added, in the order added."""
+    """Ids of the effects added, in the order added."""
     alias_groups: tuple[tuple[str, ...], ...]
-    """For every effect added: it, and those that the record cannot tell from it."""
+    """For every effect added: its id, and those of effects that the record cannot tell from it."""
     separations: Mapping[str, str]
-    """What would tell an effect from its aliases, by id."""
+    """Sentences on what would tell an effect from its aliases, by id."""
     candidates: tuple[CandidateScore, ...]
     screened: tuple[ScreenedEffect, ...]
-    """Of the first round, best first."""
+    """Effects screened in the first round, best first."""
     before: Score
     after: Score
     sigma: float
     """Standard deviation of the noise of the train rows with everything smooth taken out [unit of
     friction]."""
     location: tuple[LocationProfile, ...]
-    """Of the base's residual, most telling variable first."""
+    """Structure of the base's residual over each variable, most telling variable first."""
     alias_ids: tuple[str, ...]
     alias_cosines: np.ndarray
     """|cosine| between the sensitivities of two effects, those of the fitted model projected
@@ -179,12 +179,12 @@ class Loop:
     warnings: tuple[str, ...]
     seconds: float
     details: "LoopDetails | None" = None
-    """What else a kind of rig has to tell."""
+    """Results of this kind of rig only."""
     families: tuple[CurveFamily, ...] = ()
-    """Where the verdict rests on a curve whose shape the record does not tell: what is missing is
-    one of its family, of which the effect that is named is one."""
+    """Families of curves where the record does not tell the shape of the curve that is missing: the
+    effect that is named is one of its family."""
     sigma_held_out: float = float("nan")
-    """As `sigma`, of the rows that are held out; nan where it is not known apart."""
+    """Noise as `sigma`, but of the held-out rows; nan where it is not known apart."""
 
     @property
     def length_unit(self) -> str:
@@ -198,7 +198,7 @@ class Loop:
         return self.words.base.format(law=self.base_fit.law)
 
     def shifts(self) -> dict[str, float]:
-        """How far each parameter of the base moved, in standard deviations of the fit after."""
+        """Shift of every parameter of the base, in standard deviations of the fit after."""
         moved = {}
         for name, before in self.before.parameters.items():
             after = self.after.parameters[name]
@@ -234,7 +234,7 @@ class Loop:
         return list(once.values())
 
     def role(self, candidate: CandidateScore) -> str:
-        """One of `ROLES`: what a model that was fitted is in the search."""
+        """The role of a fitted model in the search, one of `ROLES`."""
         effects = frozenset(candidate.effects)
         if effects == frozenset(self.after.effects):
             return "model"

@@ -34,7 +34,7 @@ def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
 
 
 def all_rivals(search: Search) -> list[Candidate]:
-    """Those of every effect that was found."""
+    """Rival fits of every effect that was found."""
     return [c for id in search.final.effects for c in rival_fits(search, id).values()]
 
 

@@ -1,4 +1,4 @@
-"""Where the sensor of a loop's problem sees friction between rows.
+"""Adds times between the rows at which the sensor of a loop's problem sees friction.
 
 A sensor takes friction as straight from one time to the next, and a lag shorter than the distance
 of rows needs the slope at the row. After a velocity step friction bends within the slip A/K, which
@@ -18,7 +18,7 @@ _BETWEEN = np.asarray((1 / 2, 1 / 8, 1 / 32))
 
 
 def seen_between(problem: Problem, bend: float, length: float, share: float = 0.25) -> Problem:
-    """The same problem with times before its coarsest rows at which the sensor sees friction.
+    """A copy of the problem in which the sensor sees friction before the coarsest rows, too.
 
     `bend` and `length` [m] are A/K and L. The coarsest rows are those with the most slip since the
     last one, soon after a step: a `share` of all, so as many in every problem of that size.

@@ -32,8 +32,8 @@ class Screened(NamedTuple):
     z: np.ndarray
     """Parameters to start a joint fit from."""
     p_value: float
-    """Of its likelihood ratio, where the best of several shapes was taken; 1 elsewhere means
-    that nothing was gained."""
+    """p-value of its likelihood ratio, where the best of several shapes was taken; 1 elsewhere
+    means that nothing was gained."""
 
 
 class Screening(NamedTuple):
@@ -42,7 +42,7 @@ class Screening(NamedTuple):
     rows: Rows
     matrix: np.ndarray
     extra: np.ndarray
-    """The same columns in the extra rows."""
+    """The columns of `matrix` in the extra rows."""
     base: tuple[int, ...]
     columns: tuple[Column, ...]
 
@@ -50,8 +50,8 @@ class Screening(NamedTuple):
 def sensitivities(
     engine: Engine, current: Candidate, scales: RecordScales, *, addable: bool = False
 ) -> Screening:
-    """All columns at a fit, or those of the effects that can be added to it; train and other rows
-    alike."""
+    """Sensitivities at a fit, in train and other rows alike: of all effects, or with `addable` only
+    of those that can be added to it."""
     free = engine.free(current.effects)
     present = (*engine.always, *current.effects)
     missing = [e for e in engine.offered if e.id not in present]
@@ -218,7 +218,7 @@ def _whitened(
 def _without(
     engine: Engine, current: Candidate, scales: RecordScales, id: str
 ) -> tuple[Screening, np.ndarray] | None:
-    """The same with an effect of the fit at its null; None where the motion then fails.
+    """Sensitivities with effect `id` at its null, raw and whitened; None where the motion fails.
 
     Whether another can stand in its place is asked where it is absent: beside it the other also
     changes what the effect does, as a gain of the sensor does, and is alike for that alone.
@@ -231,7 +231,7 @@ def _without(
 
 
 def _thinned(seen: Screening) -> Screening:
-    """With no more than a few shapes of every effect, evenly spread."""
+    """The sensitivities of no more than a few shapes of every effect, evenly spread."""
     by_id: dict[str, list[Column]] = {}
     for column in seen.columns:
         by_id.setdefault(column.id, []).append(column)

@@ -27,18 +27,18 @@ _REFITS = 4
 _WORSE = 1.02
 _TRAIN_WORSE = 1.005
 _AGREE, _ROUGHLY = 1.0, 0.1
-"""Of BIC: what two fits that agree may differ by, and what a rough fit may be off."""
+"""Differences of BIC: between two fits that agree, and between a rough fit and the best."""
 
 
 class Search(NamedTuple):
-    """What was tried and what was found."""
+    """The outcome of a search: base, final model, and every candidate that was tried."""
 
     base: Candidate
     final: Candidate
     tried: tuple[Candidate, ...]
     accepted: tuple[tuple[str, ...], ...]
     screened: tuple[tuple[Screened, ...], ...]
-    """One list for every round."""
+    """The screened effects of every round."""
     ids: tuple[str, ...]
     cosines: np.ndarray
     starts_agree: bool
@@ -161,7 +161,7 @@ def _refits(
 
 
 def _said(loose: Sequence[str]) -> str:
-    """Which parameters the record does not fix, in words; nothing where it fixes all."""
+    """The parameters that the record does not fix, in words; empty where it fixes all."""
     return f"{', '.join(loose)} not fixed" if loose else ""
 
 
@@ -218,7 +218,7 @@ def refit_safely(
 
 
 def fault(current: Candidate, candidate: Candidate, chance: float) -> str:
-    """What keeps a candidate from being taken, in words; nothing where it is better by more than 10
+    """The reasons why a candidate is not taken, in words; empty where it is better by more than 10
     of BIC, possible, and not worse on the select block than chance.
 
     `chance` is the relative standard error of the rms of noise there: few rows, or correlated
@@ -267,7 +267,7 @@ def _swapped(
     tried: list[Candidate],
     progress: Callable[[str], None],
 ) -> Candidate:
-    """Every effect replaced by those easily taken for it; the best of all.
+    """The best of this fit and of those with an effect replaced by one easily taken for it.
 
     Where one is better beside which others are no longer fixed, those may have stood in for it:
     then it is asked without them.

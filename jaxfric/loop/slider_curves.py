@@ -73,8 +73,8 @@ def _sent(
 
 
 def followed(response: Response, curves: np.ndarray) -> np.ndarray:
-    """What a state that follows curves (k+1, c) over the slip length makes of them:
-    h' = (V/L) (curve - h), from steady sliding on."""
+    """The state h that follows curves (k+1, c) over the slip length: h' = (V/L) (curve - h), from
+    steady sliding on."""
     law = response.rig.friction
     assert isinstance(law, ExtendedLaw)
     evolution = evolution_of(law)

@@ -1,4 +1,4 @@
-"""What is smooth along a record: no noise has it, so noise is estimated with it taken out."""
+"""Smooth columns along a record: noise has none of them, so it is estimated without them."""
 
 import numpy as np
 

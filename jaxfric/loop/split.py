@@ -87,7 +87,7 @@ def _held_out(steps: VelocitySteps, number: int) -> np.ndarray:
 
 
 def _share(time: np.ndarray, steps: VelocitySteps, k: int) -> np.ndarray:
-    """How much of the displacement of the k-th velocity each row has behind it."""
+    """Share of the displacement of the k-th velocity that lies behind every row (n,)."""
     last = steps.times[k + 1] if k + 1 < len(steps) else time[-1]
     begin, end = np.asarray(steps.displacement(np.asarray([steps.times[k], last])))
     x = np.asarray(steps.displacement(time)) - begin

@@ -1,4 +1,4 @@
-"""How the noise of a record differs from velocity step to velocity step: in size, and in pace.
+"""Noise that differs from velocity step to velocity step: in size, and in pace.
 
 A recorder may be set anew at every velocity, so that neighbouring rows are as good as independent
 at one and nearly the same at the next. Both are read off what is left when everything smooth is
@@ -14,7 +14,7 @@ _LIKENESS = (0.05, 0.995)
 
 
 def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np.ndarray:
-    """Of every row the rms of its step's innovations.
+    """Root mean square of the innovations in the step of every row, (n,).
 
     `white` are the whitened residual and smooth columns (n, 1 + m), `step` the step of each row.
     Steps that are held out show their own; the mean square over the `train` rows is 1.
@@ -27,7 +27,7 @@ def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np
 
 
 def pace_of_steps(columns: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Of each step, over how many rows its noise forgets: -1/ln of the likeness of neighbours.
+    """Memory of the noise of each step in rows: -1/ln of the correlation of neighbours.
 
     `columns` are the residual and smooth columns (n, 1 + m) as they were recorded.
     """

@@ -1,7 +1,7 @@
-"""What the loop asks of evidence; tables and figures mark the same."""
+"""Thresholds of evidence that the loop asks for; tables and figures mark them."""
 
 ACCEPT = 10.0
-"""By how much BIC must fall for an effect to be taken, or a curve of another shape ruled out.
+"""Fall of BIC for which an effect is taken, or a curve of another shape ruled out.
 
 10 is "very strong" evidence (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572).
 """

@@ -1,4 +1,4 @@
-"""What may be concluded from a search, and in which words."""
+"""Turns a search into a verdict and its sentences."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -34,9 +34,9 @@ class Floor(NamedTuple):
 
     found: Found
     sigma: float
-    """On the train block, in the unit of friction."""
+    """Standard deviation on the train block, in the unit of friction."""
     later: float
-    """On the rows that are held out: noise may differ from step to step."""
+    """Standard deviation on the held-out rows: noise may differ from step to step."""
     held_out: float
     train: float
     """Largest rms of the held-out and train rows, over sigma, that noise alone explains."""
@@ -209,7 +209,7 @@ def conclude(
 
 
 def _withheld(sentence: str, why: str, floor: Floor) -> Conclusion:
-    """No verdict, and why."""
+    """A conclusion without a verdict, with the reason why."""
     reasons = (f"{why}: the verdict is withheld",)
     return Conclusion("ambiguous", sentence, reasons, (), {}, sigma_held_out=floor.later)
 
@@ -264,7 +264,7 @@ def _verdict(
 
 
 def _groups(search: Search) -> tuple[tuple[str, ...], ...]:
-    """For every effect found: it, and those that it cannot be told from.
+    """For every effect found: its id, and those that it cannot be told from.
 
     Those are its aliases, most alike first, and the effects whose refit in its place is no more
     than `ACCEPT` of BIC worse.
@@ -330,7 +330,7 @@ def _upper(text: str) -> str:
 
 
 def _in_vain(search: Search, named: str, told: Told) -> str:
-    """What was added and explains too little."""
+    """A sentence on effects that were added but explain too little."""
     if not named:
         return ""
     one = len(search.final.effects) == 1

@@ -1,4 +1,4 @@
-"""Where the structure of a residual sits, in a sentence."""
+"""Puts into a sentence where the structure of a residual sits."""
 
 import numpy as np
 

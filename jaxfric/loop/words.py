@@ -1,4 +1,4 @@
-"""What the reports and figures of a loop call things, by the kind of rig that it is of."""
+"""Words of the reports and figures of a loop, for each kind of rig."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -15,15 +15,15 @@ class LoopWords(NamedTuple):
     base: str
     """The base model; "{law}" stands for the name of its law."""
     part: str
-    """What the record is split by, one of them."""
+    """A part of the record, such as "velocity step"."""
     piece: str
-    """The same in short."""
+    """A short word for `part`, such as "step"."""
     marks: str
-    """Where a part begins."""
+    """Name of the marks where a part begins."""
     errors: str
     """Title of the errors of every part."""
     velocity: str
-    """What is known of the velocity of a part."""
+    """Name of the velocity of a part."""
     speed: str
     """Unit of the velocities of a record in metres."""
     catalogue: Mapping[str, type[AbstractEffect]]
@@ -34,7 +34,7 @@ class LoopWords(NamedTuple):
     over_path: bool
     """Whether figures are drawn over the motion, where that always advances; else over time."""
     most: Mapping[str, float]
-    """By unit the largest value that chooses the prefix of an axis of a figure."""
+    """Cap by unit on the largest value, which chooses the prefix of a figure's axis."""
 
 
 SLIDER = LoopWords(

@@ -10,11 +10,11 @@ import numpy as np
 from ...records.axis_record import AxisRecord
 
 _EVERYWHERE = 0.05
-"""Of the force's rms: the median difference above which the two do not agree at all."""
+"""Median difference above which the two disagree everywhere, as a share of the force's rms."""
 _LOCAL = 10.0
 """Scatters that a row differs by where the two do not agree there."""
 _SMALLEST = 0.02
-"""Of the largest force: smaller differences are not told."""
+"""Share of the largest force below which differences are not reported."""
 _TOGETHER = 0.05
 """Rows that differ within this time [s] of each other belong to one stretch."""
 
@@ -33,7 +33,7 @@ def stated_force(record: AxisRecord) -> np.ndarray | None:
 
 
 def disagreement(record: AxisRecord, *, held: bool) -> str | None:
-    """What to warn of, in words; None where the two agree or nothing is stated.
+    """A warning where recorded and stated force disagree; None: they agree, or none is stated.
 
     held : the recorded force holds the disturbance, which then belongs to the stated force.
     """

@@ -1,4 +1,4 @@
-"""What is reported of an axis beside the loop: both fits of its models, and its gains."""
+"""The axis part of a result: both fits of its models, and its gains."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -76,7 +76,7 @@ def details_of(
 
 
 def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> AxisGains:
-    """Those of a friction with a state, else of its steady curve at `position`."""
+    """Gains for friction with a state, or else for its steady curve at `position`."""
     slow, fast = known.slowest, known.fastest
     gains = state_gains(rig, position, slow, fast, drive=drive)
     if gains is not None:

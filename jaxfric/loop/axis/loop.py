@@ -43,7 +43,7 @@ from .seen import doubts
 _NOISE_ROWS = 1.0
 _LEAST_UNIT = 1e-3
 _LEAST_MASS = 1e-6
-"""Of the force over the largest acceleration: a start, not a bound."""
+"""Lower limit of the mass to start from, in units of force over the largest acceleration."""
 
 
 def close_axis_loop(
@@ -159,13 +159,13 @@ class AxisBench(AbstractBench):
         return self.reading.rows.path
 
     def passing_over(self, engine: Engine[AxisProblem]) -> Self:
-        """Without the rows that are glitches."""
+        """A copy of this bench without the rows that are glitches."""
         rows = self.reading.rows
         counted = dataclasses.replace(rows, used=rows.used & engine.passed_on())
         return dataclasses.replace(self, counted=counted)
 
     def bumps(self, engine: Engine[AxisProblem], candidate: Candidate) -> list[Bumps]:
-        """Over position, velocity, time and the distance since a reversal."""
+        """Bumps of friction over position, velocity, time and the distance since a reversal."""
         return friction_bumps(engine, self.counted, unit=length_of(self.record))
 
     def curves(self, engine: Engine[AxisProblem], final: Candidate) -> CurveRig:
@@ -173,31 +173,31 @@ class AxisBench(AbstractBench):
         return axis_curves(engine, final, self.counted, length_of(self.record))
 
     def rows(self, engine: Engine[AxisProblem]) -> ScoredRows:
-        """Those that count, by motion segment."""
+        """The rows that errors are reported of, by motion segment."""
         segment = self.counted.segment
         return ScoredRows(self.counted.used, segment, int(segment.max()) + 1)
 
     def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
-        """In the units of a rotary axis where it is one."""
+        """The parameters, in the units of a rotary axis where the axis is one."""
         if self.record.coordinate != "rotary":
             return dict(parameters)
         units = {name: rotary_unit(one.unit) for name, one in parameters.items()}
         return {n: dataclasses.replace(e, unit=units[n]) for n, e in parameters.items()}
 
     def friction_unit(self) -> str:
-        """That of the motor force."""
+        """Unit of the motor force."""
         return self.record.force_unit
 
     def edge(self) -> None:
-        """An axis moves as it is measured to move: no stiffness is near its critical value."""
+        """None: an axis moves as measured, so that no stiffness is near its critical value."""
 
     def warnings(self, engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
-        """Of the record, of its rows, and of what was seen at low speed."""
+        """Warnings of the record, of its rows, and of what was seen at low speed."""
         seen = doubts(engine, found.final, self.counted)
         return (*self.reading.warnings, *self.counted.warnings(), *seen)
 
     def words(self) -> LoopWords:
-        """Those of an axis."""
+        """Words of reports about an axis."""
         return AXIS
 
     def shown(self) -> tuple[PreparedRecord, AxisBase]:
@@ -220,7 +220,7 @@ class AxisBench(AbstractBench):
 
 
 def unit_of_residuals(force: np.ndarray) -> float:
-    """In which residuals are counted: about the noise, but not so little that a bad fit of a
+    """Unit in which residuals are counted: about the noise, but not so little that a bad fit of a
     commanded force, which has none, counts as a simulation that failed."""
     return max(noise_from_differences(force), _LEAST_UNIT * float(np.ptp(force)))
 

@@ -1,4 +1,4 @@
-"""What an axis's missing friction may depend on: shapes of effects, and hats over its variables."""
+"""Columns of an axis's missing friction: shapes of effects, and hats over its variables."""
 
 from collections.abc import Sequence
 

@@ -43,7 +43,7 @@ class Reading(NamedTuple):
     rows: AxisRows
     blocks: Blocks
     notes: tuple[str, ...]
-    """What was chosen, and why."""
+    """Sentences on what was chosen, and why."""
     warnings: tuple[str, ...]
 
 
@@ -111,7 +111,7 @@ def _prepare(record: AxisRecord, force: np.ndarray, chosen: Preparation | None, 
 def _acting(
     record: AxisRecord, preparation: Preparation | None, held: bool
 ) -> tuple[np.ndarray, list[str]]:
-    """All force on the axis, and whether the motor force had the disturbance in it."""
+    """The whole force on the axis (n); notes on whether the motor force held the disturbance."""
     added = record.disturbance_force
     if added is None or not np.any(added):
         return record.motor_force, []

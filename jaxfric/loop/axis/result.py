@@ -78,7 +78,7 @@ class AxisBase:
 
     steps: VelocitySteps
     width: float
-    """Of the smoothed sign of the velocity [m/s]."""
+    """Width of the smoothed sign of the velocity [m/s]."""
     preparation: Preparation
 
     @property
@@ -96,14 +96,14 @@ class AxisDetails:
     """The two fits of base and final model, over all rows that move."""
 
     fits: tuple[tuple[str, AxisFit], ...]
-    """With "before" or "after"."""
+    """Pairs of "before" or "after" and a fit."""
     preparation: Preparation
     width: float
-    """Of the smoothed sign of the velocity [m/s]."""
+    """Width of the smoothed sign of the velocity [m/s]."""
     record: AxisRecord
     gains: AxisGains
     notes: tuple[str, ...] = ()
-    """What was chosen of the preparation, and why."""
+    """Sentences on what was chosen in the preparation, and why."""
     loop: Mapping[str, Estimate] = field(default_factory=dict)
     """Parameters that the loop ended with, to stand beside the fits of the same model."""
     reach: float = 0.0
@@ -154,7 +154,7 @@ class AxisDetails:
         return _shown(found.value, found.std) if found.determined else "undetermined"
 
     def _differing(self) -> str:
-        """Which values of the same model the fits do not agree on, beyond their errors."""
+        """A sentence on values in which the fits differ beyond their errors, or nothing."""
         last = self.fits[-1][0]
         names = [
             name
@@ -205,7 +205,7 @@ class AxisDetails:
         return TextTable("Gains", head, rows, note)
 
     def to_json(self) -> dict:
-        """Under "axis": what was prepared how, and the fits."""
+        """The entry "axis" of `loop.json`: preparation, gains and fits."""
         return {
             "axis": {
                 "coordinate": self.record.coordinate,

@@ -22,16 +22,16 @@ _TRIMS, _NEAR, _FAR = 8, 2.5, 10.0
 
 
 class Rough(NamedTuple):
-    """Least squares of the base law."""
+    """A fit of the base law to an axis record by least squares."""
 
     values: np.ndarray
     """M, F_v, F_c, F_0 (SI), then the coefficients of further columns."""
     std: np.ndarray
-    """Under white residuals."""
+    """Standard deviations of `values`, if the residuals are white."""
     residual: np.ndarray
     """Recorded minus predicted, at all rows (n)."""
     rms: float
-    """Of the residual [F] over the rows of the fit."""
+    """Root mean square of the residual over the rows of the fit [F]."""
     dissipation: float
     """F_c + F_v |v| at the median speed [F]: what friction takes there."""
     its_error: float
@@ -41,7 +41,7 @@ class Rough(NamedTuple):
 def rough_fit(
     prepared: Prepared, used: np.ndarray, width: float, *, more: Sequence[np.ndarray] = ()
 ) -> Rough:
-    """Least squares over the rows `used` (bool, of the real rows); `more` are columns of rows."""
+    """Least-squares fit to the rows `used` (mask of the real rows); `more` are further columns."""
     motion, at_rows = prepared.motion, prepared.forces
     n = prepared.rows
     v = np.asarray(at_rows(motion.velocity))[:n]

@@ -52,7 +52,7 @@ def rows_of(
 
 
 def _widened(slow: np.ndarray) -> np.ndarray:
-    """With the rows beside them, into which the filter of the position reaches."""
+    """The slow rows and those beside them, into which the filter of the position reaches."""
     wide = slow.copy()
     wide[1:] |= slow[:-1]
     wide[:-1] |= slow[1:]
@@ -60,7 +60,7 @@ def _widened(slow: np.ndarray) -> np.ndarray:
 
 
 def _long(slow: np.ndarray, rows: int) -> np.ndarray:
-    """Those of the slow rows that are at least so many together."""
+    """Mask of the slow rows of which at least `rows` follow one another."""
     long = np.zeros(len(slow), bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], slow.astype(int), [0]])))
     for begin, end in edges.reshape(-1, 2):

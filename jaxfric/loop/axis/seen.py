@@ -22,14 +22,14 @@ from .result import AxisRows
 
 _BINS, _FEWEST_ROWS = 12, 8
 _STAIRS = 4.0
-"""Noises of the encoder that a low-pass takes away where it takes motion."""
+"""The low-pass took motion away where it took more than this many noises of the encoder."""
 _QUANTILE = 0.02
 _UNEXPLAINED = 0.5
-"""Of the standard deviation of the force: a fit that leaves more explains too little of it."""
+"""A fit explains too little that leaves more than this share of the force's deviation."""
 
 
 class Seen(NamedTuple):
-    """What the slope of friction rests on, from `slowest` to `fastest`."""
+    """What supports the fitted slope of friction over the speeds `slowest` to `fastest`."""
 
     slowest: float
     fastest: float
@@ -41,7 +41,7 @@ class Seen(NamedTuple):
 def seen(
     engine: Engine[AxisProblem], found: Candidate, rows: AxisRows, prepared: Prepared, unit: str
 ) -> Seen:
-    """Of the fit `found`; `unit` is that of the position, for words."""
+    """What supports the slope of the fit `found`; `unit` is that of the position, for texts."""
     speed = np.abs(rows.velocity[rows.used])
     fastest = float(speed.max())
     unseen = []
@@ -159,7 +159,7 @@ def _stops(rows: AxisRows) -> tuple[int, float]:
 
 
 def _stairs(rows: AxisRows, prepared: Prepared) -> tuple[float, float]:
-    """What the low-pass took away beyond noise (peak to peak), and up to which speed; else 0."""
+    """Size (peak to peak) of motion that the low-pass took away, and its highest speed; else 0."""
     n = prepared.rows
     taken, speed = prepared.taken[:n], np.abs(rows.velocity)
     moving = prepared.inside[:n] & (speed > 0)

@@ -31,18 +31,18 @@ _HINT = 2.0
 
 @dataclass(frozen=True, eq=False)
 class SteadyLoop:
-    """What a steady curve tells of friction."""
+    """The result of a loop on a steady curve."""
 
     curve: SteadyCurve
     base: SteadyModel
     final: SteadyModel
     candidates: tuple[SteadyModel, ...]
     verdict: str
-    """As of `jaxfric.loop`: "no_missing_effect", "effects" or "too_weak"."""
+    """One of "no_missing_effect", "effects" or "too_weak", as in `jaxfric.loop`."""
     sentence: str
 
     def units(self) -> tuple[str, str, float]:
-        """As of `shown_units`."""
+        """Units of force and speed to show, and the size of the force unit in SI."""
         return shown_units(self.curve)
 
 

@@ -23,11 +23,11 @@ class SteadyModel:
     """SI (or % of the rated torque), by name."""
     std: dict[str, float]
     covariance: np.ndarray
-    """Of F_c, F_v, F_0, the amplitudes of `effects` in their order, and vs where there is one."""
+    """Covariance of F_c, F_v, F_0, the amplitudes of `effects` in their order, and any vs."""
     predicted: np.ndarray
-    """Force at the runs."""
+    """Force predicted at the runs."""
     rms: float
-    """Of the means of the runs about the model, each run once."""
+    """Root mean square of the runs' means about the model, each run once."""
     spread: float
     """Standard deviation of runs beyond the error of their means (tau)."""
     bic: float
@@ -148,8 +148,8 @@ def _likeliest_shape(
 def _weighted(
     matrix: np.ndarray, force: np.ndarray, error: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Least squares with variances error^2 + tau^2, tau by likelihood: values, variances, tau,
-    -2 ln L."""
+    """Least squares with variances error^2 + tau^2, tau by likelihood: values, variances, tau, -2
+    ln L."""
 
     def at(log_tau: float):
         variance = error**2 + np.exp(2 * log_tau)

@@ -35,14 +35,14 @@ from ...records.steady import SteadyCurve
 _APART = 20.0
 """Longest memories between two runs: exp(-20) of a noise is left."""
 _MOST_RUNS, _MOST_ROWS = 64, 16384
-"""From which a noise is estimated; of more runs some, spread evenly over their speeds."""
+"""Most runs and rows that noise is estimated from; of more runs some, evenly over speed."""
 _FEWEST = 20
 _TURN = 2 * math.pi
 _ANGLE = 1
 """The clock of the path."""
 _SIZE, _MEMORY, _SHORTER = 4.0, 0.9, (-3.0, -1.0)
-"""Of the starts of a swing once a turn: logarithm of both parts over white, its memory as a share
-of the longest one, and logarithms of the other part's memory over that."""
+"""Starts of a swing once a turn: logarithm of both parts over white, its memory as a share of the
+longest one, and logarithms of the other part's memory over that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class SteadyNoise:
     after_a_turn: float | None = None
 
     def turn_text(self) -> str:
-        """What rows that are a turn apart have in common; nothing where that is not known."""
+        """A sentence on the correlation of rows a turn apart; empty where that is not known."""
         if self.after_a_turn is None:
             return ""
         share = 100 * max(self.after_a_turn, 0.0)
