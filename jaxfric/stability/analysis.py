@@ -126,7 +126,7 @@ def stability_map(
     stiffness: Float[ArrayLike, " p"],
     damping: Float[ArrayLike, " v"],
 ) -> Bool[Array, "v p"]:
-    """Whether steady sliding is stable: rows are the values of k_v, columns those of k_p."""
+    """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p."""
 
     def one(k_v: Float[Array, ""], k_p: Float[Array, ""]):
         return is_stable(_slider(friction, mass, k_p, k_v))
@@ -158,7 +158,7 @@ def root_locus(
 
 
 def at_index(points: SteadyPoint, index: int) -> SteadyPoint:
-    """One of several points."""
+    """The point at `index`, of several points."""
     return jax.tree.map(lambda leaf: leaf[index], points)
 
 

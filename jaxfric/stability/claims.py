@@ -1,4 +1,4 @@
-"""What may be said of stability from what was measured: the one rule behind every such sentence.
+"""The one rule by which measurements allow sentences on stability.
 
 A curve F(V), fitted to steady runs or moving rows, may say "any k_p > 0 holds it" of the speeds
 from the slowest to the fastest that count, if its least slope there exceeds two of its errors; it
@@ -30,7 +30,7 @@ _FALSE_ALARM = 0.01
 _FEWEST = 6
 """Runs without which nothing is told of the slowest."""
 _LARGEST_SHARE = 0.5
-"""Of the runs: no more than these are called slow."""
+"""Largest share of the runs that may be called slow."""
 
 Kind = Literal["free", "damped", "critical", "open"]
 """free: any k_p > 0 holds it. damped: with enough k_v any k_p > 0 does. critical: there is a
@@ -43,9 +43,9 @@ class Above:
 
     number: int
     speed: float
-    """They lie at and below this speed [m/s or rad/s]."""
+    """Largest speed of these runs or rows [m/s or rad/s]."""
     excess: float
-    """Their mean friction less that of the curve."""
+    """Mean friction of these runs or rows, less that of the curve."""
     error: float
     """Standard error of `excess`."""
 
@@ -55,19 +55,19 @@ class Unseen:
     """Speeds at which what was recorded is not friction at a steady speed."""
 
     what: str
-    """In words, as in "2 runs moved unevenly"."""
+    """The reason in words, such as "2 runs moved unevenly"."""
     speed: float
-    """At and below this speed [m/s or rad/s]; inf: at all of them."""
+    """Largest speed that it concerns [m/s or rad/s]; inf: it concerns all speeds."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """What a fitted curve of friction against speed tells of its slope."""
+    """The slope of a fitted curve of friction against speed, and what it rests on."""
 
     slope: float
     """The least dF/d|V| from `slowest` to `fastest`."""
     error: float
-    """Its standard error; nan or inf where it is not determined; 0 of a stated law."""
+    """Standard error of `slope`; nan or inf: not determined; 0 for a stated law."""
     slowest: float
     fastest: float
     above: Above | None = None
@@ -76,17 +76,17 @@ class Curve:
 
 @dataclass(frozen=True)
 class Claim:
-    """What may be said. Sentences are made from it; where it is open nothing else may be."""
+    """What may be said of stability; every sentence is made from it. "open" allows none."""
 
     kind: Kind
     reasons: tuple[str, ...] = ()
     """Why nothing may be said; empty unless `kind` is "open"."""
     damping: float = 0.0
-    """Of "damped": k_v that covers the least slope and two of its errors."""
+    """k_v that covers the least slope and two of its errors, where `kind` is "damped"."""
 
 
 def curve_claim(curve: Curve) -> Claim:
-    """What a curve of friction against speed may say from `slowest` to `fastest`."""
+    """The claim that a curve of friction against speed allows from `slowest` to `fastest`."""
     reasons = []
     if curve.above is not None:
         reasons.append("at low speed friction lies above the fitted curve")
@@ -102,7 +102,7 @@ def curve_claim(curve: Curve) -> Claim:
 def rate_state_claim(
     A: float, B: Sequence[float], error: float, *, determined: bool = True
 ) -> Claim:
-    """What A and the amplitudes B of the states may say.
+    """The claim that A and the amplitudes B of the states allow.
 
     error : of A - sum B, from the covariance of all; 0 where all were given.
     determined : whether the record fixes A and every B (and for a critical stiffness every L).

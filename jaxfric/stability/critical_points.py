@@ -140,7 +140,7 @@ def _polynomial(c: Complex[Array, " n"], t: Float[Array, ""]) -> tuple[Array, Ar
 def _by_transform(
     kernel: AbstractKernel, table: _Table, damping: Float[Array, ""], left: Int[Array, " number"]
 ):
-    """The same with transforms of the kernel, from the chord between two rows."""
+    """Refines as `_by_table`, but with transforms of the kernel, from the chord between rows."""
 
     def solve(left: Int[Array, ""]):
         low, high = table.x[left], table.x[left + 1]

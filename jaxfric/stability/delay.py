@@ -167,7 +167,7 @@ def stiffness_damping_chart(
     k_f: Float[ArrayLike, ""],
     alpha: Float[ArrayLike, ""],
 ) -> Bool[Array, "v p"]:
-    """Where steady sliding is stable: rows are the values of k_v, columns those of k_p."""
+    """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p."""
     k_p, k_v = jnp.asarray(k_p), jnp.asarray(k_v)
     return (unstable_roots(mass, k_p, k_v[:, None], k_f, alpha) == 0) & (k_p > 0)
 
@@ -179,6 +179,6 @@ def stiffness_delay_chart(
     k_f: Float[ArrayLike, ""],
     alpha: Float[Array, " a"],
 ) -> Bool[Array, "a p"]:
-    """Where steady sliding is stable: rows are the delays alpha, columns the values of k_p."""
+    """Mask of stable steady sliding: rows are the delays alpha, columns the values of k_p."""
     k_p, alpha = jnp.asarray(k_p), jnp.asarray(alpha)
     return (unstable_roots(mass, k_p, k_v, k_f, alpha[:, None]) == 0) & (k_p > 0)

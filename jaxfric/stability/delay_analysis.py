@@ -38,7 +38,7 @@ class DelaySummary(eqx.Module):
 
 
 def delay_summary(found: Study, *, number: int = 4) -> DelaySummary:
-    """What the closed forms of `delay` say at the hardest velocity (k_p = 0 if none is given)."""
+    """The closed forms of `delay` at the hardest velocity (k_p = 0 if none is given)."""
     return _summary(delay_numbers(found), found.k_p or 0.0, number)
 
 

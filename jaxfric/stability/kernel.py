@@ -149,7 +149,7 @@ class SampledKernel(AbstractKernel):
         order: int = 16,
         breaks: Sequence[float] = (),
     ) -> "SampledKernel":
-        """From a callable g(t), t in seconds, taken as zero beyond `horizon`.
+        """A kernel from a callable g(t), t in seconds, taken as zero beyond `horizon`.
 
         Panels grow geometrically over five decades up to the horizon, with `order` Gauss points
         each; `breaks` are the times at which g jumps. Choose a horizon after which g has died
@@ -170,7 +170,7 @@ class SampledKernel(AbstractKernel):
 
     @staticmethod
     def from_samples(times: ArrayLike, values: ArrayLike) -> "SampledKernel":
-        """From measured values of g [force/m] at times [s]: straight lines between samples.
+        """A kernel from measured values of g [force/m] at times [s], with straight lines between.
 
         The first time may be later than zero; g is then taken to be constant before it.
         """

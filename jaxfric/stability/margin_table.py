@@ -13,21 +13,21 @@ from ..errors import InputError
 
 @dataclass(frozen=True)
 class Margin:
-    """What a margin is called, what may be required of it, and which function computes it."""
+    """Name and meaning of a margin, its requirements, and the function that computes it."""
 
     unit: str
     limit: float
     """The value of a slider at the limit of stability; a stable one has more."""
     text: str
-    """What it is, in words, as beside the output of a study."""
+    """The margin in words, as beside the output of a study."""
     function: str
-    """Where its function is, "package.module:name": of a `margins.Analysis`, gives a scalar."""
+    """Its function as "package.module:name", which takes a `margins.Analysis` to a scalar."""
     highest: float = math.inf
-    """No slider has more than this: requirements lie between `limit` and here."""
+    """Largest value of any slider: requirements lie between `limit` and here."""
     zero: bool = False
     """Whether 0 may be required, which asks for stability alone."""
     needs_poles: bool = False
-    """Whether it needs the poles, which a slider has not whose kernel is only a table."""
+    """Whether it needs the poles, which a slider whose kernel is only a table lacks."""
     unless_late: str = ""
     """Why it has no meaning where the controller answers late; empty where it has one."""
     unlimited: str = "no crossing"
@@ -35,7 +35,7 @@ class Margin:
 
     @property
     def suffix(self) -> str:
-        """What follows a number: a space and the unit, or nothing where it has none."""
+        """The text after a number: a space and the unit, or nothing where it has none."""
         return "" if self.unit == "1" else f" {self.unit}"
 
 

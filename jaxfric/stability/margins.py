@@ -47,7 +47,7 @@ from .theorem import apply_theorem
 UNITS = {name: one.unit for name, one in MARGINS.items()}
 """Units of the margins of this package; `MARGINS` has also those that were added."""
 LIMITS = {name: one.limit for name, one in MARGINS.items()}
-"""What a slider at the limit of stability has."""
+"""Values of the margins at the limit of stability."""
 
 
 class Crossing(NamedTuple):
@@ -60,7 +60,7 @@ class Crossing(NamedTuple):
 
 
 def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
-    """One margin by its name.
+    """The margin of a given name.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
 
 
 class Analysis:
-    """What several margins of one slider need, computed once."""
+    """Quantities that several margins of one slider need, each computed once."""
 
     def __init__(self, slider: LinearSlider):
         _require_float64(slider)
@@ -160,12 +160,12 @@ class Analysis:
 
     @functools.cached_property
     def real(self) -> Crossing:
-        """Where L(i w) is real, w > 0."""
+        """Frequencies w > 0 at which L(i w) is real."""
         return _real_crossings(self.slider)
 
     @functools.cached_property
     def unit(self) -> Crossing:
-        """Where |L(i w)| = 1, w > 0."""
+        """Frequencies w > 0 at which |L(i w)| = 1."""
         return _unit_crossings(self.slider)
 
 
@@ -269,7 +269,7 @@ def delay(of: Analysis) -> Float[Array, ""]:
 
 
 def _real_crossings(slider: LinearSlider) -> Crossing:
-    """Where L(i w) is real, w > 0."""
+    """Frequencies w > 0 at which L(i w) is real."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
         w, some = crossings(slider, lambda w: jnp.angle(slider.loop(1j * w)), wrapped=True)
         L = jax.vmap(lambda w: slider.loop(1j * w))(w)
@@ -282,7 +282,7 @@ def _real_crossings(slider: LinearSlider) -> Crossing:
 
 
 def _unit_crossings(slider: LinearSlider) -> Crossing:
-    """Where |L(i w)| = 1, w > 0."""
+    """Frequencies w > 0 at which |L(i w)| = 1."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
         w, some = crossings(slider, lambda w: jnp.log(jnp.abs(slider.loop(1j * w))))
         L = jax.vmap(lambda w: slider.loop(1j * w))(w)

@@ -26,7 +26,7 @@ _BEYOND = 1e3
 
 
 class Theorem(eqx.Module):
-    """What (18)-(20) say of one slider. Stiffness is k_p + f_x, in force/m; frequency in rad/s."""
+    """(18)-(20) for one slider. Stiffness is k_p + f_x, in force/m; frequency in rad/s."""
 
     frequencies: Float[Array, " n"]
     """All solutions w_n of (19); inf where there are fewer than n."""
@@ -53,7 +53,7 @@ class Theorem(eqx.Module):
         return self.integrable & self.damped & self.underdamped & self.complete
 
     def describe(self) -> list[str]:
-        """Which hypotheses were checked, which failed, and what follows; lines of text."""
+        """Lines of text: the hypotheses checked, those that failed, and what follows."""
         checks = {
             "g integrable and piecewise continuous, G bounded for Re s >= 0": self.integrable,
             "f_v + k_v > 0": self.damped,
