@@ -15,7 +15,7 @@ _LENGTHS = {"linear": "m", "rotary": "rad"}
 
 
 class ToldOfDrive(NamedTuple):
-    """What the user says of the drive, as texts; None where nothing. See `read_axis`."""
+    """The user's statements about the drive, as texts; None where nothing. See `read_axis`."""
 
     drive_gain: str | None = None
     position_gain: str | None = None

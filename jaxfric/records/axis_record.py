@@ -30,7 +30,7 @@ _LEAST_STEPS = 20
 
 @dataclass(frozen=True)
 class Drive:
-    """What lies between the position error and the motor force of two nested loops.
+    """The drive between the position error and the motor force of two nested loops.
 
     control signal = kv (kp (reference - position) - velocity), force = gtau * control signal:
 
@@ -63,7 +63,7 @@ class Drive:
 
 
 class AxisKind(NamedTuple):
-    """What an axis is, and what drives it: the fields of `AxisRecord` of these names."""
+    """An axis and its drive: the fields of `AxisRecord` of these names."""
 
     coordinate: str
     force_unit: str

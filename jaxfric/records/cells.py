@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 DELIMITERS = ("\t", ";", ",", None)
-"""What parts the cells of a row; None: blanks."""
+"""Separator of the cells of a row; None: blanks."""
 
 BLANK = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "---"}
 """Cells that hold nothing, in lower case."""
@@ -21,7 +21,7 @@ _EXPONENT = r"(?:[eEdD][-+]?\d+)?"
 
 @dataclass(frozen=True)
 class Writing:
-    """How a file writes its rows: what parts the cells, and whether a comma is decimal."""
+    """Style in which a file writes its rows: the separator, and whether a comma is decimal."""
 
     delimiter: str | None
     decimal_comma: bool = False

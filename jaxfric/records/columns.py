@@ -1,4 +1,4 @@
-"""Which column of a table plays which role, and in which unit: the same for sliders and axes."""
+"""Finds the role and unit of the columns of a table, for sliders and axes alike."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -198,7 +198,7 @@ def _by_name(table: Table, schema: Schema, role: Role, taken: set[int]) -> int |
 
 
 def _fitting(indices: list[int], units: Sequence[str | None], wanted: Iterable[str]) -> list[int]:
-    """Those of equally named columns whose unit is of a dimension that is wanted; else all."""
+    """Of equally named columns those with a unit of a wanted dimension; all if there are none."""
     if len(indices) < 2:
         return indices
     good = [i for i in indices if units[i] and any(fits(spelt(units[i]), one) for one in wanted)]
@@ -272,7 +272,7 @@ def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: b
 
 
 def _si_unit(role: Role, unit: str) -> str:
-    """That of a role's SI units which fits a column's; its own where none does."""
+    """The SI unit of a role that fits a column's unit; the role's own where none does."""
     for one in role.units[1:]:
         # an angle has no dimension: 1/s would be one of rad/s
         if _ANGLE.search(unit) if one.startswith("rad") else fits(unit, one):

@@ -48,7 +48,7 @@ def decode(data: bytes) -> str:
 
 
 def line_of(data: bytes, number: int) -> str:
-    """What stands in a line of a text, counted from 1."""
+    """Text of a line, counted from 1."""
     lines = decode(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return lines[number - 1] if 0 < number <= len(lines) else ""
 

@@ -91,7 +91,7 @@ def _check_header(path: str, head: int, names: list[str], units: list[str]) -> N
 
 
 def _notes(block: list[str], rows: int) -> tuple[str, ...]:
-    """When it was recorded, and whether all samples are there."""
+    """Notes on when it was recorded, and on samples that are missing."""
     fields = {}
     for line in block:
         name, _, value = line.replace('"', "").partition(":;")

@@ -1,4 +1,4 @@
-"""What a format of records is."""
+"""The interface of a format of records."""
 
 from collections.abc import Callable
 from typing import NamedTuple

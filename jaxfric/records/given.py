@@ -1,4 +1,4 @@
-"""What a caller gave for a record: a record, or the path of one."""
+"""The argument by which a caller gives a record: a record, or the path of one."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Where the lines of a broken line meet, how fast they are, and how sure that is."""
+"""Finds the joints of a broken line, its slopes, and the standard errors of both."""
 
 from dataclasses import dataclass
 

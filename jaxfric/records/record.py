@@ -23,7 +23,7 @@ EMPTY_ROWS = "empty at the start or end"
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a record comes from and what was left out of it.
+    """Origin of a record, and what was left out of it.
 
     `dropped` counts the rows left out, by reason.
     """
@@ -41,7 +41,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a record is sampled: rows, duration [s], and intervals between rows [s]."""
+    """Sampling of a record: rows, duration [s], and intervals between rows [s]."""
 
     rows: int
     duration: float
@@ -51,7 +51,7 @@ class Sampling:
 
     @classmethod
     def of(cls, time: np.ndarray) -> "Sampling":
-        """Of rows at `time` [s]."""
+        """The sampling of rows at `time` [s]."""
         steps = np.diff(time)
         return cls(
             rows=len(time),
@@ -236,7 +236,7 @@ def _without(
 
 
 def vector(values: ArrayLike, role: str) -> np.ndarray:
-    """One dimension of numbers; `role` names it in the error."""
+    """The values as an array with one dimension; `role` names them in the error."""
     try:
         found = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""What a column of a record can be: one schema of roles for sliders, one for servo axes.
+"""The roles that columns of a record can have: one schema for sliders, one for servo axes.
 
 A role has a name, the SI units that its column may have, an example of a unit for messages, and the
 names under which laboratories and drives write it. `columns` finds the columns of a file by it, the
@@ -16,7 +16,7 @@ NO_COLUMN = "none"
 
 
 class Role(NamedTuple):
-    """What one column of a record can be.
+    """One role that a column of a record can have.
 
     `unit` is its SI unit and `turning` that of a rotation (empty: there is none); `others` are
     further units that a column may have. `example` is a unit as it is often written.
@@ -34,7 +34,7 @@ class Role(NamedTuple):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """All SI units that a column of this role may have, its own first."""
+        """SI units that a column of this role may have, its own first."""
         return (self.unit, *filter(None, [self.turning]), *self.others)
 
     def shown(self, *, rotary: bool = False) -> str:
@@ -246,7 +246,7 @@ AXIS = Schema(
 be recorded as a control signal or a current, which the drive's gain turns into a force."""
 
 SIGNAL_UNITS = ("V", "A")
-"""What is not yet a force."""
+"""Units of control signals, which are not yet a force."""
 
 
 def has_role(cell: str) -> bool:

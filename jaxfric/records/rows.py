@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError
 
 LARGEST, SMALLEST = 1e30, 1e-30
-"""No measured quantity is larger, in SI; what is smaller is 0."""
+"""Limits to a measured quantity in SI: larger is impossible, smaller is taken as 0."""
 
 MIN_ROWS = 20
 """A record needs this many rows."""
@@ -16,7 +16,7 @@ MIN_ROWS = 20
 
 @dataclass(frozen=True, eq=False)
 class FileRows:
-    """Where the rows stand in their file.
+    """Places of the rows in their file.
 
     `lines`: line (or row) numbers; `malformed`: rows with a wrong number of cells; `text` gives
     what stands in a line, for messages.
@@ -28,11 +28,11 @@ class FileRows:
 
     @classmethod
     def of(cls, count: int) -> "FileRows":
-        """Of arrays that come from no file."""
+        """Rows of arrays that come from no file."""
         return cls(np.arange(1, count + 1), np.zeros(count, bool))
 
     def part(self, rows: slice) -> "FileRows":
-        """Some of them."""
+        """A slice of these rows."""
         return FileRows(self.lines[rows], self.malformed[rows], self.text)
 
     def place(self, index: int, role: str = "") -> str:

@@ -44,14 +44,14 @@ _BRIEF, _BRIEF_HEIGHT = 0.02, 60.0
 the servo or a jump of the recorder than a commanded step: its joints need this height."""
 
 _NEAR = 1.0
-"""How far a joint is looked at on either side, in lengths of its shorter line."""
+"""Reach on either side in which a joint is judged, in lengths of its shorter line."""
 
 _PASSES = 4
 """Rows that are lone glitches are left out, and lines fitted anew, so often at most."""
 
 
 def find_lines(t: np.ndarray, y: np.ndarray, least_change: float) -> tuple[Sums, np.ndarray]:
-    """As many lines as the data support.
+    """Fit as many straight lines as the data support.
 
     **Arguments:** `t` [s], increasing; `y` [m]; `least_change`: a joint whose change of
     slope is below this fraction of the larger of the two slopes is not a joint.
@@ -179,7 +179,7 @@ def _collapse(sums: Sums, rows: np.ndarray) -> np.ndarray:
 
 
 def _scores(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:
-    """How far every joint passes its weaker test; below 1 it fails.
+    """Ratio by which every joint passes its weaker test; below 1 it fails.
 
     The height of a joint is how far it lifts the line above the chord of its two sides,
     |v2 - v1| T1 T2 / (T1 + T2). Test 1: the height is `_HEIGHT` (at a brief line
@@ -219,7 +219,7 @@ def _pass(
     common: float,
     least_change: float,
 ) -> np.ndarray:
-    """How far joints between the rows first..joint-1 and joint..end-1 pass their weaker test."""
+    """Ratio by which joints between rows first..joint-1 and joint..end-1 pass their weaker test."""
     before, after = sums.lines(first, joint), sums.lines(joint, end)
     around = np.maximum(_scatter(before, common, sums.floor), _scatter(after, common, sums.floor))
     t, last = sums.t, len(sums.t) - 1

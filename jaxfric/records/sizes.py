@@ -10,7 +10,7 @@ from ..errors import InputError
 
 @dataclass(frozen=True)
 class Size:
-    """What a column may be, in SI: the largest size, and the least.
+    """Limits in SI to the values of a column: the largest size, and the least.
 
     The least is that of its change, or where it does not need to change (`changes` is False) of
     its largest size. 0 is always allowed: it is told elsewhere, where it does harm.
@@ -40,7 +40,7 @@ SIZES = {
     ("motor_force", "N"): Size("N", 1e-10, 1e9),
     ("motor_force", "N m"): Size("N m", 1e-10, 1e9),
 }
-"""By role and unit; wide: creep of 0.01 um in ten days, shear over 10 km, a stress of 1 Pa."""
+"""Limits by role and unit; wide: creep of 0.01 um in ten days, shear over 10 km, 1 Pa of stress."""
 
 
 def refuse_sizes(

@@ -9,15 +9,15 @@ from ..units import format_si
 _RANGES = 2.0
 """A cell stands out that lies beyond both neighbours by this many times the range of the rest."""
 _LEVEL = 0.2
-"""And by this share of the median: no peak of friction after a velocity step is as high."""
+"""It must also lie beyond both by this share of the median, more than any peak after a step."""
 _STEPS = 10.0
-"""Of a column that advances: by this many times the largest advance of the rest."""
+"""In a column that advances: beyond both by this many times the largest other advance."""
 _FEW, _SHARE, _TOLD = 3, 0.01, 3
 _ADVANCE = ("load_point_displacement", "load_point_encoder", "slip")
 
 
 def standing_out(role: str, values: np.ndarray) -> np.ndarray:
-    """Which of n cells of a column stand far out of both neighbours: True there [n].
+    """Mask (n,) of the cells of a column that stand far out of both neighbours.
 
     A cell stands out by its distance from the interval between its neighbours (of the first and
     last the two next to it). The rest are all but the m = max(3, n/100) farthest of either side.

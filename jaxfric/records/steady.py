@@ -134,7 +134,7 @@ def _read_all(folder: Path, one: Callable[[Path], AxisRecord]) -> dict[str, Axis
 
 
 def _refuse_bad(folder: Path, bad: list[str], count: int) -> None:
-    """All files that cannot be read in one list; one advice that all of them end with once."""
+    """One error for all files that cannot be read; advice that all of them end with comes once."""
     if not bad:
         return
     parts = [text.rpartition("; ") for text in bad]
@@ -206,7 +206,7 @@ def _check_runs(
 def _provenance(
     folder: Path, runs: list[Run], used: list[Run], records: Mapping[str, AxisRecord]
 ) -> Provenance:
-    """Where the runs come from, and what was left out of them."""
+    """Origin of the runs, and what was left out of them."""
     folders = sorted({Path(run.name).parent.as_posix() for run in used})
     notes = [f"{len(used)} steady runs of {len(runs)} files, from {', '.join(folders)}"]
     if len(folders) > 1:

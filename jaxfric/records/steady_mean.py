@@ -14,11 +14,11 @@ _FAR = 6.0
 _FEWEST = 10
 _FEW = 3
 _SHARE = 0.01
-"""At most this share of the samples, or `_FEW` of them, can be found not to belong."""
+"""Largest share of the samples that may be outliers; `_FEW` of them are always allowed."""
 
 
 def outliers(values: ArrayLike) -> np.ndarray:
-    """Which of n samples do not belong to the others: True there [n].
+    """Mask (n,) of the samples that do not belong to the others.
 
     They lie more than 6 scales from the median. The scale is the smallest one that the distances
     of all but m = max(3, n/100) samples allow: that of the (n - m)-th distance, of the median
@@ -45,7 +45,7 @@ def outliers(values: ArrayLike) -> np.ndarray:
 
 
 def effective_samples(values: ArrayLike) -> float:
-    """How many independent samples n correlated ones are worth, n / (2 tau), in 1..n.
+    """Number of independent samples that n correlated ones are worth, n / (2 tau), in 1..n.
 
     tau = 1/2 + sum of the autocorrelation over the lags 1..W is the integrated autocorrelation
     time, W the first lag with W >= 5 tau(W) (automatic windowing: A. Sokal, Monte Carlo Methods in

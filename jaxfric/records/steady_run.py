@@ -25,7 +25,7 @@ class SteadyRows(NamedTuple):
     """The rows of a run of which its means are; arrays (n,), read-only."""
 
     number: np.ndarray
-    """Their places in the record, from 0."""
+    """Indices of the rows in the record, from 0."""
     time: np.ndarray
     """Since the first row of the record [s]."""
     force: np.ndarray
@@ -47,11 +47,11 @@ class Run:
     refused: str = ""
     note: str = ""
     uneven: bool = False
-    """Whether it moved unevenly, or its speed is recorded too coarsely to tell."""
+    """Whether the axis moved unevenly, or its speed is recorded too coarsely to tell."""
     outliers: int = 0
     """Rows that are left out because they do not belong to the others."""
     rows: SteadyRows | None = None
-    """None of a run that is refused."""
+    """The rows of the steady part; None for a run that is refused."""
 
 
 @dataclass(frozen=True)
@@ -59,15 +59,15 @@ class _Rows:
     """The rows of a run without those that do not belong to the others."""
 
     number: np.ndarray
-    """Their places in the record."""
+    """Indices of the rows in the record."""
     time: np.ndarray
     speed: np.ndarray
     force: np.ndarray
     position: np.ndarray | None
-    """None where the speed is not that of the position."""
+    """Position of the rows; None where the speed does not come from the position."""
 
     def part(self, rows: slice | np.ndarray) -> "_Rows":
-        """Some of the rows."""
+        """A slice or selection of these rows."""
         position = None if self.position is None else self.position[rows]
         time, speed, force = self.time[rows], self.speed[rows], self.force[rows]
         return _Rows(self.number[rows], time, speed, force, position)
@@ -139,7 +139,7 @@ def _rows(record: AxisRecord) -> _Rows:
 
 
 def _told(wild: np.ndarray, part: _Rows, record: AxisRecord) -> str:
-    """Which rows are left out, and the worst of them."""
+    """A sentence on the rows that are left out, with the worst of them."""
     channels = {"motor_force": (record.motor_force, part.force)}
     if part.position is None and record.velocity is not None:
         channels["velocity"] = (record.velocity, part.speed)
@@ -170,7 +170,7 @@ def _refusal(speed: np.ndarray, whole: np.ndarray, record: AxisRecord) -> str:
 
 
 def _unevenness(speed: np.ndarray, mean: float, record: AxisRecord) -> str:
-    """How unevenly a run moves, or that steps of the recorder hide it; empty where it is even.
+    """A sentence on how unevenly a run moves, or that the recorder hides it; empty: it is even.
 
     A steady speed that is recorded in steps of q spreads by less than q about its mean.
     """

@@ -15,7 +15,7 @@ _LEAST_CHANGE = 0.07
 """A step changes the velocity by at least this fraction of the larger of the two."""
 
 _ROUNDING = 1e-9
-"""What is less than this share of the whole path is no motion: sums of numbers leave it."""
+"""Moves below this share of the whole path are no motion, but rounding errors of sums."""
 
 _PARTS, _SEVERAL = 20, 1.5
 """Parts of a record whose speeds are compared, and the ratio from which they are several."""
@@ -164,7 +164,7 @@ def _velocity(text: str, what: str) -> float:
 
 
 def speeds_without_steps(record: Record, steps: VelocitySteps) -> str | None:
-    """What to say of a load point that changes its speed but not in steps; None where it does not.
+    """A sentence on a load point whose speed changes, but not in steps; None where it does not.
 
     Its speeds are the means over 20 parts of equal rows; a tenth at either end may stand out.
     """

@@ -11,7 +11,7 @@ _LEAST_TRAVEL = 0.01
 """A stroke is at least this share of the whole travel, and some steps of the encoder."""
 _LEAST_STEPS = 4.0
 _LEAST_NOISE, _RARE = 5.0, 0.01
-"""And so many times what all but this share of the rows reach beyond both their neighbours."""
+"""A stroke is also this many times the scatter beyond neighbours (its 1 - `_RARE` quantile)."""
 _END = 0.01
 """A stroke begins and ends where it is this share of its travel from its ends."""
 _PARTS = 20
@@ -85,8 +85,8 @@ def encoder_step(position: np.ndarray) -> float | None:
 
 
 def beyond_neighbours(values: np.ndarray) -> np.ndarray:
-    """How far each of n values lies beyond the interval between its two neighbours, (n - 2,); 0
-    inside. What moves lies inside but where it turns; noise does not."""
+    """Distance of each of n values from the interval between its two neighbours, (n - 2,); 0
+    inside."""
     low = np.minimum(values[:-2], values[2:])
     high = np.maximum(values[:-2], values[2:])
     return np.maximum(np.maximum(values[1:-1] - high, low - values[1:-1]), 0.0)

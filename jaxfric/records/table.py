@@ -1,4 +1,4 @@
-"""Any file of columns as it is: names, units as written, numbers. No meaning is given to them."""
+"""Reads any file of columns as it is: names, units as written, numbers, without a meaning."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -40,9 +40,9 @@ class Table:
     roles: Mapping[str, str] = field(default_factory=dict)
     """Names of columns by role, where the format tells; roles of any rig."""
     gains: Mapping[str, float] = field(default_factory=dict)
-    """What the file has of the fields of `Drive`, in SI."""
+    """Fields of `Drive` that the file contains, in SI."""
     text: Callable[[int], str] | None = None
-    """What stands in a line of the file, for messages; None of a binary one."""
+    """A function that gives the text of a line, for messages; None for a binary file."""
     path: str = ""
     sha256: str = ""
     format: str = ""

@@ -51,6 +51,6 @@ def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
 
 
 def blur(record: Record, noise: float) -> float:
-    """How much the peaks of a record of means are flattened at most, in units of its `noise`."""
+    """Largest flattening of the peaks of a record of means, in units of its `noise`."""
     second = np.abs(np.diff(record.friction, 2))
     return float(np.quantile(second, 1 - 3 / max(len(second), 6))) / 24 / noise

@@ -12,7 +12,7 @@ Bound = float | str | None
 def bounds(
     time: np.ndarray, moved: np.ndarray | None, start: Bound, stop: Bound, path: str
 ) -> tuple[float, float]:
-    """Both ends of a window as times since the first row [s].
+    """Beginning and end of a window as times since the first row [s].
 
     A length is reached where the load point has `moved` [m] so far, either way, for the first
     time; `moved` is None where nothing moves one way only.

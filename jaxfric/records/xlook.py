@@ -23,14 +23,14 @@ _TIME_COUNT = 1e-4
 
 @dataclass(frozen=True)
 class _Layout:
-    """How many slots the header has, and how many bytes a number."""
+    """Layout of a file: how many slots the header has, and how many bytes a number."""
 
     slots: int
     width: int
 
     @property
     def start(self) -> int:
-        """Where the numbers begin."""
+        """Index of the first byte of the numbers."""
         return _HEAD + _COLUMN * self.slots
 
 
