@@ -21,7 +21,7 @@ from .axis_state import AbstractAxisState
 
 
 class AxisPoint(NamedTuple):
-    """Where an axis is: scalars, or arrays of one shape."""
+    """State of motion of an axis: scalars, or arrays of one shape."""
 
     position: Array
     velocity: Array
@@ -48,9 +48,9 @@ class AxisRig(eqx.Module):
     terms: tuple[AbstractAxisTerm, ...]
     states: tuple[AbstractAxisState, ...]
     lag: Float[Array, ""]
-    """Of the motor force behind the recorded one [s]."""
+    """Lag of the motor force behind the recorded one [s]."""
     delay: Float[Array, ""]
-    """Of the recorded position [s]."""
+    """Delay of the recorded position [s]."""
     late: Float[Array, ""]
     """Time constant by which the recorded force lags [s]."""
     mass: Float[Array, ""] = quantity("M", "kg", "moving mass", lower=0.0)
@@ -81,7 +81,7 @@ class AxisRig(eqx.Module):
     def friction(
         self, position: Array, velocity: Array, time: Array, states: Sequence[Array]
     ) -> Array:
-        """All that resists motion but inertia [F]; `states` are the values of the rig's own."""
+        """All force against motion but inertia [F]; `states` are the values of the rig's own."""
         sign = self.sign(velocity)
         at = AxisPoint(position, velocity, time, sign)
         force = self.viscous * velocity + self.coulomb * sign + self.offset

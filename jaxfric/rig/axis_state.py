@@ -30,7 +30,7 @@ class AbstractAxisState(eqx.Module):
 
     @abc.abstractmethod
     def rate(self, state: Array, velocity: Array, *, shortest: ArrayLike = 0.0) -> Array:
-        """Its derivative by time; it takes no less than `shortest` [s] to relax."""
+        """Time derivative of the state, which takes no less than `shortest` [s] to relax."""
 
     @abc.abstractmethod
     def force(self, state: Array, sign: Array, velocity: Array) -> Array:
@@ -126,7 +126,7 @@ class AxisRateState(AbstractAxisState):
         return _carried(keep_1 * keep_2, add.at[0].set(steady[0]))
 
     def _leg(self, path: Array, begin: Array, end: Array) -> tuple[Array, Array]:
-        """What is kept of theta over a path along which theta_ss is linear, and what is added."""
+        """Share of theta kept over a path along which theta_ss is linear, and what is added."""
         x = path / self.L
         keep = jnp.exp(-x)
         moved = x > 0

@@ -44,7 +44,7 @@ class NormalStress(eqx.Module):
         return ((c[0] * since + c[1]) * since + c[2]) * since + c[3]
 
     def padded(self, length: int) -> "NormalStress":
-        """The same with `length` knots, the last of them never reached."""
+        """The same stress with `length` knots, the last of them never reached."""
         more = length - self.knots.shape[0]
         if more < 0:
             raise InputError(f"normal stress: {self.knots.shape[0]} knots do not fit in {length}")

@@ -9,7 +9,7 @@ from .drive import AbstractDrive
 
 
 class LateSteps(AbstractDrive):
-    """Another drive, whose k-th velocity begins `delays[k]` later, to first order in the delay.
+    """A drive whose k-th velocity begins `delays[k]` later than another's, to first order in it.
 
     From t_k on the load point trails by (V_k - V_(k-1)) delays[k] more. Between the
     two times, where it has not yet changed its velocity, it is taken as if it had: an

@@ -43,7 +43,7 @@ _LOG_MAX = 40.0
 
 
 class Contact(NamedTuple):
-    """What a term may depend on. SI; forces in the unit of friction."""
+    """Variables that a term may depend on. SI; forces in the unit of friction."""
 
     V: Float[Array, ""]
     slip: Float[Array, ""]
@@ -77,7 +77,7 @@ class AbstractTerm(eqx.Module):
 
     @abc.abstractmethod
     def steady_state(self, V: Scalar, base: AbstractRateState, force: Scalar) -> States:
-        """Its states in steady sliding at `V`, where `rate` vanishes; `force` is the whole
+        """States of the term in steady sliding at `V`, where `rate` vanishes; `force` is the whole
         friction force there, and is 0 where the term does not couple."""
 
     @abc.abstractmethod

@@ -1,4 +1,4 @@
-"""What every friction law provides, and the conditions it may depend on.
+"""The interface of every friction law, and the conditions that friction may depend on.
 
 Time face: `force(V, state, at)` and `rate(V, state, at)`. The frequency face
 (an instantaneous term and a memory kernel at a steady velocity) follows from these

@@ -28,7 +28,7 @@ _LOG_MAX = 40.0
 
 
 class AbstractEvolution(eqx.Module):
-    """How the states relax; in force units, with `r = |V|/V0`."""
+    """The law by which the states relax; in force units, with `r = |V|/V0`."""
 
     @abc.abstractmethod
     def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
