@@ -1,4 +1,4 @@
-"""What a simulation cannot be asked for: parameters out of bounds, times that descend.
+"""Checks what a simulation is given: parameters within bounds, times that do not descend.
 
 What is known is refused with its name before anything is computed. Under `jit` and `vmap` values
 are not known: the simulation then ends where it begins, and its `result` is `RESULTS.impossible`.
@@ -74,7 +74,7 @@ def is_possible(
     *,
     motion: AbstractMotion | None = None,
 ) -> Bool[Array, ""]:
-    """The same where nothing is known: whether a simulation makes sense."""
+    """Whether a simulation makes sense, for values that may be traced."""
     fine = [all_inside(rig), jnp.all(jnp.isfinite(ts)), jnp.all(jnp.diff(ts) >= 0)]
     fine += [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves((start, initial))]
     if isinstance(motion, PiecewiseVelocity):

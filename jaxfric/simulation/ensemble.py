@@ -67,31 +67,31 @@ _MIDDLE = _weights_of_the_middle()
 Vector = tuple[Array, ...]
 """u and the states over A, an array over the lanes for each."""
 Seen = TypeVar("Seen")
-"""What an observer gathers."""
+"""The type of what an observer gathers."""
 
 
 class Lanes(NamedTuple):
     """Massless sliders, an entry of every array for each, moved at constant `velocity`. SI."""
 
     law: RateState
-    """Every array with the lanes along its first axis; log direct effect and no slip trend."""
+    """The law, arrays with lanes along their first axis; log direct effect, no slip trend."""
     stiffness: Float[Array, " n"]
     damping: Float[Array, " n"]
     velocity: Float[Array, " n"]
 
 
 class LanePoint(NamedTuple):
-    """Where lanes are: time [s], u = ln(V/V0) and the states over A."""
+    """Positions of the lanes: time [s], u = ln(V/V0) and the states over A."""
 
     time: Float[Array, " n"]
     y: Vector
 
 
 class Integration(NamedTuple, Generic[Seen]):
-    """How an integration went."""
+    """Result of an integration."""
 
     point: LanePoint
-    """Where each lane ended."""
+    """Time and unknowns at which each lane ended."""
     seen: Seen
     """What the observer gathered."""
     steps: Int[Array, " n"]

@@ -152,7 +152,7 @@ class SliderEquation(eqx.Module):
         slip: Scalar,
         state: Float[Array, " n"],
     ) -> Slider:
-        """Without mass: the velocity at which friction balances spring and dashpot."""
+        """The slider without mass: its velocity is the one at which friction balances the pull."""
         machine, stress = self.rig.machine, self._stress(t)
         pull = self._pull(t, y, jnp.zeros_like(t)) / stress
         damping = None if machine.damping is None else machine.damping / stress
@@ -161,7 +161,7 @@ class SliderEquation(eqx.Module):
         return Slider(force, velocity, slip, state)
 
     def is_late(self) -> bool:
-        """Whether the velocity follows that of the balance, as with a small mass."""
+        """Whether the velocity lags behind that of the force balance, as with a small mass."""
         machine = self.rig.machine
         if not isinstance(machine, QuasiStatic) or machine.mass is None:
             return False

@@ -1,4 +1,4 @@
-"""How a simulation starts: steady sliding, or a perturbation of it.
+"""Starts of a simulation: steady sliding, or a perturbation of it.
 
 Unperturbed, the slider moves at the motion's first velocity V0, its state is the steady one
 there and the spring carries the steady friction. A `Start` replaces any of the three. The
@@ -41,7 +41,7 @@ def law_with_states(rig: Rig) -> AbstractLaw:
 
 
 class Start(eqx.Module):
-    """Where a simulation starts; a part that is None is that of steady sliding.
+    """State in which a simulation starts; a part that is None is that of steady sliding.
 
     velocity : velocity of the slider [m/s]; only with mass, and not 0 or negative with a
         logarithmic direct effect, whose force is infinite there.

@@ -112,7 +112,7 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, Re
 
 
 def _spectral_radius(matrix: Float[Array, "n n"]) -> Float[Array, ""]:
-    """From the largest entry of the 64th power: right to some percent whatever the units of states.
+    """Spectral radius from the 64th power's largest entry: right to some percent in any units.
 
     A state that is absent is a block of its own, and adds nothing unless it is the fastest.
     """

@@ -1,4 +1,4 @@
-"""What a simulation returns, and how it can end."""
+"""The result of a simulation, and the ways in which it can end."""
 
 import diffrax
 import equinox as eqx
