@@ -110,7 +110,7 @@ def _of_another_rig(error: cyclopts.CycloptsError) -> str:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Without remarks of libraries on fonts, caches and rounding, unless debugging."""
+    """Silence libraries' remarks on fonts, caches and rounding, unless debugging."""
     if _debugging():
         yield
         return

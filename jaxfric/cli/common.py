@@ -80,7 +80,7 @@ def refuse_unused(by: str, options: dict[str, object], instead: str = "") -> Non
 
 
 def flipped(flip: Sequence[str] | None) -> str | Literal[False]:
-    """Which sign `Flip` asks to turn."""
+    """The sign that `Flip` asks to turn, "both", or False for none."""
     if flip is None:
         return False
     return flip[0] if len(set(flip)) == 1 else "both"

@@ -127,7 +127,7 @@ def _has_converged(file: Path) -> bool:
 
 
 def _complain_and_keep(result: "Fit", folder: Folder) -> int:
-    """What did not converge does not take the place of what did."""
+    """Refuse to replace a fit that converged by one that did not."""
     warn(result.warnings)
     print(
         f"jaxfric: error: {_not_converged(result, folder)}. {folder.path} keeps the fit that"

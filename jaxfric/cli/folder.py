@@ -1,4 +1,4 @@
-"""Where a command writes: the name of its folder, what was there before, and what it leaves.
+"""The folder that a command writes to: its name, what was there before, and what is left.
 
 A folder that a command has written to holds a hidden file, `.jaxfric.json`, that says for every
 verb which command wrote which files from which input. By it the next run knows what it replaces,
@@ -106,7 +106,7 @@ def choose_law_folder(out: Path | None, fit: Path | None, law: str | None) -> "F
 
 
 class _Run(TypedDict):
-    """What is noted of the last run of a verb in a folder."""
+    """The last run of a verb, as a folder notes it."""
 
     command: str
     inputs: list[dict[str, str]]

@@ -48,7 +48,7 @@ def named(type_: object, tokens: Sequence[Token]) -> str:
 
 
 def named_path(type_: object, tokens: Sequence[Token]) -> Path:
-    """The same as a path."""
+    """The path that an option names, read as by `named`."""
     return Path(named(type_, tokens))
 
 
@@ -135,9 +135,9 @@ AXIS_EFFECTS = (
     "direction_asymmetry, cubic, stribeck, log_viscous, position_periodic, position_dependence, "
     "time_drift, presliding, rate_and_state, servo_lag, sensor_lag, sensor_delay"
 )
-"""Those of an axis."""
+"""Ids of the effects of an axis."""
 STEADY_EFFECTS = "direction_asymmetry, stribeck, cubic"
-"""Those of a curve of steady speeds."""
+"""Ids of the effects of a curve of steady speeds."""
 
 
 def _without(effects: str) -> Parameter:

@@ -180,7 +180,7 @@ def _from_text(text: str, unit: str) -> dict[str, float]:
 def _from_file(
     path: Path,
 ) -> tuple[dict[str, float], str, str, tuple[str, ...], tuple[str, ...]]:
-    """Of the fit of a fit.json, or the one after the loop of a loop.json."""
+    """Inputs of a plan from a fit.json, or from the fit after the loop of a loop.json."""
     from ..laws.saved import (
         FIT,
         LOOP,

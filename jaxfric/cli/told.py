@@ -42,7 +42,7 @@ class Teller:
                 self._print(message)
 
     def doing(self, message: str) -> None:
-        """The same without a line of its own."""
+        """Note what is being done now, without printing a line."""
         self.message, self.since = message, time.monotonic()
 
     def end(self) -> None:
