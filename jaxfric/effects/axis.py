@@ -1,4 +1,4 @@
-"""What an axis may have beyond mass, Coulomb and viscous friction and an offset.
+"""Effects that an axis may have beyond mass, Coulomb and viscous friction and an offset.
 
 As in `jaxfric.effects`: an effect at its null changes nothing. They enter an `AxisRig`.
 """
@@ -404,4 +404,4 @@ IN_TIME = frozenset(e.id for e in (AxisServoLag, AxisSensorLag, AxisSensorDelay)
 their sum alone, and two of them that act against each other smooth the error of the encoder, which
 lowers the residual whatever the axis does: one of them stands for all."""
 AXIS_STEADY_CURVES = (Cubic.id, AxisStribeck.id, LogViscous.id)
-"""Those that are a curve of the velocity, the same but for its sign in both directions."""
+"""Effects that are a curve of the velocity, the same but for its sign in both directions."""

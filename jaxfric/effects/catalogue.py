@@ -79,7 +79,7 @@ AXIS_CATALOGUE: dict[str, type[AbstractEffect]] = {}
 """The effects of an axis by id."""
 _CATALOGUES = {Rig: CATALOGUE, AxisRig: AXIS_CATALOGUE}
 STEADY_CURVES = (EvolutionCutoff.id, Viscous.id, Stribeck.id)
-"""Those that change no more than what friction of steady sliding is at a velocity."""
+"""Effects that only change friction of steady sliding as a function of velocity."""
 
 
 def register(effect: type[AbstractEffect]) -> type[AbstractEffect]:

@@ -58,7 +58,7 @@ class _Filter(NamedTuple):
 
 class _Past(NamedTuple):
     rest: Float[Array, ""]
-    """What theta' sees of the past beyond B g V/L."""
+    """Part of theta' that comes from the past, beyond B g V/L."""
     rates: Float[Array, " 3"]
 
 

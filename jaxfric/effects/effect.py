@@ -1,4 +1,4 @@
-"""What an effect is: a modification of one room of a rig, with values that change nothing.
+"""An effect: a modification of one room of a rig, with values that change nothing.
 
 An effect holds its parameters; made without arguments it is at its null. `embed(rig)` gives the rig
 with the effect in it, and at the null that rig predicts what `rig` predicts, to rounding. So
@@ -90,7 +90,7 @@ class AbstractLinearEffect(AbstractEffect[R]):
     """An effect without shapes: all its parameters are amplitudes."""
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
-        """Nothing to start from but the null."""
+        """An empty grid: a linear effect has no shapes to start from."""
         del scales
         return {}
 
@@ -140,7 +140,7 @@ def ids_of(value: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def id_of(name: str) -> str:
-    """What an effect, or a parameter of one, is called now; older files have older names."""
+    """The present name of an effect, or of a parameter of one; older files have older names."""
     old, dot, parameter = name.partition(".")
     return _RENAMED.get(old, old) + dot + parameter
 
@@ -165,7 +165,7 @@ def with_evolution(rig: Rig, **changes: Array) -> Rig:
 
 
 def blended(law: RateState) -> RateState:
-    """The same law with an evolution that can blend: an ageing law at q = 1, another at 0."""
+    """A copy of the law with an evolution that can blend: an ageing law at q = 1, another at 0."""
     evolution = law.evolution
     if isinstance(evolution, BlendedEvolution):
         return law
@@ -176,7 +176,7 @@ def blended(law: RateState) -> RateState:
 
 
 def evolution_of(law: ExtendedLaw) -> BlendedEvolution | None:
-    """How the states of an extended law's base relax; None where its base is no `RateState`."""
+    """Evolution of the base of an extended law; None where its base is no `RateState`."""
     evolution = law.base.evolution if isinstance(law.base, RateState) else None
     return evolution if isinstance(evolution, BlendedEvolution) else None
 
