@@ -135,7 +135,7 @@ def _builder(
 
 
 def _damage(content: dict) -> str | None:
-    """What is missing from or wrong in a loop.json of an axis."""
+    """The fault of an axis's loop.json, in words: what is missing or wrong."""
     problem = loop_damage(content)
     if problem:
         return problem

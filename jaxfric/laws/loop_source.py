@@ -185,7 +185,7 @@ def _positive(
 
 
 def loop_damage(content: dict) -> str | None:
-    """What is missing from or wrong in a loop.json, of whatever rig."""
+    """The fault of a loop.json of any rig, in words: what is missing or wrong."""
     problem = missing_key(content, ("law", "friction_unit", "verdict", "effects", "after"))
     keys = ("parameters", "free", "covariance")
     problem = problem or missing_key(content["after"], keys, "after.")
@@ -198,7 +198,7 @@ def loop_damage(content: dict) -> str | None:
 
 
 def _damage(content: dict) -> str | None:
-    """The same of a slider's."""
+    """The fault of a slider's loop.json, in words."""
     problem = loop_damage(content)
     if problem:
         return problem
@@ -260,7 +260,7 @@ def _left_out(
 
 
 def spring_words(stiffness: float) -> str:
-    """What a spring [N/m] beside k_p asks for."""
+    """Advice for an effect that acts as a spring [N/m] beside k_p."""
     if stiffness >= 0:
         return "It acts as a spring that stiffens k_p, so leaving it out is safe"
     return f"It acts as a spring of {stiffness:.3g} N/m beside k_p: add {-stiffness:.3g} N/m to k_p"

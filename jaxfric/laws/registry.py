@@ -57,7 +57,7 @@ def names_of_laws() -> tuple[str, ...]:
 
 
 def rate_state_laws() -> tuple[str, ...]:
-    """Those that fits, loops and studies take."""
+    """Names of the laws that fits, loops and studies take."""
     return tuple(name for name in REGISTRY if is_rate_state(name))
 
 

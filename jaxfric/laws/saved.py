@@ -1,4 +1,4 @@
-"""What files of other verbs say of a friction law: reading, checking and sampling them."""
+"""Friction laws in files that other verbs saved: reading, checking and sampling them."""
 
 import json
 import math
@@ -59,7 +59,7 @@ def read_saved(path: Path, *schemas: str) -> dict:
 
 
 def _renamed(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """With the ids that effects have now: as keys, as values and in lists."""
+    """The pairs with present ids of effects: as keys, as values and in lists."""
 
     def now(value: object) -> object:
         return id_of(value) if isinstance(value, str) else value
@@ -98,7 +98,7 @@ def missing_key(content: object, keys: Sequence[str], where: str = "") -> str | 
 
 
 def table_damage(table: Mapping, needed: Sequence[str]) -> str | None:
-    """What is wrong with the entries "parameters", "free" and "covariance" of a table."""
+    """The fault in the entries "parameters", "free" and "covariance" of a table, in words."""
     parameters, free = table["parameters"], table["free"]
     if not isinstance(parameters, dict):
         return "the parameters are no table"

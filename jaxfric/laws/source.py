@@ -1,4 +1,4 @@
-"""Where a friction law for control comes from: a fit's file, or parameters given one by one."""
+"""Sources of a friction law for control: the file of a fit, or parameters given one by one."""
 
 import inspect
 import math
@@ -52,11 +52,11 @@ class LawSource:
     samples: Law
     """The estimate and then the samples: every array has a leading axis."""
     text: str
-    """What it is, in a line."""
+    """The law and its origin, in a line."""
     velocity: float | None
     """A velocity of the record [m/s], for where none is given."""
     warnings: tuple[str, ...] = ()
-    """What must be known before it is relied on, a line each."""
+    """Warnings to read before the law is relied on, a line each."""
     seen: tuple[float, float] | None = None
     """Slowest and fastest velocity of the record [m/s]; None where there is none."""
     mass: float | None = None
@@ -122,7 +122,7 @@ def law_from_fit(
 
 
 def fit_warnings(content: Mapping) -> tuple[str, ...]:
-    """What the content of a fit.json warned of itself, and a line where it says nothing of
+    """Warnings of a fit.json: those that it holds, and a line where it says nothing of
     stability."""
     return (*own_warnings(content), *_doubts(content, int(content["states"])))
 
@@ -182,7 +182,7 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
 
 
 def force_of_unit(unit: str, normal_force: float | None, path: Path) -> float:
-    """What forces of a file in `unit` ("1" or "N") are multiplied by to have newtons.
+    """Factor by which forces of a file in `unit` ("1" or "N") are multiplied to be in newtons.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def force_of_unit(unit: str, normal_force: float | None, path: Path) -> float:
 
 
 def fit_damage(content: dict) -> str | None:
-    """What is missing from or wrong in a fit.json."""
+    """The fault of a fit.json, in words: what is missing or wrong."""
     keys = ("law", "states", "friction_unit", "parameters", "free", "covariance")
     problem = missing_key(content, keys)
     if problem:
