@@ -1,4 +1,4 @@
-"""What `jaxfric study` asks of every rig: margins, end states, gains, fits, verdicts.
+"""The computations that `jaxfric study` asks of rigs: margins, end states, gains, fits, verdicts.
 
 parameters   names, units and bounds of what can be set and varied
 sliders      laws, rigs and linearised sliders from parameters by name

@@ -135,8 +135,8 @@ def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal
 def posterior(
     content: Table, path: Path, law: str | None, fixed: dict[str, float], grid: Grid
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
-    """What the fit of an axis `from` says of the parameters that it does not draw: law, parameters,
-    and what it warns of."""
+    """Law, parameters and warnings of the fit of an axis `from`; of the parameters only those that
+    it does not draw."""
     from ..laws.source import fit_warnings
 
     table = table_of(content, "axes", path.name)

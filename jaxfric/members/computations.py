@@ -1,4 +1,4 @@
-"""What a study can compute: one entry each, which study.toml, outputs and runs read.
+"""The computations of a study: one entry each, which study.toml, outputs and runs read.
 
 To add one, write a function that makes its `StudyPart` for a study, and its entry.
 """

@@ -39,22 +39,22 @@ class Ends(NamedTuple):
 
     code: Array
     velocity_amplitude: Float[Array, " n"]
-    """Half of the range of the velocity [m/s]."""
+    """Half the range of the velocity [m/s]."""
     slip_amplitude: Float[Array, " n"]
-    """Half of the range of slip minus V0 t [m]."""
+    """Half the range of slip minus V0 t [m]."""
     least_velocity: Float[Array, " n"]
     period: Float[Array, " n"]
     """Mean over the cycles of the last half, or of those that repeat [s]."""
     period_spread: Float[Array, " n"]
-    """Half of the range of the periods of the same cycles [s]; large where they are irregular."""
+    """Half the range of the periods of these cycles [s]; large where they are irregular."""
 
 
 _Range = tuple[Array, Array]
-"""Least and largest value that was seen of something, of every lane."""
+"""Least and largest value of a quantity so far, for every lane."""
 
 
 class _SeenEnds(NamedTuple):
-    """What is known of the motions so far."""
+    """Observations of the motions so far."""
 
     largest: Float[Array, "4 n"]  # of ln(1 + |V - V0|/V0), in each quarter
     speeds: _Range  # of the last half, and so are the following
@@ -84,7 +84,7 @@ class _Cycle(NamedTuple):
 
 
 class Span(NamedTuple):
-    """How long motions are followed."""
+    """Times for which motions are followed."""
 
     lead: Float[Array, " n"]
     """Time of the step itself [s], which comes before the horizon."""
@@ -115,7 +115,7 @@ def ends(of: Lanes, start: LanePoint, span: Span, *, policy: Policy = STANDARD) 
 
 
 class _Watch(NamedTuple):
-    """What looks at every step of the lanes and keeps what tells of their ends."""
+    """An observer of every step of the lanes, which keeps what tells of their ends."""
 
     of: Lanes
     span: Span
@@ -140,7 +140,7 @@ class _Watch(NamedTuple):
         return pull / self.of.stiffness
 
     def nothing(self) -> _SeenEnds:
-        """What is known before the first step."""
+        """Observations before the first step."""
         none = jnp.zeros_like(self.span.lead)
         range_ = (none + jnp.inf, none - jnp.inf)
         no = jnp.zeros(none.shape, bool)
@@ -161,7 +161,7 @@ class _Watch(NamedTuple):
         )
 
     def observe(self, seen: _SeenEnds, step: Step) -> tuple[_SeenEnds, Bool[Array, " n"]]:
-        """What is known after a step, and which lanes need not be followed further."""
+        """Observations after a step, and a mask of the lanes that need not be followed further."""
         command, quarters, decay = self.command, self.quarters(), self.span.decay
         time, u = step.after.time, step.after.y[0]
         size = jnp.log1p(jnp.abs(jnp.expm1(jnp.clip(u - command, -700.0, 600.0))))
@@ -246,7 +246,7 @@ def _widened(of: _Range, x: Array, inside: Array) -> _Range:
 
 
 def _code(seen: _SeenEnds, reached: Array, span: Span) -> Int8[Array, " n"]:
-    """Which of `CODES` an end is."""
+    """Index into `CODES` of the end of every lane, (n,)."""
     a2, a3, a4 = seen.largest[1:]
     rate = jnp.where(span.decay > 0, span.decay, jnp.inf)
     steady = seen.arrived | settles((a2, a3, a4), seen.rises, span.horizon / 4, rate)[0]

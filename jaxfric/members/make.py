@@ -1,4 +1,4 @@
-"""From a study.toml to the function, grid and outputs of a study, and running it."""
+"""Makes the function, grid and outputs of a study from its study.toml, and runs it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -260,7 +260,7 @@ def _function(spec: Spec, table: Table, where: str) -> Motions:
 
 
 def _duration(table: Table, where: str) -> float | None:
-    """How long motions in time are followed [s]; None where nothing is said."""
+    """Time for which motions in time are followed [s]; None where none is given."""
     if "duration" not in table:
         return None
     found = number(table["duration"], "s", f"{where} duration")

@@ -48,7 +48,7 @@ class Own:
 
     @property
     def __wrapped__(self) -> Function:
-        """By which a store knows the function that made it."""
+        """The user's function, by which a store knows what made it."""
         return self.wrapped
 
     def __call__(self, varied: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
@@ -159,7 +159,7 @@ def load_function(reference: str) -> Function:
 
 
 def _outputs(own: Own, grid: Grid, kind: Kind, reference: str, where: str) -> tuple[Output, ...]:
-    """What the function gives: traced by JAX, or asked for the first member."""
+    """Outputs of the function: traced by JAX, or found by computing the first member."""
     try:
         if kind != "host":
             return infer_outputs(own, grid, kind, "float64")

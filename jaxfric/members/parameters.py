@@ -54,7 +54,7 @@ def read_value(content: object, name: str, where: str) -> float:
 
 
 def value_of(content: object, about: Quantity, where: str) -> float:
-    """The same of a parameter that is known."""
+    """A number from a study.toml, in SI and within the bounds of a known parameter."""
     value = number(content, about.unit, where)
     if about.symbol == "k_v" and value == 0:
         return 0.0

@@ -73,16 +73,16 @@ class Spec:
     files: dict[str, str]
     """Files that the study reads, and a checksum of each."""
     warnings: tuple[str, ...] = ()
-    """What must be known of its laws before results are relied on, a line each."""
+    """Warnings about its laws to read before results are relied on, a line each."""
 
     def description(self) -> dict[str, object]:
-        """What tells this study from another."""
+        """Plain values that tell this study from another."""
         return {**self.content, **({"files": self.files} if self.files else {})}
 
 
 @dataclass(frozen=True, eq=False)
 class StudyPart:
-    """What one computation does in one study."""
+    """The part of a study that one computation provides."""
 
     function: Function
     outputs: tuple[Output, ...]
@@ -90,7 +90,7 @@ class StudyPart:
     usual: tuple[str, ...] | None = None
     """Names of the outputs that are kept where the study names none; None: all."""
     kind: Literal["batch", "host"] = "batch"
-    """As of `study.Task`, and so are `cost`, `batch` and `separate`."""
+    """Kind of the function as in `study.Task`, and so are `cost`, `batch` and `separate`."""
     cost: Cost | None = None
     chunk: int = 65536
     """Members of a block: as many as compute in about a second and fit into memory."""
@@ -99,21 +99,21 @@ class StudyPart:
     warnings: tuple[str, ...] = ()
 
     def kept(self, spec: Spec) -> tuple[Output, ...]:
-        """Those of its outputs that the study keeps."""
+        """Outputs of this part that the study keeps."""
         usual = tuple(o.name for o in self.outputs) if self.usual is None else self.usual
         return tuple(o for o in self.outputs if o.name in (spec.outputs or usual))
 
 
 @dataclass(frozen=True)
 class Computation:
-    """What a study can compute, under a name of `compute`: one entry of `COMPUTATIONS`."""
+    """A computation that a study may ask for in `compute`: one entry of `COMPUTATIONS`."""
 
     make: Callable[[Spec, Table, str], StudyPart]
-    """From a study, the computation's own table in it, and how errors call that table."""
+    """Makes a part from a study, the computation's own table in it, and that table's name."""
     needs: tuple[str, ...] = ("V0", "k_p")
     """Parameters that must be set or vary, besides those of the law."""
     alone: bool = False
-    """Whether it is computed member by member, so that no other goes with it."""
+    """Whether it must be the only computation of its study, as it works member by member."""
 
 
 def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
