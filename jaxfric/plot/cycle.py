@@ -49,7 +49,7 @@ class Motion:
 
     @staticmethod
     def of(found: Trajectory, rig: Rig, motion: PiecewiseVelocity, rows: np.ndarray) -> "Motion":
-        """Some rows of a trajectory under velocity steps that begin at time 0."""
+        """The motion at some rows of a trajectory under velocity steps that begin at time 0."""
         columns = (found.time, found.recorded, found.slip, found.velocity)
         time, friction, slip, velocity = (np.asarray(x)[rows] for x in columns)
         starts, steps = np.asarray(motion.times), np.asarray(motion.velocities)
@@ -134,7 +134,7 @@ def _save_plane(motion: Motion, folder: Path) -> list[str]:
 
 
 def _velocity_limits(motion: Motion, drawn: np.ndarray, slow: float) -> tuple[float, float]:
-    """What is moved through, and some room: relative where the axis is logarithmic."""
+    """Limits of the velocity drawn, with some room: relative where the axis is logarithmic."""
     least, most = float(drawn.min()), float(drawn.max())
     if least > 0 and most > 5 * least:
         return least / 1.6, most * 1.6

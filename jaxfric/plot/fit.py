@@ -104,7 +104,7 @@ def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
 
 
 def _autocorrelation(axis: Axes, fit: Fit) -> None:
-    """Of the residual, and of the noise that was found in it."""
+    """Autocorrelation of the residual, and of the noise that was found in it."""
     time = fit.record.relative_time
     clock = clocks(time, np.asarray(fit.steps.displacement(time)))
     draw_autocorrelation(axis, clock, _counted(fit), fit.noise, model=fit.converged)

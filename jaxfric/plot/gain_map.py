@@ -33,7 +33,7 @@ _MEANS = {"stiff": "stiffness", "damped": "damping"}
 
 
 def draw_gain_map(axis: Axes, result: Gains) -> None:
-    """What all scenarios accept, the boundaries of the linear theory, and the optima.
+    """Draw the gains that all scenarios accept, the limits of the linear theory, and the optima.
 
     At every gain only the scenarios count that are the worst at the corners of a coarser grid
     around it, or at an optimum: a few of thousands.
@@ -84,13 +84,13 @@ def _is_recommended(optimum: LocalOptimum, result: Gains) -> bool:
 
 
 def _of(optimum: LocalOptimum) -> str:
-    """What an optimum, or the way that is none, is called in the legend."""
+    """Name in the legend of an optimum, or of gains that are none."""
     what = f"optimum: {optimum.name}" if optimum.minimum else f"{_MEANS[optimum.name]} alone"
     return f"{what} (norm {optimum.norm:.3g})"
 
 
 def _simulated(result: Gains) -> str:
-    """What the nonlinear check found, for the legend."""
+    """Result of the nonlinear check, for the legend."""
     checked = result.simulation
     if checked is None:
         return ""
@@ -162,7 +162,7 @@ def _most_damping(result: Gains) -> float:
 
 
 def _over_scenarios(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least slack, and whether it is stable, at every pair of gains of the map."""
+    """Least slack over the scenarios, and mask of stability, at every pair of gains."""
     scenarios, number = result.scenarios, len(gains)
     if len(scenarios) <= 2 * _CELLS:
         row, column = np.divmod(np.arange(number * len(scenarios)), len(scenarios))
@@ -207,7 +207,7 @@ def _worst(result: Gains, gains: np.ndarray) -> np.ndarray:
 
 
 def _least(result: Gains, gains: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Of the scenarios `asked` at every pair of gains that of the least slack."""
+    """For every pair of gains the scenario with the least slack among those `asked`."""
     row, column = np.nonzero(asked)
     unit = result.region.unit
     values = paired_slacks(result.requirement, result.scenarios, unit, gains[row], column)

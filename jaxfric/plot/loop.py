@@ -51,7 +51,7 @@ def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
 
 
 def panel_title(text: str) -> str:
-    """In lines that are no longer than a panel is wide: a model may have many effects."""
+    """The text in lines no longer than a panel is wide: a model may have many effects."""
     return textwrap.fill(text, _TITLE_WIDTH)
 
 
@@ -216,7 +216,7 @@ def _save_noise(loop: Loop, folder: Path) -> list[str]:
 
 
 def _noise_words(loop: Loop) -> str:
-    """As of `noise_lines`, wrapped."""
+    """The lines of `noise_lines`, wrapped."""
     lines = noise_lines(loop.after.noise)
     return "\n".join(textwrap.fill(line, _NOISE_WIDTH) for line in lines)
 

@@ -21,7 +21,7 @@ _WIDE, _LETTERS = 22, 11
 
 
 class _Band(NamedTuple):
-    """What nine in ten members have, and their median, at every value of a parameter."""
+    """Median and range of nine in ten members at every value of a parameter."""
 
     x: np.ndarray
     low: np.ndarray
@@ -65,7 +65,7 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
 
 
 def _title(found: "Dataset", empty: Sequence[str], width: int) -> str:
-    """What is drawn, and what is not; lines of no more than `width` letters."""
+    """Title: what is drawn, and what is not; lines of no more than `width` letters."""
     lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
     names = ", ".join(found[name].attrs.get("long_name", name) for name in empty)
     lines += [f"No number anywhere: {names}"] if names else []

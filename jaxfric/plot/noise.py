@@ -28,12 +28,12 @@ def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -
 
 
 class Autocorrelation(NamedTuple):
-    """Of a residual, by distance in rows, beside that of its noise model."""
+    """Autocorrelation of a residual, by distance in rows, beside that of its noise model."""
 
     lag: np.ndarray
     value: np.ndarray
     model: np.ndarray
-    """What such a record of such noise shows on average, its mean taken away."""
+    """Mean autocorrelation of records of this length under the noise model, less their means."""
     error: np.ndarray
     """Standard error of `value` under the noise model."""
 
@@ -62,7 +62,7 @@ def autocorrelation(
     noise: NoiseEstimate,
     part: np.ndarray | None = None,
 ) -> Autocorrelation:
-    """Of a residual whose rows without a value are nan, at distances that are spaced by factors.
+    """Autocorrelation of a residual (nan: no value), at distances that are spaced by factors.
 
     `part` (n,) are the parts of a record that are none of each other's neighbours, as runs: a
     number for every row, equal ones side by side. Of each part its mean is taken away, and pairs of
@@ -162,7 +162,7 @@ def draw_autocorrelation(
 
 
 def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
-    """Where the noise model is not that of the record, in words; nothing where it is."""
+    """Sentence on the distances at which the noise model fails, or nothing."""
     if not ranges:
         return ""
     parts = []

@@ -1,4 +1,4 @@
-"""What the figures of a study share: a parameter as an axis, and the colours of codes."""
+"""Parts that the figures of a study share: a parameter as an axis, and colours of codes."""
 
 from typing import TYPE_CHECKING, NamedTuple
 

@@ -262,7 +262,7 @@ def speed(velocity: float) -> str:
 
 
 def law_name(law: Law) -> str:
-    """What a law is called in a heading."""
+    """Name of a law in a heading."""
     if isinstance(law, AbstractRateState):
         kind = name_of(law) or type(getattr(law, "evolution", law)).__name__
         states = law.B.shape[-1]
