@@ -268,7 +268,7 @@ def _compared(
 
 
 def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
-    """What all parameters of the model, fitted to this record, leave; and where they go."""
+    """rms after a refit of all parameters of the model to this record, and their shifts."""
     saved, problem = setting.saved, setting.problem
     values, table = saved.values(name), saved.tables()[name]
     names = problem.model.names()
@@ -291,7 +291,7 @@ def _notes(setting: _AxisSetting) -> tuple[str, ...]:
 
 
 def _warnings(setting: _AxisSetting) -> tuple[str, ...]:
-    """What the model warns of, and where the record goes beyond what it saw."""
+    """Warnings of the model, and of where the record goes beyond what it was fitted to."""
     saved, rows = setting.saved, setting.rows
     told = list(saved.warnings())
     _, fastest = saved.speeds()

@@ -17,7 +17,7 @@ from ..laws.saved import (
 )
 
 Content = Mapping[str, Any]
-"""What a JSON file holds, or a part of it."""
+"""The content of a JSON file, or a part of it."""
 
 
 class SavedModel(NamedTuple):
@@ -28,16 +28,16 @@ class SavedModel(NamedTuple):
 
     @property
     def is_axis(self) -> bool:
-        """Whether it is of a servo axis."""
+        """Whether the model is of a servo axis."""
         return self.content["law"] == "coulomb_viscous"
 
     @property
     def is_loop(self) -> bool:
-        """Whether it is from a loop: two models, before and after."""
+        """Whether the file is from a loop: two models, before and after."""
         return self.content["schema"] == LOOP
 
     def tables(self) -> dict[str, Content]:
-        """Its models by name: "fit", or "before" and, where effects were added, "after"."""
+        """The models by name: "fit", or "before" and, where effects were added, "after"."""
         if not self.is_loop:
             return {"fit": self.content}
         names = ("before", "after") if self.content["effects"] else ("before",)
@@ -53,7 +53,7 @@ class SavedModel(NamedTuple):
         return tuple(dict.fromkeys(name.split(".")[0] for name in names if "." in name))
 
     def warnings(self) -> tuple[str, ...]:
-        """What the fit or loop itself warned of, and what its own record did not fix."""
+        """Warnings of the fit or loop itself, and what its own record did not fix."""
         loose = self.undetermined()
         line = f"{', '.join(loose)} of the model is undetermined by its own record"
         return (*own_warnings(self.content), *([line] if loose else []))

@@ -1,4 +1,4 @@
-"""What a prediction returns: how far a saved model is from a record, and why."""
+"""The result of a prediction: how far a saved model is from a record, and why."""
 
 import math
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Comparison:
     """ "fit"; of a loop "before" or "after"."""
     method: str
     rms: float
-    """Of predicted minus recorded, in `unit`."""
+    """Root mean square of predicted minus recorded, in `unit`."""
     unit: str
     relative_error: float
     """|predicted - recorded|/|recorded|; of a slider recorded less its mean."""
@@ -55,23 +55,23 @@ class Prediction:
     source: str
     """The file of the model."""
     origin: Provenance
-    """Of the record."""
+    """Origin of the record."""
     kind: str
     """ "slider" or "axis"."""
     force_unit: str
     comparisons: tuple[Comparison, ...]
     """The first is the one that the sentence speaks of."""
     refitted: dict[str, tuple[float, float]]
-    """What of this record was fitted: value of the model, value here."""
+    """Quantities fitted to this record: value of the model, value here."""
     sigma: float
     """Scatter of neighbouring rows of the residual."""
     refit_rms: float
-    """What a fit of all parameters of the same model to this record leaves."""
+    """Root mean square of the residual after a fit of the same model to this record."""
     shifts: tuple[Shift, ...]
     time: np.ndarray
     recorded: np.ndarray
     predicted: np.ndarray
-    """At the rows compared (n); nan where a row does not count."""
+    """Prediction at the rows compared (n); nan where a row does not count."""
     position: tuple[np.ndarray, np.ndarray, str] | None
     """Time, simulated minus recorded position, unit; of a closed loop."""
     notes: tuple[str, ...]
@@ -79,7 +79,7 @@ class Prediction:
 
     @property
     def rms(self) -> float:
-        """Of the residual that the sentence speaks of."""
+        """Root mean square of the residual that the sentence speaks of."""
         return self.comparisons[0].rms
 
     @property
@@ -90,8 +90,8 @@ class Prediction:
         return "noise" if self.refit_rms <= _AT_NOISE * self.sigma else "model"
 
     def shares(self) -> dict[str, float]:
-        """Of the mean square residual: what a refit would take away, what it would leave beyond
-        the scatter of neighbouring rows, and that scatter. They add up to 1."""
+        """Shares of the mean square residual: what a refit would take away, what it would leave
+        beyond the scatter of neighbouring rows, and that scatter. They add up to 1."""
         whole = self.rms**2
         best = min(self.refit_rms**2, whole)
         noise = min(self.sigma**2, best)

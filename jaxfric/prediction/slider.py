@@ -191,7 +191,7 @@ def _fitted(setting: _SliderSetting, name: str) -> tuple[str, ...]:
 
 
 def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _Found:
-    """Least squares over the parameters `free` and the times of steps that are felt."""
+    """Least-squares fit of the parameters `free` and of step times that the record feels."""
     problem, names = setting.problem, setting.problem.model.names()
     if unknown := [name for name in free if name not in names]:
         raise InputError(
@@ -219,7 +219,7 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
 
 
 def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, ...]:
-    """How far the parameters go; the noise is as correlated as the refit's residual is."""
+    """Shifts of the parameters; the noise is as correlated as the refit's residual is."""
     problem, names = setting.problem, setting.problem.model.names()
     table, model = setting.saved.tables()[name], setting.saved.values(name)
     free = _fitted(setting, name)
@@ -264,7 +264,7 @@ def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[str, ...]:
 
 
 def _warnings(setting: _SliderSetting) -> tuple[str, ...]:
-    """What the model warns of, and where the record goes beyond what it saw."""
+    """Warnings of the model, and of where the record goes beyond what it was fitted to."""
     saved = setting.saved
     told = list(saved.warnings())
     slowest, fastest = saved.speeds()
