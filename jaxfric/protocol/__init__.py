@@ -1,4 +1,4 @@
-"""What a planned sequence of velocity steps will be able to tell, before it is run."""
+"""Plans sequences of velocity steps: which effects they can tell apart, before they are run."""
 
 from .design import Change as Change
 from .design import Design as Design

@@ -1,4 +1,4 @@
-"""What is known of a planned protocol before it is run: results of `protocol.plan`."""
+"""Results of `protocol.plan`: what a planned protocol can show, before it is run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ SCHEMA = "jaxfric.protocol/1"
 
 @dataclass(frozen=True)
 class Smallest:
-    """How large an effect must be to be named, to first order. SI."""
+    """The smallest size at which an effect is named, to first order. SI."""
 
     id: str
     names: tuple[str, ...]
-    """Of its amplitudes; of several the root of the sum of squares is meant."""
+    """Names of its amplitudes; if several, `amplitude` is the root of the sum of squares."""
     unit: str
     amplitude: float | None
-    """At the shape that is seen best; None where no possible amplitude is seen."""
+    """Amplitude at the shape that is seen best; None where no possible one is seen."""
     shape: Mapping[str, float]
     """The shape that is seen best."""
     worst: float | None
-    """At the shape that is seen worst."""
+    """Amplitude at the shape that is seen worst."""
     needed: float | None
     """`amplitude`, or what it would have to be where that is not physically possible."""
 
@@ -101,7 +101,7 @@ class Protocol:
 
     @property
     def duration(self) -> float:
-        """Of the whole sequence [s]."""
+        """Duration of the whole sequence [s]."""
         return float(sum(self.slip_per_step / V for V in self.velocities))
 
     def separated(self, change: Change) -> tuple[tuple[str, str], ...]:

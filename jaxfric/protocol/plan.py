@@ -1,4 +1,4 @@
-"""Before the experiment: which effects can a planned sequence of velocity steps tell apart?
+"""Plans an experiment: which effects can a sequence of velocity steps tell apart?
 
 The sensitivity of the record to every effect is computed at the null, along the motion of the base
 with parameters that are guessed or were fitted before. What the base's own parameters can absorb is
@@ -84,26 +84,26 @@ class Planned:
     """A planned sequence of velocity steps, its machine, its recorder and the base model. SI."""
 
     velocities: Sequence[float]
-    """Commanded, each for `slip_per_step` of load-point motion."""
+    """Commanded velocities [m/s], each for `slip_per_step` of load-point motion."""
     slip_per_step: float
     stiffness: float
-    """Of the machine [F/m]."""
+    """Stiffness of the machine [F/m]."""
     noise: float
-    """White, standard deviation of a row [F]."""
+    """Standard deviation of a row under white noise [F]."""
     parameters: Mapping[str, float]
-    """Of the base: f0, A, B, L (B2, L2, ...), and V0 if it is not the first velocity; of effects
-    that the base has as "viscous.c", at their null where they are not given."""
+    """Parameters of the base: f0, A, B, L (B2, L2, ...), and V0 if not the first velocity; of
+    effects that the base has as "viscous.c", at their null where they are not given."""
     law: str = "slip"
     friction_unit: str = "1"
     rows: int = 250
     """Samples of each velocity, evenly spaced in time."""
     slip_noise: float | None = None
-    """Of a channel of slip [m], None where there is none."""
+    """Standard deviation of a channel of slip [m]; None where there is none."""
 
 
 @dataclass(frozen=True)
 class _Setup:
-    """What all variants share."""
+    """Data that all variants share."""
 
     planned: Planned
     model: Model
@@ -367,7 +367,7 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
 def _looks(
     setup: _Setup, variants: Sequence[_Variant], progress: Callable[[str], None]
 ) -> list[Design | None]:
-    """What the plan and its variants tell apart; of the plan alone where its slider slips away."""
+    """Designs of the plan and its variants; of the plan alone where its slider slips away."""
     found: list[Design | None] = []
     for k, variant in enumerate(variants):
         progress(f"{variant.text} ({k + 1} of {len(variants)})")
@@ -378,7 +378,7 @@ def _looks(
 
 
 def _look(setup: _Setup, variant: _Variant) -> Design | None:
-    """What a variant tells apart; None where the slider slips away."""
+    """Design of a variant; None where the slider slips away."""
     problem, blocks = _problem(setup, variant)
     choice = Choice(setup.always, setup.without)
     engine = Engine(problem, blocks, np.zeros(0, int), choice, shapes=friction_sensitivities)
