@@ -5,7 +5,7 @@ from ..units import between
 
 
 def describe(gains: Gains) -> list[str]:
-    """What was asked, what was found, why it is believed."""
+    """Lines on what was asked, what was found, and why it is believed."""
     required = ", ".join(
         f"{name} >= {value:g}"
         for name, value in zip(gains.requirement.names, gains.requirement.values, strict=True)
@@ -32,7 +32,7 @@ def describe(gains: Gains) -> list[str]:
 
 
 def _smallest(gains: Gains) -> str:
-    """What k_p at its lower limit stands for: of a late controller a large one is unstable."""
+    """Words for k_p at its lower limit: with a late controller a large k_p is unstable."""
     return "any k_p > 0" if gains.delay is None else "any small k_p"
 
 

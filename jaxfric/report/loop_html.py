@@ -281,7 +281,7 @@ def _meaning(loop: Loop) -> str:
 
 
 def _steps(loop: Loop) -> str:
-    """When which velocity begins."""
+    """Times and velocities of the steps, in words."""
     steps = loop.base_fit.steps
     if loop.length_unit == "m":
         return steps.text(loop.words.speed, 4)

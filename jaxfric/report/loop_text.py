@@ -59,7 +59,7 @@ def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[TextTable]:
 
 
 def lines(loop: Loop) -> list[str]:
-    """What the verdict is, and why not more."""
+    """Lines on the verdict, and on why it is not more."""
     return [f"{loop.verdict}: {loop.sentence}", *_reasons(loop)]
 
 
@@ -146,7 +146,7 @@ def _what_sigma_is(loop: Loop) -> str:
 
 
 def _bound(loop: Loop) -> str:
-    """Where noise ends and structure begins, where that is known."""
+    """Words on the time beyond which structure is not taken for noise; empty if unknown."""
     bound = loop.after.noise.bound()
     return f"; what lasts longer than {bound} is not taken for noise" if bound else ""
 
@@ -194,7 +194,7 @@ def moved(loop: Loop) -> TextTable:
 
 
 def _also_fitted(loop: Loop) -> str:
-    """Which columns beside friction the errors rest on; `jaxfric fit` leaves them out."""
+    """A note on columns beside friction that the errors rest on; `jaxfric fit` leaves them out."""
     columns = ("slip", "load_point_encoder")
     used = [name for name in columns if getattr(loop.record, name, None) is not None]
     if not used:
@@ -224,7 +224,7 @@ def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
 
 
 def _meaning(loop: Loop, name: str) -> str:
-    """What a parameter is; nothing for one of an effect that is not of the catalogue."""
+    """Meaning of a parameter; empty for an effect that is not of the catalogue."""
     if "." not in name:
         try:
             text = loop.words.quantity(name).text
@@ -274,7 +274,7 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
 
 
 def _role(loop: Loop, candidate: CandidateScore) -> str:
-    """What a model was in the search and, where its BIC alone would have had it taken, why not."""
+    """Role of a model in the search and, where it was refused despite its BIC, why."""
     role = loop.role(candidate)
     text = ROLES[role]
     return f"{text}: {candidate.refused}" if role == "tried" and candidate.refused else text
@@ -342,8 +342,8 @@ def _tells(loop: Loop, id: str, other: str) -> bool:
 
 
 def _worse(loop: Loop, id: str, other: str) -> float:
-    """By how much BIC is worse with `other` in place of `id` in the model; nan where that was not
-    fitted, or did not converge."""
+    """Rise of BIC with `other` in place of `id` in the model; nan where that was not fitted, or did
+    not converge."""
     model = frozenset(loop.after.effects)
     if id not in model or other in model:
         return math.nan
@@ -365,7 +365,7 @@ def _nearest(loop: Loop, id: str) -> tuple[str, float]:
 
 
 def splitting(loop: Loop) -> str:
-    """How the record was split, and what that means."""
+    """A sentence on how the record was split, and what that means."""
     if loop.blocks.by_step:
         return f"split by {loop.words.part}: {_whole_parts(loop)}"
     count = len(alias_pairs(loop))
@@ -377,7 +377,7 @@ def splitting(loop: Loop) -> str:
 
 
 def _whole_parts(loop: Loop) -> str:
-    """Whether all parts are held out whole, and what is done with one that is not."""
+    """Words on parts held out whole, and on what is done with one that is not."""
     blocks, piece = loop.blocks, loop.words.piece
     held = blocks.select | blocks.report
     if not np.isin(blocks.step[held], blocks.step[blocks.train]).any():

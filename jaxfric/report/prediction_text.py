@@ -41,7 +41,7 @@ def _errors(found: Prediction) -> TextTable:
 
 
 def _sized(value: float, unit: str) -> str:
-    """With a prefix where the unit is one that takes it."""
+    """The value with its unit, and a prefix where the unit is one that takes it."""
     if unit in ("1", "%"):
         return f"{value:.3g} {unit.removeprefix('1')}".strip()
     factor, shown = next(

@@ -150,7 +150,7 @@ def _margin(name: str, value: float) -> str:
 
 
 def _table(study: Study) -> list[str]:
-    """Some of the velocities: ends, and evenly between."""
+    """A table at some of the velocities: the ends, and evenly between."""
     number = len(study.points.velocity)
     rows = np.unique(np.linspace(0, number - 1, min(number, _ROWS)).round().astype(int))
     V, needed = np.asarray(study.points.velocity), np.asarray(study.points.needed_damping)

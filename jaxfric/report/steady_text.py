@@ -140,7 +140,7 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
 
 
 def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
-    """As of the noise of other loops, a scale for every run; its sigma is of all rows."""
+    """The noise as JSON values, as in other loops; its sigma is of all rows."""
     return {
         "sigma": noise.estimate.sigma,
         **noise.estimate.to_json(),
