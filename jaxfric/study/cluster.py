@@ -94,7 +94,7 @@ def distributed(
 
 
 def compute_block(task: Task, number: int, expected: dict[str, str]) -> Computed:
-    """What a worker does: one block, with as many threads as Dask counts for it.
+    """Compute one block on a worker, with as many threads as Dask counts for it.
 
     Raises
     ------
@@ -141,7 +141,7 @@ _compared: set[str] = set()
 
 
 def code_of(task: Task) -> dict[str, str]:
-    """What the numbers of a task come from in this process."""
+    """Versions of the code that computes the numbers of a task in this process."""
     if belongs_to_package(task.function):
         return versions()
     return versions() | {"your function": fingerprint(task.function)}
@@ -295,7 +295,7 @@ class _Pool:
         return f"{text}; the first one of every worker compiles"
 
     def _result(self, future: "Future") -> Computed | None:
-        """What a future that is done came to; None where that went with a worker.
+        """Result of a future that is done; None where it was lost with a worker.
 
         Its status may change between any two lines: it is taken for done only by its result.
         """

@@ -1,4 +1,4 @@
-"""What a study evaluates: a pure function of one member, or of many at once."""
+"""The function that a study evaluates: a pure one of one member, or of many at once."""
 
 import uuid
 from collections.abc import Callable, Mapping, Sequence
@@ -28,10 +28,10 @@ DTYPES = ("float64", "float32")
 Function = Callable[[dict[str, Any]], Mapping[str, Any]]
 """Outputs by their names, of parameters by theirs: JAX arrays or floats, see `Task.kind`."""
 Cost = Callable[[dict[str, "Array"]], "Array"]
-"""What members will take, in any unit, of arrays of parameters: those alike are computed together,
-so that one slow member does not hold a whole batch."""
+"""Cost of members in any unit, from arrays of parameters: members alike are computed together, so
+that one slow member does not hold a whole batch."""
 Kind = Literal["member", "batch", "host"]
-"""Of a function: see `Task`."""
+"""Kind of a function: see `Task`."""
 
 
 class Stopped(InputError):
@@ -81,9 +81,9 @@ class Task:
     batch: int = 512
     """Members that share a loop on a device."""
     dtype: str = "float64"
-    """Of the numbers that are kept, or "float32"."""
+    """Type of the numbers that are kept: "float64" or "float32"."""
     precision: str = "float64"
-    """Of those that are computed with."""
+    """Type of the numbers in the computation: "float64" or "float32"."""
     separate: bool = True
     """Each device runs loops of its own, by `shard_map`. What lineax solves cannot be traced
     there: False shares the loops, and every one of them waits for its slowest member."""

@@ -1,4 +1,4 @@
-"""What a study varies: axes whose product is taken, and columns sampled together.
+"""The parameters that a study varies: axes whose product is taken, and sampled columns.
 
     Grid(axes=(logspace("k_p", 1e4, 1e6, 60, unit="N/m"), values("V0", [1e-6, 1e-5])),
          samples=Samples(1024, (Uniform("A", 3.0, 6.0), Uniform("B", 4.0, 10.0))))

@@ -21,15 +21,15 @@ SCHEMA = "jaxfric.study/2"
 
 
 class Label(NamedTuple):
-    """What a store says of its study."""
+    """Attributes of a store that describe its study."""
 
     description: Mapping[str, object]
     """Plain values that tell this study from another; a store that has others is refused."""
     toml: str = ""
     """A text that is kept in the store's attributes."""
     warnings: tuple[str, ...] = ()
-    """What must be known of its results, a line each; kept in the attribute "warnings" of a new
-    store, which is not there where there are none."""
+    """Warnings about its results, a line each; kept in the attribute "warnings" of a new store,
+    which is not there where there are none."""
 
 
 def make_store(folder: str, task: Task, label: Label) -> None:

@@ -46,7 +46,7 @@ def dispatch(task: Task, members: dict[str, np.ndarray]) -> Arrays:
 
 
 def devices() -> int:
-    """How many share a block."""
+    """Number of devices that share a block."""
     return len(jax.devices())
 
 
@@ -185,7 +185,7 @@ def _one_by_one(
 
 
 def _text(error: Exception) -> str:
-    """What failed, on one line."""
+    """The error on one line."""
     words = " ".join(str(error).split())
     return f"{type(error).__name__}: {words}"[:300].rstrip(" :")
 

@@ -33,7 +33,7 @@ class Marks:
 
     @staticmethod
     def of(place: AbstractPlace, attributes: dict[str, Any]) -> "Marks":
-        """Those of a store whose attributes are known."""
+        """Marks of a store with known attributes."""
         layout = attributes["layout"]
         blocks = Tiling(tuple(layout["shape"]), tuple(layout["block"]))
         return Marks(place, blocks, dict(layout["outputs"]), tuple(layout["columns"]))
@@ -50,7 +50,7 @@ class Marks:
         self.place.write(_mark(number), checksum)
 
     def states(self) -> list[str]:
-        """Of every block "sound", "damaged", or "missing" where it has no mark."""
+        """State of every block: "sound", "damaged", or "missing" where it has no mark."""
         numbers = sorted(int(name) for name in self.place.names(f"{DONE}/c") if name.isdecimal())
         with ThreadPoolExecutor(_AT_ONCE) as pool:
             marked = dict(zip(numbers, pool.map(self._state, numbers), strict=True))

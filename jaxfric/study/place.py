@@ -1,4 +1,4 @@
-"""Where a store is kept: a folder, or a prefix of an object store, written file by file.
+"""Places of a store: a folder, or a prefix of an object store, written file by file.
 
 A file is there whole or not at all: in a folder by renaming, in an object store by its nature.
 One run at a time writes: a folder is locked by the system; an object store by a file that its
@@ -276,7 +276,7 @@ class Objects(AbstractPlace):
 
     @contextlib.contextmanager
     def faults(self) -> Iterator[None]:
-        """Those of obstore."""
+        """Turn errors of obstore into `OSError`."""
         try:
             yield
         except FileNotFoundError:
@@ -286,7 +286,7 @@ class Objects(AbstractPlace):
 
     @contextlib.contextmanager
     def _refused(self) -> Iterator[None]:
-        """What fails before anything is computed."""
+        """Turn an `OSError` before anything is computed into an `InputError`."""
         try:
             yield
         except OSError as error:
@@ -352,7 +352,7 @@ def _held(shown: str) -> InputError:
 
 
 def _reason(error: Exception) -> str:
-    """What the server says, or the first line of what obstore says."""
+    """The message of the server, or the first line of that of obstore."""
     said = re.search(r"<Message>(.*?)</Message>", str(error), re.DOTALL)
     if said:
         return said.group(1)

@@ -1,4 +1,4 @@
-"""How far a run is, and how long it will take."""
+"""Progress of a run, and an estimate of the time that is left."""
 
 import math
 import time
@@ -10,7 +10,7 @@ from .function import Task
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is."""
+    """Progress of a run."""
 
     blocks: int
     """Blocks of the study, and how many of them are written."""
@@ -39,7 +39,7 @@ class Clock:
         self.compiled: tuple[float, int, int] | None = None
 
     def count(self, members: int) -> None:
-        """One block more."""
+        """Count one block more."""
         self.written += 1
         self.members += members
         if self.progress is not None:
@@ -54,7 +54,7 @@ class Clock:
             self.progress(Progress(self.total, self.written, self.members, rate, left))
 
     def text(self) -> str:
-        """How far it came, and that it can go on."""
+        """A sentence on how far the run came, and that it can go on."""
         return (
             f"{self.written} of {self.total} chunks are written, and the same command goes on"
             " from there"

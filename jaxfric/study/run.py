@@ -49,9 +49,9 @@ class Listener(NamedTuple):
     """Who is told of a run."""
 
     progress: Callable[[Progress], None] | None
-    """How far it is."""
+    """Called with the progress of the run."""
     tell: Tell
-    """What else is worth a line."""
+    """Called with other messages, a line each."""
     ask: Callable[[str], None] | None
     """Size and time of a very large study before it begins; raises to stop it."""
 
@@ -192,7 +192,7 @@ def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
 
 
 def _source(task: Task) -> dict[str, object]:
-    """What the function does; that of a function of the package is told by `versions`."""
+    """Fingerprint of the user's function; functions of the package are covered by `versions`."""
     if belongs_to_package(task.function):
         return {}
     return {"source of the function": fingerprint(task.function)}
@@ -210,7 +210,7 @@ def _described(task: Task) -> dict[str, object]:
 
 
 def _with_layout(description: Mapping[str, object], task: Task) -> dict[str, object]:
-    """What follows from a description by defaults, which another version may have changed."""
+    """The description with entries that follow by default, which another version may change."""
     outputs = [output.name for output in task.outputs]
     return {
         **description,
@@ -254,13 +254,13 @@ def _go_on(store: Store, source: Source, listener: Listener) -> None:
 
 
 class Failed(InputError):
-    """No member of the first ones could be computed; nothing is kept."""
+    """The first members all failed to be computed; nothing is kept."""
 
 
 def _refuse_failures(
     found: Iterable[tuple[int, Computed]], task: Task
 ) -> Iterator[tuple[int, Computed]]:
-    """The same blocks, unless the first members are nothing but errors."""
+    """Pass the blocks on, unless the first members are nothing but errors."""
     failed, error, text = 0, _OUTCOMES.index("error"), ""
     blocks = iter(found)
     for number, block in blocks:

@@ -41,7 +41,7 @@ def normal(index: np.ndarray, seed: int, column: int) -> np.ndarray:
 
 
 def permuted(index: np.ndarray, size: int, seed: int, column: int) -> np.ndarray:
-    """Where a random permutation of 0..size-1 puts each index."""
+    """Places of the given indices in a random permutation of 0..size-1."""
     half = max((max(size - 1, 1).bit_length() + 1) // 2, 1)
     mask = np.uint64(2**half - 1)
     found = index.astype(np.uint64)

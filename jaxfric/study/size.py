@@ -1,4 +1,4 @@
-"""What a study will take, before it begins."""
+"""Estimates of the size and time of a study, before it begins."""
 
 import dataclasses
 import time
@@ -14,7 +14,7 @@ _MEMBERS, _BYTES = 100_000_000, 1e11
 
 
 def is_large(task: Task) -> bool:
-    """Whether someone should think about it first."""
+    """Whether the study is so large that its user is asked first."""
     return task.grid.size > _MEMBERS or _bytes(task) > _BYTES
 
 

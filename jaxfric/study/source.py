@@ -1,4 +1,4 @@
-"""What results come from besides their parameters: the code and the versions that computed them.
+"""Origin of results besides their parameters: the code and the versions that computed them.
 
 A store belongs to one function, to its body and to all that it refers to, and to the versions of
 the packages below it; every worker of a cluster must have the same. Text is not compared but what
@@ -39,7 +39,7 @@ def versions() -> dict[str, str]:
 
 
 def other_versions(then: dict[str, str], now: dict[str, str]) -> list[str]:
-    """What is not the same, as "scipy 1.15 -> 1.16"."""
+    """Versions that differ, as "scipy 1.15 -> 1.16"."""
     return [
         f"{name} {then.get(name, 'missing')} -> {now.get(name, 'missing')}"
         for name in {**then, **now}

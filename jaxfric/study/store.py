@@ -73,7 +73,7 @@ class Store:
         self.marks.set(number)
 
     def sound(self) -> np.ndarray:
-        """Which blocks are written and bear their checksum; marks of others are taken away."""
+        """Mask of the blocks that are written and bear their checksum; other marks are removed."""
         states = self.marks.states()
         for number, state in enumerate(states):
             if state == "damaged":
@@ -211,7 +211,7 @@ def refuse_other_versions(place: AbstractPlace) -> None:
 
 
 def changed_versions(place: AbstractPlace) -> list[str]:
-    """What is not as it was when the store was begun."""
+    """Versions that have changed since the store was begun."""
     return other_versions(attributes(place).get("versions", {}), versions())
 
 
