@@ -34,7 +34,7 @@ _OPTION = re.compile(
 )
 _of_the_command = [False]
 _LIKE = 0.55
-"""How much of two names must agree for one to be suggested in place of the other (1: all)."""
+"""Similarity (at most 1) from which one name is suggested in place of another."""
 
 
 @contextlib.contextmanager

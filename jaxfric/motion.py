@@ -81,7 +81,7 @@ class PiecewiseVelocity(AbstractMotion):
         return cls(t, np.append(v, v[-1]))
 
     def padded(self, length: int) -> "PiecewiseVelocity":
-        """The same motion, its arrays extended to `length` by entries never reached."""
+        """The same motion with arrays extended to `length` by entries never reached."""
         n = length - self.times.shape[0]
         if n < 0:
             raise InputError(f"motion: {self.times.shape[0]} velocities do not fit into {length}")

@@ -1,4 +1,4 @@
-"""What a physical parameter is: symbol, unit, bounds, meaning, said once beside its field.
+"""A physical parameter: symbol, unit, bounds, meaning, said once beside its field.
 
 A field declared with `quantity(...)` carries a `Quantity` as metadata. The
 transform to an unbounded variable for fitting, the tables, the file headers
@@ -41,7 +41,7 @@ class Quantity:
     closed: bool = False
     """Whether the lower bound itself is allowed, at which the parameter does nothing."""
     shape_only: bool = False
-    """Whether what an effect does may be known without it: the record need not fix it."""
+    """Whether the effect may be known without this parameter: the record need not fix it."""
 
     def unit_for(self, force_unit: str) -> str:
         """The SI unit when friction is given in `force_unit` ("1" or "N")."""
@@ -130,7 +130,7 @@ def symbol_of(name: str) -> str:
 
 
 def states_of(names: Iterable[str], symbol: str = "B") -> int:
-    """How many states the parameters of a law speak of; 1 where none is numbered."""
+    """Number of states that the parameters of a law speak of; 1 where none is numbered."""
     found = [_NUMBERED.fullmatch(name) for name in names]
     return max((int(f[2]) for f in found if f and f[1] == symbol), default=1)
 

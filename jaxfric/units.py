@@ -90,7 +90,7 @@ def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list
 
 
 def factor(unit_text: str, si_unit: str, what: str) -> float:
-    """What one `unit_text` is in `si_unit`. The unit may carry a factor: "0.0764 um".
+    """Size of one `unit_text` in `si_unit`. The unit may carry a factor: "0.0764 um".
 
     Raises `InputError` for an unknown unit and for one of another dimension.
     """
@@ -158,7 +158,7 @@ def _spelling(unit: str) -> str:
 
 @functools.lru_cache(maxsize=256)
 def _unit_factor(unit: str, si_unit: str, what: str) -> float:
-    """What one `unit` is in `si_unit`."""
+    """Size of one `unit` in `si_unit`."""
     if unit.lower() in _MACHINE:
         raise InputError(
             f"{what}: '{unit}' is a machine unit; give what one of it is,"
