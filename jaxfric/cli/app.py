@@ -92,7 +92,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def _of_another_rig(error: cyclopts.CycloptsError) -> str:
-    """What to do about an option that only the verbs of other rigs have; '' for another error."""
+    """Advice about an option that only the verbs of other rigs have; '' for another error."""
     (verb,) = error.command_chain or ("",)
     if not isinstance(error, cyclopts.UnknownOptionError) or verb not in LOOPS:
         return ""

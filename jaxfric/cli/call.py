@@ -1,4 +1,4 @@
-"""What the user asked for: the verb, the command line, the options that are not the default."""
+"""The user's request: the verb, the command line, the options that are not the default."""
 
 import contextlib
 import contextvars

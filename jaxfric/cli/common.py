@@ -1,4 +1,4 @@
-"""What several verbs share: reading a record or a law, preparing JAX, telling."""
+"""Helpers that several verbs share: reading a record or a law, preparing JAX, telling."""
 
 import contextlib
 import os
@@ -60,7 +60,7 @@ class AxisColumns(NamedTuple):
         flip: Sequence[str] | None,
         drop_bad: bool,
     ) -> "AxisColumns":
-        """From the options: columns as ROLE=NAME texts, the signs that `Flip` asks to turn."""
+        """The columns from the options: ROLE=NAME texts, and the signs that `Flip` turns."""
         return AxisColumns(axis_roles(columns), drive_gain, rated_torque, flipped(flip), drop_bad)
 
 

@@ -205,12 +205,12 @@ class Folder:
 
     @property
     def written(self) -> str:
-        """What this run wrote, in words."""
+        """The files that this run wrote, in words."""
         return f"written: {self.path}/{', '.join(self.files)}"
 
     @property
     def replaced(self) -> str:
-        """What this run took the place of, in words; '' for nothing."""
+        """The files that this run replaced, in words; '' for none."""
         where = f"replaced in {self.path}"
         if self.known:
             return f"{where}: {', '.join([*self.known, *self.strange])}, written by {self.earlier}"
@@ -261,7 +261,7 @@ def _digest(file: Path) -> str:
 
 
 def _read_notes(folder: Path) -> dict[str, _Run]:
-    """What is noted in a folder, by verb; nothing where that is damaged."""
+    """The notes in a folder, by verb; empty where they are damaged."""
     try:
         runs = json.loads((folder / NOTES).read_text(encoding="utf-8"))["runs"]
         return {verb: _checked(run) for verb, run in runs.items()}

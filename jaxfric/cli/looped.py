@@ -1,4 +1,4 @@
-"""What `jaxfric loop` and `jaxfric axis` do with a closed loop: write it, draw it, tell it."""
+"""Output of `jaxfric loop` and `jaxfric axis`: a closed loop is written, drawn and told."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -83,7 +83,7 @@ class Line:
         self.status.update(escape(message))
 
     def doing(self, message: str) -> None:
-        """The same: there is but one line."""
+        """Note what is being done: there is but one line."""
         self(message)
 
     def end(self) -> None:

@@ -39,7 +39,7 @@ from .effect import AbstractHeavyEffect, extended, with_term
 # steps.
 _SHORTEST = 0.4
 _STIFF = 4.0
-# States over A: what they are wrong by is this much less in friction.
+# Scale of the states, which are over A: an error in them is this much less in friction.
 _SCALE = 0.01
 # A delay below 0, which only the trial of a fit has, acts as one of less than this many crossings.
 _AHEAD = 0.25
@@ -48,7 +48,7 @@ _LEAP_MAX = 10.0
 
 
 class _Filter(NamedTuple):
-    """Coefficients in crossings."""
+    """Coefficients of the filter, in crossings."""
 
     b1: Float[Array, ""]
     b2: Float[Array, ""]
@@ -95,7 +95,7 @@ class _DelayTerm(AbstractTerm):
         return jnp.clip(p, -_LOG_MAX, _LOG_MAX), y, z
 
     def _delay(self, at: Contact, p: Array) -> Float[Array, ""]:
-        """alpha in crossings."""
+        """The delay alpha, in crossings."""
         return jnp.where(self.alpha < 0, 0.0, self.alpha) * _per_second(at) * jnp.exp(p)
 
     def _past(self, at: Contact) -> _Past:
@@ -133,7 +133,7 @@ def _filter(a: Float[Array, ""], c: Float[Array, ""]) -> _Filter:
 
 
 def _log(ratio: Float[Array, ""]) -> Float[Array, ""]:
-    """ln |ratio| between bounds."""
+    """ln |ratio|, clipped to finite bounds."""
     size = jnp.abs(ratio)
     log = jnp.log(jnp.where(size > 0, size, 1.0))
     return jnp.where(size > 0, jnp.clip(log, -_LOG_MAX, _LOG_MAX), -_LOG_MAX)

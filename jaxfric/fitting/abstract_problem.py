@@ -1,4 +1,4 @@
-"""What every least-squares problem of a record has, whatever moved: a slider or an axis.
+"""The least-squares problem of any record, whatever moved: a slider or an axis.
 
 Parameters are one vector of unbounded variables: positive quantities by their logarithm, signed
 ones in units of a typical size of the record, which follows from their unit. Rows have a weight, 0
@@ -24,7 +24,7 @@ _MASS_SHARE = 1e-4
 
 
 class ParametricModel(Protocol):
-    """What is fitted: names of the parameters and what they are.
+    """The model that is fitted: names of its parameters and their quantities.
 
     Hashable, since it decides what is compiled.
     """
@@ -56,7 +56,7 @@ class AbstractProblem(eqx.Module):
     friction: eqx.AbstractVar[Float[Array, " n"]]
     weight: eqx.AbstractVar[Float[Array, " n"]]
     clock: eqx.AbstractVar[Float[Array, "n k"]]
-    """What noise may be correlated over, such as time [s] and path [m]."""
+    """Clocks over which noise may be correlated, such as time [s] and path [m]."""
     noise_scale: eqx.AbstractVar[Float[Array, ""]]
     hold: eqx.AbstractVar[Float[Array, " s"]]
     """Weights of the last parameters, shifts of step times in units of their errors."""
@@ -79,7 +79,7 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def plain(self) -> Self:
-        """The same problem with residuals in units of `noise_scale`, as correlated as they are."""
+        """A copy: residuals in units of `noise_scale`, as correlated as they are."""
 
     @abc.abstractmethod
     def heavier(self, factor: int) -> Self:

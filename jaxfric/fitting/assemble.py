@@ -237,7 +237,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
 
 
 def edge_warnings(K: float, critical: float) -> list[str]:
-    """What a stiffness below or near the critical one (same unit; none if 0 or less) means."""
+    """Warnings where the stiffness is below or near the critical one; none if that is 0 or less."""
     if not critical > 0 or _NEAR_EDGE * critical <= K:
         return []
     ratio = f"K/K_cr = {K / critical:.2f}"

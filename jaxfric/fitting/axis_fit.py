@@ -47,8 +47,8 @@ class AxisFit:
     """Root mean square of the residual [N, N m or %; m or rad]."""
     converged: bool
     loose: tuple[str, ...] = ()
-    """Parameters that the record does not fix: what is uncertain of them would take more than the
-    largest force, or more than their own value where they are positive."""
+    """Parameters that the record does not fix: their uncertainty would take more than the largest
+    force, or more than their own value where they are positive."""
 
 
 def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> AxisFit:

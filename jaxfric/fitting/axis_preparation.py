@@ -135,7 +135,7 @@ class Prepared(NamedTuple):
     motion: MeasuredMotion
     means: Means
     forces: AbstractSampler
-    """Takes forces to the rows of the loop, which stand where those of `means` do."""
+    """Filters forces and takes them to the rows of the loop, at the times of those of `means`."""
     usual: Decimator
     interval: float
     """Time between samples [s]."""
@@ -153,7 +153,7 @@ class Prepared(NamedTuple):
     takes away: of the position, or of the velocity where there is no position."""
     of_position: bool
     taken: np.ndarray
-    """rms of what the low-pass took away, of each row (n)."""
+    """rms of the motion that the low-pass took away at each row (n)."""
     floor: float
     """The error of one sample of the recorded motion, from its fourth differences, and no less than
     that of rounding: what a low-pass may take away without taking motion."""

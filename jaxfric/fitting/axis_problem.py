@@ -31,7 +31,7 @@ class AxisProblem(AbstractProblem):
     """Recorded motor force; the name is that of `jaxfric.fitting.Problem`."""
     weight: Float[Array, " n"]
     clock: Float[Array, "n 1"]
-    """What noise may be correlated over: time [s]."""
+    """Clocks over which noise may be correlated: time [s]."""
     motion: MeasuredMotion
     sampler: AbstractSampler
     interval: Float[Array, ""]

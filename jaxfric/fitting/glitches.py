@@ -48,7 +48,7 @@ _TOLD = 3
 _NEAR = 0.6
 """Share of the limit for glitches that the rows beside a glitch must stay below."""
 _SHARED = 20
-"""Rows that the errors of all steps count for beside those of one."""
+"""Weight of the median of all steps against that of one, in rows."""
 
 
 class Glitches(NamedTuple):
@@ -104,8 +104,8 @@ def prediction_errors(
 def in_sizes_of_steps(
     ahead: np.ndarray, back: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of prediction (n,) either way over the median of those of the same step, as it would
-    be of errors of unit variance and a normal law; one of few rows is near that of all steps."""
+    """Errors of prediction (n,) both ways over their median in the same step, scaled as for a
+    normal law of unit variance; the median of few rows is drawn to that of all steps."""
     size, every = np.ones(len(step)), np.concatenate([ahead, back])
     whole = float(np.median(np.abs(every)))
     for own in (step == k for k in np.unique(step)):
@@ -146,8 +146,8 @@ def standing_out(
 
 
 def _law(errors: np.ndarray):
-    """Student's t whose median and 93rd percentile are those of the sizes of some errors: their
-    scale, and the law for a scale of 1."""
+    """Student's t with the median and the 93rd percentile of the sizes of some errors: its scale,
+    and the law for a scale of 1."""
     from scipy.stats import t
 
     body, shoulder = np.quantile(np.abs(errors), [_BODY, _SHOULDER])

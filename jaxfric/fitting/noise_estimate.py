@@ -1,4 +1,4 @@
-"""The noise of a result: how large, what of it is correlated over what, and what was searched."""
+"""The noise of a result: its size, its correlated parts, and the limits of the search."""
 
 import dataclasses
 import math
@@ -12,8 +12,8 @@ from .noise import EXPONENTIAL, Noise
 from .quantisation import least_noise, step_words
 
 CLOCKS = ("time", "path", "rows", "pace")
-"""What noise forgets over: time [s], the path of the load point [m], rows of the record, or rows in
-units of the memory that each velocity step shows."""
+"""Clocks over which noise forgets: time [s], the path of the load point [m], rows of the record, or
+rows in units of the memory that each velocity step shows."""
 ROTARY_CLOCKS = ("time", "angle", "rows", "pace")
 """The clocks of an axis that turns: its path is an angle [rad]."""
 _UNITS = {"time": "s", "path": "m", "angle": "rad", "rows": "rows", "pace": "memory of a step"}

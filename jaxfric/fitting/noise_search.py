@@ -290,8 +290,8 @@ def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found
 
 
 def _both_parts(family: Family, limits: Limits) -> np.ndarray:
-    """Starts of two parts at once, (g, q): beside one that has taken what is another's, the other
-    is not found. None of a family with one part."""
+    """Starts with two parts at once, (g, q), as a part beside one that has taken its share is not
+    found. Empty for a family with one part."""
     if family.first is None or family.second is None or family.negative:
         return np.zeros((0, family.parameters))
     inner = [

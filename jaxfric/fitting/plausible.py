@@ -1,4 +1,4 @@
-"""Which values a record of this size can show at all.
+"""Bounds on the parameters that a record of this size can show at all.
 
 A fit can end far outside what the record covers: a slip length longer than all its slip, amplitudes
 that cancel each other, a stiffness at which the load point's whole path moves nothing. The error

@@ -42,7 +42,7 @@ def quantity_of(name: str) -> Quantity:
 
 
 class RigModel(ParametricModel, Protocol):
-    """What is fitted to a slider's record: parameters, and the rig that they make."""
+    """The model that is fitted to a slider's record: parameters, and the rig that they make."""
 
     def rig(
         self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
@@ -52,7 +52,7 @@ class RigModel(ParametricModel, Protocol):
 
 
 class Model(NamedTuple):
-    """What is fitted: law, number of states, and which optional parameters are free."""
+    """The choices of a fit: law, number of states, and which optional parameters are free."""
 
     law: str = "slip"
     states: int = 1
@@ -67,13 +67,13 @@ class Model(NamedTuple):
         return tuple(names)
 
     def quantity(self, name: str) -> Quantity:
-        """See `quantity_of`."""
+        """Symbol, unit and bounds of a parameter, see `quantity_of`."""
         return quantity_of(name)
 
     def rig(
         self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
     ) -> Rig:
-        """See `build_rig`."""
+        """The rig with given values of the parameters, see `build_rig`."""
         return build_rig(self, values, V0, stiffness)
 
 
@@ -99,7 +99,7 @@ class Problem(AbstractProblem):
     friction: Float[Array, " n"]
     weight: Float[Array, " n"]
     clock: Float[Array, "n 3"]
-    """What noise may be correlated over: time [s], path of the load point [m], samples."""
+    """Clocks over which noise may be correlated: time [s], load-point path [m], samples."""
     motion: PiecewiseVelocity
     shifted: Int[Array, " k"]
     shift_scale: Float[Array, " k"]
@@ -168,15 +168,15 @@ class Problem(AbstractProblem):
         return True
 
     def whitened(self, noise: Noise) -> "Problem":
-        """The same problem with residuals in units of `noise` and uncorrelated under it."""
+        """A copy: residuals in units of `noise` and uncorrelated under it."""
         return dataclasses.replace(self, noise=noise, hold=jnp.ones_like(self.hold))
 
     def plain(self) -> "Problem":
-        """The same problem with residuals in units of `noise_scale`, as correlated as they are."""
+        """A copy: residuals in units of `noise_scale`, as correlated as they are."""
         return dataclasses.replace(self, noise=None, hold=jnp.ones_like(self.hold))
 
     def holding(self, hold: np.ndarray) -> "Problem":
-        """A copy of this problem with other weights `hold` on the shifts of the step times."""
+        """A copy with other weights `hold` on the shifts of the step times."""
         return dataclasses.replace(self, hold=jnp.asarray(hold))
 
     def predict(

@@ -12,11 +12,11 @@ import math
 import numpy as np
 
 _EVEN = 0.02
-"""How far from a whole number of steps a value may be, in steps."""
+"""Largest distance of a value from a whole number of steps, in steps."""
 _RESOLVED = 1e-11
-"""Smaller steps, in units of the largest value, are those of the numbers themselves."""
+"""Smallest step, in units of the largest value: smaller ones are rounding."""
 _REPEATED = 0.9
-"""Share of the rows that may have values of their own: those of a continuous column all have."""
+"""Largest ratio of distinct values to rows; in a continuous column it is nearly 1."""
 _COARSE = 2.0
 
 

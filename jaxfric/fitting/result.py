@@ -1,4 +1,4 @@
-"""What a fit returns."""
+"""The result of a fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -97,7 +97,7 @@ class Fit:
         return critical_stiffness_of(law)
 
     def stability(self) -> Claim:
-        """What may be said of stability: of A, of all B and, for a critical stiffness, of L."""
+        """The claim on stability that A, all B and, for a critical stiffness, L allow."""
         if not self.converged:
             return Claim("open", ("the fit did not converge",))
         amplitudes = [n for n in self.parameters if n == "A" or n.rstrip("0123456789") == "B"]
@@ -112,7 +112,7 @@ class Fit:
         return claim
 
     def _noise(self) -> dict:
-        """Null where the fit did not converge: what it leaves is no noise."""
+        """The noise as JSON values; null where the fit did not converge."""
         found = {"sigma": _number(self.noise.sigma), **self.noise.to_json()}
         return found if self.converged else dict.fromkeys(found)
 

@@ -327,8 +327,8 @@ def _linear_part(
 
 
 class OneStateMotion(NamedTuple):
-    """What a one-state fit says of a record: at times [s], the friction there, velocity and slip of
-    the slider, and the square root of the number of rows."""
+    """Motion of the slider by a one-state fit: at times [s] its friction, velocity and slip, and
+    the square root of the number of rows."""
 
     time: np.ndarray
     friction: np.ndarray

@@ -11,7 +11,7 @@ from .problem import quantity_of
 from .result import Fit
 
 _LEAST, _SMALL = 0.005, 0.05
-"""Shares of a noise that are told as small ones."""
+"""Shares of a noise below which a part is not named, and is named as small."""
 _ABOVE = 1.1
 
 
@@ -77,7 +77,7 @@ def correlations(fit: Fit, least: float = 0.7) -> list[str]:
 
 
 def summary(fit: Fit) -> list[str]:
-    """What else there is to say of a fit, line by line."""
+    """Lines on a fit beyond its parameters."""
     noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
     left_out = len(noise.glitches.rows)
     lines = [
@@ -110,7 +110,7 @@ def noise_text(noise: NoiseEstimate) -> str:
 
 
 def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:
-    """The noise `of` what, what makes it as a rule, and the bound of its memory; a line each."""
+    """Lines on the noise of `of`: its size, its usual cause, and the bound of its memory."""
     lines = [f"noise of {of}: {noise_text(noise)}"]
     if origins := noise.origins():
         lines.append(f"such noise comes from {', and from '.join(origins)}")
@@ -120,14 +120,14 @@ def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:
 
 
 def _above_rms(fit: Fit) -> str:
-    """Why the noise is larger than what the fit leaves, where it is."""
+    """The reason why the noise is larger than the rms of the fit, where it is."""
     if not fit.noise.sigma > _ABOVE * fit.rms:
         return ""
     return "; larger than the rms, because the fit takes up a part of noise that lasts so long"
 
 
 def _stability(fit: Fit) -> str:
-    """What the fit says of stability, or why it says nothing."""
+    """A sentence on stability by the fit, or on why there is none."""
     claim = fit.stability()
     moving = np.abs(fit.steps.velocities[fit.steps.velocities != 0])
     length = fit.record.units.get("load_point_displacement", "um")

@@ -1,4 +1,4 @@
-"""What gains an axis needs, and the sentence that may be said of it."""
+"""Gains that an axis needs, and the sentences that may be said of them."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -107,7 +107,7 @@ class AxisGains:
         return f" from {velocity.text(self.curve.slowest)} to {velocity.text(self.curve.fastest)}"
 
     def _not_seen(self, velocity: Shown) -> str:
-        """What was recorded at low speed and is no friction of a steady speed."""
+        """Words on what was recorded at low speed but is not friction of a steady speed."""
         if self.curve is None:
             return ""
         said = ""

@@ -1,4 +1,4 @@
-"""What a slider does in the end: nonlinear checks of gains by simulation.
+"""Nonlinear checks of gains: the long-term motion of a slider, by simulation.
 
 A margin is linear and says nothing about the size of the disturbance that a steady motion
 survives. Here are the standard starts, and the map of the gains at which stick-slip itself

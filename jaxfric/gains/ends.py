@@ -1,4 +1,4 @@
-"""How a motion ends, told from its velocity and slip: arrays in, no simulation here."""
+"""Classifies how a motion ends, from arrays of its velocity and slip; it simulates nothing."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 CLEAR = -0.22
-"""ln of what a window may shrink to, of the one before, and still be no clear decay."""
+"""ln of the ratio between two windows above which a motion does not clearly decay."""
 LINEAR = 0.3
 """A slider that sticks has |V - V0|/V0 = 1. A decay between windows that are shorter than a cycle
 is believed only below this: the time between two slips is no decay."""
@@ -52,7 +52,7 @@ class EndState(eqx.Module):
     """Rate of ln(largest deviation) between the last two windows [1/s]; negative: decays."""
 
     def unless(self, fault: Bool[Array, " *s"], code: ENDS) -> "EndState":
-        """The same, but `code` and no numbers where `fault`."""
+        """A copy of these ends with `code` and no numbers where `fault`."""
 
         def drop(x: Array, value: float = jnp.inf) -> Array:
             return jnp.where(fault, value, x)
@@ -69,7 +69,7 @@ class EndState(eqx.Module):
 
 
 class Track(NamedTuple):
-    """A motion as it was sampled."""
+    """Samples of a motion."""
 
     time: Float[ArrayLike, " n"]
     """[s], ascending; not necessarily even, may repeat."""

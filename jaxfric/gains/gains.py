@@ -29,7 +29,7 @@ _MOST_RAISED = 30.0
 SHORTEST_DELAY = 50e-6
 """Delay of the fastest controllers of machines [s]: 1.5 samples of a drive that runs at 30 kHz."""
 
-# Of a range that is given as text.
+# Number of masses from a range that is given as text.
 _MASSES = 5
 
 
@@ -86,7 +86,7 @@ def find_gains(
 
 
 class Machine(NamedTuple):
-    """What gains are for; see `find_gains`."""
+    """The situations of a machine that gains are for; see `find_gains`."""
 
     velocity: ArrayLike | str
     mass: ArrayLike | str | None

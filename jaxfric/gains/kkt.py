@@ -149,7 +149,7 @@ def _slacks(
 
 
 class _Multipliers(NamedTuple):
-    """Multipliers above 0 by constraint, and what they leave of the gradient of the norm."""
+    """Multipliers above 0 by constraint, and the residual gradient of the norm."""
 
     values: dict[int, float]
     residual: float

@@ -81,7 +81,7 @@ class Scenarios:
         return Scenarios(laws, velocity, mass, sample, friction, delay)
 
     def take(self, index: ArrayLike | Sequence[int]) -> "Scenarios":
-        """Some of the scenarios."""
+        """The scenarios at some indices."""
         index = np.asarray(index)
         friction = jax.tree.map(lambda leaf: leaf[index], self.friction)
         mass, delay = (None if x is None else x[index] for x in (self.mass, self.delay))
@@ -133,7 +133,7 @@ def number_of_samples(laws: Law) -> int:
 
 
 def one_sample(law: Law) -> Law:
-    """A batch of one law."""
+    """The law as a batch of one."""
     arrays, rest = eqx.partition(law, eqx.is_array)
     return eqx.combine(jax.tree.map(lambda leaf: leaf[None], arrays), rest)
 

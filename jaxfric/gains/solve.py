@@ -50,7 +50,7 @@ class Infeasible(NamedTuple):
 
 
 class Optima(NamedTuple):
-    """Local optima, smallest norm first, and what certifies them."""
+    """Local optima, smallest norm first, with their certificate."""
 
     optima: list[Optimum]
     alone: list[FrontierPoint]

@@ -43,7 +43,7 @@ Effects = Sequence[type[AbstractEffect]]
 
 _CURVE = BaseLaw().names()[1:]
 _DIRECT = f"{RateAndState.id}.A"
-# Of the record's width of the smoothed sign: the law's own, so that it is sharp wherever the
+# Width of the law's smoothed sign over that of the record, so that it is sharp wherever the
 # record has rows that count, and can still be simulated through rest.
 _NARROWER = 0.05
 # Where a file names no width [m/s].

@@ -1,4 +1,4 @@
-"""What the record does not fix of an effect: that effect is not added, whatever its likelihood.
+"""Effects that the record does not fix: they are not added, whatever their likelihood.
 
 An amplitude is not fixed where it is no larger than its own error, or where it alone would change
 friction by more than the largest friction recorded. A shape is not fixed where its error is as

@@ -118,7 +118,7 @@ class SliderBench(AbstractBench):
     """Sentences on the rows that were left out."""
 
     def engine(self, with_: tuple[str, ...] | None) -> Engine[Problem]:
-        """Everything is offered but what is left out."""
+        """An engine that offers all effects but those left out."""
         if with_ is None:
             return Engine(self.problem, self.blocks, self.felt, shapes=friction_sensitivities)
         return Engine(
@@ -171,7 +171,7 @@ class SliderBench(AbstractBench):
         return np.asarray(self.base_fit.steps.displacement(self.record.relative_time))
 
     def passing_over(self, engine: Engine[Problem]) -> Self:
-        """Itself: reports mark the glitches."""
+        """This bench itself: a slider's rows all count, and reports mark the glitches."""
         return self
 
     def bumps(self, engine: Engine[Problem], candidate: Candidate) -> list[Bumps]:
@@ -179,11 +179,11 @@ class SliderBench(AbstractBench):
         return friction_bumps(engine, candidate)
 
     def curves(self, engine: Engine[Problem], final: Candidate) -> CurveRig:
-        """See `slider_curves`."""
+        """Steady curves of the fit, see `slider_curves`."""
         return slider_curves(engine, final, self.base_fit.steps)
 
     def rows(self, engine: Engine[Problem]) -> ScoredRows:
-        """All, by velocity."""
+        """All rows, by velocity."""
         used = np.ones(len(self.record.relative_time), bool)
         return ScoredRows(used, engine.blocks.step, len(self.base_fit.steps))
 

@@ -33,7 +33,7 @@ class Stopwatch:
 
     @property
     def typical(self) -> float:
-        """The median of the latest."""
+        """Median of the latest times [s]."""
         return statistics.median(self.seconds[-_LATEST:]) if self.seconds else float("inf")
 
 

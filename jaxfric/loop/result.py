@@ -1,4 +1,4 @@
-"""What closing the loop returns: a verdict, the fit before and after, and all that was tried."""
+"""Result of closing the loop: verdict, the fits before and after, and all that was tried."""
 
 import typing
 from collections.abc import Mapping
@@ -91,7 +91,7 @@ class LocationProfile:
     centres: np.ndarray
     amplitudes: np.ndarray
     errors: np.ndarray
-    """Standard errors of what the base does not take up, in the unit of friction."""
+    """Standard errors of the part that the base does not take up, in the unit of friction."""
     explained: float
     """Share of the structure of the base's residual that bumps in this variable alone take away;
     nan where there is no more of it than chance."""

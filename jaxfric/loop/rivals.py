@@ -41,7 +41,7 @@ def all_rivals(search: Search) -> list[Candidate]:
 def disagreement(
     engine: Engine, candidate: Candidate, rivals: Sequence[Candidate], index: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, "m m"]:
-    """See the module; of the free parameters of `candidate`, `index` in z."""
+    """Covariance between rival fits (see the module), of parameters with indices `index` in z."""
     bic = np.array([candidate.bic, *(c.bic for c in rivals)])
     weight = np.exp(-0.5 * (bic - bic.min()))
     weight /= weight.sum()

@@ -1,4 +1,4 @@
-"""Which effects would explain a residual: every effect and shape, to first order, in one sweep.
+"""Screens all effects and shapes for those that would explain a residual, to first order.
 
 One Jacobian at the null of all effects holds the sensitivities of those without shapes;
 those of every shape of the others come from `Engine.shapes`. For each the

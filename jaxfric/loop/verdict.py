@@ -43,7 +43,7 @@ class Floor(NamedTuple):
 
 
 class Told(NamedTuple):
-    """Numbers of a verdict's sentence."""
+    """The numbers in the sentence of a verdict."""
 
     before: float
     after: float
@@ -51,7 +51,7 @@ class Told(NamedTuple):
     most: float
     """The held-out error that noise alone explains, in sigma."""
     p_value: float
-    """The least of the residual tests."""
+    """The smallest p-value of the residual tests."""
 
     def change(self) -> str:
         """The held-out error before and after, said as a fall only where it is one."""
@@ -62,7 +62,7 @@ class Told(NamedTuple):
 
 
 class Conclusion(NamedTuple):
-    """See `Loop` for the fields."""
+    """The fields of `Loop` that the verdict fills."""
 
     verdict: str
     sentence: str
@@ -102,8 +102,8 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
 def _level(
     engine: Engine, residual: np.ndarray, columns: np.ndarray, rows: np.ndarray, noise: Noise
 ) -> float:
-    """rms of noise on some rows (a mask): of what is left there without the smooth columns, and how
-    much of such noise the columns have taken away with them."""
+    """rms of the noise on some rows (a mask): from the residual without the smooth columns, and
+    corrected for the noise that these columns take away."""
     mask = np.zeros(len(residual))
     mask[: len(rows)] = rows
     columns = columns * mask[:, None]
@@ -154,8 +154,8 @@ def _prediction_errors(engine: Engine, rows: Rows, held: np.ndarray, noise: Nois
 def questions(
     engine: Engine, candidate: Candidate, slip: np.ndarray, left: Left, noise: Noise
 ) -> dict[str, float]:
-    """p-values of the residual tests on the train block; `left` is what the candidate leaves,
-    `noise` that with everything smooth taken out."""
+    """p-values of the residual tests on the train block, and of the structure `left`; `noise` is
+    that with everything smooth taken out."""
     train = engine.blocks.train
     residual = np.zeros((len(engine.weight), 1))
     residual[: engine.rows, 0] = candidate.residual
@@ -173,8 +173,8 @@ def conclude(
     located: str,
     curve: CurveFamily | None = None,
 ) -> Conclusion:
-    """The verdict. `edge` is K/K_cr of the base fit, `located` what the location map says, `curve`
-    what fits in place of the steady curve of velocity that the search found."""
+    """The conclusion. `edge` is K/K_cr of the base fit, `located` a sentence of the location map,
+    `curve` the shapes that fit in place of the steady curve that the search found."""
     final, base = search.final, search.base
     groups = _groups(search)
     separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}

@@ -80,7 +80,7 @@ class Motions:
     wanted: tuple[str, ...]
     samples: int = 100
     duration: float | None = None
-    """[s]; None: twenty slip lengths at V0."""
+    """Time that is followed [s]; None: twenty slip lengths at V0."""
     rtol: float = 1e-6
     max_steps: int = 16384
     inertia: bool = False

@@ -40,7 +40,7 @@ FIT_CODES = {
     "not_converged": "The fit did not converge.",
     "ran_away": "The slider runs away or takes too many steps: there is no record.",
 }
-# Members of a block, by what one takes.
+# Members of a block: the fewer, the longer one of them takes.
 _CHUNK_GAINS, _CHUNK_FITS, _CHUNK_LOOPS = 16, 4, 1
 _GAINS = ("margin", "max_k_p", "max_k_v", "scale_k_p", "scale_k_v")
 _RECORD = ("ratio", "noise", "rows", "distance", "seed")

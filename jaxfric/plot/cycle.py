@@ -203,4 +203,4 @@ DRAWERS: dict[str, Callable[[Motion, Path], list[str]]] = {
     "motion": _save_series,
     "phase_plane": _save_plane,
 }
-"""What writes each figure of a simulation to a folder and returns the names written."""
+"""Functions that each write a figure of a simulation to a folder and return names written."""

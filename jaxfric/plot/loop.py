@@ -193,7 +193,7 @@ def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray,
 
 
 def _clocks(loop: Loop) -> np.ndarray:
-    """What the noise may forget over, at every row."""
+    """Clocks over which the noise may forget, at every row."""
     time = loop.record.relative_time
     path, pace = np.asarray(loop.base_fit.steps.displacement(time)), loop.after.noise.pace
     return clocks(time, path, np.asarray(pace)[loop.blocks.step] if pace else None)
@@ -499,5 +499,5 @@ DRAWERS: dict[str, Callable[[Loop, Path], list[str]]] = {
     "aliasing": _save_aliasing,
     "candidates": _save_candidates,
 }
-"""What writes each figure of a loop to a folder and returns the names written."""
+"""Functions that each write a figure of a loop to a folder and return the names written."""
 FIGURES: tuple[str, ...] = tuple(DRAWERS)

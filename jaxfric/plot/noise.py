@@ -20,8 +20,8 @@ _RANGES, _LETTERS = 4, 36
 
 
 def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
-    """What noise may forget over, at every row: time, path of the load point, rows, and rows over
-    the `pace` of each; (n, 4)."""
+    """Clocks at every row: time, path of the load point, rows, and rows over the `pace` of each;
+    (n, 4)."""
     moved = np.cumsum(np.abs(np.diff(path, prepend=path[:1])))
     own = np.zeros(len(time)) if pace is None else np.cumsum(1 / pace)
     return np.stack([time, moved, np.arange(float(len(time))), own], axis=1)

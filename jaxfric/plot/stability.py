@@ -107,8 +107,8 @@ FIGURES: tuple[str, ...] = ("friction", "gain_map", "velocity", "root_locus")
 
 
 def drawers(found: Study) -> dict[str, Callable[[Study, Path], list[str]]]:
-    """What writes each figure of a study to a folder and returns the names written, by the name
-    of the figure. Those of a delay: `plot.delay`."""
+    """Functions that write each figure of a study to a folder and return the names written, by the
+    name of the figure."""
     maps = {} if found.delayed else {"gain_map": _save_map, "velocity": _save_sweep}
     return {"friction": _save_friction, **maps, "root_locus": _save_locus}
 

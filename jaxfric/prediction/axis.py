@@ -59,7 +59,7 @@ def predict_axis(
     held: bool | None,
     progress: Callable[[str], None],
 ) -> Prediction:
-    """See `jaxfric.predict`."""
+    """Compare an axis's model with a record, see `jaxfric.predict`."""
     _refuse_other(saved, record)
     progress("preparing the record")
     setting = _setting(saved, record, held)

@@ -10,7 +10,7 @@ from ..records.record import Provenance
 
 SCHEMA = "jaxfric.prediction/1"
 _AS_GOOD = 1.1
-"""rms over that of a refit up to which a prediction is as good as a fit."""
+"""Ratio of rms to that of a refit up to which a prediction is as good as a fit."""
 _AT_NOISE = 1.3
 """rms over the scatter of neighbouring rows up to which a refit is at the noise."""
 _SHIFTED = 3.0

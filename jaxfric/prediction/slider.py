@@ -67,7 +67,7 @@ def predict_slider(
     free: Sequence[str],
     progress: Callable[[str], None],
 ) -> Prediction:
-    """See `jaxfric.predict`."""
+    """Compare a slider's model with a record, see `jaxfric.predict`."""
     require_float64()
     _refuse_other(saved, record)
     setting = _setting(saved, record, stiffness, steps)

@@ -95,7 +95,7 @@ class Protocol:
     """K/K_cr; None where any stiffness is stable."""
     design: Design
     changes: tuple[Change, ...]
-    """The cheapest first."""
+    """Changes of the plan, the cheapest first."""
     warnings: tuple[str, ...]
     seconds: float
 

@@ -126,7 +126,7 @@ def plan(
     changes: bool = True,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Protocol:
-    """Which effects a sequence of velocity steps can tell apart, and what would help. SI.
+    """Predict which effects a sequence of velocity steps can tell apart, and what would help. SI.
 
     With s_i the sensitivity of the record to the amplitudes of effect i, in units of the noise and
     with the base's sensitivities projected out, the cosine of two effects is s_i.s_j/(|s_i||s_j|),

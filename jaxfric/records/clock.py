@@ -112,7 +112,7 @@ def _number_of_day(date: str, day_first: bool) -> int | None:
 
 
 def _past_midnight(found: np.ndarray) -> tuple[np.ndarray, str]:
-    """A day more after each midnight."""
+    """The times with a day added after each midnight, and a note if there is one."""
     good = np.flatnonzero(np.isfinite(found))
     passed = np.zeros(len(found))
     passed[good[1:]] = np.diff(found[good]) < -_DAY / 2

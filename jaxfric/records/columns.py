@@ -35,8 +35,8 @@ Found = dict[str, tuple[int, str | None]]
 """The column and its unit as written, by role."""
 
 Settle = Callable[[Table, Found, set[str]], list[str]]
-"""What a rig makes of the columns that were found, before one that is missing is refused: it may
-drop some of them. The set has the roles that the user named; it returns notes."""
+"""Adjusts the columns that were found, before a missing one is refused: it may drop some of them.
+The set has the roles that the user named; it returns notes."""
 
 
 class Understood(NamedTuple):
@@ -198,7 +198,7 @@ def _by_name(table: Table, schema: Schema, role: Role, taken: set[int]) -> int |
 
 
 def _fitting(indices: list[int], units: Sequence[str | None], wanted: Iterable[str]) -> list[int]:
-    """Of equally named columns those with a unit of a wanted dimension; all if there are none."""
+    """Equally named columns with a unit of a wanted dimension; all of them if there are none."""
     if len(indices) < 2:
         return indices
     good = [i for i in indices if units[i] and any(fits(spelt(units[i]), one) for one in wanted)]

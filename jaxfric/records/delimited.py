@@ -21,7 +21,7 @@ from .table import Table
 
 _MOST_HEADER_LINES = 2000
 _SAMPLE = 50
-"""Rows that tell how the columns are written."""
+"""Number of rows from which the style of the columns is learnt."""
 
 
 def parse(data: bytes, path: str) -> Table:

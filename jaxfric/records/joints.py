@@ -105,7 +105,7 @@ def _white_variance(rest: np.ndarray) -> float:
 
 
 def _correlation_factor(rest: np.ndarray) -> float:
-    """Variance of batch means over that of independent rows: rows per independent row."""
+    """Rows that count as one independent row, from the variance of batch means."""
     if len(rest) < 40:
         return 2.0
     batch = len(rest) // 20

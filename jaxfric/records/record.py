@@ -247,7 +247,7 @@ def vector(values: ArrayLike, role: str) -> np.ndarray:
 
 
 def frozen(values: np.ndarray) -> np.ndarray:
-    """Read-only and contiguous."""
+    """A read-only, contiguous copy of float64."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     values.setflags(write=False)
     return values

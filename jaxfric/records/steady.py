@@ -184,7 +184,7 @@ def _stuck(runs: list[Run], used: list[Run]) -> tuple[str, ...]:
 def _check_runs(
     folder: Path, runs: list[Run], used: list[Run], records: Mapping[str, AxisRecord]
 ) -> None:
-    """Enough runs, all in the same units."""
+    """Refuse a folder with too few runs, or with runs in different units."""
     if len(used) < MIN_RUNS:
         left = [f"{run.name}: {run.refused}" for run in runs if run.refused]
         shown = "; ".join(left[:3]) + ("; ..." if len(left) > 3 else "")

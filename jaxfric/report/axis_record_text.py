@@ -1,4 +1,4 @@
-"""What is understood of a record of an axis, or of a folder of steady runs, in lines of text."""
+"""Summary of a record of an axis, or of a folder of steady runs, in lines of text."""
 
 import numpy as np
 
@@ -54,7 +54,7 @@ def _rows(origin: Provenance, used: int) -> list[str]:
 
 
 def _size(unit: str) -> float:
-    """What one of a unit is in SI; 1 where nothing is known of it."""
+    """Size of one of a unit in SI; 1 where the unit is unknown."""
     si = {"mm": "m", "mm/s": "m/s"}.get(unit)
     return 1.0 if si is None else factor(unit, si, "unit shown")
 

@@ -284,7 +284,7 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
 
 
 def apart(loop: Loop) -> list[str]:
-    """For every effect added, what it may be confused with and what would separate them.
+    """Sentences on every effect added: its likely confusions, and what would separate them.
 
     Effects that look alike to first order are told apart where a refit with the other in place of
     the one was tried and is worse by more than 10 of BIC.
@@ -316,7 +316,7 @@ def apart(loop: Loop) -> list[str]:
 
 
 def _of_family(id: str, family: CurveFamily) -> str:
-    """What an effect may be confused with where the shape of its curve is not told."""
+    """Words on effects easily taken for one, where the shape of its curve is not told."""
     text = f"{id}: this record does not tell it from a steady curve of another shape"
     text += f" ({family.why()})"
     return f"{text}; what would: {family.wanted()}" if family.decided_by else text

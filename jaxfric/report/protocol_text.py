@@ -57,7 +57,7 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
 
 
 def apart(plan: Protocol) -> list[str]:
-    """What the plan cannot tell apart, and what would, in general."""
+    """Sentences on the effects that the plan cannot tell apart, and on what would, in general."""
     design, out = plan.design, []
     for group in design.groups():
         pairs = [(a, b, v) for a, b, v in design.pairs() if a in group]
@@ -90,14 +90,14 @@ def advice(plan: Protocol) -> str:
 
 
 def effects(plan: Protocol) -> TextTable:
-    """For every effect the smallest amplitude that is named, and what looks most like it."""
+    """Table of the effects: the smallest amplitude that is named, and what looks most like it."""
     rows = [(s.id, *_amplitude(s), *_nearest(plan.design, s.id)) for s in plan.design.smallest]
     head = ("effect", "smallest", "at", "most alike", "|cosine|")
     return TextTable("How large an effect must be to be named", head, rows, _NOTE)
 
 
 def changes(plan: Protocol) -> TextTable:
-    """What every change of the plan separates, and how many pairs it leaves."""
+    """Table of the pairs that every change of the plan separates, and of those it leaves."""
     best = plan.recommended()
     rows = [_change(plan, change) for change in plan.changes]
     marked = tuple(k for k, c in enumerate(plan.changes) if c is best)

@@ -1,4 +1,4 @@
-"""What is understood of a record, in lines of text."""
+"""Summary of a record, in lines of text."""
 
 import numpy as np
 

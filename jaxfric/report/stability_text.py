@@ -15,7 +15,7 @@ _ROWS = 9
 
 
 def describe(study: Study, law: str) -> list[str]:
-    """What the linear theory says, for a reader who knows friction or control."""
+    """The results of linear theory, for a reader who knows friction or control."""
     mass = "none (quasi-static limit)" if study.mass is None else f"{study.mass:g} kg"
     lines = [law, f"mass: {mass}; damping k_v: {study.k_v:g} N s/m"]
     if len(study.points.velocity) > 1:

@@ -17,7 +17,7 @@ SCHEMA = "jaxfric.steady/1"
 
 
 def sentence(loop: SteadyLoop) -> str:
-    """What the curve says of gains, in the units that are shown."""
+    """Sentences on gains by the curve, in the units that are shown."""
     force, _, size = loop.units()
     rotary = loop.curve.coordinate == "rotary"
     speed = Shown("rpm", np.pi / 30) if rotary else Shown("m/s")
@@ -26,7 +26,7 @@ def sentence(loop: SteadyLoop) -> str:
 
 
 def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
-    """What the noise of the runs is, and what it makes of their samples; lines of text."""
+    """Lines on the noise of the runs, and on how many samples their rows are worth."""
     what, *rest = noise_lines(noise.estimate, "the runs")
     lines = ["; ".join([what, *rest])]
     lines += [noise.turn_text()] if noise.turn_text() else []
@@ -151,7 +151,7 @@ def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
 
 
 def claim_json(gains: AxisGains) -> dict:
-    """What may be said of stability, and why not more; null for what is not determined."""
+    """The claim on stability as JSON values, with reasons; null for what is not determined."""
     claim, curve = gains.claim, gains.curve
     if curve is None:
         return {"claim": claim.kind, "reasons": list(claim.reasons)}

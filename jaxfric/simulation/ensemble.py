@@ -34,7 +34,7 @@ from ..quantity import is_known, refuse_outside
 from ..rig import QuasiStatic
 from ..rig.friction import AgeingEvolution, LogarithmicEffect, RateState, SlipEvolution
 
-# As of `simulate`: the error of a step, so that the whole stays within 10 rtol.
+# Error of a step, as in `simulate`, with which the whole stays within 10 rtol.
 _SAFETY = 0.03
 _SHRINK, _GROW, _CAUTION = 0.2, 10.0, 0.9
 _LARGEST_EXPONENT = 600.0
@@ -93,7 +93,7 @@ class Integration(NamedTuple, Generic[Seen]):
     point: LanePoint
     """Time and unknowns at which each lane ended."""
     seen: Seen
-    """What the observer gathered."""
+    """Result of the observer."""
     steps: Int[Array, " n"]
     """Steps taken, rejected ones included."""
     reached: Bool[Array, " n"]

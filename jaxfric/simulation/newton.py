@@ -20,7 +20,7 @@ _Y = PyTree[Array]
 _Options = Mapping[str, object]
 _Tags = frozenset[object]
 _Fn = Callable[[_Y, PyTree], tuple[_Y, PyTree]]
-"""The residual and what comes beside it, by the unknown and the arguments."""
+"""A function of the unknown and the arguments: the residual and auxiliary output."""
 
 
 class _State(eqx.Module):

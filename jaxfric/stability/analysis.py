@@ -187,7 +187,7 @@ class Study(eqx.Module):
     worst: int = eqx.field(static=True)
     """The velocity that asks for the largest k_p, or else for the largest k_v."""
     poles: Complex[Array, " n"] | None
-    """At `worst` with the gains (k_p, k_v); None without a k_p, and so are the next two."""
+    """Poles at `worst` with the gains (k_p, k_v); as the next two None without a k_p."""
     margins: dict[str, Float[Array, ""]] | None
     stable: Bool[Array, ""] | None
 

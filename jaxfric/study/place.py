@@ -252,7 +252,7 @@ class Objects(AbstractPlace):
             return sorted(entry["path"] for part in parts for entry in part)
 
     def sweep(self) -> None:
-        """Nothing: a file that was not written whole is not there."""
+        """Do nothing: a file that was not written whole is not there."""
 
     def install(self, made: Callable[[str], None]) -> None:
         """Made in a folder and copied here; the file by which a store is known comes last."""

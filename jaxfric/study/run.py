@@ -46,7 +46,7 @@ Source = Callable[[Task, Sequence[int]], Generator[tuple[int, Computed], None, N
 
 
 class Listener(NamedTuple):
-    """Who is told of a run."""
+    """Functions that are called while a study runs."""
 
     progress: Callable[[Progress], None] | None
     """Called with the progress of the run."""

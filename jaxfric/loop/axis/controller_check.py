@@ -66,7 +66,7 @@ def disagreement(record: AxisRecord, *, held: bool) -> str | None:
 
 
 def stretches(rows: np.ndarray, time: np.ndarray) -> str:
-    """Where some rows are, in words: the longest stretch, and how many more there are."""
+    """The place of some rows in words: the longest stretch, and how many more there are."""
     gap = max(_TOGETHER / float(np.median(np.diff(time))), 1.0)
     parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
     longest = max(parts, key=len)

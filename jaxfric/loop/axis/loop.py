@@ -147,11 +147,11 @@ class AxisBench(AbstractBench):
         return np.asarray(problem.to_free(jnp.asarray([*found, *problem.model.nulls()])))
 
     def starts(self, engine: Engine[AxisProblem], z: np.ndarray) -> list[np.ndarray]:
-        """One: the base is linear."""
+        """`z` alone: the base is linear and has one minimum."""
         return [z]
 
     def scales(self) -> RecordScales:
-        """See `scales_of`."""
+        """Sizes of the record, see `scales_of`."""
         return scales_of(self.reading.rows, self.reading.prepared, self.reading.blocks)
 
     def path(self) -> np.ndarray:
@@ -169,7 +169,7 @@ class AxisBench(AbstractBench):
         return friction_bumps(engine, self.counted, unit=length_of(self.record))
 
     def curves(self, engine: Engine[AxisProblem], final: Candidate) -> CurveRig:
-        """See `axis_curves`."""
+        """Steady curves of the fit, see `axis_curves`."""
         return axis_curves(engine, final, self.counted, length_of(self.record))
 
     def rows(self, engine: Engine[AxisProblem]) -> ScoredRows:

@@ -1,4 +1,4 @@
-"""From an axis record to the rows that a loop works on: low-pass, sign, disturbance, threshold.
+"""Turns an axis record into a loop's rows: low-pass, sign, disturbance, threshold.
 
 The cutoff of the position's low-pass, and with it the number of rows, is the highest at which the
 encoder's error, differentiated twice and times the mass, has less than half of the variance of the
@@ -39,7 +39,7 @@ class Reading(NamedTuple):
     """A record as the loop takes it."""
 
     prepared: Prepared
-    """Its force is all that acts: that of the motor and a disturbance."""
+    """The prepared record; its force is the whole one, of the motor and a disturbance."""
     rows: AxisRows
     blocks: Blocks
     notes: tuple[str, ...]

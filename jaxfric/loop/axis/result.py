@@ -39,14 +39,14 @@ class AxisRows:
         return VelocitySteps(self.time[first] - self.time[0], np.asarray(mean))
 
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know of the preparation."""
+        """Warnings for the user about the preparation."""
         share = float(np.mean(self.stuck))
         if share > 0.5:
             return (f"{100 * share:.0f} % of the rows are at rest and do not count",)
         return ()
 
     def as_record(self, record: AxisRecord) -> "PreparedRecord":
-        """What reports need to know of the record."""
+        """The rows as a record for reports."""
         return PreparedRecord(
             self.time - self.time[0],
             record.force_unit,

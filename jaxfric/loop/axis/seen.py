@@ -1,4 +1,4 @@
-"""What an axis record shows of friction at steady speeds, and what it does not.
+"""Friction at steady speeds that an axis record shows, and speeds where it shows none.
 
 The rule itself is that of `jaxfric.stability.claims`. Here are its numbers: the error of the slope
 of the fitted friction, rows at low speed that lie above it, and speeds at which the axis stopped on

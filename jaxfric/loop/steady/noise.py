@@ -181,7 +181,7 @@ def _likeliest(
 
 
 def _worth_of(found: Found, rows: int) -> float:
-    """-BIC/2."""
+    """-BIC/2 of a noise."""
     return found.value - 0.5 * found.family.parameters * math.log(rows)
 
 

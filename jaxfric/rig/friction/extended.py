@@ -82,7 +82,7 @@ class AbstractTerm(eqx.Module):
 
     @abc.abstractmethod
     def shift(self, at: Contact) -> Scalar | None:
-        """h: what the base's evolution sees of theta beyond what is integrated; None: nothing."""
+        """Shift h added to theta in the base's evolution; None: there is none."""
 
 
 class AbstractStatelessTerm(AbstractTerm):
@@ -91,17 +91,17 @@ class AbstractStatelessTerm(AbstractTerm):
     couples: ClassVar[bool] = False
 
     def rate(self, at: Contact, force: Scalar) -> Float[Array, " 0"]:
-        """None."""
+        """The empty state: there is nothing to change, shape (0,)."""
         del force
         return at.state
 
     def steady_state(self, V: Scalar, base: AbstractRateState, force: Scalar) -> Float[Array, " 0"]:
-        """None."""
+        """The empty state, shape (0,)."""
         del base, force
         return jnp.zeros((0,), V.dtype)
 
     def shift(self, at: Contact) -> None:
-        """Nothing."""
+        """None: the base's evolution is not shifted."""
         del at
 
 

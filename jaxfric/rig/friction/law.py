@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 Scalar = Float[Array, ""]
 States = Float[Array, " n"]
-"""State variables of a law, or what goes with each of them."""
+"""State variables of a law, or one number for each of them."""
 
 
 class Conditions(NamedTuple):
