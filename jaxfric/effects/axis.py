@@ -75,7 +75,7 @@ class _Cubic(AbstractAxisTerm):
 
 
 class Cubic(AbstractLinearAxisEffect):
-    """+ c v^3."""
+    """Friction cubic in velocity: + c v^3."""
 
     id: ClassVar[str] = "cubic"
     room: ClassVar[str] = "friction"
@@ -238,7 +238,7 @@ class PositionDependence(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig])
         return _with(rig, _Along(self.k, self.m, jnp.zeros_like(self.k)))
 
     def softest_spring(self) -> Float[Array, ""]:
-        """k - |m|, in the direction in which it is less."""
+        """Least stiffness over both directions: k - |m|."""
         return self.k - jnp.abs(self.m)
 
     def physical(self) -> Bool[Array, ""]:
@@ -346,7 +346,7 @@ class RateAndState(AbstractAxisEffect):
 
 
 class AxisServoLag(AbstractLinearAxisEffect):
-    """The motor force lags the recorded one: tau F_m' = F - F_m."""
+    """A motor force that lags the recorded one: tau F_m' = F - F_m."""
 
     id: ClassVar[str] = "servo_lag"
     room: ClassVar[str] = "drive"
@@ -364,7 +364,7 @@ class AxisServoLag(AbstractLinearAxisEffect):
 
 
 class AxisSensorLag(AbstractLinearAxisEffect):
-    """The recorded force lags: tau y' = F - y."""
+    """A recorded force that lags: tau y' = F - y."""
 
     id: ClassVar[str] = "sensor_lag"
     room: ClassVar[str] = "sensor"
@@ -382,7 +382,7 @@ class AxisSensorLag(AbstractLinearAxisEffect):
 
 
 class AxisSensorDelay(AbstractLinearAxisEffect):
-    """The recorded position is d later than the recorded force; d < 0: earlier."""
+    """A recorded position that is d later than the recorded force; d < 0: earlier."""
 
     id: ClassVar[str] = "sensor_delay"
     room: ClassVar[str] = "sensor"

@@ -1,4 +1,4 @@
-"""All effects: of a slider's rig, and of an axis'.
+"""The catalogue of effects of a slider's rig and of an axis.
 
 An effect of one's own becomes one of the catalogue by `register`, for every rig that it fits.
 """

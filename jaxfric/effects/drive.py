@@ -11,7 +11,7 @@ from .effect import AbstractLinearEffect
 
 
 class ServoLag(AbstractLinearEffect[Rig]):
-    """tau dV_m/dt = V_cmd - V_m."""
+    """A drive that follows its command late: tau dV_m/dt = V_cmd - V_m."""
 
     id: ClassVar[str] = "servo_lag"
     room: ClassVar[str] = "drive"

@@ -42,15 +42,15 @@ class RecordScales(NamedTuple):
     """Sizes of a record, for starting values of shapes. SI."""
 
     slip_length: float
-    """L of the base fit."""
+    """Slip length L of the base fit [m]."""
     step_slip: float
-    """Median slip of a velocity step."""
+    """Median slip of a velocity step [m]."""
     total_slip: float
     slowest: float
     fastest: float
     """Velocities."""
     interval: float
-    """Median sampling interval."""
+    """Median sampling interval [s]."""
     duration: float
 
 

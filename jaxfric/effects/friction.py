@@ -90,7 +90,7 @@ class Ageing(AbstractEvolutionEffect):
 
 
 class VelocityDependentLength(AbstractEvolutionEffect):
-    """L (V/V0)^n."""
+    """A slip length that depends on velocity: L (V/V0)^n."""
 
     id: ClassVar[str] = "velocity_dependent_L"
     room: ClassVar[str] = "friction"
@@ -135,7 +135,7 @@ class _ViscousTerm(AbstractStatelessTerm):
 
 
 class Viscous(AbstractLinearEffect[Rig]):
-    """f + c V."""
+    """Viscous friction: f + c V."""
 
     id: ClassVar[str] = "viscous"
     room: ClassVar[str] = "friction"
@@ -200,7 +200,7 @@ class _SlipTrendTerm(AbstractStatelessTerm):
 
 
 class SlipTrend(AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig]):
-    """f + s x."""
+    """A linear trend of friction with slip: f + s x."""
 
     id: ClassVar[str] = "slip_trend"
     room: ClassVar[str] = "friction"
@@ -214,7 +214,7 @@ class SlipTrend(AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig]):
         return with_term(rig, _SlipTrendTerm(self.s))
 
     def softest_spring(self) -> Float[Array, ""]:
-        """s, wherever the slider is."""
+        """The stiffness s [F/m], wherever the slider is."""
         return self.s
 
     def physical(self) -> Bool[Array, ""]:
@@ -232,7 +232,7 @@ class _RunInTerm(AbstractStatelessTerm):
 
 
 class RunIn(AbstractPlaceEffect[Rig]):
-    """f + d (1 - exp(-x/dc))."""
+    """Friction that changes over a slip dc: f + d (1 - exp(-x/dc))."""
 
     id: ClassVar[str] = "run_in"
     room: ClassVar[str] = "friction"

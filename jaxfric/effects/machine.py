@@ -1,4 +1,4 @@
-"""Effects in the machine: it is not what was declared."""
+"""Effects in the machine, where it differs from what was declared."""
 
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from .effect import AbstractHeavyEffect, AbstractLinearEffect
 
 
 class Stiffness(AbstractLinearEffect[Rig]):
-    """K exp(kappa) instead of the declared K."""
+    """Another stiffness of the machine: K exp(kappa) instead of the declared K."""
 
     id: ClassVar[str] = "stiffness"
     room: ClassVar[str] = "machine"

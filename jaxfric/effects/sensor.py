@@ -24,7 +24,7 @@ def _with(rig: Rig, name: str, value: Array) -> Rig:
 
 
 class SensorLag(AbstractLinearEffect[Rig]):
-    """tau y' = f - y."""
+    """A sensor that lags: tau y' = f - y."""
 
     id: ClassVar[str] = "sensor_lag"
     room: ClassVar[str] = "sensor"
@@ -42,7 +42,7 @@ class SensorLag(AbstractLinearEffect[Rig]):
 
 
 class SensorDelay(AbstractLinearEffect[Rig]):
-    """y(t) = f(t - d)."""
+    """A sensor that is delayed: y(t) = f(t - d)."""
 
     id: ClassVar[str] = "sensor_delay"
     room: ClassVar[str] = "sensor"
@@ -60,7 +60,7 @@ class SensorDelay(AbstractLinearEffect[Rig]):
 
 
 class TimeDrift(AbstractLinearEffect[Rig]):
-    """y + r t."""
+    """A sensor that drifts: y + r t."""
 
     id: ClassVar[str] = "time_drift"
     room: ClassVar[str] = "sensor"
@@ -78,7 +78,7 @@ class TimeDrift(AbstractLinearEffect[Rig]):
 
 
 class Gain(AbstractLinearEffect[Rig]):
-    """(1 + g) y: the force channel's scale is wrong."""
+    """A sensor with a wrong scale: (1 + g) y."""
 
     id: ClassVar[str] = "gain"
     room: ClassVar[str] = "sensor"

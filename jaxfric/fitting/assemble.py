@@ -50,8 +50,8 @@ def assemble(
     *,
     profile: Callable[[str], None] | None,
 ) -> Fit:
-    """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit; `profile` is
-    told of every profile; None: there are none."""
+    """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit; `profile`
+    reports every profile likelihood; None: there are none."""
     problem, solution, noise, glitches, written = solved
     assert isinstance(problem.model, Model)
     failed = solution.cost >= FAILED_MISFIT**2
@@ -102,7 +102,7 @@ def _misfit(problem: Problem, solution: Solution, rows: int) -> np.ndarray:
 
 
 def _result_words(solution: Solution) -> str:
-    """How the search ended."""
+    """Words for the end of the search."""
     if solution.result == optx.RESULTS.nonlinear_max_steps_reached:
         return f"still moving after {solution.num_steps} iterations"
     return (

@@ -38,7 +38,7 @@ class AxisFit:
     method: str
     """ "inverse dynamics" or "closed-loop output error"."""
     values: dict[str, float]
-    """SI, by name."""
+    """Values of the parameters by name, SI."""
     std: dict[str, float]
     """Standard deviations by name, if the residuals are white."""
     relative_error: float

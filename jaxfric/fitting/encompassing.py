@@ -1,4 +1,4 @@
-"""The model that contains all candidates: a base fit with every effect in it at its null.
+"""The encompassing model of all candidates: a base fit with every effect in it at its null.
 
 One compilation of its residual and Jacobian serves every candidate: a candidate is a choice of
 which parameters are free.

@@ -169,7 +169,7 @@ def require_float64() -> None:
 
 
 def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, tuple[str, ...]]:
-    """Means over neighbouring rows, and what that costs."""
+    """A record of means over neighbouring rows, and a warning of what they cost."""
     few = thinned(record, rows, steps)
     lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
     if lost < _BLUR:
@@ -303,7 +303,7 @@ def prepare(
 def _solve_in_stages(
     task: _Task, start: Mapping[str, float] | None, progress: Callable[[str], None]
 ) -> tuple[Problem, Solution]:
-    """One state first; the velocity that it finds then serves to start more states.
+    """Fit one state first; the velocity that it finds then serves to start more states.
 
     A law that is no `RateState` begins with one state of the slip law.
     """
@@ -345,7 +345,7 @@ def _solve_in_stages(
 
 
 def _within(stage: str, progress: Callable[[str], None]) -> Callable[[str], None]:
-    """Tells which stage it is that counts its descents."""
+    """Reports the stage to which the descents that are counted belong."""
     return lambda text: progress(f"{stage}: {text}")
 
 

@@ -32,9 +32,9 @@ from .noise_search import Rows
 from .whitened import taken_out, whitened
 
 LONGEST = 3
-"""Rows of a glitch, at most."""
+"""Largest number of rows of a glitch."""
 ROUNDS = 2
-"""How often noise is learned anew without what stands out of it."""
+"""Number of times that noise is learned anew without what stands out of it."""
 _CHANCE = 0.01
 """Probability that noise alone makes a record of this length show one glitch."""
 _SHARE = 0.01

@@ -36,9 +36,9 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 _HIDDEN = 1e12  # variance of a row that is to be passed over
 _CRITICAL = 1e-3
 PARTS = 2
-"""Correlated parts of a noise; those it lacks have no share."""
+"""Number of correlated parts in `Noise`; a part that is not needed has share 0."""
 EXPONENTIAL = -1.0
-"""beta of a second part that is exponential, as no resonator is."""
+"""Value of beta by which the second part is an exponential; no resonator has it."""
 
 
 class Noise(NamedTuple):

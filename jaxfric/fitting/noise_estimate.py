@@ -25,10 +25,10 @@ _ORIGINS = {
     "rows": "the recorder's filter",
 }
 _SLOW, _DRIFT = 10.0, "temperature or creep"
-"""Memory [s] from which noise over time is none of the electronics."""
+"""Memory [s] from which noise over time is not due to electronics."""
 _WHITE = 0.05
 _FAR = 0.9995e-3
-"""A path from which millimetres are told [m]."""
+"""Memory over a path from which it is shown in millimetres [m]."""
 _SEEN = 1.5
 _MOST = 0.5
 
@@ -42,7 +42,7 @@ class NoisePart:
     over: str
     """The clock over which this part forgets: one of `CLOCKS` or `ROTARY_CLOCKS`."""
     memory: float
-    """[s], [m], [rad] or rows; of a resonator without a swing the longer of two."""
+    """Memory in [s], [m], [rad] or rows; for a resonator without a swing the longer of two."""
     beta: float = EXPONENTIAL
     """w^2 of a resonator (see `noise`); `EXPONENTIAL` where it is none."""
 

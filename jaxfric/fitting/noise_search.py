@@ -59,13 +59,13 @@ class Family(NamedTuple):
     first: int | None = None
     second: int | None = None
     negative: bool = False
-    """The first part has a negative variance."""
+    """Whether the first part has a negative variance."""
     resonates: bool = False
-    """The second part is a resonator."""
+    """Whether the second part is a resonator."""
 
     @property
     def parameters(self) -> int:
-        """Beside sigma."""
+        """Number of parameters beside sigma."""
         parts = (self.first is not None) + (self.second is not None)
         return 2 * parts + self.resonates
 

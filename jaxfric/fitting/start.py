@@ -143,7 +143,7 @@ def _before_reversal(
 
 
 def _grid(data: Averaged, steps: VelocitySteps, stiffness: float | None) -> np.ndarray:
-    """Rows (A, B, L, K) to try."""
+    """Values of A, B, L and K to try, one row each."""
     times, velocities = steps.times, steps.velocities
     full = data.rows > 0
     time, friction = data.time[full], data.friction[full]

@@ -16,7 +16,7 @@ CYCLES = 4
 SMALL = 1e-3
 """Largest |V - V0|/V0 of a motion that counts as steady."""
 RUNAWAY = 1e9
-"""A slider so many times as fast as commanded has run away; slips of a light one reach 1e6."""
+"""Velocity over the commanded one of a slider that has run away; light ones slip at 1e6."""
 
 
 class ENDS(eqx.Enumeration):

@@ -34,7 +34,7 @@ class Region(NamedTuple):
     upper: np.ndarray
 
     def norm(self, gains: ArrayLike) -> np.ndarray:
-        """sqrt((k_p/s_p)^2 + (k_v/s_v)^2), of the last axis."""
+        """Norm sqrt((k_p/s_p)^2 + (k_v/s_v)^2) of pairs of gains along the last axis."""
         return np.sqrt(np.sum(np.square(np.asarray(gains) / self.scale), axis=-1))
 
 

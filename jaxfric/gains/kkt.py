@@ -36,7 +36,7 @@ class Optimum(NamedTuple):
     gains: np.ndarray
     norm: float
     residual: float
-    """|W^2 x - sum l grad c| relative to |W^2 x|."""
+    """Residual of stationarity: |W^2 x - sum l grad c| relative to |W^2 x|."""
     active: tuple[int, ...]
     """Indices of the active scenarios among those given."""
     at_limit: bool

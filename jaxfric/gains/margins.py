@@ -1,4 +1,4 @@
-"""Margins over scenarios."""
+"""Stability margins over scenarios."""
 
 from collections.abc import Iterable
 

@@ -39,7 +39,7 @@ class Requirement(eqx.Module):
 
     @property
     def number(self) -> int:
-        """Length of `slack`."""
+        """Number of entries of `slack`."""
         return len(self.names) + ("stiffness" in self.names)
 
     @staticmethod

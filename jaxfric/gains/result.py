@@ -19,9 +19,9 @@ class LocalOptimum:
 
     name: str
     kp: float
-    """[N/m]"""
+    """k_p [N/m]."""
     kv: float
-    """[N s/m]"""
+    """k_v [N s/m]."""
     norm: float
     margin: float
     """Least slack of any required margin in any scenario, relative to its requirement."""
@@ -80,12 +80,12 @@ class Gains:
 
     @property
     def basins(self) -> tuple[LocalOptimum, ...]:
-        """The old name of `optima`."""
+        """The old name of `optima`, kept for its users."""
         return self.optima
 
     @property
     def any_stiffness(self) -> bool:
-        """k_p is at its default lower limit, which stands for any positive stiffness."""
+        """Whether k_p is at its default lower limit, which stands for any positive stiffness."""
         return self.kp <= 1.000001 * self.region.lower[0] <= 1e-8 * self.region.unit[0]
 
     def to_json(self) -> dict:

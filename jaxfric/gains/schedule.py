@@ -43,14 +43,14 @@ class Schedule:
 
     points: tuple[SetPoint, ...]
     covered: bool
-    """Every step of the chain is inside the basin at its end, up and down."""
+    """Whether every step of the chain is inside the basin at its end, up and down."""
     gap: tuple[float, float] | None
     """The first two velocities between which the chain breaks [m/s]."""
     warnings: tuple[str, ...] = ()
     """Warnings of the law, and one where it is asked for velocities beyond its record."""
 
     def gains(self, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """(k_p, k_v) for a velocity: those of the nearest set point, by ratio."""
+        """Gains (k_p, k_v) for a velocity: those of the nearest set point, by ratio."""
         V = np.asarray(velocity, float)
         place = np.log([point.velocity for point in self.points])
         nearest = np.argmin(np.abs(np.log(V)[..., None] - place), axis=-1)

@@ -54,7 +54,7 @@ class Optima(NamedTuple):
 
     optima: list[Optimum]
     alone: list[FrontierPoint]
-    """Held by stiffness alone, by damping alone: those that exist and are no optimum."""
+    """Gains that hold the slider by stiffness or by damping alone, where they are no optimum."""
     carried: Scenarios
     scenarios: Scenarios
     region: Region
@@ -176,7 +176,7 @@ def _between(
 
 
 def _same_but(scenarios: Scenarios, index: int, velocity: np.ndarray) -> Scenarios:
-    """One scenario at other velocities."""
+    """Scenarios that differ from one scenario in velocity only."""
     mass = None if scenarios.mass is None else np.full(velocity.size, scenarios.mass[index])
     delay = None if scenarios.delay is None else np.full(velocity.size, scenarios.delay[index])
     sample = np.full(velocity.size, scenarios.sample[index])

@@ -50,14 +50,14 @@ class CheckReport:
     escaped: int
     unresolved: int
     basin: float | None
-    """Smallest over the checked scenarios of the factor by which velocity may jump, either way."""
+    """Factor by which velocity may jump either way, the smallest over the checked scenarios."""
     basin_lost: str | None
     """How the first larger jump ends, None where none is lost."""
     starts: tuple[CheckedStart, ...]
 
     @property
     def all_steady(self) -> bool:
-        """Every start ended in steady sliding."""
+        """Whether every start ended in steady sliding."""
         return self.steady == self.checked
 
     def to_json(self) -> dict:

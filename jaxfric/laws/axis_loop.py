@@ -107,7 +107,7 @@ def law_from_axis_loop(
 
 
 def _in_law(effect: type[AbstractEffect]) -> bool:
-    """Whether an effect is one of friction in steady motion."""
+    """Whether an effect belongs to friction in steady motion."""
     place = issubclass(effect, AbstractPlaceEffect)
     return effect.room == "friction" and not place and effect is not AxisTimeDrift
 
@@ -186,7 +186,7 @@ def _positive(path: Path, effects: Effects, values: Mapping[str, float]) -> dict
 
 
 def _claim(about: Mapping) -> list[str]:
-    """A line where the loop itself says nothing of stability."""
+    """A warning where the loop itself says nothing of stability, else nothing."""
     gains = about.get("gains")
     if not isinstance(gains, dict) or gains.get("claim") != "open":
         return []
@@ -195,7 +195,7 @@ def _claim(about: Mapping) -> list[str]:
 
 
 def _told(effects: Effects, values: Mapping[str, float]) -> list[str]:
-    """A line for every effect that is not in the law, and for one that depends on direction."""
+    """Warnings of effects that are not in the law, and of one that depends on direction."""
     lines = []
     for effect in effects:
         id = effect.id

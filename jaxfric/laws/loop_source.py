@@ -219,7 +219,7 @@ def _damage(content: dict) -> str | None:
 
 
 def verdict_words(content: Mapping) -> list[str]:
-    """A line where the verdict of a loop.json says that its model does not describe the record."""
+    """A warning where by its verdict a loop.json's model does not describe the record."""
     if content["verdict"] in CERTAIN:
         return []
     sentence = str(content.get("sentence") or "").strip().rstrip(".")
@@ -233,7 +233,7 @@ def verdict_words(content: Mapping) -> list[str]:
 def _left_out(
     effects: Sequence[type[AbstractEffect]], values: Mapping[str, float], scale: float
 ) -> list[str]:
-    """A line for every effect that is not in the law: which, and why."""
+    """Warnings of effects that are not in the law, with the reason."""
     lines = []
     if "slip_trend" in values:  # declared in the base law itself
         effects = (*effects, SlipTrend)

@@ -52,7 +52,7 @@ _OF_A_STATE = re.compile(r"[BL]([2-9])")
 
 
 def names_of_laws() -> tuple[str, ...]:
-    """All laws."""
+    """Names of all laws."""
     return tuple(REGISTRY)
 
 

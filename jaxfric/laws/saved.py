@@ -167,7 +167,7 @@ def sampled(
 def _draw(
     mean: np.ndarray, covariance: np.ndarray, positive: np.ndarray, samples: int, seed: int
 ) -> np.ndarray:
-    """Samples, one row each."""
+    """Samples of the parameters, one row each."""
     jacobian = np.where(positive, 1 / np.where(positive, mean, 1.0), 1.0)
     spread = covariance * np.outer(jacobian, jacobian)
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))

@@ -40,7 +40,7 @@ from .saved import (
 
 _BEYOND = 2.0
 _F0 = 50.0
-"""Steady friction in units of A where f0 is not given: of rock and metal it is 30 to 100."""
+"""Steady friction in units of A where f0 is not given; rock and metal have 30 to 100."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class LawSource:
     """A law, and samples of it that its uncertainty allows; forces in newtons."""
 
     law: Law
-    """The estimate."""
+    """The law at the estimated parameters."""
     samples: Law
     """The estimate and then the samples: every array has a leading axis."""
     text: str
@@ -136,7 +136,7 @@ def seen_velocities(velocities: object) -> tuple[float, float] | None:
 
 
 def _doubts(content: Mapping, states: int) -> tuple[str, ...]:
-    """A line where the fit itself says nothing of stability."""
+    """A warning where the fit itself says nothing of stability, else nothing."""
     table, free = content["parameters"], content["free"]
     amplitudes = numbered_names(states)[0::2]
     weight = np.array([(name == "A") - (name in amplitudes) for name in free], float)

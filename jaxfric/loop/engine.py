@@ -141,9 +141,9 @@ class NoiseBounds(NamedTuple):
     """Memory over each clock of the problem; by default a tenth of the mean duration, path or
     number of rows of a velocity: a slower noise would explain structure away."""
     either_sign: bool = False
-    """Neighbouring rows may also be correlated negatively."""
+    """Whether neighbouring rows may also be correlated negatively."""
     by_step: bool = True
-    """Noise may differ from step to step in scale and in pace."""
+    """Whether noise may differ from step to step in scale and in pace."""
 
 
 _EVERYTHING, _USUAL = Choice(), NoiseBounds()
@@ -443,7 +443,7 @@ class Engine(Generic[P]):
         return whitened(self.problem.clock, known, columns, noise)
 
     def rms_error(self, used: np.ndarray, noise: Noise) -> float:
-        """See `fitting.noise.rms_error`; `used` is a mask of the rows of the record."""
+        """Relative error of the rms (`fitting.noise.rms_error`); `used` is a mask of the rows."""
         padded = np.zeros(self.problem.time.shape[0])
         padded[: self.rows] = used
         return rms_error(self.problem.clock, padded, noise)

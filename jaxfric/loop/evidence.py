@@ -21,14 +21,14 @@ class Evidence(NamedTuple):
     """Products of whitened columns: column 0 is the residual, the last one is constant."""
 
     products: np.ndarray
-    """Shape (g, m, m), in units of sigma = 1."""
+    """Products for every noise of the grid, shape (g, m, m), in units of sigma = 1."""
     log_determinant: np.ndarray
     """Log-determinant of the covariance at sigma = 1, shape (g,)."""
     noises: tuple[np.ndarray, np.ndarray, np.ndarray]
     """Shares (g, 2), rates (g, 2, k) and betas (g,)."""
     rows: float
     extra: np.ndarray
-    """Products (m, m) of rows of unit variance."""
+    """Products (m, m) of the extra rows, which have unit variance."""
 
     def deviance(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """-2 ln L of several choices of columns, profiled over sigma, the coefficients, the noise.

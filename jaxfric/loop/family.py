@@ -32,7 +32,7 @@ class Decisive(NamedTuple):
     """A velocity at which curves that fit differ."""
 
     velocity: float
-    """[m/s], or [rad/s]."""
+    """The velocity [m/s], or [rad/s]."""
     errors: float
     """Range of the curves there, over the standard error of the mean of one more step."""
 
@@ -88,7 +88,7 @@ class CurveFamily(NamedTuple):
         return f"steady sliding at {listed(told, 'or')}"
 
     def why(self) -> str:
-        """Why the shape is not told, in words."""
+        """The reason why the shape is open, in words."""
         parts = []
         if self.interpolates:
             parts.append(f"{self.velocities} velocities, {self.parameters} parameters of the curve")

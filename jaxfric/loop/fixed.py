@@ -32,7 +32,7 @@ class Part(NamedTuple):
     unit: str
     value: float
     error: float
-    """Standard error over the value; of a positive shape that of its logarithm."""
+    """Error relative to the value; for a positive shape the error of its logarithm."""
     amplitude: bool
 
 

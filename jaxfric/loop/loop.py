@@ -143,7 +143,7 @@ class SliderBench(AbstractBench):
         return z
 
     def starts(self, engine: Engine[Problem], z: np.ndarray) -> list[np.ndarray]:
-        """`z`, and the same with larger A, B and L."""
+        """The starts `z`, and `z` with larger A, B and L."""
         other = np.array(z)
         for name in "ABL":
             other[engine.names.index(name)] += np.log(_OTHER_START)
@@ -274,7 +274,7 @@ def _check(record: Record, base: Fit) -> None:
 
 
 def _refuse_stops(record: Record, steps: VelocitySteps) -> None:
-    """Known from the load point alone, before anything is fitted."""
+    """Refuse a record whose load point stops or moves backwards, before anything is fitted."""
     stops = np.flatnonzero(steps.velocities <= 0)
     if len(stops) == 0:
         return

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 
 _PER_FIT = 14
-"""Linearisations of a joint fit, about; screening all effects is worth as much."""
+"""Linearisations of a joint fit, roughly; screening all effects takes about as many."""
 _LATEST = 15
 _SILENT = 10.0
 """Within a stage what is left is told again after so many seconds."""

@@ -79,7 +79,7 @@ def _means(e: np.ndarray, group: np.ndarray) -> float:
 
 
 def _ranks(x: np.ndarray) -> np.ndarray:
-    """Ranks, to mean 0 and variance 1."""
+    """Ranks of values, scaled to mean 0 and variance 1."""
     n = len(x)
     ranks = np.argsort(np.argsort(x))
     return (ranks - 0.5 * (n - 1)) / np.sqrt(max(n * (n + 1) / 12, 1e-300))

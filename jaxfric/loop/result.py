@@ -40,7 +40,7 @@ class Score:
     residual: np.ndarray
     """Predicted minus recorded at the rows of the record."""
     parameters: Mapping[str, Estimate]
-    """SI, by name; those of effects as "second_state.B2"."""
+    """Estimates by name in SI; those of effects as "second_state.B2"."""
     free: tuple[str, ...]
     """Names of the free parameters, in the order of `covariance`."""
     covariance: np.ndarray

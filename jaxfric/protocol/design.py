@@ -21,7 +21,7 @@ class Smallest:
     amplitude: float | None
     """Amplitude at the shape that is seen best; None where no possible one is seen."""
     shape: Mapping[str, float]
-    """The shape that is seen best."""
+    """Shape parameters at which the effect is seen best."""
     worst: float | None
     """Amplitude at the shape that is seen worst."""
     needed: float | None

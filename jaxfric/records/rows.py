@@ -11,7 +11,7 @@ LARGEST, SMALLEST = 1e30, 1e-30
 """Limits to a measured quantity in SI: larger is impossible, smaller is taken as 0."""
 
 MIN_ROWS = 20
-"""A record needs this many rows."""
+"""Least number of rows of a record."""
 
 
 @dataclass(frozen=True, eq=False)

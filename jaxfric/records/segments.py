@@ -30,7 +30,7 @@ _NODES, _MOST_NODES, _ROWS_A_NODE = 150, 300, 40
 records one in 40 rows up to 300."""
 
 MIN_ROWS = 5
-"""A line needs this many rows."""
+"""Least number of rows of a line."""
 
 _ROWS_FOR_GLITCHES = 25
 """Lines of this many rows are stiff enough not to follow a glitch."""

@@ -7,7 +7,7 @@ import numpy as np
 from ..units import format_si
 
 _RANGES = 2.0
-"""A cell stands out that lies beyond both neighbours by this many times the range of the rest."""
+"""Distance beyond both neighbours, in ranges of the rest, from which a cell stands out."""
 _LEVEL = 0.2
 """It must also lie beyond both by this share of the median, more than any peak after a step."""
 _STEPS = 10.0

@@ -17,7 +17,7 @@ from .record import Provenance
 from .steady_run import Run, SteadyRows, steady_run
 
 MIN_RUNS = 4
-"""A curve needs this many runs."""
+"""Least number of runs of a curve."""
 
 _MOST_LISTED = 20
 """Files that cannot be read are listed up to this number."""

@@ -237,7 +237,7 @@ def _range(speed: np.ndarray, record: AxisRecord) -> str:
 
 
 def shown_speed(speed: float, record: AxisRecord) -> str:
-    """A speed [m/s or rad/s] in mm/s or rpm."""
+    """A speed, given in m/s or rad/s, as text in mm/s or rpm."""
     if record.coordinate == "rotary":
         return f"{speed * 30 / np.pi:.4g} rpm"
     return f"{speed * 1e3:.4g} mm/s"

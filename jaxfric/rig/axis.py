@@ -108,7 +108,7 @@ LAW = "coulomb_viscous"
 
 
 class BaseLaw(NamedTuple):
-    """Mass, viscous and Coulomb friction, offset."""
+    """The base law of an axis: mass, viscous and Coulomb friction, offset."""
 
     def names(self) -> tuple[str, ...]:
         """Names of the parameters."""

@@ -20,7 +20,7 @@ class AxisLaw(AbstractLaw):
     rig: AxisRig
     position: Float[Array, ""]
     direction: Float[Array, ""]
-    """1 or -1."""
+    """Direction of motion: 1 or -1."""
 
     def force(
         self, V: Float[Array, ""], state: Float[Array, " n"], at: Conditions

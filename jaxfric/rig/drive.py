@@ -28,7 +28,7 @@ class AbstractDrive(eqx.Module):
 
 
 class IdealDrive(AbstractDrive):
-    """The load point does what it is told."""
+    """An ideal drive: the load point follows the command exactly."""
 
     def lag(self, motion: AbstractMotion, t: Float[Array, ""]) -> Float[Array, ""]:
         return jnp.zeros_like(t)

@@ -15,7 +15,7 @@ class AbstractSensor(eqx.Module):
 
 
 class IdealSensor(AbstractSensor):
-    """Records what is there."""
+    """An ideal sensor: it records the true force."""
 
     def read(self, ts: Float[Array, " n"], force: Float[Array, " n"]) -> Float[Array, " n"]:
         del ts

@@ -97,7 +97,7 @@ class Integration(NamedTuple, Generic[Seen]):
     steps: Int[Array, " n"]
     """Steps taken, rejected ones included."""
     reached: Bool[Array, " n"]
-    """The lane reached its last stop, or was ended by the observer."""
+    """Whether the lane reached its last stop, or was ended by the observer."""
 
 
 class Step(NamedTuple):

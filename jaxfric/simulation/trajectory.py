@@ -62,7 +62,7 @@ class Trajectory(eqx.Module):
     result: RESULTS
     """`RESULTS.successful`, or why the simulation ended early."""
     end: Float[Array, ""]
-    """The time it reached [s]."""
+    """The time that the simulation reached [s]."""
     num_steps: Int[Array, ""]
     """Solver steps taken, rejected ones included."""
 

@@ -38,7 +38,7 @@ class SteadyPoint(eqx.Module):
     """Steady sliding at a velocity and friction linearised about it. Arrays of one shape."""
 
     velocity: Float[Array, " *n"]
-    """[m/s]"""
+    """The velocity [m/s]."""
     force: Float[Array, " *n"]
     """Steady friction f_ss [force]."""
     friction: LinearFriction
@@ -179,11 +179,11 @@ class Study(eqx.Module):
     points: SteadyPoint
     theorems: Theorem
     mass: float | None = eqx.field(static=True)
-    """[kg]; None in the quasi-static limit."""
+    """Mass [kg]; None in the quasi-static limit."""
     k_p: float | None = eqx.field(static=True)
-    """[N/m]; None where none was asked for."""
+    """k_p [N/m]; None where none was asked for."""
     k_v: float = eqx.field(static=True)
-    """[N s/m]"""
+    """k_v [N s/m]."""
     worst: int = eqx.field(static=True)
     """The velocity that asks for the largest k_p, or else for the largest k_v."""
     poles: Complex[Array, " n"] | None

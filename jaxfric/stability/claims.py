@@ -80,7 +80,7 @@ class Claim:
 
     kind: Kind
     reasons: tuple[str, ...] = ()
-    """Why nothing may be said; empty unless `kind` is "open"."""
+    """Reasons why nothing may be said; empty unless `kind` is "open"."""
     damping: float = 0.0
     """k_v that covers the least slope and two of its errors, where `kind` is "damped"."""
 

@@ -29,9 +29,9 @@ class Margin:
     needs_poles: bool = False
     """Whether it needs the poles, which a slider whose kernel is only a table lacks."""
     unless_late: str = ""
-    """Why it has no meaning where the controller answers late; empty where it has one."""
+    """Reason why it has no meaning where the controller answers late; empty where it has one."""
     unlimited: str = "no crossing"
-    """Why it is inf, where it is."""
+    """Reason why it is inf, where it is."""
 
     @property
     def suffix(self) -> str:

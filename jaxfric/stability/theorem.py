@@ -41,15 +41,15 @@ class Theorem(eqx.Module):
     """g is integrable and piecewise continuous, so G is bounded for Re s >= 0 and vanishes
     at infinity."""
     damped: Bool[Array, ""]
-    """f_v + k_v > 0."""
+    """Whether f_v + k_v > 0."""
     underdamped: Bool[Array, ""]
-    """(18): f_v + k_v < int g."""
+    """Whether (18) holds: f_v + k_v < int g."""
     complete: Bool[Array, ""]
-    """All w_n were found: exact for rational kernels, within the searched range for others."""
+    """Whether all w_n were found: exact for rational kernels, else within the searched range."""
 
     @property
     def holds(self) -> Bool[Array, ""]:
-        """All hypotheses hold, so k_cr is the theorem's."""
+        """Whether all hypotheses hold, so that k_cr is the theorem's."""
         return self.integrable & self.damped & self.underdamped & self.complete
 
     def describe(self) -> list[str]:

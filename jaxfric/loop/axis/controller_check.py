@@ -12,7 +12,7 @@ from ...records.axis_record import AxisRecord
 _EVERYWHERE = 0.05
 """Median difference above which the two disagree everywhere, as a share of the force's rms."""
 _LOCAL = 10.0
-"""Scatters that a row differs by where the two do not agree there."""
+"""Local disagreement: differences of more than this many scatters."""
 _SMALLEST = 0.02
 """Share of the largest force below which differences are not reported."""
 _TOGETHER = 0.05

@@ -52,7 +52,7 @@ def _base(V: np.ndarray) -> np.ndarray:
 
 
 def _level(problem: AxisProblem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """(F(v) - F(-v))/2 where the axis is in the middle of its motion."""
+    """Mean friction (F(v) - F(-v))/2 of both directions, in the middle of the motion."""
     rig, v = problem.rig(jnp.asarray(z)), jnp.asarray(V)
     at, zero = jnp.mean(problem.motion.position) + jnp.zeros_like(v), jnp.zeros_like(v)
     both = [rig.friction(at, s * v, zero, rig.steady(s * v)) for s in (1.0, -1.0)]

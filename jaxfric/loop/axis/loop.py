@@ -155,7 +155,7 @@ class AxisBench(AbstractBench):
         return scales_of(self.reading.rows, self.reading.prepared, self.reading.blocks)
 
     def path(self) -> np.ndarray:
-        """Distance travelled, there and back."""
+        """Distance travelled, there and back, at every row [m]."""
         return self.reading.rows.path
 
     def passing_over(self, engine: Engine[AxisProblem]) -> Self:
@@ -201,7 +201,7 @@ class AxisBench(AbstractBench):
         return AXIS
 
     def shown(self) -> tuple[PreparedRecord, AxisBase]:
-        """The rows, and what the base model is."""
+        """The rows, and the base model, as reports show them."""
         rows, prepared = self.counted, self.reading.prepared
         base = AxisBase(rows.steps(), rows.width, prepared.preparation)
         return rows.as_record(self.record), base

@@ -36,7 +36,7 @@ _FEWEST = 60
 
 
 class Reading(NamedTuple):
-    """A record as the loop takes it."""
+    """An axis record, read and prepared for the loop."""
 
     prepared: Prepared
     """The prepared record; its force is the whole one, of the motor and a disturbance."""

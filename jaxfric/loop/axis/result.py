@@ -83,11 +83,11 @@ class AxisBase:
 
     @property
     def law(self) -> str:
-        """ "coulomb_viscous"."""
+        """The name of the base law, "coulomb_viscous"."""
         return LAW
 
     def values(self) -> dict[str, float]:
-        """Constants that are not fitted."""
+        """Constants of the base that are not fitted."""
         return {"width": self.width}
 
 
@@ -147,7 +147,7 @@ class AxisDetails:
         return self.gains.sentence(Shown(f"{self.record.force_unit} s/{unit}"), Shown(f"{unit}/s"))
 
     def _looped(self, name: str) -> str:
-        """The value that the loop ended with."""
+        """The value that the loop ended with, as text."""
         found = self.loop.get(name)
         if found is None:
             return ""
@@ -256,7 +256,7 @@ def _stiff_rows(gains: AxisGains, force: str, unit: str) -> list[tuple[str, str,
 
 
 def _stiff_json(stiff: StiffOptimum | None) -> dict | None:
-    """Values that are not finite are null: no stiffness suffices."""
+    """The values, with null where one is not finite: no stiffness suffices."""
     if stiff is None:
         return None
     values = dataclasses.asdict(stiff)

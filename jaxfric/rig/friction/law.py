@@ -17,7 +17,7 @@ States = Float[Array, " n"]
 
 
 class Conditions(NamedTuple):
-    """Where and when the contact is: slip since the start [m] and time since the start [s].
+    """Place and time of the contact: slip since the start [m] and time since the start [s].
 
     `stress` is the normal stress over the one at the start, n; None: it does not move.
     `load_velocity` [m/s] is that of the load point; None: steady sliding, it is the slider's.

@@ -42,7 +42,7 @@ class AbstractStribeck(AbstractLaw):
 
     @abc.abstractmethod
     def exponent(self) -> Scalar:
-        """c4 of (1)."""
+        """The exponent c4 of (1)."""
 
     def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         """Friction force (1) [F] at velocity `V` [m/s].
