@@ -1,4 +1,4 @@
-"""[axes] and [samples] of a study.toml: what varies."""
+"""The tables [axes] and [samples] of a study.toml, which say what varies."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +21,7 @@ _AXIS = ("linspace", "logspace", "values", *KINDS, "from")
 def read_grid(
     content: Table, path: Path, files: dict[str, str], *, about: About = parameter
 ) -> Grid:
-    """[axes] and [samples]: what varies. `about` knows the parameters by their names."""
+    """The grid that [axes] and [samples] describe. `about` knows the parameters by their names."""
     where = f"{path.name} [axes]"
     table = table_of(content, "axes", path.name)
     if not table:
@@ -160,7 +160,7 @@ def posterior(
 
 
 def _fitted(axis: Table, source: Path, where: str):
-    """A fit.json: its content, friction to force [N per its unit], values of its parameters."""
+    """Content of a fit.json, friction to force [N per its unit], and values of its parameters."""
     from ..laws.saved import FIT, read_saved, refuse_damage, values_of
     from ..laws.source import fit_damage, force_of_unit
 

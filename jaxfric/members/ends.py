@@ -35,7 +35,7 @@ _REPEATS, _PART_OF_GROWTH, _IN_A_ROW = 1e-2, 0.2, 6
 
 
 class Ends(NamedTuple):
-    """Ends of all lanes. Where there is no such number it is inf (`least_velocity`: -inf)."""
+    """Ends of all lanes. A number that a lane has not is inf (`least_velocity`: -inf)."""
 
     code: Array
     velocity_amplitude: Float[Array, " n"]
@@ -44,7 +44,7 @@ class Ends(NamedTuple):
     """Half the range of slip minus V0 t [m]."""
     least_velocity: Float[Array, " n"]
     period: Float[Array, " n"]
-    """Mean over the cycles of the last half, or of those that repeat [s]."""
+    """Mean period of the cycles of the last half, or of those that repeat [s]."""
     period_spread: Float[Array, " n"]
     """Half the range of the periods of these cycles [s]; large where they are irregular."""
 
@@ -231,7 +231,7 @@ def _cycle(of: _Cycle, step: Step, command: Array, spring: Array, decay: Array) 
 
 
 def _settled(size: Array, step: Step, command: Array) -> Bool[Array, " n"]:
-    """Very close to steady sliding, at both ends of a step and in its rates too."""
+    """Whether a lane is very close to steady sliding, at both ends of a step and in its rates."""
     close = _CLOSE * SMALL
     rate = sum(jnp.abs(slope) for slope in step.slopes[1])
     h = step.after.time - step.before.time
@@ -239,7 +239,7 @@ def _settled(size: Array, step: Step, command: Array) -> Bool[Array, " n"]:
 
 
 def _widened(of: _Range, x: Array, inside: Array) -> _Range:
-    """The range with `x` in it, where that is `inside`."""
+    """The range extended by `x`, where that is `inside`."""
     low, high = of
     wider = jnp.minimum(low, x), jnp.maximum(high, x)
     return jnp.where(inside, wider[0], low), jnp.where(inside, wider[1], high)

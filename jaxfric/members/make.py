@@ -35,12 +35,12 @@ class Made:
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """Several computations of the same arrays of members."""
+    """A function that runs several computations on the same arrays of members."""
 
     parts: tuple[Function, ...]
 
     def __call__(self, varied: Mapping[str, Array]) -> dict[str, Array]:
-        """Outputs of all of them."""
+        """Outputs of all computations."""
         return {name: x for part in self.parts for name, x in part(dict(varied)).items()}
 
 

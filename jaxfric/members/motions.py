@@ -270,7 +270,7 @@ def _duration(table: Table, where: str) -> float | None:
 
 
 def _logarithmic(spec: Spec) -> tuple[str, ...]:
-    """A line where massless motions are not those of the regularised direct effect."""
+    """A warning where massless motions are not those of the regularised direct effect."""
     if "f0" not in (*spec.fixed, *spec.grid.names):
         return ()  # 50 A
     least = _range_of(spec, "f0")[0] / _range_of(spec, "A")[1]

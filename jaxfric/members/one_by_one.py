@@ -219,7 +219,7 @@ class Recorder:
         return record, p["k_p"], text
 
     def _noise(self, p: Mapping[str, float], number: int) -> np.ndarray:
-        """White, and the member's own: seeded by its parameters."""
+        """White noise of one member, seeded by its parameters."""
         text = repr((self.seed, sorted(p.items()))).encode()
         seed = int.from_bytes(hashlib.sha256(text).digest()[:8], "little")
         return np.random.default_rng(seed).standard_normal(number)

@@ -41,7 +41,7 @@ _TOP = ("kind", "outputs", "chunk", "dtype", "units", "rig", "axes", "samples")
 
 @dataclass(frozen=True, eq=False)
 class Own:
-    """The function, with what does not vary."""
+    """The user's function, with the parameters that do not vary filled in."""
 
     wrapped: Function
     fixed: dict[str, float]

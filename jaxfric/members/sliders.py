@@ -38,7 +38,7 @@ class Sliders:
     fixed: Mapping[str, float]
 
     def parameters(self, varied: Parameters) -> dict[str, Array]:
-        """All parameters of members of which some vary."""
+        """All parameters of members, those that vary and those that do not."""
         like = next(iter(varied.values()))
         fixed = {name: jnp.full_like(like, value) for name, value in self.fixed.items()}
         return {**fixed, **varied}

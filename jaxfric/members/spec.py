@@ -86,7 +86,7 @@ class StudyPart:
 
     function: Function
     outputs: tuple[Output, ...]
-    """All that it can give."""
+    """All outputs that it can give."""
     usual: tuple[str, ...] | None = None
     """Names of the outputs that are kept where the study names none; None: all."""
     kind: Literal["batch", "host"] = "batch"

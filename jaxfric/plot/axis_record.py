@@ -1,4 +1,4 @@
-"""Figures of what is understood of an axis: a record with its strokes, a curve of steady runs."""
+"""Figures of axis records: one record with its strokes, or a curve of steady runs."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from .label import printable
 from .stability import BLACK, BLUE, GREY, ORANGE, new_figure, tidy
 
 _WINDOW = 200
-"""Speeds are means over this part of the longest stroke's rows."""
+"""Part of the longest stroke's rows over which speeds are averaged."""
 
 
 def draw_axis_record(record: AxisRecord, strokes: Strokes, path: str | Path) -> None:

@@ -184,7 +184,7 @@ def _stuck_note(motion: Motion) -> str:
 
 
 def _velocity_scale(axis: Axes, which: str, values: np.ndarray, slow: float) -> None:
-    """Linear for small changes, logarithmic for large ones, symmetric where it turns back."""
+    """Set a scale: linear for small changes, logarithmic for large ones, symmetric about 0."""
     if np.min(values) <= 0:
         if np.ptp(values) > 30 * slow:
             scale = axis.set_yscale if which == "y" else axis.set_xscale

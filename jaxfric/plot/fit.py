@@ -23,7 +23,7 @@ def draw_fit(fit: Fit, *paths: str | Path) -> None:
 
 
 def fit_figure(fit: Fit) -> Figure:
-    """Record and fit, what is left, and its autocorrelation; words stand beside the panels."""
+    """Figure of a fit and its record, the residual, and its autocorrelation, with words beside."""
     figure = Figure(figsize=(11.5, 8.0))
     FigureCanvasAgg(figure)
     axes = figure.subplots(3, 1, height_ratios=[2.2, 1.1, 1.1])

@@ -83,7 +83,7 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 
 def tidy(axis: Axes, title: str) -> None:
-    """Title at the left, light grid, no box."""
+    """Style a panel: title at the left, light grid, no box."""
     axis.set_title(title, loc="left", fontsize=10.5, parse_math=False)
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_axisbelow(True)
@@ -91,7 +91,7 @@ def tidy(axis: Axes, title: str) -> None:
 
 
 def legend_below(axis: Axes, *, columns: int = 2) -> None:
-    """Legend under the axis, off the data."""
+    """Put a legend under the axis, off the data."""
     axis.legend(
         loc="upper left",
         bbox_to_anchor=(0.0, -0.13 if axis.get_window_extent().height > 450 else -0.17),
@@ -273,7 +273,7 @@ def law_name(law: Law) -> str:
 
 
 def mass_text(mass: float | None) -> str:
-    """The mass, or that there is none."""
+    """The mass in words, or that there is none."""
     return "no mass" if mass is None else f"m = {mass:g} kg"
 
 

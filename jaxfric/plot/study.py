@@ -190,7 +190,7 @@ def _numbers(
 
 
 def _scale(low: float, high: float, name: str, finite: np.ndarray):
-    """Two colours about the limit of stability of a margin; else log or plain."""
+    """Colour scale: two colours about the limit of stability of a margin; else log or plain."""
     limit = MARGINS[name].limit if name in MARGINS else None
     if limit == 0.0 and low < 0 < high:
         reach = max(high, -low)

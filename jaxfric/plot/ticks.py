@@ -39,7 +39,7 @@ def shown_digits(low: float, high: float) -> str:
 
 
 def _count(digits: str, low: float, high: float) -> int:
-    """How many numbers with one of these digits and noughts lie from `low` to `high`."""
+    """Number of ticks from `low` to `high` with one of these leading digits and noughts."""
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     ticks = [int(digit) * 10.0**power for power in powers for digit in digits]
     return sum(low * (1 - 1e-9) <= tick <= high * (1 + 1e-9) for tick in ticks)

@@ -41,7 +41,7 @@ _UNSEEN = 0.05
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _AxisSetting:
-    """The record as the model takes it."""
+    """The record, prepared as the model takes it, and the problem of its prediction."""
 
     saved: SavedModel
     record: AxisRecord
@@ -109,7 +109,7 @@ def predict_axis(
 
 
 def _refuse_other(saved: SavedModel, record: AxisRecord) -> None:
-    """A model of another kind of axis, or in other units."""
+    """Refuse a model of another kind of axis, or in other units."""
     about = saved.content.get("axis") or {}
     kind = about.get("coordinate", "linear")
     if kind != record.coordinate:

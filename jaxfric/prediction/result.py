@@ -12,7 +12,7 @@ SCHEMA = "jaxfric.prediction/1"
 _AS_GOOD = 1.1
 """Ratio of rms to that of a refit up to which a prediction is as good as a fit."""
 _AT_NOISE = 1.3
-"""rms over the scatter of neighbouring rows up to which a refit is at the noise."""
+"""Ratio of rms to the scatter of neighbouring rows up to which a refit is at the noise."""
 _SHIFTED = 3.0
 
 
@@ -60,7 +60,7 @@ class Prediction:
     """ "slider" or "axis"."""
     force_unit: str
     comparisons: tuple[Comparison, ...]
-    """The first is the one that the sentence speaks of."""
+    """Comparisons with the record; the sentence speaks of the first."""
     refitted: dict[str, tuple[float, float]]
     """Quantities fitted to this record: value of the model, value here."""
     sigma: float

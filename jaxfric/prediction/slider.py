@@ -166,7 +166,7 @@ def _setting(
 
 
 def _stated(stiffness: float | str, friction_unit: str) -> float:
-    """A stiffness that was given [F/m]."""
+    """The stiffness that was given [F/m]."""
     unit = unit_of("K", friction_unit)
     text = isinstance(stiffness, str)
     K = parse_quantity(stiffness, unit, "stiffness") if text else stiffness

@@ -47,7 +47,7 @@ def headline(loop: Loop) -> str:
 
 
 def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[TextTable]:
-    """Errors by block and by velocity, parameters, tests, candidates: what both reports show."""
+    """Tables of both reports: errors by block and by velocity, parameters, tests, candidates."""
     return [
         errors(loop),
         by_velocity(loop),
@@ -401,7 +401,7 @@ def _length(loop: Loop) -> str:
 
 
 def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
-    """The unit in which a parameter is shown, and what one of it is in SI.
+    """The unit in which a parameter is shown, and its size in SI.
 
     Lengths and velocities are in the record's `length`, angles in rad, short times in
     milliseconds.

@@ -71,7 +71,7 @@ def local_processes(number: int) -> "Iterator[Client]":
 
 @contextlib.contextmanager
 def _without_main() -> Iterator[None]:
-    """Processes that begin meanwhile do not run the script that this one runs."""
+    """Keep processes that begin meanwhile from running the script that this one runs."""
     main = sys.modules["__main__"]
     kept = {name: vars(main).pop(name) for name in ("__file__", "__spec__") if name in vars(main)}
     main.__spec__ = None
@@ -148,11 +148,11 @@ def code_of(task: Task) -> dict[str, str]:
 
 
 class OtherCode(Stopped):
-    """A worker would compute something else."""
+    """Raised where a worker would compute something else."""
 
 
 def _limit_threads(number: int) -> None:
-    """XLA takes all cores for itself unless told before its first use."""
+    """Limit XLA, which takes all cores for itself unless told before its first use."""
     from jax._src import xla_bridge
 
     if not xla_bridge.backends_are_initialized():
@@ -179,7 +179,7 @@ def _connect(address: str) -> "Client":
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """The loggers of Dask have levels of their own."""
+    """Quiet the loggers of Dask, which have levels of their own."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = {name: logging.getLogger(name).level for name in names}
     for name in names:
@@ -284,7 +284,7 @@ class _Pool:
             )
 
     def _waiting(self) -> str:
-        """Why no chunk came for a while."""
+        """Reasons why no chunk came for a while, in words."""
         own = {future.key for future in self.futures}
         under_way = [key for keys in self._ask(self.client.processing).values() for key in keys]
         others = sum(key not in own for key in under_way)

@@ -26,7 +26,7 @@ OUTCOMES = {
 
 DTYPES = ("float64", "float32")
 Function = Callable[[dict[str, Any]], Mapping[str, Any]]
-"""Outputs by their names, of parameters by theirs: JAX arrays or floats, see `Task.kind`."""
+"""Function of a study: outputs by name from parameters by name, see `Task.kind`."""
 Cost = Callable[[dict[str, "Array"]], "Array"]
 """Cost of members in any unit, from arrays of parameters: members alike are computed together, so
 that one slow member does not hold a whole batch."""
@@ -60,7 +60,7 @@ class Computed(NamedTuple):
 
     values: dict[str, np.ndarray]
     errors: dict[int, str]
-    """Why members failed, by their place in the block laid flat."""
+    """Errors of members that failed, by their place in the block laid flat."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ KINDS = ("sobol", "latin", "random")
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One dimension: its values, ascending or not, their unit and what they are."""
+    """One dimension of a grid: its values, ascending or not, their unit and meaning."""
 
     name: str
     values: np.ndarray

@@ -144,7 +144,7 @@ class Directory(AbstractPlace):
             partial.unlink(missing_ok=True)
 
     def install(self, made: Callable[[str], None]) -> None:
-        """Made beside the destination and moved there."""
+        """Install a store that is made beside the destination and moved there."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             work = Path(tempfile.mkdtemp(prefix=f".{self.path.name}-", dir=self.path.parent))
@@ -170,12 +170,12 @@ class Directory(AbstractPlace):
         return str(self.path)
 
     def faults(self) -> contextlib.AbstractContextManager[None]:
-        """A file system has no failures but `OSError`."""
+        """Pass errors on: a file system has no failures but `OSError`."""
         return contextlib.nullcontext()
 
     @contextlib.contextmanager
     def lock(self, tell: Tell) -> Iterator[None]:
-        """A lock of the system, which goes with the process, however that ends."""
+        """Hold a lock of the system, which goes with the process, however that ends."""
         try:
             import fcntl
         except ImportError:  # no such locks here
@@ -255,7 +255,7 @@ class Objects(AbstractPlace):
         """Do nothing: a file that was not written whole is not there."""
 
     def install(self, made: Callable[[str], None]) -> None:
-        """Made in a folder and copied here; the file by which a store is known comes last."""
+        """Install a store made in a folder and copied here; its identifying file comes last."""
         with tempfile.TemporaryDirectory() as work, self._refused():
             made(f"{work}/store")
             root = Path(work) / "store"
@@ -294,7 +294,7 @@ class Objects(AbstractPlace):
 
     @contextlib.contextmanager
     def lock(self, tell: Tell) -> Iterator[None]:
-        """A file with the name of its writer, renewed while that lives."""
+        """Hold a file with the name of its writer, renewed while that lives."""
         owner, stop = uuid.uuid4().hex, threading.Event()
         with self._refused():
             self._take(owner, tell)

@@ -119,7 +119,7 @@ def run(
 
 
 def _inferred(function: Function, grid: Grid, kind: Kind, precision: str) -> tuple[Output, ...]:
-    """Whatever the function gives."""
+    """Outputs that are not declared: all that the function gives."""
     if kind == "host":
         raise InputError("a function of kind 'host' needs its outputs listed")
     from .local import infer_outputs
