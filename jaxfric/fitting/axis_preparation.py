@@ -170,7 +170,7 @@ class Prepared(NamedTuple):
 
 
 def acceleration_noise(prepared: Prepared) -> float:
-    """Standard deviation of the error of a row's acceleration, of the recorded motion's white one.
+    """Standard deviation of the error of a row's acceleration, by the motion's white error.
 
     White noise through the low-pass (both ways), the central differences and that of a row.
     """

@@ -171,7 +171,7 @@ def find_glitches(
 ) -> Glitches:
     """The glitches among n rows, with those known `before`, whose weight is 0.
 
-    `columns` as of `prediction_errors`; `step` (n,) is the velocity step of every row. Rows that
+    `columns` as in `prediction_errors`; `step` (n,) is the velocity step of every row. Rows that
     are wrong by less than `least` in the unit of the residual are none, which keeps rounding out.
     Where more than a hundredth of the rows would be glitches no more of them are.
     """

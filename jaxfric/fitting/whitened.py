@@ -22,7 +22,7 @@ def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]
 def whitened(
     clock: Float[Array, "n *k"], weight: Float[Array, " n"], columns: np.ndarray, noise: Noise
 ) -> np.ndarray:
-    """The columns (n, m) in units of the noise and uncorrelated, as of `fitting.noise.whiten`."""
+    """The columns (n, m) in units of the noise and uncorrelated, as in `fitting.noise.whiten`."""
     wide = 1 if columns.shape[1] == 1 else _WIDE
     parts = []
     for begin in range(0, columns.shape[1], wide):

@@ -24,7 +24,7 @@ _STRETCH = 10.0  # ... but no longer than this many horizons
 class Policy(eqx.Module):
     """How long and how exactly the checks simulate.
 
-    rtol, max_steps : as of `simulate`. A stick-slip cycle takes 50 to 150 steps. At rtol
+    rtol, max_steps : as in `simulate`. A stick-slip cycle takes 50 to 150 steps. At rtol
         1e-4 the solver itself damps a small oscillation, by 0.4 % of its frequency.
     runaway : escape is a velocity `runaway` times the commanded one. Slips of a light
         slider legitimately reach 1e6.

@@ -72,7 +72,7 @@ def law_from_loop(
 
     Parameters
     ----------
-    normal_force : [N], as of `law_from_fit`.
+    normal_force : [N], as in `law_from_fit`.
     samples : number drawn besides the estimate.
 
     Raises

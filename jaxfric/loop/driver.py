@@ -131,7 +131,7 @@ def offered(
     most: int,
     effect_of: Callable[[str], type[AbstractEffect]],
 ) -> Offered:
-    """The effects of a catalogue and one's own, and what was asked of them.
+    """The offer of a loop: effects of a catalogue and the user's own, with what was asked.
 
     Raises
     ------

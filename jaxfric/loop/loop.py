@@ -61,11 +61,11 @@ def close_loop(
 
     Parameters
     ----------
-    record, stiffness, law, steps : as of `jaxfric.fit`.
+    record, stiffness, law, steps : as in `jaxfric.fit`.
     with_ : ids of effects that belong to the base; without : ids of those not considered.
     own : effects of your own beside those of the catalogue.
     most : largest number of effects added, 0 to `search.MOST`.
-    rows : as of `jaxfric.fit`: means over neighbouring rows, about so many.
+    rows : as in `jaxfric.fit`: means over neighbouring rows, about so many.
     progress : told what is being done.
 
     Returns
@@ -75,7 +75,7 @@ def close_loop(
     Raises
     ------
     InputError : an unknown effect, one both with and without; a record too short to be split, one
-        that moves backwards; or as of `jaxfric.fit`.
+        that moves backwards; or as in `jaxfric.fit`.
 
     Not tried: records with holds or reversals, a base with mass.
     """

@@ -1,8 +1,8 @@
 """Estimates how long the rest of a search takes [s]; every message says it.
 
-One linearisation of the record takes the same time whatever is asked of it, and nearly all of a
-search is made of them. The median of the latest is what one takes here: one with its compilation
-does not count, and a busy machine does. How many a joint fit takes is learnt from those before it.
+A search consists almost wholly of linearisations of the record, which all take the same time. That
+time is estimated by the median of the latest ones, so that a compilation does not count but a busy
+machine does. How many of them a joint fit takes is learnt from the fits before it.
 """
 
 import statistics
@@ -56,7 +56,7 @@ def now_and_then(
 
 
 class Pace:
-    """Tells what is done and about how long the rest takes, which falls within a stage too.
+    """Reports what is done and about how long the rest takes; within a stage that falls, too.
 
     A search has at most `rounds`, each of a screening and of `refits` fits; the fewest there can
     be is one of two.

@@ -269,8 +269,8 @@ def _swapped(
 ) -> Candidate:
     """The best of this fit and of those with an effect replaced by one easily taken for it.
 
-    Where one is better beside which others are no longer fixed, those may have stood in for it:
-    then it is asked without them.
+    Where a better effect leaves others of the fit no longer fixed, those may have stood in for it:
+    it is then tried without them.
     """
     best, (ids, cosines) = current, alike
     for id in current.effects:

@@ -1,8 +1,8 @@
 """Noise that differs from velocity step to velocity step: in size, and in pace.
 
 A recorder may be set anew at every velocity, so that neighbouring rows are as good as independent
-at one and nearly the same at the next. Both are read off what is left when everything smooth is
-taken out; whether they are needed is decided by likelihood (`Engine.learn_noise`).
+at one and nearly the same at the next. Size and pace are read off the residual less everything
+smooth; whether they are needed is decided by likelihood (`Engine.learn_noise`).
 """
 
 import numpy as np

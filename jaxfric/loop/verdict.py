@@ -76,7 +76,7 @@ class Conclusion(NamedTuple):
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
     """Noise with base, effects, and bumps along the record and along each step taken out.
 
-    Its parts are found anew: what the base left may have looked like one that is none.
+    Its parts are found anew: structure that the base left may have looked like a part of it.
     """
     rows = engine.evaluate(current.z, engine.free(current.effects))
     columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)

@@ -45,10 +45,10 @@ def predict(
         path.
     stiffness : of the machine that made this record (sliders), in friction per metre or text with a
         unit; by default that of the model.
-    steps : of this record (sliders), as of `jaxfric.fit`.
+    steps : of this record (sliders), as in `jaxfric.fit`.
     free : names of the parameters that are fitted to this record; ("f0",) of a slider, none of an
         axis. Times of steps found in the load point are always fitted within their error.
-    held : of an axis, as of `jaxfric.close_axis_loop`.
+    held : of an axis, as in `jaxfric.close_axis_loop`.
 
     Returns
     -------

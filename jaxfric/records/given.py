@@ -14,7 +14,7 @@ def as_record(given: object) -> Record:
 
     Raises
     ------
-    InputError : anything else; as of `read`.
+    InputError : anything else; as in `read`.
     """
     if isinstance(given, str | Path):
         return read(given)
@@ -33,7 +33,7 @@ def as_axis_record(given: object) -> AxisRecord:
 
     Raises
     ------
-    InputError : anything else; as of `read_axis`.
+    InputError : anything else; as in `read_axis`.
     """
     if isinstance(given, str | Path):
         return read_axis(given)

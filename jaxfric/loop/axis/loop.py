@@ -62,7 +62,7 @@ def close_axis_loop(
 
     Parameters
     ----------
-    with_, without, own, most, progress : as of `jaxfric.close_loop`, of the effects of an axis
+    with_, without, own, most, progress : as in `jaxfric.close_loop`, of the effects of an axis
         (`AXIS_CATALOGUE`).
     preparation : filter of the record; by default the one that `reading` chooses.
     width : of the smoothed sign of the velocity [m/s]; by default twice the noise of the velocity
@@ -76,7 +76,7 @@ def close_axis_loop(
 
     Raises
     ------
-    InputError : an unknown effect; no reversal, too few motion segments; as of `prepare`.
+    InputError : an unknown effect; no reversal, too few motion segments; as in `prepare`.
 
     Not tried: two axes, backlash, a payload that changes.
     """

@@ -54,7 +54,7 @@ def read_rows(
 
     Raises
     ------
-    InputError : as of `prepare` and `split`; friction that would be negative.
+    InputError : as in `prepare` and `split`; friction that would be negative.
     """
     force, told = _acting(record, preparation, held)
     chosen, why = (preparation, "") if preparation else _cutoff(record, force, held)
