@@ -50,7 +50,7 @@ def test_descents_are_counted_within_their_stage(monkeypatch):
 
     rig = SimpleNamespace(machine=SimpleNamespace(stiffness=1.0))
     problem: Any = SimpleNamespace(rig=lambda z: rig, motion=None, with_model=lambda model: None)
-    data = SimpleNamespace(time=zeros, friction=zeros, count=zeros)
+    data = SimpleNamespace(time=zeros, friction=zeros, rows=zeros)
     monkeypatch.setattr(module, "_solve", solve)
     monkeypatch.setattr(module, "prepare", lambda *_, **__: problem)
     monkeypatch.setattr(module, "one_state_starts", lambda *_, **__: np.ones((1, 4)))
