@@ -422,6 +422,10 @@ def test_the_title_of_a_model_with_many_effects_fits_its_panel() -> None:
     names = " + ".join(["position_dependence", "direction_asymmetry", "log_viscous"] * 3)
     text = panel_title(f"After: with {names}   (held-out error 11.47 σ)")
     assert text.split() == f"After: with {names} (held-out error 11.47 σ)".split()
+    for more in range(40):  # the error stays in one piece wherever the line ends
+        assert "(held-out error 1.05 σ)" in panel_title(
+            "a" * (60 + more) + "   (held-out error 1.05 σ)"
+        )
     figure = Figure(figsize=(10.0, 4.0))
     axis = figure.add_axes((0.08, 0.1, 0.9, 0.7))
     tidy(axis, text)

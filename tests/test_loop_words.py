@@ -115,6 +115,12 @@ def profile(variable, explained, p=1e-9):
             [profile("slip", 1.0), profile("time", 0.98), profile("position", 0.97)],
             "follows slip, time or position, each alone, would explain about 100 %",
         ),
+        ([profile("wavelength", 0.6)], "Friction that ripples along the path would explain 60 %"),
+        ([profile("wavelength", np.nan)], "leaves ripples along the path best (p = 1e-09)."),
+        (
+            [profile("wavelength", 1.0), profile("time", 0.98), profile("velocity", 0.97)],
+            "follows time or velocity or ripples along the path, each alone, would explain",
+        ),
         ([profile("slip", 0.004)], "follows slip would explain less than 1 % of what"),
         ([profile("slip", 0.006)], "follows slip would explain 1 % of what"),
     ],

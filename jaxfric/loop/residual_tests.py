@@ -27,7 +27,7 @@ QUESTIONS = {
     "time_since_step": "follows the time since a step",
     "relaxation_length": "follows the slip since a step",
     "since_reversal": "follows the distance since a stop",
-    "wavelength": "a ripple along the slip",
+    "wavelength": "a ripple along the path",
 }
 """Words for the structure that each test looks for, by the name of the test or variable."""
 _BINS = 12

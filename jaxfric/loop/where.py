@@ -8,12 +8,11 @@ from .result import LocationProfile
 from .thresholds import SIGNIFICANT
 
 _NEARLY = 0.9
-_EITHER = 2
 _LEAST_SHOWN = 0.005
+_RIPPLE = "wavelength"
 _VARIABLES = {
     "log_velocity": "velocity",
     "relaxation_length": "the slip since a step",
-    "wavelength": "one ripple along the slip",
     "since_reversal": "the distance since a stop",
     "time_since_step": "the time since a step",
     "state": "the state",
@@ -26,18 +25,25 @@ def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
     if best is None:
         return ""
     if not np.isfinite(best.explained):
-        name = _VARIABLES.get(best.variable, best.variable)
-        return f"What the base model leaves follows {name} best ({p_text(best.p_value)})."
+        return f"What the base model leaves {_does([best.variable])} best ({p_text(best.p_value)})."
     names = [
-        _VARIABLES.get(p.variable, p.variable)
+        p.variable
         for p in location
         if p.explained >= _NEARLY * best.explained and p.p_value <= SIGNIFICANT
     ]
     left = f"{share_text(best.explained)} of what the base model leaves."
     if len(names) == 1:
-        return f"Friction that follows {names[0]} would explain {left}"
-    alone = "either alone" if len(names) == _EITHER else "each alone"
-    return f"Friction that follows {listed(names, 'or')}, {alone}, would explain about {left}"
+        return f"Friction that {_does(names)} would explain {left}"
+    alone = "either alone" if len(names) == 2 else "each alone"
+    return f"Friction that {_does(names)}, {alone}, would explain about {left}"
+
+
+def _does(variables: list[str]) -> str:
+    """What friction does that depends on one of the variables."""
+    followed = [_VARIABLES.get(name, name) for name in variables if name != _RIPPLE]
+    clauses = [f"follows {listed(followed, 'or')}"] if followed else []
+    clauses += ["ripples along the path"] if _RIPPLE in variables else []
+    return " or ".join(clauses)
 
 
 def share_text(share: float) -> str:

@@ -1,6 +1,7 @@
 """Figures of a closed loop: residual before and after, location map, aliasing, candidates."""
 
 import itertools
+import re
 import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -52,7 +53,9 @@ def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
 
 def panel_title(text: str) -> str:
     """The text in lines no longer than a panel is wide: a model may have many effects."""
-    return textwrap.fill(text, _TITLE_WIDTH)
+    whole = re.sub(r"\([^)]*\)", lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
+    lines = textwrap.fill(whole, _TITLE_WIDTH, break_on_hyphens=False)
+    return lines.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _save_residual(loop: Loop, folder: Path) -> list[str]:
@@ -69,7 +72,10 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
     ):
         _residual(axis, loop, -score.residual / loop.row_sigma(), along, reach)
         mark_glitches(axis, along, score.noise.glitches)
-        tidy(axis, panel_title(f"{title}   (held-out error {loop.heldout(score) / held:.2f} σ)"))
+        error = f"(held-out error {loop.heldout(score) / held:.2f} σ)".replace(
+            " ", "\N{NO-BREAK SPACE}"
+        )
+        tidy(axis, panel_title(f"{title}   {error}"))
     for axis in axes:
         _blocks(axis, loop, along)
         axis.grid(False)
