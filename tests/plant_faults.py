@@ -71,7 +71,7 @@ def first_failure(folder: Path, *guards: str) -> str | None:
         raise RuntimeError(f"the copy in {folder} is not what is imported: {done.stderr[-2000:]}")
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", *guards]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    failed = re.search(r"^FAILED (.+?)(?: - |$)", done.stdout, re.MULTILINE)
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+::.+?)(?: - |$)", done.stdout, re.MULTILINE)
     if done.returncode not in (0, 1) or (done.returncode == 1) != bool(failed):
         raise RuntimeError(f"{' '.join(command)} did not run:\n{done.stdout[-2000:]}{done.stderr}")
     return failed[1] if failed else None
