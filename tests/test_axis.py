@@ -286,6 +286,9 @@ def test_output_error_finds_the_plant(recorded):
         assert fit.values[name] == pytest.approx(value, rel=0.01), name
     unknown = axis_from_arrays(recorded.time, recorded.motor_force, position=recorded.position)
     assert output_error(problem, start(problem), np.arange(4), unknown) is None
+    light = start(problem)
+    light[0] = -800.0  # its exponential is 0
+    assert output_error(problem, light, np.arange(4), recorded) is None
 
 
 def test_units_of_a_rotary_axis():

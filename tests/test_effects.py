@@ -316,7 +316,13 @@ def test_unknown_effect_suggests_the_nearest():
 
 @pytest.mark.parametrize(
     ("name", "now"),
-    [("aging", "ageing"), ("aging.q", "ageing.q"), ("agings", "agings"), ("q", "q")],
+    [
+        ("aging", "ageing"),
+        ("aging.q", "ageing.q"),
+        ("aging.csv", "aging.csv"),
+        ("agings", "agings"),
+        ("q", "q"),
+    ],
 )
 def test_an_old_id_is_read(name, now):
     assert id_of(name) == now

@@ -33,7 +33,7 @@ else:
 
 R = TypeVar("R", bound=eqx.Module)
 E = TypeVar("E", bound="AbstractEffect")
-_RENAMED = {"aging": "ageing"}
+_RENAMED = {"aging": "ageing", "aging.q": "ageing.q"}
 
 ROOMS = ("friction", "machine", "drive", "sensor")
 
@@ -141,8 +141,7 @@ def ids_of(value: str | Sequence[str]) -> tuple[str, ...]:
 
 def id_of(name: str) -> str:
     """The present name of an effect, or of a parameter of one; older files have older names."""
-    old, dot, parameter = name.partition(".")
-    return _RENAMED.get(old, old) + dot + parameter
+    return _RENAMED.get(name, name)
 
 
 def with_term(rig: Rig, term: AbstractTerm) -> Rig:

@@ -68,7 +68,7 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
 def output_error(
     problem: AxisProblem, z: np.ndarray, free: np.ndarray, record: AxisRecord
 ) -> AxisFit | None:
-    """Fit of the simulated position by least squares; None where the controller is not known.
+    """Fit of the simulated position by least squares; None without a controller or a mass.
 
     Every tenth sample is compared. The controller is the one of `closed_loop`, the disturbance of
     the record is added to its force; lags and delays of the force are not simulated.
@@ -77,6 +77,8 @@ def output_error(
     if drive is None or reference is None or record.position is None:
         return None
     if drive.K_p is None or drive.K_d is None or drive.position_gain is None:
+        return None
+    if not problem.rig(jnp.asarray(z)).mass > 0:  # a slow record does not fix it, and it underflows
         return None
     problem, kept = _moving_states(problem, free)
     z, free = z[kept], np.searchsorted(kept, free)

@@ -207,7 +207,7 @@ def prepare(
     time, position, velocity, recorded = _even(time, position, velocity, force)
     interval = float(np.median(np.diff(time)))
     chosen = preparation or usual(interval)
-    _refuse_few_rows(chosen, time, interval)
+    _refuse_unusable(chosen, time, interval)
     raw = position if position is not None else velocity
     assert raw is not None
     smooth = _low_pass(raw, chosen.cutoff, interval)
@@ -244,7 +244,7 @@ def prepare(
     )
 
 
-def _refuse_few_rows(chosen: Preparation, time: np.ndarray, interval: float) -> None:
+def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float) -> None:
     if not 0 < chosen.cutoff * 2 * interval < 1:
         raise InputError(
             f"cutoff {chosen.cutoff:g} Hz: choose one above 0 and below half the sampling rate,"

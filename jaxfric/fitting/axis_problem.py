@@ -24,7 +24,7 @@ _LAG = 1e-2
 
 
 class AxisProblem(AbstractProblem):
-    """A prepared record and a `EncompassingModel` of axis effects."""
+    """A prepared record and an `EncompassingModel` of axis effects."""
 
     time: Float[Array, " n"]
     friction: Float[Array, " n"]

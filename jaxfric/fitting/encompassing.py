@@ -82,5 +82,5 @@ class EncompassingModel(NamedTuple):
 
 
 def names_of(effect: type[AbstractEffect]) -> tuple[str, ...]:
-    """Names of the parameters of an effect in a `EncompassingModel`."""
+    """Names of the parameters of an effect in an `EncompassingModel`."""
     return tuple(f"{effect.id}.{name}" for name in parameters(effect))

@@ -1,4 +1,10 @@
-"""`fit(record, stiffness=...)`: rate-and-state parameters of a velocity-step record."""
+"""`fit(record, stiffness=...)`: rate-and-state parameters of a velocity-step record.
+
+Weights: "ordinary" least squares minimises the plain sum of squares, as published fits do;
+"whitened" weighs by the estimated noise, which is more precise where noise is correlated. Errors
+are honest in both. Found step times whose errors are felt above the noise are refined with the
+rest. Fitted means over rows (`rows`) take time in proportion; errors are those of their noise.
+"""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -75,10 +81,10 @@ def fit(
     Parameters
     ----------
     record : as read by `jaxfric.read`, or the path of one that needs no more words.
-    stiffness : of spring and specimen [friction/m], or text: "1.6e-3/um". See `fit_stiffness`.
+    stiffness : of spring and specimen [1/m for a coefficient, N/m for a force], or "1.6e-3/um".
     law : "slip" or "ageing".
     states : number of state variables, 1 to 3.
-    fit_stiffness, slip_trend : also fit K, from a given `stiffness`; also a trend of friction, s.
+    fit_stiffness, slip_trend : also fit K (`stiffness`, needed otherwise, is a start); also fit s.
     steps : velocity steps of the load point, or text "0 s: 2 um/s, 60 s: 20 um/s" (time from the
         first row), taken as exact. Else found, and refined with the rest where noise lets it.
     reference_velocity : V0 [m/s], where friction is f0; default the first speed.

@@ -46,16 +46,14 @@ class Evidence(NamedTuple):
         first, first_more = self.products[:, 0, 0][:, None], self.extra[0, 0]
         variance = first / self.rows
         # the variance of the noise weighs friction against the extra rows: a few passes settle it
-        passes = _PASSES if self.extra.any() else 1
-        while True:
+        solved = np.zeros_like(side)
+        for _ in range(_PASSES if self.extra.any() else 1):
             v = variance[..., None]
             solved = _solve(gram / v[..., None] + more, side / v + more_side, used)
             left = first - 2 * np.einsum("gcp,gcp->gc", side, solved)
             left = left + np.einsum("gcp,gcpq,gcq->gc", solved, gram, solved)
             left = np.maximum(left, 1e-300)
-            variance, passes = left / self.rows, passes - 1
-            if not passes:
-                break
+            variance = left / self.rows
         kept = first_more - 2 * np.einsum("gcp,gcp->gc", more_side + 0 * side, solved)
         kept = kept + np.einsum("gcp,gcpq,gcq->gc", solved, more + 0 * gram, solved)
         deviance = self.rows * (np.log(variance) + 1) + self.log_determinant[:, None] + kept

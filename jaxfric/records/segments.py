@@ -47,28 +47,28 @@ _NEAR = 1.0
 """Reach on either side in which a joint is judged, in lengths of its shorter line."""
 
 _PASSES = 4
-"""Rows that are lone glitches are left out, and lines fitted anew, so often at most."""
 
 
-def find_lines(t: np.ndarray, y: np.ndarray, least_change: float) -> tuple[Sums, np.ndarray]:
+def find_lines(
+    t: np.ndarray, y: np.ndarray, least_change: float, passes: int = _PASSES
+) -> tuple[Sums, np.ndarray]:
     """Fit as many straight lines as the data support.
 
     **Arguments:** `t` [s], increasing; `y` [m]; `least_change`: a joint whose change of
-    slope is below this fraction of the larger of the two slopes is not a joint.
+    slope is below this fraction of the larger of the two slopes is not a joint; `passes`: the
+    most fits, each but the first without the lone glitches of the one before.
 
     **Returns:** the sums of the rows used (all but lone glitches), and the first row of
     every line followed by the number of rows.
     """
-    for left in reversed(range(_PASSES)):
-        sums = Sums(t, y)
-        if len(t) < 2 * MIN_ROWS:
-            return sums, np.array([0, len(t)])
-        nodes = _nodes(t, y)
-        keep = ~_glitches(sums, _partition(sums, nodes, min(_ROWS_FOR_GLITCHES, len(t) // 2)))
-        if keep.all() or not left:
-            return sums, _weed(sums, _partition(sums, nodes, MIN_ROWS), least_change)
-        t, y = t[keep], y[keep]
-    raise AssertionError("unreachable")
+    sums = Sums(t, y)
+    if len(t) < 2 * MIN_ROWS:
+        return sums, np.array([0, len(t)])
+    nodes = _nodes(t, y)
+    keep = ~_glitches(sums, _partition(sums, nodes, min(_ROWS_FOR_GLITCHES, len(t) // 2)))
+    if keep.all() or passes == 1:
+        return sums, _weed(sums, _partition(sums, nodes, MIN_ROWS), least_change)
+    return find_lines(t[keep], y[keep], least_change, passes - 1)
 
 
 def _weed(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:

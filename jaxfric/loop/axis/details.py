@@ -89,11 +89,5 @@ def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> A
         return np.asarray(rig.friction(jnp.asarray(position), v, jnp.zeros_like(v), rig.steady(v)))
 
     return axis_gains(
-        steady,
-        slow,
-        fast,
-        drive=drive,
-        error=known.error,
-        above=known.above,
-        unseen=known.unseen,
+        steady, slow, fast, drive=drive, error=known.error, above=known.above, unseen=known.unseen
     )

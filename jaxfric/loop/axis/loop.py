@@ -119,7 +119,7 @@ class AxisBench(AbstractBench):
 
     def engine(self, with_: tuple[str, ...] | None) -> Engine[AxisProblem]:
         """Effects that move force and motion in time are one group, but where a base starts."""
-        interval = float(self.problem.time[1] - self.problem.time[0])
+        longest = np.asarray([_NOISE_ROWS * float(self.problem.time[1] - self.problem.time[0])])
         return Engine(
             self.problem,
             self.reading.blocks,
@@ -127,7 +127,7 @@ class AxisBench(AbstractBench):
             Choice(with_ or (), one_of=() if with_ is None else (IN_TIME,)),
             shapes=axis_sensitivities,
             path=self.path(),
-            bounds=NoiseBounds(np.asarray([_NOISE_ROWS * interval]), True, by_step=False),
+            bounds=NoiseBounds(longest, either_sign=True, by_step=False),
         )
 
     def start(self, engine: Engine[AxisProblem]) -> np.ndarray:
