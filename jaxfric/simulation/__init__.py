@@ -1,6 +1,7 @@
 """Simulation of a rig in time."""
 
 from .delay import simulate_delay as simulate_delay
+from .rodas import Rodas5P as Rodas5P
 from .simulate import simulate as simulate
 from .start import Start as Start
 from .start import jump_start as jump_start

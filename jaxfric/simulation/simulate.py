@@ -5,11 +5,14 @@ then evaluated at once. Handing thousands of sample times to the solver instead 
 eight times as much, and a cubic through the steps is less accurate than the solver. For stick-slip
 over many periods the steps themselves are the better samples (`at_steps`): they crowd where the
 slider slips, and take a tenth of the memory of an interpolant.
+
+A slider without mass is solved by `Rodas5P`, and its derivatives follow from the steps it took
+(`tangents`). With mass, or where a solver or an adjoint is given, they are those of diffrax.
 """
 
 import functools
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import diffrax
 import equinox as eqx
@@ -23,13 +26,19 @@ from ..rig import Inertial, Rig
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .newton import UpdateNewton
 from .ode import Slider, SliderEquation, Unknowns
+from .rodas import QuarticInterpolation, Rodas5P
 from .start import Start
 from .steps import StableStepController, padded_norm
+from .tangents import Knots, differentiable
 from .trajectory import RESULTS, Trajectory, only_if
 
 # The controller bounds the error of one step. Over a record errors add up and the interpolant
 # adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py).
 _SAFETY = 0.03
+_SAFETY_OWN = 0.1
+"""The same for `Rodas5P`, whose estimate is that of the lower order."""
+
+T = TypeVar("T")
 
 
 def simulate(
@@ -65,9 +74,11 @@ def simulate(
         solver's memory, so a batch runs faster with a small one.
     runaway : end the simulation when the slider moves `runaway` times faster than the
         largest commanded speed.
-    solver : default `diffrax.Tsit5()` without mass and `diffrax.Kvaerno5()` with mass, where
-        the fast decay of A/(m V) would force an explicit solver to tiny steps.
-    adjoint : default `diffrax.ForwardMode()`, right for a handful of parameters. For
+    solver : default `Rodas5P()` without mass (`diffrax.Tsit5()` with an `adjoint`) and
+        `diffrax.Kvaerno5()` with mass. The spring relaxes over A/K of slip, mass within A/(m V):
+        an explicit solver may take no longer steps.
+    adjoint : by default forward mode (`jax.jvp`, `jax.jacfwd`), right for a handful of
+        parameters: `tangents` without mass, `diffrax.ForwardMode()` otherwise. For
         reverse mode (`jax.grad`, `jax.vjp`) pass `diffrax.RecursiveCheckpointAdjoint()`.
 
     Returns
@@ -97,6 +108,11 @@ class _Solving(NamedTuple):
     solver: diffrax.AbstractSolver | None
     adjoint: diffrax.AbstractAdjoint | None
 
+    def own(self, rig: Rig) -> bool:
+        """Whether `Rodas5P` takes the steps, and `tangents` the derivatives."""
+        free = self.solver is None and self.adjoint is None
+        return free and not isinstance(rig.machine, Inertial)
+
 
 def _solve(
     rig: Rig, motion: AbstractMotion, ts: Float[Array, " n"], begin: Start, how: _Solving
@@ -113,26 +129,45 @@ def _solve(
     refuse_no_steady_state(initial, motion.first_velocity())
     possible = is_possible(rig, ts, begin, initial, motion=motion)
     first, last = (jnp.where(possible, t, 0.0) for t in (ts[0], ts[-1]))
+    initial = jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial)
+    if how.own(rig):
+        start = _constant((equation, first, last, initial))
+        solution = _integrated(*start, how)
+        knots = differentiable(equation, initial, _knots(solution))
+        found = _between(equation, solution, (initial, knots), None if how.at_steps else ts)
+    else:
+        solution = _integrated(equation, first, last, initial, how)
+        found = _at_steps(equation, solution) if how.at_steps else _sample(equation, solution, ts)
+    return only_if(possible, found)
+
+
+def _integrated(
+    equation: SliderEquation, first: Array, last: Array, initial: Unknowns, how: _Solving
+) -> diffrax.Solution:
+    massless, own = not isinstance(equation.rig.machine, Inertial), how.own(equation.rig)
     solver = how.solver
     if solver is None:
-        solver = _implicit() if isinstance(rig.machine, Inertial) else diffrax.Tsit5()
-    solution = diffrax.diffeqsolve(
+        solver = Rodas5P() if own else diffrax.Tsit5() if massless else _implicit()
+    dense = own or not how.at_steps
+    return diffrax.diffeqsolve(
         diffrax.ODETerm(equation.derivative),
         solver,
         first,
         last,
         None,
-        jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial),
-        saveat=diffrax.SaveAt(t0=True, steps=True) if how.at_steps else diffrax.SaveAt(dense=True),
-        stepsize_controller=_controller(rtol, motion.breakpoints(), equation, solver),
-        event=diffrax.Event(_RanAway(equation, math.log(runaway))),
+        initial,
+        saveat=diffrax.SaveAt(dense=True) if dense else diffrax.SaveAt(t0=True, steps=True),
+        stepsize_controller=_controller(how.rtol, equation, solver),
+        event=diffrax.Event(_RanAway(equation, math.log(how.runaway))),
         adjoint=diffrax.ForwardMode() if how.adjoint is None else how.adjoint,
         max_steps=how.max_steps,
         throw=False,
     )
-    if how.at_steps:
-        return only_if(possible, _at_steps(rig, equation, solution))
-    return only_if(possible, _sample(rig, equation, solution, ts))
+
+
+def _constant(tree: T) -> T:
+    """The same numbers, without derivatives."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, tree)
 
 
 class _RanAway(eqx.Module):
@@ -147,15 +182,13 @@ class _RanAway(eqx.Module):
 
 
 def _controller(
-    rtol: float, jumps: Float[Array, " n"], equation: SliderEquation, solver: diffrax.AbstractSolver
+    rtol: float, equation: SliderEquation, solver: diffrax.AbstractSolver
 ) -> diffrax.AbstractStepSizeController:
-    tolerance = _SAFETY * rtol
+    tolerance = rtol * (_SAFETY_OWN if isinstance(solver, Rodas5P) else _SAFETY)
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
-    if not isinstance(solver, diffrax.AbstractImplicitSolver):
-        frozen = jax.tree.map(
-            lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, equation
-        )
-        controller = StableStepController(controller, frozen.derivative)
+    if not isinstance(solver, diffrax.AbstractImplicitSolver | Rodas5P):
+        controller = StableStepController(controller, _constant(equation).derivative)
+    jumps = equation.motion.breakpoints()
     if jumps.shape[0] == 0:  # which the clipping controller cannot take
         return controller
     return diffrax.ClipStepSizeController(controller, jump_ts=jumps)
@@ -168,24 +201,59 @@ def _implicit() -> diffrax.AbstractSolver:
     return diffrax.Kvaerno5(root_finder=diffrax.with_stepsize_controller_tols(UpdateNewton)())
 
 
+def _knots(solution: diffrax.Solution) -> Knots:
+    interpolation = _constant(solution.interpolation)
+    assert isinstance(interpolation, diffrax.DenseInterpolation)
+    ts, count = interpolation.ts, jnp.asarray(interpolation.ts_size) - 1
+    return Knots(ts[:-1], ts[1:], **interpolation.infos, count=count)
+
+
+def _between(
+    equation: SliderEquation,
+    solution: diffrax.Solution,
+    path: tuple[Unknowns, Knots],
+    ts: Float[Array, " n"] | None,
+) -> Trajectory:
+    """The motion at `ts`, or at the steps, from `path`: where it begins, and its knots."""
+    initial, knots = path
+    last = jnp.maximum(knots.count - 1, 0)
+    still = knots.count == 0
+    interpolation = _constant(solution.interpolation)
+    assert interpolation is not None
+    end = jnp.where(still, interpolation.t0, knots.t1[last])
+    if ts is None:
+        rows = jnp.minimum(jnp.arange(len(knots.t1)), last)
+        later = jnp.where(still, interpolation.t0, knots.t1[rows])
+        ts = jnp.concatenate([interpolation.t0[None], later])
+    reached = jnp.minimum(ts, end)
+    rows = jnp.clip(jnp.searchsorted(knots.t1, reached), 0, last)
+    steps = QuarticInterpolation(knots.t0, knots.t1, knots.y0, knots.y1, knots.k)
+
+    def at(t: Array, i: Array) -> Slider:
+        y = jax.tree.map(lambda x: x[i], steps).evaluate(t)
+        return equation.physical(t, jax.tree.map(lambda a, b: jnp.where(still, a, b), initial, y))
+
+    return _trajectory(equation.rig, solution, ts, end, jax.vmap(at)(reached, rows))
+
+
 def _sample(
-    rig: Rig, equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
+    equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
 ) -> Trajectory:
     interpolation = solution.interpolation
     assert interpolation is not None
     end = interpolation.t1
     reached = jnp.minimum(ts, end)
     slider = jax.vmap(lambda t: equation.physical(t, interpolation.evaluate(t)))(reached)
-    return _trajectory(rig, solution, ts, end, slider)
+    return _trajectory(equation.rig, solution, ts, end, slider)
 
 
-def _at_steps(rig: Rig, equation: SliderEquation, solution: diffrax.Solution) -> Trajectory:
+def _at_steps(equation: SliderEquation, solution: diffrax.Solution) -> Trajectory:
     assert solution.ts is not None
     last = solution.stats["num_accepted_steps"]
     rows = jnp.minimum(jnp.arange(solution.ts.shape[0]), last)
     ts, ys = jax.tree.map(lambda x: x[rows], (solution.ts, solution.ys))
     slider = jax.vmap(equation.physical)(ts, ys)
-    return _trajectory(rig, solution, ts, ts[-1], slider)
+    return _trajectory(equation.rig, solution, ts, ts[-1], slider)
 
 
 def _trajectory(

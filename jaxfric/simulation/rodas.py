@@ -1,0 +1,253 @@
+"""Rodas5P: a Rosenbrock method of order 5 for stiff equations, as a solver of diffrax.
+
+With J = df/dy and W = 1/(h gamma) - J at the start of a step, stages k_i solve linear equations
+
+    W k_i = f(t + c_i h, y + sum_j a_ij k_j) + (1/h) sum_j C_ij k_j + h d_i df/dt
+    y(t + h) = y + sum_j a_8j k_j + k_8,   error estimate k_8
+
+so a step needs one Jacobian and no iteration. It is L-stable: in steady sliding, where the spring
+relaxes over A/K of slip and an explicit method may take no longer step than that, steps follow
+what the slider does. The interpolant is of order 4.
+
+Source: Steinebach 2023 (doi:10.1007/s10543-023-00967-x), coefficients in the form of Hairer and
+Wanner, Solving ODEs II, IV.7.
+"""
+
+from typing import ClassVar
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, PyTree
+
+from .steps import RealScalar
+
+_CLOSED_FORM = 6
+"""Systems of up to so many equations are inverted in closed form."""
+
+STAGES = 8
+GAMMA = 0.21193756319429014
+
+
+def _lower(*rows: tuple[float, ...]) -> Float[np.ndarray, "8 8"]:
+    full = np.zeros((STAGES, STAGES))
+    for i, row in enumerate(rows, start=1):
+        full[i, : len(row)] = row
+    return full
+
+
+_LAST = (
+    -7.502846399306121,
+    2.561846144803919,
+    -11.627539656261098,
+    -0.18268767659942256,
+    0.030198172008377946,
+)
+A = _lower(
+    (3.0,),
+    (2.849394379747939, 0.45842242204463923),
+    (-6.954028509809101, 2.489845061869568, -10.358996098473584),
+    (2.8029986275628964, 0.5072464736228206, -0.3988312541770524, -0.04721187230404641),
+    _LAST,
+    (*_LAST, 1.0),
+    (*_LAST, 1.0, 1.0),
+)
+C = _lower(
+    (-14.155112264123755,),
+    (-17.97296035885952, -2.859693295451294),
+    (147.12150275711716, -1.41221402718213, 71.68940251302358),
+    (165.43517024871676, -0.4592823456491126, 42.90938336958603, -5.961986721573306),
+    (
+        24.854864614690072,
+        -3.0009227002832186,
+        47.4931110020768,
+        5.5814197821558125,
+        -0.6610691825249471,
+    ),
+    (
+        30.91273214028599,
+        -3.1208243349937974,
+        77.79954646070892,
+        34.28646028294783,
+        -19.097331116725623,
+        -28.087943162872662,
+    ),
+    (
+        37.80277123390563,
+        -3.2571969029072276,
+        112.26918849496327,
+        66.9347231244047,
+        -40.06618937091002,
+        -54.66780262877968,
+        -9.48861652309627,
+    ),
+)
+NODES = np.array(
+    [0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1, 1, 1]
+)
+D = np.array(
+    [
+        GAMMA,
+        -0.42387512638858027,
+        -0.3384627126235924,
+        1.8046452872882734,
+        2.325825639765069,
+        0,
+        0,
+        0,
+    ]
+)
+DENSE = np.array(
+    [
+        [
+            25.948786856663858,
+            -2.5579724845846235,
+            10.433815404888879,
+            -2.3679251022685204,
+            0.524948541321073,
+            1.1241088310450404,
+            0.4272876194431874,
+            -0.17202221070155493,
+        ],
+        [
+            -9.91568850695171,
+            -0.9689944594115154,
+            3.0438037242978453,
+            -24.495224566215796,
+            20.176138334709044,
+            15.98066361424651,
+            -6.789040303419874,
+            -6.710236069923372,
+        ],
+        [
+            11.419903575922262,
+            2.8879645146136994,
+            72.92137995996029,
+            80.12511834622643,
+            -52.072871366152654,
+            -59.78993625266729,
+            -0.15582684282751913,
+            4.883087185713722,
+        ],
+    ]
+)
+
+
+class QuarticInterpolation(diffrax.AbstractLocalInterpolation):
+    """(1 - s) y0 + s {y1 + (1 - s) [k_1 + s (k_2 + s k_3)]}, s from 0 to 1 over the step."""
+
+    t0: RealScalar  # pyright: ignore[reportIncompatibleVariableOverride]
+    t1: RealScalar  # pyright: ignore[reportIncompatibleVariableOverride]
+    y0: PyTree[Array]
+    y1: PyTree[Array]
+    k: PyTree[Array]
+
+    def evaluate(
+        self, t0: RealScalar, t1: RealScalar | None = None, left: bool = True
+    ) -> PyTree[Array]:
+        del left
+        if t1 is not None:
+            return jax.tree.map(jnp.subtract, self.evaluate(t1), self.evaluate(t0))
+        length = jnp.asarray(self.t1 - self.t0)
+        s = jnp.asarray(t0 - self.t0) / jnp.where(length == 0, 1.0, length)
+        return jax.tree.map(lambda y0, y1, k: quartic(s, y0, y1, k), self.y0, self.y1, self.k)
+
+
+def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "3 ..."]) -> Array:
+    """The interpolant of `QuarticInterpolation` at `s`."""
+    return (1 - s) * y0 + s * (y1 + (1 - s) * (k[0] + s * (k[1] + s * k[2])))
+
+
+class Rodas5P(diffrax.AbstractAdaptiveSolver):
+    """Rodas5P (see the module) for an `ODETerm` of real unknowns.
+
+    A derivative of the solution carries the second derivatives of the equation. `simulate` has its
+    own, which need only first ones.
+    """
+
+    term_structure: ClassVar = diffrax.AbstractTerm
+    interpolation_cls: ClassVar = QuarticInterpolation
+
+    def order(self, terms: diffrax.AbstractTerm) -> int:
+        del terms
+        return 5
+
+    def init(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: RealScalar,
+        t1: RealScalar,
+        y0: PyTree[Array],
+        args: PyTree,
+    ) -> None:
+        """No state is carried from step to step."""
+        del terms, t0, t1, y0, args
+
+    def func(
+        self, terms: diffrax.AbstractTerm, t0: RealScalar, y0: PyTree[Array], args: PyTree
+    ) -> PyTree[Array]:
+        return terms.vf(t0, y0, args)
+
+    def step(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: RealScalar,
+        t1: RealScalar,
+        y0: PyTree[Array],
+        args: PyTree,
+        solver_state: None,
+        made_jump: bool | Array | np.ndarray,
+    ) -> tuple[PyTree[Array], PyTree[Array], dict[str, PyTree[Array]], None, diffrax.RESULTS]:
+        del solver_state, made_jump
+        y, back = ravel_pytree(y0)
+        h, start = jnp.asarray(t1 - t0, y.dtype), jnp.asarray(t0, y.dtype)
+
+        def rate(t: Array, y: Array) -> Array:
+            return ravel_pytree(terms.vf(t, back(y), args))[0]
+
+        def push(tangent: Array) -> tuple[Array, Array]:
+            return jax.jvp(rate, (start, y), (tangent[-1], tangent[:-1]))
+
+        n = len(y)
+        first, slopes = jax.vmap(push, out_axes=(None, -1))(jnp.eye(n + 1, dtype=y.dtype))
+        by_time = h * slopes[:, n]
+        matrix = jnp.eye(n, dtype=y.dtype) / (h * GAMMA) - slopes[:, :n]
+        inverse = inverted(jax.lax.stop_gradient(matrix))
+
+        def solved(side: Array) -> Array:
+            # a step of refinement, which carries the derivatives of the matrix
+            k = jax.lax.stop_gradient(inverse @ side)
+            return k + inverse @ (side - matrix @ k)
+
+        def stage(ks: Array, row: tuple[Array, ...]) -> tuple[Array, None]:
+            i, a, c, node, d = row
+            side = rate(start + node * h, y + a @ ks) + (c @ ks) / h + d * by_time
+            return ks.at[i].set(solved(side)), None
+
+        ks = jnp.zeros((STAGES, n), y.dtype).at[0].set(solved(first + D[0] * by_time))
+        rows = (np.arange(STAGES), *(np.asarray(x, y.dtype) for x in (A, C, NODES, D)))
+        ks, _ = jax.lax.scan(stage, ks, jax.tree.map(lambda x: jnp.asarray(x[1:]), rows))
+        last = back(ks[-1])
+        end = jax.tree.map(jnp.add, back(y + jnp.asarray(A[-1], y.dtype) @ ks), last)
+        dense = {"y0": y0, "y1": end, "k": jax.vmap(back)(jnp.asarray(DENSE, y.dtype) @ ks)}
+        return end, last, dense, None, diffrax.RESULTS.successful
+
+
+def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """Inverse of a matrix whose diagonal leads, as that of an implicit method does.
+
+    A small one by elimination without pivots, in operations that a batch shares.
+    """
+    n = matrix.shape[0]
+    if n > _CLOSED_FORM:
+        return jnp.linalg.inv(matrix)
+    eye = np.eye(n)
+    rows = [jnp.concatenate([matrix[i], jnp.asarray(eye[i], matrix.dtype)]) for i in range(n)]
+    for i in range(n):
+        rows[i] = rows[i] / rows[i][i]
+        for j in range(n):
+            if j != i:
+                rows[j] = rows[j] - rows[j][i] * rows[i]
+    return jnp.stack([row[n:] for row in rows])

@@ -1,0 +1,211 @@
+"""Rodas5P and the derivatives along its steps, against closed forms, SciPy and diffrax."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxfric import PiecewiseVelocity, QuasiStatic, RateState, Rig, simulate
+from jaxfric.effects import effect_of, made
+from jaxfric.rig.drive import FirstOrderDrive
+from jaxfric.simulation.rodas import Rodas5P, inverted
+
+MOTION = PiecewiseVelocity(np.array([0.0, 10.0, 25.0]), np.array([1e-6, 1e-5, 2e-6]))
+TIMES = jnp.linspace(0.0, 40.0, 301)
+
+
+def fixed(rate, y0, end, steps, at):
+    """The solution after so many equal steps, evaluated at some times."""
+    found = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate),
+        Rodas5P(),
+        0.0,
+        end,
+        end / steps,
+        jnp.asarray(y0),
+        saveat=diffrax.SaveAt(dense=True),
+        stepsize_controller=diffrax.ConstantStepSize(),
+        max_steps=steps + 1,
+    )
+    return np.asarray(jax.vmap(found.evaluate)(jnp.asarray(at)))
+
+
+def swing(t, y, args):
+    """A pendulum in a moving frame: not linear, not autonomous."""
+    return jnp.stack([y[1], -jnp.sin(y[0]) + 0.3 * jnp.cos(2 * t)])
+
+
+def test_order_of_steps_and_of_what_is_between():
+    at = np.linspace(0.05, 4.0, 80)
+    exact = solve_ivp(
+        lambda t, y: [y[1], -np.sin(y[0]) + 0.3 * np.cos(2 * t)],
+        (0, 4),
+        [1.0, 0.5],
+        method="DOP853",
+        t_eval=at,
+        rtol=1e-13,
+        atol=1e-14,
+    ).y.T
+    errors = [fixed(swing, [1.0, 0.5], 4.0, n, at) - exact for n in (20, 40, 80)]
+    ends = [np.abs(e[-1]).max() for e in errors]
+    between = [np.abs(e).max() for e in errors]
+    assert np.log2(ends[0] / ends[1]) > 4.7 and np.log2(ends[1] / ends[2]) > 4.7
+    assert np.log2(between[0] / between[1]) > 4.7 and np.log2(between[1] / between[2]) > 4.7
+
+
+@pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e9])
+def test_what_is_stiff_is_followed_in_long_steps(stiffness):
+    """Prothero and Robinson: y = sin t, however fast y is drawn to it."""
+
+    def drawn(t, y, args):
+        return -stiffness * (y - jnp.sin(t)) + jnp.cos(t)
+
+    at = np.linspace(0.1, 3.0, 30)
+    found = fixed(drawn, [0.0], 3.0, 60, at)[:, 0]
+    assert np.abs(found - np.sin(at)).max() < 1e-6
+
+
+def test_stiff_kinetics_as_by_scipy():
+    """Robertson's reactions, whose rates span nine decades."""
+
+    def rates(t, y, args=None):
+        a, b, c = -0.04 * y[0] + 1e4 * y[1] * y[2], 0.0, 3e7 * y[1] ** 2
+        return [a, -a - c + b, c]
+
+    times = np.geomspace(1e-3, 1e4, 12)
+    known = solve_ivp(
+        rates, (0, 1e4), [1.0, 0, 0], method="Radau", t_eval=times, rtol=1e-10, atol=1e-14
+    ).y.T
+    found = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, args: jnp.stack(rates(t, y))),
+        Rodas5P(),
+        0.0,
+        1e4,
+        None,
+        jnp.array([1.0, 0.0, 0.0]),
+        saveat=diffrax.SaveAt(ts=jnp.asarray(times)),
+        stepsize_controller=diffrax.PIDController(rtol=1e-7, atol=1e-11),
+    )
+    assert found.ys == pytest.approx(known, rel=1e-5, abs=1e-10)
+    assert found.stats["num_steps"] < 150
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6, 7, 9])
+def test_inverse_of_a_matrix_whose_diagonal_leads(n):
+    matrix = 3 * n * np.eye(n) + np.random.default_rng(n).standard_normal((n, n))
+    assert inverted(jnp.asarray(matrix)) == pytest.approx(np.linalg.inv(matrix), abs=1e-13)
+
+
+# ---- derivatives along the steps -------------------------------------------------------------
+
+
+def plain(p):
+    return Rig(QuasiStatic(p[0]), RateState(0.6, p[1], p[2:3], p[3:4], 1e-6))
+
+
+def damped(p):
+    law = RateState(0.6, p[1], jnp.stack([p[2], 0.3 * p[2]]), jnp.stack([p[3], 5 * p[3]]), 1e-6)
+    return Rig(QuasiStatic(p[0], 50.0), law, FirstOrderDrive(0.4))
+
+
+def extended(p):
+    rig = plain(p)
+    for id, values in (
+        ("viscous", {"c": 30.0}),
+        ("stribeck", {"fs": 4e-3, "Vs": 3e-6, "d": 1.3}),
+        ("thermal", {"a_T": 1e-3, "tau_T": 4.0}),
+        ("inertia", {"m": 1e-4}),
+    ):
+        rig = made(effect_of(id), values).embed(rig)
+    return rig
+
+
+RIGS = {"plain": plain, "damped": damped, "extended": extended}
+VALUES = jnp.array([2e3, 0.01, 0.014, 1.2e-5])
+
+
+def friction(name, values, rtol, **more):
+    return simulate(RIGS[name](values), MOTION, TIMES, rtol=rtol, **more).force
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_derivatives_are_those_of_differences(name):
+    found = jax.jit(jax.jacfwd(lambda x: friction(name, VALUES * jnp.exp(x), 1e-6)))(jnp.zeros(4))
+    sharp = jax.jit(lambda x: friction(name, VALUES * jnp.exp(x), 1e-10))
+    for i, unit in enumerate(1e-4 * np.eye(4)):
+        change = np.asarray(sharp(unit) - sharp(-unit)) / 2e-4
+        assert np.abs(found[:, i] - change).max() < 1e-4 * np.abs(change).max(), i
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_derivatives_are_those_of_an_explicit_solver(name):
+    def jacobian(rtol, **more):
+        return jax.jit(jax.jacfwd(lambda p: friction(name, p, rtol, **more)))(VALUES) * VALUES
+
+    found, known = jacobian(1e-6), jacobian(1e-8, solver=diffrax.Tsit5())
+    assert np.abs(found - known).max(axis=0) == pytest.approx(
+        0.0, abs=1e-4 * float(np.abs(known).max(axis=0).min())
+    )
+
+
+def test_derivatives_of_more_steps_than_are_taken_side_by_side():
+    many = PiecewiseVelocity(np.arange(24) * 8.0, np.tile([1e-6, 1e-5], 12))
+    times = jnp.linspace(0.0, 192.0, 400)
+
+    def ran(p, rtol, **more):
+        return simulate(plain(p), many, times, rtol=rtol, **more)
+
+    assert int(ran(VALUES, 1e-6).num_steps) > 300
+    found = jax.jit(jax.jacfwd(lambda p: ran(p, 1e-6).force))(VALUES) * VALUES
+    known = jax.jit(jax.jacfwd(lambda p: ran(p, 1e-8, solver=diffrax.Tsit5()).force))
+    known = np.asarray(known(VALUES) * VALUES)
+    for i in range(4):
+        assert np.abs(found[:, i] - known[:, i]).max() < 2e-4 * np.abs(known[:, i]).max(), i
+
+
+def test_derivatives_of_a_batch_are_those_one_by_one():
+    batch = VALUES * jnp.array([[1.0, 1, 1, 1], [1.5, 1.1, 0.9, 2.0], [8.0, 0.6, 1.2, 1.0]])
+    slope = jax.jacfwd(lambda p: friction("plain", p, 1e-6))
+    together = jax.jit(jax.vmap(slope))(batch)
+    for one, own in zip(batch, together, strict=True):
+        alone = jax.jit(slope)(one)
+        assert own * one == pytest.approx(np.asarray(alone * one), abs=1e-9)
+
+
+def test_a_simulation_without_length_stays_where_it_begins():
+    still = jnp.zeros(3)
+
+    def force(p):
+        out = simulate(plain(p), MOTION, still)
+        return out.force
+
+    begin = 0.6 + 0 * VALUES[0]
+    assert force(VALUES) == pytest.approx(np.full(3, begin))
+    assert np.all(np.isfinite(jax.jacfwd(force)(VALUES)))
+
+
+def test_reverse_mode_by_an_adjoint():
+    adjoint = diffrax.RecursiveCheckpointAdjoint()
+
+    def total(p, **more):
+        return jnp.sum(friction("plain", p, 1e-7, **more) ** 2)
+
+    back = jax.jit(jax.grad(lambda p: total(p, adjoint=adjoint)))(VALUES) * VALUES
+    ahead = jax.jit(jax.jacfwd(total))(VALUES) * VALUES
+    assert back == pytest.approx(np.asarray(ahead), rel=1e-4)
+
+
+def test_steps_as_samples_have_derivatives_too():
+    def ran(p):
+        out = simulate(plain(p), MOTION, TIMES, at_steps=True, max_steps=256)
+        return out.force, out
+
+    slope, out = jax.jit(jax.jacfwd(ran, has_aux=True))(VALUES)
+    last = int(np.flatnonzero(np.diff(out.time) > 0)[-1]) + 1
+    known = jax.jacfwd(lambda p: simulate(plain(p), MOTION, out.time[: last + 1]).force)(VALUES)
+    error = np.abs(np.asarray(slope[: last + 1] - known) * VALUES).max()
+    assert error < 1e-5 * np.abs(np.asarray(known) * VALUES).max()
+    assert eqx.tree_equal(slope[last], slope[-1])
