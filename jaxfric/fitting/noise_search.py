@@ -29,7 +29,11 @@ LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
 too seldom for its size to be known, and a likelihood makes it as large as it likes."""
 _SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
-_AT_ONCE = 8  # noises that are whitened in one pass
+_FEW = 8  # noises that are whitened in one pass, at least
+_MORE = (16, 32)
+_WIDE = 660
+"""Columns of all noises of a pass up to which many cost little more than few: most of the time is
+that of going from row to row."""
 _DAMPINGS = 8
 _NEWTON = 12
 _STEP = 0.2
@@ -179,7 +183,7 @@ def _restricted_at(record: NoiseRows, unit: Noise, sigma: float) -> float:
     With the likeliest sigma, s, and n - p free rows it is less by (n - p)/2 (q - 1 - ln q),
     q = s^2/sigma^2.
     """
-    parts = (jnp.stack([part] * _AT_ONCE) for part in (unit.share, unit.rates, unit.beta))
+    parts = (jnp.stack([part] * _FEW) for part in (unit.share, unit.rates, unit.beta))
     values, likeliest = restricted(
         record.clock, record.weight, record.columns, record.scale, *parts
     )
@@ -429,9 +433,13 @@ def noise_at(
 def _values(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Restricted log-likelihoods and sigmas at some `theta` (g, q)."""
     values, sigmas = [], []
-    for begin in range(0, len(theta), _AT_ONCE):
-        part = theta[begin : begin + _AT_ONCE]
-        full = part[np.minimum(np.arange(_AT_ONCE), len(part) - 1)]  # one shape is compiled
+    passes = [_FEW, *(g for g in _MORE if g * record.columns.shape[1] <= _WIDE)]
+    begin = 0
+    while begin < len(theta):
+        size = next((g for g in passes if g >= len(theta) - begin), passes[-1])
+        part = theta[begin : begin + size]
+        begin += size
+        full = part[np.minimum(np.arange(size), len(part) - 1)]  # few shapes are compiled
         parts = (jnp.asarray(x) for x in parts_at(family, full, record.limits))
         found = restricted(record.clock, record.weight, record.columns, record.scale, *parts)
         values.append(np.asarray(found[0])[: len(part)])

@@ -275,10 +275,13 @@ class Engine(Generic[P]):
         """Shortest and longest memory that is searched over each clock."""
         return limits_of(self.problem.clock, self.weight, self.longest)
 
-    def _noise(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
+    def _noise(
+        self, residual: np.ndarray, columns: np.ndarray, near: tuple[np.ndarray, ...] = ()
+    ) -> FoundNoise:
+        """The noise as by `noise`, searched also from the values `near`."""
         if self.family is not None:
             rows = self._noise_rows(residual, columns)
-            family, noises = self.family, self.noises
+            family, noises = self.family, (*self.noises, *near)
             return profile_noise(rows, family, noises, least=self.least)
         found = self._anew(residual, columns)
         self.family, self.noises = found.family, (found.theta,)
@@ -408,13 +411,16 @@ class Engine(Generic[P]):
         assert self.family is not None, "learn_noise comes first"
         return noises_around(self.family, self.noises, self.limits())
 
-    def bic(self, rows: "Rows", parameters: int) -> tuple[float, Noise]:
+    def bic(
+        self, rows: "Rows", parameters: int, near: tuple[np.ndarray, ...] = ()
+    ) -> tuple[float, Noise]:
         """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows.
 
-        The select block counts as predicted: what only fits the train block pays there.
+        The select block counts as predicted: what only fits the train block pays there. The noise
+        is searched also from the values `near`.
         """
         residual = rows.residual * self.weight
-        found = self.noise(residual, np.zeros((len(residual), 1)))
+        found = self._noise(residual, np.zeros((len(residual), 1)), near).noise
         ones = np.ones((len(residual), 1))
         white = self.whiten(ones, found)
         effective = float(np.sum(white**2) * found.sigma**2)
@@ -456,15 +462,16 @@ class Engine(Generic[P]):
         """
         tolerance = _EXACT if exact else _ROUGH
         index = self.free(effects)
-        rows = self.evaluate(z, index)
+        rows, near = self.evaluate(z, index), ()
         for _ in range(_PASSES):
             if rows.failed:
                 break
             train = self.weight[:, None]
-            found = self.noise(rows.residual * self.weight, rows.jacobian * train)
-            z = self._descend(z, index, found, tolerance)
+            found = self._noise(rows.residual * self.weight, rows.jacobian * train, near)
+            near = (found.theta,) if self.family is not None else ()
+            z = self._descend(z, index, found.noise, tolerance)
             rows = self.evaluate(z, index)
-        return self.candidate(effects, z, rows)
+        return self.candidate(effects, z, rows, near)
 
     def _descend(
         self, z: np.ndarray, index: np.ndarray, noise: Noise, tolerance: float
@@ -488,10 +495,16 @@ class Engine(Generic[P]):
         z[index], _ = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
         return z
 
-    def candidate(self, effects: tuple[str, ...], z: np.ndarray, rows: "Rows") -> Candidate:
-        """The scores of a fit."""
+    def candidate(
+        self,
+        effects: tuple[str, ...],
+        z: np.ndarray,
+        rows: "Rows",
+        near: tuple[np.ndarray, ...] = (),
+    ) -> Candidate:
+        """The scores of a fit; its noise is searched also from the values `near`."""
         count = len(self.free(effects))
-        bic, found = (np.inf, self.white) if rows.failed else self.bic(rows, count)
+        bic, found = (np.inf, self.white) if rows.failed else self.bic(rows, count, near)
         whole = rows.residual[: self.rows]
         scale = float(self.problem.noise_scale)
         rms = {

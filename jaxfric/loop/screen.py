@@ -20,7 +20,7 @@ from .residual_tests import chi_square_tail
 
 _DRAWS = 2000
 _KEPT = 8
-"""Cosine of two sensitivities beyond which a record does not tell their effects apart."""
+"""Shapes of an effect whose likelihood is computed, under each of two noises."""
 
 
 class Screened(NamedTuple):
