@@ -39,7 +39,7 @@ def swing(t, y, args):
 
 
 def test_order_of_steps_and_of_what_is_between():
-    at = np.linspace(0.05, 4.0, 80)
+    at = np.linspace(0.03, 4.0, 137)
     exact = solve_ivp(
         lambda t, y: [y[1], -np.sin(y[0]) + 0.3 * np.cos(2 * t)],
         (0, 4),
