@@ -1,4 +1,4 @@
-"""Keeping what JAX has compiled: the next process need not compile it again."""
+"""Keeping what JAX has traced and compiled: the next process need not do it again."""
 
 import os
 from pathlib import Path
@@ -9,8 +9,9 @@ from .errors import InputError
 def cache_compiled(folder: str | Path | None = None) -> Path:
     """Keep compiled functions in a folder, for this process and later ones; the folder.
 
-    Most of the time of a first fit or loop is compiling. This turns on JAX's own persistent cache
-    for all that is compiled from now on, as the command does; nothing does so on import. Without a
+    Most of the time of a first fit or loop is tracing and compiling. This turns on JAX's own
+    persistent cache for all that is compiled from now on, and keeps what was traced beside it, as
+    the command does; nothing does so on import. Without a
     `folder` it is the one that JAX is set to already (JAX_COMPILATION_CACHE_DIR), else the one of
     the command, in the user's cache folder. It may be deleted at any time.
 
@@ -20,6 +21,8 @@ def cache_compiled(folder: str | Path | None = None) -> Path:
     """
     import jax
     from platformdirs import user_cache_dir
+
+    from .traced import keep_traced
 
     given = folder or os.environ.get("JAX_COMPILATION_CACHE_DIR")
     target = Path(given) if given else Path(user_cache_dir("jaxfric")) / "compiled"
@@ -32,4 +35,5 @@ def cache_compiled(folder: str | Path | None = None) -> Path:
     jax.config.update("jax_compilation_cache_dir", str(target))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    keep_traced(target / "traced")
     return target

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1] / "jaxfric"
 FLOORS = {
     "errors": 0,
     "cache": 1,
+    "traced": 0,
     "quantity": 0,
     "units": 0,
     "pairs": 1,

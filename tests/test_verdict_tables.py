@@ -51,7 +51,7 @@ def test_every_parameter_costs_the_logarithm_of_the_independent_rows(parameters,
     weight = 1.0 * BLOCKS.train
     engine = SimpleNamespace(
         weight=weight,
-        noise=lambda residual, columns: noise,
+        _noise=lambda residual, columns, near: SimpleNamespace(noise=noise),
         # columns of ones are asked for: their whitened squares are n/sigma^2
         whiten=lambda columns, noise, *_: (
             columns * weight[:, None] * np.sqrt(rows_worth / 60) / float(noise.sigma)

@@ -27,11 +27,12 @@ import itertools
 import math
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
+
+from ..traced import traced
 
 _HIDDEN = 1e12  # variance of a row that is to be passed over
 _CRITICAL = 1e-3
@@ -136,7 +137,7 @@ def innovations(
     return found * (weight > 0)[:, None], 2 * log_scale - jnp.sum(log_inverse)
 
 
-@eqx.filter_jit
+@traced
 def coloured(
     clock: Float[Array, "n *k"],
     weight: Float[Array, " n"],
@@ -229,7 +230,7 @@ def limit_of_negative(keep: np.ndarray) -> np.ndarray:
     return 0.98 * (1 - keep) / (1 + keep)
 
 
-@eqx.filter_jit
+@traced
 def sandwich(
     clock: Float[Array, "n *k"], jacobian: Float[Array, "n p"], noise: Noise
 ) -> Float[Array, "p p"]:
@@ -282,7 +283,7 @@ def rms_error(clock: Float[Array, "n *k"], used: ArrayLike, noise: Noise) -> flo
     return math.sqrt(0.5 * float(_squares(clock, sizes, noise))) / max(float(sizes.sum()), 1e-300)
 
 
-@eqx.filter_jit
+@traced
 def _squares(
     clock: Float[Array, "n *k"], sizes: Float[Array, " n"], noise: Noise
 ) -> Float[Array, ""]:

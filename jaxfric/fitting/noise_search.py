@@ -17,20 +17,19 @@ import itertools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from ..traced import traced
 from .noise import EXPONENTIAL, PARTS, Noise, innovations, limit_of_negative
 
 LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
 too seldom for its size to be known, and a likelihood makes it as large as it likes."""
 _SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
-_FEW = 8  # noises that are whitened in one pass, at least
-_MORE = (16, 32)
+_FEW, _MANY = 8, 24  # noises that are whitened in one pass
 _WIDE = 660
 """Columns of all noises of a pass up to which many cost little more than few: most of the time is
 that of going from row to row."""
@@ -433,10 +432,10 @@ def noise_at(
 def _values(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Restricted log-likelihoods and sigmas at some `theta` (g, q)."""
     values, sigmas = [], []
-    passes = [_FEW, *(g for g in _MORE if g * record.columns.shape[1] <= _WIDE)]
+    many = _MANY if _MANY * record.columns.shape[1] <= _WIDE else _FEW
     begin = 0
     while begin < len(theta):
-        size = next((g for g in passes if g >= len(theta) - begin), passes[-1])
+        size = _FEW if len(theta) - begin <= _FEW else many
         part = theta[begin : begin + size]
         begin += size
         full = part[np.minimum(np.arange(size), len(part) - 1)]  # few shapes are compiled
@@ -448,7 +447,7 @@ def _values(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[np.nd
     return np.where(np.isfinite(value), value, -np.inf), np.concatenate(sigmas)
 
 
-@eqx.filter_jit
+@traced
 def products(
     clock: Float[Array, "n *k"],
     weight: Float[Array, " n"],
@@ -469,7 +468,7 @@ def products(
     return jnp.einsum("gni,gnj->gij", white, white), log_determinant
 
 
-@eqx.filter_jit
+@traced
 def restricted(
     clock: Float[Array, "n k"],
     weight: Float[Array, " n"],

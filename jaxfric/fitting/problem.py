@@ -27,6 +27,7 @@ from ..rig.friction import LogarithmicEffect, RegularisedEffect
 from ..rig.normal_stress import NormalStress
 from ..rig.timing import LateSteps
 from ..simulation import RESULTS, simulate
+from ..traced import traced
 from .abstract_problem import FAILED_MISFIT, AbstractProblem, ParametricModel, Sizes
 from .noise import Noise, whiten
 
@@ -223,7 +224,7 @@ class Problem(AbstractProblem):
         return jnp.concatenate([*rows, self.hold * z[len(self.model.names()) :]])
 
 
-@eqx.filter_jit
+@traced
 def residual_and_jacobian(
     problem: Problem, z: Float[Array, " q"]
 ) -> tuple[Float[Array, " r"], Float[Array, "r q"]]:
@@ -235,13 +236,13 @@ def residual_and_jacobian(
     return jax.vmap(push, out_axes=(None, -1))(jnp.eye(z.shape[0], dtype=z.dtype))
 
 
-@eqx.filter_jit
+@traced
 def to_free(problem: AbstractProblem, values: Float[Array, "s p"]) -> Float[Array, "s q"]:
     """Unbounded variables of several rows of natural values."""
     return jax.vmap(problem.to_free)(values)
 
 
-@eqx.filter_jit
+@traced
 def natural(
     problem: AbstractProblem, zs: Float[Array, "s q"]
 ) -> tuple[Float[Array, "s p"], Float[Array, "s p"]]:

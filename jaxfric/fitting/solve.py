@@ -16,6 +16,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ..traced import traced
 from .problem import FAILED_MISFIT, Problem, residual_and_jacobian
 
 # A descent from which the misfit per sample is below this is not compared with others: it
@@ -67,7 +68,7 @@ def misfits(problem: Problem, starts: Float[Array, "s q"]) -> np.ndarray:
     return np.array([float(r @ r) for r in map(np.asarray, residuals)])
 
 
-@eqx.filter_jit
+@traced
 def descend(
     problem: Problem, z: Float[Array, " p"], free: Float[Array, " p"], tolerance: float
 ) -> tuple[Array, optx.RESULTS, Array]:

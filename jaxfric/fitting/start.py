@@ -23,7 +23,6 @@ record is then in the regressors, and a fast state of negative B wins.)
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,6 +31,7 @@ from jaxtyping import Array, Float
 from ..laws.registry import evolution_of
 from ..records import VelocitySteps
 from ..rig.friction import AbstractEvolution, AgeingEvolution, SlipEvolution
+from ..traced import traced
 from .problem import Model, bucket
 
 _INTERVALS = 160
@@ -258,7 +258,7 @@ _Moved = tuple[Array, Array, Array, Array]
 """Slip, ln(V/V0), state and friction of all members."""
 
 
-@eqx.filter_jit
+@traced
 def _grid_misfit(
     members: Members,
     intervals: Intervals,
@@ -379,7 +379,7 @@ def split_state(one: np.ndarray, states: int) -> np.ndarray:
     return np.array([[f0, A, *(value for pair in pairs for value in pair), *rest]])
 
 
-@eqx.filter_jit
+@traced
 def _memory(
     evolution: AbstractEvolution,
     V: Float[Array, " n"],

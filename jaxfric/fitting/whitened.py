@@ -1,15 +1,15 @@
 """Whitening of any number of columns with few compilations: sixty-four at a time."""
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..traced import traced
 from .noise import Noise, innovations
 
 _WIDE = 64
 
-compiled_innovations = eqx.filter_jit(innovations)
+compiled_innovations = traced(innovations)
 """`fitting.noise.innovations`, compiled once for every shape."""
 
 

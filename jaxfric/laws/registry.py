@@ -34,6 +34,7 @@ from ..rig.friction import (
     RegularisedEffect,
     SlipEvolution,
 )
+from ..traced import depends_on
 
 Law = AbstractLaw | AbstractDelayLaw
 
@@ -46,6 +47,7 @@ REGISTRY: dict[str, AbstractEvolution | type[AbstractLaw] | type[AbstractDelayLa
     "dahl": Dahl,
 }
 """Every law by its name."""
+depends_on(REGISTRY)
 
 _RATE_STATE = quantities(RateState)
 _OF_A_STATE = re.compile(r"[BL]([2-9])")

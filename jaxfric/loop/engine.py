@@ -35,6 +35,7 @@ from ..fitting.noise_search import (
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.quantisation import least_noise, recorded_steps
 from ..fitting.whitened import compiled_innovations, padded_columns, whitened
+from ..traced import traced
 from .pace import Stopwatch
 from .smooth import smooth_columns
 from .split import NAMES, Blocks
@@ -553,7 +554,7 @@ def _in_parts(
     return np.asarray(residual), np.concatenate(parts, axis=1)
 
 
-@eqx.filter_jit
+@traced
 def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], index: Int[Array, " m"]):
     """Residual and its Jacobian by some parameters; an index beyond the last gives zeros."""
 
@@ -564,7 +565,7 @@ def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], index: Int[Array,
     return jax.vmap(push, out_axes=(None, -1))(tangents)
 
 
-@eqx.filter_jit
+@traced
 def _natural(problem: AbstractProblem, z: Float[Array, " q"]):
     return problem.from_free(z)
 

@@ -23,6 +23,7 @@ from ..laws.registry import refuse_unknown_law, refuse_untaken, takes
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
+from ..traced import traced
 from .curves import CurveRig
 from .driver import AbstractBench, Offered, ScoredRows, offered, run
 from .engine import Candidate, Choice, Engine
@@ -360,6 +361,6 @@ def _finer(engine: Engine[Problem], base: Candidate) -> float:
     return float(np.max(np.abs(residual - base.residual))) / float(base.noise.sigma)
 
 
-@eqx.filter_jit
+@traced
 def _residual(problem: Problem, z: Array) -> Array:
     return problem.residual(z)

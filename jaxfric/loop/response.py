@@ -22,6 +22,7 @@ from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
 from ..simulation import simulate
 from ..simulation.ode import SliderEquation
 from ..simulation.trajectory import Trajectory
+from ..traced import traced
 
 
 class _Probe(AbstractStatelessTerm):
@@ -112,7 +113,7 @@ class Response(eqx.Module):
         return seen(out), slip
 
 
-@eqx.filter_jit
+@traced
 def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
     """The response of the slider with the parameters `z` along its motion in `problem`."""
     rig, motion = with_term(problem.rig(z), _Probe()), problem.motion
@@ -171,7 +172,7 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
     )
 
 
-@eqx.filter_jit
+@traced
 def term_forces(response: Response, terms: AbstractTerm) -> Float[Array, "k+1 q"]:
     """Forces of a batch of terms along the motion, as long as they do not change it."""
     return jax.vmap(lambda term: _term_force(response, term), out_axes=1)(terms)

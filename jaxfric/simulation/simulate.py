@@ -35,8 +35,6 @@ from .trajectory import RESULTS, Trajectory, only_if
 # The controller bounds the error of one step. Over a record errors add up and the interpolant
 # adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py).
 _SAFETY = 0.03
-_SAFETY_OWN = 0.1
-"""The same for `Rodas5P`, whose estimate is that of the lower order."""
 
 T = TypeVar("T")
 
@@ -184,7 +182,7 @@ class _RanAway(eqx.Module):
 def _controller(
     rtol: float, equation: SliderEquation, solver: diffrax.AbstractSolver
 ) -> diffrax.AbstractStepSizeController:
-    tolerance = rtol * (_SAFETY_OWN if isinstance(solver, Rodas5P) else _SAFETY)
+    tolerance = _SAFETY * rtol
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
     if not isinstance(solver, diffrax.AbstractImplicitSolver | Rodas5P):
         controller = StableStepController(controller, _constant(equation).derivative)
