@@ -124,9 +124,11 @@ def standing_out(
     `spared` rows (a mask) are none.
     """
     n = len(ahead)
-    size, law = _law(np.concatenate([ahead, back]))
+    from scipy.special import stdtrit
+
+    size, freedom = _law(np.concatenate([ahead, back]))
     # what noise alone gives once in a hundred records of so many rows
-    beyond = float(law.isf(0.5 * _CHANCE / (LONGEST * n)))
+    beyond = -float(stdtrit(freedom, 0.5 * _CHANCE / (LONGEST * n)))
     limit = size * beyond if size > 0 else np.inf
     found = np.zeros(n, bool)
     for side in (1, -1):
@@ -142,21 +144,21 @@ def standing_out(
                 if new and max(around, default=0.0) <= _NEAR * limit:
                     here[begin:end] = True
         found |= here
-    return found & ~spared, beyond * _NORMAL / float(law.ppf(_UPPER))
+    return found & ~spared, beyond * _NORMAL / float(stdtrit(freedom, _UPPER))
 
 
-def _law(errors: np.ndarray):
-    """Student's t with the median and the 93rd percentile of the sizes of some errors: its scale,
-    and the law for a scale of 1."""
-    from scipy.stats import t
+def _law(errors: np.ndarray) -> tuple[float, float]:
+    """Student's t with the median and the 93rd percentile of the sizes of some errors: its scale
+    and its degrees of freedom."""
+    from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
     body, shoulder = np.quantile(np.abs(errors), [_BODY, _SHOULDER])
     freedom = np.geomspace(1.0, 1e3, 60)
-    sizes = [t.ppf(0.5 * (1 + level), freedom) for level in (_BODY, _SHOULDER)]
+    sizes = [stdtrit(freedom, 0.5 * (1 + level)) for level in (_BODY, _SHOULDER)]
     # their ratio falls with the degrees of freedom
     ratio = -shoulder / max(float(body), 1e-300)
     own = float(np.exp(np.interp(ratio, -sizes[1] / sizes[0], np.log(freedom))))
-    return float(body) / float(t.ppf(_UPPER, own)), t(own)
+    return float(body) / float(stdtrit(own, _UPPER)), own
 
 
 def find_glitches(

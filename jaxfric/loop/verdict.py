@@ -126,15 +126,15 @@ def largest_rms(chance: float, errors: np.ndarray) -> float:
     doi:10.2307/3002019). The two distances from the mean square are added in quadrature, which is
     exact where one of them is alone.
     """
-    from scipy.stats import chi2, norm
+    from scipy.special import chdtri, ndtri  # scipy.stats takes half a second to import
 
     rare = SIGNIFICANT / _QUESTIONS
-    noise = (1 + float(norm.isf(rare)) * chance) ** 2 - 1
+    noise = (1 - float(ndtri(rare)) * chance) ** 2 - 1
     mean = float(errors.sum())
     if mean <= 0:
         return float(np.sqrt(1 + noise))
     unit = float(np.sum(errors**2)) / mean
-    beyond = unit * float(chi2.isf(rare, mean / unit)) - mean
+    beyond = unit * float(chdtri(mean / unit, rare)) - mean
     return float(np.sqrt(1 + mean + np.hypot(noise, beyond)))
 
 

@@ -10,7 +10,6 @@ from scipy.special import ndtri
 
 from ..fitting.glitches import Glitches
 from ..fitting.noise_estimate import NoiseEstimate
-from ..loop.family import listed
 from .stability import BAND, BLUE, ORANGE
 from .ticks import plain_log
 
@@ -163,6 +162,8 @@ def draw_autocorrelation(
 
 def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
     """Sentence on the distances at which the noise model fails, or nothing."""
+    from ..loop.family import listed  # the loop takes a third of a second to import
+
     if not ranges:
         return ""
     parts = []
