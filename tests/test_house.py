@@ -3,7 +3,7 @@
 import house
 import pytest
 
-LIMITS = {"lines": 43230, "long": 0, "wide": 15, "unannotated": 15, "any": 11, "twice": 0}
+LIMITS = {"lines": 43260, "long": 0, "wide": 15, "unannotated": 15, "any": 11, "twice": 0}
 """What the package may have of each at most; lowered as it gets less."""
 
 TEN_LINES = "\n".join(f"    x = {k}" for k in range(10))

@@ -160,6 +160,22 @@ def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "3 ..."]) ->
     return (1 - s) * y0 + s * (y1 + (1 - s) * (k[0] + s * (k[1] + s * k[2])))
 
 
+QUARTERS = (0.25, 0.5, 0.75)
+
+
+def through_quarters(
+    y0: Float[Array, "s *n"], y1: Float[Array, "s *n"], *inside: Float[Array, "s *n"]
+) -> Float[Array, "s 3 *n"]:
+    """k of the quartics through both ends of steps and the values at `QUARTERS` of them."""
+    s = np.asarray(QUARTERS)
+    weights = np.linalg.inv(np.vander(s, 3, increasing=True))
+    beyond = [
+        (y - (1 - share) * y0 - share * y1) / (share * (1 - share))
+        for y, share in zip(inside, QUARTERS, strict=True)
+    ]
+    return jnp.einsum("ij,js...->si...", jnp.asarray(weights, y0.dtype), jnp.stack(beyond))
+
+
 class Rodas5P(diffrax.AbstractAdaptiveSolver):
     """Rodas5P (see the module) for an `ODETerm` of real unknowns.
 

@@ -7,7 +7,8 @@ over many periods the steps themselves are the better samples (`at_steps`): they
 slider slips, and take a tenth of the memory of an interpolant.
 
 A slider without mass is solved by `Rodas5P`, and its derivatives follow from the steps it took
-(`tangents`). With mass, or where a solver or an adjoint is given, they are those of diffrax.
+(`tangents`). A recorded normal stress makes many steps necessary, and the cheaper ones of Tsit5
+are then better. With mass, or where a solver or an adjoint is given, all is diffrax's own.
 """
 
 import functools
@@ -26,7 +27,7 @@ from ..rig import Inertial, Rig
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .newton import UpdateNewton
 from .ode import Slider, SliderEquation, Unknowns
-from .rodas import QuarticInterpolation, Rodas5P
+from .rodas import QUARTERS, QuarticInterpolation, Rodas5P, through_quarters
 from .start import Start
 from .steps import StableStepController, padded_norm
 from .tangents import Knots, differentiable
@@ -107,7 +108,7 @@ class _Solving(NamedTuple):
     adjoint: diffrax.AbstractAdjoint | None
 
     def own(self, rig: Rig) -> bool:
-        """Whether `Rodas5P` takes the steps, and `tangents` the derivatives."""
+        """Whether derivatives are those of `tangents`."""
         free = self.solver is None and self.adjoint is None
         return free and not isinstance(rig.machine, Inertial)
 
@@ -145,7 +146,8 @@ def _integrated(
     massless, own = not isinstance(equation.rig.machine, Inertial), how.own(equation.rig)
     solver = how.solver
     if solver is None:
-        solver = Rodas5P() if own else diffrax.Tsit5() if massless else _implicit()
+        smooth = own and equation.rig.normal_stress is None
+        solver = Rodas5P() if smooth else diffrax.Tsit5() if massless else _implicit()
     dense = own or not how.at_steps
     return diffrax.diffeqsolve(
         diffrax.ODETerm(equation.derivative),
@@ -155,7 +157,7 @@ def _integrated(
         None,
         initial,
         saveat=diffrax.SaveAt(dense=True) if dense else diffrax.SaveAt(t0=True, steps=True),
-        stepsize_controller=_controller(how.rtol, equation, solver),
+        stepsize_controller=_controller(how.rtol, equation, None if own else solver),
         event=diffrax.Event(_RanAway(equation, math.log(how.runaway))),
         adjoint=diffrax.ForwardMode() if how.adjoint is None else how.adjoint,
         max_steps=how.max_steps,
@@ -180,11 +182,12 @@ class _RanAway(eqx.Module):
 
 
 def _controller(
-    rtol: float, equation: SliderEquation, solver: diffrax.AbstractSolver
+    rtol: float, equation: SliderEquation, solver: diffrax.AbstractSolver | None
 ) -> diffrax.AbstractStepSizeController:
+    """The controller for a `solver` whose tangents go with it; None: they do not."""
     tolerance = _SAFETY * rtol
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
-    if not isinstance(solver, diffrax.AbstractImplicitSolver | Rodas5P):
+    if not (solver is None or isinstance(solver, diffrax.AbstractImplicitSolver)):
         controller = StableStepController(controller, _constant(equation).derivative)
     jumps = equation.motion.breakpoints()
     if jumps.shape[0] == 0:  # which the clipping controller cannot take
@@ -200,10 +203,22 @@ def _implicit() -> diffrax.AbstractSolver:
 
 
 def _knots(solution: diffrax.Solution) -> Knots:
-    interpolation = _constant(solution.interpolation)
-    assert isinstance(interpolation, diffrax.DenseInterpolation)
-    ts, count = interpolation.ts, jnp.asarray(interpolation.ts_size) - 1
-    return Knots(ts[:-1], ts[1:], **interpolation.infos, count=count)
+    """The steps of a solution whose interpolant is a quartic."""
+    path = _constant(solution.interpolation)
+    assert isinstance(path, diffrax.DenseInterpolation)
+    t0, t1, count = path.ts[:-1], path.ts[1:], jnp.asarray(path.ts_size) - 1
+    own = path.infos
+    if path.interpolation_cls is QuarticInterpolation:
+        return Knots(t0, t1, **own, count=count)
+    y0, y1 = own["y0"], own["y1"]
+
+    def inside(share: float) -> Unknowns:
+        local = jax.vmap(lambda t0, t1, own: path.interpolation_cls(t0=t0, t1=t1, **own))
+        ends = jnp.zeros_like(t0), jnp.ones_like(t1)
+        return jax.vmap(lambda one: one.evaluate(jnp.asarray(share)))(local(*ends, own))
+
+    k = jax.tree.map(through_quarters, y0, y1, *(inside(share) for share in QUARTERS))
+    return Knots(t0, t1, y0, y1, k, count)
 
 
 def _between(
