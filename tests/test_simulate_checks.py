@@ -104,7 +104,7 @@ def test_under_jit_and_vmap_the_result_says_so():
     @jax.jit
     @jax.vmap
     def found(stiffness, A, ts):
-        out = simulate(Rig(QuasiStatic(stiffness), law(A=A)), MOTION, ts, max_steps=128)
+        out = simulate(Rig(QuasiStatic(stiffness), law(A=A)), MOTION, ts, max_steps=256)
         return out.result, jnp.stack([out.force, out.velocity, out.slip]), out.end
 
     results, values, end = found(*(jnp.asarray(x) for x in zip(*cases.values(), strict=True)))

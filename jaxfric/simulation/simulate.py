@@ -73,9 +73,9 @@ def simulate(
         solver's memory, so a batch runs faster with a small one.
     runaway : end the simulation when the slider moves `runaway` times faster than the
         largest commanded speed.
-    solver : default `Rodas5P()` without mass (`diffrax.Tsit5()` with an `adjoint`) and
-        `diffrax.Kvaerno5()` with mass. The spring relaxes over A/K of slip, mass within A/(m V):
-        an explicit solver may take no longer steps.
+    solver : default `Rodas5P()` without mass (`diffrax.Tsit5()` with an `adjoint` or a recorded
+        normal stress) and `diffrax.Kvaerno5()` with mass. The spring relaxes over A/K of slip,
+        mass within A/(m V): an explicit solver may take no longer steps.
     adjoint : by default forward mode (`jax.jvp`, `jax.jacfwd`), right for a handful of
         parameters: `tangents` without mass, `diffrax.ForwardMode()` otherwise. For
         reverse mode (`jax.grad`, `jax.vjp`) pass `diffrax.RecursiveCheckpointAdjoint()`.
