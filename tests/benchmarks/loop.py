@@ -46,10 +46,9 @@ def running(records: list[tuple[Path, str]], cache: str) -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    jax.config.update("jax_compilation_cache_dir", str(Path(cache) / "jaxfric" / "compiled"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     import jaxfric
 
+    jaxfric.cache_compiled(Path(cache) / "jaxfric" / "compiled")
     for path, stiffness in records:
         record = jaxfric.read(path)
         begun = time.perf_counter()
