@@ -11,9 +11,9 @@ def cache_compiled(folder: str | Path | None = None) -> Path:
 
     Most of the time of a first fit or loop is tracing and compiling. This turns on JAX's own
     persistent cache for all that is compiled from now on, and keeps what was traced beside it, as
-    the command does; nothing does so on import. Without a
-    `folder` it is the one that JAX is set to already (JAX_COMPILATION_CACHE_DIR), else the one of
-    the command, in the user's cache folder. It may be deleted at any time.
+    the command does; nothing does so on import. Without a `folder` it is the one that JAX is set to
+    already (JAX_COMPILATION_CACHE_DIR), else the one of the command, in the user's cache folder. It
+    may be deleted at any time.
 
     Raises
     ------

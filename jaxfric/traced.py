@@ -75,9 +75,11 @@ class Traced(Generic[P, R]):
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """The function of `args`. Arguments by name, or traced ones, are for `eqx.filter_jit`."""
-        leaves, tree = jax.tree.flatten(args)
-        if not _folder or kwargs or any(isinstance(x, Tracer) for x in leaves):
+        if not _folder or kwargs:
             return self.jitted(*args, **kwargs)
+        leaves, tree = jax.tree.flatten(args)
+        if any(isinstance(x, Tracer) for x in leaves):
+            return self.jitted(*args)
         arrays = [x for x in leaves if eqx.is_array(x)]
         rest = tuple(None if eqx.is_array(x) else x for x in leaves)
         shapes = tuple((x.shape, x.dtype, getattr(x, "weak_type", False)) for x in arrays)

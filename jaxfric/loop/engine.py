@@ -469,7 +469,7 @@ class Engine(Generic[P]):
                 break
             train = self.weight[:, None]
             found = self._noise(rows.residual * self.weight, rows.jacobian * train, near)
-            near = (found.theta,) if self.family is not None else ()
+            near = (found.theta,)
             z = self._descend(z, index, found.noise, tolerance)
             rows = self.evaluate(z, index)
         return self.candidate(effects, z, rows, near)

@@ -162,10 +162,10 @@ def draw_autocorrelation(
 
 def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
     """Sentence on the distances at which the noise model fails, or nothing."""
-    from ..loop.family import listed  # the loop takes a third of a second to import
-
     if not ranges:
         return ""
+    from ..loop.family import listed  # the loop takes a third of a second to import
+
     parts = []
     for more in (True, False):
         of_side = [

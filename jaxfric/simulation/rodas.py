@@ -13,6 +13,7 @@ Source: Steinebach 2023 (doi:10.1007/s10543-023-00967-x), coefficients in the fo
 Wanner, Solving ODEs II, IV.7.
 """
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import diffrax
@@ -160,18 +161,17 @@ def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "3 ..."]) ->
     return (1 - s) * y0 + s * (y1 + (1 - s) * (k[0] + s * (k[1] + s * k[2])))
 
 
-QUARTERS = (0.25, 0.5, 0.75)
-
-
-def through_quarters(
-    y0: Float[Array, "s *n"], y1: Float[Array, "s *n"], *inside: Float[Array, "s *n"]
+def through(
+    shares: Sequence[float], y0: Float[Array, "s *n"], y1: Float[Array, "s *n"], *inside: Array
 ) -> Float[Array, "s 3 *n"]:
-    """k of the quartics through both ends of steps and the values at `QUARTERS` of them."""
-    s = np.asarray(QUARTERS)
-    weights = np.linalg.inv(np.vander(s, 3, increasing=True))
+    """k of the polynomials through both ends of steps and the values at some `shares` of them.
+
+    Three values inside fix a quartic; of a cubic, which two fix, k_3 is 0.
+    """
+    weights = np.zeros((3, len(shares)))
+    weights[: len(shares)] = np.linalg.inv(np.vander(shares, increasing=True))
     beyond = [
-        (y - (1 - share) * y0 - share * y1) / (share * (1 - share))
-        for y, share in zip(inside, QUARTERS, strict=True)
+        (y - (1 - s) * y0 - s * y1) / (s * (1 - s)) for y, s in zip(inside, shares, strict=True)
     ]
     return jnp.einsum("ij,js...->si...", jnp.asarray(weights, y0.dtype), jnp.stack(beyond))
 

@@ -27,7 +27,7 @@ from ..rig import Inertial, Rig
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .newton import UpdateNewton
 from .ode import Slider, SliderEquation, Unknowns
-from .rodas import QUARTERS, QuarticInterpolation, Rodas5P, through_quarters
+from .rodas import QuarticInterpolation, Rodas5P, through
 from .start import Start
 from .steps import StableStepController, padded_norm
 from .tangents import Knots, differentiable
@@ -36,6 +36,7 @@ from .trajectory import RESULTS, Trajectory, only_if
 # The controller bounds the error of one step. Over a record errors add up and the interpolant
 # adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py).
 _SAFETY = 0.03
+_QUARTERS = (0.25, 0.5, 0.75)
 
 T = TypeVar("T")
 
@@ -217,7 +218,7 @@ def _knots(solution: diffrax.Solution) -> Knots:
         ends = jnp.zeros_like(t0), jnp.ones_like(t1)
         return jax.vmap(lambda one: one.evaluate(jnp.asarray(share)))(local(*ends, own))
 
-    k = jax.tree.map(through_quarters, y0, y1, *(inside(share) for share in QUARTERS))
+    k = jax.tree.map(functools.partial(through, _QUARTERS), y0, y1, *map(inside, _QUARTERS))
     return Knots(t0, t1, y0, y1, k, count)
 
 

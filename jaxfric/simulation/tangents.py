@@ -28,7 +28,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int, PyTree
 
 from .ode import SliderEquation, Unknowns
-from .rodas import inverted, quartic
+from .rodas import inverted, quartic, through
 
 _AT_ONCE = 128
 """Steps whose matrices are computed side by side."""
@@ -155,11 +155,7 @@ def _padded(knots: Knots) -> tuple[Array, ...]:
 def _cubic(values: Float[Array, "s 4 n"], back: Callable[[Array], PyTree]) -> Pieces:
     """y0, y1 and k of the cubic through the start of every step and its three points."""
     y0, one, two, y1 = jnp.moveaxis(values, 1, 0)
-    c, d = float(_NODES[0]), float(_NODES[1])
-    at_c = (one - (1 - c) * y0 - c * y1) / (c * (1 - c))
-    at_d = (two - (1 - d) * y0 - d * y1) / (d * (1 - d))
-    second = (at_d - at_c) / (d - c)
-    k = jnp.stack([at_c - c * second, second, jnp.zeros_like(second)], axis=1)
+    k = through(_NODES[:2].tolist(), y0, y1, one, two)
     unflat = jax.vmap(back)
     return unflat(y0), unflat(y1), jax.vmap(unflat)(k)
 
