@@ -157,8 +157,9 @@ def test_noise_in_time_has_its_covariance():
 
 
 def test_the_wider_studies_are_as_declared():
-    seeds = Counter(i.tries[0].seed for s in study.STUDIES for i in study.selected(study=s))
-    assert max(seeds.values()) == 1 and len(seeds) == 1260 + 420 + 120 + 190
+    draws = [(s, d) for s in study.STUDIES for d in (0, 1)]
+    seeds = Counter(i.tries[0].seed for s, d in draws for i in study.selected(study=s, draw=d))
+    assert max(seeds.values()) == 1 and len(seeds) == 2 * (1260 + 420 + 120 + 190)
     whole = study.selected(study="measured")
     count = Counter(item.condition for item in whole)
     assert count == {

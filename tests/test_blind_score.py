@@ -499,7 +499,7 @@ def test_the_study_is_as_declared():
     for item in whole:
         assert all(len(r.effects) == len(set(r.effects)) for r in item.tries)
         assert item.without == (item.tries[0].effects if item.condition == "outside" else ())
-    for wrong in ({"share": 0.0}, {"share": 2.0}, {"part": "x"}, {"only": ("one",)}):
+    for wrong in ({"share": 0.0}, {"share": 2.0}, {"part": "x"}, {"only": ("one",)}, {"draw": -1}):
         with pytest.raises(ValueError):
             study.selected(**wrong)
 

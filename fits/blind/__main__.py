@@ -214,6 +214,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--shift", type=int, default=0, help="another share of that size: 0 to 1/SHARE - 1"
     )
+    parser.add_argument("--draw", type=int, default=0, help="the same study with other seeds")
     parser.add_argument("--slice", dest="part", help="ci: a dozen records")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--noise", choices=STUDIES, default="rows", help="which study")
@@ -230,7 +231,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         only = tuple(asked.only)
         items = selected(
-            share=share, shift=asked.shift, part=asked.part, only=only, study=asked.noise
+            share=share,
+            shift=asked.shift,
+            part=asked.part,
+            only=only,
+            study=asked.noise,
+            draw=asked.draw,
         )
         if asked.noise == "measured":
             measured.folder()

@@ -20,6 +20,9 @@ Every condition has seeds of its own (`Condition.first` and up, less than 1000 a
     wide-rho0.2, -rho0.5, -rho1               each effect x 2
     law-wide                                  no effect, the ageing law, and nobody says so: 10
 
+A study can be drawn again (`selected(draw=1)`): the same conditions with seeds that are 100,000
+higher for each draw, so that what a loop was developed on need not be what it is measured on.
+
 Plants alternate between without mass and with, samplings between uniform and thinned. The delay
 plant has no version with mass. A pair of effects whose structures have a cosine beyond 0.95
 in the record that is made of them is replaced by the next pair, also fixed here.
@@ -30,7 +33,7 @@ the other studies they alternate within a tenth, too.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +45,7 @@ BASE_SEED = 410_000
 ALIASED = 0.95
 _MASSLESS = "frictional_delay"
 _PAIRS_TRIED = 6
+_PLACES = 100  # of conditions, in a draw: their seeds are 1000 apart
 
 
 @dataclass(frozen=True)
@@ -209,12 +213,16 @@ def selected(
     part: str | None = None,
     only: tuple[str, ...] = (),
     study: str = "rows",
+    draw: int = 0,
 ) -> tuple[Item, ...]:
     """Records of a study: all, a share spread evenly over every condition, or a named slice.
 
-    Shares of 1/n with shifts from 0 to n - 1 have no record in common. Raises ValueError for a
-    share out of (0, 1], or a condition or slice that does not exist.
+    Shares of 1/n with shifts from 0 to n - 1 have no record in common, nor have two draws. Raises
+    ValueError for a share out of (0, 1], a draw below 0, or a condition or slice that does not
+    exist.
     """
+    if draw < 0:
+        raise ValueError(f"the draw is {draw}; it must be 0 or more")
     if not 0 < share <= 1:
         raise ValueError(f"the share is {share:g}; it must be above 0 and at most 1")
     known = {condition.name: condition for condition in STUDIES[study]}
@@ -223,7 +231,11 @@ def selected(
             raise ValueError(f"condition '{name}' does not exist; there are: {', '.join(known)}")
     if part not in (None, "ci"):
         raise ValueError(f"slice '{part}' does not exist; there is: ci")
-    wanted = [condition for condition in STUDIES[study] if not only or condition.name in only]
+    wanted = [
+        replace(condition, place=condition.place + _PLACES * draw)
+        for condition in STUDIES[study]
+        if not only or condition.name in only
+    ]
     if part == "ci":
         return tuple(i for c in wanted for i in _sliced(c))
     return tuple(i for c in wanted for i in _every(items(c), share, shift))
