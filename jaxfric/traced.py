@@ -69,16 +69,21 @@ class Traced(Generic[P, R]):
 
     def __init__(self, function: Callable[P, R]):
         self.function: Callable[..., R] = function
-        self.jitted: Callable[..., R] = eqx.filter_jit(function)
+        self.nested: Callable[..., R] = eqx.filter_jit(function)
         self._known: dict[tuple, _Kept | None] = {}
         functools.update_wrapper(self, function)
 
+    @functools.cached_property
+    def jitted(self) -> Callable[..., R]:
+        """What runs where nothing is kept."""
+        return eqx.filter_jit(self.function, compiler_options=_quickly())  # pyright: ignore
+
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        """The function of `args`. Arguments by name, or traced ones, are for `eqx.filter_jit`."""
-        if not _folder or kwargs:
-            return self.jitted(*args, **kwargs)
+        """The function of `args`. With arguments by name, or traced ones, as `eqx.filter_jit`."""
         leaves, tree = jax.tree.flatten(args)
-        if any(isinstance(x, Tracer) for x in leaves):
+        if kwargs or any(isinstance(x, Tracer) for x in leaves):
+            return self.nested(*args, **kwargs)
+        if not _folder:
             return self.jitted(*args)
         arrays = [x for x in leaves if eqx.is_array(x)]
         rest = tuple(None if eqx.is_array(x) else x for x in leaves)
@@ -137,6 +142,22 @@ def traced(function: Callable[P, R]) -> Traced[P, R]:
     return Traced(function)
 
 
+@functools.cache
+def _quickly() -> dict[str, bool] | None:
+    """Options of the compiler: without XLA's fusion emitters, which gain nothing in scans over rows
+    and steps, it takes half as long. None where it has no such option."""
+    options = {"xla_cpu_use_fusion_emitters": False}
+    try:
+        jax.jit(_itself, compiler_options=options).lower(0.0).compile()
+    except Exception:  # an option that is not known is an error of the compiler's own kind
+        return None
+    return options
+
+
+def _itself(x: Array) -> Array:
+    return x
+
+
 class _Place:
     """The place of an array in a result."""
 
@@ -148,7 +169,7 @@ def _kept(like: bytes, exported: jax.export.Exported) -> _Kept:
     def wrap(arrays: tuple[Array, ...]) -> PyTree:
         return eqx.combine(jax.tree.unflatten(tree, arrays), other)
 
-    return _Kept(jax.jit(exported.call), wrap)
+    return _Kept(jax.jit(exported.call, compiler_options=_quickly()), wrap)
 
 
 def _read(file: Path) -> _Kept | None:

@@ -3,6 +3,7 @@
 import inspect
 import json
 import os
+import platform
 import subprocess
 import sys
 import time
@@ -482,3 +483,21 @@ def test_odd_names_of_files(name: str | bytes) -> None:
         code, _, err = run(*arguments)
         assert code == 0 and err == "", err
     assert names(f"{path.stem}-fit") == FILES
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="asks the C library of Linux")
+def test_memory_that_is_freed_stays_with_the_command():
+    asked = (
+        "import resource, sys; from jaxfric.cli.common import _keep_freed_memory\n"
+        "if sys.argv[1] == 'kept': _keep_freed_memory()\n"
+        "faults = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_minflt\n"
+        "before = faults()\n"
+        "for _ in range(20): b'x' * 2**26\n"
+        "print(faults() - before)"
+    )
+    faults = {
+        how: int(subprocess.run([sys.executable, "-c", asked, how], capture_output=True).stdout)
+        for how in ("kept", "as it is")
+    }
+    # 64 MiB, too large for an own place in the heap, are asked of the kernel once and not 20 times
+    assert faults["as it is"] > 10 * faults["kept"]

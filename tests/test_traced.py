@@ -182,3 +182,27 @@ def test_a_folder_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch, tra
     keep_traced(tmp_path / "file" / "traced")
     assert float(Traced(critical_stiffness)(law())) == pytest.approx(400.0)
     assert len(traces) == 1
+
+
+def test_a_compiler_that_does_not_know_the_option_compiles_as_it_is(folder, monkeypatch):
+    def jitted(function, **more):
+        if more.get("compiler_options"):
+            raise ValueError("No such compile option")
+        return jit(function)
+
+    jit = jax.jit
+    monkeypatch.setattr(module, "_quickly", module._quickly.__wrapped__)
+    assert module._quickly() == {"xla_cpu_use_fusion_emitters": False}
+    monkeypatch.setattr(module.jax, "jit", jitted)
+    assert module._quickly() is None
+    assert float(Traced(critical_stiffness)(law())) == pytest.approx(400.0)
+
+
+def test_a_function_of_functions_with_options_can_be_traced(monkeypatch):
+    # options of the compiler are for what is compiled by itself: JAX refuses them further in
+    monkeypatch.setattr(module, "_folder", [])
+    one = Traced(critical_stiffness)
+    assert float(jax.jit(lambda A: one(eqx.tree_at(lambda law: law.A, law(), A)))(0.01)) == (
+        pytest.approx(400.0)
+    )
+    assert float(one(law())) == pytest.approx(400.0)

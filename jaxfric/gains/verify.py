@@ -55,11 +55,6 @@ class CheckReport:
     """How the first larger jump ends, None where none is lost."""
     starts: tuple[CheckedStart, ...]
 
-    @property
-    def all_steady(self) -> bool:
-        """Whether every start ended in steady sliding."""
-        return self.steady == self.checked
-
     def to_json(self) -> dict:
         """The entry `simulation` of gains.json."""
         return {

@@ -232,14 +232,3 @@ def rightmost_roots(
         raise InputError(f"rightmost roots: number is {number}; ask for at least 1")
     slider = _slider(mass, k_p, k_v, k_f, alpha)
     return _implicit(slider, _search(jax.lax.stop_gradient(slider), number))
-
-
-def decay_rate(
-    mass: Float[ArrayLike, ""],
-    k_p: Float[ArrayLike, ""],
-    k_v: Float[ArrayLike, ""],
-    k_f: Float[ArrayLike, ""],
-    alpha: Float[ArrayLike, ""],
-) -> Float[Array, ""]:
-    """The decay margin [1/s]: minus the real part of the rightmost root; positive if stable."""
-    return -rightmost_roots(mass, k_p, k_v, k_f, alpha)[0].real

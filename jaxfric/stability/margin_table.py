@@ -40,7 +40,6 @@ class Margin:
 
 
 _HERE = "jaxfric.stability.margins:"
-_NO_FACTOR = "none: no gain factor reaches instability"
 _CROSSES_NOT = "none: the loop's magnitude never crosses 1"
 MARGINS: dict[str, Margin] = {
     "stiffness": Margin(

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxfric.stability.delay import stable_intervals, unstable_roots
-from jaxfric.stability.delay_roots import decay_rate, rightmost_roots
+from jaxfric.stability.delay_roots import rightmost_roots
 
 
 def sliders(number: int, seed: int = 1) -> np.ndarray:
@@ -67,6 +67,7 @@ def main() -> None:
     cases = sliders(parser.parse_args().points)
     report("rightmost root", rightmost_roots, cases)
     report("six roots", lambda *values: rightmost_roots(*values, number=6), cases)
+    decay_rate = lambda *values: -rightmost_roots(*values)[0].real  # noqa: E731
     slopes = jax.value_and_grad(decay_rate, argnums=(0, 1, 2, 3, 4))
     report("decay rate and its gradient", slopes, cases)
     report("number of unstable roots", unstable_roots, cases)
