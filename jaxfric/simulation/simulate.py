@@ -6,9 +6,9 @@ eight times as much, and a cubic through the steps is less accurate than the sol
 over many periods the steps themselves are the better samples (`at_steps`): they crowd where the
 slider slips, and take a tenth of the memory of an interpolant.
 
-A slider without mass is solved by `Rodas5P`, and its derivatives follow from the steps it took
-(`tangents`). A recorded normal stress makes many steps necessary, and the cheaper ones of Tsit5
-are then better. With mass, or where a solver or an adjoint is given, all is diffrax's own.
+The solver is `Rodas5P`, and derivatives follow from the steps it took (`tangents`). A recorded
+normal stress makes many steps necessary; without mass the cheaper ones of Tsit5 are then better.
+Where a solver or an adjoint is given derivatives are diffrax's own.
 """
 
 import functools
@@ -25,7 +25,6 @@ from ..errors import InputError
 from ..motion import AbstractMotion
 from ..rig import Inertial, Rig
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
-from .newton import UpdateNewton
 from .ode import Slider, SliderEquation, Unknowns
 from .rodas import QuarticInterpolation, Rodas5P, through
 from .start import Start
@@ -74,11 +73,11 @@ def simulate(
         solver's memory, so a batch runs faster with a small one.
     runaway : end the simulation when the slider moves `runaway` times faster than the
         largest commanded speed.
-    solver : default `Rodas5P()` without mass (`diffrax.Tsit5()` with an `adjoint` or a recorded
-        normal stress) and `diffrax.Kvaerno5()` with mass. The spring relaxes over A/K of slip,
-        mass within A/(m V): an explicit solver may take no longer steps.
+    solver : default `Rodas5P()`; without mass, but with an `adjoint` or a recorded normal
+        stress, `diffrax.Tsit5()`. The spring relaxes over A/K of slip, mass within A/(m V): an
+        explicit solver may take no longer steps.
     adjoint : by default forward mode (`jax.jvp`, `jax.jacfwd`), right for a handful of
-        parameters: `tangents` without mass, `diffrax.ForwardMode()` otherwise. For
+        parameters: `tangents`, or `diffrax.ForwardMode()` with a `solver` of your own. For
         reverse mode (`jax.grad`, `jax.vjp`) pass `diffrax.RecursiveCheckpointAdjoint()`.
 
     Returns
@@ -109,9 +108,10 @@ class _Solving(NamedTuple):
     adjoint: diffrax.AbstractAdjoint | None
 
     def own(self, rig: Rig) -> bool:
-        """Whether derivatives are those of `tangents`."""
-        free = self.solver is None and self.adjoint is None
-        return free and not isinstance(rig.machine, Inertial)
+        """Whether derivatives are those of `tangents`; of the many steps of stick-slip they are
+        the solver's, which keeps no interpolant."""
+        kept = not (self.at_steps and isinstance(rig.machine, Inertial))
+        return kept and self.solver is None and self.adjoint is None
 
 
 def _solve(
@@ -144,11 +144,10 @@ def _solve(
 def _integrated(
     equation: SliderEquation, first: Array, last: Array, initial: Unknowns, how: _Solving
 ) -> diffrax.Solution:
-    massless, own = not isinstance(equation.rig.machine, Inertial), how.own(equation.rig)
-    solver = how.solver
+    rig, own, solver = equation.rig, how.own(equation.rig), how.solver
     if solver is None:
-        smooth = own and equation.rig.normal_stress is None
-        solver = Rodas5P() if smooth else diffrax.Tsit5() if massless else _implicit()
+        stiff = isinstance(rig.machine, Inertial) or (own and rig.normal_stress is None)
+        solver = Rodas5P() if stiff else diffrax.Tsit5()
     dense = own or not how.at_steps
     return diffrax.diffeqsolve(
         diffrax.ODETerm(equation.derivative),
@@ -188,19 +187,12 @@ def _controller(
     """The controller for a `solver` whose tangents go with it; None: they do not."""
     tolerance = _SAFETY * rtol
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
-    if not (solver is None or isinstance(solver, diffrax.AbstractImplicitSolver)):
+    if not (solver is None or isinstance(solver, diffrax.AbstractImplicitSolver | Rodas5P)):
         controller = StableStepController(controller, _constant(equation).derivative)
     jumps = equation.motion.breakpoints()
     if jumps.shape[0] == 0:  # which the clipping controller cannot take
         return controller
     return diffrax.ClipStepSizeController(controller, jump_ts=jumps)
-
-
-@functools.cache  # the root finder is a class made on the spot
-def _implicit() -> diffrax.AbstractSolver:
-    """Kvaerno5 with full Newton steps: with the default (one Jacobian per step) the linear
-    solver of a forward derivative met values that are not finite."""
-    return diffrax.Kvaerno5(root_finder=diffrax.with_stepsize_controller_tols(UpdateNewton)())
 
 
 def _knots(solution: diffrax.Solution) -> Knots:
