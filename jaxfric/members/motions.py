@@ -1,10 +1,11 @@
 """Motions of many sliders after a step of the command: how they end, and friction in time.
 
 Simulations of massless sliders under the slip and ageing laws go through `simulation.ensemble`, all
-at once; others through `gains.settle.end_state`, mapped, which takes some thousand times as long a
+at once; others through `gains.settle.end_state`, mapped, which takes some twenty times as long a
 member.
 """
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -48,6 +49,7 @@ _KEYS = ("ratio", "samples", "duration", "rtol", "max_steps", "inertia")
 _CHUNK_WITH_TRACES, _CHUNK_SLOW = 16384, 256
 # Members that share the loop of a stiff solver: the slowest holds them.
 _BATCH_SLOW = 16
+_FEW_STEPS = 1024  # of the general solver at first
 # Steady friction in units of A above which the regularised and the logarithmic direct effect are
 # the same to rounding, and samples that are looked at for the least of it.
 _FAR_FROM_REST, _SEEN = 20.0, 4096
@@ -90,7 +92,7 @@ class Motions:
         p = self.sliders.parameters(varied)
         found: dict[str, Array] = {}
         if _ENDINGS & set(self.wanted):
-            found |= jax.vmap(self._ending)(p) if self.slow else self._endings(p)
+            found |= self._general(p) if self.slow else self._endings(p)
         if set(self.wanted) - _ENDINGS:
             found |= self._traces(p)
         return found
@@ -147,15 +149,32 @@ class Motions:
     def _policy(self) -> Policy:
         return Policy(10 * self.rtol, self.max_steps, RUNAWAY)
 
-    def _ending(self, p: Parameters) -> dict[str, Array]:
-        """Outputs of one member, by the solver that serves all laws."""
+    def _general(self, p: Parameters) -> dict[str, Array]:
+        """Outputs by the solver that serves all laws.
+
+        All steps of a motion are kept and looked at, taken or not. So they are few at first; of a
+        batch in which that is not enough for one, all are followed again.
+        """
+
+        def followed(steps: int) -> dict[str, Array]:
+            policy = replace(self._policy, max_steps=steps)
+            return jax.vmap(functools.partial(self._ending, policy=policy))(p)
+
+        if self.max_steps <= _FEW_STEPS:
+            return followed(self.max_steps)
+        found = followed(_FEW_STEPS)
+        lacks = jnp.any(found["end"] == streaming.FAILED)
+        return jax.lax.cond(lacks, lambda: followed(self.max_steps), lambda: found)
+
+    def _ending(self, p: Parameters, policy: Policy) -> dict[str, Array]:
+        """Outputs of one member."""
         rig = self.sliders.rig(p, mass=self.inertia)
         slowest, decay = self._pace(p)
         scale = rig.friction.force_scale()
         horizon = streaming.horizon_of(slowest, scale, p["k_p"], p["V0"])
         rig = regularised(rig)
         start = step_start(rig, p["V0"], p["ratio"])
-        end = end_state(rig, p["V0"], start, horizon=horizon, decay=decay, policy=self._policy)
+        end = end_state(rig, p["V0"], start, horizon=horizon, decay=decay, policy=policy)
         names = ("steady", "limit_cycle", "escape", "unresolved")
         masks = jnp.stack([end.code == getattr(ENDS, name) for name in names])
         code = jnp.argmax(masks, axis=0).astype(jnp.int8)
@@ -216,7 +235,7 @@ def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
         )
     part = replace(part, function=function, cost=function.cost if traced or ended else None)
     if ended and function.slow:
-        return replace(part, chunk=_CHUNK_SLOW, batch=_BATCH_SLOW, separate=False)
+        return replace(part, chunk=_CHUNK_SLOW, batch=_BATCH_SLOW)
     if traced:
         part = replace(part, chunk=_CHUNK_WITH_TRACES)
     return replace(part, warnings=_logarithmic(spec)) if traced or ended else part

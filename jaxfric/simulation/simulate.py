@@ -77,7 +77,7 @@ def simulate(
         stress, `diffrax.Tsit5()`. The spring relaxes over A/K of slip, mass within A/(m V): an
         explicit solver may take no longer steps.
     adjoint : by default forward mode (`jax.jvp`, `jax.jacfwd`), right for a handful of
-        parameters: `tangents`, or `diffrax.ForwardMode()` with a `solver` of your own. For
+        parameters: `tangents`, or at steps and with a `solver` `diffrax.ForwardMode()`. For
         reverse mode (`jax.grad`, `jax.vjp`) pass `diffrax.RecursiveCheckpointAdjoint()`.
 
     Returns
@@ -107,11 +107,11 @@ class _Solving(NamedTuple):
     solver: diffrax.AbstractSolver | None
     adjoint: diffrax.AbstractAdjoint | None
 
-    def own(self, rig: Rig) -> bool:
-        """Whether derivatives are those of `tangents`; of the many steps of stick-slip they are
-        the solver's, which keeps no interpolant."""
-        kept = not (self.at_steps and isinstance(rig.machine, Inertial))
-        return kept and self.solver is None and self.adjoint is None
+    @property
+    def own(self) -> bool:
+        """Whether derivatives are those of `tangents`; at steps, which may be very many and need
+        no interpolant, they are the solver's."""
+        return not self.at_steps and self.solver is None and self.adjoint is None
 
 
 def _solve(
@@ -130,11 +130,11 @@ def _solve(
     possible = is_possible(rig, ts, begin, initial, motion=motion)
     first, last = (jnp.where(possible, t, 0.0) for t in (ts[0], ts[-1]))
     initial = jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial)
-    if how.own(rig):
+    if how.own:
         start = _constant((equation, first, last, initial))
         solution = _integrated(*start, how)
         knots = differentiable(equation, initial, _knots(solution))
-        found = _between(equation, solution, (initial, knots), None if how.at_steps else ts)
+        found = _between(equation, solution, (initial, knots), ts)
     else:
         solution = _integrated(equation, first, last, initial, how)
         found = _at_steps(equation, solution) if how.at_steps else _sample(equation, solution, ts)
@@ -144,11 +144,11 @@ def _solve(
 def _integrated(
     equation: SliderEquation, first: Array, last: Array, initial: Unknowns, how: _Solving
 ) -> diffrax.Solution:
-    rig, own, solver = equation.rig, how.own(equation.rig), how.solver
+    rig, own, solver = equation.rig, how.own, how.solver
     if solver is None:
-        stiff = isinstance(rig.machine, Inertial) or (own and rig.normal_stress is None)
+        free = how.adjoint is None and rig.normal_stress is None
+        stiff = isinstance(rig.machine, Inertial) or free
         solver = Rodas5P() if stiff else diffrax.Tsit5()
-    dense = own or not how.at_steps
     return diffrax.diffeqsolve(
         diffrax.ODETerm(equation.derivative),
         solver,
@@ -156,7 +156,7 @@ def _integrated(
         last,
         None,
         initial,
-        saveat=diffrax.SaveAt(dense=True) if dense else diffrax.SaveAt(t0=True, steps=True),
+        saveat=diffrax.SaveAt(t0=True, steps=True) if how.at_steps else diffrax.SaveAt(dense=True),
         stepsize_controller=_controller(how.rtol, equation, None if own else solver),
         event=diffrax.Event(_RanAway(equation, math.log(how.runaway))),
         adjoint=diffrax.ForwardMode() if how.adjoint is None else how.adjoint,
@@ -218,19 +218,15 @@ def _between(
     equation: SliderEquation,
     solution: diffrax.Solution,
     path: tuple[Unknowns, Knots],
-    ts: Float[Array, " n"] | None,
+    ts: Float[Array, " n"],
 ) -> Trajectory:
-    """The motion at `ts`, or at the steps, from `path`: where it begins, and its knots."""
+    """The motion at `ts` from `path`: where it begins, and its knots."""
     initial, knots = path
     last = jnp.maximum(knots.count - 1, 0)
     still = knots.count == 0
     interpolation = _constant(solution.interpolation)
     assert interpolation is not None
     end = jnp.where(still, interpolation.t0, knots.t1[last])
-    if ts is None:
-        rows = jnp.minimum(jnp.arange(len(knots.t1)), last)
-        later = jnp.where(still, interpolation.t0, knots.t1[rows])
-        ts = jnp.concatenate([interpolation.t0[None], later])
     reached = jnp.minimum(ts, end)
     rows = jnp.clip(jnp.searchsorted(knots.t1, reached), 0, last)
     steps = QuarticInterpolation(knots.t0, knots.t1, knots.y0, knots.y1, knots.k)

@@ -22,7 +22,7 @@ import numpy as np
 from jaxfric.members import make, run_study
 from jaxfric.study import local
 from jaxfric.study.function import Task
-from jaxfric.study.grid import Blocks
+from jaxfric.study.grid import Tiling
 
 CORES = len(os.sched_getaffinity(0))
 RIG = """
@@ -74,7 +74,7 @@ def spec(folder: Path, text: str, number: int, dtype: str = "") -> Path:
 
 def task_of(path: Path, *, batch: int | None = None, sort: bool = True) -> Task:
     made = make(path)
-    blocks = Blocks.of(made.spec.grid.shape, made.chunk)
+    blocks = Tiling.of(made.spec.grid.shape, made.chunk)
     return Task(
         made.function,
         made.spec.grid,
@@ -104,6 +104,21 @@ def throughput(folder: Path, text: str, name: str, number: int, goal: str) -> No
     first, spent = computed(task, blocks)
     members = task.grid.size
     say(f"{members} {name}: {spent:.2f} s computed ({goal}); first block {first:.1f} s")
+
+
+def general(folder: Path, number: int, fewer: int) -> None:
+    """Ends by the solver that serves all laws and masses, over those of massless sliders."""
+    each = []
+    for name, inertia, members in (
+        ("ends", "", number),
+        ("ends with mass", "inertia = true", fewer),
+    ):
+        text = ENDS.replace("[simulate]", f"[simulate]\n{inertia}")
+        task = task_of(spec(folder, text, members))
+        first, spent = computed(task, len(task.blocks))
+        each.append(spent / members)
+        say(f"{members} {name}: {1e3 * each[-1]:.3f} ms each; first block {first:.1f} s")
+    say(f"with mass {each[1] / each[0]:.0f} times as long (20)")
 
 
 def stored(folder: Path, number: int, goal: str) -> None:
@@ -216,13 +231,16 @@ def main() -> None:
     jax.config.update("jax_num_cpu_devices", CORES)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a tenth of the members")
-    parser.add_argument("--only", default="", help="margins, steps, store, sort, x32, memory, dask")
+    parser.add_argument(
+        "--only", default="", help="margins, steps, ends, store, sort, x32, memory, dask"
+    )
     given = parser.parse_args()
     tenth = 10 if given.quick else 1
     say(f"{jax.device_count()} x {jax.devices()[0].device_kind}, {CORES} cores")
     parts = {
         "margins": lambda f: throughput(f, MARGINS, "margins", 2**20 // tenth, "5 s for 1e6"),
         "steps": lambda f: throughput(f, STEPS, "steps", 102_400 // tenth, "10 s for 1e5"),
+        "ends": lambda f: general(f, 16384 // tenth, 512 // tenth),
         "store": lambda f: stored(f, 2**20 // tenth, "5 s for 1e6"),
         "sort": lambda f: sorting(f, 16384 // tenth),
         "x32": lambda f: precision(f, 2**18 // tenth),
