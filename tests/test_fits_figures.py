@@ -238,24 +238,28 @@ def test_shares_under_measured_noise():
     assert numbers["measured, no effect: an effect confirmed"]["value"] == 0
 
 
-def test_shares_under_measured_noise_of_another_tenth():
-    results, text = content("blind/measured_shift_8/results.json"), page("blind")
+def test_shares_under_measured_noise_of_another_draw():
+    results, text = content("blind/measured_draw_1/results.json"), page("blind")
     numbers = {n["what"]: n for n in results["numbers"]}
 
     def hits(what):
         return [int(x) for x in numbers[f"measured, {what}"]["of"].split("/")]
 
-    right = [hits(f"rho {rho}: alias group right") for rho in ("0.5", "1")]
-    sure = [hits(f"rho {rho}: of these, confirmed")[0] for rho in ("0.5", "1")]
+    right = [hits(f"rho {rho}: alias group right") for rho in ("0.2", "0.5", "1")]
+    sure = [hits(f"rho {rho}: of these, confirmed")[0] for rho in ("0.2", "0.5", "1")]
+    both = sum(n for n, _ in right[1:])
     cover = "measured, 95 % intervals of A, B, L cover, "
     error = "measured, one effect: held-out rms / true sigma, "
+    clean, nothing = hits("no effect: `no_missing_effect`")
     for pattern, values in (
-        ("holds # records of", [len(results["records"])]),
-        ("# of # are `no_missing_effect`, nothing", hits("no effect: `no_missing_effect`")),
+        ("to 5), # records with", [len(results["records"])]),
+        ("nothing is named in # of #; # are `no", [nothing, nothing, clean]),
         (
-            "the right group in # of # at rho 0.5 and # of # at 1, of which # and # are confirmed",
-            [*right[0], *right[1], *sure],
+            "# of # right groups at rho 0.2, # of # at 0.5, # of # at 1; of these #, # and # are",
+            [*right[0], *right[1], *right[2], *sure],
         ),
+        ("together that is # % (target", [100 * both / (right[1][1] + right[2][1])]),
+        ("confirmed # %\n", [100 * sum(sure[1:]) / both]),
         (
             "Intervals cover # %, those of the right effect # %.",
             [
@@ -267,6 +271,7 @@ def test_shares_under_measured_noise_of_another_tenth():
             "Held-out error # sigma in the median, # at the 90th percentile.",
             [numbers[error + q]["value"] for q in ("median", "90th percentile")],
         ),
+        ("# of # are not confirmed (target", hits("effect taken out: not confirmed")),
     ):
         assert not stale(text, pattern, *values)
     assert numbers["measured, no effect: an effect confirmed"]["value"] == 0
