@@ -1,7 +1,7 @@
 """Motions of many sliders after a step of the command: how they end, and friction in time.
 
 Simulations of massless sliders under the slip and ageing laws go through `simulation.ensemble`, all
-at once; others through `gains.settle.end_state`, mapped, which takes some twenty times as long a
+at once; others through `gains.settle.end_state`, mapped, which takes some fifty times as long a
 member.
 """
 
