@@ -159,7 +159,7 @@ FAULTS = (
     Fault("the best of many ripples counts as one", "loop/location.py",
           "(2 * k, 2 * k + 1), len(centres))", "(2 * k, 2 * k + 1), 1)", WORDS),
     Fault("structure is left out of the verdict", "loop/verdict.py",
-          "if p < LEFT]", "if p < 0]", VERDICT),
+          "if p < SIGNIFICANT]", "if p < 0]", VERDICT),
     Fault("the end of the first of two steps trains, its begin selects", "loop/split.py",
           "(_share(time, steps, 1) >= _QUARTER)", "(_share(time, steps, 1) < _QUARTER)", SPLIT),
     Fault("of two steps the first reports", "loop/split.py",

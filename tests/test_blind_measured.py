@@ -108,7 +108,9 @@ def test_every_velocity_gets_another_piece(made_up):
     counts = [230, 275, 250, 240, 260]
     noise = measured.cut("basalt", counts, np.random.default_rng(3))
     assert len(noise) == sum(counts) and np.mean(noise**2) == pytest.approx(1.0)
-    pieces = [np.abs(p) for p in np.split(noise, np.cumsum(counts)[:-1])]
+    # each beyond the rows in which the one before dies away
+    parts = np.split(noise, np.cumsum(counts)[:-1])
+    pieces = [np.abs(p[measured.JOINT :]) for p in parts]
     # one factor for all: a piece's slope tells its stretch, and its first row where it begins
     slopes = sorted({round(float(p[1] - p[0]), 9) for p in pieces})
     assert len(slopes) == 2 and slopes[1] / slopes[0] == pytest.approx(9.0, rel=1e-5)
@@ -128,6 +130,27 @@ def test_every_velocity_gets_another_piece(made_up):
     assert np.array_equal(noise, again) and not np.array_equal(noise, other)
 
 
+def test_pieces_are_joined_without_a_jump(monkeypatch):
+    """As neighbouring rows of slow noise differ little, so do those at a joint; and no less there
+    than elsewhere is the noise."""
+    rng, slow = np.random.default_rng(9), np.zeros(40_000)
+    for i, e in enumerate(np.sqrt(1 - 0.99**2) * rng.standard_normal(len(slow))):
+        slow[i] = 0.99 * slow[i - 1] + e
+    monkeypatch.setattr(measured, "stretches", lambda name: ((None, slow),))
+    counts = [100] * 150
+    noise = measured.cut("basalt", counts, rng)
+    steps = np.abs(np.diff(noise))
+    joints = np.cumsum(counts)[:-1] - 1
+    assert np.mean(steps[joints]) < 1.5 * np.mean(steps)
+    within = np.reshape(noise, (150, 100))
+    assert np.mean(within[:, 20:40] ** 2) == pytest.approx(np.mean(within[:, 70:] ** 2), rel=0.25)
+    alone = np.arange(5.0)
+    assert np.array_equal(measured.joined(np.zeros(0), alone), alone)
+    # the squared shares are 1 together
+    one, none = np.ones(8), np.zeros(8)
+    assert measured.joined(one, none) ** 2 + measured.joined(none, one) ** 2 == pytest.approx(one)
+
+
 def test_a_record_carries_the_noise_of_its_source(made_up):
     blind = generate.make(generate.Request(77, (), noise="measured-basalt", sampling="thinned"))
     known = blind.truth["noise"]
@@ -140,10 +163,11 @@ def test_a_record_carries_the_noise_of_its_source(made_up):
     t = blind.columns["time [s]"]
     noise = blind.columns["friction [1]"] - plants.simulate_base(base, protocol, t)
     assert np.sqrt(np.mean(noise**2)) == pytest.approx(3e-4, rel=1e-3)
-    # rows of a piece are rows of the record: the made-up noise is straight within a velocity
+    # rows of a piece are rows of the record: the made-up noise is straight beyond a joint
     bends = np.abs(np.diff(noise, 2)) > 1e-7
     steps = np.searchsorted(t, protocol.starts[1:])
-    assert set(np.flatnonzero(bends)) <= {i for s in steps for i in (s - 1, s - 2)}
+    joints = range(-2, measured.JOINT)
+    assert set(np.flatnonzero(bends)) <= {s + i for s in steps for i in joints}
 
 
 def test_noise_in_time_has_its_covariance():

@@ -14,7 +14,9 @@ wanders. `line` shows that no line is left at that wavelength or its harmonics.
 
 How it is put on a record. All noise of a record is of one source. Each of its velocities, that is
 every velocity step and the beginning, gets another piece of it, drawn from the whole source
-(pieces of the shorter sources overlap), with a random sign. Rows of the piece become rows of the
+(pieces of the shorter sources overlap), with a random sign. Over its first `JOINT` rows it comes
+up as what follows the piece before in the source dies away, their squared shares 1 together: a
+recorder's noise does not jump when the command steps. Rows of the piece become rows of the
 record, whatever time is between them: a press's recorder changes its sampling rate with the
 velocity (p655: 10 Hz, 100 Hz, 1 kHz), and so does the generator's. Noise that keeps its time and
 not its rows is the study `time`.
@@ -34,6 +36,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.signal import savgol_filter
 
 WINDOW, DEGREE = 301, 6
+JOINT = 60
 LAGS = (1, 2, 3, 5, 10, 30)
 
 
@@ -163,13 +166,24 @@ def cut(name: str, counts: list[int], rng: np.random.Generator) -> np.ndarray:
     begins = np.concatenate([[0], np.cumsum([max(len(r) - longest, 0) for r in noises])])
     # evenly through the source from a random start, so that pieces overlap no more than they must
     places = (rng.random() + np.arange(len(counts)) / len(counts)) % 1.0 * begins[-1]
-    pieces = []
+    pieces, follows = [], np.zeros(0)
     for count, place in zip(counts, rng.permutation(places), strict=True):
         k = int(np.searchsorted(begins, place, side="right")) - 1
         first = int(place - begins[k])
-        pieces.append(rng.choice((-1.0, 1.0)) * noises[k][first : first + count])
+        source = rng.choice((-1.0, 1.0)) * noises[k][first:]
+        pieces.append(joined(follows, source[:count]))
+        follows = source[count : count + JOINT]
     noise = np.concatenate(pieces)
     return noise / np.sqrt(np.mean(noise**2))
+
+
+def joined(before: np.ndarray, piece: np.ndarray) -> np.ndarray:
+    """The piece, over whose first rows `before` dies away; without it, the piece as it is."""
+    rows = min(len(before), len(piece))
+    share = (np.arange(rows) + 0.5) / max(rows, 1)
+    out = piece.copy()
+    out[:rows] = np.sqrt(1 - share) * before[:rows] + np.sqrt(share) * piece[:rows]
+    return out
 
 
 def main() -> None:

@@ -9,9 +9,3 @@ ALIAS = 0.95
 """|cosine| of their sensitivities above which two effects are not told apart to first order."""
 SIGNIFICANT = 0.01
 """Chance that noise alone leaves something, at any of the questions that are asked of it."""
-LEFT = 0.005
-"""p-value below which something left withholds a name, corrected for all that is asked.
-
-Half of `SIGNIFICANT`: the noise of a recorder is nearly, not quite, that of a model. Of 48 records
-with noise cut from measured ones and nothing else in them 7 had something left at 0.01, 3 at 0.005.
-"""

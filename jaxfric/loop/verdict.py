@@ -17,7 +17,7 @@ from .residual_tests import QUESTIONS, p_text, structure
 from .rivals import rival_fits
 from .screen import orthonormal
 from .search import Search
-from .thresholds import ACCEPT, ALIAS, LEFT, SIGNIFICANT
+from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
 
 _HELD_OUT = 1.06
 _TRAIN = 1.04
@@ -231,7 +231,7 @@ def _reasons(
     engine: Engine, final: Candidate, floor: Floor, tests: Mapping[str, float]
 ) -> list[str]:
     reasons = []
-    left = [f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in tests.items() if p < LEFT]
+    left = [f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in tests.items() if p < SIGNIFICANT]
     if left:
         reasons.append("structure is left in the residual: " + "; ".join(left))
     for name, value, most in (
@@ -299,7 +299,7 @@ def sentence_of(
         return f"Nothing is missing: the base model fits to the noise ({before})."
     if verdict == "too_weak":
         what = "Something may be missing, but too weakly to be named"
-        if told.p_value < LEFT:
+        if told.p_value < SIGNIFICANT:
             what = f"Something is left ({p_text(told.p_value)}), but too little to be named"
         return f"{what}: no effect is supported by more than {ACCEPT:g} of BIC ({before})."
     if verdict == "outside_catalogue":

@@ -13,7 +13,7 @@ from ..loop.family import CurveFamily, listed
 from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
-from ..loop.thresholds import ALIAS, LEFT
+from ..loop.thresholds import ALIAS, SIGNIFICANT
 from ..units import factor, format_si
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ def significance(loop: Loop) -> TextTable:
         rows.append((QUESTIONS.get(name, name), *(p_value(p) for p in both)))
     head = ("is it left in the residual?", "p before", "p after")
     note = (
-        f"p below {LEFT:g}: structure is left, not only noise (train block; by likelihood,"
+        f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block; by likelihood,"
         " the noise found anew with and without it; corrected for all that is asked, those of the"
         " figure location each by itself)"
     )
