@@ -1,7 +1,7 @@
 """Units, at the edge only: text with a unit becomes a number in SI.
 
-Inside the package everything is SI. Units are parsed by pint, which is loaded at the first
-use. Field spellings are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1, 1, -.
+Inside the package everything is SI. Units are parsed by pint, which is loaded at the first that is
+not common. Field spellings are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1, 1, -.
 """
 
 import functools
@@ -27,6 +27,21 @@ _EXAMPLES = {"s": "10 s", "m": "20 um", "m/s": "2 um/s", "1/m": "1.6e-3/um", "N"
 _EXAMPLES |= {"Pa": "25 MPa", "N/m": "1e6 N/m", "N*s/m": "10 N*s/m", "kg": "2 kg", "Hz": "100 Hz"}
 _KNOWN = ["s", "ms", "us", "min", "hour", "m", "mm", "um", "nm", "cm", "micron", "N", "mN", "kN"]
 _KNOWN += ["MN", "Pa", "kPa", "MPa", "GPa", "kg", "g", "Hz", "kHz", "bar", "psi", "um/s", "mm/s"]
+
+
+_COMMON = {
+    "": ("1", 1.0),
+    **{unit: ("s", size) for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))},
+    **{unit: ("m", size) for unit, size in (("m", 1.0), ("mm", 1e-3), ("um", 1e-6))},
+    **{unit: ("m/s", size) for unit, size in (("m/s", 1.0), ("mm/s", 1e-3), ("um/s", 1e-6))},
+    **{unit: ("1/m", size) for unit, size in (("1/m", 1.0), ("1/mm", 1e3), ("1/um", 1e6))},
+    **{unit: ("N", size) for unit, size in (("N", 1.0), ("mN", 1e-3), ("kN", 1e3))},
+    **{unit: ("Pa", size) for unit, size in (("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6))},
+    **{unit: ("N/m", size) for unit, size in (("N/m", 1.0), ("N/mm", 1e3), ("N/um", 1e6))},
+    **{unit: ("kg", size) for unit, size in (("kg", 1.0), ("g", 1e-3))},
+}
+"""SI unit and size of units for which pint, which takes half a second to load, is not asked."""
+_COMMON_SI = {si for si, _ in _COMMON.values()}
 
 
 def parse_quantity(text: str, si_unit: str, what: str) -> float:
@@ -111,7 +126,7 @@ def scale(values: _Values, size: float) -> _Values:
 def is_unit(text: str) -> bool:
     """Whether `text` is a unit: a known one, a machine unit, or a sign for none."""
     number, unit = _split(text)
-    if unit.lower() in _NO_UNIT | _MACHINE:
+    if unit.lower() in _NO_UNIT | _MACHINE or unit in _COMMON:
         return True
     try:
         return number is not None or _parse(unit) is not None
@@ -166,19 +181,26 @@ def _unit_factor(unit: str, si_unit: str, what: str) -> float:
         )
     if unit == _NEWTON_PER_AMPERE and si_unit == "1":
         unit = ""
-    quantity = _parse(unit, what)
     turns = 2 * math.pi if si_unit == "Hz" and _ANGLE.search(unit) else 1.0  # rad/s, 1/min turns
+    if unit in _COMMON and si_unit in _COMMON_SI:
+        known, size = _COMMON[unit]
+        if known != si_unit:
+            raise _wrong_dimension(unit, si_unit, what)
+        return size
+    quantity = _parse(unit, what)
     try:
         wanted = _registry().Unit("" if si_unit == "1" else si_unit)
         return float(quantity.to(wanted).magnitude) / turns
     except Exception as error:
         if "dimension" not in type(error).__name__.lower():
             raise
-        found = f"'{unit}' is not" if unit else "without a unit it is not"
-        wanted = "dimensionless" if si_unit == "1" else f"a unit of {si_unit}"
-        raise InputError(
-            f"{what}: {found} {wanted}; write it as in '{_example(si_unit)}'"
-        ) from None
+        raise _wrong_dimension(unit, si_unit, what) from None
+
+
+def _wrong_dimension(unit: str, si_unit: str, what: str) -> InputError:
+    found = f"'{unit}' is not" if unit else "without a unit it is not"
+    wanted = "dimensionless" if si_unit == "1" else f"a unit of {si_unit}"
+    return InputError(f"{what}: {found} {wanted}; write it as in '{_example(si_unit)}'")
 
 
 def _parse(unit: str, what: str = "unit") -> "pint.Quantity":

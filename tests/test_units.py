@@ -4,8 +4,10 @@ import subprocess
 import sys
 from itertools import pairwise
 
+import pint
 import pytest
 
+from jaxfric import units
 from jaxfric.errors import InputError
 from jaxfric.units import (
     between,
@@ -199,3 +201,19 @@ def test_records_and_units_need_no_jax() -> None:
 def test_a_range_whose_ends_read_the_same_is_one_number() -> None:
     assert between(0.001999, 0.0021, "s") == "0.002 to 0.0021 s"
     assert between(0.0019999, 0.0020001, "s") == "0.002 s"
+
+
+def test_common_units_are_what_pint_says() -> None:
+    registry = pint.UnitRegistry()
+    for unit, (si_unit, size) in units._COMMON.items():
+        wanted = (1.0 * registry.parse_expression(unit)).to(si_unit) if unit else 1.0
+        assert float(getattr(wanted, "magnitude", wanted)) == pytest.approx(size, rel=1e-15)
+        for other in units._COMMON_SI - {si_unit}:
+            with pytest.raises(InputError, match="is not"):
+                factor(unit, other, "x")
+
+
+def test_common_units_do_not_load_pint() -> None:
+    asked = "from jaxfric.units import factor; import sys; factor('um/s', 'm/s', 'x')"
+    command = [sys.executable, "-c", f"{asked}; sys.exit('pint' in sys.modules)"]
+    assert subprocess.run(command, check=False).returncode == 0
