@@ -85,9 +85,11 @@ class PiecewiseVelocity(AbstractMotion):
         n = length - self.times.shape[0]
         if n < 0:
             raise InputError(f"motion: {self.times.shape[0]} velocities do not fit into {length}")
+        known = is_known(self.times) and is_known(self.velocities)
+        pad = np.pad if known else jnp.pad
         return PiecewiseVelocity(
-            jnp.concatenate([self.times, jnp.full(n, jnp.inf, self.times.dtype)]),
-            jnp.concatenate([self.velocities, jnp.full(n, self.velocities[-1])]),
+            pad(self.times, (0, n), constant_values=np.inf),
+            pad(self.velocities, (0, n), mode="edge"),
         )
 
     def displacement(self, t: Float[Array, ""]) -> Float[Array, ""]:

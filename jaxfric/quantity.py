@@ -14,6 +14,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Iterable, Iterator
+from types import ModuleType
 from typing import overload
 
 import equinox as eqx
@@ -47,7 +48,15 @@ class Quantity:
         """The SI unit when friction is given in `force_unit` ("1" or "N")."""
         return self.unit.replace("F", force_unit)
 
-    def to_free(self, value: Float[Array, " *s"], *, scale: ArrayLike = 1.0) -> Float[Array, " *s"]:
+    @overload
+    def to_free(self, value: float, *, scale: Array | float = 1.0) -> float: ...
+    @overload
+    def to_free(
+        self, value: Float[Array, " *s"], *, scale: Array | float = 1.0
+    ) -> Float[Array, " *s"]: ...
+    def to_free(
+        self, value: Float[Array, " *s"] | float, *, scale: Array | float = 1.0
+    ) -> Float[Array, " *s"] | float:
         """Map a value inside the bounds to an unbounded variable.
 
         Both bounds infinite: value/scale. One bound: log of the distance to it.
@@ -56,10 +65,10 @@ class Quantity:
         if math.isinf(self.lower) and math.isinf(self.upper):
             return value / scale
         if math.isinf(self.upper):
-            return jnp.log(value - self.lower)
+            return _of(value).log(value - self.lower)
         if math.isinf(self.lower):
-            return jnp.log(self.upper - value)
-        return jnp.log(value - self.lower) - jnp.log(self.upper - value)
+            return _of(value).log(self.upper - value)
+        return _of(value).log(value - self.lower) - _of(value).log(self.upper - value)
 
     def from_free(
         self, free: Float[Array, " *s"], *, scale: ArrayLike = 1.0
@@ -68,10 +77,10 @@ class Quantity:
         if math.isinf(self.lower) and math.isinf(self.upper):
             return free * scale
         if math.isinf(self.upper):
-            return self.lower + jnp.exp(free)
+            return self.lower + _of(free).exp(free)
         if math.isinf(self.lower):
-            return self.upper - jnp.exp(free)
-        return self.lower + (self.upper - self.lower) / (1 + jnp.exp(-free))
+            return self.upper - _of(free).exp(free)
+        return self.lower + (self.upper - self.lower) / (1 + _of(free).exp(-free))
 
     def check(self, value: float, where: str) -> float:
         """Return `value` if it is finite and within the bounds, else raise `InputError`."""
@@ -143,9 +152,17 @@ def as_floats(value: ArrayLike | None) -> Array | None:
     """An array of floating-point numbers; None stays None."""
     if value is None:
         return None
+    if isinstance(value, np.ndarray | np.generic | float | int):  # `asarray` compiles a copy
+        value = np.asarray(value)
+        return jax.device_put(value if np.issubdtype(value.dtype, np.inexact) else value + 0.0)
     value = jnp.asarray(value)
     inexact = jnp.issubdtype(value.dtype, jnp.inexact)
     return jnp.asarray(value, value.dtype if inexact else jnp.result_type(float))
+
+
+def _of(value: Array | float) -> ModuleType:
+    """NumPy for what is not JAX's: every function of JAX is compiled for every shape."""
+    return jnp if isinstance(value, jax.Array) else np
 
 
 def quantities(module: eqx.Module | type) -> dict[str, Quantity]:

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
@@ -16,7 +16,14 @@ from .noise import Noise
 from .noise_estimate import noise_estimate, noise_words
 from .noise_search import longest_memory
 from .plausible import bounds_of
-from .problem import FAILED_MISFIT, Model, Problem, natural, residual_and_jacobian
+from .problem import (
+    FAILED_MISFIT,
+    Model,
+    Problem,
+    natural,
+    residual_and_jacobian,
+    step_times_at,
+)
 from .result import Estimate, Fit, unit_of
 from .solve import Solution
 from .uncertainty import (
@@ -95,7 +102,7 @@ def assemble(
 
 def _misfit(problem: Problem, solution: Solution, rows: int) -> np.ndarray:
     """Predicted minus recorded friction at all rows, those that are passed over too."""
-    every = jnp.asarray(np.arange(len(problem.weight)) < rows, float)
+    every = jax.device_put((np.arange(len(problem.weight)) < rows).astype(float))
     seen = dataclasses.replace(problem, noise=None, weight=every)
     plain, _ = residual_and_jacobian(seen, solution.z)
     return np.asarray(plain)[:rows] * float(problem.noise_scale)
@@ -119,7 +126,7 @@ def _refined(
     if len(index) == 0 or steps.time_errors is None:
         return steps
     times, errors = steps.times.copy(), steps.time_errors.copy()
-    times[index] = np.asarray(problem.step_times(solution.z))[index]
+    times[index] = np.asarray(step_times_at(problem, solution.z))[index]
     errors[index] = np.asarray(problem.shift_scale) * np.sqrt(np.diag(spread)[p:])
     return VelocitySteps(times, steps.velocities, errors, steps.velocity_errors)
 
@@ -151,7 +158,7 @@ def _estimates(
             profiles(f"profile of {name} ({i + 1} of {p})")
             ends[:, i] = profile_interval(problem, solution, i, float(std[i]))
     values, slopes = (
-        np.asarray(x) for x in natural(problem, jnp.asarray(np.vstack([z[None], ends])))
+        np.asarray(x) for x in natural(problem, jax.device_put(np.vstack([z[None], ends])))
     )
     value, slope = values[0], slopes[0]
     for i, name in enumerate(problem.model.names()):
@@ -179,7 +186,8 @@ def _plausible(
 ) -> list[bool]:
     """Whether each free parameter has a value that a record of this size can show."""
     noise, friction = float(problem.noise_scale), sign * record.friction
-    values = np.asarray(problem.from_free(solution.z))
+    three = jax.device_put(np.tile(np.asarray(solution.z), (3, 1)))  # as in `_estimates`
+    values = np.asarray(natural(problem, three)[0])[0]
     forward = VelocitySteps(steps.times, np.abs(steps.velocities))
     within = []
     for name, value in zip(problem.model.names(), values, strict=True):

@@ -155,13 +155,13 @@ def _with_noise(task: _Task, problem: Problem, solution: Solution, *, whitened: 
     problem, solution, noise, *_ = solved
     if len(problem.hold) and not whitened:
         problem = problem.holding(fair_hold(problem, solution, noise))
-        solution = solve(problem, solution.z[None], refine=1)
+        solution = solve(problem, np.asarray(solution.z)[None], refine=1)
         noise = _noise(problem, solution, written)
     if whitened and solution.cost < FAILED_MISFIT**2:
-        solution = solve(problem.whitened(noise), solution.z[None], refine=1)
+        solution = solve(problem.whitened(noise), np.asarray(solution.z)[None], refine=1)
         noise = _noise(problem, _evaluate(problem, solution), written)
         problem = problem.whitened(noise)
-        solution = solve(problem, solution.z[None], refine=1)
+        solution = solve(problem, np.asarray(solution.z)[None], refine=1)
     return solved._replace(problem=problem, solution=solution, noise=noise)
 
 
@@ -373,7 +373,7 @@ def _solve(
         for name, value in given.items():
             first[names.index(name)] = quantity_of(name).check(float(value), "start")
         starts = first[None]
-    return solve(problem, to_free(problem, jnp.asarray(starts)), progress=progress)
+    return solve(problem, np.asarray(to_free(problem, jax.device_put(starts))), progress=progress)
 
 
 def _evaluate(problem: Problem, solution: Solution) -> Solution:
@@ -389,8 +389,8 @@ def _noise(problem: Problem, solution: Solution, steps: float = 0.0) -> Noise:
     longest = longest_memory(clock)
     rows = noise_rows(clock, problem.weight, residual, jacobian, longest)
     found = estimate_noise(rows, least=least).noise
-    size = jnp.sqrt(jnp.sum(residual**2) / jnp.sum(problem.weight > 0))
-    return found._replace(sigma=jnp.maximum(found.sigma, size))
+    size = np.sqrt(np.sum(np.square(residual)) / np.sum(np.asarray(problem.weight) > 0))
+    return found._replace(sigma=np.maximum(found.sigma, size))
 
 
 def _without_glitches(solved: Solved, steps: VelocitySteps) -> Solved:
@@ -409,6 +409,6 @@ def _without_glitches(solved: Solved, steps: VelocitySteps) -> Solved:
         weight = np.array(weight)
         weight[list(glitches.rows)] = 0.0
         problem = dataclasses.replace(problem, weight=jnp.asarray(weight))
-        solution = solve(problem, solution.z[None], refine=1)
+        solution = solve(problem, np.asarray(solution.z)[None], refine=1)
         noise = _noise(problem, solution, written)
     return Solved(problem, solution, noise, glitches, written)

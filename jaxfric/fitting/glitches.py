@@ -23,12 +23,10 @@ than three rows.
 
 from typing import NamedTuple, Protocol
 
-import jax.numpy as jnp
 import numpy as np
 
 from ..records import Provenance
-from .noise import Noise
-from .noise_search import Rows
+from .noise import Noise, Numbers
 from .whitened import taken_out, whitened
 
 LONGEST = 3
@@ -83,7 +81,7 @@ def beside_steps(step: np.ndarray) -> np.ndarray:
 
 
 def prediction_errors(
-    clock: Rows, weight: Rows, columns: np.ndarray, noise: Noise
+    clock: Numbers, weight: Numbers, columns: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors of predicting every row from the rows before it, and from those after it, in standard
     deviations; each (n,).
@@ -93,8 +91,8 @@ def prediction_errors(
     """
     found = []
     for turn in (slice(None), slice(None, None, -1)):
-        scale = noise.scale[turn] if jnp.ndim(noise.scale) else noise.scale
-        when, on = (jnp.asarray(np.asarray(x)[turn]) for x in (clock, weight))
+        scale = noise.scale[turn] if np.ndim(noise.scale) else noise.scale
+        when, on = (np.asarray(x)[turn] for x in (clock, weight))
         white = whitened(when, on, columns[turn], noise._replace(scale=scale))
         left, free = taken_out(white)
         found.append((left / np.sqrt(np.maximum(free, _SHARE)))[turn])
@@ -162,8 +160,8 @@ def _law(errors: np.ndarray) -> tuple[float, float]:
 
 
 def find_glitches(
-    clock: Rows,
-    weight: Rows,
+    clock: Numbers,
+    weight: Numbers,
     columns: np.ndarray,
     noise: Noise,
     step: np.ndarray,

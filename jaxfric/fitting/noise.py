@@ -34,6 +34,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..traced import traced
 
+Numbers = Array | np.ndarray
 _HIDDEN = 1e12  # variance of a row that is to be passed over
 _CRITICAL = 1e-3
 PARTS = 2
@@ -45,52 +46,51 @@ EXPONENTIAL = -1.0
 class Noise(NamedTuple):
     """Standard deviation of a row of scale 1, and the parts that are correlated."""
 
-    sigma: Float[Array, ""]
-    share: Float[Array, " 2"]
+    sigma: Float[Numbers, ""]
+    share: Float[Numbers, " 2"]
     """Share of the variance in each correlated part; the rest is white."""
-    rates: Float[Array, "2 k"]
+    rates: Float[Numbers, "2 k"]
     """Inverse memory of each part over every clock."""
-    beta: Float[Array, ""]
+    beta: Float[Numbers, ""]
     """w^2 of the second part's resonator (see above); `EXPONENTIAL`: it is an exponential."""
-    scale: Float[Array, " *n"]
+    scale: Float[Numbers, " *n"]
     """Relative size of the noise in every row, or one number for all rows."""
-    log_likelihood: Float[Array, ""]
+    log_likelihood: Float[Numbers, ""]
 
 
 def noise_of(
     sigma: float,
     share: float = 0.0,
-    memory: float | Array = 1.0,
-    log_likelihood: float | Array = 0.0,
+    memory: ArrayLike = 1.0,
+    log_likelihood: ArrayLike = 0.0,
 ) -> Noise:
     """White noise and one exponential part; `memory` over every clock, infinite where it has none.
 
     Shapes: all of them () but `memory` (k,) or ().
     """
-    one = jnp.ones(())
-    rates = jnp.atleast_1d(1 / jnp.asarray(memory, float))
+    rates = np.atleast_1d(1 / np.asarray(memory, float))
     return Noise(
-        sigma * one,
-        jnp.stack([share * one, 0 * one]),
-        jnp.stack([rates, jnp.ones_like(rates)]),
-        EXPONENTIAL * one,
-        one,
-        jnp.asarray(log_likelihood),
+        np.asarray(sigma, float),
+        np.array([share, 0.0]),
+        np.stack([rates, np.ones_like(rates)]),
+        np.array(EXPONENTIAL),
+        np.ones(()),
+        np.asarray(log_likelihood, float),
     )
 
 
-def _columns(clock: Float[Array, "n *k"]) -> Float[Array, "n k"]:
+def _columns(clock: Float[Numbers, "n *k"]) -> Float[Numbers, "n k"]:
     return clock[:, None] if clock.ndim == 1 else clock
 
 
-def _forgotten(clock: Float[Array, "n *k"], noise: Noise) -> Float[Array, "n 2"]:
+def _forgotten(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, "n 2"]:
     """Distance to the next row in memories of each part, (n, 2)."""
     steps = jnp.abs(jnp.diff(_columns(clock), axis=0))
     return jnp.concatenate([steps, jnp.zeros_like(steps[:1])]) @ noise.rates.T
 
 
 def _second(
-    d: Float[Array, " n"], beta: Float[Array, ""]
+    d: Float[Array, " n"], beta: Float[Numbers, ""]
 ) -> tuple[list[Array], tuple[Array, Array, Array], Array]:
     """The second part from a row to the next: transition (n,) x 4 and added covariance (n,) x 3.
 
@@ -112,9 +112,9 @@ def _second(
 
 
 def whiten(
-    clock: Float[Array, "n *k"],
-    weight: Float[Array, " n"],
-    columns: Float[Array, "n m"],
+    clock: Float[Numbers, "n *k"],
+    weight: Float[Numbers, " n"],
+    columns: Float[Numbers, "n m"],
     noise: Noise,
 ) -> Float[Array, "n m"]:
     """The columns in units of the noise and uncorrelated: W c with W^T W = inverse covariance.
@@ -125,9 +125,9 @@ def whiten(
 
 
 def innovations(
-    clock: Float[Array, "n *k"],
-    weight: Float[Array, " n"],
-    columns: Float[Array, "n m"],
+    clock: Float[Numbers, "n *k"],
+    weight: Float[Numbers, " n"],
+    columns: Float[Numbers, "n m"],
     noise: Noise,
 ) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
     """Columns whitened as by `whiten` for sigma = 1, and the log-determinant of that covariance."""
@@ -139,9 +139,9 @@ def innovations(
 
 @traced
 def coloured(
-    clock: Float[Array, "n *k"],
-    weight: Float[Array, " n"],
-    white: Float[Array, "n m"],
+    clock: Float[Numbers, "n *k"],
+    weight: Float[Numbers, " n"],
+    white: Float[Numbers, "n m"],
     noise: Noise,
 ) -> Float[Array, "n m"]:
     """Columns of this noise from columns of white noise of variance 1: the inverse of `whiten`.
@@ -155,9 +155,9 @@ def coloured(
 
 
 def _filtered(
-    clock: Float[Array, "n *k"],
-    weight: Float[Array, " n"],
-    columns: Float[Array, "n m"],
+    clock: Float[Numbers, "n *k"],
+    weight: Float[Numbers, " n"],
+    columns: Float[Numbers, "n m"],
     noise: Noise,
     *,
     backwards: bool = False,
@@ -189,12 +189,18 @@ def _filtered(
 
     zero, none = jnp.zeros_like(columns[0]), jnp.zeros_like(first)
     start = ([zero] * 3, [first, none, none, second, none, second * slope])
-    rows = (columns, jnp.where(used, 0.0, _HIDDEN), jnp.exp(-forgotten[:, 0]), turn, list(added))
+    rows = (
+        jnp.asarray(columns),
+        jnp.where(used, 0.0, _HIDDEN),
+        jnp.exp(-forgotten[:, 0]),
+        turn,
+        list(added),
+    )
     return jax.lax.scan(advance, start, rows)[1]
 
 
 def _update(
-    spread: list[Array], white: Float[Array, ""]
+    spread: list[Array], white: Float[Numbers, ""]
 ) -> tuple[tuple[Array, ...], Array, list[Array]]:
     """Gains, the inverse variance of the misfit, and the covariance of the states once it is seen.
 
@@ -232,7 +238,7 @@ def limit_of_negative(keep: np.ndarray) -> np.ndarray:
 
 @traced
 def sandwich(
-    clock: Float[Array, "n *k"], jacobian: Float[Array, "n p"], noise: Noise
+    clock: Float[Numbers, "n *k"], jacobian: Float[Numbers, "n p"], noise: Noise
 ) -> Float[Array, "p p"]:
     """J^T Sigma J for the noise covariance Sigma, in one pass."""
     scaled = jacobian * jnp.broadcast_to(noise.scale, jacobian.shape[:1])[:, None]
@@ -240,10 +246,10 @@ def sandwich(
     total = white * scaled.T @ scaled
     for size, rate in _terms(clock, noise):
         total = total + (size * _correlated(scaled, jnp.exp(-rate))).real
-    return noise.sigma**2 * total
+    return jnp.asarray(noise.sigma**2 * total)
 
 
-def _terms(clock: Float[Array, "n *k"], noise: Noise) -> list[tuple[Array, Array]]:
+def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> list[tuple[Array, Array]]:
     """The correlated parts as sums of exponentials: sizes, and what each forgets to the next row.
 
     Sizes and exponents are complex; the sum is real.
@@ -258,7 +264,9 @@ def _terms(clock: Float[Array, "n *k"], noise: Noise) -> list[tuple[Array, Array
     return [(a, first), (b * slow[0], slow[1]), (b * fast[0], fast[1])]
 
 
-def _correlated(jacobian: Float[Array, "n p"], turn: Complex[Array, " n"]) -> Complex[Array, "p p"]:
+def _correlated(
+    jacobian: Float[Numbers, "n p"], turn: Complex[Array, " n"]
+) -> Complex[Array, "p p"]:
     """J^T R J, R_ij the product of `turn` from row i to row j."""
     turn = jnp.concatenate([jnp.ones_like(turn[:1]), turn[:-1]])
 
@@ -268,24 +276,25 @@ def _correlated(jacobian: Float[Array, "n p"], turn: Complex[Array, " n"]) -> Co
         return carry, carry
 
     start = jnp.zeros(jacobian.shape[1], complex)
+    jacobian = jnp.asarray(jacobian)
     _, tail = jax.lax.scan(step, start, (jacobian, turn))
     one_sided = jacobian.T @ tail
     return one_sided + one_sided.T - jacobian.T @ jacobian
 
 
-def rms_error(clock: Float[Array, "n *k"], used: ArrayLike, noise: Noise) -> float:
+def rms_error(clock: Float[Numbers, "n *k"], used: ArrayLike, noise: Noise) -> float:
     """Relative standard error of the rms of noise over the `used` rows (a mask or 0 and 1).
 
     sqrt(sum_ij (s_i s_j rho_ij)^2/2)/sum_i s_i^2, rho the correlation and s the scale of rows:
     correlated rows count for fewer, and so do those beside others with more noise.
     """
-    sizes = jnp.asarray(used, float) * noise.scale**2
+    sizes = np.asarray(used, float) * np.asarray(noise.scale) ** 2
     return math.sqrt(0.5 * float(_squares(clock, sizes, noise))) / max(float(sizes.sum()), 1e-300)
 
 
 @traced
 def _squares(
-    clock: Float[Array, "n *k"], sizes: Float[Array, " n"], noise: Noise
+    clock: Float[Numbers, "n *k"], sizes: Float[Numbers, " n"], noise: Noise
 ) -> Float[Array, ""]:
     """Sum over all pairs of rows of the square of their correlation, times both sizes."""
     terms = _terms(clock, noise)

@@ -14,7 +14,7 @@ Source: Harville 1977 (doi:10.1080/01621459.1977.10480998) for the restricted li
 """
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import jax
@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..traced import traced
-from .noise import EXPONENTIAL, PARTS, Noise, innovations, limit_of_negative
+from .noise import EXPONENTIAL, PARTS, Noise, Numbers, innovations, limit_of_negative
 
 LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
@@ -50,10 +50,14 @@ _REFINED = 2
 _BETWEEN = (0.0, 0.5, 1.0)
 _SIZES_AROUND = (-1.5, 0.0, 1.5)
 _MEMORIES_AROUND = (-0.7, 0.0, 0.7)
+_ALONE = 64  # noises by which a residual alone is whitened in one pass
+_LIKELY = 12
+"""Starts of a family, likeliest for the residual alone, whose restricted likelihood is asked."""
 _STRETCHES, _STRETCH = 8, 1024  # of a record with more rows than these: how many, of so many rows
 
 
-Rows = Array | np.ndarray
+_Parts = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Shares (g, 2), rates (g, 2, k) and betas (g,) of noises."""
 
 
 class Family(NamedTuple):
@@ -85,10 +89,10 @@ class Limits(NamedTuple):
 class NoiseRows(NamedTuple):
     """The input of a noise estimate. Column 0 is the residual, the others are the Jacobian's."""
 
-    clock: Float[Array, "n k"]
-    weight: Float[Array, " n"]
-    columns: Float[Array, "n m"]
-    scale: Float[Array, " *n"]
+    clock: Float[np.ndarray, "n k"]
+    weight: Float[np.ndarray, " n"]
+    columns: Float[np.ndarray, "n m"]
+    scale: Float[np.ndarray, " *n"]
     limits: Limits
     rows: int
 
@@ -104,6 +108,15 @@ class Found(NamedTuple):
     value: float
 
 
+class _Point(NamedTuple):
+    """A noise of a family by its theta (as `Found.theta`), with its likelihood and sigma."""
+
+    family: Family
+    theta: np.ndarray
+    value: float
+    sigma: float
+
+
 def estimate_noise(record: NoiseRows, *, either_sign: bool = False, least: float = 0.0) -> Found:
     """Restricted maximum-likelihood noise of a residual with its Jacobian (`noise_rows`).
 
@@ -113,7 +126,7 @@ def estimate_noise(record: NoiseRows, *, either_sign: bool = False, least: float
     part = stretches(record)
     best = _with_parts(part, either_sign=either_sign)
     if part is not record:
-        best = _best_of(record, best.family, best.theta[None], refine=True)
+        best = _best_of(record, best.family, best.theta[None])
     return not_below(record, best, least)
 
 
@@ -152,7 +165,7 @@ def profile_noise(
 ) -> Found:
     """The likeliest noise of one family, from some starts (as `Found.theta`); `least` as of
     `estimate_noise`."""
-    return not_below(record, _best_of(record, family, np.stack(starts), refine=True), least)
+    return not_below(record, _best_of(record, family, np.stack(starts)), least)
 
 
 def not_below(record: NoiseRows, found: Found, least: float) -> Found:
@@ -170,9 +183,9 @@ def not_below(record: NoiseRows, found: Found, least: float) -> Found:
         left = max(sigma**2 - least**2, 0.0)
         sigma = float(np.sqrt(least**2 + left))
         share = share / max(float(share.sum()), 1e-300) * left / sigma**2
-    unit = found.noise._replace(sigma=jnp.ones(()), share=jnp.asarray(share))
+    unit = found.noise._replace(sigma=np.ones(()), share=np.asarray(share))
     value = _restricted_at(record, unit, sigma)
-    noise = unit._replace(sigma=jnp.asarray(sigma), log_likelihood=jnp.asarray(value))
+    noise = unit._replace(sigma=np.asarray(sigma), log_likelihood=np.asarray(value))
     return found._replace(noise=noise, value=value)
 
 
@@ -182,7 +195,7 @@ def _restricted_at(record: NoiseRows, unit: Noise, sigma: float) -> float:
     With the likeliest sigma, s, and n - p free rows it is less by (n - p)/2 (q - 1 - ln q),
     q = s^2/sigma^2.
     """
-    parts = (jnp.stack([part] * _FEW) for part in (unit.share, unit.rates, unit.beta))
+    parts = (np.stack([part] * _FEW) for part in (unit.share, unit.rates, unit.beta))
     values, likeliest = restricted(
         record.clock, record.weight, record.columns, record.scale, *parts
     )
@@ -191,14 +204,12 @@ def _restricted_at(record: NoiseRows, unit: Noise, sigma: float) -> float:
     return float(values[0]) - 0.5 * (record.rows - used.sum()) * (q - 1 - np.log(q))
 
 
-def longest_memory(clock: Float[Array, "n *k"]) -> np.ndarray:
+def longest_memory(clock: Float[Numbers, "n *k"]) -> np.ndarray:
     """Longest memory of a fit's noise over every clock: `LONGEST` times the record's span, (k,)."""
     return LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
 
 
-def noises_around(
-    family: Family, thetas: Sequence[np.ndarray], limits: Limits
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def noises_around(family: Family, thetas: Sequence[np.ndarray], limits: Limits) -> _Parts:
     """White noise, and noises of a family around and between some `thetas`.
 
     Shares (g, 2), rates (g, 2, k) and betas (g,).
@@ -221,7 +232,7 @@ def noises_around(
     return both[0], both[1], both[2]
 
 
-def limits_of(clock: Rows, weight: Rows, longest: ArrayLike | None = None) -> Limits:
+def limits_of(clock: Numbers, weight: Numbers, longest: ArrayLike | None = None) -> Limits:
     """Limits: half the median gap of weighted rows, and `longest`, by default half the record."""
     times = np.asarray(clock)
     times = times.reshape(len(times), -1)
@@ -234,26 +245,26 @@ def limits_of(clock: Rows, weight: Rows, longest: ArrayLike | None = None) -> Li
 
 
 def noise_rows(
-    clock: Rows,
-    weight: Rows,
-    residual: Rows,
-    jacobian: Rows,
+    clock: Numbers,
+    weight: Numbers,
+    residual: Numbers,
+    jacobian: Numbers,
     longest: ArrayLike | None = None,
     *,
-    scale: Rows | None = None,
+    scale: Numbers | None = None,
 ) -> NoiseRows:
     """The input of a noise estimate: a residual (n,) with the Jacobian of its fit (n, p).
 
     `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
     from half the median gap of rows to `longest`, by default half the record, in each clock.
     """
-    clock = jnp.asarray(clock)
+    clock, weight = np.asarray(clock), np.asarray(weight)
     columns = np.concatenate([np.asarray(residual)[:, None], np.asarray(jacobian)], axis=1)
     return NoiseRows(
         clock[:, None] if clock.ndim == 1 else clock,
-        jnp.asarray(weight),
-        jnp.asarray(columns),
-        jnp.ones(()) if scale is None else jnp.asarray(scale),
+        weight,
+        columns,
+        np.ones(()) if scale is None else np.asarray(scale),
         limits_of(clock, weight, longest),
         int(np.sum(np.asarray(weight) > 0)),
     )
@@ -261,7 +272,7 @@ def noise_rows(
 
 def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found | None:
     """The likeliest noise with one part more than `best`."""
-    family, found = best.family, []
+    family, starts = best.family, {}
     limits, white = record.limits, not best.family.parameters
     # beside a part that is nearly all of the noise a few times the white one is nothing
     there = -np.log(max(float(1 - best.noise.share.sum()), np.exp(-_LARGEST)))
@@ -273,22 +284,18 @@ def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found
         shapes = [(there + v, m, s - m) for v, m, s in shapes]
         if white and either_sign:
             more = list(itertools.product(_NEGATIVE, memories))
-            found.append(_on_grid(record, Family(first=k, negative=True), best.theta, more))
+            starts[Family(first=k, negative=True)] = _beside(best.theta, more)
         if family.first is None:
-            wider = family._replace(first=k)
-            found.append(_on_grid(record, wider, best.theta, grid, before=True))
+            starts[family._replace(first=k)] = _beside(best.theta, grid, before=True)
         elif family.second is None:
-            found.append(_on_grid(record, family._replace(second=k), best.theta, grid))
+            starts[family._replace(second=k)] = _beside(best.theta, grid)
         if family.second is None:
-            wider = family._replace(second=k, resonates=True)
-            found.append(_on_grid(record, wider, best.theta, shapes))
-    found = sorted(found, key=lambda one: one.family.parameters - one.value)[:_REFINED]
-    found = [
-        _best_of(record, one.family, starts, refine=True)
-        for one in found
-        for starts in (one.theta[None], _both_parts(one.family, limits))
-        if len(starts)
-    ]
+            starts[family._replace(second=k, resonates=True)] = _beside(best.theta, shapes)
+    found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
+    found = found[:_REFINED]
+    both = {one.family: _both_parts(one.family, limits) for one in found}
+    found += _likeliest(record, {family: some for family, some in both.items() if len(some)})
+    found = [_refined(record, one) for one in found]
     return max(found, key=lambda one: one.value - 3 * one.family.parameters, default=None)
 
 
@@ -310,41 +317,63 @@ def _both_parts(family: Family, limits: Limits) -> np.ndarray:
     return np.array(found)
 
 
-def _on_grid(
-    record: NoiseRows,
-    family: Family,
-    theta: np.ndarray,
-    grid: Iterable[tuple[float, ...]],
-    *,
-    before: bool = False,
-) -> Found:
-    """The best noise with one more part from `grid`, which goes before or after the others."""
+def _beside(
+    theta: np.ndarray, grid: Iterable[tuple[float, ...]], *, before: bool = False
+) -> np.ndarray:
+    """Starts (g, q) with one more part from `grid`, which goes before or after those of `theta`."""
     pairs = ((more, theta) if before else (theta, more) for more in grid)
-    return _best_of(record, family, np.array([[*a, *b] for a, b in pairs], float))
+    return np.array([[*a, *b] for a, b in pairs], float)
 
 
-def _best_of(
-    record: NoiseRows, family: Family, starts: np.ndarray, *, refine: bool = False
-) -> Found:
-    """The likeliest of some starts, and from there the likeliest of the family."""
+def _likeliest(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> list[_Point]:
+    """The likeliest start of every family.
+
+    The likelihood of the residual alone, as if nothing had been fitted, takes a fraction of the
+    restricted one's time, and says which `_LIKELY` of a family that one is asked of.
+    """
+    if not starts:
+        return []
+    starts = {family: _inside(record, family, some) for family, some in starts.items()}
+    alone = record._replace(columns=record.columns[:, :1])
+    values, _ = _values(alone, _parts_of(record, starts))
+    ends = np.cumsum([len(some) for some in starts.values()])[:-1]
+    each = zip(starts.items(), np.split(values, ends), strict=True)
+    likely = {family: some[np.argsort(-own)[:_LIKELY]] for (family, some), own in each}
+    values, sigmas = _values(record, _parts_of(record, likely))
+    found, place = [], 0
+    for family, some in likely.items():
+        own = values[place : place + len(some)]
+        i = int(np.argmax(own))
+        found.append(_Point(family, some[i], float(own[i]), float(sigmas[place + i])))
+        place += len(some)
+    return found
+
+
+def _best_of(record: NoiseRows, family: Family, starts: np.ndarray) -> Found:
+    """The likeliest noise of a family, sought from the likeliest of some starts."""
     starts = _inside(record, family, np.asarray(starts, float))
-    values, sigmas = _values(record, family, starts)
+    values, sigmas = _values(record, parts_at(family, starts, record.limits))
     i = int(np.argmax(values))
-    theta, value, sigma = starts[i], values[i], sigmas[i]
-    for _ in range(_NEWTON if refine and family.parameters else 0):
+    return _refined(record, _Point(family, starts[i], float(values[i]), float(sigmas[i])))
+
+
+def _refined(record: NoiseRows, start: _Point) -> Found:
+    """The likeliest noise of a family that Newton's method finds from a start."""
+    family, theta, value, sigma = start
+    for _ in range(_NEWTON if family.parameters else 0):
         around, trials = _newton(record, family, theta)
         trials = _inside(record, family, trials)
-        values, sigmas = _values(record, family, trials)
+        values, sigmas = _values(record, parts_at(family, trials, record.limits))
         if not values.max() > value:  # a kink: a resonator of as few rows a swing as may be
             trials, values, sigmas = around
         i = int(np.argmax(values))
         if not values[i] > value:
             break
         settled = values[i] - value < _SETTLED
-        theta, value, sigma = trials[i], values[i], sigmas[i]
+        theta, value, sigma = trials[i], float(values[i]), float(sigmas[i])
         if settled:
             break
-    return Found(noise_at(record, family, theta, sigma, value), family, theta, float(value))
+    return Found(noise_at(record, family, theta, sigma, value), family, theta, value)
 
 
 class _Known(NamedTuple):
@@ -364,7 +393,8 @@ def _newton(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[_Know
     unit = _STEP * np.eye(q)
     points = [centre, *(centre + u for u in unit), *(centre - u for u in unit)]
     points += [centre + unit[i] + unit[j] for i, j in pairs]
-    seen = _Known(np.stack(points), *_values(record, family, np.stack(points)))
+    parts = parts_at(family, np.stack(points), record.limits)
+    seen = _Known(np.stack(points), *_values(record, parts))
     values = seen.values
     plus, minus = values[1 : q + 1], values[q + 1 : 2 * q + 1]
     slope = (plus - minus) / (2 * _STEP)
@@ -394,9 +424,7 @@ def _inside(record: NoiseRows, family: Family, theta: np.ndarray) -> np.ndarray:
     return np.clip(theta, *_bounds(family, record.limits))
 
 
-def parts_at(
-    family: Family, theta: np.ndarray, limits: Limits
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def parts_at(family: Family, theta: np.ndarray, limits: Limits) -> _Parts:
     """Shares (g, 2), rates (g, 2, k) and betas (g,) at some `theta` (g, q)."""
     g, k = len(theta), len(limits.gaps)
     size, rates = np.zeros((g, PARTS)), np.ones((g, PARTS, k))
@@ -425,42 +453,50 @@ def noise_at(
 ) -> Noise:
     """The noise of a family at `theta`."""
     parts = parts_at(family, theta[None], record.limits)
-    share, rates, beta = (jnp.asarray(x[0]) for x in parts)
-    return Noise(jnp.asarray(sigma), share, rates, beta, record.scale, jnp.asarray(value))
+    share, rates, beta = (x[0] for x in parts)
+    return Noise(np.asarray(sigma), share, rates, beta, record.scale, np.asarray(value))
 
 
-def _values(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Restricted log-likelihoods and sigmas at some `theta` (g, q)."""
+def _parts_of(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> _Parts:
+    """Shares, rates and betas of the starts of all families, one after the other."""
+    each = [parts_at(family, some, record.limits) for family, some in starts.items()]
+    share, rates, beta = (np.concatenate(some) for some in zip(*each, strict=True))
+    return share, rates, beta
+
+
+def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
+    """Restricted log-likelihoods and sigmas (g,) of noises with some `parts` (as of `parts_at`)."""
     values, sigmas = [], []
-    many = _MANY if _MANY * record.columns.shape[1] <= _WIDE else _FEW
+    columns, count = record.columns.shape[1], len(parts[2])
+    many = _ALONE if columns == 1 else _MANY if _MANY * columns <= _WIDE else _FEW
+    few = min(many, _ALONE if columns == 1 else _FEW)
     begin = 0
-    while begin < len(theta):
-        size = _FEW if len(theta) - begin <= _FEW else many
-        part = theta[begin : begin + size]
+    while begin < count:
+        size = few if count - begin <= few else many
+        at = np.minimum(np.arange(begin, begin + size), count - 1)  # few shapes are compiled
         begin += size
-        full = part[np.minimum(np.arange(size), len(part) - 1)]  # few shapes are compiled
-        parts = (jnp.asarray(x) for x in parts_at(family, full, record.limits))
-        found = restricted(record.clock, record.weight, record.columns, record.scale, *parts)
-        values.append(np.asarray(found[0])[: len(part)])
-        sigmas.append(np.asarray(found[1])[: len(part)])
-    value = np.concatenate(values)
-    return np.where(np.isfinite(value), value, -np.inf), np.concatenate(sigmas)
+        some = (x[at] for x in parts)
+        found = restricted(record.clock, record.weight, record.columns, record.scale, *some)
+        values.append(np.asarray(found[0]))
+        sigmas.append(np.asarray(found[1]))
+    value = np.concatenate(values)[:count]
+    return np.where(np.isfinite(value), value, -np.inf), np.concatenate(sigmas)[:count]
 
 
 @traced
 def products(
-    clock: Float[Array, "n *k"],
-    weight: Float[Array, " n"],
-    columns: Float[Array, "n m"],
-    scale: Float[Array, " *n"],
-    share: Float[Array, "g 2"],
-    rates: Float[Array, "g 2 k"],
-    beta: Float[Array, " g"],
+    clock: Float[Numbers, "n *k"],
+    weight: Float[Numbers, " n"],
+    columns: Float[Numbers, "n m"],
+    scale: Float[Numbers, " *n"],
+    share: Float[Numbers, "g 2"],
+    rates: Float[Numbers, "g 2 k"],
+    beta: Float[Numbers, " g"],
 ) -> tuple[Float[Array, "g m m"], Float[Array, " g"]]:
     """Products of the columns whitened under every noise of sigma 1, and its log-determinants."""
     one = jnp.ones(())
 
-    def under(share: Array, rates: Array, beta: Array) -> tuple[Array, Array]:
+    def under(share: Numbers, rates: Numbers, beta: Numbers) -> tuple[Array, Array]:
         noise = Noise(one, share, rates, beta, scale, one)
         return innovations(clock, weight, columns, noise)
 
@@ -470,13 +506,13 @@ def products(
 
 @traced
 def restricted(
-    clock: Float[Array, "n k"],
-    weight: Float[Array, " n"],
-    columns: Float[Array, "n m"],
-    scale: Float[Array, " *n"],
-    share: Float[Array, "g 2"],
-    rates: Float[Array, "g 2 k"],
-    beta: Float[Array, " g"],
+    clock: Float[Numbers, "n k"],
+    weight: Float[Numbers, " n"],
+    columns: Float[Numbers, "n m"],
+    scale: Float[Numbers, " *n"],
+    share: Float[Numbers, "g 2"],
+    rates: Float[Numbers, "g 2 k"],
+    beta: Float[Numbers, " g"],
 ) -> tuple[Float[Array, " g"], Float[Array, " g"]]:
     """Restricted log-likelihood and sigma of every noise; column 0 is the residual."""
     gram, log_determinant = products(clock, weight, columns, scale, share, rates, beta)

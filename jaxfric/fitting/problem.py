@@ -178,7 +178,7 @@ class Problem(AbstractProblem):
 
     def holding(self, hold: np.ndarray) -> "Problem":
         """A copy with other weights `hold` on the shifts of the step times."""
-        return dataclasses.replace(self, hold=jnp.asarray(hold))
+        return dataclasses.replace(self, hold=jax.device_put(hold))
 
     def predict(
         self, z: Float[Array, " q"]
@@ -253,6 +253,18 @@ def natural(
     return jax.vmap(problem.from_free)(zs), jnp.diagonal(slopes, axis1=1, axis2=2)
 
 
+@traced
+def rig_at(problem: Problem, z: Float[Array | np.ndarray, " q"]) -> Rig:
+    """The rig of a problem with the parameters `z`."""
+    return problem.rig(jnp.asarray(z))
+
+
+@traced
+def step_times_at(problem: Problem, z: Float[Array | np.ndarray, " q"]) -> Float[Array, " m"]:
+    """Times of the velocity steps [s] of a problem at the parameters `z`."""
+    return problem.step_times(jnp.asarray(z))
+
+
 def build_rig(
     model: Model, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
 ) -> Rig:
@@ -303,22 +315,22 @@ def make_problem(
     if len(shifted):  # to a few lengths; the first velocity has no step and no error
         shifted = np.pad(shifted, (0, bucket(len(shifted), 4) - len(shifted)))
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
-    pad = (0, bucket(n, 256) - n)
+    pad, put = (0, bucket(n, 256) - n), jax.device_put
     motion = PiecewiseVelocity(steps.times, steps.velocities)
     return Problem(
-        time=jnp.asarray(np.pad(time, pad, mode="edge")),
-        friction=jnp.asarray(np.pad(friction, pad, mode="edge")),
-        weight=jnp.asarray(np.pad(np.ones(n), pad)),
-        clock=jnp.asarray(np.pad(clock, (pad, (0, 0)), mode="edge")),
+        time=put(np.pad(time, pad, mode="edge")),
+        friction=put(np.pad(friction, pad, mode="edge")),
+        weight=put(np.pad(np.ones(n), pad)),
+        clock=put(np.pad(clock, (pad, (0, 0)), mode="edge")),
         motion=motion.padded(bucket(len(steps), 4)),
-        shifted=jnp.asarray(shifted),
-        shift_scale=jnp.asarray(errors[shifted], float),
-        hold=jnp.ones(len(shifted)),
-        V0=jnp.array(sizes.V0, float),
-        stiffness=jnp.array(sizes.stiffness, float),
-        noise_scale=jnp.array(sizes.noise, float),
-        force_scale=jnp.array(sizes.force, float),
-        slip_scale=jnp.array(path[-1] - path[0], float),
+        shifted=put(shifted),
+        shift_scale=put(errors[shifted].astype(float)),
+        hold=put(np.ones(len(shifted))),
+        V0=put(np.array(sizes.V0, float)),
+        stiffness=put(np.array(sizes.stiffness, float)),
+        noise_scale=put(np.array(sizes.noise, float)),
+        force_scale=put(np.array(sizes.force, float)),
+        slip_scale=put(np.array(path[-1] - path[0], float)),
         damping=None,
         noise=None,
         channels=(),

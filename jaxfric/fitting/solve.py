@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
@@ -59,12 +58,12 @@ def one_pass(problem: Problem, z: Float[Array, " p"]) -> Callable[[Array], Array
     return residual
 
 
-def misfits(problem: Problem, starts: Float[Array, "s q"]) -> np.ndarray:
+def misfits(problem: Problem, starts: np.ndarray) -> np.ndarray:
     """Sum of squared residuals at every start.
 
     By the function that the descent needs anyway: compiling another costs more than its Jacobians.
     """
-    residuals = [residual_and_jacobian(problem, z)[0] for z in starts]
+    residuals = [residual_and_jacobian(problem, jax.device_put(z))[0] for z in starts]
     return np.array([float(r @ r) for r in map(np.asarray, residuals)])
 
 
@@ -87,7 +86,7 @@ def descend(
 
 def solve(
     problem: Problem,
-    starts: Float[Array, "s p"],
+    starts: np.ndarray,
     *,
     refine: int = 3,
     tolerance: float = 1e-3,
@@ -107,7 +106,7 @@ def solve(
     if found_misfits[order[0]] >= FAILED_MISFIT**2 and problem.damping is None:
         # every start runs away: the record lies near that edge. Approach it with a dashpot.
         order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
-    samples = float(jnp.sum(problem.weight > 0))
+    samples = float(np.sum(np.asarray(problem.weight) > 0))
     found: list[Solution] = []
     last: float | None = None
     for k, i in enumerate(order[:refine]):
@@ -118,8 +117,9 @@ def solve(
         )
         feasible = bool(found_misfits[i] < FAILED_MISFIT**2)
         z, result, steps = _descend_safely(problem, starts[i], feasible, tolerance)
+        z = jax.device_put(np.asarray(z))  # not of JAX's weak type, which is compiled for anew
         residual, jacobian = residual_and_jacobian(problem, z)
-        cost = float(jnp.sum(residual**2))
+        cost = float(np.sum(np.square(residual)))
         found.append(Solution(z, residual, jacobian, result, int(steps), cost))
         last = time.perf_counter() - begun
         if cost < _NOISE_REACHED * samples:
@@ -136,13 +136,13 @@ def _length(pace: float, last: float | None) -> str:
 
 
 def _descend_safely(
-    problem: Problem, z: Float[Array, " p"], feasible: bool, tolerance: float
+    problem: Problem, z: np.ndarray, feasible: bool, tolerance: float
 ) -> tuple[Array, optx.RESULTS, Array]:
     """Descend; from a start that runs away, first with ever weaker dashpots that forbid it."""
-    free = jnp.ones_like(z)
+    free = jax.device_put(np.ones_like(z))
     for strength in _DASHPOTS:
         if feasible:
             break
-        z, _, _ = descend(problem.damped(strength), z, free, tolerance)
+        z = np.asarray(descend(problem.damped(strength), jax.device_put(z), free, tolerance)[0])
         feasible = bool(misfits(problem, z[None])[0] < FAILED_MISFIT**2)
-    return descend(problem, z, free, tolerance)
+    return descend(problem, jax.device_put(z), free, tolerance)

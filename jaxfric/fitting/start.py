@@ -104,18 +104,18 @@ def one_state_starts(
     dt = np.pad(np.diff(data.end, prepend=0.0), (0, pad))
     load = steps.displacement(data.end)
     velocity = np.diff(load, prepend=0.0) / np.diff(data.end, prepend=0.0)
-    members = Members(*(jnp.asarray(column) for column in grid.T))
+    put = jax.device_put
+    members = Members(*(put(column) for column in grid.T))
     intervals = Intervals(
-        jnp.asarray(dt),
-        jnp.asarray(np.pad(load, (0, pad), mode="edge")),
-        jnp.asarray(np.pad(velocity, (0, pad), mode="edge")),
-        jnp.asarray(np.pad(data.friction, (0, pad))),
-        jnp.asarray(np.pad(data.rows, (0, pad))),
+        put(dt),
+        put(np.pad(load, (0, pad), mode="edge")),
+        put(np.pad(velocity, (0, pad), mode="edge")),
+        put(np.pad(data.friction, (0, pad))),
+        put(np.pad(data.rows, (0, pad))),
     )
-    begin, evolution = jnp.asarray(steps.velocities[0]), first_evolution(model.law)
-    linear, misfit = _grid_misfit(
-        members, intervals, jnp.asarray(V0), begin, evolution, model.slip_trend
-    )
+    begin, evolution = put(np.asarray(steps.velocities[0])), first_evolution(model.law)
+    start = put(np.asarray(V0, float))
+    linear, misfit = _grid_misfit(members, intervals, start, begin, evolution, model.slip_trend)
     linear, misfit = np.asarray(linear), np.asarray(misfit)
     kept: list[int] = []
     shape = np.log(np.abs(grid[:, [0, 2, 3]]))

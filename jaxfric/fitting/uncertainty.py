@@ -53,7 +53,7 @@ def inverse_root(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
 def data_part(problem: Problem, solution: Solution):
     """Residual and Jacobian of the record alone, without the residuals of the step times."""
     n = problem.time.shape[0]
-    return solution.residual[:n], solution.jacobian[:n]
+    return np.asarray(solution.residual)[:n], np.asarray(solution.jacobian)[:n]
 
 
 def covariance(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:

@@ -1,11 +1,10 @@
 """Whitening of any number of columns with few compilations: sixty-four at a time."""
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ..traced import traced
-from .noise import Noise, innovations
+from .noise import Noise, Numbers, innovations
 
 _WIDE = 64
 
@@ -13,14 +12,14 @@ compiled_innovations = traced(innovations)
 """`fitting.noise.innovations`, compiled once for every shape."""
 
 
-def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[Array, "n m"]:
+def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[np.ndarray, "n m"]:
     """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
     more = -columns.shape[1] % size
-    return jnp.asarray(np.pad(columns, ((0, 0), (0, more))))
+    return np.pad(columns, ((0, 0), (0, more)))
 
 
 def whitened(
-    clock: Float[Array, "n *k"], weight: Float[Array, " n"], columns: np.ndarray, noise: Noise
+    clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], columns: np.ndarray, noise: Noise
 ) -> np.ndarray:
     """The columns (n, m) in units of the noise and uncorrelated, as in `fitting.noise.whiten`."""
     wide = 1 if columns.shape[1] == 1 else _WIDE

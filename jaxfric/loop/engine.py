@@ -11,7 +11,6 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
@@ -182,7 +181,7 @@ class Engine(Generic[P]):
         limit = np.maximum(shortest, _NOISE_SHARE * per_velocity)
         self.longest = limit if bounds.longest is None else bounds.longest
         if bounds.by_step:  # a last clock, which `learn_noise` may set going
-            still = jnp.pad(problem.clock, ((0, 0), (0, 1)))
+            still = jax.device_put(np.pad(problem.clock, ((0, 0), (0, 1))))
             problem = eqx.tree_at(lambda p: p.clock, problem, still)
             self.longest = np.append(self.longest, 0.0)
         self.by_step, self.pace = bounds.by_step, None
@@ -223,7 +222,7 @@ class Engine(Generic[P]):
         known = weight.copy()
         known[: self.rows] += blocks.select
         self.blocks, self.weight, self.known = blocks, weight, known
-        self.problem = eqx.tree_at(lambda p: p.weight, self.problem, jnp.asarray(weight))
+        self.problem = eqx.tree_at(lambda p: p.weight, self.problem, jax.device_put(weight))
 
     def at(self, z: np.ndarray, problem: P) -> P:
         """`problem`, one of the engine's, as it is simulated at `z`: lighter where it can be.
@@ -341,7 +340,7 @@ class Engine(Generic[P]):
         if self.pace is not None:
             clock = np.array(self.problem.clock)
             clock[:, -1] = 0.0
-            self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jnp.asarray(clock))
+            self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jax.device_put(clock))
             self.longest, self.pace = np.append(self.longest[:-1], 0.0), None
 
     def _learned(self, candidate: Candidate) -> tuple[Candidate, "Rows"]:
@@ -369,7 +368,7 @@ class Engine(Generic[P]):
         pace = pace_of_steps(columns[: self.rows][on], step[on])
         clock = np.array(self.problem.clock)
         clock[:, -1] = own_clock(pace, step, len(clock))
-        self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jnp.asarray(clock))
+        self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jax.device_put(clock))
         self.longest = np.append(self.longest[:-1], self.longest[-2] / np.max(pace))
         paced = self._anew(train[:, 0], train[:, 1:])
         more = paced.family.parameters - found.family.parameters + len(pace) - 1
@@ -433,9 +432,7 @@ class Engine(Generic[P]):
         """-2 ln p of the select block given the train block, at the noise of the train block."""
         problem, total = self.problem, 0.0
         for weight, sign in ((self.known, 1.0), (self.weight, -1.0)):
-            white, size = compiled_innovations(
-                problem.clock, jnp.asarray(weight), jnp.asarray(residual)[:, None], noise
-            )
+            white, size = compiled_innovations(problem.clock, weight, residual[:, None], noise)
             white, rows = np.asarray(white) / float(noise.sigma), weight.sum()
             size = float(size) + 2 * rows * np.log(float(noise.sigma))
             total += sign * float(np.sum(white**2) + size)
@@ -446,7 +443,7 @@ class Engine(Generic[P]):
     ) -> np.ndarray:
         """Columns (rows of a weight, by default train; others 0) in units of the noise, and
         uncorrelated."""
-        known = jnp.asarray(self.weight if weight is None else weight)
+        known = self.weight if weight is None else weight
         return whitened(self.problem.clock, known, columns, noise)
 
     def rms_error(self, used: np.ndarray, noise: Noise) -> float:
@@ -517,7 +514,7 @@ class Engine(Generic[P]):
 
     def values(self, z: np.ndarray) -> dict[str, float]:
         """Natural values (SI) of all parameters by name."""
-        natural = np.asarray(_natural(self.problem, jnp.asarray(z)))
+        natural = np.asarray(_natural(self.problem, jax.device_put(z)))
         return dict(zip(self.names, natural.tolist(), strict=True))
 
     def moderate(self, z: np.ndarray, start: np.ndarray) -> bool:
@@ -549,7 +546,7 @@ def _in_parts(
     for begin in range(0, max(len(index), 1), _AT_ONCE):
         part = index[begin : begin + _AT_ONCE]
         padded = np.pad(part, (0, _AT_ONCE - len(part)), constant_values=len(z))
-        residual, jacobian = _evaluate(problem, jnp.asarray(z), jnp.asarray(padded))
+        residual, jacobian = _evaluate(problem, *jax.device_put((z, padded)))
         parts.append(np.asarray(jacobian)[:, : len(part)])
     return np.asarray(residual), np.concatenate(parts, axis=1)
 
@@ -572,7 +569,7 @@ def _natural(problem: AbstractProblem, z: Float[Array, " q"]):
 
 def white_noise(clocks: int) -> Noise:
     """White noise of sigma 1, for a problem with so many clocks."""
-    return noise_of(1.0, 0.0, jnp.ones(clocks))
+    return noise_of(1.0, 0.0, np.ones(clocks))
 
 
 def columns_of(
@@ -585,7 +582,7 @@ def columns_of(
         at = tuple(range(place, place + len(amplitudes)))
         place += len(amplitudes)
         free = {
-            i: float(engine.model.quantity(engine.names[i]).to_free(jnp.asarray(value)))
+            i: float(engine.model.quantity(engine.names[i]).to_free(value))
             for i, value in zip(own, shape.values(), strict=True)
         }
         found.append(Column(id, free, amplitudes, at))

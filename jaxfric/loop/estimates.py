@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from ..fitting import Estimate
@@ -67,7 +67,7 @@ def _natural(engine: Engine, z: np.ndarray, named: np.ndarray, std: np.ndarray):
             row[i] += side * QUANTILE * (s if np.isfinite(s) else 0.0)
             rows.append(row)
     more = -len(rows) % _ROWS
-    values, slopes = natural(engine.problem, jnp.asarray(np.stack(rows + rows[:1] * more)))
+    values, slopes = natural(engine.problem, jax.device_put(np.stack(rows + rows[:1] * more)))
     values, slopes = np.asarray(values), np.asarray(slopes)
     m = len(named)
     lower = values[range(1, m + 1), named]

@@ -7,7 +7,6 @@ for each of hundreds of candidates at the cost of one.
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -92,13 +91,12 @@ def evidence(
     n, m = columns.shape
     pad = -(m + 2) % 32
     parts = [residual[:, None], columns, np.zeros((n, pad)), np.ones((n, 1))]
-    all_columns = jnp.asarray(np.concatenate(parts, axis=1))
-    rows = jnp.asarray(clock), jnp.asarray(weight), all_columns
-    rows = (*rows, jnp.ones(n) if scale is None else jnp.asarray(scale))
+    rows = np.asarray(clock), np.asarray(weight), np.concatenate(parts, axis=1)
+    rows = (*rows, np.ones(n) if scale is None else np.asarray(scale))
     grams, log_det = [], []
     for begin in range(0, len(noises[2]), _AT_ONCE):
         at = np.minimum(np.arange(begin, begin + _AT_ONCE), len(noises[2]) - 1)
-        some = (jnp.asarray(x[at]) for x in noises)
+        some = (x[at] for x in noises)
         found = products(*rows, *some)
         grams.append(np.asarray(found[0]))
         log_det.append(np.asarray(found[1]))

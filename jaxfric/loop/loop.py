@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Self
 
 import equinox as eqx
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Array
 
@@ -135,7 +135,7 @@ class SliderBench(AbstractBench):
         """The base fit; step times from those that the load point shows."""
         values, steps = self.base_fit.values(), self.found_steps
         natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        z = np.array(to_free(self.problem, jnp.asarray(natural)[None]))[0]
+        z = np.array(to_free(self.problem, jax.device_put(np.asarray(natural)[None])))[0]
         if steps.time_errors is None:
             return z
         for index in engine.shifts:
@@ -317,7 +317,7 @@ def _problem(
         errors[: len(steps) - 1] = steps.time_errors[1:]
     jumps = np.abs(np.diff(np.asarray(problem.motion.velocities)))
     felt = values["K"] * jumps * errors > _FELT * float(problem.noise_scale)
-    shifts = (jnp.arange(1, size + 1), jnp.asarray(errors), jnp.ones(size))
+    shifts = jax.device_put((np.arange(1, size + 1), errors, np.ones(size)))
     where = lambda p: (p.shifted, p.shift_scale, p.hold)  # noqa: E731
     problem = eqx.tree_at(where, problem, shifts)
     channels = _channels(record, steps, blocks, len(problem.time))
@@ -338,9 +338,9 @@ def _channels(
             pad = (0, size - len(values))
             found.append(
                 Channel(
-                    jnp.asarray(np.pad(values - values[0], pad, mode="edge")),
-                    jnp.asarray(noise_from_differences(values)),
-                    jnp.asarray(np.pad(blocks.train.astype(float), pad)),
+                    jax.device_put(np.pad(values - values[0], pad, mode="edge")),
+                    jax.device_put(np.asarray(noise_from_differences(values))),
+                    jax.device_put(np.pad(blocks.train.astype(float), pad)),
                     kind,
                 )
             )
@@ -355,7 +355,7 @@ def _finer(engine: Engine[Problem], base: Candidate) -> float:
         problem = engine.everywhere.with_model(engine.model.base)
         z = np.concatenate([base.z[engine.base], base.z[len(engine.names) :]])
     fine = dataclasses.replace(problem, rtol=_FINER * problem.rtol, max_steps=3 * problem.max_steps)
-    residual = np.asarray(_residual(fine, jnp.asarray(z)))[: engine.rows]
+    residual = np.asarray(_residual(fine, jax.device_put(z)))[: engine.rows]
     if np.any(np.abs(residual) >= FAILED_MISFIT):
         return np.inf
     return float(np.max(np.abs(residual - base.residual))) / float(base.noise.sigma)

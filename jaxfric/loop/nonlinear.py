@@ -3,12 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..effects import AbstractEffect, RecordScales, null
 from ..effects.effect import made
-from ..fitting.problem import Problem
+from ..fitting.problem import Problem, rig_at
 from ..rig import Rig
 from ..rig.friction.extended import ExtendedLaw
 from .engine import Column, Engine, Sensitivities, columns_of, padded_columns
@@ -25,8 +24,8 @@ def friction_sensitivities(
 ) -> Sensitivities:
     """Columns of those missing effects that have shapes and are friction terms."""
     problem = engine.at(z, engine.problem)
-    rig = problem.rig(jnp.asarray(z))
-    response = linear_response(problem, jnp.asarray(z))
+    rig = rig_at(problem, z)
+    response = linear_response(problem, jax.device_put(z))
     shaped = {e: starts for e in missing if (starts := shapes_of(e, scales)) and _is_term(e, rig)}
     n, more = engine.problem.time.shape[0], len(engine.weight) * len(engine.problem.channels)
     more += len(engine.problem.hold)
@@ -99,7 +98,7 @@ def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndar
     parts = []
     for begin in range(0, forces.shape[1], _FORCES):
         part = forces[:, begin : begin + _FORCES]
-        seen = response(padded_columns(part, size=_FORCES))
+        seen = response(jax.device_put(padded_columns(part, size=_FORCES)))
         parts.append([np.asarray(x)[:, : part.shape[1]] for x in seen])
     friction, slip = (np.concatenate(x, axis=1) for x in zip(*parts, strict=True))
     return friction, slip

@@ -18,7 +18,6 @@ Assoc. 84, 598, for its bootstrap.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from ..fitting.noise import coloured
@@ -55,8 +54,8 @@ def chances(
     jacobian = rows.jacobian * weight
     null = engine.noise_of_family(rows.residual * engine.weight, jacobian, found)
     rng = np.random.default_rng(_SEED)
-    white = jnp.asarray(rng.standard_normal((len(engine.weight), _DRAWS)))
-    drawn = coloured(engine.problem.clock, jnp.asarray(engine.weight), white, found.noise)
+    white = rng.standard_normal((len(engine.weight), _DRAWS))
+    drawn = coloured(engine.problem.clock, engine.weight, white, found.noise)
     asked = np.concatenate([q.columns for q in questions], axis=1) * weight
     more = rng.standard_normal((len(rows.extra), _DRAWS))
     noises = _around(found.family, (null.theta, found.theta), engine.limits())

@@ -8,7 +8,7 @@ drive, which is part of the motion and exact.
 
 import dataclasses
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from ..fitting.problem import Problem
@@ -35,4 +35,4 @@ def seen_between(problem: Problem, bend: float, length: float, share: float = 0.
     times = np.concatenate([time, between])
     order = np.argsort(times, kind="stable")
     rows = np.argsort(order)[: len(time)]
-    return dataclasses.replace(problem, seen=(jnp.asarray(times[order]), jnp.asarray(rows)))
+    return dataclasses.replace(problem, seen=jax.device_put((times[order], rows)))

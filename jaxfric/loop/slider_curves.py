@@ -6,7 +6,7 @@ import numpy as np
 
 from ..effects import STEADY_CURVES
 from ..effects.effect import evolution_of
-from ..fitting.problem import Problem
+from ..fitting.problem import Problem, rig_at
 from ..records import VelocitySteps
 from ..rig.friction.extended import Contact, ExtendedLaw
 from .curves import Curve, CurveRig
@@ -27,7 +27,7 @@ def slider_curves(engine: Engine[Problem], final: Candidate, steps: VelocityStep
 
     def level(z: np.ndarray, V: np.ndarray) -> np.ndarray:
         if z.tobytes() not in laws:
-            law = engine.problem.rig(jnp.asarray(z)).friction
+            law = rig_at(engine.problem, z).friction
             assert isinstance(law, ExtendedLaw)
             laws[z.tobytes()] = law
         return _level(laws[z.tobytes()], V)

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from ..effects import effect_of
@@ -110,7 +109,7 @@ def _level(
     smooth = orthonormal(columns[:, np.linalg.norm(columns, axis=0) > 0])
     left = residual * mask
     left = left - smooth @ (smooth.T @ left)
-    alone = noise._replace(sigma=jnp.ones(()))
+    alone = noise._replace(sigma=np.ones(()))
     taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth), alone))
     whole = float(np.sum((mask * np.asarray(noise.scale)) ** 2))
     share = whole - float(np.trace(taken))
