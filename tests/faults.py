@@ -25,6 +25,7 @@ STORE = "tests/test_study_run.py -k damaged_samples"
 AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
 SETTLING = "tests/test_end_states.py -k thresholds"
 EXTENSION = "tests/test_extension.py"
+REDUCTION = "tests/test_reduction.py"
 OWN_EFFECT = "tests/test_new_effect.py"
 OWN_LAW = "tests/test_new_law.py"
 REGULARISED = "tests/test_study_toml.py -k regularised"
@@ -484,5 +485,25 @@ FAULTS = (
     Fault("a unit that is not known is 1", "fitting/abstract_problem.py",
           "if symbol not in powers:", "if symbol not in powers and sign > 5:",
           f"{OWN_EFFECT} -k unit"),
+    Fault("a common unit of time is that of length", "units.py",
+          '("ms", 1e-3)', '("ms", 1e-6)', f"{UNITS} -k common"),
+    Fault("one start of a family is asked", "fitting/noise_search.py",
+          "_LIKELY = 12", "_LIKELY = 0", "tests/test_noise.py"),
+    Fault("the last row is left out", "records/reduction/bench.py",
+          "else last + 1", "else last", REDUCTION),
+    Fault("a stretched frame is added", "records/reduction/operations.py",
+          "displacement - (stress", "displacement + (stress", REDUCTION),
+    Fault("a jump goes the other way", "records/reduction/operations.py",
+          "values[last] - values[first]", "values[first] - values[last]", REDUCTION),
+    Fault("equal rows are kept", "records/reduction/operations.py",
+          "signed > highest", "signed >= highest", REDUCTION),
+    Fault("a sum begins twice", "records/reduction/xlook_script.py",
+          "[[start], values[1:]]", "[[start], values[:-1]]", REDUCTION),
+    Fault("what is not known is passed over", "records/reduction/xlook_script.py",
+          'if _FITS.fullmatch(command):', 'if True:', REDUCTION),
+    Fault("rows lose their place in the file", "records/reduction/bench.py",
+          "self.lines = self.lines[rows]", "self.lines = self.lines[: int(rows.sum())]", REDUCTION),
+    Fault("zeros alone may divide", "records/reduction/xlook_script.py",
+          "not np.any(other)", "False", REDUCTION),
 )
 # fmt: on

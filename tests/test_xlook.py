@@ -9,6 +9,7 @@ from public_data import public_record
 
 from jaxfric.errors import InputError
 from jaxfric.records import read, read_table
+from jaxfric.records.reduction import reduced
 
 ROWS = 50
 
@@ -90,3 +91,18 @@ def test_the_archive_of_p655() -> None:
     moved = 0.076472e-6 * table.columns[1][rows]  # the run's own calibration, per bit
     there = reduced.load_point_displacement
     assert np.allclose(moved - moved[0], there - there[0], rtol=0, atol=1e-10)
+
+
+def test_p655_is_reduced_as_its_laboratory_did() -> None:
+    """Rows, friction, load point and time of the step that the laboratory published."""
+    run_path = public_record("p655intact100l")
+    found = reduced(run_path, public_record("p655_r"))
+    step = np.genfromtxt(public_record("p655_step1.csv"), delimiter=",", skip_header=1)
+    rows = slice(24303, 25085)  # as its script gives them to the fit
+    time, load_point, friction, normal = step.T[:4]
+    columns = dict(zip(found.names, found.columns, strict=True))
+    np.testing.assert_allclose(columns["mu"][rows], friction, atol=1e-8)
+    np.testing.assert_allclose(columns["LP_disp"][rows], load_point, atol=1e-4)
+    np.testing.assert_allclose(columns["Nor_stress"][rows], normal, rtol=1e-6)
+    np.testing.assert_allclose(np.diff(columns["Time"][rows]), np.diff(time), atol=1e-6)
+    assert len(found.reduction) == 40

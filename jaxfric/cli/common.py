@@ -25,12 +25,15 @@ def read_record(
     drop_bad: bool,
     since: str | None = None,
     until: str | None = None,
+    *,
+    reduce: Path | None = None,
 ) -> "Record":
-    """The record, with columns given as ROLE=NAME texts, cut to the window of `Since`, `Until`."""
+    """The record, with columns given as ROLE=NAME texts, reduced by a script, and cut to the window
+    of `Since`, `Until`."""
     from ..records import read
 
     roles = read_pairs(columns or (), "--column", "--column friction=mu", form="ROLE=NAME")
-    record = read(file, columns=roles or None, drop_bad=drop_bad)
+    record = read(file, columns=roles or None, drop_bad=drop_bad, reduce=reduce)
     warn(record.provenance.doubts)
     return windowed(record, since, until)
 

@@ -36,6 +36,7 @@ def fit(
         bool, Parameter(negative=(), help="Fit a linear change of friction with slip as well.")
     ] = False,
     steps: options.Steps = None,
+    reduce: options.Reduce = None,
     column: options.Columns = None,
     drop_bad: options.DropBad = False,
     since: options.Since = None,
@@ -71,7 +72,7 @@ def fit(
     options that differ from their default: ./NAME-fit-ageing/.
     """
     doing(f"reading {file.name}")
-    measured = read_record(file, column, drop_bad, since, until)
+    measured = read_record(file, column, drop_bad, since, until, reduce=reduce)
     prepare_jax()
     from ..fitting import fit as run
     from ..fitting.start_text import parse_start

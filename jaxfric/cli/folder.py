@@ -34,7 +34,18 @@ _ASKED = (
     "kp",
 )
 _OF_A_MACHINE = ("drive_gain", "rated_torque", "position_gain", "velocity_gain", "kv", "noise")
-_READ_AND_TOLD = ("file", "column", "drop_bad", "rig", "flip", "plot", "out", "json", "scheduler")
+_READ_AND_TOLD = (
+    "file",
+    "reduce",
+    "column",
+    "drop_bad",
+    "rig",
+    "flip",
+    "plot",
+    "out",
+    "json",
+    "scheduler",
+)
 _NOT_NAMED = {*_ASKED, *_OF_A_MACHINE, *_READ_AND_TOLD, "model", "record", "slip_per_step"}
 # Choices whose value says enough by itself: `ageing`, `whitened`.
 _ALONE = frozenset(("law", "weighting"))

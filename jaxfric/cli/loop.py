@@ -31,6 +31,7 @@ def loop(
         int | None,
         Parameter(help="Fit means over neighbouring rows, about so many: quicker by as much."),
     ] = None,
+    reduce: options.Reduce = None,
     column: options.Columns = None,
     drop_bad: options.DropBad = False,
     since: options.Since = None,
@@ -54,7 +55,7 @@ def loop(
     declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
-        record = read_record(file, column, drop_bad, since, until)
+        record = read_record(file, column, drop_bad, since, until, reduce=reduce)
         prepare_jax()
         from ..loop import close_loop
 

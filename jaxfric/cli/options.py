@@ -31,6 +31,13 @@ DropBad = Annotated[
         " their neighbours.",
     ),
 ]
+Reduce = Annotated[
+    Path | None,
+    Parameter(
+        help="First make columns in units of what the press recorded, by this script of the"
+        " laboratory: a command file of xlook."
+    ),
+]
 Steps = Annotated[
     str | None,
     Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),

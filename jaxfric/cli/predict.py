@@ -45,6 +45,7 @@ def predict(
     rated_torque: options.RatedTorque = None,
     flip: options.Flip = None,
     held: options.Held = False,
+    reduce: options.Reduce = None,
     column: options.Columns = None,
     drop_bad: options.DropBad = False,
     out: options.Out = None,
@@ -71,6 +72,7 @@ def predict(
         "--held": held,
     }
     of_a_slider = {"--stiffness": stiffness, "--steps": steps, "--free": free is not None}
+    of_a_slider["--reduce"] = reduce
     kind = "an axis" if saved.is_axis else "a slider"
     refuse_unused(f"{model}, a model of {kind}", of_a_slider if saved.is_axis else of_an_axis)
     doing(f"reading {record.name}")
@@ -79,7 +81,7 @@ def predict(
             record, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
         )
     else:
-        measured = read_record(record, column, drop_bad)
+        measured = read_record(record, column, drop_bad, reduce=reduce)
     folder = choose_folder(out, f"{record.stem}-by-{source_name(model)}", record, model)
     with told(quiet=json) as progress:
         result = run(

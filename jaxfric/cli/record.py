@@ -18,6 +18,7 @@ def record(
     /,
     *,
     rig: options.Rig = "slider",
+    reduce: options.Reduce = None,
     column: options.Columns = None,
     drop_bad: options.DropBad = False,
     since: options.Since = None,
@@ -32,9 +33,11 @@ def record(
 ) -> int:
     """Show what is understood of a record, and draw it.
 
-    Of a slider: columns, units, sampling, velocity steps. Of an axis: columns, units, sampling, the
-    steps of the encoder, strokes, and which columns are not used. Of a folder of steady runs: speed
-    and force of each. The figure goes to the output folder, by default ./NAME-record/.
+    Of a slider: columns, units, sampling, velocity steps; with --reduce what every step of the
+    script did, and the columns as recorded in a second figure. Of an axis: columns, units,
+    sampling, the steps of the encoder, strokes, and which columns are not used. Of a folder of
+    steady runs: speed and force of each. Figures go to the output folder, by default
+    ./NAME-record/.
     """
     columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
     signals = {
@@ -45,8 +48,8 @@ def record(
     loops = {"--position-gain": position_gain, "--velocity-gain": velocity_gain}
     unused = {
         "slider": signals | loops,
-        "axis": {"--steps": steps},
-        "steady": {"--steps": steps, **loops, "--from": since, "--to": until},
+        "axis": {"--steps": steps, "--reduce": reduce},
+        "steady": {"--steps": steps, "--reduce": reduce, **loops, "--from": since, "--to": until},
     }[rig]
     other = "slider" if rig == "axis" else "axis"
     refuse_unused(f"--rig {rig}", unused, f", or choose --rig {other}")
@@ -54,7 +57,8 @@ def record(
     from ..records import read_axis, read_steady
 
     if rig == "slider":
-        return _slider(read_record(file, column, drop_bad, since, until), file, steps, out)
+        slider = read_record(file, column, drop_bad, since, until, reduce=reduce)
+        return _slider(slider, file, steps, out, reduced=reduce is not None)
     if rig == "steady":
         return _steady(read_steady(file, **columns._asdict()), file, out)
     measured = read_axis(
@@ -63,20 +67,25 @@ def record(
     return _axis(windowed(measured, since, until), file, out)
 
 
-def _slider(measured: "Record", file: Path, steps: str | None, out: Path | None) -> int:
+def _slider(
+    measured: "Record", file: Path, steps: str | None, out: Path | None, *, reduced: bool
+) -> int:
+    from ..plot.raw import draw_raw
     from ..plot.record import draw_record
-    from ..records import VelocitySteps, record_steps
+    from ..records import VelocitySteps, read_table, record_steps
     from ..records.steps import speeds_without_steps
     from ..report.record_text import describe
 
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
     found.refuse_end(measured.relative_time[-1])
     folder = choose_folder(out, file.stem, file)
-    code = _show(
-        folder,
-        lambda to: draw_record(measured, found, to / "record.png"),
-        describe(measured, found),
-    )
+
+    def draw(to: Path) -> None:
+        draw_record(measured, found, to / "record.png")
+        if reduced:
+            draw_raw(read_table(file, raw=True), to / "raw.png")
+
+    code = _show(folder, draw, describe(measured, found))
     warn(filter(None, [speeds_without_steps(measured, found)]))
     return code
 
@@ -112,5 +121,5 @@ def _show(folder: Folder, drawing: Callable[[Path], object], lines: Sequence[str
     for line in lines:
         print(line)
     if folder.files:
-        print(f"figure: {folder.path / 'record.png'}")
+        print("figure: " + ", ".join(str(folder.path / name) for name in folder.files))
     return folder.close()

@@ -76,6 +76,7 @@ def understand(
         rows_read=empty,
         dropped={EMPTY_ROWS: empty} if empty else {},
         notes=(*table.notes, *notes),
+        reduction=table.reduction,
     )
     return Understood(table, uses, values, rows.part(filled), origin)
 

@@ -27,9 +27,9 @@ def suffixes() -> tuple[str, ...]:
     return tuple(dict.fromkeys(suffix for format in FORMATS for suffix in format.suffixes))
 
 
-def read_table(path: str | Path) -> Table:
+def read_table(path: str | Path, *, raw: bool = False) -> Table:
     """Open delimited text (comma, semicolon, tab, blanks), an export of EPOS Studio, a MATLAB file
-    or xlook's binary format.
+    or xlook's binary format; `raw` as it was written, for a reduction.
 
     Raises `InputError` for a file that is missing, empty, a directory, in none of these formats,
     or without a header.
@@ -37,7 +37,8 @@ def read_table(path: str | Path) -> Table:
     path = Path(path)
     data = _load(path)
     format = next((one for one in FORMATS if one.knows(data, str(path))), delimited.FORMAT)
-    table = format.parse(data, str(path))
+    parse = (format.raw if raw else None) or format.parse
+    table = parse(data, str(path))
     for array in (*table.columns, table.lines, table.malformed):
         array.setflags(write=False)
     sha256 = hashlib.sha256(data).hexdigest()

@@ -11,12 +11,17 @@ from ..units import has_dimension
 from .columns import Found, spelt, understand
 from .formats import read_table
 from .record import Record, build
+from .reduction import reduced
 from .roles import SLIDER
 from .table import Table
 
 
 def read(
-    path: str | Path, *, columns: Mapping[str, str] | None = None, drop_bad: bool = False
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    drop_bad: bool = False,
+    reduce: str | Path | None = None,
 ) -> Record:
     """Read a record of time, load-point motion and friction, and turn it into SI.
 
@@ -33,13 +38,16 @@ def read(
       `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`. `#3` is the third column, also of a
       file without a header; `{"time": "1 kHz"}` or "1 ms" says how often rows were taken.
     - `drop_bad`: leave out rows that are not whole instead of refusing the file.
+    - `reduce`: the laboratory's script that makes columns in units of what the press recorded: a
+      command file of xlook. `provenance.reduction` says what each of its steps did.
 
     **Returns:** a `Record`; its `provenance` says what was assumed and left out.
 
     Raises `InputError` for a file that cannot be read as a record; the message gives the row
     and the column, and what to do.
     """
-    return to_record(read_table(path), columns=columns, drop_bad=drop_bad)
+    table = read_table(path) if reduce is None else reduced(path, reduce)
+    return to_record(table, columns=columns, drop_bad=drop_bad)
 
 
 def to_record(

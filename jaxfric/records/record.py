@@ -35,6 +35,8 @@ class Provenance:
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     """Cells that stand far out of their neighbours, a line a column: where, and what to do."""
+    reduction: tuple[str, ...] = ()
+    """What a reduction did to the columns of the file, a line a step; empty: there was none."""
     lines: np.ndarray | None = field(default=None, compare=False, repr=False)
     """The place of every row in the file; None where rows are not those of a file."""
 

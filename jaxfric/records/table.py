@@ -41,6 +41,8 @@ class Table:
     """Names of columns by role, where the format tells; roles of any rig."""
     gains: Mapping[str, float] = field(default_factory=dict)
     """Fields of `Drive` that the file contains, in SI."""
+    reduction: tuple[str, ...] = ()
+    """What a reduction did, a line a step; empty where there was none."""
     text: Callable[[int], str] | None = None
     """A function that gives the text of a line, for messages; None for a binary file."""
     path: str = ""

@@ -8,7 +8,7 @@ machine that wrote them.
 """
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,27 +50,34 @@ def parse(data: bytes, path: str) -> Table:
     0.1 ms (the reduction logs of such runs divide it by 10000 and sum it). It becomes the
     elapsed time, and the period [s] is kept as a column of its own.
     """
+    table = raw(data, path)
+    names, units, columns = list(table.names), list(table.units), list(table.columns)
+    where = next((i for i, name in enumerate(names) if name.lower() == "time"), None)
+    if where is None or not (columns[where] > 0).all() or (np.diff(columns[where]) > 0).all():
+        return table
+    period = columns[where] * _TIME_COUNT
+    columns[where] = np.cumsum(period)
+    return replace(
+        table,
+        names=(*names, "sampling_period"),
+        units=(*units, "s"),
+        columns=(*columns, period),
+        notes=("column 'Time' held the sampling period in 0.1 ms: time is its sum",),
+    )
+
+
+def raw(data: bytes, path: str) -> Table:
+    """Names, units and columns of an xlook file as they were written."""
     rows, count = struct.unpack(">2i", data[20:28])
     layout = _layout(data, rows, count, path)
     names, units = _descriptions(data, layout.slots)
     values = _values(data, rows, count, layout)
-    columns = [np.ascontiguousarray(column, dtype=np.float64) for column in values]
-    notes: list[str] = []
-    where = next((i for i, name in enumerate(names) if name.lower() == "time"), None)
-    if where is not None and (columns[where] > 0).all() and not (np.diff(columns[where]) > 0).all():
-        period = columns[where] * _TIME_COUNT
-        names.append("sampling_period")
-        units.append("s")
-        columns.append(period)
-        columns[where] = np.cumsum(period)
-        notes.append("column 'Time' held the sampling period in 0.1 ms: time is its sum")
     return Table(
         names=tuple(names),
         units=tuple(units),
-        columns=tuple(columns),
+        columns=tuple(np.ascontiguousarray(column, dtype=np.float64) for column in values),
         lines=np.arange(1, rows + 1),
         malformed=np.zeros(rows, bool),
-        notes=tuple(notes),
     )
 
 
@@ -137,4 +144,4 @@ def _sensible(values: np.ndarray) -> float:
         return float(np.mean((size == 0) | ((size > 1e-12) & (size < 1e12))))
 
 
-FORMAT = Format("xlook", is_xlook, parse)
+FORMAT = Format("xlook", is_xlook, parse, raw=raw)

@@ -35,6 +35,7 @@ def describe(record: Record, steps: VelocitySteps) -> list[str]:
         )
         lines.append(f"  {role} [{record.units.get(role, si[role])}]: {low} to {high}")
     lines += [f"note: {note}" for note in origin.notes]
+    lines += [f"  {step}" for step in origin.reduction]
     lines.append(f"velocity steps: {len(steps) - 1}" + ("" if len(steps) > 1 else " (none found)"))
     for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
         error = ""

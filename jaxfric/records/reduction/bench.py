@@ -1,0 +1,129 @@
+"""The numbered columns that a reduction works on, and the log of what it did."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...errors import InputError
+from ..table import Table
+
+
+@dataclass(frozen=True)
+class Done:
+    """One step of a reduction: its `line` in the script, its `text`, and what it `changed`."""
+
+    line: int
+    text: str
+    changed: str
+
+
+@dataclass(frozen=True, eq=False)
+class BenchColumn:
+    """A column: its name, its unit as written, and its numbers (n,)."""
+
+    name: str
+    unit: str
+    values: np.ndarray
+
+
+@dataclass(eq=False)
+class Bench:
+    """Columns by number, from 1, and where each of their rows stands in the file.
+
+    All have as many rows. A method raises `InputError`, in the words of what is wrong alone, for a
+    column or rows that are not there.
+    """
+
+    columns: dict[int, BenchColumn]
+    lines: np.ndarray
+    done: list[Done] = field(default_factory=list)
+
+    @staticmethod
+    def of(table: Table) -> "Bench":
+        """The columns of a table, in their order."""
+        pairs = zip(table.names, table.units, table.columns, strict=True)
+        columns = [BenchColumn(name, unit or "", np.array(values)) for name, unit, values in pairs]
+        return Bench(dict(enumerate(columns, 1)), np.asarray(table.lines))
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def column(self, number: int) -> BenchColumn:
+        """A column by its number."""
+        if number not in self.columns:
+            there = ", ".join(f"{n} {self.columns[n].name}" for n in sorted(self.columns))
+            raise InputError(f"there is no column {number}; there are {there}")
+        return self.columns[number]
+
+    def rows(self, first: int, last: int) -> slice:
+        """The rows from `first` to `last`, both counted from 0 and included; -1 is the last row."""
+        count = len(self)
+        stop = count if last in (-1, count) else last + 1
+        if first < 0:
+            raise InputError(f"row {first} is before the first, 0")
+        if stop > count:
+            raise InputError(f"row {last} is beyond the last, {count - 1}")
+        if stop <= first:
+            raise InputError(f"row {last} is before row {first}")
+        return slice(first, stop)
+
+    def row(self, number: int) -> int:
+        """A row that is there."""
+        if number >= len(self):
+            raise InputError(f"row {number} is beyond the last, {len(self) - 1}")
+        if number < 0:
+            raise InputError(f"row {number} is before the first, 0")
+        return number
+
+    def write(self, number: int, values: np.ndarray, rows: slice, *, name: str, unit: str) -> str:
+        """Put values into rows of a column, which is made of zeros if it is new; what changed."""
+        if number < 1:
+            raise InputError(f"there can be no column {number}; the first is 1")
+        before = self.columns.get(number)
+        full = np.zeros(len(self)) if before is None else before.values.copy()
+        full[rows] = values
+        self.columns[number] = BenchColumn(name, unit, full)
+        shown = f"{name} [{unit}]" if unit else name
+        if before is None:
+            what = f"column {number} made, {shown}"
+        elif (before.name, before.unit) == (name, unit):
+            what = f"column {number}, {shown}"
+        else:
+            what = f"column {number}, {before.name}, became {shown}"
+        return f"{what}: {_where(rows, full)}{spread(full[rows])}"
+
+    def keep(self, rows: np.ndarray) -> str:
+        """Keep the rows of a mask; what changed."""
+        for number, column in self.columns.items():
+            self.columns[number] = replace(column, values=column.values[rows])
+        self.lines = self.lines[rows]
+        count = len(rows)
+        return f"{count - int(rows.sum())} of {count} rows removed"
+
+    def table(self, like: Table) -> Table:
+        """The columns as a table, with the file, the notes and the digest of another."""
+        order = sorted(self.columns)
+        columns = tuple(self.columns[n].values for n in order)
+        return replace(
+            like,
+            names=tuple(self.columns[n].name for n in order),
+            units=tuple(self.columns[n].unit or None for n in order),
+            columns=columns,
+            lines=self.lines,
+            malformed=np.zeros(len(self), bool),
+            blank=None,
+            roles={},
+        )
+
+
+def spread(values: np.ndarray) -> str:
+    """The range of some values in words, and how many are no numbers."""
+    good = values[np.isfinite(values)]
+    wrong = len(values) - len(good)
+    words = f"{good.min():.6g} to {good.max():.6g}" if len(good) else "no number"
+    return words + (f", {wrong} not finite" if wrong and len(good) else "")
+
+
+def _where(rows: slice, full: np.ndarray) -> str:
+    whole = rows.stop - rows.start == len(full)
+    return "" if whole else f"rows {rows.start} to {rows.stop - 1}, "

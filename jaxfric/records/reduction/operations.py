@@ -1,0 +1,110 @@
+"""What a reduction does to a column: functions of arrays (n,), none of which changes its input.
+
+The arithmetic is that of xlook (github.com/PennStateRockandSedimentMechanics/xlook, `array.c` and
+`special.c`), so that a script gives the numbers that it always gave; only at the last rows of an
+interval that is smoothed, where xlook takes away the wrong row, it is not.
+"""
+
+import numpy as np
+
+_AT_ONCE = 1_000_000  # numbers that windows have together
+
+
+def without_jump(values: np.ndarray, first: int, last: int, *, flat: bool) -> np.ndarray:
+    """All rows from `last` on, moved so that it has the value of row `first`, as where an encoder
+    was reset; with `flat` the rows between have that value too."""
+    out = values.copy()
+    out[last:] -= values[last] - values[first]
+    if flat:
+        out[first:last] = values[first]
+    return out
+
+
+def elastically_corrected(
+    displacement: np.ndarray, stress: np.ndarray, stiffness: float
+) -> np.ndarray:
+    """Displacement less what the frame is stretched by: x - (tau - tau_0)/k.
+
+    `stiffness` k is in units of stress over those of displacement.
+    """
+    return displacement - (stress - stress[:1]) / stiffness
+
+
+def shear_strain(displacement: np.ndarray, thickness: np.ndarray) -> np.ndarray:
+    """gamma_i = x_0/h_0 + sum of dx_j/mean(h_j, h_j-1): slip over the thickness of that time."""
+    middle = 0.5 * (thickness[1:] + thickness[:-1])
+    begin = displacement[:1] / thickness[:1]
+    return np.concatenate([begin, begin + np.cumsum(np.diff(displacement) / middle)])
+
+
+def edge_strain(strain: np.ndarray, stress: np.ndarray, size: float) -> np.ndarray:
+    """Volume strain less what the edges of a layer give under load: e - (tau - tau_0) `size`."""
+    return strain - (stress - stress[:1]) * size
+
+
+def thinned(displacement: np.ndarray, length: float, thickness: float) -> np.ndarray:
+    """Thickness of a layer that shear draws out: dh = -h dx/(2 L), from `thickness` on."""
+    shares = 1 - np.diff(displacement) / (2 * length)
+    return thickness * np.concatenate([np.ones(1), np.cumprod(shares)])
+
+
+def with_thinning(displacement: np.ndarray, thickness: np.ndarray, length: float) -> np.ndarray:
+    """Thickness of the row before, with what shear has drawn out added: sum of h dx/(2 L)."""
+    gained = np.cumsum(np.diff(displacement) * thickness[:-1] / (2 * length))
+    return np.concatenate([thickness[:1], thickness[:-1] + gained])
+
+
+def running_slope(x: np.ndarray, y: np.ndarray, window: int) -> np.ndarray:
+    """dy/dx by least squares over `window` rows, an odd number of them, about each row.
+
+    Rows too near to either end have the slope of the nearest row that is not; as in xlook, those
+    at the last end that of the row before it. Where x stands still the slope is not a number.
+    """
+    half = window // 2
+    wide = 2 * half + 1
+    if wide == 1:
+        return np.full(len(x), np.nan)
+    views = [np.lib.stride_tricks.sliding_window_view(v, wide) for v in (x, y)]
+    inner, some = np.empty(len(views[0])), max(1, _AT_ONCE // wide)
+    for begin in range(0, len(inner), some):
+        part = slice(begin, begin + some)
+        xs, ys = (v[part] - v[part].mean(axis=1, keepdims=True) for v in views)
+        with np.errstate(all="ignore"):
+            inner[part] = np.sum(xs * ys, axis=1) / np.sum(xs * xs, axis=1)
+    last = inner[-2] if len(inner) > 1 else inner[-1]
+    return np.concatenate([np.full(half, inner[0]), inner, np.full(half, last)])
+
+
+def running_mean(values: np.ndarray, window: int) -> np.ndarray:
+    """Mean over `window` rows, an odd number of them, about each row; the first and the last value
+    stand for the rows beyond the ends."""
+    half = window // 2
+    wide = np.pad(values, half, mode="edge")
+    return np.convolve(wide, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
+
+
+def running_median(values: np.ndarray, window: int) -> np.ndarray:
+    """Median over `window` rows, an odd number of them; rows too near to either end stay."""
+    half = window // 2
+    out = values.copy()
+    windows = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)
+    out[half : len(values) - half] = np.median(windows, axis=1)
+    return out
+
+
+def derivative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """dy/dx by the parabola through each row and both neighbours; the ends have the next one's."""
+    before, after = np.diff(x)[:-1], np.diff(x)[1:]
+    with np.errstate(all="ignore"):
+        weight = np.abs(after) * before**2 + np.abs(before) * after**2
+        inner = (before**2 * y[2:] - after**2 * y[:-2] - (before**2 - after**2) * y[1:-1]) / weight
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+def rising(values: np.ndarray, *, falling: bool = False) -> np.ndarray:
+    """Which rows have a value beyond all of those kept before them (a mask); the first is kept."""
+    signed = -values if falling else values
+    highest = np.maximum.accumulate(np.concatenate([[-np.inf], signed[:-1]]))
+    kept = signed > highest
+    kept[0] = True
+    return kept
