@@ -320,7 +320,7 @@ FAULTS = (
           "for turn in (slice(None), slice(None, None, -1)):",
           "for turn in (slice(None), slice(None)):", GLITCHES),
     Fault("rows turned round keep the scale of others", "fitting/glitches.py",
-          "scale = noise.scale[turn] if jnp.ndim(noise.scale) else noise.scale",
+          "scale = noise.scale[turn] if np.ndim(noise.scale) else noise.scale",
           "scale = noise.scale", GLITCHES),
     Fault("held-out rows keep their glitches", "loop/engine.py",
           "{name: self.blocks.of(name) & keep for name in NAMES}",
