@@ -25,7 +25,7 @@ STORE = "tests/test_study_run.py -k damaged_samples"
 AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
 SETTLING = "tests/test_end_states.py -k thresholds"
 EXTENSION = "tests/test_extension.py"
-REDUCTION = "tests/test_reduction.py"
+REDUCTION, REDUCED = "tests/test_reduction.py", "tests/test_reduction_toml.py"
 OWN_EFFECT = "tests/test_new_effect.py"
 OWN_LAW = "tests/test_new_law.py"
 REGULARISED = "tests/test_study_toml.py -k regularised"
@@ -505,5 +505,15 @@ FAULTS = (
           "self.lines = self.lines[rows]", "self.lines = self.lines[: int(rows.sum())]", REDUCTION),
     Fault("zeros alone may divide", "records/reduction/xlook_script.py",
           "not np.any(other)", "False", REDUCTION),
+    Fault("a stiffness is in the units of the columns", "records/reduction/toml_script.py",
+          "stiffness * sizes[1] / sizes[0]", "stiffness", REDUCED),
+    Fault("a zero is before the jumps", "records/reduction/toml_script.py",
+          """    "jumps": _joined,
+    "zero": _zeroed,
+""", """    "zero": _zeroed,
+    "jumps": _joined,
+""", REDUCED),
+    Fault("the row that is named last is left out", "records/reduction/toml_script.py",
+          "_integer(value)).stop :", "_integer(value)).stop - 1 :", REDUCED),
 )
 # fmt: on

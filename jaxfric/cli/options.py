@@ -35,7 +35,7 @@ Reduce = Annotated[
     Path | None,
     Parameter(
         help="First make columns in units of what the press recorded, by this script of the"
-        " laboratory: a command file of xlook."
+        " laboratory: a command file of xlook, or a TOML file."
     ),
 ]
 Steps = Annotated[

@@ -39,7 +39,8 @@ def read(
       file without a header; `{"time": "1 kHz"}` or "1 ms" says how often rows were taken.
     - `drop_bad`: leave out rows that are not whole instead of refusing the file.
     - `reduce`: the laboratory's script that makes columns in units of what the press recorded: a
-      command file of xlook. `provenance.reduction` says what each of its steps did.
+      command file of xlook, or TOML (`jaxfric.records.reduction.toml_script`). What each of its
+      steps did is in `provenance.reduction`.
 
     **Returns:** a `Record`; its `provenance` says what was assumed and left out.
 

@@ -10,11 +10,17 @@ from ..table import Table
 
 @dataclass(frozen=True)
 class Done:
-    """One step of a reduction: its `line` in the script, its `text`, and what it `changed`."""
+    """One step of a reduction: its `line` in the script (0: not known), its `text`, and what it
+    `changed`."""
 
     line: int
     text: str
     changed: str
+
+    def told(self) -> str:
+        """The step on one line."""
+        where = f"line {self.line}: " if self.line else ""
+        return f"{where}{self.text} -> {self.changed}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,21 +5,23 @@ from pathlib import Path
 
 from ..formats import read_table
 from ..table import Table
+from .toml_script import run_toml
 from .xlook_script import run_xlook
 
 
 def reduced(path: str | Path, script: str | Path) -> Table:
-    """The file `path` as it was recorded, reduced by the commands of `script`.
+    """The file `path` as it was recorded, reduced by `script`: TOML, or else xlook's commands.
 
     Its `reduction` says, a line a step, what was done.
 
-    Raises `InputError` as `read_table` and `run_xlook` do.
+    Raises `InputError` as `read_table`, `run_toml` and `run_xlook` do.
     """
     script = Path(script)
-    table, done = run_xlook(read_table(path, raw=True), script)
+    run = run_toml if script.suffix.lower() == ".toml" else run_xlook
+    table, done = run(read_table(path, raw=True), script)
     said = f"reduced by {script.name}: {len(done)} steps"
     return replace(
         table,
         notes=(*table.notes, said),
-        reduction=tuple(f"line {one.line}: {one.text} -> {one.changed}" for one in done),
+        reduction=tuple(one.told() for one in done),
     )

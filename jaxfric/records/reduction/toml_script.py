@@ -1,0 +1,275 @@
+"""A reduction written as TOML, for laboratories without a script of xlook's.
+
+    [columns.load_point_displacement]
+    from = "Vert_Disp"             # a column of the file, or of those made above; "#2" by number
+    factor = "0.076472 um"         # what one of it is
+    jumps = [[18593, 19058]]       # encoder reset: rows from the second on join the first
+    zero = 1459                    # the row that becomes 0
+
+    [columns.friction]
+    ratio = ["shear_stress", "normal_stress"]
+
+    [rows]
+    remove = [[86283, 86283]]
+
+Keys of a column, in the order in which they are carried out: `from`, `factor`, or `ratio`; `sum`
+(the column holds intervals: true), `jumps`, `zero`, `elastic` (`{stress = "shear_stress",
+stiffness = "0.1 MPa/um"}`: less what the frame is stretched by) and `smooth` (a mean over so many
+rows). Keys of `rows`: `from`, `to`, `remove` and `rising` (a column in which rows that do not rise
+go). Rows are those of the file, counted from 0. Only the columns made here are in the record.
+"""
+
+import json
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InputError, did_you_mean
+from ...units import factor, parse_quantity
+from ..table import Table
+from . import operations as op
+from .bench import Bench, BenchColumn, Done
+
+_ROWS = ("from", "to", "remove", "rising")
+
+
+class _Maker:
+    """The columns that are made, and those of the file that they are made of."""
+
+    def __init__(self, table: Table):
+        self.bench = Bench.of(table)
+        self.given = len(table.names)
+
+    def number(self, name: object) -> int:
+        """The number of a column by its name, the one made last first, or by "#2"."""
+        columns = self.bench.columns
+        if isinstance(name, str):
+            if name.startswith("#") and name[1:].isdecimal() and int(name[1:]) <= self.given:
+                return int(name[1:])
+            for number in sorted(columns, reverse=True):
+                if columns[number].name == name:
+                    return number
+        known = [column.name for column in columns.values()]
+        raise InputError(f"there is no column '{name}'{did_you_mean(str(name), known)}")
+
+    def column(self, name: object) -> BenchColumn:
+        return self.bench.columns[self.number(name)]
+
+
+def run_toml(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
+    """A table reduced as the file `script` says (see above), and what each key did.
+
+    Raises `InputError`, with the key, for a file that is no TOML, a key that is not known or has a
+    value of another kind, a column or row that is not there, and a unit that does not fit.
+    """
+    spec = _loaded(script)
+    columns, rows = spec.get("columns"), spec.get("rows", {})
+    _known(script, "", spec, ("columns", "rows"))
+    if not isinstance(columns, dict) or not columns:
+        raise InputError(f"{script} makes no column; write [columns.friction] and the others")
+    maker = _Maker(table)
+    for name, keys in columns.items():
+        _make(maker, script, name, _table_of(script, f"columns.{name}", keys))
+    bench = maker.bench
+    for number in range(1, maker.given + 1):
+        del bench.columns[number]
+    _keep(maker, script, _table_of(script, "rows", rows))
+    return bench.table(table), tuple(bench.done)
+
+
+def _loaded(script: Path) -> dict[str, object]:
+    try:
+        return tomllib.loads(script.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{script}: there is no such file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{script} is no TOML: {error}") from None
+    except OSError as error:
+        raise InputError(f"{script} cannot be read: {error.strerror or error}") from None
+
+
+def _table_of(script: Path, where: str, value: object) -> Mapping[str, object]:
+    if not isinstance(value, dict):
+        raise InputError(f"{script}: {where} is no table of keys; write [{where}]")
+    return value
+
+
+def _known(script: Path, where: str, keys: Mapping[str, object], known: tuple[str, ...]) -> None:
+    for key in keys:
+        if key not in known:
+            at = f", {where}" if where else ""
+            raise InputError(f"{script}{at}: '{key}' is no key{did_you_mean(key, known)}")
+
+
+def _make(maker: _Maker, script: Path, name: str, keys: Mapping[str, object]) -> None:
+    """Make one column: where it is from, then its other keys in their order."""
+    where = f"columns.{name}"
+    _known(script, where, keys, ("from", "factor", "ratio", *_STEPS))
+    if ("from" in keys) == ("ratio" in keys):
+        raise InputError(f"{script}, {where}: give either `from` or `ratio`")
+    number = max(maker.bench.columns) + 1
+    steps: list[tuple[str, Callable[[], tuple[np.ndarray, str]]]] = [
+        ("ratio", lambda: _ratio(maker, keys["ratio"]))
+        if "ratio" in keys
+        else ("from", lambda: _begun(maker, keys))
+    ]
+    steps += [
+        (key, lambda key=key: (_STEPS[key](maker, number, keys[key]), _unit_of(maker, number)))
+        for key in _STEPS
+        if key in keys
+    ]
+    for key, step in steps:
+        text = f"{where}.{key} = {_written(keys[key])}"
+        if key == "from" and "factor" in keys:
+            text += f", factor = {_written(keys['factor'])}"
+        try:
+            values, unit = step()
+            rows = slice(0, len(maker.bench))
+            changed = maker.bench.write(number, values, rows, name=name, unit=unit)
+        except InputError as error:
+            raise InputError(f"{script}, {text}: {error}") from None
+        maker.bench.done.append(Done(0, text, changed))
+
+
+def _written(value: object) -> str:
+    """A value as TOML has it, but for dates."""
+    return json.dumps(value, ensure_ascii=False, default=str)
+
+
+def _unit_of(maker: _Maker, number: int) -> str:
+    return maker.bench.columns[number].unit
+
+
+def _begun(maker: _Maker, keys: Mapping[str, object]) -> tuple[np.ndarray, str]:
+    """A column of the file, in the unit of its `factor`."""
+    column = maker.column(keys["from"])
+    text = keys.get("factor")
+    if text is None:
+        return column.values, column.unit
+    if not isinstance(text, str):
+        raise InputError('write `factor` with its unit, as in factor = "0.05 um"')
+    words = text.split(maxsplit=1)
+    try:
+        size, unit = float(words[0]), words[1] if len(words) > 1 else ""
+    except (ValueError, IndexError):
+        size, unit = 1.0, text.strip()
+    if unit:
+        factor(unit, _si(unit), "factor")
+    return column.values * size, unit
+
+
+def _si(unit: str) -> str:
+    """The SI unit of a unit, of those that a record of a slider has."""
+    for si in ("m", "Pa", "s", "N", "m/s", "1"):
+        try:
+            factor(unit, si, "unit")
+        except InputError:
+            continue
+        return si
+    raise InputError(f"'{unit}' is no unit of length, stress, time, force or velocity")
+
+
+def _ratio(maker: _Maker, pair: object) -> tuple[np.ndarray, str]:
+    """One column over another, without a unit."""
+    if not (isinstance(pair, list) and len(pair) == 2):
+        raise InputError('write two columns, as in ratio = ["shear_stress", "normal_stress"]')
+    above, below = (maker.column(name) for name in pair)
+    if not below.values.any():
+        raise InputError(f"it divides by column {below.name}, which is 0 in all rows")
+    size = 1.0
+    if above.unit != below.unit:
+        si = _si(above.unit)
+        size = factor(above.unit, si, above.name) / factor(below.unit, si, below.name)
+    with np.errstate(all="ignore"):
+        return above.values / below.values * size, ""
+
+
+def _summed(maker: _Maker, number: int, value: object) -> np.ndarray:
+    values = maker.bench.columns[number].values
+    if value is not True:
+        raise InputError("it is true, or left out")
+    return np.cumsum(values)
+
+
+def _joined(maker: _Maker, number: int, value: object) -> np.ndarray:
+    values = maker.bench.columns[number].values
+    for first, last in _pairs(value):
+        rows = maker.bench.rows(first, last)
+        values = op.without_jump(values, rows.start, rows.stop - 1, flat=True)
+    return values
+
+
+def _zeroed(maker: _Maker, number: int, value: object) -> np.ndarray:
+    values = maker.bench.columns[number].values
+    return values - values[maker.bench.row(_integer(value))]
+
+
+def _corrected(maker: _Maker, number: int, value: object) -> np.ndarray:
+    """Less what the frame is stretched by; the stiffness is in units of its own."""
+    if not isinstance(value, dict) or set(value) != {"stress", "stiffness"}:
+        raise InputError('write it as {stress = "shear_stress", stiffness = "0.1 MPa/um"}')
+    column, stress = maker.bench.columns[number], maker.column(value["stress"])
+    stiffness = parse_quantity(str(value["stiffness"]), "Pa/m", "stiffness")
+    if stiffness == 0:
+        raise InputError("the stiffness is 0")
+    sizes = factor(stress.unit, "Pa", stress.name), factor(column.unit, "m", column.name)
+    return op.elastically_corrected(column.values, stress.values, stiffness * sizes[1] / sizes[0])
+
+
+def _smoothed(maker: _Maker, number: int, value: object) -> np.ndarray:
+    window, count = _integer(value), len(maker.bench)
+    if not 0 < window // 2 * 2 + 1 <= count:
+        raise InputError(f"a window of {window} rows does not fit into {count}")
+    return op.running_mean(maker.bench.columns[number].values, window)
+
+
+_STEPS: dict[str, Callable[[_Maker, int, object], np.ndarray]] = {
+    "sum": _summed,
+    "jumps": _joined,
+    "zero": _zeroed,
+    "elastic": _corrected,
+    "smooth": _smoothed,
+}
+
+
+def _integer(value: object) -> int:
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    raise InputError(f"{_written(value)} is not a whole number")
+
+
+def _pairs(value: object) -> list[tuple[int, int]]:
+    """Pairs of rows, the first and the last of each."""
+    whole = isinstance(value, list) and all(isinstance(x, list) and len(x) == 2 for x in value)
+    if not whole or not isinstance(value, list):
+        raise InputError("write pairs of rows, as in [[120, 180], [400, 420]]")
+    return [(_integer(first), _integer(last)) for first, last in value]
+
+
+def _keep(maker: _Maker, script: Path, keys: Mapping[str, object]) -> None:
+    """Leave rows out, all of them counted as the file has them."""
+    _known(script, "rows", keys, _ROWS)
+    bench = maker.bench
+    mask = np.ones(len(bench), bool)
+    for key in (key for key in _ROWS if key in keys):
+        value = keys[key]
+        try:
+            if key == "from":
+                mask[: bench.row(_integer(value))] = False
+            elif key == "to":
+                mask[bench.rows(0, _integer(value)).stop :] = False
+            elif key == "remove":
+                for first, last in _pairs(value):
+                    mask[bench.rows(first, last)] = False
+            else:
+                values = maker.column(value).values
+                mask[np.flatnonzero(mask)] = op.rising(values[mask])
+            if not mask.any():
+                raise InputError("no row is left")
+        except InputError as error:
+            raise InputError(f"{script}, rows.{key} = {_written(value)}: {error}") from None
+    if keys:
+        text = ", ".join(f"{key} = {_written(keys[key])}" for key in _ROWS if key in keys)
+        bench.done.append(Done(0, f"rows.{text}", bench.keep(mask)))
