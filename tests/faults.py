@@ -18,6 +18,9 @@ STEADY = "tests/test_steady_noise.py"
 SETTLED, HEAT = "tests/test_effects.py -k steady", "tests/test_linear.py -k heat"
 MEMBERS = "tests/test_study_sliders.py -k wrong_parameters"
 WARM = "tests/test_loop_response.py -k heat"
+COUNTED, PROMISES, VERY_LONG = (
+    f"tests/test_noise.py -k {word}" for word in ("counted", "promises", "very_long")
+)
 RATIO, WORDS = "tests/test_ratio.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
@@ -487,6 +490,22 @@ FAULTS = (
           f"{OWN_EFFECT} -k unit"),
     Fault("a common unit of time is that of length", "units.py",
           '("ms", 1e-3)', '("ms", 1e-6)', f"{UNITS} -k common"),
+    Fault("a clock that turns stands still", "fitting/padding.py",
+          "np.cumsum(np.abs(np.diff(clock, axis=0)), axis=0)",
+          "np.cumsum(np.diff(clock, axis=0), axis=0)", COUNTED),
+    Fault("rows that fill up count", "fitting/padding.py",
+          "(np.arange(size) < len(on)).astype(float)", "np.ones(size)", COUNTED),
+    Fault("a noise has the scale of some rows", "fitting/noise_search.py",
+          "beta, record.every, np.asarray(value)", "beta, record.scale, np.asarray(value)",
+          COUNTED),
+    Fault("gaps are those of the rows that count", "fitting/noise_search.py",
+          "limits_of(clock, weight, longest)\n    return",
+          "limits_of(*(x[weight > 0] for x in (clock, weight)), longest)\n    return",
+          COUNTED),
+    Fault("a noise that promises enough is not refined", "fitting/noise_search.py",
+          "value + promised < worth", "value < worth", PROMISES),
+    Fault("sigma is that of the stretches", "fitting/noise_search.py",
+          "best = best._replace(noise=noise, value=value)", "pass", VERY_LONG),
     Fault("one start of a family is asked", "fitting/noise_search.py",
           "_LIKELY = 12", "_LIKELY = 0", "tests/test_noise.py"),
     Fault("the last row is left out", "records/reduction/bench.py",

@@ -55,6 +55,6 @@ def test_the_package_keeps_its_limits():
 )
 def test_a_benchmark_finds_what_it_measures(file, monkeypatch):
     """Benchmarks are run by hand: a name that they import and that is gone shows here."""
-    monkeypatch.setattr(sys, "path", [*sys.path, str(ROOT)])
+    monkeypatch.setattr(sys, "path", [*sys.path, str(ROOT), str(file.parent)])
     spec = importlib.util.spec_from_file_location(f"benchmark_{file.stem}", file)
     spec.loader.exec_module(importlib.util.module_from_spec(spec))

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import cholesky, null_space
 from scipy.stats import multivariate_normal
 
+from jaxfric.fitting import noise_search
 from jaxfric.fitting.noise import (
     EXPONENTIAL,
     Noise,
@@ -23,6 +24,9 @@ from jaxfric.fitting.noise import (
 from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart, noise_estimate
 from jaxfric.fitting.noise_search import (
     Family,
+    _newton,
+    _Point,
+    _refined,
     estimate_noise,
     limits_of,
     noise_rows,
@@ -32,6 +36,7 @@ from jaxfric.fitting.noise_search import (
     restricted,
     stretches,
 )
+from jaxfric.fitting.padding import counted_rows
 
 N, P = 60, 3
 
@@ -519,6 +524,82 @@ def test_a_long_record_is_sought_in_stretches_and_sized_as_a_whole():
     variance = float(found.noise.sigma) ** 2 * float(found.noise.share[0])
     assert variance == pytest.approx(np.mean((1.0, 0.36)), rel=0.1)
     assert 1 / float(found.noise.rates[0, 0]) == pytest.approx(tau, rel=0.15)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_only_counted_rows_are_needed(turns):
+    """Half of 700 rows; the clock turns, or does not. Noise of the others, by dense algebra."""
+    rng = np.random.default_rng(4)
+    n, tau = 700, 3.0
+    gone = uneven(rng, n)
+    clock = np.abs(gone - gone[n // 2]) if turns else gone
+    weight = (rng.uniform(size=n) < 0.4).astype(float)
+    columns = np.column_stack([rng.normal(size=n), np.ones(n), np.zeros(n)])
+    columns[weight == 0] = 1e6
+    scale = np.where(np.arange(n) < 300, 1.0, 2.0)
+    few = counted_rows(clock[:, None], weight, columns, scale)
+    assert [len(x) for x in few] == [384] * 4
+    part = np.array([[0.7, 0.0]]), np.array([[[1 / tau], [1.0]]]), np.array([EXPONENTIAL])
+    value, sigma = restricted(*few, *part)
+    on = weight > 0
+    wanted = restricted_by_definition(
+        gone[on], columns[on, 0] / scale[on], (columns[:, 1:2] / scale[:, None])[on], 0.7, tau
+    )
+    assert float(sigma[0]) == pytest.approx(wanted[1], rel=1e-8)
+
+    # the likelihood is that of all rows up to a constant, as is that of the definition
+    other = part[0], part[1] / 4, part[2]
+    rise = float(restricted(*few, *other)[0][0] - value[0])
+    most = restricted_by_definition(
+        gone[on], columns[on, 0] / scale[on], (columns[:, 1:2] / scale[:, None])[on], 0.7, 4 * tau
+    )
+    assert rise == pytest.approx(most[0] - wanted[0], abs=1e-6)
+
+
+def test_a_noise_of_counted_rows_has_the_scale_of_every_row():
+    rng = np.random.default_rng(5)
+    n = 600
+    time, scale = 1.0 * np.arange(n), rng.uniform(1, 3, n)
+    weight = np.arange(n) % 2.0
+    record = noise_rows(time, weight, scale * rng.normal(size=n), np.zeros((n, 8)), scale=scale)
+    assert record.columns.shape == (384, 1)  # columns of zeros are gone
+    assert record.limits.gaps == 1.0  # the gaps of all rows
+    np.testing.assert_array_equal(estimate_noise(record).noise.scale, scale)
+
+
+def test_a_noise_that_promises_too_little_is_not_refined():
+    rng = np.random.default_rng(6)
+    time = 1.0 * np.arange(300)
+    record = noise_rows(time, np.ones(300), rng.normal(size=300), np.ones((300, 1)))
+    start = _Point(Family(first=0), np.array([-2.0, 2.0]), -1e3, 1.0)
+    *_, promised = _newton(record, start.family, start.theta)
+    assert promised > 0.1
+    left = _refined(record, start, start.value + 1.1 * promised)
+    np.testing.assert_array_equal(left.theta, start.theta)
+    assert left.value == start.value
+    refined = _refined(record, start, start.value + 0.9 * promised)
+    assert refined.value == _refined(record, start).value > start.value
+
+
+def test_a_very_long_record_is_sized_in_more_stretches(monkeypatch):
+    """Sigma and the likelihood are those of all rows, sizes and memories those of the stretches."""
+    rng = np.random.default_rng(8)
+    n, tau = 6000, 5.0
+    time = 1.0 * np.arange(n)
+    noise = simulated_noise(rng, time, 1.0, 1.0, tau) + 0.5 * rng.standard_normal(n)
+    record = noise_rows(time, np.ones(n), noise, np.ones((n, 1)))
+    whole = estimate_noise(record)
+    monkeypatch.setattr(noise_search, "_STRETCH", 256)
+    monkeypatch.setattr(noise_search, "_SIZED", 16)
+    found = estimate_noise(record)
+    assert found.family == whole.family == Family(first=0)
+    assert not np.array_equal(found.theta, whole.theta)
+    assert 0 < whole.value - found.value < 5
+    share, sigma = float(found.noise.share[0]), float(found.noise.sigma)
+    by_definition = profile_noise(record, Family(), [np.zeros(0)])
+    assert found.value > by_definition.value + 1000
+    assert sigma == pytest.approx(float(whole.noise.sigma), rel=0.02)
+    assert share == pytest.approx(float(whole.noise.share[0]), abs=0.05)
 
 
 def test_noise_forgets_no_later_than_it_may():

@@ -21,7 +21,7 @@ from jaxtyping import Array, ArrayLike, Float, Num
 
 from ..errors import InputError
 from ..motion import MeasuredMotion
-from .problem import bucket
+from .padding import bucket
 
 _ORDER = 4
 _BINS = 4000

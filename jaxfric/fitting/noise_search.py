@@ -8,7 +8,8 @@ differences between noises that are all whitened in one pass.
 
 `estimate_noise` begins with white noise and adds a part where the likelihood rises by more than
 the part's parameters are worth (BIC); `profile_noise` keeps the parts and finds their sizes anew.
-Which parts a very long record has is sought in some stretches of it, their sizes in all of it.
+Which parts a very long record has is sought in some stretches of it, their sizes in more; sigma
+and the likelihood are those of all of it.
 
 Source: Harville 1977 (doi:10.1080/01621459.1977.10480998) for the restricted likelihood.
 """
@@ -24,6 +25,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..traced import traced
 from .noise import EXPONENTIAL, PARTS, Noise, Numbers, innovations, limit_of_negative
+from .padding import counted_rows, padded_columns
 
 LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
@@ -53,7 +55,10 @@ _MEMORIES_AROUND = (-0.7, 0.0, 0.7)
 _ALONE = 64  # noises by which a residual alone is whitened in one pass
 _LIKELY = 12
 """Starts of a family, likeliest for the residual alone, whose restricted likelihood is asked."""
-_STRETCHES, _STRETCH = 8, 1024  # of a record with more rows than these: how many, of so many rows
+_STRETCH = 1024
+_SOUGHT, _SIZED = 8, 64
+"""Stretches of `_STRETCH` rows of a record with more rows in which its parts are sought, and their
+sizes."""
 
 
 _Parts = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -87,7 +92,10 @@ class Limits(NamedTuple):
 
 
 class NoiseRows(NamedTuple):
-    """The input of a noise estimate. Column 0 is the residual, the others are the Jacobian's."""
+    """The input of a noise estimate. Column 0 is the residual, the others are the Jacobian's.
+
+    Rows that are passed over and columns of zeros may be gone; `every` is the scale of all rows.
+    """
 
     clock: Float[np.ndarray, "n k"]
     weight: Float[np.ndarray, " n"]
@@ -95,6 +103,7 @@ class NoiseRows(NamedTuple):
     scale: Float[np.ndarray, " *n"]
     limits: Limits
     rows: int
+    every: Float[np.ndarray, " *n"]
 
 
 class Found(NamedTuple):
@@ -123,27 +132,32 @@ def estimate_noise(record: NoiseRows, *, either_sign: bool = False, least: float
     With `either_sign` also negative correlation, of even sampling. `least` is the smallest standard
     deviation of the white part, as of a recorder's steps.
     """
-    part = stretches(record)
+    part, larger = stretches(record, _SOUGHT), stretches(record, _SIZED)
     best = _with_parts(part, either_sign=either_sign)
     if part is not record:
-        best = _best_of(record, best.family, best.theta[None])
+        best = _best_of(larger, best.family, best.theta[None])
+    if larger is not record:
+        values, sigmas = _values(record, parts_at(best.family, best.theta[None], record.limits))
+        value, sigma = float(values[0]), float(sigmas[0])
+        noise = noise_at(record, best.family, best.theta, sigma, value)
+        best = best._replace(noise=noise, value=value)
     return not_below(record, best, least)
 
 
-def stretches(record: NoiseRows) -> NoiseRows:
+def stretches(record: NoiseRows, number: int = _SOUGHT) -> NoiseRows:
     """Stretches of neighbouring rows, spread evenly over a long record; of a shorter one, itself.
 
     What is correlated over longer than a stretch is seen from stretch to stretch.
     """
-    if record.rows <= _STRETCHES * _STRETCH:
+    if record.rows <= number * _STRETCH:
         return record
-    counted = np.array_split(np.flatnonzero(np.asarray(record.weight) > 0), _STRETCHES)
+    counted = np.array_split(np.flatnonzero(np.asarray(record.weight) > 0), number)
     middle = [(len(rows) - _STRETCH) // 2 for rows in counted]
     pairs = zip(counted, middle, strict=True)
     taken = np.concatenate([rows[begin : begin + _STRETCH] for rows, begin in pairs])
     scale = record.scale[taken] if record.scale.ndim else record.scale
     clock, weight, columns = (x[taken] for x in (record.clock, record.weight, record.columns))
-    return NoiseRows(clock, weight, columns, scale, record.limits, len(taken))
+    return NoiseRows(clock, weight, columns, scale, record.limits, len(taken), record.every)
 
 
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
@@ -195,10 +209,8 @@ def _restricted_at(record: NoiseRows, unit: Noise, sigma: float) -> float:
     With the likeliest sigma, s, and n - p free rows it is less by (n - p)/2 (q - 1 - ln q),
     q = s^2/sigma^2.
     """
-    parts = (np.stack([part] * _FEW) for part in (unit.share, unit.rates, unit.beta))
-    values, likeliest = restricted(
-        record.clock, record.weight, record.columns, record.scale, *parts
-    )
+    share, rates, beta = (np.asarray(x)[None] for x in (unit.share, unit.rates, unit.beta))
+    values, likeliest = _values(record, (share, rates, beta))
     used = np.linalg.norm(np.asarray(record.columns)[:, 1:], axis=0) > 0
     q = (float(likeliest[0]) / sigma) ** 2
     return float(values[0]) - 0.5 * (record.rows - used.sum()) * (q - 1 - np.log(q))
@@ -258,16 +270,13 @@ def noise_rows(
     `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
     from half the median gap of rows to `longest`, by default half the record, in each clock.
     """
-    clock, weight = np.asarray(clock), np.asarray(weight)
-    columns = np.concatenate([np.asarray(residual)[:, None], np.asarray(jacobian)], axis=1)
-    return NoiseRows(
-        clock[:, None] if clock.ndim == 1 else clock,
-        weight,
-        columns,
-        np.ones(()) if scale is None else np.asarray(scale),
-        limits_of(clock, weight, longest),
-        int(np.sum(np.asarray(weight) > 0)),
-    )
+    clock, weight, jacobian = (np.asarray(x) for x in (clock, weight, jacobian))
+    clock = clock[:, None] if clock.ndim == 1 else clock
+    every = np.ones(()) if scale is None else np.asarray(scale)
+    moves = np.any(jacobian[weight > 0] != 0, axis=0)
+    columns = np.column_stack([np.asarray(residual), padded_columns(jacobian[:, moves])])
+    rows, limits = int(np.sum(weight > 0)), limits_of(clock, weight, longest)
+    return NoiseRows(*counted_rows(clock, weight, columns, every), limits, rows, every)
 
 
 def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found | None:
@@ -295,7 +304,11 @@ def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found
     found = found[:_REFINED]
     both = {one.family: _both_parts(one.family, limits) for one in found}
     found += _likeliest(record, {family: some for family, some in both.items() if len(some)})
-    found = [_refined(record, one) for one in found]
+    each = 0.5 * np.log(record.rows)
+    found = [
+        _refined(record, one, best.value + each * (one.family.parameters - family.parameters))
+        for one in found
+    ]
     return max(found, key=lambda one: one.value - 3 * one.family.parameters, default=None)
 
 
@@ -357,11 +370,16 @@ def _best_of(record: NoiseRows, family: Family, starts: np.ndarray) -> Found:
     return _refined(record, _Point(family, starts[i], float(values[i]), float(sigmas[i])))
 
 
-def _refined(record: NoiseRows, start: _Point) -> Found:
-    """The likeliest noise of a family that Newton's method finds from a start."""
+def _refined(record: NoiseRows, start: _Point, worth: float = -np.inf) -> Found:
+    """The likeliest noise of a family that Newton's method finds from a start.
+
+    It goes no further where not even the slope of the likelihood promises the value `worth`.
+    """
     family, theta, value, sigma = start
     for _ in range(_NEWTON if family.parameters else 0):
-        around, trials = _newton(record, family, theta)
+        around, trials, promised = _newton(record, family, theta)
+        if value + promised < worth:
+            break
         trials = _inside(record, family, trials)
         values, sigmas = _values(record, parts_at(family, trials, record.limits))
         if not values.max() > value:  # a kink: a resonator of as few rows a swing as may be
@@ -384,8 +402,11 @@ class _Known(NamedTuple):
     sigmas: np.ndarray
 
 
-def _newton(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[_Known, np.ndarray]:
-    """Points around theta with their likelihoods, and Newton steps from it with many dampings."""
+def _newton(
+    record: NoiseRows, family: Family, theta: np.ndarray
+) -> tuple[_Known, np.ndarray, float]:
+    """Points around theta with their likelihoods, Newton steps from it with many dampings, and the
+    most that such a step would gain if the slope stayed what it is."""
     q = len(theta)
     low, high = _bounds(family, record.limits)
     centre = np.clip(theta, low + _STEP, np.maximum(high - _STEP, low + _STEP))
@@ -403,8 +424,8 @@ def _newton(record: NoiseRows, family: Family, theta: np.ndarray) -> tuple[_Know
         curve[i, j] = curve[j, i] = (both - plus[i] - plus[j] + values[0]) / _STEP**2
     scale, vectors = np.linalg.eigh(-curve)
     damped = np.abs(scale) + np.geomspace(1e-3, 1e3, _DAMPINGS)[:, None]
-    steps = (vectors.T @ slope / damped) @ vectors.T
-    return seen, centre + np.clip(steps, -2.0, 2.0)
+    steps = np.clip((vectors.T @ slope / damped) @ vectors.T, -2.0, 2.0)
+    return seen, centre + steps, float(np.max(steps @ slope))
 
 
 def _bounds(family: Family, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
@@ -454,7 +475,7 @@ def noise_at(
     """The noise of a family at `theta`."""
     parts = parts_at(family, theta[None], record.limits)
     share, rates, beta = (x[0] for x in parts)
-    return Noise(np.asarray(sigma), share, rates, beta, record.scale, np.asarray(value))
+    return Noise(np.asarray(sigma), share, rates, beta, record.every, np.asarray(value))
 
 
 def _parts_of(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> _Parts:
@@ -470,6 +491,8 @@ def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
     columns, count = record.columns.shape[1], len(parts[2])
     many = _ALONE if columns == 1 else _MANY if _MANY * columns <= _WIDE else _FEW
     few = min(many, _ALONE if columns == 1 else _FEW)
+    if record.rows > _SIZED * _STRETCH:  # memory
+        many = few = 1
     begin = 0
     while begin < count:
         size = few if count - begin <= few else many

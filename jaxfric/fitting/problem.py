@@ -30,6 +30,7 @@ from ..simulation import RESULTS, simulate
 from ..traced import traced
 from .abstract_problem import FAILED_MISFIT, AbstractProblem, ParametricModel, Sizes
 from .noise import Noise, whiten
+from .padding import bucket
 
 _TIME_SHARE = 1e-3
 _MACHINE_QUANTITIES = quantities(QuasiStatic)
@@ -274,14 +275,6 @@ def build_rig(
     states = fixed_states(model.law) or model.states
     law = rate_state(model.law, p, states, direct=direct)
     return Rig(QuasiStatic(p.get("K", stiffness)), law)
-
-
-def bucket(n: int, smallest: int) -> int:
-    """The padded length for `n`: `smallest` times 2^k or 1.5 * 2^k."""
-    size = smallest
-    while size < n:
-        size = size * 3 // 2 if size & (size - 1) == 0 else size // 3 * 4
-    return size
 
 
 class ProblemSizes(NamedTuple):

@@ -32,7 +32,8 @@ from ..laws.registry import evolution_of
 from ..records import VelocitySteps
 from ..rig.friction import AbstractEvolution, AgeingEvolution, SlipEvolution
 from ..traced import traced
-from .problem import Model, bucket
+from .padding import bucket
+from .problem import Model
 
 _INTERVALS = 160
 _GRID_A = np.geomspace(0.6, 8.0, 9)  # times the largest jump per unit of ln V

@@ -1,28 +1,26 @@
-"""Whitening of any number of columns with few compilations: sixty-four at a time."""
+"""Whitening of any number of columns with few compilations: one, eight or sixty-four at a time."""
 
 import numpy as np
 from jaxtyping import Float
 
 from ..traced import traced
 from .noise import Noise, Numbers, innovations
+from .padding import padded_columns
 
-_WIDE = 64
+_WIDTHS = (1, 8, 64)
+_LONG = 1 << 16
+"""Rows from which on memory counts: eight columns at a time."""
 
 compiled_innovations = traced(innovations)
 """`fitting.noise.innovations`, compiled once for every shape."""
-
-
-def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[np.ndarray, "n m"]:
-    """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
-    more = -columns.shape[1] % size
-    return np.pad(columns, ((0, 0), (0, more)))
 
 
 def whitened(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], columns: np.ndarray, noise: Noise
 ) -> np.ndarray:
     """The columns (n, m) in units of the noise and uncorrelated, as in `fitting.noise.whiten`."""
-    wide = 1 if columns.shape[1] == 1 else _WIDE
+    widths = _WIDTHS[:2] if len(columns) > _LONG else _WIDTHS
+    wide = next((x for x in widths if columns.shape[1] <= x), widths[-1])
     parts = []
     for begin in range(0, columns.shape[1], wide):
         part = columns[:, begin : begin + wide]

@@ -33,7 +33,7 @@ from ..fitting.noise_search import (
 )
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.quantisation import least_noise, recorded_steps
-from ..fitting.whitened import compiled_innovations, padded_columns, whitened
+from ..fitting.whitened import compiled_innovations, whitened
 from ..traced import traced
 from .pace import Stopwatch
 from .smooth import smooth_columns
@@ -293,8 +293,7 @@ class Engine(Generic[P]):
 
     def _noise_rows(self, residual: np.ndarray, columns: np.ndarray) -> NoiseRows:
         clock, weight = self.problem.clock, self.problem.weight
-        padded = padded_columns(columns)
-        return noise_rows(clock, weight, residual, padded, self.longest, scale=self.scale)
+        return noise_rows(clock, weight, residual, columns, self.longest, scale=self.scale)
 
     def learn_noise(self, candidate: Candidate) -> Candidate:
         """The candidate with the noise that is found when everything smooth is taken out.

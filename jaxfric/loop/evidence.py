@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..fitting.noise_search import products
+from ..fitting.padding import counted_rows
 
 _AT_ONCE = 8
 _PASSES = 4
@@ -91,8 +92,8 @@ def evidence(
     n, m = columns.shape
     pad = -(m + 2) % 32
     parts = [residual[:, None], columns, np.zeros((n, pad)), np.ones((n, 1))]
-    rows = np.asarray(clock), np.asarray(weight), np.concatenate(parts, axis=1)
-    rows = (*rows, np.ones(n) if scale is None else np.asarray(scale))
+    every = np.ones(n) if scale is None else scale
+    rows = counted_rows(clock, weight, np.concatenate(parts, axis=1), every)
     grams, log_det = [], []
     for begin in range(0, len(noises[2]), _AT_ONCE):
         at = np.minimum(np.arange(begin, begin + _AT_ONCE), len(noises[2]) - 1)

@@ -17,7 +17,8 @@ from ..fitting import Estimate, Fit, fit
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import few_rows, prepare, steps_of
 from ..fitting.noise_estimate import noise_words
-from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, bucket, to_free
+from ..fitting.padding import bucket
+from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem, to_free
 from ..fitting.start import noise_from_differences
 from ..laws.registry import refuse_unknown_law, refuse_untaken, takes
 from ..records import Record, VelocitySteps

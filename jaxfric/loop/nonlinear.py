@@ -7,10 +7,11 @@ import numpy as np
 
 from ..effects import AbstractEffect, RecordScales, null
 from ..effects.effect import made
+from ..fitting.padding import padded_columns
 from ..fitting.problem import Problem, rig_at
 from ..rig import Rig
 from ..rig.friction.extended import ExtendedLaw
-from .engine import Column, Engine, Sensitivities, columns_of, padded_columns
+from .engine import Column, Engine, Sensitivities, columns_of
 from .response import Response, linear_response, term_forces
 
 _FORCES = 64

@@ -8,8 +8,9 @@ import numpy as np
 from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
 from ..fitting.noise_search import Found
+from ..fitting.padding import padded_columns
 from ..fitting.uncertainty import inverse_root
-from .engine import Candidate, Engine, Rows, padded_columns
+from .engine import Candidate, Engine, Rows
 from .family import CurveFamily, listed
 from .location import Left
 from .residual_tests import QUESTIONS, p_text, structure

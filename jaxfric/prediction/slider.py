@@ -20,7 +20,8 @@ from ..fitting.fit import forward_steps, prepare, require_float64, steps_of
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import sandwich
 from ..fitting.noise_search import estimate_noise, noise_rows
-from ..fitting.problem import FAILED_MISFIT, Model, Problem, bucket, residual_and_jacobian, to_free
+from ..fitting.padding import bucket
+from ..fitting.problem import FAILED_MISFIT, Model, Problem, residual_and_jacobian, to_free
 from ..fitting.result import unit_of
 from ..fitting.start import noise_from_differences
 from ..fitting.uncertainty import normal_inverse

@@ -20,13 +20,13 @@ import numpy as np
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of, parameters
 from ..errors import InputError
 from ..fitting.encompassing import EncompassingModel
+from ..fitting.padding import bucket
 from ..fitting.problem import (
     FAILED_MISFIT,
     Channel,
     Model,
     Problem,
     ProblemSizes,
-    bucket,
     build_rig,
     make_problem,
     to_free,

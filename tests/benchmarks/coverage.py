@@ -1,10 +1,11 @@
 """Do the 95 % intervals of A, B and L contain the truth 95 % of the time?
 
-    python tests/benchmarks/coverage.py [--records 300] [--weighting ordinary]
+    python tests/benchmarks/coverage.py [--records 300] [--weighting ordinary] [--steps given]
 
 Synthetic records of `tests/generator.py` (SciPy, none of jaxfric's code), stiffness from 3 to 30
 times K_cr, 1000 to 1500 samples. Three kinds of noise of standard deviation 3e-4: white; and half
 of the variance exponentially correlated, with a correlation time of 1 % and of 5 % of the record.
+Steps are found in the record, as for a user who gives none, or given.
 """
 
 import argparse
@@ -29,7 +30,12 @@ NOISES = {
 
 
 def coverage(
-    noise: str, records: int, weighting: str, first_seed: int = FIRST_SEED
+    noise: str,
+    records: int,
+    weighting: str,
+    first_seed: int = FIRST_SEED,
+    *,
+    given: bool = True,
 ) -> dict[str, tuple[float, float]]:
     """Share of intervals that contain the truth, and median of std/true error scale, by name."""
     inside: dict[str, list[bool]] = {"A": [], "B": [], "L": []}
@@ -44,7 +50,11 @@ def coverage(
             record.time, record.friction, load_point_displacement=record.load_point_displacement
         )
         fit = jaxfric.fit(
-            measured, stiffness=record.stiffness, law=truth.law, steps=steps, weighting=weighting
+            measured,
+            stiffness=record.stiffness,
+            law=truth.law,
+            steps=steps if given else None,
+            weighting=weighting,
         )
         for name in inside:
             estimate, true = fit.parameters[name], getattr(truth, name)
@@ -60,12 +70,15 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--records", type=int, default=300)
+    parser.add_argument("--steps", default="found", choices=["found", "given"])
     parser.add_argument("--weighting", default="ordinary", choices=["ordinary", "whitened"])
     options = parser.parse_args()
-    print(f"{options.records} records each, {options.weighting} least squares")
+    words = f"{options.weighting} least squares, steps {options.steps}"
+    print(f"{options.records} records each, {words}")
     print("noise             coverage of A      B      L     spread of (fit - truth)/std  A  B  L")
     for noise in NOISES:
-        found = coverage(noise, options.records, options.weighting)
+        given = options.steps == "given"
+        found = coverage(noise, options.records, options.weighting, given=given)
         share = "  ".join(f"{100 * found[n][0]:5.1f}" for n in "ABL")
         spread = "  ".join(f"{found[n][1]:.2f}" for n in "ABL")
         print(f"{noise:16s}  {share} %   {spread}", flush=True)

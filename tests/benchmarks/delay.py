@@ -3,8 +3,8 @@
     python tests/benchmarks/delay.py [--points 20000]
 
 Random sliders, alpha sqrt(k_p/m) from 0.1 to 60: the rightmost root in a batch, six roots, the
-decay rate with its gradient in five arguments, the number of unstable roots, the intervals;
-tdscontrol (where installed) one by one on the same sliders.
+decay rate with its gradient in five arguments, the number of unstable roots, the intervals.
+`peers.py` has tdscontrol beside the rightmost root.
 """
 
 import argparse
@@ -39,27 +39,6 @@ def report(name: str, function, cases, repeats: int = 7) -> None:
     print(f"{name:28s} {middle:9.3f} us a point   ({low:.3f} to {high:.3f})", flush=True)
 
 
-def with_tdscontrol(cases) -> None:
-    """Roots right of the rightmost one less 0.5/alpha, as a user who knew where to look."""
-    try:
-        import tdscontrol  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        print("tdscontrol is not installed")
-        return
-    roots = np.asarray(jax.vmap(rightmost_roots)(*cases))[:, 0]
-    spent, wrong = 0.0, 0
-    for (mass, k_p, k_v, k_f, alpha), root in zip(cases.T, roots, strict=True):
-        now = np.array([[0.0, 1.0], [-k_p / mass, -k_v / mass]], order="F")
-        past = np.array([[0.0, 0.0], [0.0, k_f / mass]], order="F")
-        begun = time.perf_counter()
-        system = tdscontrol.tds([now, past], [0.0, float(alpha)])
-        found = np.array(tdscontrol.roots(system, float(root.real - 0.5 / alpha)))
-        spent += time.perf_counter() - begun
-        wrong += abs(found[found.real.argmax()].real - root.real) > 1e-6 * abs(root)
-    each = spent / cases.shape[1] * 1e6
-    print(f"{'tdscontrol':28s} {each:9.3f} us a point; {wrong} of {cases.shape[1]} differ")
-
-
 def main() -> None:
     jax.config.update("jax_enable_x64", True)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -76,7 +55,6 @@ def main() -> None:
         lambda m, _, *rest: jnp.stack(stable_intervals(m, *rest, number=4)),
         cases,
     )
-    with_tdscontrol(cases[:, :200])
 
 
 if __name__ == "__main__":

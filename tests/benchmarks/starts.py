@@ -1,10 +1,11 @@
 """Does the fit find the global optimum without a start from the user?
 
-    python tests/benchmarks/starts.py [--records 200]
+    python tests/benchmarks/starts.py [--records 200] [--steps given]
 
 Random synthetic records of `tests/generator.py` (A, B, L over a decade each, K/K_cr from 1.5 to
-30, up, down and mixed steps, both laws). The optimum to compare with is the best of 20 starts:
-the truth, and 19 points scattered around it by a factor of up to three in A, B and L.
+30, up, down and mixed steps, both laws). Steps are found in the record, as for a user who gives
+none, or given. The optimum to compare with, for the same steps, is the best of 20 starts: the
+truth, and 19 points scattered around it by a factor of up to three in A, B and L.
 """
 
 import argparse
@@ -19,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from generator import random_record
 
 import jaxfric
-from jaxfric.fitting.fit import prepare
+from jaxfric.fitting.fit import prepare, steps_of
 from jaxfric.fitting.problem import FAILED_MISFIT, to_free
 from jaxfric.fitting.solve import misfits, solve
 
@@ -27,15 +28,18 @@ FIRST_SEED = 5_000
 STARTS = 20
 
 
-def one(seed: int) -> tuple[bool, float, float, str]:
+def one(seed: int, given: bool) -> tuple[bool, float, float, str]:
     """Whether the fit's cost is within 0.1 % of the best, both costs, and the fit's result."""
     record = random_record(seed)
     truth = record.truth
-    steps = jaxfric.VelocitySteps(np.array(truth.starts), np.array(truth.velocities))
+    exact = jaxfric.VelocitySteps(np.array(truth.starts), np.array(truth.velocities))
     measured = jaxfric.from_arrays(
         record.time, record.friction, load_point_displacement=record.load_point_displacement
     )
-    fit = jaxfric.fit(measured, stiffness=record.stiffness, law=truth.law, steps=steps)
+    steps = exact if given else steps_of(measured, None)
+    fit = jaxfric.fit(
+        measured, stiffness=record.stiffness, law=truth.law, steps=exact if given else None
+    )
     problem = prepare(measured, steps, fit.model, stiffness=record.stiffness)
     scatter = np.random.default_rng(seed).uniform(-np.log(3), np.log(3), (STARTS, 3))
     scatter[0] = 0.0
@@ -52,11 +56,12 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--records", type=int, default=200)
+    parser.add_argument("--steps", default="found", choices=["found", "given"])
     options = parser.parse_args()
     begun, good, raised = time.perf_counter(), 0, 0
     for seed in range(FIRST_SEED, FIRST_SEED + options.records):
         try:
-            reached, cost, best, result = one(seed)
+            reached, cost, best, result = one(seed, options.steps == "given")
         except Exception as error:
             raised += 1
             print(f"seed {seed} raised {error!r}")

@@ -144,14 +144,17 @@ def sorting(folder: Path, number: int) -> None:
         times = {}
         for sort in (True, False):
             task = task_of(path, sort=sort)
-            times[sort] = min(computed(task, len(task.blocks))[1] for _ in range(2))
-        whole = task_of(path, sort=False, batch=10**9)
-        alone = computed(whole, len(whole.blocks))[1]
+            times[sort] = _better_of_two(task)
+        alone = _better_of_two(task_of(path, sort=False, batch=10**9))
         say(
             f"{number} {name}: sorted {times[True]:.2f} s, not sorted {times[False]:.2f} s, in one"
             f" batch {alone:.2f} s: sorting gives {times[False] / times[True]:.2f} x, batches and"
             f" sorting {alone / times[True]:.2f} x"
         )
+
+
+def _better_of_two(task: Task) -> float:
+    return min(computed(task, len(task.blocks))[1] for _ in range(2))
 
 
 def precision(folder: Path, number: int) -> None:

@@ -1,0 +1,48 @@
+"""Arrays of few shapes, so that few are compiled: padded lengths, and rows that count alone."""
+
+import numpy as np
+from jaxtyping import Float
+
+from .noise import Numbers
+
+_FEWEST = 256  # rows
+
+
+def bucket(n: int, smallest: int) -> int:
+    """The padded length for `n`: `smallest` times 2^k or 1.5 * 2^k."""
+    size = smallest
+    while size < n:
+        size = size * 3 // 2 if size & (size - 1) == 0 else size // 3 * 4
+    return size
+
+
+def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[np.ndarray, "n m"]:
+    """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
+    more = -columns.shape[1] % size
+    return columns if not more else np.pad(columns, ((0, 0), (0, more)))
+
+
+def counted_rows(
+    clock: Float[Numbers, "n *k"],
+    weight: Float[Numbers, " n"],
+    columns: Float[Numbers, "n m"],
+    scale: Float[Numbers, " *n"],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What a noise is found from (clock, weight, columns, scale) without rows of weight 0, but for
+    those that fill up to a padded length.
+
+    Noise forgets by how far a clock has gone, whichever way, so a clock that turns goes on. That is
+    what passing over rows comes to, and takes no time.
+    """
+    clock, weight, columns, scale = (np.asarray(x) for x in (clock, weight, columns, scale))
+    on = np.flatnonzero(weight > 0)
+    size = bucket(len(on), _FEWEST)
+    if size >= len(weight) or not len(on):
+        return clock, weight, columns, scale
+    if np.any(np.diff(clock, axis=0) < 0):
+        gone = np.cumsum(np.abs(np.diff(clock, axis=0)), axis=0)
+        clock = np.concatenate([np.zeros_like(clock[:1]), gone])
+    taken = np.append(on, np.full(size - len(on), on[-1]))
+    filled = (np.arange(size) < len(on)).astype(float)
+    columns = columns[taken] * filled.reshape(-1, *[1] * (columns.ndim - 1))
+    return clock[taken], weight[taken] * filled, columns, scale[taken] if scale.ndim else scale
