@@ -1,6 +1,7 @@
 """Fits and tight tolerances need 64-bit numbers; the package itself never sets this.
 
-Compiled functions are kept in pytest's cache folder: many tests compile the same ones.
+Compiled functions are kept in pytest's cache folder, or in JAXFRIC_TEST_CACHE: many tests compile
+the same ones. JAX names them by all that they come from, so a change of code finds no old one.
 """
 
 import gc
@@ -30,7 +31,8 @@ def pytest_configure(config):
         os.environ.setdefault("NPROC", "1")
     if "XLA_FLAGS" not in os.environ and _known(_QUICK_COMPILER, config):
         os.environ["XLA_FLAGS"] = _QUICK_COMPILER  # workers and commands of tests inherit it
-    folder = Path(config.rootpath) / ".pytest_cache" / "jax"
+    own = Path(config.rootpath) / ".pytest_cache" / "jax"
+    folder = Path(os.environ.get("JAXFRIC_TEST_CACHE", own))
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)  # the command leaves it then
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

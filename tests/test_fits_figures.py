@@ -281,6 +281,17 @@ def test_shares_under_measured_noise_of_another_draw():
     assert numbers["measured, no effect: an effect confirmed"]["value"] == 0
 
 
+def test_growth_of_times():
+    results, text = content("benchmark/growth.json"), page("benchmark")
+    million, batch = results["fit of a million rows"], results["seconds"]["batch"][-1]
+    for pattern, values in (
+        ("with its rows to the power #:", [results["exponents"]["rows"]]),
+        ("A million rows take # s and # GiB.", [million["seconds"], million["peak_GiB"]]),
+        ("Members of a batch take # us each", [1e6 * batch[1] / batch[0]]),
+    ):
+        assert not stale(text, pattern, *values)
+
+
 def test_shares_of_the_axes():
     results, text = content("blind/axis_results.json"), page("blind")
     levels, records = results["numbers"].values(), results["records"]
