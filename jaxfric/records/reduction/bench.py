@@ -81,10 +81,19 @@ class Bench:
             raise InputError(f"row {number} is before the first, 0")
         return number
 
-    def write(self, number: int, values: np.ndarray, rows: slice, *, name: str, unit: str) -> str:
-        """Put values into rows of a column, which is made of zeros if it is new; what changed."""
+    def change(self, number: int, values: np.ndarray) -> str:
+        """Give all rows of a column that is there other values; what changed."""
+        column = self.column(number)
+        return self.write(number, values, name=column.name, unit=column.unit)
+
+    def write(
+        self, number: int, values: np.ndarray, rows: slice | None = None, *, name: str, unit: str
+    ) -> str:
+        """Put values into rows of a column, by default all; it is made of zeros if it is new. What
+        changed."""
         if number < 1:
             raise InputError(f"there can be no column {number}; the first is 1")
+        rows = slice(0, len(self)) if rows is None else rows
         before = self.columns.get(number)
         full = np.zeros(len(self)) if before is None else before.values.copy()
         full[rows] = values

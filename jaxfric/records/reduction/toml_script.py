@@ -126,8 +126,7 @@ def _make(maker: _Maker, script: Path, name: str, keys: Mapping[str, object]) ->
             text += f", factor = {_written(keys['factor'])}"
         try:
             values, unit = step()
-            rows = slice(0, len(maker.bench))
-            changed = maker.bench.write(number, values, rows, name=name, unit=unit)
+            changed = maker.bench.write(number, values, name=name, unit=unit)
         except InputError as error:
             raise InputError(f"{script}, {text}: {error}") from None
         maker.bench.done.append(Done(0, text, changed))

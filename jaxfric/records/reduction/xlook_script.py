@@ -11,7 +11,7 @@ Source: github.com/PennStateRockandSedimentMechanics/xlook, `cmds.c` and `event.
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
@@ -45,6 +45,13 @@ _FUNCTIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "z_min": lambda values: values - values.min(),
     "z_max": lambda values: values - values.max(),
 }
+
+
+class _Named(TypedDict):
+    """Name and unit of a column."""
+
+    name: str
+    unit: str
 
 
 class _Call(NamedTuple):
@@ -174,10 +181,10 @@ def _mapped(call: _Call) -> str:
     column, out = call.integers(0, 1)
     with np.errstate(all="ignore"):
         values = _FUNCTIONS[call.command](call.bench.column(column).values)
-    return call.bench.write(out, values, slice(0, len(call.bench)), **_named(call, 2))
+    return call.bench.write(out, values, **_named(call, 2))
 
 
-def _named(call: _Call, place: int) -> dict[str, str]:
+def _named(call: _Call, place: int) -> _Named:
     """Name and unit of a column, the arguments from `place` on."""
     return {"name": call.words[place], "unit": _unit(call.words[place + 1])}
 
@@ -186,7 +193,7 @@ def _power(call: _Call) -> str:
     column, out = call.integers(0, 1)
     with np.errstate(all="ignore"):
         values = call.bench.column(column).values ** call.real(2)
-    return call.bench.write(out, values, slice(0, len(call.bench)), **_named(call, 3))
+    return call.bench.write(out, values, **_named(call, 3))
 
 
 def _summation(call: _Call) -> str:
@@ -196,7 +203,7 @@ def _summation(call: _Call) -> str:
     before = call.bench.columns.get(out)
     start = before.values[0] if before is not None else 0.0
     total = np.cumsum(np.concatenate([[start], values[1:]]))
-    return call.bench.write(out, total, slice(0, len(total)), **_named(call, 2))
+    return call.bench.write(out, total, **_named(call, 2))
 
 
 def _elastic(call: _Call) -> str:
@@ -274,7 +281,7 @@ def _thickness(call: _Call) -> str:
     column, out = call.integers(2, 3)
     values = call.bench.column(column).values
     values = op.thinned(values, _length(call), call.real(1))
-    return call.bench.write(out, values, slice(0, len(values)), **_named(call, 4))
+    return call.bench.write(out, values, **_named(call, 4))
 
 
 def _without_thinning(call: _Call) -> str:
@@ -284,7 +291,7 @@ def _without_thinning(call: _Call) -> str:
         raise InputError("it cannot write over the displacement that it needs")
     both = call.bench.column(column).values, call.bench.column(thickness).values
     values = op.with_thinning(*both, _length(call))
-    return call.bench.write(out, values, slice(0, len(values)), **_named(call, 4))
+    return call.bench.write(out, values, **_named(call, 4))
 
 
 def _length(call: _Call) -> float:
@@ -299,8 +306,7 @@ def _zero(call: _Call) -> str:
     number, row = call.integers(0, 1)
     column, row = call.bench.column(number), call.bench.row(row)
     values = column.values - column.values[row]
-    whole = slice(0, len(values))
-    changed = call.bench.write(number, values, whole, name=column.name, unit=column.unit)
+    changed = call.bench.change(number, values)
     return f"{column.values[row]:.6g} taken away; {changed}"
 
 
@@ -311,8 +317,7 @@ def _without_jump(call: _Call) -> str:
     last = rows.stop - 1
     jump = column.values[last] - column.values[first]
     values = op.without_jump(column.values, first, last, flat=call.words[3].startswith("y"))
-    whole = slice(0, len(values))
-    changed = call.bench.write(number, values, whole, name=column.name, unit=column.unit)
+    changed = call.bench.change(number, values)
     return f"a jump of {jump:.6g} taken out; {changed}"
 
 
@@ -322,11 +327,7 @@ def _offset(call: _Call) -> str:
     column = call.bench.column(number)
     wanted = call.bench.column(other).values[call.bench.row(other_row)]
     moved = wanted - column.values[call.bench.row(row)]
-    whole = slice(0, len(call.bench))
-    named = {"name": column.name, "unit": column.unit}
-    return f"moved by {moved:.6g}; " + call.bench.write(
-        number, column.values + moved, whole, **named
-    )
+    return f"moved by {moved:.6g}; " + call.bench.change(number, column.values + moved)
 
 
 def _remove_column(call: _Call) -> str:
@@ -362,15 +363,14 @@ def _despike(call: _Call) -> str:
     column, row = call.bench.column(number), call.bench.row(row)
     values = column.values.copy()
     values[row] = values[row - 1]
-    call.bench.write(number, values, slice(0, len(values)), name=column.name, unit=column.unit)
+    call.bench.change(number, values)
     return f"{column.values[row]:.6g} became {values[row]:.6g}"
 
 
 def _name(call: _Call) -> str:
     (number,) = call.integers(0)
     column = call.bench.column(number)
-    whole = slice(0, len(call.bench))
-    return call.bench.write(number, column.values, whole, **_named(call, 1))
+    return call.bench.write(number, column.values, **_named(call, 1))
 
 
 _COMMANDS: dict[str, tuple[int, Callable[[_Call], str]]] = {
