@@ -636,3 +636,20 @@ def test_noise_in_words():
     assert NoisePart(0.4, "time", 9.9).origin == "amplifier, filter or servo"
     assert NoisePart(0.4, "time", 10.1).origin == "temperature or creep"
     assert NoisePart(0.4, "path", 1e-4).origin == "roughness or gouge"
+
+
+@pytest.mark.parametrize("beta", [-0.99, -0.5, 1e-9, 0.3, 9.0])
+def test_a_correlation_is_finite_at_any_distance(beta):
+    """Rows of a run are thousands of memories apart: by the characteristic roots of
+    r'' + 2 r'/m + (1 + beta) r/m^2 = 0 (m the memory; of an overdamped one, the longer time)."""
+    part = NoisePart(1.0, "time", memory=0.07, beta=beta)
+    apart = np.array([0.0, 0.01, 0.1, 1.0, 100.0, 1e6])
+    m = 0.07 if beta > 0 else 0.07 * (1 - np.sqrt(-beta))
+    d = apart / m
+    if beta > 0:
+        w = np.sqrt(beta)
+        expected = np.exp(-d) * (np.cos(w * d) + np.sin(w * d) / w)
+    else:
+        s = np.sqrt(-beta)
+        expected = (0.5 + 0.5 / s) * np.exp(-(1 - s) * d) + (0.5 - 0.5 / s) * np.exp(-(1 + s) * d)
+    np.testing.assert_allclose(part.correlation(apart), expected, atol=1e-6)

@@ -63,7 +63,9 @@ class NoisePart:
             return np.exp(-d)
         s = np.sqrt(-self.beta + 1e-12j)
         d = d if self.beta > 0 else d / (1 - s.real)
-        return (np.exp(-d) * (np.cosh(s * d) + np.sinh(s * d) / s)).real
+        # exp(-d) (cosh(s d) + sinh(s d)/s), without cosh, which is infinite at long distances
+        slow, fast = np.exp((s - 1) * d), np.exp(-(s + 1) * d)
+        return ((slow + fast) / 2 + (slow - fast) / (2 * s)).real
 
     def text(self) -> str:
         """The memory in words: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
