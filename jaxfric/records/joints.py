@@ -32,7 +32,11 @@ def fit_broken_line(t: np.ndarray, y: np.ndarray, least_change: float) -> Broken
     **Arguments:** as `find_lines`. Standard errors are widened for the correlation of the
     residual; they hold for a load point that is at constant velocity between the joints.
     """
-    sums, rows = find_lines(t, y, least_change)
+    return broken_line(*find_lines(t, y, least_change))
+
+
+def broken_line(sums: Sums, rows: np.ndarray) -> BrokenLine:
+    """The broken line whose lines begin at given `rows`, the number of rows last."""
     lines = sums.lines(rows[:-1], rows[1:])
     parts = sums.residual(rows)
     widening = np.array([_correlation_factor(part) for part in parts])

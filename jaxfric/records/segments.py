@@ -43,6 +43,9 @@ _BRIEF, _BRIEF_HEIGHT = 0.02, 60.0
 """A line that lasts less than this fraction of its neighbours is more often a transient of
 the servo or a jump of the recorder than a commanded step: its joints need this height."""
 
+_LIFT = 3.0
+"""A line between two others leads away from either by so many scatters."""
+
 _NEAR = 1.0
 """Reach on either side in which a joint is judged, in lengths of its shorter line."""
 
@@ -50,13 +53,19 @@ _PASSES = 4
 
 
 def find_lines(
-    t: np.ndarray, y: np.ndarray, least_change: float, passes: int = _PASSES
+    t: np.ndarray,
+    y: np.ndarray,
+    least_change: float,
+    passes: int = _PASSES,
+    *,
+    height: float = _HEIGHT,
 ) -> tuple[Sums, np.ndarray]:
     """Fit as many straight lines as the data support.
 
     **Arguments:** `t` [s], increasing; `y` [m]; `least_change`: a joint whose change of
     slope is below this fraction of the larger of the two slopes is not a joint; `passes`: the
-    most fits, each but the first without the lone glitches of the one before.
+    most fits, each but the first without the lone glitches of the one before; `height`: how many
+    times the scatter a joint lifts the line.
 
     **Returns:** the sums of the rows used (all but lone glitches), and the first row of
     every line followed by the number of rows.
@@ -67,16 +76,51 @@ def find_lines(
     nodes = _nodes(t, y)
     keep = ~_glitches(sums, _partition(sums, nodes, min(_ROWS_FOR_GLITCHES, len(t) // 2)))
     if keep.all() or passes == 1:
-        return sums, _weed(sums, _partition(sums, nodes, MIN_ROWS), least_change)
-    return find_lines(t[keep], y[keep], least_change, passes - 1)
+        return sums, _weed(sums, _partition(sums, nodes, MIN_ROWS), least_change, height)
+    return find_lines(t[keep], y[keep], least_change, passes - 1, height=height)
 
 
-def _weed(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:
+def join(sums: Sums, rows: np.ndarray, doubtful: np.ndarray, least_change: float) -> np.ndarray:
+    """The first rows of lines without those of their `doubtful` joints that fail a joint's tests,
+    and without brief lines that lift the rows out of a neighbour's line by no more than scatter.
+
+    **Arguments:** the rows' sums; the first row of every line and the number of rows, (m + 1,);
+    `doubtful` (m + 1,): which of them may go; `least_change` as for `find_lines`.
+    """
+    while doubtful[1:-1].any():
+        scores = np.where(doubtful[1:-1], _scores(sums, rows, least_change, _HEIGHT), np.inf)
+        worst = int(np.argmin(scores)) + 1
+        if scores[worst - 1] >= 1:
+            break
+        rows, doubtful = np.delete(rows, worst), np.delete(doubtful, worst)
+    rows = settle(sums, rows, 20)
+    while len(rows) > 3:
+        lifts = _lifts(sums, rows)
+        if lifts.min() >= _LIFT:
+            break
+        line, end = np.unravel_index(np.argmin(lifts), lifts.shape)
+        rows = settle(sums, np.delete(rows, line + end + 1), 20)
+    return rows
+
+
+def _lifts(sums: Sums, rows: np.ndarray) -> np.ndarray:
+    """How far every line but the outer two leads away from where its neighbours at its beginning
+    and at its end would have led, in scatters of the more scattered of both (m - 2, 2)."""
+    lines = sums.lines(rows[:-1], rows[1:])
+    common = float(np.median(lines.sum_squares / np.maximum(lines.count - 2, 1)))
+    around = _scatter(lines, common, sums.floor)
+    turn = np.abs(np.diff(lines.slope))
+    length = np.diff(sums.t[rows[1:-1]])
+    away = np.stack([turn[:-1], turn[1:]], axis=1) * length[:, None]
+    return away / np.maximum(around[:-2], around[2:])[:, None]
+
+
+def _weed(sums: Sums, rows: np.ndarray, least_change: float, height: float) -> np.ndarray:
     """Take out the weakest joints until each that is left passes its tests."""
     rounds = 0
     while len(rows) > 2 and rounds < 5:
         rows = _collapse(sums, settle(sums, rows, 3))
-        scores = _scores(sums, rows, least_change)
+        scores = _scores(sums, rows, least_change, height)
         padded = np.concatenate([[np.inf], scores, [np.inf]])
         weakest = (scores < 1) & (scores <= padded[:-2]) & (scores < padded[2:])
         rounds += not weakest.any()
@@ -178,12 +222,12 @@ def _collapse(sums: Sums, rows: np.ndarray) -> np.ndarray:
     return np.delete(moved, chosen + 2)
 
 
-def _scores(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:
+def _scores(sums: Sums, rows: np.ndarray, least_change: float, least_height: float) -> np.ndarray:
     """Ratio by which every joint passes its weaker test; below 1 it fails.
 
     The height of a joint is how far it lifts the line above the chord of its two sides,
-    |v2 - v1| T1 T2 / (T1 + T2). Test 1: the height is `_HEIGHT` (at a brief line
-    `_BRIEF_HEIGHT`) times the scatter of the more scattered side. Test 2:
+    |v2 - v1| T1 T2 / (T1 + T2). Test 1: the height is `least_height` (at a brief line
+    2.4 times that) times the scatter of the more scattered side. Test 2:
     the slope changes by `least_change` of the larger one. Of the whole sides or of their parts
     near the joint, what passes further counts.
     """
@@ -192,7 +236,8 @@ def _scores(sums: Sums, rows: np.ndarray, least_change: float) -> np.ndarray:
     length = np.diff(np.append(sums.t[rows[:-1]], sums.t[-1]))
     beside = np.concatenate([[np.inf], length, [np.inf]])
     brief = length < _BRIEF * np.minimum(beside[:-2], beside[2:])
-    needed = np.where(brief[:-1] | brief[1:], _BRIEF_HEIGHT, _HEIGHT)
+    brief_height = least_height * _BRIEF_HEIGHT / _HEIGHT
+    needed = np.where(brief[:-1] | brief[1:], brief_height, least_height)
     first, end = _beside(sums.t, rows)
     whole = _pass(sums, rows[:-2], rows[1:-1], rows[2:], needed, common, least_change)
     near = _pass(sums, first, rows[1:-1], end, needed, common, least_change)

@@ -11,7 +11,7 @@ from .joints import BrokenLine, fit_broken_line
 from .record import Record
 from .sizes import SIZES
 
-_LEAST_CHANGE = 0.07
+LEAST_CHANGE = 0.07
 """A step changes the velocity by at least this fraction of the larger of the two."""
 
 _ROUNDING = 1e-9
@@ -118,7 +118,11 @@ def find_steps(time: ArrayLike, displacement: ArrayLike) -> VelocitySteps:
         raise InputError("find_steps needs two arrays of equal length, of at least 20 rows")
     if not (np.isfinite(t).all() and np.isfinite(y).all() and (np.diff(t) > 0).all()):
         raise InputError("find_steps needs finite values and a time that increases")
-    line = fit_broken_line(t - t[0], y, _LEAST_CHANGE)
+    return steps_of_line(fit_broken_line(t - t[0], y, LEAST_CHANGE))
+
+
+def steps_of_line(line: BrokenLine) -> VelocitySteps:
+    """The velocity steps of a broken line whose time begins at 0."""
     return VelocitySteps(
         times=np.concatenate([[0.0], line.joints]),
         velocities=_without_creep(line),
