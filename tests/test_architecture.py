@@ -36,6 +36,7 @@ FLOORS = {
     "loop": 4,
     "prediction": 4,
     "protocol": 4,
+    "runs": 4,
     "study": 5,
     "axis": 5,
     "plot": 5,

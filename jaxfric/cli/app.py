@@ -20,6 +20,7 @@ from .loop import loop
 from .predict import predict
 from .protocol import protocol
 from .record import record
+from .run import run
 from .simulate import simulate
 from .stability import stability
 from .steady import steady
@@ -32,7 +33,20 @@ app = cyclopts.App(
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
-_VERBS = (record, fit, loop, axis, steady, predict, protocol, gains, stability, simulate, study)
+_VERBS = (
+    record,
+    fit,
+    run,
+    loop,
+    axis,
+    steady,
+    predict,
+    protocol,
+    gains,
+    stability,
+    simulate,
+    study,
+)
 for verb in _VERBS:
     app.command(verb)
 

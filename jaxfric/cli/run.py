@@ -1,0 +1,228 @@
+"""`jaxfric run`: a whole run of a press, from its file to the table of its steps."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from . import options
+from .common import prepare_jax, read_record, told, warn
+from .folder import Folder, choose_folder, json_text
+
+if TYPE_CHECKING:
+    from ..records import Record
+    from ..runs import Event
+    from ..runs.fits import HowFitted, RunFit
+
+
+def run(
+    file: options.File,
+    /,
+    *,
+    stiffness: Annotated[
+        str | None,
+        Parameter(allow_leading_hyphen=True, help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m."),
+    ] = None,
+    law: Annotated[str, Parameter(help="Evolution law, slip or ageing.")] = "slip",
+    states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
+    fit_stiffness: Annotated[
+        bool, Parameter(negative=(), help="Fit the stiffness of every step too.")
+    ] = False,
+    slip_trend: Annotated[
+        bool, Parameter(negative=(), help="Fit a linear change of friction with slip as well.")
+    ] = False,
+    events: Annotated[
+        Path | None,
+        Parameter(help="Take the events of this file, as a run wrote it, instead of finding them."),
+    ] = None,
+    rows: Annotated[
+        int, Parameter(help="Fit means over neighbouring rows where a window has more than these.")
+    ] = 4000,
+    reduce: options.Reduce = None,
+    column: options.Columns = None,
+    drop_bad: options.DropBad = False,
+    since: options.Since = None,
+    until: options.Until = None,
+    out: options.Out = None,
+    json: options.Json = False,
+) -> int:
+    """Find all velocity steps of a run, fit them, and write the table.
+
+    A run is an hour or a day of a press: steps, holds, changes of normal stress, at sampling rates
+    that change. Every event that is found is written to events.toml, where it can be changed by
+    hand (--events). Writes also table.csv, table_xlook.csv, table.tex, run.json, the figures events
+    and rates, and a figure for every step, to the output folder, by default ./NAME-run/ with the
+    options that differ from their default.
+    """
+    if stiffness is None and not fit_stiffness:
+        raise InputError(
+            "--stiffness is missing; give that of machine and specimen, as in --stiffness"
+            " 1.6e-3/um, or let every step find its own (--fit-stiffness)"
+        )
+    from ..runs.fits import HowFitted
+
+    how = HowFitted(stiffness, law, int(states), fit_stiffness, slip_trend, rows)
+    with told(quiet=json) as progress:
+        progress(f"reading {file.name}")
+        record = read_record(file, column, drop_bad, since, until, reduce=reduce)
+        inputs = (file,) if events is None else (file, events)
+        folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
+        progress(f"what happens in {len(record)} rows")
+        record, found = _events(record, events, stiffness)
+        result = _fitted(record, found, how, folder, progress)
+        content = json_text(_content(result))
+        with folder.results() as to:
+            _write_events(record, found, to)
+            _write_tables(result, to)
+            (to / "run.json").write_text(content + "\n", encoding="utf-8")
+        progress("drawing figures")
+        _draw_events(record, found, folder)
+        _draw(result, folder)
+    if json:
+        print(content)
+    else:
+        _tell(result)
+        print(folder.written)
+    warn(_warnings(result))
+    return folder.close()
+
+
+def _fitted(
+    record: "Record",
+    found: tuple["Event", ...],
+    how: "HowFitted",
+    folder: Folder,
+    progress: Callable[[str], None],
+) -> "RunFit":
+    """The fits; where there can be none the events are written, to be changed by hand."""
+    prepare_jax()
+    from ..runs.fits import fit_run
+
+    try:
+        return fit_run(record, found, how, progress=progress)
+    except InputError:
+        with folder.results() as to:
+            _write_events(record, found, to)
+        _draw_events(record, found, folder)
+        raise
+
+
+def _write_events(record: "Record", found: tuple["Event", ...], to: Path) -> None:
+    from ..runs.decisions import decisions_text
+
+    text = decisions_text(found, Path(record.provenance.path).name)
+    (to / "events.toml").write_text(text, encoding="utf-8")
+
+
+def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -> None:
+    from ..plot.run import draw_events
+
+    folder.draw(
+        "the figure of the events", lambda to: draw_events(record, found, to / "events.png")
+    )
+
+
+def _events(
+    record: "Record", file: Path | None, stiffness: str | None
+) -> tuple["Record", tuple["Event", ...]]:
+    """The record without resets of its encoder, and the events: found, or as a file has them."""
+    from ..records.run_motion import run_motion
+    from ..runs import find_events
+    from ..runs.decisions import read_decisions
+    from ..runs.fits import without_resets_of
+    from ..units import parse_quantity
+
+    if file is not None:
+        found = read_decisions(file, float(record.relative_time[-1]))
+        return without_resets_of(record, run_motion(record).position), found
+    known = (
+        None
+        if stiffness is None
+        else parse_quantity(
+            stiffness, "1/m" if record.friction_unit == "1" else "N/m", "--stiffness"
+        )
+    )
+    motion, found = find_events(record, stiffness=known)
+    return without_resets_of(record, motion.position), found
+
+
+def _write_tables(result: "RunFit", to: Path) -> None:
+    from ..runs.table import csv_text, latex_text, rows, xlook_rows
+
+    for name, text in (
+        ("table.csv", csv_text(rows(result))),
+        ("table_xlook.csv", csv_text(xlook_rows(result))),
+        ("table.tex", latex_text(result)),
+    ):
+        (to / name).write_text(text, encoding="utf-8")
+
+
+def _draw(result: "RunFit", folder: Folder) -> None:
+    from ..plot.fit import draw_fit
+    from ..plot.run import draw_rates
+
+    folder.draw("the figure of A-B", lambda to: draw_rates(result, to / "rates.png"))
+
+    def steps(to: Path) -> None:
+        for step in result.steps:
+            if step.fit is not None:
+                draw_fit(step.fit, to / f"step_{step.number:02d}.png")
+
+    folder.draw("the figures of the steps", steps)
+
+
+def _content(result: "RunFit") -> dict[str, object]:
+    """A run as JSON: where it is from, its events, and the fit of every step."""
+    origin = result.record.provenance
+    return {
+        "schema": "jaxfric.run/1",
+        "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(result.record)},
+        "events": [
+            {
+                "kind": event.kind,
+                "time": event.time,
+                "velocities": [event.before, event.after],
+                "window": [event.start, event.stop],
+                "normal_stress": event.normal_stress,
+                "fitted": event.fitted,
+                "why": event.why,
+            }
+            for event in result.events
+        ],
+        "steps": [
+            {
+                "number": step.number,
+                "time": step.event.time,
+                "load_point_displacement": step.position,
+                "failed": step.failed,
+                "fit": None if step.fit is None else step.fit.to_json(),
+            }
+            for step in result.steps
+        ],
+    }
+
+
+def _tell(result: "RunFit") -> None:
+    from collections import Counter
+
+    from ..runs.table import text_lines
+
+    kinds = Counter(event.kind for event in result.events)
+    words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+    print(f"{len(result.record)} rows, {len(result.events)} events: {words}")
+    for line in text_lines(result):
+        print(line)
+    print(
+        "in brackets: one standard error, in the last two digits; -: not determined by its window"
+    )
+
+
+def _warnings(result: "RunFit") -> list[str]:
+    """What the fits warn of, with the numbers of the steps of each warning."""
+    told: dict[str, list[int]] = {}
+    for step in result.steps:
+        for text in step.fit.warnings if step.fit is not None else (step.failed,):
+            told.setdefault(text, []).append(step.number)
+    return [f"step {', '.join(map(str, numbers))}: {text}" for text, numbers in told.items()]

@@ -1,0 +1,170 @@
+"""The figures of a run: what was decided about it, and A-B of its steps."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ..records import Record
+from ..runs.events import Event
+from ..runs.fits import RunFit
+from ..runs.table import difference
+from .label import printable
+from .ticks import plain_log
+
+_DATA = "#1f4e79"
+_COLOURS = {
+    "step": "#c8501e",
+    "stress": "#7a4ea3",
+    "hold": "#2a9d8f",
+    "reload": "#8a8a00",
+    "unload": "#555555",
+    "stick_slip": "#d81b60",
+    "glitch": "0.7",
+}
+_LONG = 4.0
+"""Bars so many times as long as the usual one may leave the panel."""
+_WORDS = {"stress": "normal stress", "stick_slip": "stick-slip"}
+
+
+def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> None:
+    """Write the figure of the decisions to `paths`: friction, speed of the load point and normal
+    stress against rows, for a recorder takes many where something happens and few in a hold."""
+    rows = np.arange(len(record))
+    panels = 3 if record.normal_stress is not None else 2
+    figure = Figure(figsize=(13, 2.6 + 1.9 * panels), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = np.atleast_1d(
+        figure.subplots(panels, 1, sharex=True, height_ratios=[2.2, 1, 1][:panels])
+    )
+    axes[0].plot(rows, record.friction, color=_DATA, lw=0.5)
+    axes[0].set_ylabel("friction force [N]" if record.friction_unit == "N" else "friction")
+    _limits(axes[0], record.friction)
+    _speeds(axes[1], record, events)
+    if panels == 3:
+        assert record.normal_stress is not None
+        axes[2].plot(rows, record.normal_stress / 1e6, color=_DATA, lw=0.7)
+        axes[2].set_ylabel("normal stress [MPa]")
+    for axis in axes:
+        _mark(axis, record, events)
+        axis.margins(x=0.005)
+        axis.spines[["top", "right"]].set_visible(False)
+    _number(axes[0], record, events)
+    axes[-1].set_xlabel("row")
+    _times(axes[0], record)
+    kinds = [kind for kind in _COLOURS if any(e.kind == kind for e in events)]
+    handles = [
+        axes[0].plot([], [], color=_COLOURS[k], lw=2, label=_WORDS.get(k, k))[0] for k in kinds
+    ]
+    figure.legend(handles=handles, loc="outside lower left", ncol=8, frameon=False, fontsize=9)
+    fitted = sum(event.fitted for event in events)
+    title = (
+        f"{printable(record.provenance.path)}: {len(events)} events, {fitted} steps to fit (shaded)"
+    )
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
+    for path in paths:
+        figure.savefig(str(path), dpi=130)
+
+
+def _limits(axis: Axes, values: np.ndarray) -> None:
+    """Limits that a few wild rows do not decide."""
+    low, high = np.quantile(values, [0.002, 0.998])
+    room = 0.12 * max(high - low, 1e-12)
+    axis.set_ylim(low - room, high + 2 * room)
+
+
+def _speeds(axis: Axes, record: Record, events: Sequence[Event]) -> None:
+    joints = [event for event in events if event.before != event.after]
+    if not joints:  # one velocity, and no event that tells it
+        axis.text(0.5, 0.5, "no step", transform=axis.transAxes, ha="center", color="0.5")
+        return
+    rows = np.searchsorted(record.relative_time, [event.time for event in joints])
+    edges = np.concatenate([[0], rows, [len(record)]])
+    speeds = np.array([e.before for e in joints[:1]] + [e.after for e in joints])
+    for a, b, v in zip(edges[:-1], edges[1:], 1e6 * speeds, strict=True):
+        if v:
+            axis.plot([a, b], [abs(v)] * 2, color=_DATA, lw=1.8, ls="-" if v > 0 else ":")
+    axis.set_yscale("log")
+    plain_log(axis, "y")
+    axis.set_ylabel("speed [µm/s]")
+
+
+def _mark(axis: Axes, record: Record, events: Sequence[Event]) -> None:
+    t = record.relative_time
+    for event in events:
+        row = int(np.searchsorted(t, event.time))
+        axis.axvline(row, color=_COLOURS[event.kind], lw=0.9, zorder=0)
+        if event.fitted:
+            ends = np.searchsorted(t, [event.start, event.stop])
+            axis.axvspan(*ends, color=_COLOURS["step"], alpha=0.12, lw=0, zorder=0)
+
+
+def _number(axis: Axes, record: Record, events: Sequence[Event]) -> None:
+    """The numbers of the steps that are fitted, above their windows."""
+    t, top = record.relative_time, axis.get_ylim()[1]
+    for number, event in enumerate((e for e in events if e.fitted), 1):
+        row = int(np.searchsorted(t, event.time))
+        axis.text(
+            row, top, str(number), ha="center", va="bottom", fontsize=8, color=_COLOURS["step"]
+        )
+
+
+def _times(axis: Axes, record: Record) -> None:
+    """Times at the rows where the ticks are, written above them."""
+    second = axis.secondary_xaxis(1.1)
+    places = np.linspace(0, len(record) - 1, 8).astype(int)
+    second.set_xticks(places, [f"{record.relative_time[p]:.0f} s" for p in places])
+    second.spines["top"].set_visible(False)
+    second.tick_params(length=0, labelsize=8, colors="0.4")
+
+
+def draw_rates(run: RunFit, *paths: str | Path) -> None:
+    """Write A-B of all fitted steps against velocity, displacement and normal stress."""
+    found = [step for step in run.steps if step.fit is not None and step.fit.converged]
+    pairs = np.array([difference(step.fit) for step in found if step.fit is not None])
+    stress = [step.event.normal_stress for step in found]
+    sides = [
+        ("velocity after the step [µm/s]", [1e6 * abs(s.event.after) for s in found], True),
+        ("load-point displacement [mm]", [1e3 * s.position for s in found], False),
+    ]
+    if all(s is not None for s in stress) and found:
+        sides.append(("normal stress [MPa]", [s / 1e6 for s in stress if s is not None], False))
+    figure = Figure(figsize=(4.2 * len(sides), 3.9), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = np.atleast_1d(figure.subplots(1, len(sides), sharey=True))
+    up = np.array([abs(s.event.after) > abs(s.event.before) for s in found])
+    for axis, (label, along, log) in zip(axes, sides, strict=True):
+        x = np.array(along)
+        for chosen, mark, words in ((up, "^", "step up"), (~up, "v", "step down")):
+            axis.errorbar(
+                x[chosen],
+                pairs[chosen, 0],
+                1.96 * pairs[chosen, 1],
+                fmt=mark,
+                color=_DATA if mark == "^" else "#c8501e",
+                label=words,
+                capsize=2,
+                lw=1,
+            )
+        axis.axhline(0, color="0.4", lw=0.7)
+        axis.set_xlabel(label)
+        if log:
+            axis.set_xscale("log")
+            plain_log(axis, "x")
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylabel("A − B (bars: 95 %)")
+    if len(pairs):  # a step that tells little must not hide what others tell
+        bars = 1.96 * pairs[:, 1]
+        told = bars <= _LONG * np.median(bars)
+        ends = np.concatenate([(pairs[:, 0] - bars)[told], (pairs[:, 0] + bars)[told], [0.0]])
+        room = 0.08 * np.ptp(ends)
+        axes[0].set_ylim(ends.min() - room, ends.max() + room)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside upper right", ncol=2, frameon=False
+    )
+    axes[0].text(0.02, 0.02, "below 0: velocity weakening", transform=axes[0].transAxes, fontsize=8)
+    for path in paths:
+        figure.savefig(str(path), dpi=130)

@@ -1,0 +1,120 @@
+"""The events of a run as a file that can be changed by hand and given back."""
+
+import tomllib
+from pathlib import Path
+
+from ..errors import InputError
+from ..units import format_si, parse_quantity
+from .events import KINDS, Event
+
+_HEAD = """\
+# What was decided about {name}, an event an entry, by time.
+# Change what is wrong, and give this file back: jaxfric run ... --events {file}
+# kind: {kinds}
+# Events with fit = true are fitted from `from` to `to`, as one step at `time` of two velocities.
+# An entry may be taken out, or added: time, kind and velocities are all that it needs.
+"""
+_NEEDED = {"time", "kind", "velocities"}
+_KNOWN = {*_NEEDED, "fit", "from", "to", "time_error", "normal_stress", "why"}
+
+
+def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.toml") -> str:
+    """The events as TOML, under a head that says what may be changed."""
+    parts = [_HEAD.format(name=name, file=file, kinds=", ".join(KINDS))]
+    for event in events:
+        seconds = lambda value: f'"{value:.9g} s"'  # noqa: E731
+        speeds = ", ".join(
+            f'"{format_si(v, "m/s", "um/s", 7)}"' for v in (event.before, event.after)
+        )
+        lines = [
+            "[[event]]",
+            f"time = {seconds(event.time)}",
+            f'kind = "{event.kind}"',
+            f"velocities = [{speeds}]",
+        ]
+        if event.kind == "step":
+            lines += [f"fit = {'true' if event.fitted else 'false'}"]
+            lines += [f"from = {seconds(event.start)}", f"to = {seconds(event.stop)}"]
+            lines += [f"time_error = {seconds(event.time_error)}"]
+        if event.normal_stress is not None:
+            lines.append(f'normal_stress = "{format_si(event.normal_stress, "Pa", "MPa", 6)}"')
+        if event.why:
+            lines.append(f'why = "{event.why}"')
+        parts.append("\n".join(lines) + "\n")
+    return "\n".join(parts)
+
+
+def read_decisions(file: str | Path, end: float) -> tuple[Event, ...]:
+    """The events of such a file, for a run of `end` [s].
+
+    Raises `InputError` for a file that is no such TOML, with the entry and what to write.
+    """
+    file = Path(file)
+    try:
+        content = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{file} is no TOML: {error}") from None
+    entries = content.pop("event", None)
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError(f"{file} has no events: begin each with [[event]], as jaxfric run does")
+    if content:
+        raise InputError(f"{file}: '{next(iter(content))}' is not understood; there is [[event]]")
+    events = [_event(entry, f"{file}, event {k}", end) for k, entry in enumerate(entries, 1)]
+    return tuple(sorted(events, key=lambda event: event.time))
+
+
+def _event(entry: dict, where: str, end: float) -> Event:
+    for name in entry:
+        if name not in _KNOWN:
+            raise InputError(
+                f"{where}: '{name}' is not known; there are {', '.join(sorted(_KNOWN))}"
+            )
+    for name in sorted(_NEEDED):
+        if name not in entry:
+            raise InputError(f"{where}: '{name}' is missing")
+    kind = entry["kind"]
+    if kind not in KINDS:
+        raise InputError(f"{where}: kind '{kind}' is not known; there are {', '.join(KINDS)}")
+    time = _quantity(entry["time"], "s", f"{where}: time")
+    speeds = entry["velocities"]
+    if not isinstance(speeds, list) or len(speeds) != 2:
+        raise InputError(f'{where}: velocities are two, as in ["3 um/s", "30 um/s"]')
+    before, after = (_quantity(v, "m/s", f"{where}: velocities") for v in speeds)
+    fitted = entry.get("fit", False)
+    if not isinstance(fitted, bool):
+        raise InputError(f"{where}: fit is true or false, not '{fitted}'")
+    start = _quantity(entry["from"], "s", f"{where}: from") if "from" in entry else time
+    stop = _quantity(entry["to"], "s", f"{where}: to") if "to" in entry else time
+    if fitted and not 0 <= start < time < stop <= end * (1 + 1e-9):
+        raise InputError(
+            f"{where}: it is fitted from {start:g} to {stop:g} s; its time, {time:g} s, must lie"
+            f" between them and both in the run, which lasts {end:.6g} s"
+        )
+    if fitted and (before == after or before == 0):
+        raise InputError(
+            f"{where}: a step that is fitted goes from one velocity, not 0, to another"
+        )
+    stress = entry.get("normal_stress")
+    return Event(
+        kind=kind,
+        time=time,
+        before=before,
+        after=after,
+        start=start,
+        stop=stop,
+        time_error=_quantity(entry.get("time_error", "0 s"), "s", f"{where}: time_error"),
+        normal_stress=None
+        if stress is None
+        else _quantity(stress, "Pa", f"{where}: normal_stress"),
+        why=str(entry.get("why", "")),
+        fitted=fitted,
+    )
+
+
+def _quantity(text: object, unit: str, what: str) -> float:
+    """A quantity [`unit`] of an entry, which must be text with a unit."""
+    if not isinstance(text, str):
+        raise InputError(f'{what} is {text}; write it with its unit, as in "3 {unit}"')
+    return parse_quantity(text, unit, what)

@@ -1,0 +1,327 @@
+"""What happens in a run: velocity steps, changes of normal stress, holds, reloads, stick-slip.
+
+The load point's velocity changes at joints (`records.run_motion`), the normal stress changes of its
+own (`stress`), friction shows saw teeth and glitches (`teeth`). Every joint and every one of these
+is an event of one kind:
+
+    step        from one velocity forwards to another, while the slider slides steadily
+    stress      the normal stress changes, alone or so near to a velocity step that no window of
+                constant stress is left around it
+    hold        the load point stops
+    reload      it moves on after a hold, after unloading, or friction still rises with it
+    unload      it moves back
+    stick_slip  friction has saw teeth, or a velocity step lies in or next to them
+    glitch      of the recorder: rows that stand out, an encoder that jumps
+
+A step is fitted in a window that no other event reaches into: it begins half way through the
+velocity before, or where the load point has half the way after the step still before it, and it
+ends with the velocity after. What is decided, and why, is a line that can be changed by hand.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..records import Record
+from ..records.run_motion import RunMotion, run_motion
+from ..units import format_si
+from .stress import StressChange, find_stress_changes
+from .teeth import Teeth, find_spikes, find_teeth
+
+KINDS = ("step", "stress", "hold", "reload", "unload", "stick_slip", "glitch")
+
+_STILL, _STAYS = 0.003, 1e-3
+"""A velocity below this share of the smaller one beside it is a hold, and below this share of the
+larger one if the load point stays within this share of its whole way."""
+_UNSURE, _SLOW = 3.0, 0.3
+"""It is one, too, below so many of its standard errors and this share of the larger one."""
+_RISING = 0.1
+"""Friction rises steadily as long as so much of the load point's motion loads the spring."""
+_RISING_ALONE, _SLOWER = 0.02, 0.2
+"""The same where no stiffness is known: in the last quarter of a velocity friction rises by so much
+of it, and at its end by so much of the fastest rise."""
+_PARTS = 8
+"""Parts of a velocity whose medians of friction are compared."""
+_CONSTANT = 0.01
+"""A normal stress that changes by less than this share of it over a window is constant."""
+_NEAR = 0.15
+"""What begins within this share of a velocity around a step belongs to the step."""
+_ROWS, _LEAST = 10, 3
+"""Least number of rows of a window before its step, and after it; of a part of a velocity."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens in a run at `time` [s since the first row].
+
+    `before` and `after` are velocities of the load point [m/s]. A step that is to be fitted has a
+    window from `start` to `stop` [s]; `time_error` is the standard error of its time. `why` says
+    in words what was decided; `fitted`: whether it is to be fitted.
+    """
+
+    kind: str
+    time: float
+    before: float
+    after: float
+    start: float
+    stop: float
+    time_error: float = 0.0
+    normal_stress: float | None = None
+    why: str = ""
+    fitted: bool = False
+
+    def told(self) -> str:
+        """The event on one line."""
+        words = f"{self.time:.6g} s: {self.kind}"
+        if self.before != self.after:
+            change = (format_si(v, "m/s", "um/s", 4) for v in (self.before, self.after))
+            words += ", {} -> {}".format(*change)
+        return words + (f" ({self.why})" if self.why else "")
+
+
+class Happenings(NamedTuple):
+    """What was found in a run: the motion of its load point, and its events by time."""
+
+    motion: RunMotion
+    events: tuple[Event, ...]
+
+
+class _Phase(NamedTuple):
+    """Rows at one velocity [m/s], from `start` to `stop` [s]."""
+
+    rows: slice
+    start: float
+    stop: float
+    velocity: float
+
+
+def find_events(record: Record, *, stiffness: float | None = None) -> Happenings:
+    """The events of a run, see this file.
+
+    **Arguments:** `record`; `stiffness` [friction/m] where it is known: it tells steady sliding
+    from loading.
+
+    Not tried: runs that turn back while they are sheared (cycles), and angles.
+    """
+    motion = run_motion(record)
+    t = record.relative_time
+    phases = _phases(t, motion)
+    stresses = find_stress_changes(t, record.normal_stress)
+    teeth = [found for p in phases if p.velocity for found in _teeth(t, record.friction, p)]
+    events = [
+        _at_joint(record, motion, phases, k, stresses, teeth, stiffness)
+        for k in range(1, len(phases))
+    ]
+    events += _stress_events(phases, stresses, events)
+    events += [_teeth_event(found, phases) for found in teeth]
+    events += _glitches(record, motion, phases, [*teeth, *stresses])
+    events.sort(key=lambda event: event.time)
+    return Happenings(motion, tuple(_windowed(record, event, events) for event in events))
+
+
+def _phases(t: np.ndarray, motion: RunMotion) -> list[_Phase]:
+    steps = motion.steps
+    edges = np.append(steps.times, t[-1])
+    rows = np.append(np.searchsorted(t, steps.times), len(t))
+    rows[0] = 0
+    speeds = np.abs(steps.velocities)
+    moving = np.where(speeds > 0, speeds, np.nan)
+    beside = np.stack([np.append(moving[1:], np.nan), np.insert(moving[:-1], 0, np.nan)])
+    ways = speeds * np.diff(edges)
+    slower, faster = (np.nan_to_num(f(beside, axis=0)) for f in (np.fmin.reduce, np.fmax.reduce))
+    creeps = (speeds < _STILL * faster) & (ways < _STAYS * ways.sum())
+    errors = np.zeros(len(speeds)) if steps.velocity_errors is None else steps.velocity_errors
+    creeps |= (speeds < _UNSURE * errors) & (speeds < _SLOW * faster)
+    still = (speeds < _STILL * slower) | creeps | (speeds == 0)
+    return [
+        _Phase(
+            slice(int(rows[k]), int(rows[k + 1])),
+            float(edges[k]),
+            float(edges[k + 1]),
+            0.0 if still[k] else float(steps.velocities[k]),
+        )
+        for k in range(len(steps))
+    ]
+
+
+def _at_joint(
+    record: Record,
+    motion: RunMotion,
+    phases: Sequence[_Phase],
+    k: int,
+    stresses: Sequence[StressChange],
+    teeth: Sequence[Teeth],
+    stiffness: float | None,
+) -> Event:
+    """The event where the velocity of phase k - 1 becomes that of phase k."""
+    a, b = phases[k - 1], phases[k]
+    errors = motion.steps.time_errors
+    error = 0.0 if errors is None else float(errors[k])
+    make = lambda kind, why="": Event(  # noqa: E731
+        kind,
+        b.start,
+        a.velocity,
+        b.velocity,
+        a.start,
+        b.stop,
+        error,
+        _stress_at(record, a),
+        why,
+    )
+    forwards = _forwards(phases)
+    if b.velocity == 0:
+        return make("hold", f"of {b.stop - b.start:.4g} s")
+    if b.velocity * forwards < 0:
+        return make("unload", "the load point moves back")
+    if a.velocity == 0:
+        return make("reload", f"after a hold of {a.stop - a.start:.4g} s")
+    if a.velocity * forwards < 0:
+        return make("reload", "the load point turns forwards")
+    near = (b.start - _NEAR * (a.stop - a.start), b.start + _NEAR * (b.stop - b.start))
+    if any(found.start < near[1] and found.stop > near[0] for found in teeth):
+        return make("stick_slip", "friction has saw teeth beside it")
+    for change in stresses:
+        if change.start < near[1] and change.stop > near[0]:
+            return make("stress", _told_stress(change))
+    ends = [c.stop for c in stresses] + [found.stop for found in teeth]
+    since = max((end for end in ends if a.start < end < b.start), default=a.start)
+    if why := _loading(record, motion, a._replace(start=since), stiffness):
+        return make("reload", why)
+    return make("step")
+
+
+def _forwards(phases: Sequence[_Phase]) -> float:
+    """The direction in which the load point moves most, 1 or -1."""
+    way = sum(p.velocity * (p.stop - p.start) for p in phases)
+    return -1.0 if way < 0 else 1.0
+
+
+def _loading(record: Record, motion: RunMotion, phase: _Phase, stiffness: float | None) -> str:
+    """Why a phase does not end in steady sliding; '' where it does."""
+    edges = phase.start + (phase.stop - phase.start) * np.arange(_PARTS + 1) / _PARTS
+    rows = np.searchsorted(record.relative_time, edges)
+    rows[-1] = phase.rows.stop
+    if np.diff(rows).min() < _LEAST:
+        return ""
+    parts = [slice(a, b) for a, b in pairwise(rows)]
+    f = np.array([np.median(record.friction[part]) for part in parts])
+    rise = float(f[-1] - f[-3])
+    if stiffness is None:
+        share = rise / abs(f[-1])
+        if share > _RISING_ALONE and f[-1] - f[-2] > _SLOWER * np.diff(f).max():
+            return (
+                f"friction still rises before it, by {100 * share:.2g} % in a quarter of the time"
+            )
+        return ""
+    moved = abs(
+        float(np.median(motion.position[parts[-1]]) - np.median(motion.position[parts[-3]]))
+    )
+    share = rise / (stiffness * moved) if moved else 0.0
+    if share > _RISING:
+        return f"before it {100 * share:.2g} % of the motion still loads the spring"
+    return ""
+
+
+def _stress_at(record: Record, phase: _Phase) -> float | None:
+    """Normal stress [Pa] at the end of a phase."""
+    if record.normal_stress is None:
+        return None
+    rows = slice(max(phase.rows.stop - 20, phase.rows.start), phase.rows.stop)
+    here = record.normal_stress[rows]
+    return float(np.median(here)) if len(here) else None
+
+
+def _told_stress(change: StressChange) -> str:
+    before, after = (format_si(s, "Pa", "MPa", 4) for s in (change.before, change.after))
+    return f"the normal stress goes from {before} to {after} in {change.stop - change.start:.3g} s"
+
+
+def _stress_events(
+    phases: Sequence[_Phase], stresses: Sequence[StressChange], events: Sequence[Event]
+) -> list[Event]:
+    """The changes of normal stress that no velocity step has taken up."""
+    taken = {event.why for event in events if event.kind == "stress"}
+    out = []
+    for change in stresses:
+        why = _told_stress(change)
+        if why not in taken:
+            v = _velocity(phases, change.start)
+            out.append(
+                Event(
+                    "stress", change.start, v, v, change.start, change.stop, 0.0, change.before, why
+                )
+            )
+    return out
+
+
+def _velocity(phases: Sequence[_Phase], time: float) -> float:
+    return next((p.velocity for p in reversed(phases) if p.start <= time), phases[0].velocity)
+
+
+def _teeth(t: np.ndarray, friction: np.ndarray, phase: _Phase) -> list[Teeth]:
+    return find_teeth(t[phase.rows], friction[phase.rows])
+
+
+def _teeth_event(found: Teeth, phases: Sequence[_Phase]) -> Event:
+    v = _velocity(phases, found.start)
+    why = f"drops of {found.drop:.3g} every {found.period:.3g} s until {found.stop:.6g} s"
+    return Event("stick_slip", found.start, v, v, found.start, found.stop, why=why)
+
+
+def _glitches(
+    record: Record,
+    motion: RunMotion,
+    phases: Sequence[_Phase],
+    busy: Sequence[Teeth | StressChange],
+) -> list[Event]:
+    """Encoder jumps, and rows of friction that stand out where nothing else happens."""
+    t, out = record.relative_time, []
+    for reset in motion.resets:
+        v = _velocity(phases, reset.time)
+        out.append(Event("glitch", reset.time, v, v, reset.time, reset.time, why=reset.told()))
+    joints = [p.rows.start for p in phases[1:]]
+    joints = np.array(
+        joints + [int(i) for b in busy for i in np.searchsorted(t, [b.start, b.stop])]
+    )
+    for row in find_spikes(record.friction):
+        time = float(t[row])
+        beside = len(joints) and np.abs(joints - row).min() <= _ROWS
+        if beside or any(found.start <= time <= found.stop for found in busy):
+            continue
+        v = _velocity(phases, time)
+        out.append(
+            Event("glitch", time, v, v, time, time, why="friction stands out of its neighbours")
+        )
+    return out
+
+
+def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
+    """A step with the window in which it is fitted; another kind, where there is none."""
+    if event.kind != "step":
+        return event
+    t = record.relative_time
+    others = [other for other in events if other is not event and other.kind != "glitch"]
+    before = max((_end(o) for o in others if _end(o) <= event.time), default=0.0)
+    after = min((o.time for o in others if o.time > event.time), default=float(t[-1]))
+    way = abs(event.after) * (after - event.time)
+    start = max((before + event.time) / 2, event.time - way / 2 / abs(event.before))
+    rows = np.searchsorted(t, [start, event.time, after])
+    if np.diff(rows).min() < _ROWS:
+        return replace(event, start=start, stop=after, why="too few rows around it to be fitted")
+    stress = record.normal_stress
+    if stress is not None:
+        quarters = np.array_split(stress[rows[0] : rows[2]], 4)
+        levels = [float(np.median(q)) for q in quarters]
+        if max(levels) - min(levels) > _CONSTANT * max(map(abs, levels)):
+            why = "the normal stress is not constant around it"
+            return replace(event, start=start, stop=after, kind="stress", why=why)
+    return replace(event, start=start, stop=after, fitted=True)
+
+
+def _end(event: Event) -> float:
+    """When an event is over: that of stick-slip and of a change of stress lasts."""
+    lasts = event.kind == "stick_slip" or (event.kind == "stress" and event.before == event.after)
+    return event.stop if lasts else event.time

@@ -1,0 +1,124 @@
+"""The velocity steps of a run, each fitted in its window."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import InputError
+from ..fitting import Fit, fit
+from ..laws.registry import refuse_unknown_law
+from ..records import Record, VelocitySteps
+from ..records.record import frozen
+from ..records.thin import LEAST_ROWS
+from .events import Event
+
+
+@dataclass(frozen=True, eq=False)
+class StepFit:
+    """An event of a run with its fit; None and the reason `failed` where there is none.
+
+    `position` is how far the load point has moved since the run's first row [m].
+    """
+
+    number: int
+    event: Event
+    position: float
+    fit: Fit | None
+    failed: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class RunFit:
+    """A run: its record, with resets of the encoder taken out, its events, and the fits."""
+
+    record: Record
+    events: tuple[Event, ...]
+    steps: tuple[StepFit, ...]
+
+
+def without_resets_of(record: Record, position: np.ndarray) -> Record:
+    """The record with the position [m] of its load point in place of what was recorded."""
+    return replace(record, load_point_displacement=frozen(position), load_point_velocity=None)
+
+
+def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:
+    """The rows of an event's window, whose time begins at 0, and its one velocity step.
+
+    Raises `InputError` for a window of fewer than 20 rows.
+    """
+    part = record.window(event.start, event.stop)
+    begin = float(part.time[0] - record.time[0])
+    return part, VelocitySteps(
+        np.array([0.0, event.time - begin]),
+        np.array([event.before, event.after]),
+        time_errors=np.array([0.0, event.time_error]),
+    )
+
+
+@dataclass(frozen=True)
+class HowFitted:
+    """How every step of a run is fitted: options of `jaxfric.fit`, and the most `rows` of a window.
+
+    Raises `InputError` for a law that is not known, and too few rows.
+    """
+
+    stiffness: float | str | None = None
+    law: str = "slip"
+    states: int = 1
+    fit_stiffness: bool = False
+    slip_trend: bool = False
+    rows: int = 4000
+
+    def __post_init__(self) -> None:
+        refuse_unknown_law(self.law)
+        if self.rows < LEAST_ROWS:
+            raise InputError(f"--rows is {self.rows}; {LEAST_ROWS} or more are needed")
+
+
+def fit_run(
+    record: Record,
+    events: Sequence[Event],
+    how: HowFitted,
+    *,
+    progress: Callable[[str], None] = lambda text: None,
+) -> RunFit:
+    """Fit every event of a run that is to be fitted.
+
+    Where a window has more rows than `how` allows, means over neighbouring rows are fitted. A step
+    whose fit is not possible is kept with the reason: no step ends a run.
+
+    Raises `InputError` where there is nothing to be fitted, and as `jaxfric.fit` does where no
+    step can be fitted.
+    """
+    chosen = [event for event in events if event.fitted]
+    if not chosen:
+        raise InputError(
+            f"{record.provenance.path}: no velocity step to fit among {len(events)} events;"
+            " events.toml says what was found and why, and can be changed and given back (--events)"
+        )
+    moved = record.load_point_displacement
+    assert moved is not None
+    done = []
+    for number, event in enumerate(chosen, 1):
+        progress(f"step {number} of {len(chosen)}, at {event.time:.6g} s")
+        at = float(np.interp(event.time, record.relative_time, moved) - moved[0])
+        try:
+            part, steps = window_of(record, event)
+            found = fit(
+                part,
+                stiffness=how.stiffness,
+                law=how.law,
+                states=how.states,
+                fit_stiffness=how.fit_stiffness,
+                slip_trend=how.slip_trend,
+                steps=steps,
+                rows=how.rows,
+            )
+        except InputError as error:
+            done.append(StepFit(number, event, at, None, str(error)))
+            continue
+        done.append(StepFit(number, event, at, found))
+    if all(step.fit is None for step in done):
+        raise InputError(f"no step of the run could be fitted: {done[0].failed}")
+    return RunFit(record, tuple(events), tuple(done))

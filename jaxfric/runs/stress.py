@@ -1,0 +1,88 @@
+"""Changes of the normal stress in a run: when each begins and ends, and from what to what.
+
+The recorded stress, less lone rows, becomes a polyline that stays within a tolerance of it (Ramer,
+1972, Comput. Graph. Image Process. 1, 244-256; Douglas & Peucker, 1973, Cartographica 10, 112-122).
+Its legs that are steeper than any drift of a servo are changes; neighbouring ones are one change.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from ..fitting.start import noise_from_differences
+
+_LEAST = 0.01
+"""A change of the normal stress by this share of the larger one counts."""
+_WITHIN, _NOISES = 0.003, 6.0
+"""Tolerance of the polyline: this share of a large stress, or so many noises."""
+_STEEP = 0.01 / 60
+"""A leg is no drift if it changes a large stress by this share of it in a second."""
+
+
+class StressChange(NamedTuple):
+    """The normal stress goes from `before` to `after` [Pa] between `start` and `stop` [s]."""
+
+    start: float
+    stop: float
+    before: float
+    after: float
+
+
+def find_stress_changes(time: np.ndarray, stress: np.ndarray | None) -> list[StressChange]:
+    """Changes by 1 % or more, faster than 1 % in a minute, over `time` from 0 [s]."""
+    if stress is None or np.ptp(stress) == 0:
+        return []
+    scale = float(np.quantile(np.abs(stress), 0.9))
+    values = median_filter(stress, 5, mode="nearest")
+    tolerance = max(_WITHIN * scale, _NOISES * noise_from_differences(stress))
+    rows = polyline(time, values, tolerance)
+    changes = np.diff(values[rows])
+    rates = changes / np.diff(time[rows])
+    steep = (np.abs(rates) > _STEEP * scale) & (np.abs(changes) > tolerance)
+    out: list[StressChange] = []
+    k = 0
+    while k < len(rates):
+        first = k
+        while k < len(rates) and steep[k] and rates[k] * rates[first] > 0:
+            k += 1
+        if k == first:
+            k += 1
+            continue
+        before, after = (float(values[rows[i]]) for i in (first, k))
+        if abs(after - before) >= _LEAST * max(abs(before), abs(after), 0.05 * scale):
+            start, stop = (float(time[rows[i]]) for i in (first, k))
+            out.append(StressChange(start, stop, before, after))
+    return _joined(out)
+
+
+def _joined(changes: list[StressChange]) -> list[StressChange]:
+    """Changes one way with less time between them than either takes are one."""
+    out = changes[:1]
+    for change in changes[1:]:
+        last = out[-1]
+        shorter = min(last.stop - last.start, change.stop - change.start)
+        same_way = (last.after - last.before) * (change.after - change.before) > 0
+        if same_way and change.start - last.stop < shorter:
+            out[-1] = last._replace(stop=change.stop, after=change.after)
+        else:
+            out.append(change)
+    return out
+
+
+def polyline(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:
+    """Rows, the first and last among them, whose chords stay within `tolerance` of y(x)."""
+    kept = np.zeros(len(x), bool)
+    kept[[0, -1]] = True
+    parts = [(0, len(x) - 1)]
+    while parts:
+        low, high = parts.pop()
+        if high - low < 2:
+            continue
+        here = slice(low, high + 1)
+        away = np.abs(y[here] - np.interp(x[here], x[[low, high]], y[[low, high]]))
+        far = low + int(np.argmax(away))
+        if away[far - low] > tolerance:
+            kept[far] = True
+            parts += [(low, far), (far, high)]
+    return np.flatnonzero(kept)

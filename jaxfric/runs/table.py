@@ -1,0 +1,175 @@
+"""The steps of a run as a table: for people, as CSV, with xlook's names, and as LaTeX."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..fitting import Estimate, Fit
+from .fits import RunFit, StepFit
+
+_SCALES = {"L": 1e6, "K": 1e-6, "slip_trend": 1e-3}
+"""From SI to micrometres, but a slip trend to millimetres."""
+_UNITS = {"L": "um", "K": "1/um", "slip_trend": "1/mm"}
+
+Cell = float | int | str | bool | None
+
+
+def difference(fit: Fit) -> tuple[float, float]:
+    """A less the sum of all B, the rate dependence of steady friction, and its standard error."""
+    names = [n for n in fit.parameters if n == "A" or n.rstrip("0123456789") == "B"]
+    value = sum(fit.parameters[n].value * (1 if n == "A" else -1) for n in names)
+    weight = np.array([(n == "A") - (n in names and n != "A") for n in fit.free], float)
+    return value, float(np.sqrt(max(weight @ fit.covariance @ weight, 0.0)))
+
+
+def rows(run: RunFit) -> list[dict[str, Cell]]:
+    """A row for every step: what was commanded, and every parameter with its standard error.
+
+    Units stand in the names. What a record does not determine is None, and so is all of a step
+    without a fit; `result` says why.
+    """
+    return [_row(step) for step in run.steps]
+
+
+def _row(step: StepFit) -> dict[str, Cell]:
+    event, fit = step.event, step.fit
+    stress = event.normal_stress
+    row: dict[str, Cell] = {
+        "step": step.number,
+        "time [s]": round(event.time, 4),
+        "load_point_displacement [um]": round(1e6 * step.position, 3),
+        "normal_stress [MPa]": None if stress is None else round(stress / 1e6, 4),
+        "velocity before [um/s]": _short(1e6 * event.before),
+        "velocity after [um/s]": _short(1e6 * event.after),
+    }
+    if fit is None:
+        return row | {"result": step.failed}
+    row["law"] = fit.law
+    force = fit.record.friction_unit != "1"
+    for name, estimate in fit.parameters.items():
+        if name == "V0":
+            continue
+        kind = name.rstrip("0123456789")
+        unit = _unit(kind, force)
+        label = f"{name} [{unit}]" if unit else name
+        scale, known = _SCALES.get(kind, 1.0), fit.converged and estimate.determined
+        row[label] = _short(scale * estimate.value) if known else None
+        if estimate.free:
+            row[f"std {label}"] = _short(scale * estimate.std, 4) if known else None
+    value, error = difference(fit)
+    label = f"A-B{' [N]' if force else ''}"
+    row[label] = _short(value) if fit.converged else None
+    row[f"std {label}"] = _short(error, 4) if fit.converged else None
+    row |= {"rms": _short(fit.rms, 4), "noise": _short(fit.noise.sigma, 4), "rows": len(fit.record)}
+    return row | {"result": fit.result, "warnings": "; ".join(fit.warnings)}
+
+
+def _unit(kind: str, force: bool) -> str:
+    unit = _UNITS.get(kind, "")
+    if not force:
+        return unit
+    return unit.replace("1/", "N/") if unit.startswith("1/") else unit or "N"
+
+
+def _short(value: float, digits: int = 7) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def csv_text(table: Sequence[Mapping[str, Cell]]) -> str:
+    """Rows as CSV; columns in the order of their first row that has them."""
+    columns = list(dict.fromkeys(name for row in table for name in row))
+    out = io.StringIO()
+    writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    return out.getvalue()
+
+
+def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
+    """Rows with the column names that xlook's fits print; Dc in um, lin_term in 1/um, wc 0.
+
+    wc is xlook's weight control: rows are not weighted here.
+    """
+    out: list[dict[str, Cell]] = []
+    for step in run.steps:
+        row: dict[str, Cell] = {"step": step.number}
+        if step.fit is not None and step.fit.converged:
+            p = step.fit.parameters
+            row |= {"mu_o": p["f0"].value, "a": p["A"].value, "std a": p["A"].std}
+            numbers = [n[1:] for n in p if n[0] == "B"]
+            for number in numbers:
+                b, L, name = p[f"B{number}"], p[f"L{number}"], number or "1"
+                row |= {f"b{name}": b.value, f"std b{name}": b.std}
+                if L.determined:
+                    row |= {f"Dc{name}": 1e6 * L.value, f"std Dc{name}": 1e6 * L.std}
+            row["a-b"] = difference(step.fit)[0]
+            trend = p.get("slip_trend")
+            row |= {"lin_term": 0.0 if trend is None else 1e-6 * trend.value, "wc": 0}
+        out.append({k: _short(v) if isinstance(v, float) else v for k, v in row.items()})
+    return out
+
+
+def latex_text(run: RunFit) -> str:
+    """A LaTeX table (booktabs): velocities, normal stress, A, B, A-B, L and their errors."""
+    lines = [
+        r"\begin{tabular}{rrrrcccc}",
+        r"\toprule",
+        r"step & $V_1$ & $V_2$ & $\sigma_n$ & $a$ & $b$ & $a-b$ & $D_c$ \\",
+        r" & \multicolumn{2}{c}{[$\mu$m/s]} & [MPa] & & & & [$\mu$m] \\",
+        r"\midrule",
+    ]
+    for step in run.steps:
+        event, fit = step.event, step.fit
+        stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
+        cells = [str(step.number), f"{1e6 * event.before:.4g}", f"{1e6 * event.after:.4g}", stress]
+        if fit is None or not fit.converged:
+            cells += [r"\multicolumn{4}{c}{no fit}"]
+        else:
+            p = fit.parameters
+            numbers = [n[1:] for n in p if n[0] == "B"]
+            B, L = (", ".join(_estimate(p[x + n]) for n in numbers) for x in "BL")
+            cells += [_estimate(p["A"]), B, f"${_measured(*difference(fit))}$", L]
+        lines.append(" & ".join(cells) + r" \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def _estimate(estimate: Estimate) -> str:
+    """A dimensionless parameter, or a length in um, with its standard error; a dash: not known."""
+    scale = 1e6 if estimate.unit == "m" else 1.0
+    if not estimate.determined:
+        return "-"
+    return f"${_measured(scale * estimate.value, scale * estimate.std)}$"
+
+
+def _measured(value: float, error: float) -> str:
+    """A value with its standard error in brackets: 0.00592(29)."""
+    if not np.isfinite(error) or error <= 0:
+        return f"{value:.4g}"
+    places = int(np.clip(1 - np.floor(np.log10(error)), 0, 12))
+    digits = round(error * 10**places) if places else round(error)
+    return f"{value:.{places}f}({digits})"
+
+
+def text_lines(run: RunFit) -> list[str]:
+    """The table for a terminal, a line a step."""
+    head = f"{'step':>4} {'time [s]':>10} {'V [um/s]':>15} {'MPa':>6}"
+    head += f"  {'A':>12} {'B':>12} {'A-B':>13} {'L [um]':>10}"
+    out = [head]
+    for step in run.steps:
+        event, fit = step.event, step.fit
+        stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
+        change = f"{1e6 * event.before:.3g} -> {1e6 * event.after:.3g}"
+        line = f"{step.number:>4} {event.time:>10.6g} {change:>15} {stress:>6}  "
+        if fit is None or not fit.converged:
+            out.append(line + (step.failed or f"did not converge: {fit.result if fit else ''}"))
+            continue
+        p = fit.parameters
+        numbers = [n[1:] for n in p if n[0] == "B"]
+        A, B, L = (
+            " ".join(_estimate(p[x + n]).replace("$", "") for n in of)
+            for x, of in (("A", [""]), ("B", numbers), ("L", numbers))
+        )
+        out.append(f"{line}{A:>12} {B:>12} {_measured(*difference(fit)):>13} {L:>10}")
+    return out

@@ -1,0 +1,106 @@
+"""What friction alone shows in a run: the saw teeth of stick-slip, and rows that stand out."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from ..fitting.start import noise_from_differences
+
+_HEIGHT, _LEAST = 8.0, 0.004
+"""A tooth is so many times as high as the noise of neighbours, and this share of friction."""
+_TEETH, _ALIKE, _STEEP = 4, 4.0, 0.34
+"""So many teeth in a row, whose drops and times between drops are alike within this factor, each
+drop faster than the rise before it by this factor, or within one row."""
+_SPIKE, _WIDE, _WINDOW, _AROUND = 18.0, 3, 9, 200
+"""A spike stands out of a median over `_WINDOW` rows by so many times what the rows around it do,
+over so many rows; `_AROUND` rows say what that is."""
+
+
+class Teeth(NamedTuple):
+    """Stick-slip from `start` to `stop` [s]: drop, and time from drop to drop [s] (medians)."""
+
+    start: float
+    stop: float
+    drop: float
+    period: float
+
+
+def turns(values: np.ndarray, least: float) -> np.ndarray:
+    """Rows at which values turn, up or down in turn, by at least `least` from the turn before."""
+    found, low, high, rising = [], 0, 0, 0
+    for row, value in enumerate(values.tolist()):
+        if value > values[high]:
+            high = row
+        if value < values[low]:
+            low = row
+        if rising >= 0 and values[high] - value >= least:
+            found.append(high)
+            rising, low = -1, row
+            high = row
+        elif rising <= 0 and value - values[low] >= least:
+            found.append(low)
+            rising, high = 1, row
+            low = row
+    return np.array(found, int)
+
+
+def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
+    """Stretches of stick-slip in rows at one velocity: four teeth or more in a row.
+
+    A tooth is a rise and a drop of like height, three times as fast. Noise that wanders is as fast
+    down as up.
+    """
+    if len(time) < 4 * _TEETH:
+        return []
+    level = abs(float(np.median(friction)))
+    least = max(_HEIGHT * noise_from_differences(friction), _LEAST * level)
+    rows = turns(friction, least)
+    if len(rows) and len(rows) > 1 and friction[rows[0]] > friction[rows[1]]:
+        rows = rows[1:]  # begin at the foot of a rise
+    feet, tips = rows[:-1:2], rows[1::2]
+    ends = rows[2::2]
+    number = min(len(feet), len(tips), len(ends))
+    feet, tips, ends = feet[:number], tips[:number], ends[:number]
+    drop = friction[tips] - friction[ends]
+    steep = time[ends] - time[tips] <= _STEEP * (time[tips] - time[feet])
+    steep |= (ends - tips == 1) & (tips - feet > 1)
+    wait = np.diff(time[tips], prepend=np.nan)
+    out, first = [], 0
+    for k in range(number + 1):
+        if k < number and steep[k]:
+            if k == first:
+                continue
+            waits = wait[first + 1 : k + 1]
+            if _alike(drop[k], drop[first:k]) and _alike(wait[k], waits):
+                continue
+        if k - first >= _TEETH:
+            period = float(np.median(wait[first + 1 : k]))
+            # what rises before the first tooth may be something else
+            start = max(float(time[feet[first]]), float(time[tips[first]]) - 1.5 * period)
+            stop = float(time[ends[k - 1]])
+            out.append(Teeth(start, stop, float(np.median(drop[first:k])), period))
+        first = k if k < number and steep[k] else k + 1
+    return out
+
+
+def _alike(value: float, others: np.ndarray) -> bool:
+    """Whether a value is within a factor of the median of others."""
+    usual = float(np.median(others))
+    return usual / _ALIKE < value < usual * _ALIKE
+
+
+def find_spikes(friction: np.ndarray) -> np.ndarray:
+    """First rows of what stands out of its neighbours for at most three rows."""
+    away = np.abs(friction - median_filter(friction, _WINDOW, mode="nearest"))
+    size = len(away) // _AROUND
+    if size < 2:
+        usual = np.full(len(away), np.median(away))
+    else:  # medians of groups of rows, and between them on straight lines
+        levels = np.median(away[: size * _AROUND].reshape(size, _AROUND), axis=1)
+        usual = np.interp(np.arange(len(away)), (np.arange(size) + 0.5) * _AROUND, levels)
+    usual = np.maximum(usual, np.median(away))
+    off = away > _SPIKE * 1.4826 * usual
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(int), [0]])))
+    begins, ends = edges.reshape(-1, 2).T
+    return begins[ends - begins <= _WIDE]

@@ -1,0 +1,213 @@
+"""`jaxfric run`: from a file to the table of its steps; what it refuses, what may be changed."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command import assert_refused, run
+
+import jaxfric as jf
+from fits.runs.generate import generate
+from jaxfric.runs import find_events
+from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
+from jaxfric.runs.table import csv_text, difference, latex_text, rows, text_lines, xlook_rows
+
+TABLES = ("events.toml", "run.json", "table.csv", "table.tex", "table_xlook.csv")
+
+
+def written(made, path):
+    """A generated run as a CSV in the units of a laboratory."""
+    columns = (made.time, 1e6 * made.position, made.friction, made.sigma / 1e6)
+    head = "time [s],load_point_displacement [um],friction [1],normal_stress [MPa]"
+    np.savetxt(path, np.transpose(columns), "%.7g", ",", header=head, comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A run of a few events, its truth, what the command said, and its folder."""
+    folder = tmp_path_factory.mktemp("run")
+    made = generate(21, law="slip", events=5, kinds={"step": 0.7, "hold": 0.3})
+    file = written(made, folder / "mine.csv")
+    K = f"{made.press.K * 1e-6:.6g}/um"
+    outcome = run("run", file, "--stiffness", K, "--out", folder / "out")
+    return made, outcome, folder / "out", K
+
+
+def test_every_step_of_the_run_is_in_the_table(done):
+    made, outcome, out, _ = done
+    assert outcome.code == 0, outcome.err
+    assert all((out / name).is_file() for name in TABLES)
+    assert (out / "events.png").is_file() and (out / "rates.png").is_file()
+    table = list(csv.DictReader((out / "table.csv").open()))
+    true = [h for h in made.happenings if h.kind == "step"]
+    assert len(table) == len(true) >= 2
+    for row, step in zip(table, true, strict=True):
+        assert float(row["time [s]"]) == pytest.approx(step.time - made.time[0], abs=1.0)
+        assert float(row["velocity after [um/s]"]) == pytest.approx(1e6 * step.after, rel=0.02)
+        for name, value in (("A", made.press.A), ("A-B", made.press.A - made.press.B)):
+            error = float(row[f"std {name}"])
+            assert abs(float(row[name]) - value) < 4 * error
+        assert (out / f"step_{int(row['step']):02d}.png").is_file()
+
+
+def test_what_is_printed_is_what_is_written(done):
+    _, outcome, out, _ = done
+    table = list(csv.DictReader((out / "table.csv").open()))
+    lines = [x for x in outcome.out.splitlines() if " -> " in x]
+    assert len(lines) == len(table)
+    content = json.loads((out / "run.json").read_text())
+    assert content["schema"] == "jaxfric.run/1"
+    for step, row in zip(content["steps"], table, strict=True):
+        value = step["fit"]["parameters"]["A"]["value"]
+        assert value == pytest.approx(float(row["A"]), rel=1e-6)
+
+
+def test_events_can_be_changed_and_given_back(done, tmp_path):
+    """Without the first step, and with the others as they were: the same fits of these."""
+    _, _, out, K = done
+    text = (out / "events.toml").read_text()
+    first = text.index("\nfit = true") + 1
+    file = tmp_path / "events.toml"
+    file.write_text(text[:first] + "fit = false" + text[first + len("fit = true") :])
+    again = run(
+        "run", out.parent / "mine.csv", "--stiffness", K, "--events", file, "--out", tmp_path / "o"
+    )
+    assert again.code == 0, again.err
+    before = list(csv.DictReader((out / "table.csv").open()))
+    after = list(csv.DictReader((tmp_path / "o" / "table.csv").open()))
+    assert len(after) == len(before) - 1
+    for a, b in zip(after, before[1:], strict=True):
+        assert float(a["A"]) == pytest.approx(float(b["A"]), rel=1e-3)
+
+
+# ---- tables -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def two_fits():
+    """A run of one step that was fitted and one that was not."""
+    made = generate(22, law="slip", events=2, kinds={"step": 1.0})
+    record = jf.from_arrays(
+        made.time, made.friction, load_point_displacement=made.position, normal_stress=made.sigma
+    )
+    found = find_events(record, stiffness=made.press.K).events
+    good = next(event for event in found if event.fitted)
+    bad = replace(good, start=good.time - 1e-3, stop=good.time + 1e-3)
+    return fit_run(record, [bad, good], HowFitted(made.press.K)), made.press
+
+
+def test_a_step_that_cannot_be_fitted_keeps_its_row_and_its_reason(two_fits):
+    result, _ = two_fits
+    bad, good = rows(result)
+    assert bad["step"] == 1 and "rows" in str(bad["result"]) and "A" not in bad
+    assert good["result"] == "converged" and good["A"] is not None
+    assert "holds" in text_lines(result)[1] and "no fit" in latex_text(result)
+
+
+def test_the_difference_has_the_error_of_its_covariance(two_fits):
+    """var(A - B) = var A + var B - 2 cov(A, B)."""
+    fit = two_fits[0].steps[1].fit
+    i, j = fit.free.index("A"), fit.free.index("B")
+    C = fit.covariance
+    value, error = difference(fit)
+    assert value == pytest.approx(fit.parameters["A"].value - fit.parameters["B"].value)
+    assert error == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))
+
+
+def test_units_and_xlooks_names(two_fits):
+    result, press = two_fits
+    row, theirs = rows(result)[1], xlook_rows(result)[1]
+    assert row["L [um]"] == pytest.approx(1e6 * press.L, rel=0.4)
+    assert row["K [1/um]"] == pytest.approx(1e-6 * press.K)
+    names = [
+        "step",
+        "mu_o",
+        "a",
+        "std a",
+        "b1",
+        "std b1",
+        "Dc1",
+        "std Dc1",
+        "a-b",
+        "lin_term",
+        "wc",
+    ]
+    assert list(theirs) == names
+    assert theirs["a"] == row["A"] and theirs["Dc1"] == row["L [um]"]
+    assert theirs["lin_term"] == 0.0 and xlook_rows(result)[0] == {"step": 1}
+
+
+def test_csv_holds_all_columns_and_quotes_texts():
+    text = csv_text([{"a": 1, "why": 'x, "y"'}, {"a": None, "b": 2.5}])
+    assert list(csv.DictReader(text.splitlines())) == [
+        {"a": "1", "why": 'x, "y"', "b": ""},
+        {"a": "", "why": "", "b": "2.5"},
+    ]
+
+
+def test_latex_balances(two_fits):
+    text = latex_text(two_fits[0])
+    assert text.count("$") % 2 == 0 and text.count("{") == text.count("}")
+    assert text.count(r"\\") == 4  # two of the head, two steps
+
+
+# ---- what is refused --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def steady(tmp_path, monkeypatch):
+    """A run that never changes its velocity."""
+    monkeypatch.chdir(tmp_path)
+    t = np.arange(0, 200, 0.5)
+    rng = np.random.default_rng(5)
+    columns = (
+        t,
+        3 * t + 0.05 * rng.standard_normal(len(t)),
+        0.6 + 2e-4 * rng.standard_normal(len(t)),
+    )
+    head = "time [s],load_point_displacement [um],friction [1]"
+    np.savetxt("steady.csv", np.transpose(columns), "%.6f", ",", header=head, comments="")
+    return tmp_path / "steady.csv"
+
+
+def test_a_run_without_a_step(steady):
+    """What was found is kept, to be changed by hand."""
+    code, out, err = run("run", steady, "--stiffness", "1e-3/um")
+    assert code == 2 and out == ""
+    assert "no velocity step to fit" in err and "events.toml" in err and "Traceback" not in err
+    assert (steady.parent / "steady-run" / "events.toml").is_file()
+    assert "not drawn" not in err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], ["--stiffness is missing", "--fit-stiffness"]),
+        (["--stiffness", "3 s"], ["--stiffness", "'s' is not a unit"]),
+        (["--stiffness", "1e-3/um", "--events", "none.toml"], ["none.toml", "cannot be read"]),
+        (["--stiffness", "1e-3/um", "--law", "slippery"], ["slippery"]),
+        (["--stiffness", "1e-3/um", "--rows", "10"], ["--rows is 10"]),
+    ],
+)
+def test_options_that_are_refused_before_anything_is_written(steady, options, words):
+    code, out, err = run("run", steady, *options)
+    assert code == 2 and out == ""
+    last = err.splitlines()[-1]
+    assert last.startswith("jaxfric: error: ") and all(word in last for word in words), err
+    assert not (steady.parent / "steady-run").exists()
+
+
+def test_a_clock_that_goes_back_is_refused(steady):
+    lines = steady.read_text().splitlines()
+    lines[100] = lines[50]
+    steady.write_text("\n".join(lines))
+    outcome = run("run", steady, "--stiffness", "1e-3/um", "--json")
+    assert_refused(outcome, "steady.csv", "time")
+
+
+def test_names_of_results(two_fits):
+    result, _ = two_fits
+    assert isinstance(result, RunFit) and all(isinstance(s, StepFit) for s in result.steps)

@@ -1,0 +1,262 @@
+"""What happens in a run: constructed cases of every kind, and generated runs with their truth."""
+
+import numpy as np
+import pytest
+
+import jaxfric as jf
+from fits.runs.generate import generate
+from jaxfric.runs import KINDS, find_events
+from jaxfric.runs.decisions import decisions_text, read_decisions
+from jaxfric.runs.stress import find_stress_changes, polyline
+from jaxfric.runs.teeth import find_spikes, find_teeth, turns
+
+RNG = np.random.default_rng(11)
+T = np.arange(0, 400, 0.1)
+
+
+def saw(t, period, drop, fall=0.1):
+    """Teeth that rise for most of a period and drop within `fall` of it, from 0."""
+    phase = (t / period) % 1.0
+    return drop * np.where(phase < 1 - fall, phase / (1 - fall), (1 - phase) / fall)
+
+
+# ---- saw teeth and spikes ---------------------------------------------------------------------
+
+
+def test_turns_of_a_zigzag():
+    values = np.interp(np.arange(61), [0, 20, 30, 60], [0.0, 1.0, 0.4, 0.9])
+    assert turns(values, 0.3).tolist() == [0, 20, 30]
+    assert turns(values, 0.7).tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("friction", "teeth"),
+    [
+        (saw(T, 20, 0.02), True),
+        (saw(T, 20, 0.02, fall=0.5), False),  # as fast up as down: a ripple
+        (np.where(T < 50, saw(T, 20, 0.02), 0.0), False),  # two teeth
+        (saw(T, 20, 0.001), False),  # too small for its noise
+        (0.02 * np.sin(T / 20 * 2 * np.pi), False),
+        (np.zeros(len(T)), False),
+    ],
+)
+def test_stick_slip_is_seen_by_its_teeth(friction, teeth):
+    found = find_teeth(T, 0.6 + friction + 3e-4 * RNG.standard_normal(len(T)))
+    assert len(found) == int(teeth)
+    if teeth:
+        assert found[0].drop == pytest.approx(0.02, rel=0.1)
+        assert found[0].period == pytest.approx(20, rel=0.05)
+
+
+def test_teeth_end_where_they_end():
+    friction = 0.6 + np.where((T > 105) & (T < 255), saw(T, 15, 0.02), 0.0)
+    (found,) = find_teeth(T, friction + 2e-4 * RNG.standard_normal(len(T)))
+    assert 95 < found.start < 120 and 239 < found.stop < 257
+
+
+@pytest.mark.parametrize(("wide", "high", "seen"), [(1, 40, 1), (3, 40, 1), (4, 40, 0), (1, 4, 0)])
+def test_spikes_are_narrow_and_high(wide, high, seen):
+    friction = 0.6 + 1e-4 * RNG.standard_normal(2000)
+    friction[700 : 700 + wide] += high * 1e-4
+    found = find_spikes(friction)
+    assert len(found) == seen and (not seen or found[0] == 700)
+
+
+# ---- changes of the normal stress -------------------------------------------------------------
+
+
+def test_polyline_keeps_its_tolerance():
+    x = np.sort(RNG.uniform(0, 10, 300))
+    y = np.sin(x)
+    kept = polyline(x, y, 0.05)
+    assert np.abs(y - np.interp(x, x[kept], y[kept])).max() <= 0.05
+    assert 5 < len(kept) < 30
+
+
+@pytest.mark.parametrize(
+    ("stress", "changes"),
+    [
+        (np.full(len(T), 1e8), []),
+        (np.interp(T, [0, 100, 105, 400], [1e8, 1e8, 1.2e8, 1.2e8]), [(100, 105, 1e8, 1.2e8)]),
+        (np.interp(T, [0, 100, 105, 400], [1e8, 1e8, 1.006e8, 1.006e8]), []),  # below 1 %
+        (np.linspace(1e8, 1.04e8, len(T)), []),  # a drift: 4 % in 400 s
+        (
+            np.interp(T, [0, 100, 110, 200, 203, 400], [1e8, 1e8, 5e7, 5e7, 1e8, 1e8]),
+            [(100, 110, 1e8, 5e7), (200, 203, 5e7, 1e8)],
+        ),
+        # two ramps one way with a second between them are one change
+        (
+            np.interp(T, [0, 100, 110, 111, 120, 400], [5e7, 5e7, 7e7, 7e7, 9e7, 9e7]),
+            [(100, 120, 5e7, 9e7)],
+        ),
+    ],
+)
+def test_changes_of_the_normal_stress(stress, changes):
+    noisy = stress * (1 + 1e-4 * RNG.standard_normal(len(T)))
+    found = find_stress_changes(T, noisy)
+    assert len(found) == len(changes)
+    for one, (start, stop, before, after) in zip(found, changes, strict=True):
+        assert (one.start, one.stop) == pytest.approx((start, stop), abs=0.5)
+        assert (one.before, one.after) == pytest.approx((before, after), rel=3e-3)
+
+
+def test_no_normal_stress_has_no_changes():
+    assert find_stress_changes(T, None) == []
+
+
+# ---- events of constructed runs ---------------------------------------------------------------
+
+
+def run(phases, friction=0.6, stress=None, end=400.0, dt=0.1, offset=0.0):
+    """A record of phases (begin, velocity), with friction a number or a function of time."""
+    t = np.arange(0, end, dt)
+    begins, speeds = np.array(phases, float).T
+    way = np.concatenate([[0.0], np.cumsum(np.diff(begins) * speeds[:-1])])
+    k = np.searchsorted(begins, t, side="right") - 1
+    position = way[k] + (t - begins[k]) * speeds[k] + offset * (t > 0.8 * end)
+    rng = np.random.default_rng(12)
+    f = friction(t) if callable(friction) else np.full(len(t), friction)
+    return jf.from_arrays(
+        t,
+        f + 2e-4 * rng.standard_normal(len(t)),
+        load_point_displacement=position + 5e-8 * rng.standard_normal(len(t)),
+        normal_stress=None if stress is None else stress(t),
+    )
+
+
+def kinds(record, **more):
+    return [event.kind for event in find_events(record, **more).events]
+
+
+def ramp(start, stop, before, after):
+    return lambda t: np.interp(t, [start, stop], [before, after])
+
+
+@pytest.mark.parametrize(
+    ("record", "expected"),
+    [
+        (run([(0, 3e-6), (200, 3e-5)]), ["step"]),
+        (run([(0, 3e-5), (200, 3e-6)]), ["step"]),
+        (run([(0, 3e-6), (150, 0), (250, 3e-6)]), ["hold", "reload"]),
+        (run([(0, 3e-6), (150, -3e-6), (250, 3e-6)]), ["unload", "reload"]),
+        (run([(0, 3e-6), (150, -3e-6), (250, 0)]), ["unload", "hold"]),
+        (run([(0, 3e-6)]), []),
+        (run([(0, 3e-6)], stress=ramp(200, 203, 5e7, 6e7)), ["stress"]),
+        # a change of stress at a velocity step takes the step up; far from it both are events
+        (run([(0, 3e-6), (200, 3e-5)], stress=ramp(200, 203, 5e7, 6e7)), ["stress"]),
+        (run([(0, 3e-6), (200, 3e-5)], stress=ramp(300, 303, 5e7, 6e7)), ["step", "stress"]),
+        # friction that still rises with the load point: loading, not sliding
+        (run([(0, 3e-6), (200, 3e-5)], friction=lambda t: 0.1 + 1e-3 * t), ["reload"]),
+        (run([(0, 3e-6)], friction=lambda t: 0.6 + saw(t, 20, 0.02)), ["stick_slip"]),
+        (run([(0, 3e-6)], offset=-1e-3), ["glitch"]),
+        (run([(0, -3e-6), (200, -3e-5)], friction=-0.6), ["step"]),
+    ],
+)
+def test_kinds_of_constructed_runs(record, expected):
+    assert kinds(record) == expected
+
+
+def test_a_stiffness_tells_sliding_from_loading():
+    """Friction rises by 3e-4 in a second of 3 um: a tenth of the spring's rate at K = 1e-3/um."""
+    rising = run([(0, 3e-6), (200, 3e-5)], friction=lambda t: 0.5 + 3e-4 * np.minimum(t, 200))
+    assert kinds(rising, stiffness=3e3) == ["step"]  # 3 % of the motion loads the spring
+    assert kinds(rising, stiffness=5e2) == ["reload"]  # 20 % of it
+
+
+def test_windows_keep_clear_of_what_happens_before_and_after():
+    """Steps at 100, 200 and 300 s: half of the velocity before, all of the one after; and before a
+    step no longer a way than half of that after it."""
+    found = find_events(run([(0, 3e-6), (100, 3e-5), (200, 3e-6), (300, 3e-5)])).events
+    windows = [(e.start, e.stop) for e in found]
+    assert windows[0] == pytest.approx((50, 200), abs=0.5)
+    assert windows[1] == pytest.approx((195, 300), abs=0.5)  # 150 um at 3e-5 m/s
+    assert windows[2] == pytest.approx((250, 399.9), abs=0.5)
+    assert all(e.fitted for e in found)
+
+
+def test_a_window_of_too_few_rows_is_not_fitted():
+    found = find_events(run([(0, 3e-6), (300, 3e-4), (300.8, 3e-6)])).events
+    brief = [event for event in found if event.after == pytest.approx(3e-4, rel=0.05)]
+    assert brief and all(not event.fitted for event in brief)
+
+
+@pytest.mark.parametrize("rates", ["many", "one"])
+def test_generated_runs(rates):
+    """Every event of a run of fifty, and at most one that is none, by time and kind."""
+    made = generate(3, rates=rates)
+    record = jf.from_arrays(
+        made.time, made.friction, load_point_displacement=made.position, normal_stress=made.sigma
+    )
+    found = list(find_events(record).events)
+    for happening in made.happenings:
+        at = happening.time - made.time[0]
+        speed = max(abs(happening.before), abs(happening.after))
+        within = max(2 * made.press.L / speed, 0.05)
+        if happening.kind == "stick_slip":
+            within += 5 * made.press.L / speed
+        near = [e for e in found if e.kind == happening.kind and abs(e.time - at) < within]
+        assert near, happening
+        found.remove(min(near, key=lambda e: abs(e.time - at)))
+    assert len(found) <= 1, [event.told() for event in found]
+
+
+# ---- decisions --------------------------------------------------------------------------------
+
+
+def test_decisions_come_back_as_they_were(tmp_path):
+    record = run([(0, 3e-6), (100, 3e-5), (200, 0), (300, 3e-5)], stress=ramp(250, 255, 5e7, 6e7))
+    found = find_events(record).events
+    file = tmp_path / "events.toml"
+    file.write_text(decisions_text(found, "mine.csv"))
+    back = read_decisions(file, 400.0)
+    assert [(e.kind, e.fitted, e.why) for e in back] == [(e.kind, e.fitted, e.why) for e in found]
+    for a, b in zip(back, found, strict=True):
+        assert (a.time, a.before, a.after) == pytest.approx((b.time, b.before, b.after), rel=1e-6)
+        if a.fitted:
+            assert (a.start, a.stop) == pytest.approx((b.start, b.stop), rel=1e-6)
+            assert a.time_error == pytest.approx(b.time_error, rel=1e-6)
+
+
+STEP = 'time = "100 s"\nkind = "step"\nvelocities = ["3 um/s", "30 um/s"]\n'
+FIT = STEP + 'fit = true\nfrom = "50 s"\nto = "200 s"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("event = 3", "has no events"),
+        ("[[event]]\n" + STEP + "colour = 3", r"event 1: 'colour' is not known"),
+        ("[[event]]\n" + FIT + "[[event]]\nkind = 'step'", r"event 2: 'time' is missing"),
+        (
+            "[[event]]\n" + STEP.replace('"step"', '"jump"'),
+            r"kind 'jump' is not known; there are step",
+        ),
+        ("[[event]]\n" + STEP.replace('"100 s"', "100"), r"time is 100; write it with its unit"),
+        ("[[event]]\n" + STEP.replace('"100 s"', '"100 um"'), r"event 1: time"),
+        ("[[event]]\n" + STEP.replace(', "30 um/s"', ""), "velocities are two"),
+        ("[[event]]\n" + FIT.replace("50 s", "150 s"), "must lie between them"),
+        (
+            "[[event]]\n" + FIT.replace("200 s", "500 s"),
+            "must lie between them and both in the run",
+        ),
+        ("[[event]]\n" + FIT.replace('"30 um/s"', '"3 um/s"'), "goes from one velocity"),
+        ("[[event]]\n" + FIT.replace("true", "1"), "fit is true or false"),
+        ("[[event]", "is no TOML"),
+        ("colour = 3\n[[event]]\n" + STEP, "'colour' is not understood"),
+    ],
+)
+def test_decisions_that_are_wrong_are_refused_by_their_entry(tmp_path, text, words):
+    file = tmp_path / "events.toml"
+    file.write_text(text)
+    with pytest.raises(jf.InputError, match=words):
+        read_decisions(file, 400.0)
+
+
+def test_decisions_that_are_not_there(tmp_path):
+    with pytest.raises(jf.InputError, match="cannot be read"):
+        read_decisions(tmp_path / "none.toml", 400.0)
+
+
+def test_a_head_names_every_kind():
+    text = decisions_text((), "mine.csv")
+    assert all(kind in text for kind in KINDS) and "--events events.toml" in text
