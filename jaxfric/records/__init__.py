@@ -5,8 +5,9 @@ from .formats import read_table
 from .read import read, to_record
 from .read_axis import read_axis
 from .record import Provenance, Record, Sampling, from_arrays
+from .run_motion import record_steps
 from .steady import SteadyCurve, read_steady
-from .steps import VelocitySteps, find_steps, find_steps_in_velocity, record_steps
+from .steps import VelocitySteps, find_steps, find_steps_in_velocity
 from .table import Table
 
 __all__ = [

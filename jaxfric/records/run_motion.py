@@ -15,14 +15,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from ..units import format_si
 from .joints import BrokenLine, broken_line
 from .lines import Sums
 from .record import Record
 from .segments import MIN_ROWS, find_lines, join
-from .steps import LEAST_CHANGE, VelocitySteps, find_steps_in_velocity, steps_of_line
+from .steps import LEAST_CHANGE, VelocitySteps, find_steps, find_steps_in_velocity, steps_of_line
 
 _RATE, _UNEVEN, _BLOCK = 1.5, 3.0, 100
 """Sampling intervals whose medians differ by this factor, and by so many times their spread, are of
@@ -30,6 +29,8 @@ two blocks, of at least so many rows."""
 _MEANS, _FEWEST, _WEAK = 400, 20, 8.0
 """A part is looked at again by so many means; a joint that lifts the line by so many of their
 scatters is one where friction answers."""
+_RUN = 10_000
+"""Rows above which a record of several sampling intervals is a run."""
 _GAP, _AROUND, _FILLED = 10.0, 11, 40
 """A gap lasts so many times the usual interval of so many rows on either side; rows put into it."""
 _PLACES = 8
@@ -77,6 +78,20 @@ def run_motion(record: Record) -> RunMotion:
     return RunMotion(position, find_run_steps(t, position, record.friction), resets)
 
 
+def record_steps(record: Record) -> VelocitySteps:
+    """The velocity steps of a record, from its displacement or else its velocity.
+
+    A long record of several sampling intervals, or one that a recorder paused in, is a run.
+    """
+    t, y = record.relative_time, record.load_point_displacement
+    if y is None:
+        assert record.load_point_velocity is not None
+        return find_steps_in_velocity(t, record.load_point_velocity)
+    if len(gaps(t)) or (len(t) > _RUN and len(blocks(t)) > 2):
+        return run_motion(record).steps
+    return find_steps(t, y)
+
+
 def find_run_steps(time: np.ndarray, position: np.ndarray, friction: np.ndarray) -> VelocitySteps:
     """The velocity steps of a run from its position [m] over time [s] from 0, see this file."""
     return steps_of_line(run_line(time, position, friction))
@@ -103,15 +118,21 @@ def run_line(time: np.ndarray, values: np.ndarray, felt_by: np.ndarray | None = 
     return broken_line(sums, join(sums, lines[wide], doubts[wide], LEAST_CHANGE))
 
 
+def gaps(time: np.ndarray) -> np.ndarray:
+    """Rows after which a recorder paused: the interval is ten times what it is on either side."""
+    steps = np.diff(time)
+    padded = np.pad(steps, 1)
+    longer = np.flatnonzero(steps > _GAP * np.maximum(padded[:-2], padded[2:]))
+    sides = [(steps[max(k - _AROUND, 0) : k], steps[k + 1 : k + 1 + _AROUND]) for k in longer]
+    usual = [max((float(np.median(x)) for x in pair if len(x)), default=np.inf) for pair in sides]
+    return longer[steps[longer] > _GAP * np.array(usual)] if len(longer) else longer
+
+
 def _without_gaps(time: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, ...]:
     """Rows with straight lines of rows in the gaps, where a recorder paused."""
-    steps = np.diff(time)
-    before = median_filter(steps, _AROUND, origin=_AROUND // 2, mode="nearest")
-    after = median_filter(steps, _AROUND, origin=-(_AROUND // 2), mode="nearest")
-    gaps = np.flatnonzero(steps > _GAP * np.maximum(before, after))
-    share = np.arange(1, _FILLED + 1) / (_FILLED + 1)
-    at = np.repeat(gaps + 1, _FILLED)
-    filled = ((x[gaps, None] + share * np.diff(x)[gaps, None]).ravel() for x in (time, *columns))
+    share, rows = np.arange(1, _FILLED + 1) / (_FILLED + 1), gaps(time)
+    at = np.repeat(rows + 1, _FILLED)
+    filled = ((x[rows, None] + share * np.diff(x)[rows, None]).ravel() for x in (time, *columns))
     return tuple(np.insert(x, at, new) for x, new in zip((time, *columns), filled, strict=True))
 
 
@@ -180,11 +201,13 @@ def blocks(time: np.ndarray) -> np.ndarray:
 
     A block of fewer than 100 rows goes with the one before it.
     """
-    gaps, wide = np.log(np.diff(time)), _BLOCK | 1
-    usual = median_filter(gaps, wide, mode="nearest")
-    before = median_filter(gaps, wide, origin=wide // 2, mode="nearest")
-    after = median_filter(gaps, wide, origin=-(wide // 2), mode="nearest")
-    spread = median_filter(np.abs(gaps - usual), wide, mode="nearest")
+    from scipy.ndimage import median_filter  # only here: reading is quick without SciPy
+
+    logs, wide = np.log(np.diff(time)), _BLOCK | 1
+    usual = median_filter(logs, wide, mode="nearest")
+    before = median_filter(logs, wide, origin=wide // 2, mode="nearest")
+    after = median_filter(logs, wide, origin=-(wide // 2), mode="nearest")
+    spread = median_filter(np.abs(logs - usual), wide, mode="nearest")
     least = np.maximum(np.log(_RATE), _UNEVEN * np.maximum(spread[1:], spread[:-1]))
     changed = np.abs(after[1:] - before[:-1]) > least
     ends = np.flatnonzero(np.diff(np.concatenate([[0], changed.astype(int), [0]])))
@@ -204,6 +227,8 @@ def without_resets(
     Not tried: resets while the load point moves so fast that it passes more than a fifth of the
     jump from row to row.
     """
+    from scipy.ndimage import median_filter
+
     moves = np.diff(position)
     wide = np.abs(moves - median_filter(moves, 2 * _REACH + 1, mode="nearest"))
     usual = 1.4826 * median_filter(wide, 2 * _REACH + 1, mode="nearest") + 1e-12

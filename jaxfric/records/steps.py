@@ -150,14 +150,6 @@ def find_steps_in_velocity(time: ArrayLike, velocity: ArrayLike) -> VelocityStep
     return replace(found, time_errors=errors)
 
 
-def record_steps(record: Record) -> VelocitySteps:
-    """The velocity steps of a record, from its displacement or else its velocity."""
-    if record.load_point_displacement is not None:
-        return find_steps(record.relative_time, record.load_point_displacement)
-    assert record.load_point_velocity is not None
-    return find_steps_in_velocity(record.relative_time, record.load_point_velocity)
-
-
 def _velocity(text: str, what: str) -> float:
     """A velocity as stated, 0 or of a size that there is."""
     value, size = parse_quantity(text, "m/s", what), SIZES["load_point_velocity", "m/s"]
