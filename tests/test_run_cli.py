@@ -12,6 +12,7 @@ import jaxfric as jf
 from fits.runs.generate import generate
 from jaxfric.runs import find_events
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
+from jaxfric.runs.stiffness import Stiffness
 from jaxfric.runs.table import csv_text, difference, latex_text, rows, text_lines, xlook_rows
 
 TABLES = ("events.toml", "run.json", "table.csv", "table.tex", "table_xlook.csv")
@@ -93,10 +94,10 @@ def two_fits():
     record = jf.from_arrays(
         made.time, made.friction, load_point_displacement=made.position, normal_stress=made.sigma
     )
-    found = find_events(record, stiffness=made.press.K).events
+    found = find_events(record, stiffness=Stiffness(made.press.K)).events
     good = next(event for event in found if event.fitted)
     bad = replace(good, start=good.time - 1e-3, stop=good.time + 1e-3)
-    return fit_run(record, [bad, good], HowFitted(made.press.K)), made.press
+    return fit_run(record, [bad, good], HowFitted(Stiffness(made.press.K))), made.press
 
 
 def test_a_step_that_cannot_be_fitted_keeps_its_row_and_its_reason(two_fits):

@@ -7,6 +7,7 @@ import jaxfric as jf
 from fits.runs.generate import generate
 from jaxfric.runs import KINDS, find_events
 from jaxfric.runs.decisions import decisions_text, read_decisions
+from jaxfric.runs.stiffness import Stiffness
 from jaxfric.runs.stress import find_stress_changes, polyline
 from jaxfric.runs.teeth import find_spikes, find_teeth, turns
 
@@ -159,8 +160,8 @@ def test_kinds_of_constructed_runs(record, expected):
 def test_a_stiffness_tells_sliding_from_loading():
     """Friction rises by 3e-4 in a second of 3 um: a tenth of the spring's rate at K = 1e-3/um."""
     rising = run([(0, 3e-6), (200, 3e-5)], friction=lambda t: 0.5 + 3e-4 * np.minimum(t, 200))
-    assert kinds(rising, stiffness=3e3) == ["step"]  # 3 % of the motion loads the spring
-    assert kinds(rising, stiffness=5e2) == ["reload"]  # 20 % of it
+    assert kinds(rising, stiffness=Stiffness(3e3)) == ["step"]  # 3 % of the motion loads the spring
+    assert kinds(rising, stiffness=Stiffness(5e2)) == ["reload"]  # 20 % of it
 
 
 def test_windows_keep_clear_of_what_happens_before_and_after():
@@ -260,3 +261,44 @@ def test_decisions_that_are_not_there(tmp_path):
 def test_a_head_names_every_kind():
     text = decisions_text((), "mine.csv")
     assert all(kind in text for kind in KINDS) and "--events events.toml" in text
+
+
+# ---- stiffness --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "stress", "value"),
+    [
+        ("1.6e-3/um", "1", 1e8, 1600.0),
+        ("1.6e-3/um", "1", None, 1600.0),
+        ("0.16 MPa/um", "1", 1e8, 1600.0),
+        ("0.16 MPa/um", "1", 0.75e8, 0.16e12 / 0.75e8),
+        ("2e6 N/m", "N", None, 2e6),
+    ],
+)
+def test_a_press_is_as_stiff_as_it_is(text, unit, stress, value):
+    """K = k/normal stress."""
+    assert Stiffness.parse(text, unit).at(stress) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "stress", "words"),
+    [
+        ("0.16 MPa/um", "1", None, "no normal stress there"),
+        ("0.16 MPa/um", "1", -1.0, "no normal stress there"),
+        ("-1 MPa/um", "1", 1e8, "not positive"),
+        ("0 1/um", "1", 1e8, "not positive"),
+        ("3 s", "1", 1e8, "'s' is not a unit"),
+    ],
+)
+def test_a_stiffness_that_is_refused(text, unit, stress, words):
+    with pytest.raises(jf.InputError, match=words):
+        Stiffness.parse(text, unit).at(stress)
+
+
+def test_one_stiffness_in_friction_at_several_stresses_is_doubted():
+    doubt = Stiffness.parse("1.6e-3/um", "1").doubt([0.75e8, 1e8])
+    assert doubt and "75 to 100 MPa" in doubt and "'0.16 MPa/um'" in doubt
+    assert Stiffness.parse("1.6e-3/um", "1").doubt([0.99e8, 1e8]) is None
+    assert Stiffness.parse("0.16 MPa/um", "1").doubt([0.75e8, 1e8]) is None
+    assert Stiffness.parse("1.6e-3/um", "1").doubt([]) is None

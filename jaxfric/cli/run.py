@@ -1,6 +1,7 @@
 """`jaxfric run`: a whole run of a press, from its file to the table of its steps."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -23,7 +24,11 @@ def run(
     *,
     stiffness: Annotated[
         str | None,
-        Parameter(allow_leading_hyphen=True, help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m."),
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Stiffness with unit: 1.6e-3/um, 2e6 N/m for a force, or 0.16 MPa/um, which under"
+            " another normal stress is another friction per length.",
+        ),
     ] = None,
     law: Annotated[str, Parameter(help="Evolution law, slip or ageing.")] = "slip",
     states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
@@ -62,15 +67,18 @@ def run(
             " 1.6e-3/um, or let every step find its own (--fit-stiffness)"
         )
     from ..runs.fits import HowFitted
+    from ..runs.stiffness import Stiffness
 
-    how = HowFitted(stiffness, law, int(states), fit_stiffness, slip_trend, rows)
+    how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
         record = read_record(file, column, drop_bad, since, until, reduce=reduce)
         inputs = (file,) if events is None else (file, events)
         folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
+        if stiffness is not None:
+            how = replace(how, stiffness=Stiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
-        record, found = _events(record, events, stiffness)
+        record, found = _events(record, events, how)
         result = _fitted(record, found, how, folder, progress)
         content = json_text(_content(result))
         with folder.results() as to:
@@ -85,7 +93,7 @@ def run(
     else:
         _tell(result)
         print(folder.written)
-    warn(_warnings(result))
+    warn(_warnings(result, how))
     return folder.close()
 
 
@@ -125,26 +133,18 @@ def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -
 
 
 def _events(
-    record: "Record", file: Path | None, stiffness: str | None
+    record: "Record", file: Path | None, how: "HowFitted"
 ) -> tuple["Record", tuple["Event", ...]]:
     """The record without resets of its encoder, and the events: found, or as a file has them."""
     from ..records.run_motion import run_motion
     from ..runs import find_events
     from ..runs.decisions import read_decisions
     from ..runs.fits import without_resets_of
-    from ..units import parse_quantity
 
     if file is not None:
         found = read_decisions(file, float(record.relative_time[-1]))
         return without_resets_of(record, run_motion(record).position), found
-    known = (
-        None
-        if stiffness is None
-        else parse_quantity(
-            stiffness, "1/m" if record.friction_unit == "1" else "N/m", "--stiffness"
-        )
-    )
-    motion, found = find_events(record, stiffness=known)
+    motion, found = find_events(record, stiffness=how.stiffness)
     return without_resets_of(record, motion.position), found
 
 
@@ -219,10 +219,16 @@ def _tell(result: "RunFit") -> None:
     )
 
 
-def _warnings(result: "RunFit") -> list[str]:
+def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     """What the fits warn of, with the numbers of the steps of each warning."""
     told: dict[str, list[int]] = {}
     for step in result.steps:
         for text in step.fit.warnings if step.fit is not None else (step.failed,):
             told.setdefault(text, []).append(step.number)
-    return [f"step {', '.join(map(str, numbers))}: {text}" for text, numbers in told.items()]
+    stresses = [s.event.normal_stress for s in result.steps if s.event.normal_stress is not None]
+    friction = result.record.friction_unit == "1"
+    doubt = how.stiffness.doubt(stresses) if friction and how.stiffness is not None else None
+    first = [] if doubt is None else [doubt]
+    return first + [
+        f"step {', '.join(map(str, numbers))}: {text}" for text, numbers in told.items()
+    ]

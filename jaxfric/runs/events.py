@@ -28,6 +28,7 @@ import numpy as np
 from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
 from ..units import format_si
+from .stiffness import Stiffness
 from .stress import StressChange, find_stress_changes
 from .teeth import Teeth, find_spikes, find_teeth
 
@@ -98,11 +99,11 @@ class _Phase(NamedTuple):
     velocity: float
 
 
-def find_events(record: Record, *, stiffness: float | None = None) -> Happenings:
+def find_events(record: Record, *, stiffness: Stiffness | None = None) -> Happenings:
     """The events of a run, see this file.
 
-    **Arguments:** `record`; `stiffness` [friction/m] where it is known: it tells steady sliding
-    from loading.
+    **Arguments:** `record`; `stiffness` where it is known: it tells steady sliding from
+    loading.
 
     Not tried: runs that turn back while they are sheared (cycles), and angles.
     """
@@ -154,7 +155,7 @@ def _at_joint(
     k: int,
     stresses: Sequence[StressChange],
     teeth: Sequence[Teeth],
-    stiffness: float | None,
+    stiffness: Stiffness | None,
 ) -> Event:
     """The event where the velocity of phase k - 1 becomes that of phase k."""
     a, b = phases[k - 1], phases[k]
@@ -199,7 +200,7 @@ def _forwards(phases: Sequence[_Phase]) -> float:
     return -1.0 if way < 0 else 1.0
 
 
-def _loading(record: Record, motion: RunMotion, phase: _Phase, stiffness: float | None) -> str:
+def _loading(record: Record, motion: RunMotion, phase: _Phase, stiffness: Stiffness | None) -> str:
     """Why a phase does not end in steady sliding; '' where it does."""
     edges = phase.start + (phase.stop - phase.start) * np.arange(_PARTS + 1) / _PARTS
     rows = np.searchsorted(record.relative_time, edges)
@@ -208,8 +209,8 @@ def _loading(record: Record, motion: RunMotion, phase: _Phase, stiffness: float 
         return ""
     parts = [slice(a, b) for a, b in pairwise(rows)]
     f = np.array([np.median(record.friction[part]) for part in parts])
-    rise = float(f[-1] - f[-3])
-    if stiffness is None:
+    rise, stress = float(f[-1] - f[-3]), _stress_at(record, phase)
+    if stiffness is None or (stiffness.of_stress and not (stress is not None and stress > 0)):
         share = rise / abs(f[-1])
         if share > _RISING_ALONE and f[-1] - f[-2] > _SLOWER * np.diff(f).max():
             return (
@@ -219,7 +220,7 @@ def _loading(record: Record, motion: RunMotion, phase: _Phase, stiffness: float 
     moved = abs(
         float(np.median(motion.position[parts[-1]]) - np.median(motion.position[parts[-3]]))
     )
-    share = rise / (stiffness * moved) if moved else 0.0
+    share = rise / (stiffness.at(stress) * moved) if moved else 0.0
     if share > _RISING:
         return f"before it {100 * share:.2g} % of the motion still loads the spring"
     return ""

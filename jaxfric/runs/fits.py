@@ -12,6 +12,7 @@ from ..records import Record, VelocitySteps
 from ..records.record import frozen
 from ..records.thin import LEAST_ROWS
 from .events import Event
+from .stiffness import Stiffness
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class HowFitted:
     Raises `InputError` for a law that is not known, and too few rows.
     """
 
-    stiffness: float | str | None = None
+    stiffness: Stiffness | None = None
     law: str = "slip"
     states: int = 1
     fit_stiffness: bool = False
@@ -107,7 +108,7 @@ def fit_run(
             part, steps = window_of(record, event)
             found = fit(
                 part,
-                stiffness=how.stiffness,
+                stiffness=None if how.stiffness is None else how.stiffness.at(event.normal_stress),
                 law=how.law,
                 states=how.states,
                 fit_stiffness=how.fit_stiffness,
