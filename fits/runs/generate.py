@@ -11,10 +11,10 @@ How a run is drawn (from its seed alone)
                 alpha in [.1, .3], f0 in [.45, .7]
     stiffness   K = k/sigma = ratio max(B - A, .2 B)/L, ratio log-uniform in [4, 12]
     events      the load comes on, then 50: velocity step 60 % (one rung up or down of 0.3, 1, 3,
-                10, 30, 100 um/s, or two), hold of 10 to 1000 s 12 %, normal stress alone by 5 to
+                10, 30, 100 um/s, or two), hold of 10 (and 10 um) to 1000 s 12 %, stress alone by 5 to
                 30 % in 0.3 to 3 s 8 %, with a velocity step 4 %, unloading to 20 to 70 % of the
                 load and back 4 %, stick-slip 4 %, a glitch of the recorder 8 %
-    legs        20 to 40 L of load-point motion, at most 400 um
+    legs        20 to 40 L of load-point motion, at most 400 um, after what loads the spring
     rates       of the recorder: "one" (some 25 rows per L at 3 um/s), or "many": a rate out of
                 0.1, 1, 10, 100, 1000 Hz for each velocity, switched before its step
     recorder    friction: pieces of measured noise (`fits.blind.measured`) or white, sigma 2e-4 to
@@ -161,7 +161,7 @@ def _schedule(rng, press: Press, events: int, kinds: dict[str, float]):
     """Legs, what happens at their joints, and glitches (time, what)."""
     rung, sigma = 2, press.sigma
     lasts = lambda v: min(rng.uniform(20, 40) * press.L, 400 * UM) / v  # noqa: E731
-    load = 0.9 * press.f0 / press.K / LADDER[rung]
+    load = 1.1 * press.f0 / press.K / LADDER[rung]
     legs = [Leg(60.0, 0.0, sigma), Leg(load + 2 * lasts(LADDER[rung]), LADDER[rung], sigma)]
     now = legs[0].lasts
     happenings, glitches = [Happening("reload", now, 0.0, LADDER[rung])], []
@@ -171,6 +171,13 @@ def _schedule(rng, press: Press, events: int, kinds: dict[str, float]):
         nonlocal now
         legs.append(Leg(time, velocity, sigma, **more))
         now += time
+
+    def change_stress() -> float:
+        """Change the stress; the way [m] on which the spring takes up what it adds to friction."""
+        nonlocal sigma
+        before = sigma
+        sigma *= math.exp(rng.choice((-1, 1)) * log_uniform(rng, 0.05, 0.3))
+        return 1.2 * press.f0 * max(sigma - before, 0.0) / (press.K * press.sigma)
 
     names, shares = list(kinds), np.array(list(kinds.values()))
     for _ in range(events):
@@ -182,23 +189,23 @@ def _schedule(rng, press: Press, events: int, kinds: dict[str, float]):
             happenings.append(
                 Happening("step" if kind == "step" else "stress", now, v, LADDER[rung])
             )
-            ramp = 0.0
+            ramp = more = 0.0
             if kind != "step":
-                sigma *= math.exp(rng.choice((-1, 1)) * log_uniform(rng, 0.05, 0.3))
+                more = change_stress() / LADDER[rung]
                 ramp = float(rng.uniform(0.3, 1.0)) * min(3.0, press.L / LADDER[rung])
-            go(LADDER[rung], lasts(LADDER[rung]), ramp=ramp)
+            go(LADDER[rung], lasts(LADDER[rung]) + more, ramp=ramp)
         elif kind == "hold":
             happenings.append(Happening("hold", now, v, 0.0))
-            go(0.0, log_uniform(rng, 10, 1000))
+            go(0.0, log_uniform(rng, max(10, 10 * UM / v), 1000))
             happenings.append(Happening("reload", now, 0.0, v))
             go(v, lasts(v))
         elif kind == "stress":
             happenings.append(Happening("stress", now, v, v))
-            sigma *= math.exp(rng.choice((-1, 1)) * log_uniform(rng, 0.05, 0.3))
-            go(v, lasts(v), ramp=float(rng.uniform(0.3, 3.0)))
+            more = change_stress() / v
+            go(v, lasts(v) + more, ramp=float(rng.uniform(0.3, 3.0)))
         elif kind == "unload":
             share = rng.uniform(0.3, 0.8)
-            back = share * press.f0 / press.K
+            back = share * press.f0 * sigma / (press.K * press.sigma)
             happenings.append(Happening("unload", now, v, -v))
             go(-v, back / v)
             happenings.append(Happening("reload", now, -v, v))

@@ -49,7 +49,7 @@ _PARTS = 8
 _CONSTANT = 0.01
 """A normal stress that changes by less than this share of it over a window is constant."""
 _NEAR = 0.15
-"""What begins within this share of a velocity around a step belongs to the step."""
+"""What begins within this share of the shorter way beside a step belongs to the step."""
 _ROWS, _LEAST = 10, 3
 """Least number of rows of a window before its step, and after it; of a part of a velocity."""
 
@@ -181,7 +181,8 @@ def _at_joint(
         return make("reload", f"after a hold of {a.stop - a.start:.4g} s")
     if a.velocity * forwards < 0:
         return make("reload", "the load point turns forwards")
-    near = (b.start - _NEAR * (a.stop - a.start), b.start + _NEAR * (b.stop - b.start))
+    way = _NEAR * min(abs(p.velocity) * (p.stop - p.start) for p in (a, b))
+    near = (b.start - way / abs(a.velocity), b.start + way / abs(b.velocity))
     if any(found.start < near[1] and found.stop > near[0] for found in teeth):
         return make("stick_slip", "friction has saw teeth beside it")
     for change in stresses:
