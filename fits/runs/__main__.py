@@ -48,6 +48,7 @@ def study(task: tuple[int, str, bool]) -> dict:
     from jaxfric.cache import cache_compiled
     from jaxfric.runs import find_events
     from jaxfric.runs.fits import HowFitted, fit_run, without_resets_of
+    from jaxfric.runs.joint import share
     from jaxfric.runs.stiffness import Stiffness
     from jaxfric.runs.table import difference
 
@@ -62,11 +63,13 @@ def study(task: tuple[int, str, bool]) -> dict:
     found = Counter(f"{h.kind} > {'missed' if e is None else e.kind}" for h, e in pairs)
     found.update(f"nothing > {e.kind}" for e in extra)
     true = [e for h, e in pairs if h.kind == "step" and e is not None and e.kind == "step"]
-    off = []
+    off, joint = [], None
     if fits and any(e.fitted for e in true):
         chosen = [e for e in true if e.fitted]
         how = HowFitted(k, run.press.law)
         done = fit_run(without_resets_of(record, motion.position), chosen, how)
+        shared = share(done.steps)
+        joint = None if shared is None else shared.p
         for step in done.steps:
             if step.fit is None or not step.fit.converged:
                 off.append(None)
@@ -97,6 +100,7 @@ def study(task: tuple[int, str, bool]) -> dict:
         "fitted": sum(e.fitted for e in events),
         "fitted steps": sum(e.fitted for e in true),
         "off": off,
+        "p shared": joint,
     }
 
 
@@ -116,6 +120,7 @@ def summary(runs: list[dict]) -> dict:
         for name in "ABL"
     }  # fmt: skip
     inside["A-B"] = [sum(abs(z["A-B"]) < 1.96 for z in offs), len(offs)]
+    p = [run["p shared"] for run in runs if run["p shared"] is not None]
     return {
         "runs": len(runs),
         "recall of steps": [events["step > step"], steps],
@@ -123,6 +128,7 @@ def summary(runs: list[dict]) -> dict:
         "kinds right": [right, sum(happened.values())],
         "events that are nothing": sum(n for k, n in events.items() if k.startswith("nothing")),
         "fits": [len(offs), sum(len(run["off"]) for run in runs)],
+        "shared, called separate at p < .05": [sum(x < 0.05 for x in p), len(p)],
         "truth in the 95 % interval": inside,
         "events": dict(sorted(events.items())),
     }

@@ -11,7 +11,7 @@ How a run is drawn (from its seed alone)
                 alpha in [.1, .3], f0 in [.45, .7]
     stiffness   K = k/sigma = ratio max(B - A, .2 B)/L, ratio log-uniform in [4, 12]
     events      the load comes on, then 50: velocity step 60 % (one rung up or down of 0.3, 1, 3,
-                10, 30, 100 um/s, or two), hold of 10 (and 10 um) to 1000 s 12 %, stress alone by 5 to
+                10, 30, 100 um/s, or two), hold of 10 (and 10 um) to 1000 s 12 %, stress by 5 to
                 30 % in 0.3 to 3 s 8 %, with a velocity step 4 %, unloading to 20 to 70 % of the
                 load and back 4 %, stick-slip 4 %, a glitch of the recorder 8 %
     legs        20 to 40 L of load-point motion, at most 400 um, after what loads the spring
@@ -19,10 +19,13 @@ How a run is drawn (from its seed alone)
                 0.1, 1, 10, 100, 1000 Hz for each velocity, switched before its step
     recorder    friction: pieces of measured noise (`fits.blind.measured`) or white, sigma 2e-4 to
                 6e-4; position: white, 0.02 to 1 um; normal stress: 1e-4 of itself
+Runaways. A slider whose velocity passes 100 times the largest commanded one, which large steps of a
+softer press do, is drawn again from the next stream of its seed.
 Stick-slip is a saw-tooth drawn by hand: rises at K v, drops within two rows by .01 to .03.
 Glitches: friction off by 20 to 100 sigma for one to three rows; the encoder set back by .2 to 5 mm.
 """
 
+import contextlib
 import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -43,8 +46,12 @@ KINDS = {
     "stick_slip": 0.04,
     "glitch": 0.08,
 }
-_LONGEST = 600
+_LONGEST, _RUNAWAY = 600, 100.0
 RATES = np.array([0.1, 1.0, 10.0, 100.0, 1000.0])
+
+
+class RunawayError(RuntimeError):
+    """The slider runs away from the load point: the run is drawn again."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +136,15 @@ def generate(
 ) -> Run:
     """A run from its seed. `rates`: "one" or "many"; `noise`: "white" or a source of
     `fits.blind.measured`; `kinds`: probabilities of what happens."""
-    rng = np.random.default_rng([seed, 655])
+    for attempt in range(50):
+        with contextlib.suppress(RunawayError):
+            return _generate(
+                np.random.default_rng([seed, 655, attempt]), law, events, rates, noise, kinds
+            )
+    raise RuntimeError(f"seed {seed}: every press ran away")
+
+
+def _generate(rng, law, events: int, rates: str, noise: str, kinds: dict[str, float]) -> Run:
     press = draw_press(rng, law)
     legs, happenings, glitches = _schedule(rng, press, events, kinds)
     _set_rates(rng, press, legs, rates)
@@ -285,7 +300,7 @@ def _leg(press: Press, leg: Leg, tau: float, theta: float, sigma: float, t: np.n
             if p.law == "slip":
                 change = -(V / p.L) * (y[1] + p.B * u)
             else:
-                change = (p.B / p.L) * (p.V0 * math.exp(-y[1] / p.B) - V)
+                change = (p.B / p.L) * (p.V0 * math.exp(min(-y[1] / p.B, 600.0)) - V)
             return [k * (leg.velocity - V), change - p.alpha * rate_s / at(s)]
 
         inside = (t >= a) & (t < b) if b < leg.lasts else t >= a
@@ -293,8 +308,9 @@ def _leg(press: Press, leg: Leg, tau: float, theta: float, sigma: float, t: np.n
         found = solve_ivp(
             rate, (a, b), [tau, theta], "LSODA", stops, rtol=1e-8, atol=[1e-8 * p.sigma, 1e-10]
         )
-        if found.status:
-            raise RuntimeError(f"a leg at {leg.velocity} m/s: {found.message}")
+        fastest = (found.y[0] / np.array([at(s) for s in found.t]) - p.f0 - found.y[1]) / p.A
+        if found.status or not fastest.max() < math.log(_RUNAWAY * LADDER[-1] / p.V0):
+            raise RunawayError(f"a leg at {leg.velocity} m/s: {found.message}")
         levels = np.array([at(s) for s in t[inside]])
         friction[inside] = found.y[0, : inside.sum()] / levels
         tau, theta = float(found.y[0, -1]), float(found.y[1, -1])

@@ -175,7 +175,12 @@ def _draw(result: "RunFit", folder: Folder) -> None:
 
 def _content(result: "RunFit") -> dict[str, object]:
     """A run as JSON: where it is from, its events, and the fit of every step."""
+    from dataclasses import asdict
+
+    from ..runs.joint import dependences, share
+
     origin = result.record.provenance
+    shared = share(result.steps)
     return {
         "schema": "jaxfric.run/1",
         "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(result.record)},
@@ -201,18 +206,23 @@ def _content(result: "RunFit") -> dict[str, object]:
             }
             for step in result.steps
         ],
+        "shared": None if shared is None else asdict(shared),
+        "dependences": [asdict(one) for one in dependences(result.steps)],
     }
 
 
 def _tell(result: "RunFit") -> None:
     from collections import Counter
 
+    from ..runs.joint import told as told_of_all
     from ..runs.table import text_lines
 
     kinds = Counter(event.kind for event in result.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
     print(f"{len(result.record)} rows, {len(result.events)} events: {words}")
     for line in text_lines(result):
+        print(line)
+    for line in told_of_all(result.steps):
         print(line)
     print(
         "in brackets: one standard error, in the last two digits; -: not determined by its window"

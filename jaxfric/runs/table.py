@@ -130,7 +130,7 @@ def latex_text(run: RunFit) -> str:
             p = fit.parameters
             numbers = [n[1:] for n in p if n[0] == "B"]
             B, L = (", ".join(_estimate(p[x + n]) for n in numbers) for x in "BL")
-            cells += [_estimate(p["A"]), B, f"${_measured(*difference(fit))}$", L]
+            cells += [_estimate(p["A"]), B, f"${measured(*difference(fit))}$", L]
         lines.append(" & ".join(cells) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
@@ -140,10 +140,10 @@ def _estimate(estimate: Estimate) -> str:
     scale = 1e6 if estimate.unit == "m" else 1.0
     if not estimate.determined:
         return "-"
-    return f"${_measured(scale * estimate.value, scale * estimate.std)}$"
+    return f"${measured(scale * estimate.value, scale * estimate.std)}$"
 
 
-def _measured(value: float, error: float) -> str:
+def measured(value: float, error: float) -> str:
     """A value with its standard error in brackets: 0.00592(29)."""
     if not np.isfinite(error) or error <= 0:
         return f"{value:.4g}"
@@ -171,5 +171,5 @@ def text_lines(run: RunFit) -> list[str]:
             " ".join(_estimate(p[x + n]).replace("$", "") for n in of)
             for x, of in (("A", [""]), ("B", numbers), ("L", numbers))
         )
-        out.append(f"{line}{A:>12} {B:>12} {_measured(*difference(fit)):>13} {L:>10}")
+        out.append(f"{line}{A:>12} {B:>12} {measured(*difference(fit)):>13} {L:>10}")
     return out

@@ -1,0 +1,209 @@
+"""What the steps of a run share, and what changes from one to the other.
+
+Every step has estimates y = (A, B_1, .., ln L_1, ..) with a covariance C, in which the noise of its
+rows is counted. If the steps share one y, the most likely is
+
+    y = S sum_i C_i^-1 y_i,   S = (sum_i C_i^-1)^-1,
+    Q = sum_i (y_i - y)^T C_i^-1 (y_i - y),
+
+and Q is distributed as chi-square with p (n - 1) degrees of freedom (Cochran 1954, Biometrics 10,
+101-129): the likelihood ratio of shared against separate, to second order about each step's fit.
+f0, and a trend with slip, are each step's own.
+
+Whether a quantity depends on velocity, displacement or normal stress is asked by a weighted line
+through the steps. Where they scatter about it by more than their errors, its error grows by the
+root of chi-square over its degrees of freedom (Birge 1932, Phys. Rev. 40, 207-227). p-values
+are by Student's t, and times the number of questions (Bonferroni).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..fitting import Fit
+from .fits import StepFit
+from .table import difference, measured
+
+_FEWEST = 4
+"""Steps that a line through them needs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """The parameters that all steps would share: natural `values` and standard `errors` by name
+    (SI), and the probability `p` that the steps differ as much by chance."""
+
+    values: dict[str, float]
+    errors: dict[str, float]
+    chi_square: float
+    freedom: int
+    p: float
+    steps: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """A line of `quantity` through the steps along `along`: its `slope` by one of `unit`, with its
+    standard error, and the probability `p` of as much by chance, among all questions."""
+
+    quantity: str
+    along: str
+    unit: str
+    slope: float
+    error: float
+    p: float
+
+    def told(self) -> str:
+        """The dependence in words."""
+        way = "rises" if self.slope > 0 else "falls"
+        per = f"per {self.unit}"
+        size = measured(abs(self.slope), self.error)
+        return f"{self.quantity} {way} by {size} {per} (p = {self.p:.2g})"
+
+
+def _known(step: StepFit) -> bool:
+    """Whether A, all B and L of a step are known."""
+    fit = step.fit
+    return (
+        fit is not None
+        and fit.converged
+        and all(fit.parameters[n].determined for n in _names(fit))
+        and bool(np.isfinite(_vector(fit)[1]).all())
+    )
+
+
+def _names(fit: Fit) -> list[str]:
+    return [n for n in fit.free if n[0] in "ABL" and (n == "A" or n[1:].isdigit() or len(n) == 1)]
+
+
+def _vector(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """A, B_i and ln L_i of a fit, and their covariance."""
+    names = _names(fit)
+    at = [fit.free.index(n) for n in names]
+    values = np.array([fit.parameters[n].value for n in names])
+    lengths = np.array([n[0] == "L" for n in names])
+    scale = np.where(lengths, values, 1.0)
+    covariance = fit.covariance[np.ix_(at, at)] / np.outer(scale, scale)
+    return np.where(lengths, np.log(np.where(lengths, values, 1.0)), values), covariance
+
+
+def share(steps: Sequence[StepFit]) -> Shared | None:
+    """What the steps share, see this file; None for fewer than two whose parameters are known."""
+    from scipy.special import chdtrc
+
+    known = [step for step in steps if _known(step)]
+    if len(known) < 2:
+        return None
+    fits = [step.fit for step in known if step.fit is not None]
+    names = _names(fits[0])
+    vectors, weights = [], []
+    for fit in fits:
+        vector, covariance = _vector(fit)
+        vectors.append(vector)
+        weights.append(np.linalg.pinv(covariance, hermitian=True))
+    covariance = np.linalg.pinv(np.sum(weights, axis=0), hermitian=True)
+    mean = covariance @ sum(w @ v for w, v in zip(weights, vectors, strict=True))
+    q = float(sum((v - mean) @ w @ (v - mean) for w, v in zip(weights, vectors, strict=True)))
+    freedom = len(names) * (len(fits) - 1)
+    lengths = np.array([n[0] == "L" for n in names])
+    values = np.where(lengths, np.exp(np.where(lengths, mean, 0.0)), mean)
+    errors = np.sqrt(np.diag(covariance)) * np.where(lengths, values, 1.0)
+    return Shared(
+        dict(zip(names, values.tolist(), strict=True)),
+        dict(zip(names, errors.tolist(), strict=True)),
+        q,
+        freedom,
+        float(chdtrc(freedom, q)),
+        tuple(step.number for step in known),
+    )
+
+
+def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
+    """How A, A-B and L depend on velocity, displacement and normal stress, see this file.
+
+    Fewer than four steps, or a side that does not change, answer nothing.
+    """
+    from scipy.special import stdtr
+
+    known = [step for step in steps if _known(step)]
+    if len(known) < _FEWEST:
+        return []
+    sides = [
+        ("velocity", "decade of velocity", [np.log10(abs(s.event.after)) for s in known], 0.2),
+        ("displacement", "mm of load-point displacement", [1e3 * s.position for s in known], 1e-9),
+    ]
+    stresses = [s.event.normal_stress for s in known]
+    if all(stress is not None for stress in stresses):
+        levels = [stress / 1e6 for stress in stresses if stress is not None]
+        sides.append(("normal stress", "10 MPa of normal stress", [x / 10 for x in levels], None))
+    found = []
+    for along, unit, places, least in sides:
+        x = np.array(places)
+        if np.ptp(x) <= (0.02 * np.abs(x).max() if least is None else least):
+            continue
+        for quantity, (y, error) in _quantities(known).items():
+            slope, spread = _line(x, y, error)
+            p = 2 * float(stdtr(len(known) - 2, -abs(slope) / spread))
+            found.append(Dependence(quantity, along, unit, slope, spread, p))
+    count = max(len(found), 1)
+    return [
+        Dependence(d.quantity, d.along, d.unit, d.slope, d.error, min(1.0, count * d.p))
+        for d in found
+    ]
+
+
+def _quantities(known: Sequence[StepFit]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """A, A-B and the logarithm of L (the first) of the steps, with their errors."""
+    fits = [step.fit for step in known if step.fit is not None]
+    A = np.array([(f.parameters["A"].value, f.parameters["A"].std) for f in fits])
+    both = np.array([difference(f) for f in fits])
+    first = next(n for n in _names(fits[0]) if n[0] == "L")
+    L = np.array([(f.parameters[first].value, f.parameters[first].std) for f in fits])
+    return {
+        "A": (A[:, 0], A[:, 1]),
+        "A-B": (both[:, 0], both[:, 1]),
+        "ln L": (np.log(L[:, 0]), L[:, 1] / L[:, 0]),
+    }
+
+
+def _line(x: np.ndarray, y: np.ndarray, error: np.ndarray) -> tuple[float, float]:
+    """Slope of a weighted line, and its standard error with the scatter about it counted."""
+    w = 1 / error**2
+    centre = np.sum(w * x) / np.sum(w)
+    spread = np.sum(w * (x - centre) ** 2)
+    slope = float(np.sum(w * (x - centre) * y) / spread)
+    level = np.sum(w * (y - slope * (x - centre))) / np.sum(w)
+    chi = float(np.sum(w * (y - level - slope * (x - centre)) ** 2))
+    birge = max(1.0, chi / max(len(x) - 2, 1))
+    return slope, float(np.sqrt(birge / spread))
+
+
+def told(steps: Sequence[StepFit]) -> list[str]:
+    """Lines on what the steps share and what changes among them."""
+    shared = share(steps)
+    if shared is None:
+        return []
+    parts = []
+    for name, value in shared.values.items():
+        error = shared.errors[name]
+        text = (
+            measured(1e6 * value, 1e6 * error) + " um" if name[0] == "L" else measured(value, error)
+        )
+        parts.append(f"{name} {text}")
+    lines = [f"shared by {len(shared.steps)} steps: {', '.join(parts)}"]
+    if shared.p < 0.01:
+        lines[0] = (
+            f"the steps do not share their parameters (p = {shared.p:.1g}: chi-square"
+            f" {shared.chi_square:.4g} of {shared.freedom}); the most likely if they did:"
+            f" {', '.join(parts)}"
+        )
+    else:
+        lines[0] += f" (p = {shared.p:.2g} that they do)"
+    answers = dependences(steps)
+    told_of = [d for d in answers if d.p < 0.05]
+    lines += [d.told() for d in told_of]
+    if answers and not told_of:
+        sides = list(dict.fromkeys(d.along for d in answers))
+        lines.append(f"no dependence of A, A-B or L on {', '.join(sides)} is seen (p > .05)")
+    return lines

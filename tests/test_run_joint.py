@@ -1,0 +1,117 @@
+"""What steps share, and what changes among them: against SciPy and closed forms."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+from scipy.stats import chi2, t
+
+from jaxfric.runs.joint import dependences, share, told
+
+TRUE = np.array([0.008, 0.012, 15e-6])
+FREE = ("f0", "A", "B", "L")
+
+
+def step(number, values, covariance, after=1e-5, position=0.0, stress=None, determined=True):
+    """A step whose fit has values of A, B, L and a covariance of them; f0 is its own."""
+    full = np.zeros((4, 4))
+    full[0, 0], full[1:, 1:] = 1e-8, covariance
+    estimates = {
+        name: SimpleNamespace(value=v, std=s, determined=determined, free=True, unit="m")
+        for name, v, s in zip("ABL", values, np.sqrt(np.diag(covariance)), strict=True)
+    }
+    estimates["f0"] = SimpleNamespace(value=0.6, std=1e-4, determined=True, free=True, unit="1")
+    fit = SimpleNamespace(free=FREE, parameters=estimates, covariance=full, converged=True)
+    event = SimpleNamespace(before=after / 10, after=after, normal_stress=stress)
+    return SimpleNamespace(number=number, fit=fit, event=event, position=position, failed="")
+
+
+def steps(rng, count, *, size=1.0, drift=0.0, along="after"):
+    """Steps about the truth by errors of 2 % with a correlation of A and B of 0.9."""
+    out = []
+    for k in range(count):
+        errors = size * 0.02 * TRUE * rng.uniform(0.5, 2.0, 3)
+        rho = np.array([[1, 0.9, 0.2], [0.9, 1, 0.3], [0.2, 0.3, 1]])
+        covariance = rho * np.outer(errors, errors)
+        x = k / max(count - 1, 1)
+        values = rng.multivariate_normal(TRUE, covariance)
+        values[0] += drift * x
+        place = {"after": 10.0 ** (-6 + 2 * x), "position": 1e-2 * x, "stress": 5e7 * (1 + x)}
+        more = {"position": 0.0, "stress": 5e7} | {along: place[along]}
+        out.append(step(k + 1, values, covariance, **more))
+    return out
+
+
+def test_shared_values_are_the_weighted_mean():
+    """Of two steps with diagonal covariances: each by the inverse of its variance."""
+    a = step(1, [0.008, 0.012, 1e-5], np.diag([1e-8, 4e-8, 1e-14]))
+    b = step(2, [0.009, 0.012, 1e-5], np.diag([4e-8, 4e-8, 1e-14]))
+    found = share([a, b])
+    assert found.values["A"] == pytest.approx((0.008 * 4 + 0.009) / 5)
+    assert found.errors["A"] == pytest.approx(np.sqrt(1 / (1e8 + 0.25e8)))
+    assert found.values["L"] == pytest.approx(1e-5)
+    assert found.errors["L"] == pytest.approx(1e-7 / np.sqrt(2))
+    assert found.chi_square == pytest.approx(0.001**2 / (1e-8 + 4e-8))
+    assert found.freedom == 3 and found.p == pytest.approx(chi2.sf(found.chi_square, 3))
+
+
+def test_separate_by_chance_as_often_as_it_says():
+    """Of 400 sets of six steps that share all, 5 % say at p = .05 that they do not."""
+    rng = np.random.default_rng(3)
+    p = np.array([share(steps(rng, 6)).p for _ in range(400)])
+    assert 0.025 < np.mean(p < 0.05) < 0.085
+    assert 0.42 < np.mean(p < 0.5) < 0.58
+
+
+@pytest.mark.parametrize("along", ["after", "position", "stress"])
+def test_a_dependence_is_seen_where_it_is(along):
+    rng = np.random.default_rng(4)
+    found = dependences(steps(rng, 12, drift=0.003, along=along))
+    names = {"after": "velocity", "position": "displacement", "stress": "normal stress"}
+    best = min(found, key=lambda d: d.p)
+    assert best.along == names[along] and best.quantity in ("A", "A-B") and best.p < 1e-4
+    width = {"after": 2.0, "position": 10.0, "stress": 5.0}[along]
+    of_A = next(d for d in found if d.quantity == "A")
+    assert of_A.slope * width == pytest.approx(0.003, abs=4 * of_A.error * width)
+
+
+def test_a_line_against_scipy():
+    """Where errors are honest the slope and its error are those of a weighted fit."""
+    rng = np.random.default_rng(8)
+    made = steps(rng, 30, drift=0.001)
+    of_A = next(d for d in dependences(made) if (d.quantity, d.along) == ("A", "velocity"))
+    x = np.log10([s.event.after for s in made])
+    y, error = np.array([(s.fit.parameters["A"].value, s.fit.parameters["A"].std) for s in made]).T
+    (slope, _), C = curve_fit(lambda x, a, b: a * x + b, x, y, sigma=error, absolute_sigma=True)
+    chi = np.sum(((y - slope * x - _) / error) ** 2) / 28
+    assert of_A.slope == pytest.approx(slope, rel=1e-6)
+    assert of_A.error == pytest.approx(np.sqrt(C[0, 0] * max(chi, 1)), rel=1e-5)
+    three = len(dependences(made))
+    assert of_A.p == pytest.approx(min(1, three * 2 * t.sf(abs(slope) / of_A.error, 28)), rel=1e-4)
+
+
+def test_no_dependence_is_named_by_chance():
+    """All questions together: at most about 5 % of 300 sets without any."""
+    rng = np.random.default_rng(5)
+    named = [any(d.p < 0.05 for d in dependences(steps(rng, 8))) for _ in range(300)]
+    assert np.mean(named) < 0.08
+
+
+def test_what_is_not_determined_has_no_say():
+    rng = np.random.default_rng(6)
+    made = steps(rng, 5)
+    wild = step(6, [0.5, 0.5, 1.0], np.diag([1e-8, 1e-8, 1e-8]), determined=False)
+    assert share([*made, wild]).steps == (1, 2, 3, 4, 5)
+    assert share(made[:1]) is None and told(made[:1]) == []
+    assert dependences(made[:3]) == []
+
+
+@pytest.mark.parametrize(
+    ("drift", "words"),
+    [(0.0, ["shared by 8 steps: A 0.00", "that they do", "no dependence"]),
+     (0.01, ["do not share", "A rises by", "per decade of velocity"])],
+)  # fmt: skip
+def test_what_is_told(drift, words):
+    text = " ".join(told(steps(np.random.default_rng(7), 8, drift=drift)))
+    assert all(word in text for word in words), text
