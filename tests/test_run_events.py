@@ -157,6 +157,16 @@ def test_kinds_of_constructed_runs(record, expected):
     assert kinds(record) == expected
 
 
+@pytest.mark.parametrize(("after", "answer", "expected"), [
+    (4.5e-6, 0.0, []),  # by half, and friction as before: the encoder
+    (4.5e-6, 2e-3, ["step"]),
+    (3e-5, 0.0, ["step"]),  # tenfold: no encoder does that
+])  # fmt: skip
+def test_a_small_step_counts_where_friction_answers(after, answer, expected):
+    made = run([(0, 3e-6), (200, after)], friction=lambda t: 0.6 + answer * (t > 200))
+    assert kinds(made) == expected
+
+
 def test_a_stiffness_tells_sliding_from_loading():
     """Friction rises by 3e-4 in a second of 3 um: a tenth of the spring's rate at K = 1e-3/um."""
     rising = run([(0, 3e-6), (200, 3e-5)], friction=lambda t: 0.5 + 3e-4 * np.minimum(t, 200))

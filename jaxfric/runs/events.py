@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fitting.start import noise_from_differences
 from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
 from ..units import format_si
@@ -37,6 +38,8 @@ KINDS = ("step", "stress", "hold", "reload", "unload", "stick_slip", "glitch")
 _STILL, _STAYS = 0.003, 1e-3
 """A velocity below this share of the smaller one beside it is a hold, and below this share of the
 larger one if the load point stays within this share of its whole way."""
+_FEW, _NOWHERE = 0.02, 2e-4
+"""The same for the ends of a hold that a recorder, or a script, left out."""
 _UNSURE, _SLOW = 3.0, 0.3
 """It is one, too, below so many of its standard errors and this share of the larger one."""
 _RISING = 0.1
@@ -46,6 +49,9 @@ _RISING_ALONE, _SLOWER = 0.02, 0.2
 of it, and at its end by so much of the fastest rise."""
 _PARTS = 8
 """Parts of a velocity whose medians of friction are compared."""
+_SMALL, _GROUPS, _ANSWER = 2.0, 10, 4.0
+"""A step by less than this factor counts if a mean of rows after it, of so many, is off the rows
+before it by so many of their standard deviations."""
 _CONSTANT = 0.01
 """A normal stress that changes by less than this share of it over a window is constant."""
 _NEAR = 0.15
@@ -97,6 +103,8 @@ class _Phase(NamedTuple):
     start: float
     stop: float
     velocity: float
+    error: float = 0.0
+    """Standard error of `start` [s]."""
 
 
 def find_events(record: Record, *, stiffness: Stiffness | None = None) -> Happenings:
@@ -109,7 +117,7 @@ def find_events(record: Record, *, stiffness: Stiffness | None = None) -> Happen
     """
     motion = run_motion(record)
     t = record.relative_time
-    phases = _phases(t, motion)
+    phases = _answered(record.friction, _phases(t, motion))
     stresses = find_stress_changes(t, record.normal_stress)
     teeth = [found for p in phases if p.velocity for found in _teeth(t, record.friction, p)]
     events = [
@@ -134,18 +142,53 @@ def _phases(t: np.ndarray, motion: RunMotion) -> list[_Phase]:
     ways = speeds * np.diff(edges)
     slower, faster = (np.nan_to_num(f(beside, axis=0)) for f in (np.fmin.reduce, np.fmax.reduce))
     creeps = (speeds < _STILL * faster) & (ways < _STAYS * ways.sum())
+    creeps |= (speeds < _FEW * faster) & (ways < _NOWHERE * ways.sum())
     errors = np.zeros(len(speeds)) if steps.velocity_errors is None else steps.velocity_errors
     creeps |= (speeds < _UNSURE * errors) & (speeds < _SLOW * faster)
     still = (speeds < _STILL * slower) | creeps | (speeds == 0)
+    late = np.zeros(len(speeds)) if steps.time_errors is None else steps.time_errors
     return [
         _Phase(
             slice(int(rows[k]), int(rows[k + 1])),
             float(edges[k]),
             float(edges[k + 1]),
             0.0 if still[k] else float(steps.velocities[k]),
+            float(late[k]),
         )
         for k in range(len(steps))
     ]
+
+
+def _answered(friction: np.ndarray, phases: list[_Phase]) -> list[_Phase]:
+    """Phases, those as one that differ by less than a factor of two if friction does not answer."""
+    out = phases[:1]
+    for phase in phases[1:]:
+        last = out[-1]
+        if last.velocity * phase.velocity > 0:
+            ratio = phase.velocity / last.velocity
+            if 1 / _SMALL < ratio < _SMALL and not _answers(friction, last.rows, phase.rows):
+                way = sum(p.velocity * (p.stop - p.start) for p in (last, phase))
+                rows = slice(last.rows.start, phase.rows.stop)
+                speed = way / (phase.stop - last.start)
+                out[-1] = _Phase(rows, last.start, phase.stop, speed, last.error)
+                continue
+        out.append(phase)
+    return out
+
+
+def _answers(friction: np.ndarray, before: slice, after: slice) -> bool:
+    """Whether friction is another just after a joint, in means of rows, than it is before it."""
+    wide = min(before.stop - before.start, after.stop - after.start) // 2
+    if wide < 2 * _GROUPS:
+        return True
+    size = wide // _GROUPS
+
+    def means(start: int) -> np.ndarray:
+        return friction[start : start + size * _GROUPS].reshape(_GROUPS, size).mean(axis=1)
+
+    level, here = means(before.stop - size * _GROUPS), means(after.start)
+    usual = max(float(np.std(level)), noise_from_differences(friction) / np.sqrt(size))
+    return bool(np.abs(here - level.mean()).max() > _ANSWER * usual)
 
 
 def _at_joint(
@@ -159,8 +202,6 @@ def _at_joint(
 ) -> Event:
     """The event where the velocity of phase k - 1 becomes that of phase k."""
     a, b = phases[k - 1], phases[k]
-    errors = motion.steps.time_errors
-    error = 0.0 if errors is None else float(errors[k])
     make = lambda kind, why="": Event(  # noqa: E731
         kind,
         b.start,
@@ -168,7 +209,7 @@ def _at_joint(
         b.velocity,
         a.start,
         b.stop,
-        error,
+        b.error,
         _stress_at(record, a),
         why,
     )
