@@ -294,6 +294,27 @@ def test_growth_of_times():
         assert not stale(text, pattern, *values)
 
 
+def test_shares_of_the_runs():
+    """Summaries of `fits.runs`; the least that is asked of them stands here too."""
+    found, text = content("runs/results.json")["summary"], page("runs")
+    steps, named = found["recall of steps"], found["precision of steps"]
+    right, inside = found["kinds right"], found["truth in the 95 % interval"]
+    for pattern, values in (
+        ("# runs, # velocity steps among # events", [found["runs"], steps[1], right[1]]),
+        ("named as steps: #; named a step and none: #.", [steps[0], named[1] - named[0]]),
+        ("kind that they are: # of # events", right),
+        ("Named, and nothing: #,", [found["events that are nothing"]]),
+        ("# steps fitted, each in its window, # of them", found["fits"][::-1]),
+        ("true A in # of #, B in # of #, L in # of #,", [x for n in "ABL" for x in inside[n]]),
+        ("A-B in # of #.", inside["A-B"]),
+        ("p < .05 in # of # runs", found["shared, called separate at p < .05"]),
+    ):
+        assert not stale(text, pattern, *values)
+    assert steps[0] >= 0.98 * steps[1] and named[0] >= 0.98 * named[1]
+    assert right[0] >= 0.95 * right[1]
+    assert all(0.92 <= held / of <= 0.98 for held, of in inside.values())
+
+
 def test_shares_of_the_axes():
     results, text = content("blind/axis_results.json"), page("blind")
     levels, records = results["numbers"].values(), results["records"]

@@ -12,7 +12,7 @@ import jaxfric as jf
 from fits.runs.generate import generate
 from jaxfric.runs import find_events
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
-from jaxfric.runs.stiffness import Stiffness
+from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.table import csv_text, difference, latex_text, rows, text_lines, xlook_rows
 
 TABLES = ("events.toml", "run.json", "table.csv", "table.tex", "table_xlook.csv")
@@ -30,7 +30,7 @@ def written(made, path):
 def done(tmp_path_factory):
     """A run of a few events, its truth, what the command said, and its folder."""
     folder = tmp_path_factory.mktemp("run")
-    made = generate(21, law="slip", events=5, kinds={"step": 0.7, "hold": 0.3})
+    made = generate(21, law="slip", events=4, kinds={"step": 0.7, "hold": 0.3})
     file = written(made, folder / "mine.csv")
     K = f"{made.press.K * 1e-6:.6g}/um"
     outcome = run("run", file, "--stiffness", K, "--out", folder / "out")
@@ -94,10 +94,10 @@ def two_fits():
     record = jf.from_arrays(
         made.time, made.friction, load_point_displacement=made.position, normal_stress=made.sigma
     )
-    found = find_events(record, stiffness=Stiffness(made.press.K)).events
+    found = find_events(record, stiffness=MachineStiffness(made.press.K)).events
     good = next(event for event in found if event.fitted)
     bad = replace(good, start=good.time - 1e-3, stop=good.time + 1e-3)
-    return fit_run(record, [bad, good], HowFitted(Stiffness(made.press.K))), made.press
+    return fit_run(record, [bad, good], HowFitted(MachineStiffness(made.press.K))), made.press
 
 
 def test_a_step_that_cannot_be_fitted_keeps_its_row_and_its_reason(two_fits):

@@ -7,7 +7,7 @@ import jaxfric as jf
 from fits.runs.generate import generate
 from jaxfric.runs import KINDS, find_events
 from jaxfric.runs.decisions import decisions_text, read_decisions
-from jaxfric.runs.stiffness import Stiffness
+from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.stress import find_stress_changes, polyline
 from jaxfric.runs.teeth import find_spikes, find_teeth, turns
 
@@ -170,8 +170,10 @@ def test_a_small_step_counts_where_friction_answers(after, answer, expected):
 def test_a_stiffness_tells_sliding_from_loading():
     """Friction rises by 3e-4 in a second of 3 um: a tenth of the spring's rate at K = 1e-3/um."""
     rising = run([(0, 3e-6), (200, 3e-5)], friction=lambda t: 0.5 + 3e-4 * np.minimum(t, 200))
-    assert kinds(rising, stiffness=Stiffness(3e3)) == ["step"]  # 3 % of the motion loads the spring
-    assert kinds(rising, stiffness=Stiffness(5e2)) == ["reload"]  # 20 % of it
+    assert kinds(rising, stiffness=MachineStiffness(3e3)) == [
+        "step"
+    ]  # 3 % of the motion loads the spring
+    assert kinds(rising, stiffness=MachineStiffness(5e2)) == ["reload"]  # 20 % of it
 
 
 def test_windows_keep_clear_of_what_happens_before_and_after():
@@ -288,7 +290,7 @@ def test_a_head_names_every_kind():
 )
 def test_a_press_is_as_stiff_as_it_is(text, unit, stress, value):
     """K = k/normal stress."""
-    assert Stiffness.parse(text, unit).at(stress) == pytest.approx(value)
+    assert MachineStiffness.parse(text, unit).at(stress) == pytest.approx(value)
 
 
 @pytest.mark.parametrize(
@@ -303,12 +305,12 @@ def test_a_press_is_as_stiff_as_it_is(text, unit, stress, value):
 )
 def test_a_stiffness_that_is_refused(text, unit, stress, words):
     with pytest.raises(jf.InputError, match=words):
-        Stiffness.parse(text, unit).at(stress)
+        MachineStiffness.parse(text, unit).at(stress)
 
 
 def test_one_stiffness_in_friction_at_several_stresses_is_doubted():
-    doubt = Stiffness.parse("1.6e-3/um", "1").doubt([0.75e8, 1e8])
-    assert doubt and "75 to 100 MPa" in doubt and "'0.16 MPa/um'" in doubt
-    assert Stiffness.parse("1.6e-3/um", "1").doubt([0.99e8, 1e8]) is None
-    assert Stiffness.parse("0.16 MPa/um", "1").doubt([0.75e8, 1e8]) is None
-    assert Stiffness.parse("1.6e-3/um", "1").doubt([]) is None
+    doubt = MachineStiffness.parse("1.6e-3/um", "1").doubt([0.75e8, 1e8])
+    assert doubt and "75 to 100 MPa" in doubt and "0.16 MPa/um" in doubt
+    assert MachineStiffness.parse("1.6e-3/um", "1").doubt([0.99e8, 1e8]) is None
+    assert MachineStiffness.parse("0.16 MPa/um", "1").doubt([0.75e8, 1e8]) is None
+    assert MachineStiffness.parse("1.6e-3/um", "1").doubt([]) is None

@@ -49,7 +49,7 @@ def study(task: tuple[int, str, bool]) -> dict:
     from jaxfric.runs import find_events
     from jaxfric.runs.fits import HowFitted, fit_run, without_resets_of
     from jaxfric.runs.joint import share
-    from jaxfric.runs.stiffness import Stiffness
+    from jaxfric.runs.stiffness import MachineStiffness
     from jaxfric.runs.table import difference
 
     cache_compiled()
@@ -57,7 +57,7 @@ def study(task: tuple[int, str, bool]) -> dict:
     record = jf.from_arrays(
         run.time, run.friction, load_point_displacement=run.position, normal_stress=run.sigma
     )
-    k = Stiffness(run.press.K * run.press.sigma, of_stress=True)
+    k = MachineStiffness(run.press.K * run.press.sigma, of_stress=True)
     motion, events = find_events(record, stiffness=k)
     pairs, extra = matched(run, list(events))
     found = Counter(f"{h.kind} > {'missed' if e is None else e.kind}" for h, e in pairs)
@@ -151,7 +151,8 @@ def main() -> None:
     found = summary(runs)
     for name, value in found.items():
         print(f"{name}: {value}")
-    content = {"seeds": options.seeds, "summary": found, "runs": runs}
+    kept = [{name: value for name, value in run.items() if name != "off"} for run in runs]
+    content = {"seeds": options.seeds, "summary": found, "runs": kept}
     options.out.write_text(json.dumps(content, indent=1) + "\n")
 
 

@@ -1,6 +1,6 @@
 """`jaxfric run`: a whole run of a press, from its file to the table of its steps."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..records import Record
     from ..runs import Event
     from ..runs.fits import HowFitted, RunFit
+    from ..runs.holds import Hold
 
 
 def run(
@@ -67,7 +68,8 @@ def run(
             " 1.6e-3/um, or let every step find its own (--fit-stiffness)"
         )
     from ..runs.fits import HowFitted
-    from ..runs.stiffness import Stiffness
+    from ..runs.holds import fit_holds
+    from ..runs.stiffness import MachineStiffness
 
     how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
     with told(quiet=json) as progress:
@@ -76,22 +78,23 @@ def run(
         inputs = (file,) if events is None else (file, events)
         folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
         if stiffness is not None:
-            how = replace(how, stiffness=Stiffness.parse(stiffness, record.friction_unit))
+            how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
         record, found = _events(record, events, how)
         result = _fitted(record, found, how, folder, progress)
-        content = json_text(_content(result))
+        holds = fit_holds(result.record, found, how, progress=progress)
+        content = json_text(_content(result, holds))
         with folder.results() as to:
             _write_events(record, found, to)
-            _write_tables(result, to)
+            _write_tables(result, holds, to)
             (to / "run.json").write_text(content + "\n", encoding="utf-8")
         progress("drawing figures")
         _draw_events(record, found, folder)
-        _draw(result, folder)
+        _draw(result, holds, folder)
     if json:
         print(content)
     else:
-        _tell(result)
+        _tell(result, holds)
         print(folder.written)
     warn(_warnings(result, how))
     return folder.close()
@@ -148,9 +151,13 @@ def _events(
     return without_resets_of(record, motion.position), found
 
 
-def _write_tables(result: "RunFit", to: Path) -> None:
+def _write_tables(result: "RunFit", holds: "Sequence[Hold]", to: Path) -> None:
+    from ..runs import holds as of_holds
     from ..runs.table import csv_text, latex_text, rows, xlook_rows
 
+    if holds:
+        text = csv_text(of_holds.rows(holds))
+        (to / "holds.csv").write_text(text, encoding="utf-8")
     for name, text in (
         ("table.csv", csv_text(rows(result))),
         ("table_xlook.csv", csv_text(xlook_rows(result))),
@@ -159,11 +166,17 @@ def _write_tables(result: "RunFit", to: Path) -> None:
         (to / name).write_text(text, encoding="utf-8")
 
 
-def _draw(result: "RunFit", folder: Folder) -> None:
+def _draw(result: "RunFit", holds: "Sequence[Hold]", folder: Folder) -> None:
     from ..plot.fit import draw_fit
-    from ..plot.run import draw_rates
+    from ..plot.run import draw_healing, draw_rates
 
     folder.draw("the figure of A-B", lambda to: draw_rates(result, to / "rates.png"))
+
+    if holds:
+        folder.draw(
+            "the figure of the holds",
+            lambda to: draw_healing(result.record, holds, to / "holds.png"),
+        )
 
     def steps(to: Path) -> None:
         for step in result.steps:
@@ -173,7 +186,7 @@ def _draw(result: "RunFit", folder: Folder) -> None:
     folder.draw("the figures of the steps", steps)
 
 
-def _content(result: "RunFit") -> dict[str, object]:
+def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
     """A run as JSON: where it is from, its events, and the fit of every step."""
     from dataclasses import asdict
 
@@ -207,13 +220,28 @@ def _content(result: "RunFit") -> dict[str, object]:
             for step in result.steps
         ],
         "shared": None if shared is None else asdict(shared),
+        "holds": [
+            {
+                "time": hold.time,
+                "lasts": hold.lasts,
+                "velocity": hold.velocity,
+                "normal_stress": hold.normal_stress,
+                "creep": hold.creep,
+                "healing": hold.healing,
+                "error": hold.error,
+                "preference": hold.preference,
+                "fits": {law: found.to_json() for law, found in hold.fits.items()},
+            }
+            for hold in holds
+        ],
         "dependences": [asdict(one) for one in dependences(result.steps)],
     }
 
 
-def _tell(result: "RunFit") -> None:
+def _tell(result: "RunFit", holds: "Sequence[Hold]") -> None:
     from collections import Counter
 
+    from ..runs.holds import told as told_of_holds
     from ..runs.joint import told as told_of_all
     from ..runs.table import text_lines
 
@@ -222,7 +250,7 @@ def _tell(result: "RunFit") -> None:
     print(f"{len(result.record)} rows, {len(result.events)} events: {words}")
     for line in text_lines(result):
         print(line)
-    for line in told_of_all(result.steps):
+    for line in (*told_of_all(result.steps), *told_of_holds(holds)):
         print(line)
     print(
         "in brackets: one standard error, in the last two digits; -: not determined by its window"

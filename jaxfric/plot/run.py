@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from ..records import Record
 from ..runs.events import Event
 from ..runs.fits import RunFit
+from ..runs.holds import Hold, healing_rate
 from ..runs.table import difference
 from .label import printable
 from .ticks import plain_log
@@ -166,5 +167,45 @@ def draw_rates(run: RunFit, *paths: str | Path) -> None:
         *axes[0].get_legend_handles_labels(), loc="outside upper right", ncol=2, frameon=False
     )
     axes[0].text(0.02, 0.02, "below 0: velocity weakening", transform=axes[0].transAxes, fontsize=8)
+    for path in paths:
+        figure.savefig(str(path), dpi=130)
+
+
+def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> None:
+    """Write the holds of a run: healing and creep against hold time, and friction after each."""
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    lasts = np.array([hold.lasts for hold in holds])
+    healing, error = (np.array([getattr(h, name) for h in holds]) for name in ("healing", "error"))
+    creep = np.array([np.nan if hold.creep is None else hold.creep for hold in holds])
+    left.errorbar(lasts, healing, 1.96 * error, fmt="o", color=_DATA, capsize=2, label="healing")
+    if np.isfinite(creep).any():
+        left.plot(lasts, creep, "s", color=_COLOURS["hold"], ms=4, label="creep")
+    if rate := healing_rate(holds):
+        weight = 1 / np.maximum(error, 1e-12) ** 2
+        centre = np.average(np.log10(lasts), weights=weight)
+        ends = np.array([lasts.min(), lasts.max()])
+        line = np.average(healing, weights=weight) + rate.slope * (np.log10(ends) - centre)
+        left.plot(ends, line, color=_COLOURS["step"], label=f"{rate.slope:.4f} per decade")
+    plain_log(left, "x")
+    left.set_xlabel("hold time [s]")
+    left.set_ylabel("change of friction (bars: 95 %)")
+    left.legend(frameon=False, fontsize=9)
+    t, x, f = record.relative_time, record.load_point_displacement, record.friction
+    assert x is not None
+    for hold in holds:
+        back = hold.time + hold.lasts
+        moved = x - np.interp(back, t, x)
+        near = (t >= back) & (np.abs(moved) < 1e-4)
+        level = np.median(f[(t < hold.time) & (t > hold.time - 5 / hold.velocity * 1e-6)])
+        right.plot(1e6 * moved[near], f[near] - level, lw=0.9, label=f"{hold.lasts:.4g} s")
+    right.axhline(0, color="0.4", lw=0.7)
+    right.set_xlabel("load point after the hold [\u00b5m]")
+    right.set_ylabel("friction less that before")
+    right.legend(title="hold", frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
+    for axis in (left, right):
+        axis.spines[["top", "right"]].set_visible(False)
+    figure.suptitle("slide-hold-slide", x=0.01, ha="left", fontsize=11)
     for path in paths:
         figure.savefig(str(path), dpi=130)

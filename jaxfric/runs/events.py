@@ -29,7 +29,7 @@ from ..fitting.start import noise_from_differences
 from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
 from ..units import format_si
-from .stiffness import Stiffness
+from .stiffness import MachineStiffness
 from .stress import StressChange, find_stress_changes
 from .teeth import Teeth, find_spikes, find_teeth
 
@@ -107,7 +107,7 @@ class _Phase(NamedTuple):
     """Standard error of `start` [s]."""
 
 
-def find_events(record: Record, *, stiffness: Stiffness | None = None) -> Happenings:
+def find_events(record: Record, *, stiffness: MachineStiffness | None = None) -> Happenings:
     """The events of a run, see this file.
 
     **Arguments:** `record`; `stiffness` where it is known: it tells steady sliding from
@@ -198,7 +198,7 @@ def _at_joint(
     k: int,
     stresses: Sequence[StressChange],
     teeth: Sequence[Teeth],
-    stiffness: Stiffness | None,
+    stiffness: MachineStiffness | None,
 ) -> Event:
     """The event where the velocity of phase k - 1 becomes that of phase k."""
     a, b = phases[k - 1], phases[k]
@@ -242,7 +242,9 @@ def _forwards(phases: Sequence[_Phase]) -> float:
     return -1.0 if way < 0 else 1.0
 
 
-def _loading(record: Record, motion: RunMotion, phase: _Phase, stiffness: Stiffness | None) -> str:
+def _loading(
+    record: Record, motion: RunMotion, phase: _Phase, stiffness: MachineStiffness | None
+) -> str:
     """Why a phase does not end in steady sliding; '' where it does."""
     edges = phase.start + (phase.stop - phase.start) * np.arange(_PARTS + 1) / _PARTS
     rows = np.searchsorted(record.relative_time, edges)

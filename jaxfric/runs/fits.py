@@ -12,7 +12,7 @@ from ..records import Record, VelocitySteps
 from ..records.record import frozen
 from ..records.thin import LEAST_ROWS
 from .events import Event
-from .stiffness import Stiffness
+from .stiffness import MachineStiffness
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class HowFitted:
     Raises `InputError` for a law that is not known, and too few rows.
     """
 
-    stiffness: Stiffness | None = None
+    stiffness: MachineStiffness | None = None
     law: str = "slip"
     states: int = 1
     fit_stiffness: bool = False

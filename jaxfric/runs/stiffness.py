@@ -16,14 +16,14 @@ _ALIKE = 1.02
 
 
 @dataclass(frozen=True)
-class Stiffness:
+class MachineStiffness:
     """`value` [friction/m], or, with `of_stress`, [Pa/m] of shear stress at any normal stress."""
 
     value: float
     of_stress: bool = False
 
     @classmethod
-    def parse(cls, text: str | float, friction_unit: str) -> "Stiffness":
+    def parse(cls, text: str | float, friction_unit: str) -> "MachineStiffness":
         """From text with a unit: "1.6e-3/um", "2e6 N/m" for a force, or "0.16 MPa/um".
 
         Raises `InputError` for another unit, and what is not positive.
@@ -59,7 +59,7 @@ class Stiffness:
         low, high = min(stresses) / 1e6, max(stresses) / 1e6
         per = self.value * 1e-6
         return (
-            f"--stiffness {per:.4g}/um was taken at normal stresses from {low:.4g} to {high:.4g}"
-            " MPa, but a press has one stiffness of stress: if this one holds at"
-            f" {high:.4g} MPa, give --stiffness '{per * high:.4g} MPa/um'"
+            f"a stiffness of {per:.4g}/um was taken at normal stresses from {low:.4g} to"
+            f" {high:.4g} MPa, but a press has one stiffness of stress: if this one holds at"
+            f" {high:.4g} MPa that is {per * high:.4g} MPa/um, which --stiffness takes as well"
         )

@@ -1,0 +1,127 @@
+"""Slide-hold-slide: what is a hold, how much it heals, and which law does it so."""
+
+import numpy as np
+import pytest
+from scipy.stats import linregress
+
+import jaxfric as jf
+from fits.runs.generate import generate
+from jaxfric.runs import Event, find_events
+from jaxfric.runs.fits import HowFitted, without_resets_of
+from jaxfric.runs.holds import (
+    Hold,
+    find_holds,
+    fit_holds,
+    healing_rate,
+    log_likelihood,
+    preferred,
+    rows,
+    told,
+)
+from jaxfric.runs.stiffness import MachineStiffness
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _with_float64():
+    import jax
+
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", before)
+
+
+def event(kind, time, before, after):
+    return Event(kind, time, before, after, time, time)
+
+
+STEP, HOLD = event("step", 50, 1e-6, 3e-6), event("hold", 100, 3e-6, 0.0)
+BACK, NEXT = event("reload", 200, 0.0, 3e-6), event("step", 300, 3e-6, 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("events", "windows"),
+    [
+        ([STEP, HOLD, BACK, NEXT], [(75, 200, 300)]),
+        ([HOLD, BACK], [(50, 200, 400)]),
+        ([HOLD], []),  # the run ends in it
+        ([HOLD, event("unload", 200, 0.0, -3e-6)], []),
+        ([HOLD, event("reload", 200, 0.0, 3e-5)], []),  # to another velocity
+        ([event("hold", 100, 0.0, 0.0), BACK], []),
+        ([HOLD, BACK, event("glitch", 250, 3e-6, 3e-6), NEXT], [(50, 200, 300)]),
+        ([HOLD, event("stress", 150, 0.0, 0.0), BACK], []),
+        ([HOLD, BACK, event("stress", 260, 3e-6, 3e-6)], [(50, 200, 260)]),
+    ],
+)
+def test_what_is_a_hold(events, windows):
+    assert [tuple(found[1:]) for found in find_holds(events, 400.0)] == windows
+
+
+def hold(lasts, healing, error=1e-3, preference=None):
+    return Hold(0.0, lasts, 3e-6, None, 0.01, healing, error, {}, preference)
+
+
+def test_a_healing_rate_is_a_line_through_the_logarithms():
+    lasts = np.array([10.0, 30, 100, 300, 1000])
+    y = 0.004 + 0.007 * np.log10(lasts) + 1e-4 * np.array([1, -2, 0.5, 1, -0.5])
+    found, other = (
+        healing_rate([hold(*p) for p in zip(lasts, y, strict=True)]),
+        linregress(np.log10(lasts), y),
+    )
+    assert found.slope == pytest.approx(other.slope)
+    same = healing_rate([hold(a, b, 1e-6) for a, b in zip(lasts, y, strict=True)])
+    assert same.error == pytest.approx(other.stderr)  # scatter beyond the errors counts
+    assert found.error == pytest.approx(1e-3 / np.std(np.log10(lasts)) / np.sqrt(5))
+
+
+def test_too_few_holds_have_no_rate():
+    assert healing_rate([hold(10, 0.01), hold(100, 0.02)]) is None
+    assert healing_rate([hold(t, 0.01) for t in (10, 12, 15)]) is None
+
+
+@pytest.mark.parametrize(
+    ("preferences", "law"),
+    [([3.0, 4.0], "slip"), ([-3.0, -4.0], "ageing"), ([3.0, -4.0, None], None), ([4.9], None)],
+)
+def test_the_law_that_all_holds_prefer(preferences, law):
+    made = [hold(10.0, 0.01, preference=p) for p in preferences]
+    assert preferred(made)[0] == law
+    words = "cannot tell" if law is None else f"the {law} law fits better"
+    assert words in " ".join(told(made))
+
+
+@pytest.fixture(scope="module", params=["slip", "ageing"])
+def healed(request):
+    """The holds of a generated run under either law."""
+    made = generate(31, law=request.param, events=2, kinds={"hold": 1.0})
+    record = jf.from_arrays(
+        made.time, made.friction, load_point_displacement=made.position, normal_stress=made.sigma
+    )
+    k = MachineStiffness(made.press.K * made.press.sigma, of_stress=True)
+    motion, events = find_events(record, stiffness=k)
+    record = without_resets_of(record, motion.position)
+    return made, fit_holds(record, events, HowFitted(k, rows=600))
+
+
+def test_the_law_is_told_from_the_holds(healed):
+    made, holds = healed
+    assert preferred(holds)[0] == made.press.law
+    table = rows(holds)
+    assert len(table) == len(holds) == sum(h.kind == "hold" for h in made.happenings)
+    for row, found in zip(table, holds, strict=True):
+        law = made.press.law
+        assert row[f"A {law}"] == pytest.approx(made.press.A, rel=0.3)
+        assert found.healing > 0 and found.creep > 0
+        hold = min(made.happenings, key=lambda h: abs(h.time - made.time[0] - found.time))
+        back = made.happenings[made.happenings.index(hold) + 1]
+        assert found.lasts == pytest.approx(back.time - hold.time, rel=0.02)
+
+
+def test_a_likelihood_falls_where_a_fit_is_spoilt(healed):
+    """By a slow wave that is twice the noise."""
+    import dataclasses
+
+    found = next(iter(healed[1][0].fits.values()))
+    wave = 3 * found.rms * np.sin(np.linspace(0, 12, len(found.predicted)))
+    spoilt = dataclasses.replace(found, predicted=found.predicted + wave)
+    assert log_likelihood(found) > log_likelihood(spoilt) + 20
