@@ -145,6 +145,7 @@ def ramp(start, stop, before, after):
         (run([(0, 3e-6)], stress=ramp(200, 203, 5e7, 6e7)), ["stress"]),
         # a change of stress at a velocity step takes the step up; far from it both are events
         (run([(0, 3e-6), (200, 3e-5)], stress=ramp(200, 203, 5e7, 6e7)), ["stress"]),
+        (run([(0, 3e-6), (200, 3e-5)], stress=ramp(185, 188, 5e7, 6e7)), ["stress"]),
         (run([(0, 3e-6), (200, 3e-5)], stress=ramp(300, 303, 5e7, 6e7)), ["step", "stress"]),
         # friction that still rises with the load point: loading, not sliding
         (run([(0, 3e-6), (200, 3e-5)], friction=lambda t: 0.1 + 1e-3 * t), ["reload"]),

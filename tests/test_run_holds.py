@@ -53,7 +53,7 @@ BACK, NEXT = event("reload", 200, 0.0, 3e-6), event("step", 300, 3e-6, 1e-5)
         ([HOLD, BACK, event("stress", 260, 3e-6, 3e-6)], [(50, 200, 260)]),
     ],
 )
-def test_what_is_a_hold(events, windows):
+def test_hold_or_law_what_is_a_hold(events, windows):
     assert [tuple(found[1:]) for found in find_holds(events, 400.0)] == windows
 
 
@@ -83,7 +83,7 @@ def test_too_few_holds_have_no_rate():
     ("preferences", "law"),
     [([3.0, 4.0], "slip"), ([-3.0, -4.0], "ageing"), ([3.0, -4.0, None], None), ([4.9], None)],
 )
-def test_the_law_that_all_holds_prefer(preferences, law):
+def test_hold_or_law_that_all_holds_prefer(preferences, law):
     made = [hold(10.0, 0.01, preference=p) for p in preferences]
     assert preferred(made)[0] == law
     words = "cannot tell" if law is None else f"the {law} law fits better"

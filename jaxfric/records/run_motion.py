@@ -113,6 +113,8 @@ def run_line(time: np.ndarray, values: np.ndarray, felt_by: np.ndarray | None = 
     rows = np.concatenate(kept)
     lines = np.append(np.searchsorted(rows, np.concatenate(first)), len(rows))
     wide = np.append(np.diff(lines) >= MIN_ROWS, True)
+    if not wide[0]:  # the first rows go with the line after them
+        wide[:2] = True, len(wide) == 2
     doubts = np.append(np.concatenate(doubtful), False)
     sums = Sums(time[rows], values[rows])
     return broken_line(sums, join(sums, lines[wide], doubts[wide], LEAST_CHANGE))

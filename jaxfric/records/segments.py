@@ -43,8 +43,9 @@ _BRIEF, _BRIEF_HEIGHT = 0.02, 60.0
 """A line that lasts less than this fraction of its neighbours is more often a transient of
 the servo or a jump of the recorder than a commanded step: its joints need this height."""
 
-_LIFT = 3.0
-"""A line between two others leads away from either by so many scatters."""
+_LIFT, _LIFT_ERRORS = 3.0, 4.5
+"""A line between two others leads away from either by so many scatters, and by so many times what
+the error of its own slope is worth, sqrt(12/n) scatters for n rows."""
 
 _NEAR = 1.0
 """Reach on either side in which a joint is judged, in lengths of its shorter line."""
@@ -96,7 +97,7 @@ def join(sums: Sums, rows: np.ndarray, doubtful: np.ndarray, least_change: float
     rows = settle(sums, rows, 20)
     while len(rows) > 3:
         lifts = _lifts(sums, rows)
-        if lifts.min() >= _LIFT:
+        if lifts.min() >= 1:
             break
         line, end = np.unravel_index(np.argmin(lifts), lifts.shape)
         rows = settle(sums, np.delete(rows, line + end + 1), 20)
@@ -105,14 +106,15 @@ def join(sums: Sums, rows: np.ndarray, doubtful: np.ndarray, least_change: float
 
 def _lifts(sums: Sums, rows: np.ndarray) -> np.ndarray:
     """How far every line but the outer two leads away from where its neighbours at its beginning
-    and at its end would have led, in scatters of the more scattered of both (m - 2, 2)."""
+    and at its end would have led, over what it must (m - 2, 2)."""
     lines = sums.lines(rows[:-1], rows[1:])
     common = float(np.median(lines.sum_squares / np.maximum(lines.count - 2, 1)))
     around = _scatter(lines, common, sums.floor)
     turn = np.abs(np.diff(lines.slope))
     length = np.diff(sums.t[rows[1:-1]])
     away = np.stack([turn[:-1], turn[1:]], axis=1) * length[:, None]
-    return away / np.maximum(around[:-2], around[2:])[:, None]
+    least = np.maximum(_LIFT, _LIFT_ERRORS * np.sqrt(12 / lines.count[1:-1]))
+    return away / (least * np.maximum(around[:-2], around[2:]))[:, None]
 
 
 def _weed(sums: Sums, rows: np.ndarray, least_change: float, height: float) -> np.ndarray:
@@ -193,7 +195,8 @@ def settle(sums: Sums, rows: np.ndarray, rounds: int) -> np.ndarray:
         low, high = rows[:-2] + MIN_ROWS, rows[2:] - MIN_ROWS
         valid = np.isfinite(joints) & (inside >= low) & (inside <= high)
         moved[1:-1] = np.where(valid, inside, rows[1:-1])
-        while (np.diff(moved) < MIN_ROWS).any():  # those that came too close stay where they were
+        # those that came too close stay where they were
+        while (np.diff(moved) < MIN_ROWS).any() and not np.array_equal(moved, rows):
             close = np.diff(moved) < MIN_ROWS
             back = np.concatenate([[False], close]) | np.concatenate([close, [False]])
             moved = np.where(back, rows, moved)
