@@ -3,6 +3,7 @@
 A number counts as right if the value, rounded to the digits that are quoted, is it.
 """
 
+import csv
 import importlib
 import json
 import math
@@ -292,6 +293,25 @@ def test_growth_of_times():
         ("where it takes # s on one thread", [dict(results["seconds"]["loop rows"])[2880]]),
     ):
         assert not stale(text, pattern, *values)
+
+
+def test_the_table_of_a_whole_run():
+    """Each number of the README's table is that of table.csv, its error in brackets too."""
+    table = list(csv.DictReader((FITS / "p655_run/run/table.csv").open()))
+    lines = re.findall(r"^\| (\d) \|(.*)\|$", page("p655_run"), re.M)
+    assert [number for number, _ in lines] == [row["step"] for row in table]
+    for (_, line), row in zip(lines, table, strict=True):
+        cells = [cell.strip() for cell in line.split("|")]
+        for cell, name in zip(cells[2:], ("A", "B", "A-B", "L [um]"), strict=True):
+            if not row[name]:
+                assert cell == "not determined"
+                continue
+            value, error = re.fullmatch(rf"{NUMBER}\(([\d.]+)\)", cell).groups()
+            assert agrees(value, float(row[name]))
+            places = len(value.partition(".")[2])
+            shown = float(error) if "." in error else float(error) * 10.0**-places
+            unit = 10.0**-places if "." not in error else 10.0 ** -len(error.partition(".")[2])
+            assert abs(shown - float(row[f"std {name}"])) <= 0.5000001 * unit
 
 
 def test_shares_of_the_runs():
