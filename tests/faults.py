@@ -554,6 +554,8 @@ FAULTS = (
           RUN_EVENTS),
     Fault("a drift of the stress is a change", "runs/stress.py",
           "_STEEP = 0.01 / 60", "_STEEP = 0.001 / 60", RUN_EVENTS),
+    Fault("a servo that rings changes the stress", "runs/stress.py",
+          "_KEPT = 50, 10, 2000, 0.5", "_KEPT = 50, 10, 2000, 0.0", RUN_EVENTS),
     Fault("changes of stress are not joined", "runs/stress.py",
           "return _joined(out)", "return out", RUN_EVENTS),
     Fault("loading is sliding", "runs/events.py", "_RISING = 0.1", "_RISING = 0.5", RUN_EVENTS),

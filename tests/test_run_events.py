@@ -85,6 +85,8 @@ def test_polyline_keeps_its_tolerance():
             np.interp(T, [0, 100, 110, 200, 203, 400], [1e8, 1e8, 5e7, 5e7, 1e8, 1e8]),
             [(100, 110, 1e8, 5e7), (200, 203, 5e7, 1e8)],
         ),
+        # a servo that rings by 2 %
+        (1e8 * (1 + 0.02 * np.sin(6 * T) * ((T > 100) & (T < 200))), []),
         # two ramps one way with a second between them are one change
         (
             np.interp(T, [0, 100, 110, 111, 120, 400], [5e7, 5e7, 7e7, 7e7, 9e7, 9e7]),

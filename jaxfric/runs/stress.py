@@ -20,6 +20,11 @@ _STEEP = 0.01 / 60
 """A leg is no drift if it changes a large stress by this share of it in a second."""
 
 
+_AROUND, _TIMES, _WIDEST, _KEPT = 50, 10, 2000, 0.5
+"""A change is there to stay: medians of so many rows, or so many times those of the change, before
+and after it differ by this share of the least change."""
+
+
 class StressChange(NamedTuple):
     """The normal stress goes from `before` to `after` [Pa] between `start` and `stop` [s]."""
 
@@ -50,10 +55,19 @@ def find_stress_changes(time: np.ndarray, stress: np.ndarray | None) -> list[Str
             k += 1
             continue
         before, after = (float(values[rows[i]]) for i in (first, k))
-        if abs(after - before) >= _LEAST * max(abs(before), abs(after), 0.05 * scale):
+        least = _LEAST * max(abs(before), abs(after), 0.05 * scale)
+        if abs(after - before) >= least and _stays(stress, int(rows[first]), int(rows[k]), least):
             start, stop = (float(time[rows[i]]) for i in (first, k))
             out.append(StressChange(start, stop, before, after))
     return _joined(out)
+
+
+def _stays(stress: np.ndarray, first: int, last: int, least: float) -> bool:
+    """Whether what is before the rows of a change differs from what is after them: a servo that
+    rings comes back."""
+    wide = min(max(_AROUND, _TIMES * (last - first)), _WIDEST)
+    before, after = stress[max(first - wide, 0) : first + 1], stress[last : last + wide + 1]
+    return bool(abs(np.median(after) - np.median(before)) > _KEPT * least)
 
 
 def _joined(changes: list[StressChange]) -> list[StressChange]:
