@@ -181,7 +181,7 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
     if lost < _BLUR:
         return few, ()
     text = (
-        f"means over {len(record) // len(few)} rows flatten the peaks after the steps by"
+        f"means over {-(-len(record) // rows)} rows flatten the peaks after the steps by"
         f" {lost:.2g} times the noise that is left: A comes out too small; ask for more --rows"
     )
     return few, (text,)
