@@ -27,7 +27,7 @@ Glitches: friction off by 20 to 100 sigma for one to three rows; the encoder set
 
 import contextlib
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -328,8 +328,3 @@ def _saw(rng, press: Press, leg: Leg, t: np.ndarray, friction: np.ndarray) -> np
     ahead = (t - begin) / np.diff(np.concatenate([[0.0], edges]))[tooth]
     fade = np.minimum(t / period, 1.0) * np.minimum((leg.lasts - t) / period, 1.0)
     return friction + drop * (ahead - 0.5) * fade
-
-
-def without_noise(run: Run) -> Run:
-    """The same run as the press was, without the noise of friction."""
-    return replace(run, friction=run.clean.copy())

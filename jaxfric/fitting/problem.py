@@ -287,6 +287,12 @@ class ProblemSizes(NamedTuple):
     force: float
 
 
+def clock_of(time: np.ndarray, steps: VelocitySteps) -> np.ndarray:
+    """What noise may forget over, by row (n, 3): time [s], path of the load point [m], rows."""
+    path = np.cumsum(np.abs(np.diff(steps.displacement(time), prepend=0.0)))
+    return np.stack([time, path, np.arange(len(time))], axis=1)
+
+
 def make_problem(
     time: np.ndarray,
     friction: np.ndarray,
@@ -301,9 +307,8 @@ def make_problem(
     `shifted` holds the indices of the steps whose times are parameters; `steps` must then
     have `time_errors`.
     """
-    n = len(time)
-    path = np.cumsum(np.abs(np.diff(steps.displacement(time), prepend=0.0)))
-    clock = np.stack([time, path, np.arange(n)], axis=1)
+    n, clock = len(time), clock_of(time, steps)
+    path = clock[:, 1]
     shifted = np.zeros(0, int) if shifted is None else np.asarray(shifted, int)
     if len(shifted):  # to a few lengths; the first velocity has no step and no error
         shifted = np.pad(shifted, (0, bucket(len(shifted), 4) - len(shifted)))

@@ -100,10 +100,9 @@ class Fit:
         """The claim on stability that A, all B and, for a critical stiffness, L allow."""
         if not self.converged:
             return Claim("open", ("the fit did not converge",))
-        amplitudes = [n for n in self.parameters if n == "A" or n.rstrip("0123456789") == "B"]
+        amplitudes = _amplitudes(self)
         lengths = [n for n in self.parameters if n.rstrip("0123456789") == "L"]
-        weight = np.array([(n == "A") - (n[0] == "B") for n in self.free], float)
-        error = float(np.sqrt(max(weight @ self.covariance @ weight, 0.0)))
+        _, error = difference(self)
         A, *B = (self.parameters[n].value for n in sorted(amplitudes))
         known = all(self.parameters[n].determined for n in amplitudes)
         claim = rate_state_claim(A, B, error, determined=known)
@@ -144,6 +143,19 @@ class Fit:
             "result": self.result,
             "warnings": list(self.warnings),
         }
+
+
+def _amplitudes(fit: Fit) -> list[str]:
+    """Names of A and of all B."""
+    return [n for n in fit.parameters if n == "A" or n.rstrip("0123456789") == "B"]
+
+
+def difference(fit: Fit) -> tuple[float, float]:
+    """A less the sum of all B, the rate dependence of steady friction, and its standard error."""
+    names = _amplitudes(fit)
+    value = sum(fit.parameters[n].value * (1 if n == "A" else -1) for n in names)
+    weight = np.array([(n == "A") - (n in names and n != "A") for n in fit.free], float)
+    return value, float(np.sqrt(max(weight @ fit.covariance @ weight, 0.0)))
 
 
 @eqx.filter_jit

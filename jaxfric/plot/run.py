@@ -88,7 +88,6 @@ def _speeds(axis: Axes, record: Record, events: Sequence[Event]) -> None:
     for a, b, v in zip(edges[:-1], edges[1:], 1e6 * speeds, strict=True):
         if v:
             axis.plot([a, b], [abs(v)] * 2, color=_DATA, lw=1.8, ls="-" if v > 0 else ":")
-    axis.set_yscale("log")
     plain_log(axis, "y")
     axis.set_ylabel("speed [µm/s]")
 
@@ -153,7 +152,6 @@ def draw_rates(run: RunFit, *paths: str | Path) -> None:
         axis.axhline(0, color="0.4", lw=0.7)
         axis.set_xlabel(label)
         if log:
-            axis.set_xscale("log")
             plain_log(axis, "x")
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].set_ylabel("A − B (bars: 95 %)")
@@ -183,11 +181,13 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
     if np.isfinite(creep).any():
         left.plot(lasts, creep, "s", color=_COLOURS["hold"], ms=4, label="creep")
     if rate := healing_rate(holds):
-        weight = 1 / np.maximum(error, 1e-12) ** 2
-        centre = np.average(np.log10(lasts), weights=weight)
         ends = np.array([lasts.min(), lasts.max()])
-        line = np.average(healing, weights=weight) + rate.slope * (np.log10(ends) - centre)
-        left.plot(ends, line, color=_COLOURS["step"], label=f"{rate.slope:.4f} per decade")
+        left.plot(
+            ends,
+            rate.at(np.log10(ends)),
+            color=_COLOURS["step"],
+            label=f"{rate.slope:.4f} per decade",
+        )
     plain_log(left, "x")
     left.set_xlabel("hold time [s]")
     left.set_ylabel("change of friction (bars: 95 %)")

@@ -120,10 +120,10 @@ class Record:
         Raises `InputError` where fewer than 20 rows are left, and for a bound that is no time and
         no length, or lies outside the record.
         """
-        ends = bounds(self.time, self._moved(), start, stop, self.provenance.path)
+        ends = bounds(self.time, self.moved(), start, stop, self.provenance.path)
         return replace(self, **cut(self.time, self.columns, self.provenance, *ends))
 
-    def _moved(self) -> np.ndarray:
+    def moved(self) -> np.ndarray:
         """Displacement of the load point [m], from its velocity where that was recorded."""
         if self.load_point_displacement is not None:
             return self.load_point_displacement

@@ -72,8 +72,7 @@ def run_motion(record: Record) -> RunMotion:
     t, v = record.relative_time, record.load_point_velocity
     if record.load_point_displacement is None:
         assert v is not None
-        position = np.concatenate([[0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)])
-        return RunMotion(position, find_steps_in_velocity(t, v), ())
+        return RunMotion(record.moved(), find_steps_in_velocity(t, v), ())
     position, resets = without_resets(t, record.load_point_displacement, record.friction)
     return RunMotion(position, find_run_steps(t, position, record.friction), resets)
 

@@ -22,14 +22,19 @@ from .steps import VelocitySteps
 LEAST_ROWS = 100
 
 
+def refuse_few_means(rows: int) -> None:
+    """Raises `InputError` for fewer than 100 rows to be left."""
+    if rows < LEAST_ROWS:
+        raise InputError(f"--rows is {rows}; {LEAST_ROWS} or more are needed")
+
+
 def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
     """The record as at most about `rows` means over equal numbers of rows, none over a step.
 
     Returns the record itself where it has no more rows than that. Its provenance says what was
     done. Raises `InputError` for fewer than 100 rows, and where less than 20 would be left.
     """
-    if rows < LEAST_ROWS:
-        raise InputError(f"--rows is {rows}; {LEAST_ROWS} or more are needed")
+    refuse_few_means(rows)
     size = int(np.ceil(len(record) / rows))
     if size == 1:
         return record

@@ -21,7 +21,7 @@ ends with the velocity after. What is decided, and why, is a line that can be ch
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
 from ..units import format_si
 from .stiffness import MachineStiffness
-from .stress import StressChange, find_stress_changes
+from .stress import StressChange, find_stress_changes, is_constant
 from .teeth import Teeth, find_spikes, find_teeth
 
 KINDS = ("step", "stress", "hold", "reload", "unload", "stick_slip", "glitch")
@@ -52,8 +52,6 @@ _PARTS = 8
 _SMALL, _GROUPS, _ANSWER = 2.0, 10, 4.0
 """A step by less than this factor counts if a mean of rows after it, of so many, is off the rows
 before it by so many of their standard deviations."""
-_CONSTANT = 0.01
-"""A normal stress that changes by less than this share of it over a window is constant."""
 _NEAR = 0.15
 """What begins within this share of the shorter way beside a step belongs to the step."""
 _ROWS, _LEAST = 10, 3
@@ -94,6 +92,9 @@ class Happenings(NamedTuple):
 
     motion: RunMotion
     events: tuple[Event, ...]
+
+
+Lasting = TypeVar("Lasting", Teeth, StressChange)
 
 
 class _Phase(NamedTuple):
@@ -222,18 +223,22 @@ def _at_joint(
         return make("reload", f"after a hold of {a.stop - a.start:.4g} s")
     if a.velocity * forwards < 0:
         return make("reload", "the load point turns forwards")
-    way = _NEAR * min(abs(p.velocity) * (p.stop - p.start) for p in (a, b))
-    near = (b.start - way / abs(a.velocity), b.start + way / abs(b.velocity))
-    if any(found.start < near[1] and found.stop > near[0] for found in teeth):
+    if _beside(a, b, teeth):
         return make("stick_slip", "friction has saw teeth beside it")
-    for change in stresses:
-        if change.start < near[1] and change.stop > near[0]:
-            return make("stress", _told_stress(change))
+    if changes := _beside(a, b, stresses):
+        return make("stress", _told_stress(changes[0]))
     ends = [c.stop for c in stresses] + [found.stop for found in teeth]
     since = max((end for end in ends if a.start < end < b.start), default=a.start)
     if why := _loading(record, motion, a._replace(start=since), stiffness):
         return make("reload", why)
     return make("step")
+
+
+def _beside(a: _Phase, b: _Phase, lasting: Sequence[Lasting]) -> list[Lasting]:
+    """What of all that lasts reaches into the surroundings of the step from `a` to `b`."""
+    way = _NEAR * min(abs(p.velocity) * (p.stop - p.start) for p in (a, b))
+    low, high = b.start - way / abs(a.velocity), b.start + way / abs(b.velocity)
+    return [one for one in lasting if one.start < high and one.stop > low]
 
 
 def _forwards(phases: Sequence[_Phase]) -> float:
@@ -288,11 +293,12 @@ def _stress_events(
     phases: Sequence[_Phase], stresses: Sequence[StressChange], events: Sequence[Event]
 ) -> list[Event]:
     """The changes of normal stress that no velocity step has taken up."""
-    taken = {event.why for event in events if event.kind == "stress"}
+    joints = zip(events, phases, phases[1:], strict=False)
+    taken = {_beside(a, b, stresses)[0] for event, a, b in joints if event.kind == "stress"}
     out = []
     for change in stresses:
-        why = _told_stress(change)
-        if why not in taken:
+        if change not in taken:
+            why = _told_stress(change)
             v = _velocity(phases, change.start)
             out.append(
                 Event(
@@ -357,12 +363,9 @@ def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
     if np.diff(rows).min() < _ROWS:
         return replace(event, start=start, stop=after, why="too few rows around it to be fitted")
     stress = record.normal_stress
-    if stress is not None:
-        quarters = np.array_split(stress[rows[0] : rows[2]], 4)
-        levels = [float(np.median(q)) for q in quarters]
-        if max(levels) - min(levels) > _CONSTANT * max(map(abs, levels)):
-            why = "the normal stress is not constant around it"
-            return replace(event, start=start, stop=after, kind="stress", why=why)
+    if stress is not None and not is_constant(stress[rows[0] : rows[2]], 4):
+        why = "the normal stress is not constant around it"
+        return replace(event, start=start, stop=after, kind="stress", why=why)
     return replace(event, start=start, stop=after, fitted=True)
 
 

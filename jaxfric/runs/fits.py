@@ -10,7 +10,7 @@ from ..fitting import Fit, fit
 from ..laws.registry import refuse_unknown_law
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
-from ..records.thin import LEAST_ROWS
+from ..records.thin import refuse_few_means
 from .events import Event
 from .stiffness import MachineStiffness
 
@@ -73,8 +73,20 @@ class HowFitted:
 
     def __post_init__(self) -> None:
         refuse_unknown_law(self.law)
-        if self.rows < LEAST_ROWS:
-            raise InputError(f"--rows is {self.rows}; {LEAST_ROWS} or more are needed")
+        refuse_few_means(self.rows)
+
+    def fit(self, part: Record, steps: VelocitySteps, normal_stress: float | None) -> Fit:
+        """The fit of some rows with given steps under a normal stress [Pa]; errors of `fit`."""
+        return fit(
+            part,
+            stiffness=None if self.stiffness is None else self.stiffness.at(normal_stress),
+            law=self.law,
+            states=self.states,
+            fit_stiffness=self.fit_stiffness,
+            slip_trend=self.slip_trend,
+            steps=steps,
+            rows=self.rows,
+        )
 
 
 def fit_run(
@@ -106,16 +118,7 @@ def fit_run(
         at = float(np.interp(event.time, record.relative_time, moved) - moved[0])
         try:
             part, steps = window_of(record, event)
-            found = fit(
-                part,
-                stiffness=None if how.stiffness is None else how.stiffness.at(event.normal_stress),
-                law=how.law,
-                states=how.states,
-                fit_stiffness=how.fit_stiffness,
-                slip_trend=how.slip_trend,
-                steps=steps,
-                rows=how.rows,
-            )
+            found = how.fit(part, steps, event.normal_stress)
         except InputError as error:
             done.append(StepFit(number, event, at, None, str(error)))
             continue

@@ -9,25 +9,26 @@ the likelihood of what each leaves, the noise found anew for each (`fitting.nois
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import InputError
-from ..fitting import Fit, fit
+from ..fitting import Fit
 from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
+from ..fitting.problem import clock_of
 from ..records import Record, VelocitySteps
 from .events import Event
 from .fits import HowFitted
+from .stress import is_constant
 from .table import Cell, measured
+from .weighted import WeightedLine, weighted_line
 
 LAWS = ("slip", "ageing")
 _LEVEL, _PEAK = 0.1, 5
 """Share of the window before a hold whose median is the level; rows in the mean at the peak."""
 _LATE = 0.2
 """The last row of a hold is no further from its end than this share of it."""
-_CONSTANT = 0.01
 _STRONG = 5.0
 """A law is preferred by so much of ln L, as odds of 150 to 1."""
 
@@ -51,13 +52,6 @@ class Hold:
     error: float
     fits: dict[str, Fit]
     preference: float | None
-
-
-class HealingRate(NamedTuple):
-    """Healing by a decade of hold time, with its standard error."""
-
-    slope: float
-    error: float
 
 
 def find_holds(events: Sequence[Event], end: float) -> list[tuple[Event, float, float, float]]:
@@ -118,15 +112,7 @@ def _fitted(
 ) -> Fit | None:
     """The fit of one law; None where it is not possible or does not converge."""
     try:
-        found = fit(
-            part,
-            stiffness=None if how.stiffness is None else how.stiffness.at(event.normal_stress),
-            law=law,
-            fit_stiffness=how.fit_stiffness,
-            slip_trend=how.slip_trend,
-            steps=steps,
-            rows=how.rows,
-        )
+        found = replace(how, law=law, states=1).fit(part, steps, event.normal_stress)
     except InputError:
         return None
     return found if found.converged else None
@@ -139,11 +125,8 @@ def _heal(part: Record, hold: float, back: float) -> tuple[float | None, float, 
     held = f[(t >= hold) & (t < back)]
     if len(before) < 2 * _PEAK or len(after) < 2 * _PEAK:
         return None
-    stress = part.normal_stress
-    if stress is not None:
-        levels = [float(np.median(x)) for x in np.array_split(stress, 8)]
-        if max(levels) - min(levels) > _CONSTANT * max(map(abs, levels)):
-            return None
+    if not is_constant(part.normal_stress, 8):
+        return None
     steady = before[-max(int(_LEVEL * len(before)), _PEAK) :]
     level, spread = float(np.median(steady)), float(np.std(steady))
     means = np.convolve(after, np.full(_PEAK, 1 / _PEAK), mode="valid")
@@ -156,8 +139,7 @@ def log_likelihood(found: Fit) -> float:
     """ln L of what a fit leaves, its noise being the likeliest for it (up to a constant of the
     record)."""
     time = found.record.relative_time
-    path = np.cumsum(np.abs(np.diff(found.steps.displacement(time), prepend=0.0)))
-    clock = np.stack([time, path, np.arange(len(time))], axis=1)
+    clock = clock_of(time, found.steps)
     weight = np.ones(len(time))
     weight[list(found.noise.glitches.rows)] = 0.0
     scale = max(float(np.std(found.record.friction)), 1e-300)
@@ -166,20 +148,14 @@ def log_likelihood(found: Fit) -> float:
     return float(estimate_noise(rows).value)
 
 
-def healing_rate(holds: Sequence[Hold]) -> HealingRate | None:
-    """Healing by a decade of hold time from a weighted line; None for fewer than three holds, or
+def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
+    """Healing by log10 of hold time [s], a weighted line; None for fewer than three holds, or
     hold times within a factor of two."""
     x = np.log10([hold.lasts for hold in holds])
     if len(holds) < 3 or np.ptp(x) < np.log10(2):
         return None
     y, error = (np.array([getattr(hold, name) for hold in holds]) for name in ("healing", "error"))
-    w = 1 / np.maximum(error, 1e-12) ** 2
-    centre = np.sum(w * x) / np.sum(w)
-    spread = np.sum(w * (x - centre) ** 2)
-    slope = float(np.sum(w * (x - centre) * y) / spread)
-    level = np.sum(w * (y - slope * (x - centre))) / np.sum(w)
-    chi = float(np.sum(w * (y - level - slope * (x - centre)) ** 2))
-    return HealingRate(slope, float(np.sqrt(max(1.0, chi / (len(x) - 2)) / spread)))
+    return weighted_line(x, y, error)
 
 
 def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:

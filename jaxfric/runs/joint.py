@@ -11,9 +11,8 @@ and Q is distributed as chi-square with p (n - 1) degrees of freedom (Cochran 19
 f0, and a trend with slip, are each step's own.
 
 Whether a quantity depends on velocity, displacement or normal stress is asked by a weighted line
-through the steps. Where they scatter about it by more than their errors, its error grows by the
-root of chi-square over its degrees of freedom (Birge 1932, Phys. Rev. 40, 207-227). p-values
-are by Student's t, and times the number of questions (Bonferroni).
+through the steps (`weighted`). p-values are by Student's t, and times the number of questions
+(Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -24,6 +23,7 @@ import numpy as np
 from ..fitting import Fit
 from .fits import StepFit
 from .table import difference, measured
+from .weighted import weighted_line
 
 _FEWEST = 4
 """Steps that a line through them needs."""
@@ -143,9 +143,9 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
         if np.ptp(x) <= (0.02 * np.abs(x).max() if least is None else least):
             continue
         for quantity, (y, error) in _quantities(known).items():
-            slope, spread = _line(x, y, error)
-            p = 2 * float(stdtr(len(known) - 2, -abs(slope) / spread))
-            found.append(Dependence(quantity, along, unit, slope, spread, p))
+            line = weighted_line(x, y, error)
+            p = 2 * float(stdtr(len(known) - 2, -abs(line.slope) / line.error))
+            found.append(Dependence(quantity, along, unit, line.slope, line.error, p))
     count = max(len(found), 1)
     return [
         Dependence(d.quantity, d.along, d.unit, d.slope, d.error, min(1.0, count * d.p))
@@ -165,18 +165,6 @@ def _quantities(known: Sequence[StepFit]) -> dict[str, tuple[np.ndarray, np.ndar
         "A-B": (both[:, 0], both[:, 1]),
         "ln L": (np.log(L[:, 0]), L[:, 1] / L[:, 0]),
     }
-
-
-def _line(x: np.ndarray, y: np.ndarray, error: np.ndarray) -> tuple[float, float]:
-    """Slope of a weighted line, and its standard error with the scatter about it counted."""
-    w = 1 / error**2
-    centre = np.sum(w * x) / np.sum(w)
-    spread = np.sum(w * (x - centre) ** 2)
-    slope = float(np.sum(w * (x - centre) * y) / spread)
-    level = np.sum(w * (y - slope * (x - centre))) / np.sum(w)
-    chi = float(np.sum(w * (y - level - slope * (x - centre)) ** 2))
-    birge = max(1.0, chi / max(len(x) - 2, 1))
-    return slope, float(np.sqrt(birge / spread))
 
 
 def told(steps: Sequence[StepFit]) -> list[str]:

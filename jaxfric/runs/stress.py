@@ -19,7 +19,8 @@ _WITHIN, _NOISES = 0.003, 6.0
 _STEEP = 0.01 / 60
 """A leg is no drift if it changes a large stress by this share of it in a second."""
 
-
+_CONSTANT = 0.01
+"""A normal stress that changes by no more than this share of it is constant."""
 _AROUND, _TIMES, _WIDEST, _KEPT = 50, 10, 2000, 0.5
 """A change is there to stay: medians of so many rows, or so many times those of the change, before
 and after it differ by this share of the least change."""
@@ -100,3 +101,11 @@ def polyline(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:
             kept[far] = True
             parts += [(low, far), (far, high)]
     return np.flatnonzero(kept)
+
+
+def is_constant(stress: np.ndarray | None, parts: int) -> bool:
+    """Whether the medians of so many parts of a normal stress are within 1 %; None: it is."""
+    if stress is None:
+        return True
+    levels = [float(np.median(part)) for part in np.array_split(stress, parts)]
+    return max(levels) - min(levels) <= _CONSTANT * max(map(abs, levels))

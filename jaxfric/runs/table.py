@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..fitting import Estimate, Fit
+from ..fitting import Estimate
+from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
 
 _SCALES = {"L": 1e6, "K": 1e-6, "slip_trend": 1e-3}
@@ -14,14 +15,6 @@ _SCALES = {"L": 1e6, "K": 1e-6, "slip_trend": 1e-3}
 _UNITS = {"L": "um", "K": "1/um", "slip_trend": "1/mm"}
 
 Cell = float | int | str | bool | None
-
-
-def difference(fit: Fit) -> tuple[float, float]:
-    """A less the sum of all B, the rate dependence of steady friction, and its standard error."""
-    names = [n for n in fit.parameters if n == "A" or n.rstrip("0123456789") == "B"]
-    value = sum(fit.parameters[n].value * (1 if n == "A" else -1) for n in names)
-    weight = np.array([(n == "A") - (n in names and n != "A") for n in fit.free], float)
-    return value, float(np.sqrt(max(weight @ fit.covariance @ weight, 0.0)))
 
 
 def rows(run: RunFit) -> list[dict[str, Cell]]:

@@ -56,12 +56,11 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     level = abs(float(np.median(friction)))
     least = max(_HEIGHT * noise_from_differences(friction), _LEAST * level)
     rows = turns(friction, least)
-    if len(rows) and len(rows) > 1 and friction[rows[0]] > friction[rows[1]]:
+    if len(rows) > 1 and friction[rows[0]] > friction[rows[1]]:
         rows = rows[1:]  # begin at the foot of a rise
-    feet, tips = rows[:-1:2], rows[1::2]
     ends = rows[2::2]
-    number = min(len(feet), len(tips), len(ends))
-    feet, tips, ends = feet[:number], tips[:number], ends[:number]
+    number = len(ends)
+    feet, tips = rows[0::2][:number], rows[1::2][:number]
     drop = friction[tips] - friction[ends]
     steep = time[ends] - time[tips] <= _STEEP * (time[tips] - time[feet])
     steep |= (ends - tips == 1) & (tips - feet > 1)
