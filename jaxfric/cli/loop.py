@@ -1,5 +1,6 @@
 """`jaxfric loop`: which effect does this model of a slider's record lack?"""
 
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -27,6 +28,17 @@ def loop(
     without: options.Without = None,
     most: options.Most = 8,
     steps: options.Steps = None,
+    run: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            help="The record is a whole run: find its steps and holds, and fit all as one.",
+        ),
+    ] = False,
+    events: Annotated[
+        Path | None,
+        Parameter(help="The same with the events of this file, as 'jaxfric run' wrote it."),
+    ] = None,
     rows: Annotated[
         int | None,
         Parameter(help="Fit means over neighbouring rows, about so many: quicker by as much."),
@@ -46,7 +58,15 @@ def loop(
     location, aliasing and candidates to the output folder, by default ./NAME-loop/ with the
     options that differ from their default. 'jaxfric axis' and 'jaxfric steady' ask the same of a
     servo axis.
+
+    Of a whole run (--run, --events) all steps and holds are one question: they share A, B, L and
+    the effects, every stretch between changes of normal stress has its own level, and whole steps
+    are held out.
     """
+    if steps is not None and (run or events is not None):
+        raise InputError(
+            "--steps states the steps of a record; those of a run stand in its events (--events)"
+        )
     if stiffness is None:
         raise InputError(
             "--stiffness is missing; give the stiffness of the machine: --stiffness 1.6e-3/um"
@@ -56,20 +76,25 @@ def loop(
     with told(quiet=json) as progress:
         progress(f"reading {file.name}")
         record = read_record(file, column, drop_bad, since, until, reduce=reduce)
-        prepare_jax()
-        from ..loop import close_loop
+        inputs = (file,) if events is None else (file, events)
+        folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
+        asked = {"law": law, "rows": rows, "with_": declared, "without": excluded, "most": most}
+        if run or events is not None:
+            progress(f"what happens in {len(record)} rows")
+            from ..loop.run import close_run_loop
+            from ..runs.fits import decided_events
+            from ..runs.stiffness import MachineStiffness
 
-        folder = choose_folder(out, file.stem, file)
-        result = close_loop(
-            record,
-            stiffness=stiffness,
-            law=law,
-            steps=steps,
-            rows=rows,
-            with_=declared,
-            without=excluded,
-            most=most,
-            progress=progress,
-        )
+            machine = MachineStiffness.parse(stiffness, record.friction_unit)
+            record, found = decided_events(record, events, machine)
+            prepare_jax()
+            result = close_run_loop(record, found, stiffness=machine, **asked, progress=progress)
+        else:
+            prepare_jax()
+            from ..loop import close_loop
+
+            result = close_loop(
+                record, stiffness=stiffness, steps=steps, **asked, progress=progress
+            )
         content = save_loop(result, folder, progress)
     return tell_loop(result, content if json else "", folder)

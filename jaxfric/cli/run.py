@@ -67,7 +67,7 @@ def run(
             "--stiffness is missing; give that of machine and specimen, as in --stiffness"
             " 1.6e-3/um, or let every step find its own (--fit-stiffness)"
         )
-    from ..runs.fits import HowFitted
+    from ..runs.fits import HowFitted, decided_events
     from ..runs.holds import fit_holds
     from ..runs.stiffness import MachineStiffness
 
@@ -80,7 +80,7 @@ def run(
         if stiffness is not None:
             how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
-        record, found = _events(record, events, how)
+        record, found = decided_events(record, events, how.stiffness)
         result = _fitted(record, found, how, folder, progress)
         holds = fit_holds(result.record, found, how, progress=progress)
         content = json_text(_content(result, holds))
@@ -133,22 +133,6 @@ def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -
     folder.draw(
         "the figure of the events", lambda to: draw_events(record, found, to / "events.png")
     )
-
-
-def _events(
-    record: "Record", file: Path | None, how: "HowFitted"
-) -> tuple["Record", tuple["Event", ...]]:
-    """The record without resets of its encoder, and the events: found, or as a file has them."""
-    from ..records.run_motion import run_motion
-    from ..runs import find_events
-    from ..runs.decisions import read_decisions
-    from ..runs.fits import without_resets_of
-
-    if file is not None:
-        found = read_decisions(file, float(record.relative_time[-1]))
-        return without_resets_of(record, run_motion(record).position), found
-    motion, found = find_events(record, stiffness=how.stiffness)
-    return without_resets_of(record, motion.position), found
 
 
 def _write_tables(result: "RunFit", holds: "Sequence[Hold]", to: Path) -> None:

@@ -34,12 +34,15 @@ from .padding import bucket
 
 _TIME_SHARE = 1e-3
 _MACHINE_QUANTITIES = quantities(QuasiStatic)
+_LEVEL = Quantity("level", "F", "friction of a later stretch of a run less that of the first")
 
 
 def quantity_of(name: str) -> Quantity:
     """The `Quantity` behind a parameter name such as "A", "L2", "K" or "slip_trend"."""
     if name == "K":
         return _MACHINE_QUANTITIES["stiffness"]
+    if name.startswith("level"):
+        return _LEVEL
     return law_quantity(name)
 
 
@@ -61,12 +64,14 @@ class Model(NamedTuple):
     fit_stiffness: bool = False
     slip_trend: bool = False
     regularised: bool = False
+    levels: int = 0
+    """Number of stretches after the first, each with a level of its own: `level2`, ..."""
 
     def names(self) -> tuple[str, ...]:
         """Names of the free parameters, in the order of the parameter vector."""
         names = ["f0", "A", *numbered_names(fixed_states(self.law) or self.states)]
         names += ["K"] * self.fit_stiffness + ["slip_trend"] * self.slip_trend
-        return tuple(names)
+        return (*names, *(f"level{k + 2}" for k in range(self.levels)))
 
     def quantity(self, name: str) -> Quantity:
         """Symbol, unit and bounds of a parameter, see `quantity_of`."""
@@ -121,6 +126,8 @@ class Problem(AbstractProblem):
     seen: tuple[Float[Array, " m"], Int[Array, " n"]] | None = None
     """Times at which the sensor sees friction, ascending, and which of them are the rows; None: it
     sees the rows only. Between them it takes friction as straight."""
+    stretch: Int[Array, " n"] | None = None
+    """Index of the stretch of every row, where the model has levels of its own for them."""
 
     @property
     def sizes(self) -> Sizes:
@@ -196,7 +203,17 @@ class Problem(AbstractProblem):
             runaway=1e4 if self.damping is None else 1e9,
         )
         seen = tuple(self._channel(channel.kind, rig, out.slip[rows]) for channel in self.channels)
-        return out.recorded[rows], seen, out.result == RESULTS.successful
+        recorded = out.recorded[rows]
+        if self.stretch is not None:
+            recorded = recorded + self._levels(z)[self.stretch]
+        return recorded, seen, out.result == RESULTS.successful
+
+    def _levels(self, z: Float[Array, " q"]) -> Float[Array, " s"]:
+        """The level of every stretch; that of the first is 0."""
+        names = self.model.names()
+        pairs = zip(names, self.natural(z[: len(names)]), strict=True)
+        own = [value for name, value in pairs if name.startswith("level")]
+        return jnp.stack([jnp.zeros_like(self.force_scale), *own])
 
     def _channel(self, kind: str, rig: Rig, slip: Float[Array, " n"]) -> Float[Array, " n"]:
         drive = rig.drive.drive if isinstance(rig.drive, LateSteps) else rig.drive

@@ -31,6 +31,7 @@ from .thresholds import SIGNIFICANT
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _MOSTLY = 0.5
+_HOLD = 3.0
 _LARGEST = 3.0
 """Standard deviation of missing friction before anything is known, over the rms of the residual."""
 
@@ -207,8 +208,7 @@ def _variables(
     at_jump = np.interp(jumps, time, slip)
     slipped = np.maximum(slip - at_jump[k], 0.0)
     stepped = (k > 0).astype(float)[:, None]
-    steps = np.diff(np.log(np.abs(np.asarray(motion.velocities))[: len(jumps)]), prepend=0.0)
-    steps[0] = 0.0
+    steps = _log_steps(np.abs(np.asarray(motion.velocities))[: len(jumps)])
     shortest = max(float(np.quantile(since[since > 0], 0.01)), 1e-9)
     lengths = np.geomspace(2e-2, 1.0, _COARSE) * max(float(np.max(slipped)), 1e-12)
     total = max(float(np.ptp(slip)), 1e-12)
@@ -238,6 +238,12 @@ def _variables(
         ),
         ("wavelength", "m", waves, fourier),
     ]
+
+
+def _log_steps(speeds: np.ndarray) -> np.ndarray:
+    """Change of ln V at every joint, 0 at the first; a hold counts as e^-3 of the slowest motion."""
+    least = np.exp(-_HOLD) * np.min(speeds[speeds > 0], initial=np.inf)
+    return np.diff(np.log(np.maximum(speeds, least)), prepend=np.log(max(speeds[0], least)))
 
 
 def _spread(x: np.ndarray, number: int) -> np.ndarray:

@@ -30,7 +30,7 @@ from .driver import AbstractBench, Offered, ScoredRows, offered, run
 from .engine import Candidate, Choice, Engine
 from .location import Bumps, friction_bumps
 from .nonlinear import friction_sensitivities
-from .result import Loop, Score
+from .result import Loop, LoopBase, LoopDetails, LoopRecord, Score
 from .sampling import seen_between
 from .search import MOST, Search
 from .slider_curves import slider_curves
@@ -89,14 +89,14 @@ def close_loop(
     stress = _stress(record)
     refuse_unknown_law(law)
     asked = offered(CATALOGUE, own, with_, without, most, effect_of)
-    asked = _with_channels(record, law, asked, stress=stress is not None)
+    asked = with_channels(record, law, asked, stress=stress is not None)
     progress("base fit of the whole record")
     _refuse_stops(record, found_steps)
     say = lambda text: progress(f"base fit of the whole record: {text}")  # noqa: E731
     base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
-    _check(record, base_fit)
+    refuse_failed(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
-    problem, felt = _problem(record, base_fit, found_steps, blocks, asked.effects)
+    problem, felt = problem_of(record, base_fit, found_steps, blocks, asked.effects)
     problem = dataclasses.replace(problem, normal_stress=stress)
     bench = SliderBench(
         record, base_fit, found_steps, blocks, problem, felt, asked.without, thinning
@@ -182,7 +182,7 @@ class SliderBench(AbstractBench):
 
     def curves(self, engine: Engine[Problem], final: Candidate) -> CurveRig:
         """Steady curves of the fit, see `slider_curves`."""
-        return slider_curves(engine, final, self.base_fit.steps)
+        return slider_curves(engine, final, self.base_fit.steps.velocities)
 
     def rows(self, engine: Engine[Problem]) -> ScoredRows:
         """All rows, by velocity."""
@@ -228,17 +228,18 @@ class SliderBench(AbstractBench):
         """Words of reports about a slider."""
         return SLIDER
 
-    def shown(self) -> tuple[Record, Fit]:
+    def shown(self) -> tuple[LoopRecord, LoopBase]:
         """The record as read and its base fit."""
         return self.record, self.base_fit
 
     def details(
         self, engine: Engine[Problem], found: Search, after: Score, progress: Callable[[str], None]
-    ) -> None:
+    ) -> LoopDetails | None:
         """None: a slider has no further results."""
+        return None
 
 
-def _with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> Offered:
+def with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> Offered:
     """The offer without the effects that the law cannot have, or that need a column which the
     record lacks."""
     refuse_untaken(law, (e for e in asked.effects if e.id in asked.with_))
@@ -266,7 +267,8 @@ def _stress(record: Record) -> NormalStress | None:
     return stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled
 
 
-def _check(record: Record, base: Fit) -> None:
+def refuse_failed(record: Record, base: Fit) -> None:
+    """Raises `InputError` for a base fit that did not converge."""
     path = record.provenance.path
     if not base.converged:
         raise InputError(
@@ -290,14 +292,16 @@ def _refuse_stops(record: Record, steps: VelocitySteps) -> None:
     )
 
 
-def _problem(
+def problem_of(
     record: Record,
     base: Fit,
     steps: VelocitySteps,
     blocks: Blocks,
     effects: tuple[type[AbstractEffect], ...],
+    *,
+    levels: int = 0,
 ) -> tuple[Problem, np.ndarray]:
-    """The problem with all effects, and which shifts of step times are felt.
+    """The problem with all effects and `levels`, and which shifts of step times are felt.
 
     It has a shift for every step, felt or not, so that records differ in numbers only and share
     what is compiled. The shifts are from the times that the load point shows: those of the base
@@ -307,7 +311,7 @@ def _problem(
     problem = prepare(
         record,
         steps,
-        EncompassingModel(Model(law=base.model.law), effects),
+        EncompassingModel(Model(law=base.model.law, levels=levels), effects),
         stiffness=values["K"],
         V0=values["V0"],
         force_scale=values["A"],

@@ -7,7 +7,6 @@ import numpy as np
 from ..effects import STEADY_CURVES
 from ..effects.effect import evolution_of
 from ..fitting.problem import Problem, rig_at
-from ..records import VelocitySteps
 from ..rig.friction.extended import Contact, ExtendedLaw
 from .curves import Curve, CurveRig
 from .engine import Candidate, Engine
@@ -18,11 +17,15 @@ _LATE = "evolution_cutoff"
 """The curve that friction reaches over the slip length, not at once."""
 
 
-def slider_curves(engine: Engine[Problem], final: Candidate, steps: VelocitySteps) -> CurveRig:
-    """The curves of a fit. A curve of another shape acts at once, as the base's A ln V does, or
-    over the slip length, as -B ln V does, where those of the fit act so."""
+def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndarray) -> CurveRig:
+    """The curves of a fit, at the `velocities` [m/s] of the steps.
+
+    A curve of another shape acts at once, as the base's A ln V does, or over the slip length, as
+    -B ln V does, where those of the fit act so.
+    """
     effects = tuple(id for id in final.effects if id in STEADY_CURVES)
     known = engine.blocks.train | engine.blocks.select
+    speeds = velocities[np.unique(engine.blocks.step[known])]
     laws: dict[bytes, ExtendedLaw] = {}  # a rig takes longer to make than its curve
 
     def level(z: np.ndarray, V: np.ndarray) -> np.ndarray:
@@ -35,7 +38,7 @@ def slider_curves(engine: Engine[Problem], final: Candidate, steps: VelocityStep
     return CurveRig(
         effects=effects,
         declared=tuple(id for id in engine.always if id in STEADY_CURVES),
-        speeds=np.asarray(steps.velocities)[np.unique(engine.blocks.step[known])],
+        speeds=speeds[speeds > 0],
         counted=True,
         replaced=("f0", "A", "B"),
         base=lambda V: np.stack([np.ones_like(V), np.log(V), np.log(V)], axis=1),

@@ -15,6 +15,7 @@ NAMES = ("train", "select", "report")
 _TAIL = (0.6, 0.8)
 _QUARTER = 0.75
 _FEWEST = 20
+_UNITS = 3
 # Two found velocities are one commanded velocity from this ratio on.
 _SAME = 0.9
 
@@ -64,6 +65,39 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
         share = np.where(segment == last, _share(time, steps, last), 0.0)
         report, select = share >= _TAIL[1], (share >= _TAIL[0]) & (share < _TAIL[1])
         blocks = Blocks(~(select | report), select, report, segment, False)
+    refuse_short(blocks)
+    return blocks
+
+
+def split_units(phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
+    """Blocks of a run: `phase` of every row (n,), the `unit` of every phase (p,), that is the step
+    or hold that it belongs to, -1 for sliding before any, and its velocity [m/s].
+
+    As by `split`: about the last sixth of the units reports, as much before it selects. What
+    slides before a step or hold trains with the one before it.
+
+    Raises
+    ------
+    InputError : fewer than three units; a block would have fewer than 20 rows.
+    """
+    count = int(unit.max()) + 1
+    if count < _UNITS:
+        raise InputError(
+            f"{path}: {count} step{'s' * (count != 1)} and holds can be fitted; the loop over a run"
+            f" holds whole ones out and needs {_UNITS}. Cut out one (--from, --to) and leave --run"
+        )
+    speed = np.array([velocity[unit == k].max() for k in range(count)])
+    size = max(1, round(count / 6))
+    held = _within(speed, 2 * size)
+    of = unit[phase]
+    report, select = np.isin(of, held[-size:]), np.isin(of, held[:-size])
+    blocks = Blocks(~(select | report), select, report, phase, True)
+    refuse_short(blocks)
+    return blocks
+
+
+def refuse_short(blocks: Blocks) -> None:
+    """Raises `InputError` where a block has fewer than 20 rows."""
     for name in NAMES:
         rows = int(blocks.of(name).sum())
         if rows < _FEWEST:
@@ -71,18 +105,23 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
                 f"the record is too short to be split: its {name} block would have {rows} rows and"
                 f" needs {_FEWEST}; record longer steps, more of them, or sample faster"
             )
-    return blocks
 
 
 def _held_out(steps: VelocitySteps, number: int) -> np.ndarray:
-    """The last `number` of the steps that lie within velocities which train, in order."""
-    # what is held back is predicted within the velocities that were trained
+    """The last `number` of the steps that lie within velocities which train, in order; velocity 0
+    begins the record."""
     speed = np.abs(steps.velocities)
-    first = {
+    return _within(speed, number, first=1)
+
+
+def _within(speed: np.ndarray, number: int, *, first: int = 0) -> np.ndarray:
+    """The last `number` indices, from `first` on, but for the first of the fastest and of the
+    slowest: what is held back is predicted within the velocities that were trained."""
+    ends = {
         int(np.argmax(speed >= _SAME * speed.max())),
         int(np.argmax(speed <= speed.min() / _SAME)),
     }
-    within = np.setdiff1d(np.arange(1, len(speed)), list(first))
+    within = np.setdiff1d(np.arange(first, len(speed)), list(ends))
     return within[-number:] if len(within) >= number else np.arange(len(speed))[-number:]
 
 

@@ -96,6 +96,20 @@ def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) 
     return NormalStress(jnp.asarray(at), jnp.asarray(c), jnp.asarray([begin, end]))
 
 
+def stress_of_levels(
+    begins: Float[np.ndarray, " k"], ends: Float[np.ndarray, " k"], ratios: Float[np.ndarray, "k+1"]
+) -> NormalStress:
+    """n(t) that goes from `ratios[i]` to `ratios[i + 1]` between `begins[i]` and `ends[i]` [s], by
+    a cubic that begins and ends level, and is constant otherwise."""
+    knots, rows = [0.0], [(0.0, 0.0, 0.0, ratios[0])]
+    for begin, end, low, high in zip(begins, ends, ratios[:-1], ratios[1:], strict=True):
+        rise, last = (high - low), end - begin
+        knots += [begin, end]
+        rows += [(-2 * rise / last**3, 3 * rise / last**2, 0.0, low), (0.0, 0.0, 0.0, high)]
+    span = np.array([0.0, max(float(ends[-1]), knots[-1]) * 2 + 1])
+    return NormalStress(jnp.asarray(knots), jnp.asarray(np.array(rows).T), jnp.asarray(span))
+
+
 def moved_stress(time: ArrayLike, stress: ArrayLike) -> float:
     """Standard deviation of a recorded normal stress without the noise of its gauge, as a share.
 

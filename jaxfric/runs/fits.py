@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from ..fitting import Fit, fit
 from ..laws.registry import refuse_unknown_law
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
+from ..records.run_motion import run_motion
 from ..records.thin import refuse_few_means
-from .events import Event
+from .decisions import read_decisions
+from .events import Event, find_events
 from .stiffness import MachineStiffness
 
 
@@ -41,6 +44,20 @@ class RunFit:
 def without_resets_of(record: Record, position: np.ndarray) -> Record:
     """The record with the position [m] of its load point in place of what was recorded."""
     return replace(record, load_point_displacement=frozen(position), load_point_velocity=None)
+
+
+def decided_events(
+    record: Record, file: Path | None, stiffness: MachineStiffness | None
+) -> tuple[Record, tuple[Event, ...]]:
+    """The record without resets of its encoder, and its events: found, or as a `file` has them.
+
+    Raises `InputError` for a file that cannot be read (`runs.decisions`).
+    """
+    if file is not None:
+        found = read_decisions(file, float(record.relative_time[-1]))
+        return without_resets_of(record, run_motion(record).position), found
+    motion, found = find_events(record, stiffness=stiffness)
+    return without_resets_of(record, motion.position), found
 
 
 def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:

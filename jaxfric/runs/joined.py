@@ -1,0 +1,245 @@
+"""A run as one motion: the windows of its steps and holds, one after the other.
+
+What happens between two windows, a change of normal stress, an unloading, the recorder's pause, is
+not asked of a model. Windows that touch are one stretch; before every other stretch the load point
+slides, in the joined motion, at that stretch's first velocity as far as the real one moved, and at
+least as far as it moves in a typical phase, so that a stretch begins in steady sliding. Slip goes
+on as it did in the run. Time does so within a stretch only.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..records import Record, VelocitySteps
+from ..records.record import frozen
+from ..rig.normal_stress import NormalStress, stress_of_levels
+from .events import Event
+from .holds import find_holds
+from .stress import is_constant
+
+_ALIKE = 0.01
+"""Normal stresses within this share of the first stretch's are as good as that."""
+_FEWEST = 10
+"""Rows that a phase before and after a hold needs."""
+_KNOTS = np.geomspace(1e-4, 1.0, 25)[:-1]
+"""Places in the motion before a stretch, as shares of it, at which solvers stop: what is left of
+the stretch before decays over a length that is not known."""
+_CHANGED = 0.1
+"""Share of that motion in which the normal stress becomes that of the next stretch."""
+
+
+class Phase(NamedTuple):
+    """Rows at one velocity [m/s] of the load point.
+
+    `time` is when it begins [s of the run], `joined` the same in the joined motion; `stretch` and
+    `unit` count from 0. The phases of one step, or of a hold and what follows it, are a unit; -1:
+    the sliding that a stretch begins with.
+    """
+
+    time: float
+    joined: float
+    velocity: float
+    error: float
+    stretch: int
+    unit: int
+
+
+class Stretch(NamedTuple):
+    """Windows that touch, from `start` to `stop` [s of the run], under one normal stress [Pa]."""
+
+    start: float
+    stop: float
+    normal_stress: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """A run's windows as one record and motion; see this file.
+
+    `record` has the time of the joined motion, `rows` are those of the run, with its time.
+    """
+
+    record: Record
+    rows: Record
+    phases: tuple[Phase, ...]
+    stretches: tuple[Stretch, ...]
+    phase: np.ndarray
+    """Index of the phase of every row."""
+    begins: np.ndarray
+    """Joined times at which the motion towards each stretch but the first begins [s]."""
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """Index of the stretch of every row."""
+        return np.array([phase.stretch for phase in self.phases])[self.phase]
+
+    def steps(self, *, fine: bool = False) -> VelocitySteps:
+        """The joined motion; `fine`: with times between stretches at which solvers stop too."""
+        entries = [(p.joined, p.velocity, p.error) for p in self.phases]
+        firsts = [p for p in self.phases if p.unit < 0][1:]
+        for begin, first in zip(self.begins, firsts, strict=True):
+            shares = np.append(0.0, _KNOTS) if fine else np.zeros(1)
+            times = begin + shares * (first.joined - begin)
+            entries += [(float(t), first.velocity, 0.0) for t in times]
+            if not fine:  # no step: the velocity before it is the same
+                entries.remove((first.joined, first.velocity, first.error))
+        times, velocities, errors = np.array(sorted(entries)).T
+        return VelocitySteps(times, velocities, time_errors=errors)
+
+    def shown_steps(self) -> VelocitySteps:
+        """The phases in the time of the run, from its first row that counts."""
+        times = np.array([p.time for p in self.phases]) - self.phases[0].time
+        return VelocitySteps(times, np.array([p.velocity for p in self.phases]))
+
+    def stress(self) -> NormalStress | None:
+        """Normal stress over that of the first stretch; None where it is the same or unknown."""
+        levels = [s.normal_stress for s in self.stretches]
+        if any(level is None for level in levels) or self.record.friction_unit != "1":
+            return None
+        ratios = np.array(levels, float) / levels[0]
+        if np.all(np.abs(ratios - 1) < _ALIKE):
+            return None
+        firsts = [p.joined for p in self.phases if p.unit < 0][1:]
+        ends = self.begins + _CHANGED * (np.array(firsts) - self.begins)
+        return stress_of_levels(self.begins, ends, ratios)
+
+
+class _Window(NamedTuple):
+    """From `start` to `stop` [s], at the velocity `before` until the first of its joints, each a
+    time [s], the velocity from it on, its error [s], and whether it begins a unit."""
+
+    start: float
+    stop: float
+    before: float
+    joints: tuple[tuple[float, float, float, bool], ...]
+    normal_stress: float | None
+
+
+def join(record: Record, events: Sequence[Event]) -> Joined:
+    """The fitted steps and the holds of a run as one motion.
+
+    `record` is the run, resets of its encoder taken out. Raises `InputError` where nothing is to
+    be fitted, or the load point moves backwards in a window.
+    """
+    windows = _windows(record, events)
+    if not windows:
+        raise InputError(
+            f"{record.provenance.path}: no velocity step to fit among {len(events)} events;"
+            " 'jaxfric run' writes what was found and why to events.toml"
+        )
+    stretches = _stretches(windows)
+    if any(v <= 0 for s in stretches for v in (s.before, s.joints[0][1]) if v != 0):
+        raise InputError(
+            f"{record.provenance.path}: the load point moves backwards in a window to be fitted;"
+            " the loop takes forward motion. Give the load point with the other sign (--column)"
+        )
+    phases, begins = _phases(stretches, record)
+    t, of = record.relative_time, np.full(len(record), -1)
+    joined = np.zeros(len(record))
+    for k, phase in enumerate(phases):
+        ends = stretches[phase.stretch].stop
+        last = k + 1 == len(phases) or phases[k + 1].stretch != phase.stretch
+        stop = ends if last else phases[k + 1].time
+        here = (t >= phase.time) & (t < stop)
+        of[here], joined[here] = k, phase.joined + t[here] - phase.time
+    keep = of >= 0
+    rows = replace(
+        record,
+        **{role: frozen(values[keep]) for role, values in record.columns.items()},
+        provenance=replace(record.provenance, lines=None),
+    )
+    made = Joined(
+        rows,
+        rows,
+        phases,
+        tuple(Stretch(s.start, s.stop, s.normal_stress) for s in stretches),
+        of[keep],
+        begins,
+    )
+    first = joined[keep][0]  # the first row is when the record begins
+    made = replace(
+        made,
+        phases=tuple(
+            p._replace(joined=max(p.joined - first, 0.0), time=p.time if k else p.time + first)
+            for k, p in enumerate(phases)
+        ),
+        begins=begins - first,
+    )
+    time = joined[keep] - first
+    path = made.steps().displacement(time)
+    alone = Record(
+        frozen(time),
+        rows.friction,
+        frozen(path),
+        friction_unit=record.friction_unit,
+        units=record.units,
+        provenance=rows.provenance,
+    )
+    return replace(made, record=alone)
+
+
+def _windows(record: Record, events: Sequence[Event]) -> list[_Window]:
+    found = [
+        _Window(
+            e.start,
+            e.stop,
+            e.before,
+            ((e.time, e.after, e.time_error, True),),
+            e.normal_stress,
+        )
+        for e in events
+        if e.fitted
+    ]
+    t = record.relative_time
+    for event, start, back, stop in find_holds(events, float(t[-1])):
+        rows = np.searchsorted(t, [start, event.time, back, stop])
+        stress = record.normal_stress
+        if min(rows[1] - rows[0], rows[3] - rows[2]) < _FEWEST:
+            continue
+        if is_constant(None if stress is None else stress[rows[0] : rows[3]], 8):
+            joints = (
+                (event.time, 0.0, event.time_error, True),
+                (back, event.before, event.time_error, False),
+            )
+            found.append(_Window(start, stop, event.before, joints, event.normal_stress))
+    return sorted(found, key=lambda window: window.start)
+
+
+def _stretches(windows: Sequence[_Window]) -> list[_Window]:
+    """Windows that touch as one; of two joints at one time the first stays."""
+    out = [windows[0]]
+    for window in windows[1:]:
+        last = out[-1]
+        if window.start > last.stop:
+            out.append(window)
+            continue
+        later = tuple(j for j in window.joints if j[0] > last.joints[-1][0])
+        stop = max(last.stop, window.stop)
+        out[-1] = last._replace(stop=stop, joints=(*last.joints, *later))
+    return out
+
+
+def _phases(stretches: Sequence[_Window], record: Record) -> tuple[tuple[Phase, ...], np.ndarray]:
+    """All phases, and the joined times at which the motion towards later stretches begins."""
+    ways = []
+    for s in stretches:
+        edges = np.array([j[0] for j in s.joints] + [s.stop])
+        ways += (np.array([j[1] for j in s.joints]) * np.diff(edges)).tolist()
+    typical = float(np.median([way for way in ways if way > 0]))
+    t, position = record.relative_time, record.moved()
+    phases, begins, joined, unit = [], [], 0.0, -1
+    for k, s in enumerate(stretches):
+        if k:
+            way = abs(float(np.diff(np.interp([stretches[k - 1].stop, s.start], t, position))[0]))
+            begins.append(joined)
+            joined += max(way, typical) / s.before
+        phases.append(Phase(s.start, joined, s.before, 0.0, k, -1))
+        for time, velocity, error, begun in s.joints:
+            unit += begun
+            phases.append(Phase(time, joined + time - s.start, velocity, error, k, unit))
+        joined += s.stop - s.start
+    return tuple(phases), np.array(begins)
