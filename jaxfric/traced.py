@@ -16,6 +16,7 @@ import hashlib
 import os
 import pickle
 import tempfile
+import threading
 import types
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
@@ -71,6 +72,7 @@ class Traced(Generic[P, R]):
         self.function: Callable[..., R] = function
         self.nested: Callable[..., R] = eqx.filter_jit(function)
         self._known: dict[tuple, _Kept | None] = {}
+        self._one = threading.Lock()
         functools.update_wrapper(self, function)
 
     @functools.cached_property
@@ -89,8 +91,9 @@ class Traced(Generic[P, R]):
         rest = tuple(None if eqx.is_array(x) else x for x in leaves)
         shapes = tuple((x.shape, x.dtype, getattr(x, "weak_type", False)) for x in arrays)
         key = (_folder[0], tree, rest, shapes, _settings())
-        if key not in self._known:
-            self._known[key] = self._found(args, key)
+        with self._one:  # a thread waits for what another traces
+            if key not in self._known:
+                self._known[key] = self._found(args, key)
         kept = self._known[key]
         if kept is None:
             return self.jitted(*args)

@@ -53,6 +53,7 @@ WITHIN_A_FLOOR = {
     ("rig", "motion"),
     ("gains", "laws"),
     ("fitting", "laws"),
+    ("loop", "runs"),
     ("prediction", "loop"),
     ("protocol", "loop"),
 }

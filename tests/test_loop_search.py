@@ -20,13 +20,16 @@ from fits.blind import score, study
 from fits.blind.draws import SIGMA, SLIP_PER_STEP, draw_times
 from fits.blind.generate import Request, make
 from fits.blind.plants import Base, Protocol
+from fits.runs.generate import generate
 from jaxfric.effects import CATALOGUE
 from jaxfric.effects.effect import AbstractLinearEffect, with_term
 from jaxfric.loop import SCHEMA, close_loop
-from jaxfric.loop.loop import _check
+from jaxfric.loop.slider_bench import refuse_failed
 from jaxfric.quantity import quantity
 from jaxfric.records import from_arrays
 from jaxfric.rig.friction.extended import AbstractStatelessTerm
+from jaxfric.runs.fits import decided_events
+from jaxfric.runs.stiffness import MachineStiffness
 
 UM, SEED = 1e-6, 990000
 _HELD_OUT = 1.06
@@ -380,7 +383,7 @@ def test_few_rows_are_means_before_anything_is_fitted(monkeypatch, rows, size):
 def test_a_base_fit_that_did_not_converge_is_refused():
     base: Any = SimpleNamespace(converged=False, result="no luck")
     with pytest.raises(jf.InputError, match=r"did not converge \(no luck\)"):
-        _check(plain([UM, 10 * UM]), base)
+        refuse_failed(plain([UM, 10 * UM]), base)
 
 
 @pytest.mark.long
@@ -438,3 +441,28 @@ def test_the_slice_of_the_blind_study(item):
         wavelength = truth["parameters"]["position_periodic"]["lambda"]
         assert ripple.centres[np.argmax(ripple.amplitudes)] == pytest.approx(wavelength, rel=0.05)
         assert ripple is loop.location[0] and ripple.explained > 0.7 and ripple.p_value < 1e-6
+
+
+def test_a_run_closes_the_loop():
+    """Steps and holds as a press writes them, of the size of the other records here: nothing is
+    missing, and A and B are those of the press."""
+    made = generate(4, law="slip", events=8, kinds={"step": 0.8, "hold": 0.2})
+    record = from_arrays(made.time, made.friction, load_point_displacement=made.position)
+    record, events = decided_events(record, None, MachineStiffness(made.press.K))
+    loop = close_loop(
+        record,
+        stiffness=made.press.K,
+        events=events,
+        own=[Quadratic],
+        without=["quadratic"],
+        rows=3000,
+        most=1,
+    )
+    assert loop.verdict == "no_missing_effect", loop.sentence
+    for name in "AB":
+        found = loop.after.parameters[name]
+        assert abs(found.value - getattr(made.press, name)) < 4 * found.std
+    held = set(loop.blocks.step[loop.blocks.report]) | set(loop.blocks.step[loop.blocks.select])
+    assert held and not held & set(loop.blocks.step[loop.blocks.train])
+    content = loop.to_json()
+    assert KEYS | {"stretches"} == set(content) and len(content["stretches"]) == 1

@@ -78,23 +78,28 @@ def loop(
         record = read_record(file, column, drop_bad, since, until, reduce=reduce)
         inputs = (file,) if events is None else (file, events)
         folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
-        asked = {"law": law, "rows": rows, "with_": declared, "without": excluded, "most": most}
+        found = None
         if run or events is not None:
             progress(f"what happens in {len(record)} rows")
-            from ..loop.run import close_run_loop
             from ..runs.fits import decided_events
             from ..runs.stiffness import MachineStiffness
 
             machine = MachineStiffness.parse(stiffness, record.friction_unit)
             record, found = decided_events(record, events, machine)
-            prepare_jax()
-            result = close_run_loop(record, found, stiffness=machine, **asked, progress=progress)
-        else:
-            prepare_jax()
-            from ..loop import close_loop
+        prepare_jax()
+        from ..loop import close_loop
 
-            result = close_loop(
-                record, stiffness=stiffness, steps=steps, **asked, progress=progress
-            )
+        result = close_loop(
+            record,
+            stiffness=stiffness,
+            law=law,
+            steps=steps,
+            events=found,
+            rows=rows,
+            with_=declared,
+            without=excluded,
+            most=most,
+            progress=progress,
+        )
         content = save_loop(result, folder, progress)
     return tell_loop(result, content if json else "", folder)

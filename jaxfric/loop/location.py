@@ -241,7 +241,7 @@ def _variables(
 
 
 def _log_steps(speeds: np.ndarray) -> np.ndarray:
-    """Change of ln V at every joint, 0 at the first; a hold counts as e^-3 of the slowest motion."""
+    """Change of ln V at every joint, 0 at the first; a hold counts as e^-3 of the slowest."""
     least = np.exp(-_HOLD) * np.min(speeds[speeds > 0], initial=np.inf)
     return np.diff(np.log(np.maximum(speeds, least)), prepend=np.log(max(speeds[0], least)))
 

@@ -1,4 +1,4 @@
-"""`close_run_loop(record, events=...)`: what does the model of a whole run lack?
+"""The loop over a whole run: what does the model of all its steps and holds lack?
 
 The steps and holds of a run, one after the other as one motion (`runs.joined`): they share A, B, L
 and the effects, every stretch between a change of normal stress, an unloading or a pause has a
@@ -6,32 +6,29 @@ level of its own. Held out are whole steps and holds.
 """
 
 import dataclasses
-import time
 from collections.abc import Callable, Sequence
 
 import jax
 import numpy as np
 
-from ..effects import CATALOGUE, AbstractEffect, effect_of, ids_of
 from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows
 from ..fitting.padding import bucket
 from ..fitting.problem import Problem, to_free
 from ..fitting.result import tidy_unit
-from ..laws.registry import refuse_unknown_law
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
 from ..runs.events import Event
+from ..runs.fits import HowFitted, fit_run
 from ..runs.joined import Joined, join
-from ..runs.stiffness import MachineStiffness
 from ..units import format_si
 from .curves import CurveRig
-from .driver import ScoredRows, offered, run
+from .driver import Offered, ScoredRows
 from .engine import Candidate, Engine
-from .loop import SliderBench, problem_of, refuse_failed, with_channels
-from .result import Loop, Score, TextTable
-from .search import MOST, Search
+from .result import LoopBase, LoopRecord, Score, TextTable
+from .search import Search
+from .slider_bench import AbstractSliderBench, problem_of, refuse_failed, with_channels
 from .slider_curves import slider_curves
 from .split import split_units
 
@@ -39,83 +36,48 @@ _LATE = 0.8
 """Share of a phase after which its friction is taken as steady, to begin with."""
 
 
-def close_run_loop(
+def run_bench(
     record: Record,
     events: Sequence[Event],
-    *,
-    stiffness: MachineStiffness,
-    law: str = "slip",
-    with_: str | Sequence[str] = (),
-    without: str | Sequence[str] = (),
-    own: Sequence[type[AbstractEffect]] = (),
-    most: int = MOST,
-    rows: int | None = None,
-    progress: Callable[[str], None] = lambda text: None,
-) -> Loop:
-    """Fit one base model to all steps and holds of a run, then find the effects that it lacks.
+    how: HowFitted,
+    rows: int | None,
+    asked: Offered,
+    progress: Callable[[str], None],
+) -> tuple["RunBench", Offered]:
+    """The bench of a run, and the effects that it can have.
 
-    Parameters
-    ----------
-    record : the run, resets of its encoder taken out (`runs.fits.without_resets_of`).
-    events : what happens in it (`runs.find_events`), where `fitted` tells the steps that count;
-        holds between sliding at one velocity count too.
-    stiffness : of the machine. That of a coefficient is scaled by the normal stress of every
-        stretch over that of the first.
-    law, with_, without, own, most, rows, progress : as in `close_loop`.
-
-    Returns
-    -------
-    Loop. `level2`, `level3`, ... are the friction of later stretches less that of the first.
-
-    Raises
-    ------
-    InputError : fewer than three steps and holds that count; or as in `close_loop`.
-
-    Not tried: slip and encoder columns, whose effects are not offered; a normal stress that changes
-    within a step.
+    `how` has the machine's stiffness and the law. Raises `InputError` for fewer than three steps
+    and holds that count; or as in `jaxfric.fit`.
     """
-    begun = time.monotonic()
-    refuse_unknown_law(law)
-    asked = offered(CATALOGUE, own, ids_of(with_), ids_of(without), most, effect_of)
     joined, thinning = join(record, events), ()
     if rows is not None:
         joined, thinning = _thinned(joined, rows)
-    asked = with_channels(joined.record, law, asked, stress=False)
-    K = stiffness.at(joined.stretches[0].normal_stress)
+    asked = with_channels(joined.record, how.law, asked, stress=False)
     blocks = split_units(
         joined.phase,
         np.array([p.unit for p in joined.phases]),
         np.array([p.velocity for p in joined.phases]),
         record.provenance.path,
     )
-    progress("base fit of all windows")
     levels = _levels(joined, blocks.train)
-    aligned = frozen(joined.record.friction - levels[joined.stretch])
-    base_fit = fit(
-        dataclasses.replace(joined.record, friction=aligned),
-        stiffness=K,
-        law=law,
-        steps=joined.steps(),
-        progress=lambda text: progress(f"base fit of all windows: {text}"),
-    )
+    start = _start(record, events, how, progress)
+    base_fit = _base_fit(joined, levels, how, start, progress)
     refuse_failed(joined.record, base_fit)
-    steps = joined.steps(fine=True)
-    more = len(joined.stretches) - 1
+    steps, more = joined.steps(fine=True), len(joined.stretches) - 1
     problem, felt = problem_of(joined.record, base_fit, steps, blocks, asked.effects, levels=more)
-    problem = _in_stretches(problem, joined)
     bench = RunBench(
         joined.record,
         base_fit,
         steps,
         blocks,
-        problem,
+        _in_stretches(problem, joined),
         felt,
         asked.without,
         thinning,
         joined,
         levels,
     )
-    return run(bench, asked, begun=begun, progress=progress)
+    return bench, asked
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,7 +98,7 @@ class RunBase:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RunBench(SliderBench):
+class RunBench(AbstractSliderBench):
     """The joined record of a run and the fit of its base."""
 
     joined: Joined
@@ -159,7 +121,7 @@ class RunBench(SliderBench):
         used = np.ones(len(self.record), bool)
         return ScoredRows(used, engine.blocks.step, len(self.joined.phases))
 
-    def shown(self) -> tuple[Record, RunBase]:
+    def shown(self) -> tuple[LoopRecord, LoopBase]:
         """The rows that count, in the time of the run, and the base with its phases."""
         return self.joined.rows, RunBase(self.base_fit, self.joined.shown_steps())
 
@@ -195,6 +157,44 @@ class RunDetails:
     def to_json(self) -> dict:
         """The stretches, as an entry of `loop.json`."""
         return {"stretches": [s._asdict() for s in self.joined.stretches]}
+
+
+def _base_fit(
+    joined: Joined,
+    levels: np.ndarray,
+    how: HowFitted,
+    start: dict[str, float] | None,
+    progress: Callable[[str], None],
+) -> Fit:
+    """The base of all windows, every stretch lowered by its level."""
+    progress("base fit of all windows")
+    aligned = frozen(joined.record.friction - levels[joined.stretch])
+    assert how.stiffness is not None
+    return fit(
+        dataclasses.replace(joined.record, friction=aligned),
+        stiffness=how.stiffness.at(joined.stretches[0].normal_stress),
+        law=how.law,
+        steps=joined.steps(),
+        start=start,
+        progress=lambda text: progress(f"base fit of all windows: {text}"),
+    )
+
+
+def _start(
+    record: Record, events: Sequence[Event], how: HowFitted, progress: Callable[[str], None]
+) -> dict[str, float] | None:
+    """Medians of A, B and L over the steps, each fitted alone: a search that begins elsewhere may
+    find that every slider runs away at the end of a hold. None where no step tells them."""
+    found = []
+    for step in fit_run(record, events, how, progress=progress).steps:
+        if step.fit is None or not step.fit.converged:
+            continue
+        own = [step.fit.parameters[name] for name in "ABL"]
+        if all(p.determined for p in own):
+            found.append([p.value for p in own])
+    if not found:
+        return None
+    return dict(zip("ABL", np.exp(np.median(np.log(found), axis=0)).tolist(), strict=True))
 
 
 def _levels(joined: Joined, train: np.ndarray) -> np.ndarray:

@@ -1,8 +1,11 @@
 """The velocity steps of a run, each fitted in its window."""
 
+import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +19,8 @@ from ..records.thin import refuse_few_means
 from .decisions import read_decisions
 from .events import Event, find_events
 from .stiffness import MachineStiffness
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +111,14 @@ class HowFitted:
         )
 
 
+def side_by_side(one: Callable[[int, Event], T], events: Sequence[Event]) -> list[T]:
+    """`one(number, event)` of all events, from 1, on as many threads as there are cores (`NPROC`,
+    as XLA has it, where that is set)."""
+    cores = int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1
+    with ThreadPoolExecutor(min(cores, max(len(events), 1))) as pool:
+        return list(pool.map(one, range(1, len(events) + 1), events))
+
+
 def fit_run(
     record: Record,
     events: Sequence[Event],
@@ -129,17 +142,17 @@ def fit_run(
         )
     moved = record.load_point_displacement
     assert moved is not None
-    done = []
-    for number, event in enumerate(chosen, 1):
+
+    def fitted(number: int, event: Event) -> StepFit:
         progress(f"step {number} of {len(chosen)}, at {event.time:.6g} s")
         at = float(np.interp(event.time, record.relative_time, moved) - moved[0])
         try:
             part, steps = window_of(record, event)
-            found = how.fit(part, steps, event.normal_stress)
+            return StepFit(number, event, at, how.fit(part, steps, event.normal_stress))
         except InputError as error:
-            done.append(StepFit(number, event, at, None, str(error)))
-            continue
-        done.append(StepFit(number, event, at, found))
+            return StepFit(number, event, at, None, str(error))
+
+    done = side_by_side(fitted, chosen)
     if all(step.fit is None for step in done):
         raise InputError(f"no step of the run could be fitted: {done[0].failed}")
     return RunFit(record, tuple(events), tuple(done))

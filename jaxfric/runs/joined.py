@@ -108,7 +108,7 @@ class Joined:
         return stress_of_levels(self.begins, ends, ratios)
 
 
-class _Window(NamedTuple):
+class _Span(NamedTuple):
     """From `start` to `stop` [s], at the velocity `before` until the first of its joints, each a
     time [s], the velocity from it on, its error [s], and whether it begins a unit."""
 
@@ -138,43 +138,25 @@ def join(record: Record, events: Sequence[Event]) -> Joined:
             " the loop takes forward motion. Give the load point with the other sign (--column)"
         )
     phases, begins = _phases(stretches, record)
-    t, of = record.relative_time, np.full(len(record), -1)
-    joined = np.zeros(len(record))
-    for k, phase in enumerate(phases):
-        ends = stretches[phase.stretch].stop
-        last = k + 1 == len(phases) or phases[k + 1].stretch != phase.stretch
-        stop = ends if last else phases[k + 1].time
-        here = (t >= phase.time) & (t < stop)
-        of[here], joined[here] = k, phase.joined + t[here] - phase.time
+    of, time = _rows_of(phases, stretches, record.relative_time)
     keep = of >= 0
+    first = time[keep][0]  # the joined record begins with its first row
+    phases = tuple(
+        p._replace(joined=max(p.joined - first, 0.0), time=p.time if k else p.time + first)
+        for k, p in enumerate(phases)
+    )
     rows = replace(
         record,
         **{role: frozen(values[keep]) for role, values in record.columns.items()},
         provenance=replace(record.provenance, lines=None),
     )
-    made = Joined(
-        rows,
-        rows,
-        phases,
-        tuple(Stretch(s.start, s.stop, s.normal_stress) for s in stretches),
-        of[keep],
-        begins,
-    )
-    first = joined[keep][0]  # the first row is when the record begins
-    made = replace(
-        made,
-        phases=tuple(
-            p._replace(joined=max(p.joined - first, 0.0), time=p.time if k else p.time + first)
-            for k, p in enumerate(phases)
-        ),
-        begins=begins - first,
-    )
-    time = joined[keep] - first
-    path = made.steps().displacement(time)
+    of_run = tuple(Stretch(s.start, s.stop, s.normal_stress) for s in stretches)
+    made = Joined(rows, rows, phases, of_run, of[keep], begins - first)
+    time = time[keep] - first
     alone = Record(
         frozen(time),
         rows.friction,
-        frozen(path),
+        frozen(made.steps().displacement(time)),
         friction_unit=record.friction_unit,
         units=record.units,
         provenance=rows.provenance,
@@ -182,9 +164,22 @@ def join(record: Record, events: Sequence[Event]) -> Joined:
     return replace(made, record=alone)
 
 
-def _windows(record: Record, events: Sequence[Event]) -> list[_Window]:
+def _rows_of(
+    phases: Sequence[Phase], stretches: Sequence["_Span"], t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The phase of every row of a run (-1: none), and its time in the joined motion."""
+    of, joined = np.full(len(t), -1), np.zeros(len(t))
+    for k, phase in enumerate(phases):
+        last = k + 1 == len(phases) or phases[k + 1].stretch != phase.stretch
+        stop = stretches[phase.stretch].stop if last else phases[k + 1].time
+        here = (t >= phase.time) & (t < stop)
+        of[here], joined[here] = k, phase.joined + t[here] - phase.time
+    return of, joined
+
+
+def _windows(record: Record, events: Sequence[Event]) -> list[_Span]:
     found = [
-        _Window(
+        _Span(
             e.start,
             e.stop,
             e.before,
@@ -205,11 +200,11 @@ def _windows(record: Record, events: Sequence[Event]) -> list[_Window]:
                 (event.time, 0.0, event.time_error, True),
                 (back, event.before, event.time_error, False),
             )
-            found.append(_Window(start, stop, event.before, joints, event.normal_stress))
+            found.append(_Span(start, stop, event.before, joints, event.normal_stress))
     return sorted(found, key=lambda window: window.start)
 
 
-def _stretches(windows: Sequence[_Window]) -> list[_Window]:
+def _stretches(windows: Sequence[_Span]) -> list[_Span]:
     """Windows that touch as one; of two joints at one time the first stays."""
     out = [windows[0]]
     for window in windows[1:]:
@@ -223,7 +218,7 @@ def _stretches(windows: Sequence[_Window]) -> list[_Window]:
     return out
 
 
-def _phases(stretches: Sequence[_Window], record: Record) -> tuple[tuple[Phase, ...], np.ndarray]:
+def _phases(stretches: Sequence[_Span], record: Record) -> tuple[tuple[Phase, ...], np.ndarray]:
     """All phases, and the joined times at which the motion towards later stretches begins."""
     ways = []
     for s in stretches:

@@ -1,0 +1,214 @@
+"""The loop over runs with one hidden effect: `python -m fits.runs.effects [--seeds 0 6]`.
+
+A run has two stretches with an unloading between them, each of a first velocity, four steps and a
+hold: the plants of `fits.blind` (SciPy), their friction cut off by the unloading and lifted by
+another level after it. The events are found as `jaxfric run` finds them, the loop is `jaxfric loop
+--run`. Effects are those that one step leaves as each other's aliases, at rho of .5: what a refit
+of A, B, L, f0 leaves of the noise-free record is half of the noise. Counted is: the effect that is
+named is the true one (exact), or the true one is told as one that the run cannot tell from it
+(group), and no effect is named where there is none. Results are kept by record, so a run of this
+that was broken off goes on.
+"""
+
+import argparse
+import json
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from fits.blind import measured
+from fits.blind.draws import LEVELS, SIGMA, UM, Draw, log_uniform
+from fits.blind.generate import Refit, UnreachableError, scale
+from fits.blind.plants import Base, Protocol, RunawayError, simulate
+
+HERE = Path(__file__).parent
+EFFECTS = ("second_state", "slip_trend", "thermal", "ageing", "velocity_dependent_L", "")
+NOISES = ("white", "p655-run", "sepiolite-1", "basalt")
+RHO = 0.5
+_SLIP, _ROWS, _HOLD_ROWS, _STEPS, _STRETCHES = 150 * UM, 200, 80, 4, 2
+
+
+def draw(rng: np.random.Generator) -> tuple[Draw, list[int]]:
+    """The plant, its protocol and samples, and the first phase of every later stretch."""
+    A, L = log_uniform(rng, 0.004, 0.02), log_uniform(rng, 4 * UM, 15 * UM)
+    B = A * (log_uniform(rng, 0.6, 0.9) if rng.random() < 0.2 else log_uniform(rng, 1.15, 2.2))
+    ratio = log_uniform(rng, 4, 8)
+    base = Base(float(rng.uniform(0.5, 0.75)), A, B, L, ratio * max(B - A, 0.2 * B) / L)
+    rung, velocities, durations, firsts = int(rng.integers(3)), [], [], []
+    for stretch in range(_STRETCHES):
+        if stretch:
+            firsts.append(len(velocities))
+        velocities.append(LEVELS[rung])
+        durations.append(1.5 * _SLIP / LEVELS[rung])
+        hold = int(rng.integers(1, _STEPS + 1))
+        for step in range(1, _STEPS + 1):
+            moves = [r for r in (rung - 2, rung - 1, rung + 1, rung + 2) if 0 <= r < len(LEVELS)]
+            rung = int(rng.choice(moves))
+            velocities.append(LEVELS[rung])
+            durations.append(_SLIP / LEVELS[rung])
+            if step == hold:
+                velocities += [0.0, LEVELS[rung]]
+                durations += [log_uniform(rng, 30, 1000), _SLIP / LEVELS[rung]]
+    protocol = Protocol(tuple(velocities), tuple(durations))
+    t = []
+    for begin, lasts, v in zip(protocol.starts, durations, velocities, strict=True):
+        rows = _ROWS if v else _HOLD_ROWS
+        t.append(begin + (np.arange(rows) + 0.5) * lasts / rows)
+    t = np.concatenate(t)
+    return Draw(base, ratio, protocol, t - t[0], None), firsts
+
+
+def make(effect: str, seed: int) -> dict:
+    """Columns of a run in SI, its stiffness and the truth."""
+    for attempt in range(40):
+        rng = np.random.default_rng([seed, EFFECTS.index(effect), attempt, 20])
+        try:
+            plant, firsts = draw(rng)
+            hidden, rho = {}, 0.0
+            if effect:
+                parameters, rho = scale(effect, plant, Refit(plant), RHO, rng)
+                hidden = {effect: parameters}
+            path = simulate(plant.base, plant.protocol, hidden, plant.t)
+        except (RunawayError, UnreachableError):
+            continue
+        return _unloaded(path, plant, firsts, seed, rng) | {
+            "truth": hidden,
+            "rho": rho,
+            "A": plant.base.A,
+            "B": plant.base.B,
+            "L": plant.base.L,
+        }
+    raise UnreachableError(f"{effect}, seed {seed}: no draw reaches rho")
+
+
+def _unloaded(path, plant: Draw, firsts: list[int], seed: int, rng: np.random.Generator) -> dict:
+    """The rows with noise, an unloading and another level before every later stretch."""
+    phase = np.searchsorted(plant.protocol.starts, plant.t, side="right") - 1
+    noise, kind = SIGMA * rng.standard_normal(len(plant.t)), NOISES[seed % len(NOISES)]
+    if kind != "white":
+        noise = SIGMA * measured.cut(kind, np.bincount(phase).tolist(), rng)
+    x = np.array([plant.protocol.displacement(np.array([t]))[0] for t in plant.t])
+    parts, late, level = [], 0.0, 0.0
+    for stretch in range(len(firsts) + 1):
+        begin = 0 if stretch == 0 else firsts[stretch - 1]
+        end = firsts[stretch] if stretch < len(firsts) else len(plant.protocol.velocities)
+        rows = (phase >= begin) & (phase < end)
+        if stretch:
+            v = plant.protocol.velocities[begin]
+            back = 0.3 * plant.base.f0 / plant.base.K
+            share = (np.arange(120) + 0.5) / 60
+            way = np.where(share < 1, share, 2 - share) * back
+            before = parts[-1]
+            parts.append(
+                (
+                    before[0][-1] + 0.5 / 60 * back / v + share * back / v,
+                    before[1][-1] - way,
+                    before[2][-1] - plant.base.K * way + SIGMA * rng.standard_normal(120),
+                )
+            )
+            late += 2 * back / v
+            level += float(rng.normal(0, 0.004))
+        parts.append((plant.t[rows] + late, x[rows], path.record[rows] + noise[rows] + level))
+    t, position, friction = (np.concatenate(each) for each in zip(*parts, strict=True))
+    position = position + 0.02 * UM * rng.standard_normal(len(t))
+    return {"t": t, "x": position, "f": friction, "K": plant.base.K, "noise": kind}
+
+
+def study(task: tuple[str, int]) -> dict:
+    """One run through the loop."""
+    effect, seed = task
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    import jaxfric as jf
+    from jaxfric.cache import cache_compiled
+    from jaxfric.loop import close_loop
+    from jaxfric.runs.fits import decided_events
+    from jaxfric.runs.stiffness import MachineStiffness
+
+    cache_compiled()
+    run = make(effect, seed)
+    record = jf.from_arrays(run["t"], run["f"], load_point_displacement=run["x"])
+    stiffness, begun = MachineStiffness(run["K"]), time.monotonic()
+    out = {"effect": effect, "seed": seed, "noise": run["noise"], "rho": run["rho"]}
+    out["truth"] = run["truth"].get(effect, {})
+    try:
+        record, events = decided_events(record, None, stiffness)
+        loop = close_loop(record, stiffness=run["K"], events=events)
+    except Exception as error:
+        return out | {"error": f"{type(error).__name__}: {error}"}
+    units = {p.unit for p in loop.details.joined.phases if p.unit >= 0}
+    covered = {}
+    for name in ("A", "B", "L"):
+        p = loop.after.parameters[name]
+        covered[name] = bool(p.lower <= run[name] <= p.upper)
+    return out | {
+        "verdict": loop.verdict,
+        "found": list(loop.effects),
+        "groups": [list(group) for group in loop.alias_groups],
+        "units": len(units),
+        "covered": covered,
+        "heldout": loop.heldout(loop.after) / SIGMA,
+        "seconds": time.monotonic() - begun,
+    }
+
+
+def exact(row: dict) -> bool:
+    """Whether the effect that is named is the true one, or none is where there is none."""
+    if not row["effect"]:
+        return row.get("verdict") == "no_missing_effect"
+    return row.get("found") == [row["effect"]] and row["verdict"] in ("effects", "ambiguous")
+
+
+def group(row: dict) -> bool:
+    """Whether one effect is named, and the true one is it or told as not to be told from it."""
+    if not row["effect"]:
+        return exact(row)
+    named = row.get("verdict") in ("effects", "ambiguous") and len(row["found"]) == 1
+    return named and row["effect"] in row["groups"][0]
+
+
+def told(rows: list[dict]) -> str:
+    """The table: an effect a line."""
+    lines = ["effect                 runs  exact  group  verdicts"]
+    for effect in EFFECTS:
+        own = [row for row in rows if row["effect"] == effect]
+        if own:
+            wrong = [row for row in own if not exact(row)]
+            what = "; ".join(f"{row['seed']}: {_short(row)}" for row in wrong)
+            lines.append(
+                f"{effect or 'none':22} {len(own):4d} {sum(map(exact, own)):6d}"
+                f" {sum(map(group, own)):6d}  {what}"
+            )
+    return "\n".join(lines)
+
+
+def _short(row: dict) -> str:
+    return row.get("error") or " ".join([row["verdict"], "+".join(row["found"])]).strip()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", nargs=2, type=int, default=(0, 6), metavar=("FROM", "TO"))
+    parser.add_argument("--effects", nargs="*", default=list(EFFECTS))
+    parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--out", type=Path, default=HERE / "effects.json")
+    given = parser.parse_args()
+    rows = json.loads(given.out.read_text(encoding="utf-8")) if given.out.exists() else []
+    done = {(row["effect"], row["seed"]) for row in rows}
+    tasks = [(e, s) for s in range(*given.seeds) for e in given.effects if (e, s) not in done]
+    os.environ.setdefault("NPROC", "1")
+    with ProcessPoolExecutor(given.cores) as pool:
+        for row in pool.map(study, tasks):
+            rows.append(row)
+            rows.sort(key=lambda r: (EFFECTS.index(r["effect"]), r["seed"]))
+            given.out.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+            print(row["effect"] or "none", row["seed"], _short(row), flush=True)
+    print(told(rows))
+
+
+if __name__ == "__main__":
+    main()

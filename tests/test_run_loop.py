@@ -1,0 +1,275 @@
+"""The loop over a run: windows as one motion, levels, and whole steps held out."""
+
+from dataclasses import replace
+from functools import partial
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from command import assert_refused, run
+
+import jaxfric as jf
+from jaxfric.errors import InputError
+from jaxfric.fitting.problem import Model, ProblemSizes, make_problem
+from jaxfric.laws.registry import rate_state
+from jaxfric.loop.location import _log_steps
+from jaxfric.loop.run import RunDetails, _in_stretches, _levels, _thinned
+from jaxfric.loop.split import split_units
+from jaxfric.motion import PiecewiseVelocity
+from jaxfric.rig import QuasiStatic, Rig
+from jaxfric.rig.friction import LogarithmicEffect
+from jaxfric.rig.normal_stress import stress_of_levels
+from jaxfric.runs.events import Event
+from jaxfric.runs.joined import join
+from jaxfric.simulation import simulate
+
+UM = 1e-6
+TRUE = {"f0": 0.6, "A": 0.01, "B": 0.013, "L": 10 * UM, "V0": 1 * UM}
+K = 2000.0
+
+
+def step(time, before, after, start, stop, *, fitted=True, stress=None, kind="step"):
+    return Event(kind, time, before, after, start, stop, 0.01, stress, fitted=fitted)
+
+
+def record(end=1000.0, dt=0.5, *, position=None, friction=None, stress=None):
+    t = np.arange(0.0, end, dt)
+    return jf.from_arrays(
+        t + 7.0,
+        0.6 + 1e-3 * np.sin(t) if friction is None else friction(t),
+        load_point_displacement=t * UM if position is None else position(t),
+        normal_stress=None if stress is None else stress(t),
+    )
+
+
+def two_stretches(**more):
+    """Two steps that touch, something else from 300 to 700 s, a third step."""
+    places = np.array([0, 300, 100, 450, 750]) * UM
+    events = [
+        step(100.0, 1 * UM, 3 * UM, 50.0, 200.0, stress=more.get("first")),
+        step(200.0, 3 * UM, 1 * UM, 150.0, 300.0, stress=more.get("first")),
+        step(400.0, 1 * UM, -1 * UM, 300.0, 500.0, fitted=False, kind="unload"),
+        step(800.0, 2 * UM, 6 * UM, 700.0, 900.0, stress=more.get("second")),
+    ]
+    position = partial(np.interp, xp=[0, 300, 500, 700, 1000], fp=places)
+    return join(record(position=position), events)
+
+
+def test_windows_that_touch_are_one_stretch():
+    joined = two_stretches()
+    assert [(s.start, s.stop) for s in joined.stretches] == [(50.0, 300.0), (700.0, 900.0)]
+    assert [p.velocity / UM for p in joined.phases] == pytest.approx([1, 3, 1, 2, 6])
+    assert [p.unit for p in joined.phases] == [-1, 0, 1, -1, 2]
+    assert [p.stretch for p in joined.phases] == [0, 0, 0, 1, 1]
+    rows = joined.rows.time - 7.0
+    assert rows.min() == 50.0 and not np.any((rows >= 300) & (rows < 700)) and rows.max() < 900
+    assert np.array_equal(np.unique(joined.phase), np.arange(5))
+    assert np.all(np.abs(rows - 100)[(joined.phase == 0) & (rows > 60)] <= 40)
+
+
+def test_slip_goes_on_as_in_the_run():
+    """From 300 um the encoder was at the second stretch's begin 150 um further, and the joined
+    motion goes at least the typical way of a phase: 300 um here, of 300, 100 and 600."""
+    joined = two_stretches()
+    steps = joined.steps()
+    begin, first = joined.begins[0], joined.phases[3].joined
+    assert begin == pytest.approx(250.0)  # 50 to 300 s
+    assert (first - begin) * 2 * UM == pytest.approx(300 * UM)
+    assert steps.displacement(np.array([first]))[0] == pytest.approx((50 + 300 + 100 + 300) * UM)
+    far = lambda t: np.interp(t, [0, 300, 700, 1000], np.array([0, 300, 1300, 2000]) * UM)  # noqa: E731
+    events = [
+        step(100.0, 1 * UM, 3 * UM, 50.0, 300.0),
+        step(800.0, 2 * UM, 6 * UM, 700.0, 900.0),
+    ]
+    joined = join(record(position=far), events)
+    assert (joined.phases[2].joined - joined.begins[0]) * 2 * UM == pytest.approx(1000 * UM)
+
+
+def test_a_hold_and_what_follows_is_one_unit():
+    events = [
+        step(100.0, 1 * UM, 3 * UM, 50.0, 200.0),
+        step(200.0, 3 * UM, 0.0, 100.0, 300.0, fitted=False, kind="hold"),
+        step(300.0, 0.0, 3 * UM, 200.0, 400.0, fitted=False, kind="reload"),
+        step(400.0, 3 * UM, 1 * UM, 350.0, 600.0),
+    ]
+    joined = join(record(), events)
+    assert len(joined.stretches) == 1
+    assert [(p.velocity / UM, p.unit) for p in joined.phases] == [
+        (1, -1), (3, 0), (0, 1), (3, 1), (1, 2),
+    ]  # fmt: skip
+    assert [p.time for p in joined.phases] == [50.0, 100.0, 200.0, 300.0, 400.0]
+    assert (
+        joined.steps().text()
+        == "0 s: 1 um/s, 50 s: 3 um/s, 150 s: 0 um/s, 250 s: 3 um/s, 350 s: 1 um/s"
+    )
+
+
+def test_a_hold_under_a_changing_stress_is_left_out():
+    events = [
+        step(100.0, 1 * UM, 3 * UM, 50.0, 200.0),
+        step(200.0, 3 * UM, 0.0, 100.0, 300.0, fitted=False, kind="hold"),
+        step(300.0, 0.0, 3 * UM, 200.0, 400.0, fitted=False, kind="reload"),
+    ]
+    moving = record(stress=lambda t: 5e6 * (1 + 0.1 * (t > 250)))
+    assert {p.unit for p in join(moving, events).phases} == {-1, 0}
+    constant = record(stress=lambda t: np.full_like(t, 5e6))
+    assert {p.unit for p in join(constant, events).phases} == {-1, 0, 1}
+
+
+def test_what_cannot_be_joined_is_told():
+    with pytest.raises(InputError, match="no velocity step to fit among 1 events"):
+        join(record(), [step(100.0, 1 * UM, 3 * UM, 50.0, 200.0, fitted=False)])
+    with pytest.raises(InputError, match="moves backwards in a window"):
+        join(record(), [step(100.0, -1 * UM, -3 * UM, 50.0, 200.0)])
+
+
+def alone(velocities, times, t, stiffness):
+    """Friction of the slider that begins in steady sliding; times from 0."""
+    law = rate_state("slip", TRUE, 1, direct=LogarithmicEffect())
+    motion = PiecewiseVelocity(np.asarray(times), np.asarray(velocities))
+    found = simulate(
+        Rig(QuasiStatic(jnp.asarray(stiffness)), law), motion, jnp.asarray(t), rtol=1e-8
+    )
+    return np.asarray(found.recorded)
+
+
+def problem_of(joined, levels=0):
+    steps = joined.steps(fine=True)
+    made = make_problem(
+        joined.record.time,
+        joined.record.friction,
+        steps,
+        ProblemSizes(TRUE["V0"], K, 1e-3, 0.01),
+        Model(levels=levels),
+    )
+    return replace(_in_stretches(made, joined), rtol=1e-8)
+
+
+@pytest.mark.parametrize("pressed", [1.0, 1.3])
+def test_a_stretch_is_predicted_as_if_it_were_alone(pressed):
+    """What was before it has been forgotten; the stiffness is that of its normal stress."""
+    joined = two_stretches(first=5e6, second=5e6 * pressed)
+    problem = problem_of(joined, levels=1)
+    values = np.array([TRUE[n] for n in ("f0", "A", "B", "L")] + [0.02])
+    predicted, _, ok = problem.predict(problem.to_free(jnp.asarray(values)))
+    assert bool(ok)
+    t, predicted = joined.record.time, np.asarray(predicted)[: len(joined.record)]
+    later = joined.stretch == 1
+    begin = joined.phases[3].joined
+    expected = alone([2 * UM, 6 * UM], [0, 100.0], t[later] - begin, K / pressed)
+    assert np.abs(predicted[later] - 0.02 - expected).max() < 2e-6
+    expected = alone([1 * UM, 3 * UM, 1 * UM], [0, 50.0, 150.0], t[~later], K)
+    assert np.abs(predicted[~later] - expected).max() < 2e-6
+
+
+def test_one_normal_stress_is_none():
+    assert two_stretches(first=5e6, second=5.02e6).stress() is None
+    assert two_stretches(first=5e6).stress() is None
+    assert two_stretches(first=5e6, second=6e6).stress() is not None
+
+
+def test_the_stress_goes_from_level_to_level():
+    stress = stress_of_levels(
+        np.array([10.0, 50.0]), np.array([12.0, 54.0]), np.array([1, 1.4, 0.8])
+    )
+    at = lambda t: float(stress.padded(8).ratio(jnp.asarray(t)))  # noqa: E731
+    assert [at(t) for t in (0.0, 9.9, 12.0, 40.0, 54.0, 1e3)] == pytest.approx(
+        [1, 1, 1.4, 1.4, 0.8, 0.8]
+    )
+    assert at(11.0) == pytest.approx(1.2) and at(52.0) == pytest.approx(1.1)
+    assert at(10.5) == pytest.approx(1 + 0.4 * (3 * 0.25**2 - 2 * 0.25**3))
+
+
+def test_levels_are_those_of_the_ends_of_phases():
+    """f = f0 + level + c ln V at the end of every phase, whatever happens before."""
+    offsets, c, joined = np.array([0.0, 0.013]), -0.004, two_stretches()
+    friction = np.full(len(joined.record), np.nan)
+    for k, phase in enumerate(joined.phases):
+        rows = np.flatnonzero(joined.phase == k)
+        friction[rows] = 0.6 + offsets[phase.stretch] + c * np.log(phase.velocity)
+        friction[rows[: int(0.75 * len(rows))]] += 0.05
+    joined = replace(joined, record=replace(joined.record, friction=friction))
+    assert _levels(joined, np.ones(len(friction), bool)) == pytest.approx(offsets, abs=1e-12)
+    wrong = joined.phase == 4  # held out: not looked at
+    joined.record.friction[wrong] += 1.0
+    assert _levels(joined, ~wrong) == pytest.approx(offsets, abs=1e-12)
+
+
+UNITS = [
+    # velocities of the phases [um/s], their units; the phases that report, and that select
+    ([1, 3, 10, 3, 1], [-1, 0, 1, 2, 3], {3}, {1}),
+    ([1, 3, 10, 3, 1, 3, 10], [-1, 0, 1, 2, 3, 4, 5], {6}, {5}),
+    ([1, 3, 0, 3, 10, 1, 3], [-1, 0, 1, 1, 2, 3, 4], {6}, {2, 3}),
+    ([1, 3, 10, 1, 10, 3, 1], [-1, 0, 1, -1, 2, 3, 4], {5}, {4}),
+]
+
+
+@pytest.mark.parametrize("velocities, units, report, select", UNITS)
+def test_whole_units_are_held_out(velocities, units, report, select):
+    """The last within the velocities that train: the first at the fastest and the slowest do."""
+    phase = np.repeat(np.arange(len(units)), 30)
+    blocks = split_units(phase, np.array(units), np.array(velocities) * UM, "run")
+    assert set(phase[blocks.report]) == report
+    assert set(phase[blocks.select]) == select
+    assert np.array_equal(blocks.train, ~(blocks.select | blocks.report))
+    assert np.array_equal(blocks.step, phase) and blocks.by_step
+
+
+def test_two_units_are_too_few():
+    with pytest.raises(InputError, match=r"2 steps and holds can be fitted; .* needs 3"):
+        split_units(np.repeat([0, 1, 2], 30), np.array([-1, 0, 1]), np.array([1, 3, 1]) * UM, "run")
+    with pytest.raises(InputError, match="its select block would have 9 rows"):
+        phase = np.repeat(np.arange(5), [30, 9, 30, 30, 30])
+        split_units(phase, np.array([-1, 0, 1, 2, 3]), np.array([1, 3, 10, 3, 1]) * UM, "run")
+
+
+def test_a_hold_has_a_log_step():
+    found = _log_steps(np.array([1.0, 10.0, 0.0, 10.0]))
+    assert found == pytest.approx([0, np.log(10), -np.log(10) - 3, np.log(10) + 3])
+    assert _log_steps(np.array([0.0, 2.0]))[1] == pytest.approx(3.0)
+
+
+def test_means_reach_over_no_phase():
+    joined = two_stretches()
+    few, said = _thinned(joined, 300)
+    assert not said and len(few.record) == len(few.rows) == len(few.phase)
+    assert 200 < len(few.record) <= 301
+    for k in range(5):
+        mine, all_ = few.record.time[few.phase == k], joined.record.time[joined.phase == k]
+        assert all_.min() <= mine.min() and mine.max() <= all_.max()
+    t = few.rows.time - 7.0 - few.record.time
+    offsets = [t[few.stretch == s] for s in (0, 1)]
+    assert all(np.ptp(o) < 1e-9 for o in offsets)
+    assert _thinned(joined, 10_000)[0] is joined
+
+
+def test_the_table_of_stretches():
+    joined = two_stretches(first=5e6, second=6e6)
+    level = jf.Estimate(0.0123, 0.0004, 0.0115, 0.0131, "1")
+    [table] = RunDetails(joined, _after({"level2": level})).tables()
+    assert table.rows == [
+        ("50 to 300 s", "2", "5 MPa", "0"),
+        ("700 to 900 s", "1", "6 MPa", "0.0123 ± 0.0004"),
+    ]
+    assert RunDetails(joined, _after({})).to_json()["stretches"][1] == {
+        "start": 700.0,
+        "stop": 900.0,
+        "normal_stress": 6e6,
+    }
+
+
+def _after(parameters):
+    class After:
+        pass
+
+    after = After()
+    after.parameters = parameters
+    return after
+
+
+def test_steps_are_not_stated_of_a_run(tmp_path):
+    file = tmp_path / "mine.csv"
+    file.write_text("time [s],load_point_displacement [um],friction [1]\n0,0,.6\n")
+    for more in (["--run"], ["--events", "events.toml"]):
+        outcome = run("loop", file, "--stiffness", "1e-3/um", "--steps", "0 s: 1 um/s", *more)
+        assert_refused(outcome, "--steps states the steps of a record")
