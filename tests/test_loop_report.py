@@ -563,10 +563,11 @@ def test_the_verb(closed: dict[str, Any]) -> None:
         "stiffness": "5e-3/um",
         "law": "slip",
         "steps": None,
+        "events": None,
+        "rows": None,
         "with_": ("slip_trend", "gain"),
         "without": ("thermal",),
         "most": 2,
-        "rows": None,
         "read": 91,
     }
     assert out.startswith("no_missing_effect: ") and "most2/loop.html (open it" in out
