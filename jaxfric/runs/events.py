@@ -355,7 +355,7 @@ def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
         return event
     t = record.relative_time
     others = [other for other in events if other is not event and other.kind != "glitch"]
-    before = max((_end(o) for o in others if _end(o) <= event.time), default=0.0)
+    before = max((end_of(o) for o in others if end_of(o) <= event.time), default=0.0)
     after = min((o.time for o in others if o.time > event.time), default=float(t[-1]))
     way = abs(event.after) * (after - event.time)
     start = max((before + event.time) / 2, event.time - way / 2 / abs(event.before))
@@ -369,7 +369,7 @@ def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
     return replace(event, start=start, stop=after, fitted=True)
 
 
-def _end(event: Event) -> float:
+def end_of(event: Event) -> float:
     """When an event is over: that of stick-slip and of a change of stress lasts."""
     lasts = event.kind == "stick_slip" or (event.kind == "stress" and event.before == event.after)
     return event.stop if lasts else event.time

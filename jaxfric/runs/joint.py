@@ -62,24 +62,25 @@ class Dependence:
         return f"{self.quantity} {way} by {size} {per} (p = {self.p:.2g})"
 
 
-def _known(step: StepFit) -> bool:
+def is_known(step: StepFit) -> bool:
     """Whether A, all B and L of a step are known."""
     fit = step.fit
     return (
         fit is not None
         and fit.converged
-        and all(fit.parameters[n].determined for n in _names(fit))
-        and bool(np.isfinite(_vector(fit)[1]).all())
+        and all(fit.parameters[n].determined for n in names_of(fit))
+        and bool(np.isfinite(vector_of(fit)[1]).all())
     )
 
 
-def _names(fit: Fit) -> list[str]:
+def names_of(fit: Fit) -> list[str]:
+    """Names of A, all B and all L of a fit, in the order of its free parameters."""
     return [n for n in fit.free if n[0] in "ABL" and (n == "A" or n[1:].isdigit() or len(n) == 1)]
 
 
-def _vector(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+def vector_of(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """A, B_i and ln L_i of a fit, and their covariance."""
-    names = _names(fit)
+    names = names_of(fit)
     at = [fit.free.index(n) for n in names]
     values = np.array([fit.parameters[n].value for n in names])
     lengths = np.array([n[0] == "L" for n in names])
@@ -92,14 +93,14 @@ def share(steps: Sequence[StepFit]) -> Shared | None:
     """What the steps share, see this file; None for fewer than two whose parameters are known."""
     from scipy.special import chdtrc
 
-    known = [step for step in steps if _known(step)]
+    known = [step for step in steps if is_known(step)]
     if len(known) < 2:
         return None
     fits = [step.fit for step in known if step.fit is not None]
-    names = _names(fits[0])
+    names = names_of(fits[0])
     vectors, weights = [], []
     for fit in fits:
-        vector, covariance = _vector(fit)
+        vector, covariance = vector_of(fit)
         vectors.append(vector)
         weights.append(np.linalg.pinv(covariance, hermitian=True))
     covariance = np.linalg.pinv(np.sum(weights, axis=0), hermitian=True)
@@ -126,7 +127,7 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
     """
     from scipy.special import stdtr
 
-    known = [step for step in steps if _known(step)]
+    known = [step for step in steps if is_known(step)]
     if len(known) < _FEWEST:
         return []
     sides = [
@@ -158,7 +159,7 @@ def _quantities(known: Sequence[StepFit]) -> dict[str, tuple[np.ndarray, np.ndar
     fits = [step.fit for step in known if step.fit is not None]
     A = np.array([(f.parameters["A"].value, f.parameters["A"].std) for f in fits])
     both = np.array([difference(f) for f in fits])
-    first = next(n for n in _names(fits[0]) if n[0] == "L")
+    first = next(n for n in names_of(fits[0]) if n[0] == "L")
     L = np.array([(f.parameters[first].value, f.parameters[first].std) for f in fits])
     return {
         "A": (A[:, 0], A[:, 1]),

@@ -1,0 +1,226 @@
+"""The fit of one step of the normal stress: priors, rows, and least squares in units of the noise.
+
+Minimised is |W r(z)|^2 + (z - z_0)^T P (z - z_0): W whitens by the noise that is left, which is
+found anew from fit to fit, P is the inverse covariance of what is known of A, B, L and K. Errors are
+those of (J^T W^T W J + P)^-1.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..fitting.abstract_problem import FAILED_MISFIT
+from ..fitting.noise import Noise
+from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
+from ..fitting.start import noise_from_differences
+from ..fitting.whitened import whitened
+from .fits import StepFit
+from .joint import is_known, names_of, vector_of
+from .stress_problem import (
+    LOGARITHMS,
+    NAMES,
+    StressRows,
+    StressStep,
+    make_stress_step,
+    predicted,
+    residual_and_slopes,
+)
+
+_NEIGHBOURS = 4
+"""Velocity steps, nearest in time, that A, B and L are known from."""
+_STIFF, _SOFT = 0.1, 0.5
+"""Prior error of ln K where it is given, and where every step found its own."""
+_FRICTION, _ALPHA, _TREND = 0.01, 0.1, 10.0
+"""What one of an unbounded B or f0, alpha, and trend [1/m] is."""
+_ALPHAS = (0.0, 0.1, 0.2, 0.3, 0.45)
+"""Where the search may begin."""
+_RAMP = ("late", "longer")
+_FIXED = 1e-6
+"""Prior error of what is not fitted."""
+_ROUNDS = 3
+"""Fits, each with the noise that the one before left."""
+_ODD = 16.27
+"""Chi-square of three degrees of freedom that is exceeded once in a thousand."""
+
+
+class Prior(NamedTuple):
+    """What is known of ln A, B and ln L: mean, covariance, and the numbers of the steps."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    steps: tuple[int, ...]
+
+
+class StressFit(NamedTuple):
+    """Parameters (SI) by name and their standard errors, whether the search ended, the factor by
+    which the errors of the prior were widened, the rms of the residual and the noise of
+    neighbours, and the friction that is predicted, with alpha and without."""
+
+    values: dict[str, float]
+    errors: dict[str, float]
+    converged: bool
+    widened: float
+    rms: float
+    noise: float
+    predicted: np.ndarray
+    without: np.ndarray
+
+
+def prior_of(steps: Sequence[StepFit], time: float) -> Prior | None:
+    """What the velocity steps nearest to a time [s] say of A, B and L; None where none is known.
+
+    Their weighted mean. Where they scatter by more than their errors, by a chi-square of c by
+    degree of freedom, the covariance is that of one step among them: c times n times the mean's
+    (Birge 1932, Phys. Rev. 40, 207-227).
+    """
+    known = [s for s in steps if is_known(s) and s.fit and len(names_of(s.fit)) == len("ABL")]
+    near = sorted(known, key=lambda s: abs(s.event.time - time))[:_NEIGHBOURS]
+    if not near:
+        return None
+    vectors, weights = [], []
+    for step in near:
+        assert step.fit is not None
+        vector, covariance = vector_of(step.fit)
+        scale = np.array([1 / vector[0], 1.0, 1.0])
+        vectors.append(np.array([np.log(vector[0]), vector[1], vector[2]]))
+        weights.append(np.linalg.pinv(covariance * np.outer(scale, scale), hermitian=True))
+    covariance = np.linalg.pinv(np.sum(weights, axis=0), hermitian=True)
+    mean = covariance @ np.sum([w @ v for w, v in zip(weights, vectors, strict=True)], axis=0)
+    q = sum(float((v - mean) @ w @ (v - mean)) for w, v in zip(weights, vectors, strict=True))
+    birge = q / max(3 * (len(near) - 1), 1)
+    wider = birge * len(near) if birge > 1 else 1.0
+    return Prior(mean, wider * covariance, tuple(sorted(s.number for s in near)))
+
+
+def stiffness_of(steps: Sequence[StepFit], stress: float) -> float | None:
+    """K [1/m] under a normal stress [Pa] by the median of what velocity steps found; None: none."""
+    found = [
+        s.fit.parameters["K"].value * (s.event.normal_stress or stress) / stress
+        for s in steps
+        if s.fit is not None and s.fit.converged
+    ]
+    return float(np.median(found)) if found else None
+
+
+def fit_stress(
+    rows: StressRows,
+    prior: Prior,
+    *,
+    velocity: float,
+    law: str,
+    stiffness: float,
+    stiffness_given: bool,
+    slip_trend: bool,
+) -> StressFit:
+    """Fit alpha, f0, A, B, L, K and how late the stress is; see this file."""
+    noise = noise_from_differences(rows.friction[rows.weight > 0])
+    sizes = dict.fromkeys(NAMES, 1.0)
+    sizes |= {"f0": _FRICTION, "B": _FRICTION, "alpha": _ALPHA, "slip_trend": _TREND}
+    sizes |= dict(zip(_RAMP, np.sqrt(np.diag(rows.unsure)), strict=True))
+    problem = make_stress_step(
+        rows, velocity=velocity, noise=noise, sizes=np.array(list(sizes.values())), law=law
+    )
+    before = rows.friction[(rows.time < rows.corners[0]) & (rows.weight > 0)]
+    z = np.zeros(len(NAMES))
+    z[NAMES.index("f0")] = np.median(before) / _FRICTION
+    where = [NAMES.index(name) for name in ("A", "B", "L")]
+    scale = np.array([1.0, 1 / _FRICTION, 1.0])
+    z[where] = prior.mean * scale
+    z[NAMES.index("K")] = np.log(stiffness)
+    center, weight = z.copy(), np.zeros((len(z), len(z)))
+    weight[np.ix_(where, where)] = np.linalg.pinv(
+        prior.covariance * np.outer(scale, scale), hermitian=True
+    )
+    ramp, own = [NAMES.index(name) for name in _RAMP], np.sqrt(np.diag(rows.unsure))
+    weight[np.ix_(ramp, ramp)] = np.linalg.inv(rows.unsure / np.outer(own, own))
+    alone = {"K": _STIFF if stiffness_given else _SOFT}
+    alone |= {} if slip_trend else {"slip_trend": _FIXED}
+    for name, error in alone.items():
+        weight[NAMES.index(name), NAMES.index(name)] = error**-2
+    widened = 1.0
+    z = _begin(problem, z)
+    z, spread, ended = _solved(problem, z, center, weight)
+    off = (z - center)[where]
+    odd = float(off @ weight[np.ix_(where, where)] @ off)
+    if odd > _ODD:
+        widened = float(np.sqrt(odd / 3))
+        weight[np.ix_(where, where)] /= widened**2
+        z, spread, ended = _solved(problem, z, center, weight)
+    return _result(problem, z, spread, ended, rows, widened)
+
+
+def _begin(problem: StressStep, z: np.ndarray) -> np.ndarray:
+    """The start with the alpha, of some, that fits best."""
+    starts = np.tile(z, (len(_ALPHAS), 1))
+    starts[:, NAMES.index("alpha")] = np.array(_ALPHAS) / _ALPHA
+    misfits = [float(np.sum(np.asarray(residual_and_slopes(problem, x)[0]) ** 2)) for x in starts]
+    return starts[int(np.argmin(misfits))]
+
+
+def _solved(
+    problem: StressStep, z: np.ndarray, center: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """The parameters, their covariance, and whether the search converged."""
+    values, vectors = np.linalg.eigh(weight)
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    noise: Noise | None = None
+    spread, ended = np.zeros_like(weight), False
+    for _ in range(_ROUNDS):
+        known: dict[bytes, np.ndarray] = {}
+
+        def columns(z: np.ndarray, known=known, noise=noise) -> np.ndarray:
+            key = z.tobytes()
+            if key not in known:
+                both = np.column_stack([np.asarray(x) for x in residual_and_slopes(problem, z)])
+                if noise is not None:
+                    both = whitened(problem.clock, problem.weight, both, noise)
+                ahead = np.column_stack([root @ (z - center), root])
+                known[key] = np.concatenate([both, ahead])
+            return known[key]
+
+        found = least_squares(
+            lambda z, c=columns: c(z)[:, 0],
+            z,
+            lambda z, c=columns: c(z)[:, 1:],
+            xtol=1e-7,
+            ftol=1e-9,
+            max_nfev=60,
+        )
+        z, jacobian = found.x, columns(found.x)[:, 1:]
+        ended = bool(found.status > 0)
+        spread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+        plain, slopes = (np.asarray(x) for x in residual_and_slopes(problem, z))
+        if np.abs(plain).max() >= FAILED_MISFIT:
+            return z, spread, False
+        longest = longest_memory(problem.clock)
+        likely = estimate_noise(noise_rows(problem.clock, problem.weight, plain, slopes, longest))
+        size = np.sqrt(np.sum(plain**2) / np.sum(np.asarray(problem.weight) > 0))
+        noise = likely.noise._replace(sigma=np.maximum(likely.noise.sigma, size))
+    return z, spread, ended
+
+
+def _result(
+    problem: StressStep,
+    z: np.ndarray,
+    spread: np.ndarray,
+    ended: bool,
+    rows: StressRows,
+    widened: float,
+) -> StressFit:
+    values = {name: float(v) for name, v in problem.natural(z).items()}
+    std = np.sqrt(np.diag(spread)) * np.asarray(problem.sizes)
+    errors = {
+        name: float(s * (values[name] if name in LOGARITHMS else 1.0))
+        for name, s in zip(NAMES, std, strict=True)
+    }
+    n, noise = len(rows.time), float(problem.noise)
+    curves = []
+    for alpha in (z[NAMES.index("alpha")], 0.0):
+        at = z.copy()
+        at[NAMES.index("alpha")] = alpha
+        curves.append(np.asarray(predicted(problem, at))[:n])
+    off = (curves[0] - rows.friction)[rows.weight > 0]
+    rms = float(np.sqrt(np.mean(off**2)))
+    return StressFit(values, errors, ended, widened, rms, noise, *curves)

@@ -1,0 +1,150 @@
+"""The least-squares problem of one step of the normal stress while the load point moves steadily.
+
+A slider without mass on a spring, that slides steadily at V under a normal stress sigma_1; then the
+stress goes to sigma_2 on a broken line. With n = sigma/sigma_1 and friction f = tau/sigma
+
+    n f = f_1 + K (V t - x),    f = f0 + A ln(dx/dt/V) + theta (+ s x),
+    dtheta/dt = g(theta, dx/dt) - alpha n'/n,
+
+g by the slip or the ageing law. K [1/m] is that under sigma_1; under another normal stress it is
+K sigma_1/sigma, which the balance of n f says. V is the reference velocity: theta begins at 0.
+
+Source: Linker & Dieterich 1992, J. Geophys. Res. 97, 4923-4940, whose Theta is theta here.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..effects.friction import NormalStressState
+from ..fitting.abstract_problem import FAILED_MISFIT
+from ..fitting.padding import bucket
+from ..fitting.problem import Model, build_rig
+from ..motion import PiecewiseVelocity
+from ..rig.normal_stress import NormalStress
+from ..simulation import RESULTS, simulate
+from ..traced import traced
+
+NAMES = ("f0", "A", "B", "L", "K", "alpha", "slip_trend", "late", "longer")
+"""Parameters in the order of the unbounded vector; `slip_trend` [1/m] is the trend s. The stress
+begins to change `late` [s] later than its corners say, and takes exp(`longer`) times as long."""
+LOGARITHMS = ("A", "L", "K")
+CORNERS = 32
+"""Corners of the stress, at most; fewer are padded, so that one shape is compiled."""
+
+
+class StressRows(NamedTuple):
+    """Rows about a change of the normal stress, time from 0 [s]; those without weight do not count.
+
+    The stress is constant before the first corner [s] and after the last; `ratios` are that at the
+    corners, at most `CORNERS`, over that before. `unsure` is the covariance of `late` and `longer`.
+    """
+
+    time: np.ndarray
+    friction: np.ndarray
+    weight: np.ndarray
+    corners: np.ndarray
+    ratios: np.ndarray
+    unsure: np.ndarray
+
+
+class StressStep(eqx.Module):
+    """The rows about a step of the normal stress, and the stress; SI, time from 0."""
+
+    time: Float[Array, " n"]
+    friction: Float[Array, " n"]
+    weight: Float[Array, " n"]
+    clock: Float[Array, "n 3"]
+    corners: Float[Array, " m"]
+    """Times of the corners of the stress [s]; it is constant before the first and after the
+    last."""
+    ratios: Float[Array, " m"]
+    """Normal stress at the corners over that before."""
+    velocity: Float[Array, ""]
+    noise: Float[Array, ""]
+    """Size of the noise, in which residuals are."""
+    sizes: Float[Array, " p"]
+    """What one of an unbounded parameter is; those of logarithms are 1."""
+    law: str = eqx.field(static=True)
+
+    def natural(self, z: Float[Array, " p"]) -> dict[str, Array]:
+        """Parameters by name, SI, of the unbounded vector."""
+        pairs = zip(NAMES, z * self.sizes, strict=True)
+        return {name: jnp.exp(v) if name in LOGARITHMS else v for name, v in pairs}
+
+    def predict(self, z: Float[Array, " p"]) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
+        """Friction at all rows, and whether that succeeded."""
+        p = self.natural(z)
+        model = Model(self.law, 1, False, True)
+        values = [p[name] for name in ("f0", "A", "B", "L", "slip_trend")]
+        rig = build_rig(model, jnp.stack(values), self.velocity, p["K"])
+        rig = NormalStressState(p["alpha"]).embed(rig)
+        rig = eqx.tree_at(
+            lambda r: r.normal_stress, rig, self._stress(p["late"], p["longer"]), is_leaf=lambda x: x is None
+        )
+        motion = PiecewiseVelocity(jnp.zeros(1), self.velocity[None])
+        out = simulate(rig, motion, self.time, rtol=1e-5, runaway=1e6)
+        return out.recorded, out.result == RESULTS.successful
+
+    def residual(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
+        """(predicted - recorded)/noise; 0 without weight, `FAILED_MISFIT` where it fails."""
+        seen, succeeded = self.predict(z)
+        off = (seen - self.friction) / self.noise
+        return jnp.where(succeeded & jnp.isfinite(off), off, FAILED_MISFIT) * self.weight
+
+    def _stress(self, late: Float[Array, ""], longer: Float[Array, ""]) -> NormalStress:
+        first = self.corners[0]
+        times = first + late + (self.corners - first) * jnp.exp(longer)
+        widths, rises = jnp.diff(times), jnp.diff(self.ratios)
+        slopes = jnp.where(widths > 0, rises / jnp.where(widths > 0, widths, 1.0), 0.0)
+        begin = self.time[:1]
+        slopes = jnp.concatenate([jnp.zeros(1), slopes, jnp.zeros(1)])
+        levels = jnp.concatenate([self.ratios[:1], self.ratios])
+        zero = jnp.zeros_like(slopes)
+        span = jnp.stack([self.time[0], self.time[-1]])
+        return NormalStress(
+            jnp.concatenate([begin, times]), jnp.stack([zero, zero, slopes, levels]), span
+        )
+
+
+@traced
+def residual_and_slopes(
+    problem: StressStep, z: Float[Array, " p"]
+) -> tuple[Float[Array, " n"], Float[Array, "n p"]]:
+    """Residual and its Jacobian, in one solve that carries all tangents."""
+
+    def push(tangent: Array) -> tuple[Array, Array]:
+        return jax.jvp(problem.residual, (z,), (tangent,))
+
+    return jax.vmap(push, out_axes=(None, -1))(jnp.eye(z.shape[0], dtype=z.dtype))
+
+
+@traced
+def predicted(problem: StressStep, z: Float[Array, " p"]) -> Float[Array, " n"]:
+    """Friction at all rows."""
+    return problem.predict(z)[0]
+
+
+def make_stress_step(
+    rows: StressRows, *, velocity: float, noise: float, sizes: np.ndarray, law: str
+) -> StressStep:
+    """The problem of some rows, padded to few lengths."""
+    n, corners = len(rows.time), len(rows.corners)
+    pad, few, put = (0, bucket(n, 256) - n), (0, CORNERS - corners), jax.device_put
+    clock = np.stack([rows.time, velocity * rows.time, np.arange(n, dtype=float)], axis=1)
+    return StressStep(
+        put(np.pad(rows.time, pad, mode="edge")),
+        put(np.pad(rows.friction, pad, mode="edge")),
+        put(np.pad(rows.weight, pad)),
+        put(np.pad(clock, (pad, (0, 0)), mode="edge")),
+        put(np.pad(rows.corners, few, mode="edge")),
+        put(np.pad(rows.ratios, few, mode="edge")),
+        put(np.array(velocity)),
+        put(np.array(noise)),
+        put(sizes),
+        law,
+    )

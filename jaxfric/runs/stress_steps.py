@@ -1,0 +1,309 @@
+"""Steps of the normal stress while a run slides steadily: the alpha of Linker and Dieterich.
+
+Where the normal stress goes from s1 to s2 before the slider slips L, theta falls by alpha ln(s2/s1)
+at once, and friction comes back to its level over L of slip (Linker & Dieterich 1992, J. Geophys.
+Res. 97, 4923-4940). Fitted are alpha, f0, A, B, L and K (`stress_fit`). One such step tells A, B
+and L hardly apart: they are known from the velocity steps nearest to it, with their errors. K is
+known within 10 %, for the loading after a step shows it to parts in a thousand.
+
+No alpha is claimed where something else is superposed, where the stress changes so slowly that the
+slider slips several L meanwhile, and where the fit leaves what is no noise.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..fitting.uncertainty import QUANTILE
+from ..laws.registry import evolution_of
+from ..records import Record
+from .events import Event, end_of
+from .fits import HowFitted, StepFit
+from .stress import StressChange, find_stress_changes, is_constant
+from .stress_fit import StressFit, fit_stress, prior_of, stiffness_of
+from .stress_problem import StressRows
+from .stress_ramp import find_ramp
+from .table import Cell, measured
+
+_FEWEST = 10
+"""Least number of rows before, and after."""
+_BEFORE = 10.0
+"""The rows before it are those of so many L of the load point, or half the way since the last
+event."""
+_SLOW = 3.0
+"""A stress changes slowly if the slider slips so many L meanwhile."""
+_STEADY, _SURE = 0.1, 4.0
+"""Before it friction changes by no more than this share of what all motion of the load point would
+load, or by less than so many of its standard errors."""
+_ROUGH = 3.0
+"""A fit that leaves so many times what the fits of the velocity steps leave does not describe its
+rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class FittedStress:
+    """A step of the normal stress from `before` to `after` [Pa] at `time`, in `lasts` [s].
+
+    `alpha` and its standard `error`; None where none is claimed, and `why`. `velocity` is that of
+    the load point [m/s]. `fit` holds what was fitted, `prior` the numbers of the velocity steps
+    that A, B and L are known from, `rows` those that were fitted; None without a fit.
+    """
+
+    time: float
+    lasts: float
+    velocity: float
+    before: float
+    after: float
+    alpha: float | None = None
+    error: float | None = None
+    why: str = ""
+    prior: tuple[int, ...] = ()
+    fit: StressFit | None = None
+    rows: StressRows | None = None
+
+
+class _NotClaimedError(Exception):
+    """Why no alpha is claimed."""
+
+
+def fit_stress_steps(
+    record: Record,
+    events: Sequence[Event],
+    steps: Sequence[StepFit],
+    how: HowFitted,
+    *,
+    progress: Callable[[str], None] = lambda text: None,
+) -> tuple[FittedStress, ...]:
+    """Every step of the normal stress of a run (`fits.RunFit`), with its alpha or why there is
+    none. A record without a normal stress, or of a force, has none."""
+    if record.normal_stress is None or record.friction_unit != "1":
+        return ()
+    changes = find_stress_changes(record.relative_time, record.normal_stress)
+    chosen = [event for event in events if event.kind == "stress"]
+    out = []
+    for number, event in enumerate(chosen, 1):
+        change = min(changes, key=lambda c: _apart(c, event.time), default=None)  # noqa: B023
+        if change is None:
+            continue
+        progress(f"stress step {number} of {len(chosen)}, at {event.time:.6g} s")
+        lasts = change.stop - change.start
+        blank = FittedStress(event.time, lasts, event.after, change.before, change.after)
+        try:
+            out.append(_fitted(record, event, change, events, steps, how, blank))
+        except _NotClaimedError as error:
+            out.append(replace(blank, why=str(error)))
+    return tuple(out)
+
+
+def _apart(change: StressChange, time: float) -> float:
+    return max(change.start - time, time - change.stop, 0.0)
+
+
+def _fitted(
+    record: Record,
+    event: Event,
+    change: StressChange,
+    events: Sequence[Event],
+    steps: Sequence[StepFit],
+    how: HowFitted,
+    blank: FittedStress,
+) -> FittedStress:
+    _refuse_superposed(event)
+    prior = prior_of(steps, event.time)
+    if prior is None or evolution_of(how.law) is None:
+        raise _NotClaimedError("no velocity step of the run gives A, B and L of one state")
+    L = float(np.exp(prior.mean[2]))
+    rows = _rows(record, event, change, events, (_BEFORE * L / event.before, how.rows))
+    given = how.stiffness is not None
+    K = how.stiffness.at(change.before) if given else stiffness_of(steps, change.before)
+    if K is None:
+        raise _NotClaimedError("the stiffness is not known")
+    _refuse_unsteady(rows, K, event.before)
+    _refuse_slow(change, L, K, event.before, float(np.median(rows.friction)))
+    found = fit_stress(
+        rows,
+        prior,
+        velocity=event.before,
+        law=how.law,
+        stiffness=K,
+        stiffness_given=given and not how.fit_stiffness,
+        slip_trend=how.slip_trend,
+    )
+    done = replace(blank, prior=prior.steps, fit=found, rows=rows)
+    alpha, error = found.values["alpha"], found.errors["alpha"]
+    usual = [s.fit.rms for s in steps if s.fit is not None and s.number in prior.steps]
+    if why := _doubt(found, float(np.median(usual))):
+        return replace(done, why=why)
+    return replace(done, alpha=alpha, error=error)
+
+
+def _refuse_superposed(event: Event) -> None:
+    if event.before == 0 or event.after == 0:
+        raise _NotClaimedError("the load point holds while the stress changes")
+    if event.before != event.after:
+        raise _NotClaimedError("a velocity step is superposed")
+    if event.before < 0:
+        raise _NotClaimedError("the load point moves back while the stress changes")
+
+
+def _rows(
+    record: Record,
+    event: Event,
+    change: StressChange,
+    events: Sequence[Event],
+    limits: tuple[float, int],
+) -> StressRows:
+    """The rows from half way since what was before to what is next.
+
+    `limits`: the longest time before [s], and how many means over rows there may be.
+    """
+    t, stress = record.relative_time, record.normal_stress
+    assert stress is not None
+    others = [e for e in events if e is not event and e.kind != "glitch"]
+    since = max((end_of(e) for e in others if e.time < change.start), default=0.0)
+    until = min((e.time for e in others if e.time > change.start), default=float(t[-1]) + 1.0)
+    if since > change.start or until < change.stop:
+        raise _NotClaimedError("something else happens while the stress changes")
+    longest, most = limits
+    first = int(np.searchsorted(t, max((since + change.start) / 2, change.start - longest)))
+    edges = np.searchsorted(t, [change.start, change.stop, until])
+    low, high, last = int(edges[0]), int(edges[1]) + 1, int(edges[2])
+    if low - first < _FEWEST or last - high < _FEWEST:
+        raise _NotClaimedError(
+            f"{low - first} rows before it and {max(last - high, 0)} after it: {_FEWEST} are needed"
+        )
+    if not (is_constant(stress[first:low], 4) and is_constant(stress[high:last], 4)):
+        raise _NotClaimedError("the normal stress is not constant before and after it")
+    weight = np.ones(len(t))
+    weight[low : high + 1] = 0.0
+    for glitch in (e for e in events if e.kind == "glitch"):
+        row = int(np.searchsorted(t, glitch.time))
+        weight[max(row - 1, 0) : row + 4] = 0.0
+    ramp = find_ramp(t[first:last], stress[first:last], low - first, high - first)
+    before, after = np.arange(first, low), np.arange(high, last)
+    size = -(-(last - first) // most)
+    groups = [x[: len(x) // size * size].reshape(-1, size) for x in (before, after)]
+    kept = np.concatenate(groups)
+    if size > 1:  # times count from the first row
+        kept = np.concatenate([np.full((1, size), first), kept])
+    begin = float(t[first])
+    return StressRows(
+        t[kept].mean(axis=1) - begin,
+        record.friction[kept].mean(axis=1),
+        weight[kept].min(axis=1),
+        ramp.corners - begin,
+        ramp.ratios,
+        ramp.unsure,
+    )
+
+
+def _refuse_unsteady(rows: StressRows, K: float, velocity: float) -> None:
+    """Where friction still rises, or falls, before the stress changes."""
+    before = (rows.time < rows.corners[0]) & (rows.weight > 0)
+    x, f = velocity * rows.time[before], rows.friction[before]
+    (slope, _), covariance = np.polyfit(x, f, 1, cov=True)
+    if abs(slope) > _STEADY * K and abs(slope) > _SURE * np.sqrt(covariance[0, 0]):
+        share = f"{100 * abs(slope) / K:.2g} % of what its motion would load"
+        word = "rises" if slope > 0 else "falls"
+        raise _NotClaimedError(f"friction still {word} before it, by {share}: no steady sliding")
+
+
+def _refuse_slow(
+    change: StressChange, L: float, K: float, velocity: float, friction: float
+) -> None:
+    """Where the slider slips several L while the stress changes; what the spring takes up of the
+    way of the load point is no slip."""
+    ratio = change.after / change.before
+    way = velocity * (change.stop - change.start)
+    slip = way - max(friction * (ratio - 1) / K, 0.0)
+    if slip > _SLOW * L:
+        raise _NotClaimedError(
+            f"the stress changes slowly: the slider slips {1e6 * slip:.3g} um meanwhile,"
+            f" {slip / L:.2g} L, and the transient is not resolved"
+        )
+
+
+def _doubt(found: StressFit, usual: float) -> str:
+    """Why an alpha that was fitted is not claimed; '' where it is."""
+    alpha, error = found.values["alpha"], found.errors["alpha"]
+    if not found.converged or not np.isfinite([alpha, error]).all():
+        return "the fit did not converge"
+    if found.rms > _ROUGH * usual:
+        return (
+            f"the fit leaves {found.rms / usual:.2g} times what those of the velocity steps leave:"
+            " these equations do not describe it"
+        )
+    if QUANTILE * error > found.values["f0"]:
+        return "the record does not determine it"
+    return ""
+
+
+def rows(found: Sequence[FittedStress]) -> list[dict[str, Cell]]:
+    """A row for every step of the normal stress, units in the names; None: not known."""
+    out: list[dict[str, Cell]] = []
+    for number, one in enumerate(found, 1):
+        row: dict[str, Cell] = {
+            "stress step": number,
+            "time [s]": round(one.time, 4),
+            "lasts [s]": float(f"{one.lasts:.5g}"),
+            "velocity [um/s]": float(f"{1e6 * one.velocity:.7g}"),
+            "normal_stress before [MPa]": float(f"{one.before / 1e6:.6g}"),
+            "normal_stress after [MPa]": float(f"{one.after / 1e6:.6g}"),
+            "alpha": None if one.alpha is None else float(f"{one.alpha:.6g}"),
+            "std alpha": None if one.error is None else float(f"{one.error:.4g}"),
+        }
+        if one.fit is not None and one.alpha is not None:
+            for name, unit, scale in (
+                ("f0", "", 1.0),
+                ("A", "", 1.0),
+                ("B", "", 1.0),
+                ("L", " [um]", 1e6),
+                ("K", " [1/um]", 1e-6),
+            ):
+                row[name + unit] = float(f"{scale * one.fit.values[name]:.6g}")
+                row[f"std {name}{unit}"] = float(f"{scale * one.fit.errors[name]:.4g}")
+            row["rms"] = float(f"{one.fit.rms:.4g}")
+        row["A, B, L known from steps"] = " ".join(map(str, one.prior))
+        row["result"] = one.why or "converged"
+        out.append(row)
+    return out
+
+
+def to_json(found: Sequence[FittedStress]) -> list[dict[str, object]]:
+    """The stress steps as JSON values, SI."""
+    return [
+        {
+            "time": one.time,
+            "lasts": one.lasts,
+            "velocity": one.velocity,
+            "normal_stress": [one.before, one.after],
+            "alpha": one.alpha,
+            "error": one.error,
+            "why": one.why,
+            "known_from_steps": list(one.prior),
+            "prior_widened": None if one.fit is None else one.fit.widened,
+            "values": None if one.alpha is None or one.fit is None else one.fit.values,
+            "errors": None if one.alpha is None or one.fit is None else one.fit.errors,
+        }
+        for one in found
+    ]
+
+
+def told(found: Sequence[FittedStress]) -> list[str]:
+    """Lines on the steps of the normal stress."""
+    lines = []
+    for one in found:
+        line = f"normal stress {one.before / 1e6:.4g} -> {one.after / 1e6:.4g} MPa at"
+        line += f" {one.time:.6g} s: "
+        if one.alpha is None or one.error is None:
+            lines.append(f"{line}no alpha: {one.why}")
+            continue
+        line += f"alpha {measured(one.alpha, one.error)}"
+        if one.fit is not None and one.fit.widened > 1:
+            line += (
+                f"; its A, B, L are {one.fit.widened:.2g} times the errors off those of the"
+                " velocity steps"
+            )
+        lines.append(line)
+    return lines
