@@ -54,7 +54,7 @@ def study(seed: int, events: int) -> dict:
         out.append(entry)
     true = sum(h.kind == "stress" and h.before == h.after for h in run.happenings)
     return {
-        "seed": seed, "law": law, "noise": noise, "alpha": run.press.alpha, "true": true,
+        "seed": seed, "law": law, "noise": noise, "alpha": run.press.alpha, "true": int(true),
         "stress steps": out,
     }  # fmt: skip
 
@@ -66,7 +66,7 @@ def summary(runs: list[dict]) -> dict:
     errors = np.array([one["error"] for one in every if "off" in one])
     why = Counter(one["why"].split(":")[0] for one in every if one["why"])
     return {
-        "stress steps": [len(every), sum(run["true"] for run in runs)],
+        "stress steps": [len(every), int(sum(run["true"] for run in runs))],
         "alpha claimed": len(off),
         "truth in the 95 % interval": int(np.sum(np.abs(off) < 1.96)),
         "mean of (alpha - truth)/error": round(float(np.mean(off)), 3),

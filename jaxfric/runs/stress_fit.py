@@ -1,8 +1,8 @@
 """The fit of one step of the normal stress: priors, rows, and least squares in units of the noise.
 
-Minimised is |W r(z)|^2 + (z - z_0)^T P (z - z_0): W whitens by the noise that is left, which is
-found anew from fit to fit, P is the inverse covariance of what is known of A, B, L and K. Errors are
-those of (J^T W^T W J + P)^-1.
+Minimised is |W r(z)|^2 + (z - z_0)^T P (z - z_0): W whitens by the noise that a first fit leaves, P
+is the inverse covariance of what is known of A, B, L, K and the ramp. Errors are those of
+(J^T W^T W J + P)^-1.
 """
 
 from collections.abc import Sequence
@@ -39,8 +39,6 @@ _ALPHAS = (0.0, 0.1, 0.2, 0.3, 0.45)
 _RAMP = ("late", "longer")
 _FIXED = 1e-6
 """Prior error of what is not fitted."""
-_ROUNDS = 3
-"""Fits, each with the noise that the one before left."""
 _ODD = 16.27
 """Chi-square of three degrees of freedom that is exceeded once in a thousand."""
 
@@ -167,7 +165,7 @@ def _solved(
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
     noise: Noise | None = None
     spread, ended = np.zeros_like(weight), False
-    for _ in range(_ROUNDS):
+    for last in (False, True):
         known: dict[bytes, np.ndarray] = {}
 
         def columns(z: np.ndarray, known=known, noise=noise) -> np.ndarray:
@@ -191,6 +189,8 @@ def _solved(
         z, jacobian = found.x, columns(found.x)[:, 1:]
         ended = bool(found.status > 0)
         spread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+        if last:
+            break
         plain, slopes = (np.asarray(x) for x in residual_and_slopes(problem, z))
         if np.abs(plain).max() >= FAILED_MISFIT:
             return z, spread, False
