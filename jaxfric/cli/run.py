@@ -15,6 +15,7 @@ from .folder import Folder, choose_folder, json_text
 if TYPE_CHECKING:
     from ..records import Record
     from ..runs import Event
+    from ..runs.findings import Findings
     from ..runs.fits import HowFitted, RunFit
     from ..runs.holds import Hold
 
@@ -28,7 +29,8 @@ def run(
         Parameter(
             allow_leading_hyphen=True,
             help="Stiffness with unit: 1.6e-3/um, 2e6 N/m for a force, or 0.16 MPa/um, which under"
-            " another normal stress is another friction per length.",
+            " another normal stress is another friction per length; ramps: that of unloading and"
+            " reloading.",
         ),
     ] = None,
     law: Annotated[str, Parameter(help="Evolution law, slip or ageing.")] = "slip",
@@ -67,8 +69,10 @@ def run(
             "--stiffness is missing; give that of machine and specimen, as in --stiffness"
             " 1.6e-3/um, or let every step find its own (--fit-stiffness)"
         )
+    from ..runs.findings import findings_of, ramps_stiffness_of
     from ..runs.fits import HowFitted, decided_events
     from ..runs.holds import fit_holds
+    from ..runs.ramps import RAMPS
     from ..runs.stiffness import MachineStiffness
 
     how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
@@ -77,26 +81,30 @@ def run(
         record = read_record(file, column, drop_bad, since, until, reduce=reduce)
         inputs = (file,) if events is None else (file, events)
         folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
-        if stiffness is not None:
+        if stiffness == RAMPS:
+            how = replace(how, stiffness=ramps_stiffness_of(record))
+        elif stiffness is not None:
             how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
         record, found = decided_events(record, events, how.stiffness)
         result = _fitted(record, found, how, folder, progress)
         holds = fit_holds(result.record, found, how, progress=progress)
-        content = json_text(_content(result, holds))
+        others = findings_of(result, found, how, progress=progress)
+        content = json_text(_content(result, holds) | others.to_json())
         with folder.results() as to:
             _write_events(record, found, to)
-            _write_tables(result, holds, to)
+            _write_tables(result, holds, others, to)
             (to / "run.json").write_text(content + "\n", encoding="utf-8")
         progress("drawing figures")
         _draw_events(record, found, folder)
         _draw(result, holds, folder)
+        _draw_others(others, folder)
     if json:
         print(content)
     else:
-        _tell(result, holds)
+        _tell(result, holds, others)
         print(folder.written)
-    warn(_warnings(result, how))
+    warn([*_warnings(result, how), *others.warnings])
     return folder.close()
 
 
@@ -135,7 +143,7 @@ def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -
     )
 
 
-def _write_tables(result: "RunFit", holds: "Sequence[Hold]", to: Path) -> None:
+def _write_tables(result: "RunFit", holds: "Sequence[Hold]", others: "Findings", to: Path) -> None:
     from ..runs import holds as of_holds
     from ..runs.table import csv_text, latex_text, rows, xlook_rows
 
@@ -146,6 +154,7 @@ def _write_tables(result: "RunFit", holds: "Sequence[Hold]", to: Path) -> None:
         ("table.csv", csv_text(rows(result))),
         ("table_xlook.csv", csv_text(xlook_rows(result))),
         ("table.tex", latex_text(result)),
+        *others.tables().items(),
     ):
         (to / name).write_text(text, encoding="utf-8")
 
@@ -168,6 +177,16 @@ def _draw(result: "RunFit", holds: "Sequence[Hold]", folder: Folder) -> None:
                 draw_fit(step.fit, to / f"step_{step.number:02d}.png")
 
     folder.draw("the figures of the steps", steps)
+
+
+def _draw_others(others: "Findings", folder: Folder) -> None:
+    from ..plot.run_others import draw_stress_steps
+
+    if any(step.fit is not None for step in others.stress_steps):
+        folder.draw(
+            "the figure of the stress steps",
+            lambda to: draw_stress_steps(others.stress_steps, to / "stress_steps.png"),
+        )
 
 
 def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
@@ -222,7 +241,7 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
     }
 
 
-def _tell(result: "RunFit", holds: "Sequence[Hold]") -> None:
+def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None:
     from collections import Counter
 
     from ..runs.holds import told as told_of_holds
@@ -234,7 +253,7 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]") -> None:
     print(f"{len(result.record)} rows, {len(result.events)} events: {words}")
     for line in text_lines(result):
         print(line)
-    for line in (*told_of_all(result.steps), *told_of_holds(holds)):
+    for line in (*told_of_all(result.steps), *told_of_holds(holds), *others.told()):
         print(line)
     print(
         "in brackets: one standard error, in the last two digits; -: not determined by its window"

@@ -8,6 +8,7 @@ is the inverse covariance of what is known of A, B, L, K and the ramp. Errors ar
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -153,8 +154,14 @@ def _begin(problem: StressStep, z: np.ndarray) -> np.ndarray:
     """The start with the alpha, of some, that fits best."""
     starts = np.tile(z, (len(_ALPHAS), 1))
     starts[:, NAMES.index("alpha")] = np.array(_ALPHAS) / _ALPHA
-    misfits = [float(np.sum(np.asarray(residual_and_slopes(problem, x)[0]) ** 2)) for x in starts]
+    misfits = [float(np.sum(_off_and_slopes(problem, x)[0] ** 2)) for x in starts]
     return starts[int(np.argmin(misfits))]
+
+
+def _off_and_slopes(problem: StressStep, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (n,) and its Jacobian (n, p)."""
+    off, slopes = residual_and_slopes(problem, jax.device_put(z))
+    return np.asarray(off), np.asarray(slopes)
 
 
 def _solved(
@@ -171,7 +178,7 @@ def _solved(
         def columns(z: np.ndarray, known=known, noise=noise) -> np.ndarray:
             key = z.tobytes()
             if key not in known:
-                both = np.column_stack([np.asarray(x) for x in residual_and_slopes(problem, z)])
+                both = np.column_stack(_off_and_slopes(problem, z))
                 if noise is not None:
                     both = whitened(problem.clock, problem.weight, both, noise)
                 ahead = np.column_stack([root @ (z - center), root])
@@ -181,7 +188,7 @@ def _solved(
         found = least_squares(
             lambda z, c=columns: c(z)[:, 0],
             z,
-            lambda z, c=columns: c(z)[:, 1:],
+            lambda z, c=columns: c(z)[:, 1:],  # pyright: ignore[reportArgumentType]
             xtol=1e-7,
             ftol=1e-9,
             max_nfev=60,
@@ -191,7 +198,7 @@ def _solved(
         spread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
         if last:
             break
-        plain, slopes = (np.asarray(x) for x in residual_and_slopes(problem, z))
+        plain, slopes = _off_and_slopes(problem, z)
         if np.abs(plain).max() >= FAILED_MISFIT:
             return z, spread, False
         longest = longest_memory(problem.clock)
@@ -209,7 +216,7 @@ def _result(
     rows: StressRows,
     widened: float,
 ) -> StressFit:
-    values = {name: float(v) for name, v in problem.natural(z).items()}
+    values = {name: float(v) for name, v in problem.natural(jax.device_put(z)).items()}
     std = np.sqrt(np.diag(spread)) * np.asarray(problem.sizes)
     errors = {
         name: float(s * (values[name] if name in LOGARITHMS else 1.0))
@@ -220,7 +227,7 @@ def _result(
     for alpha in (z[NAMES.index("alpha")], 0.0):
         at = z.copy()
         at[NAMES.index("alpha")] = alpha
-        curves.append(np.asarray(predicted(problem, at))[:n])
+        curves.append(np.asarray(predicted(problem, jax.device_put(at)))[:n])
     off = (curves[0] - rows.friction)[rows.weight > 0]
     rms = float(np.sqrt(np.mean(off**2)))
     return StressFit(values, errors, ended, widened, rms, noise, *curves)

@@ -84,7 +84,10 @@ class StressStep(eqx.Module):
         rig = build_rig(model, jnp.stack(values), self.velocity, p["K"])
         rig = NormalStressState(p["alpha"]).embed(rig)
         rig = eqx.tree_at(
-            lambda r: r.normal_stress, rig, self._stress(p["late"], p["longer"]), is_leaf=lambda x: x is None
+            lambda r: r.normal_stress,
+            rig,
+            self._stress(p["late"], p["longer"]),
+            is_leaf=lambda x: x is None,
         )
         motion = PiecewiseVelocity(jnp.zeros(1), self.velocity[None])
         out = simulate(rig, motion, self.time, rtol=1e-5, runaway=1e6)

@@ -63,7 +63,7 @@ def find_ramp(time: np.ndarray, stress: np.ndarray, low: int, high: int) -> Stre
 def _straight(
     time: np.ndarray, ratio: np.ndarray, ends: tuple[int, int], after: float, gauge: float
 ) -> StressRamp:
-    """A straight way from 1 to `after` that begins after row `ends[0]` and ends before `ends[1]`."""
+    """A straight way from 1 to `after` between the rows `ends`."""
     first, last = ends
     step = float(time[first + 1] - time[first])
     if last == first + 1:

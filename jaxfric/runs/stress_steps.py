@@ -83,7 +83,7 @@ def fit_stress_steps(
     chosen = [event for event in events if event.kind == "stress"]
     out = []
     for number, event in enumerate(chosen, 1):
-        change = min(changes, key=lambda c: _apart(c, event.time), default=None)  # noqa: B023
+        change = min(changes, key=lambda c: _apart(c, event.time), default=None)
         if change is None:
             continue
         progress(f"stress step {number} of {len(chosen)}, at {event.time:.6g} s")
@@ -116,12 +116,13 @@ def _fitted(
     L = float(np.exp(prior.mean[2]))
     rows = _rows(record, event, change, events, (_BEFORE * L / event.before, how.rows))
     given = how.stiffness is not None
-    K = how.stiffness.at(change.before) if given else stiffness_of(steps, change.before)
+    found = stiffness_of(steps, change.before)
+    K = found if how.stiffness is None else how.stiffness.at(change.before)
     if K is None:
         raise _NotClaimedError("the stiffness is not known")
     _refuse_unsteady(rows, K, event.before)
     _refuse_slow(change, L, K, event.before, float(np.median(rows.friction)))
-    found = fit_stress(
+    fit = fit_stress(
         rows,
         prior,
         velocity=event.before,
@@ -130,10 +131,10 @@ def _fitted(
         stiffness_given=given and not how.fit_stiffness,
         slip_trend=how.slip_trend,
     )
-    done = replace(blank, prior=prior.steps, fit=found, rows=rows)
-    alpha, error = found.values["alpha"], found.errors["alpha"]
+    done = replace(blank, prior=prior.steps, fit=fit, rows=rows)
+    alpha, error = fit.values["alpha"], fit.errors["alpha"]
     usual = [s.fit.rms for s in steps if s.fit is not None and s.number in prior.steps]
-    if why := _doubt(found, float(np.median(usual))):
+    if why := _doubt(fit, float(np.median(usual))):
         return replace(done, why=why)
     return replace(done, alpha=alpha, error=error)
 

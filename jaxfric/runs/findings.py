@@ -1,0 +1,75 @@
+"""What a run tells beside its velocity steps and holds: stress steps, stick-slip, ramps."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ..records import Record
+from . import ramps as of_ramps
+from . import stress_steps as of_stress
+from .events import Event, find_events
+from .fits import HowFitted, RunFit, without_resets_of
+from .joint import is_known
+from .ramps import Ramp, disagreement, find_ramps, ramp_stiffness, stiffness_from_ramps
+from .stiffness import MachineStiffness
+from .stress_steps import FittedStress, fit_stress_steps
+from .table import csv_text
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """Steps of the normal stress and ramps of a run; `given` is the stiffness that its user gave,
+    `warnings` what its user should know."""
+
+    stress_steps: tuple[FittedStress, ...]
+    ramps: tuple[Ramp, ...]
+    warnings: tuple[str, ...]
+
+    def tables(self) -> dict[str, str]:
+        """Texts of the CSV files by name; none for what the run does not have."""
+        found = {
+            "stress_steps.csv": of_stress.rows(self.stress_steps),
+            "ramps.csv": of_ramps.rows(self.ramps),
+        }
+        return {name: csv_text(table) for name, table in found.items() if table}
+
+    def to_json(self) -> dict[str, object]:
+        """Entries of `run.json`, SI."""
+        stiffness = ramp_stiffness(self.ramps)
+        return {
+            "stress_steps": of_stress.to_json(self.stress_steps),
+            "ramps": [asdict(ramp) for ramp in self.ramps],
+            "stiffness_from_ramps": None if stiffness is None else asdict(stiffness),
+        }
+
+    def told(self) -> list[str]:
+        """Lines for a terminal."""
+        return [*of_stress.told(self.stress_steps), *of_ramps.told(self.ramps)]
+
+
+def findings_of(
+    result: RunFit,
+    events: Sequence[Event],
+    how: HowFitted,
+    *,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Findings:
+    """What the events of a run tell that are no velocity steps."""
+    A = [s.fit.parameters["A"].value for s in result.steps if s.fit is not None and is_known(s)]
+    direct = float(np.median(A)) if A and result.record.friction_unit == "1" else None
+    stresses = fit_stress_steps(result.record, events, result.steps, how, progress=progress)
+    ramps = find_ramps(result.record, events, direct=direct)
+    levels = [e.normal_stress for e in events if e.fitted and e.normal_stress is not None]
+    about = float(np.median(levels)) if levels else None
+    doubt = disagreement(ramp_stiffness(ramps), how.stiffness, about)
+    return Findings(stresses, ramps, () if doubt is None else (doubt,))
+
+
+def ramps_stiffness_of(record: Record) -> MachineStiffness:
+    """The stiffness that the ramps of a run tell before anything is fitted.
+
+    Raises `InputError` for a run without ramps.
+    """
+    motion, events = find_events(record)
+    return stiffness_from_ramps(without_resets_of(record, motion.position), events).machine()

@@ -1,0 +1,273 @@
+"""The stiffness of machine and specimen, from ramps on which the slider sticks.
+
+Where the load point moves back, and where it moves on after a hold or after unloading, friction is
+so far below that of sliding that the slider does not slip: at 5 A below it, by less than a
+hundredth of the load point's velocity. Shear stress then changes by k for every metre of the load
+point: k = cov(time, stress)/cov(time, position), to which the noise of neither channel adds
+(Wald 1940, Ann. Math. Stat. 11, 284-300, on lines with errors in both). Without a normal stress it
+is K of friction.
+
+A ramp counts whose halves have like slopes. Otherwise its first half is taken, and so on: unloading
+is softer where little load is left, and at the end of a reload the slider begins to slip. What
+loads a press for the first time seats and crushes, and is no ramp. The error of a ramp has what its
+blocks scatter by, and a fourth of what its halves differ by. A press may be stiffer for the small
+changes after a velocity step than it is along a ramp.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..records import Record
+from .events import Event
+from .stiffness import MachineStiffness
+from .stress import is_constant
+from .table import Cell, measured
+
+RAMPS = "ramps"
+"""The word for a stiffness that is to be taken from ramps."""
+_DIRECT, _BELOW, _LOW = 5.0, 0.1, 0.1
+"""The slider sticks so many A below sliding; that share of friction below it where A is not known.
+Below this share of friction parts of a press are not yet in touch."""
+_FEWEST, _LEVEL, _BLOCKS = 16, 20, 8
+"""Least number of rows; those before an event that say what sliding is; blocks of a ramp."""
+_ALIKE, _SURE, _HALVINGS = 0.1, 3.0, 4
+"""Halves of a ramp have slopes within this share of each other, or within so many errors."""
+_KNOWN = 0.2
+"""A slope whose error is above this share of it says nothing."""
+_LEAST = 1e-3
+"""No slope is known better than to this share of it."""
+_OFF, _FAR = 0.1, 3.0
+"""A stiffness disagrees by more than this share and so many standard errors."""
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A ramp from `start` to `stop` [s] that begins with an `unload` or a `reload` (`kind`).
+
+    `slope` and its standard `error`: k [Pa/m] of shear stress where `of_stress`, else K of friction
+    [friction/m]; None where there is none, and `why`.
+    """
+
+    kind: str
+    start: float
+    stop: float
+    normal_stress: float | None
+    of_stress: bool
+    slope: float | None = None
+    error: float | None = None
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class RampStiffness:
+    """The stiffness of `count` ramps: weighted mean `value` and standard `error`, of stress [Pa/m]
+    or of friction [friction/m]."""
+
+    value: float
+    error: float
+    count: int
+    of_stress: bool
+
+    def machine(self) -> MachineStiffness:
+        """As a stiffness that steps are fitted with."""
+        return MachineStiffness(self.value, self.of_stress)
+
+    def told(self) -> str:
+        """The stiffness in words."""
+        scale, unit = (1e-12, "MPa/um") if self.of_stress else (1e-6, "1/um")
+        number = measured(scale * self.value, scale * self.error)
+        return f"stiffness from {self.count} ramp{'s' * (self.count > 1)}: {number} {unit}"
+
+
+class _Rows(NamedTuple):
+    time: np.ndarray
+    position: np.ndarray
+    force: np.ndarray
+
+
+def find_ramps(
+    record: Record, events: Sequence[Event], *, direct: float | None = None
+) -> tuple[Ramp, ...]:
+    """The ramps of a run whose record has no resets of its encoder; `direct` is A where known."""
+    t = record.relative_time
+    joints = [e for e in events if e.before != e.after or e.kind == "stress"]
+    way = sum(
+        e.after * (after - e.time)
+        for e, after in zip(joints, [*(j.time for j in joints[1:]), float(t[-1])], strict=True)
+    )
+    ahead = -1.0 if way < 0 else 1.0
+    out, level = [], None
+    for k, event in enumerate(joints):
+        rows = slice(*np.searchsorted(t, [event.time, _end(joints, k, float(t[-1]))]))
+        if event.before * ahead > 0 and event.kind != "reload" and rows.start >= _LEVEL:
+            level = float(np.median(record.friction[rows.start - _LEVEL : rows.start]))
+        if event.kind in ("unload", "reload") and event.after and rows.stop - rows.start > _FEWEST:
+            out.append(_ramp(record, event, rows, level, direct))
+    return tuple(ramp for ramp in out if ramp is not None)
+
+
+def _end(joints: Sequence[Event], k: int, end: float) -> float:
+    """When the velocity or the stress changes next."""
+    return joints[k + 1].time if k + 1 < len(joints) else end
+
+
+def _ramp(
+    record: Record, event: Event, rows: slice, level: float | None, direct: float | None
+) -> Ramp | None:
+    """The ramp that begins with an event; None where the slider does not stick."""
+    t, f = record.relative_time[rows], record.friction[rows]
+    x, stress = record.load_point_displacement, record.normal_stress
+    assert x is not None
+    if level is None:  # what loads a press for the first time seats and crushes
+        return None
+    below = _BELOW * abs(level) if direct is None else _DIRECT * direct
+    low, high = _LOW * abs(level), abs(level) - below
+    size = np.abs(f)
+    if event.kind == "unload":
+        part = slice(_first(size < high), _first(size < low))
+    else:
+        part = slice(_first(size > low), _first(size > high))
+    if part.stop - part.start < _FEWEST:
+        return None
+    of_stress = stress is not None and record.friction_unit == "1"
+    here = None if stress is None else stress[rows][part]
+    about = None if here is None else float(np.median(here))
+    ramp = Ramp(event.kind, float(t[part.start]), float(t[part.stop - 1]), about, of_stress)
+    if not is_constant(here, 4):
+        return _without(ramp, "the normal stress changes")
+    force = f[part] * here if of_stress and here is not None else f[part]
+    return _straight(ramp, _Rows(t[part], x[rows][part], force))
+
+
+def _first(there: np.ndarray) -> int:
+    """The first row where it is so; the number of rows where it never is."""
+    return int(np.argmax(there)) if there.any() else len(there)
+
+
+def _without(ramp: Ramp, why: str) -> Ramp:
+    return Ramp(ramp.kind, ramp.start, ramp.stop, ramp.normal_stress, ramp.of_stress, why=why)
+
+
+def _straight(ramp: Ramp, rows: _Rows) -> Ramp:
+    """The slope of a ramp, or of its first part that is straight."""
+    for _ in range(_HALVINGS + 1):
+        half = len(rows.time) // 2
+        slope, error = _slope(rows)
+        halves = [_slope(_Rows(*(c[a] for c in rows))) for a in (slice(half), slice(half, None))]
+        apart = abs(halves[0][0] - halves[1][0])
+        unsure = float(np.hypot(halves[0][1], halves[1][1]))
+        if apart < max(_ALIKE * abs(slope), _SURE * unsure):
+            error = float(np.hypot(error, max(apart - unsure, 0.0) / 4))
+            if not slope > 0 or error > _KNOWN * slope:
+                return _without(ramp, "its slope is lost in the noise")
+            start, stop = float(rows.time[0]), float(rows.time[-1])
+            return Ramp(ramp.kind, start, stop, ramp.normal_stress, ramp.of_stress, slope, error)
+        if half < 2 * _FEWEST:
+            break
+        rows = _Rows(*(column[:half] for column in rows))
+    return _without(ramp, "it is not straight")
+
+
+def _slope(rows: _Rows) -> tuple[float, float]:
+    """cov(time, force)/cov(time, position), and its standard error from the scatter of blocks."""
+    t = rows.time - rows.time.mean()
+    moves = float(t @ (rows.position - rows.position.mean()))
+    slope = float(t @ (rows.force - rows.force.mean())) / moves
+    left = rows.force - rows.force.mean() - slope * (rows.position - rows.position.mean())
+    blocks = min(_BLOCKS, len(t) // 4)
+    sums = [float(part.sum()) for part in np.array_split(t * left, blocks)]
+    return slope, float(np.sqrt(np.sum(np.square(sums)) * blocks / (blocks - 2)) / abs(moves))
+
+
+def ramp_stiffness(ramps: Sequence[Ramp]) -> RampStiffness | None:
+    """The weighted mean of all ramps; its error counts the scatter among them (Birge 1932, Phys.
+    Rev. 40, 207-227). None without a ramp that has a slope."""
+    known = [(r.slope, r.error) for r in ramps if r.slope is not None and r.error is not None]
+    if not known:
+        return None
+    k, errors = np.array(known).T
+    # blocks that scatter little by chance must not outweigh all others
+    w = 1 / np.maximum(errors, _LEAST * k.mean()) ** 2
+    mean = float(np.sum(w * k) / np.sum(w))
+    birge = max(1.0, float(np.sum(w * (k - mean) ** 2)) / max(len(k) - 1, 1))
+    return RampStiffness(mean, float(np.sqrt(birge / np.sum(w))), len(k), ramps[0].of_stress)
+
+
+def stiffness_from_ramps(record: Record, events: Sequence[Event]) -> RampStiffness:
+    """That of `--stiffness ramps`. Raises `InputError` for a run without ramps."""
+    ramps = find_ramps(record, events)
+    found = ramp_stiffness(ramps)
+    if found is None:
+        raise InputError(
+            f"{record.provenance.path}: --stiffness ramps: {_none(ramps)}; give the stiffness, as"
+            " in --stiffness 1.6e-3/um"
+        )
+    return found
+
+
+def _none(ramps: Sequence[Ramp]) -> str:
+    if not ramps:
+        return "the load point moves back nowhere, and no reload begins far below sliding"
+    why = list(dict.fromkeys(ramp.why for ramp in ramps if ramp.why))
+    return f"none of {len(ramps)} ramps tells a stiffness ({'; '.join(why)})"
+
+
+def disagreement(
+    found: RampStiffness | None, given: MachineStiffness | None, stress: float | None
+) -> str | None:
+    """A sentence where the stiffness that was given is not that of the ramps, else None.
+
+    `stress` is a normal stress [Pa] at which the two can be compared.
+    """
+    if found is None or given is None:
+        return None
+    if found.of_stress == given.of_stress:
+        own, error, value = found.value, found.error, given.value
+    elif stress is None or not stress > 0:
+        return None
+    else:
+        own, error = found.machine().at(stress), found.error
+        error = error / stress if found.of_stress else error
+        value = given.at(stress)
+    if abs(value - own) <= max(_OFF * own, _FAR * error):
+        return None
+    share = 100 * (value / own - 1)
+    return (
+        f"--stiffness is {abs(share):.0f} % {'above' if share > 0 else 'below'} that of the"
+        f" ramps ({found.told()}): A, B and L depend on it; --stiffness ramps takes that of the"
+        " ramps"
+    )
+
+
+def rows(ramps: Sequence[Ramp]) -> list[dict[str, Cell]]:
+    """A row for every ramp, units in the names; None: not known."""
+    out: list[dict[str, Cell]] = []
+    for number, ramp in enumerate(ramps, 1):
+        scale, unit = (1e-12, "MPa/um") if ramp.of_stress else (1e-6, "1/um")
+        stress = None if ramp.normal_stress is None else ramp.normal_stress / 1e6
+        row: dict[str, Cell] = {
+            "ramp": number,
+            "kind": ramp.kind,
+            "from [s]": round(ramp.start, 4),
+            "to [s]": round(ramp.stop, 4),
+            "normal_stress [MPa]": _short(stress),
+            f"stiffness [{unit}]": _short(ramp.slope, scale),
+            f"std stiffness [{unit}]": _short(ramp.error, scale),
+            "result": ramp.why or "straight",
+        }
+        out.append(row)
+    return out
+
+
+def _short(value: float | None, scale: float = 1.0) -> float | None:
+    return None if value is None else float(f"{scale * value:.6g}")
+
+
+def told(ramps: Sequence[Ramp]) -> list[str]:
+    """A line on the stiffness of the ramps."""
+    found = ramp_stiffness(ramps)
+    return [f"no stiffness from ramps: {_none(ramps)}" if found is None else found.told()]
