@@ -56,6 +56,16 @@ class Fault(NamedTuple):
 RUN_MOTION, RUN_EVENTS = "tests/test_run_motion.py", "tests/test_run_events.py"
 RUN_CLI, RUN_JOINT = "tests/test_run_cli.py -k difference", "tests/test_run_joint.py"
 RUN_HOLDS = "tests/test_run_holds.py -k hold_or_law"
+RAMPS, ALPHA, STRESS_PRIOR, STRESS_WAY, STRESS_LAW = (
+    f"tests/test_run_{name}"
+    for name in (
+        "ramps.py",
+        "stress.py -k claimed",
+        "stress.py -k steps",
+        "stress.py -k change",
+        "stress.py -k another_solver",
+    )
+)
 
 # fmt: off
 FAULTS = (
@@ -591,5 +601,30 @@ FAULTS = (
     Fault("a law wins by a hair", "runs/holds.py", "_STRONG = 5.0", "_STRONG = 0.5", RUN_HOLDS),
     Fault("a reload to another velocity is a hold's", "runs/holds.py",
           "not 0.5 < back.after / event.before < 2", "not back.after", RUN_HOLDS),
+    Fault("steps that scatter know alpha's A well", "runs/stress_fit.py",
+          "birge * len(near) if birge > 1", "1.0 if birge > 1", STRESS_PRIOR),
+    Fault("steps far away know A", "runs/stress_fit.py",
+          "_NEIGHBOURS = 4", "_NEIGHBOURS = 6", STRESS_PRIOR),
+    Fault("a stiffness grows with the normal stress", "runs/stress_fit.py",
+          "(s.event.normal_stress or stress) / stress", "stress / (s.event.normal_stress or 1)",
+          STRESS_PRIOR),
+    Fault("a change of stress that lasts longer is shorter", "runs/stress_problem.py",
+          "jnp.exp(longer)", "jnp.exp(-longer)", STRESS_LAW),
+    Fault("a rough fit tells alpha", "runs/stress_steps.py",
+          "_ROUGH = 3.0", "_ROUGH = 30.0", ALPHA),
+    Fault("an alpha that is not determined is told", "runs/stress_steps.py",
+          "if QUANTILE * error >", "if error >", ALPHA),
+    Fault("what the spring takes up is slip", "runs/stress_steps.py",
+          "slip = way - max(friction * (ratio - 1) / K, 0.0)", "slip = way", STRESS_WAY),
+    Fault("begin and end of a change are known apart", "runs/stress_ramp.py",
+          "[-1 / long, 1 / long]", "[0.1 / long, 0.1 / long]", STRESS_WAY),
+    Fault("a ramp comes near to sliding", "runs/ramps.py",
+          "_BELOW, _LOW = 5.0", "_BELOW, _LOW = 1.0", RAMPS),
+    Fault("ramps that differ agree", "runs/ramps.py", "birge = max(1.0,", "birge = min(1.0,",
+          RAMPS),
+    Fault("the first loading is a ramp", "runs/ramps.py", "    if level is None:",
+          "    level = level or 0.6\n    if False:", RAMPS),
+    Fault("one lucky ramp outweighs all", "runs/ramps.py",
+          "np.maximum(errors, _LEAST * k.mean())", "errors", RAMPS),
 )
 # fmt: on
