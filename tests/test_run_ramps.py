@@ -114,7 +114,7 @@ def test_the_mean_has_the_scatter_of_its_ramps():
     assert alike.value == pytest.approx(1.01) and alike.error == pytest.approx(0.02 / np.sqrt(2))
     apart = ramp_stiffness([ramp(1.0, 0.02), ramp(1.2, 0.02)])
     assert apart.error == pytest.approx(0.1)  # as far as either is from the mean
-    sure = ramp_stiffness([ramp(1.0, 1e-9), ramp(1.1, 1e-9)])
+    sure = ramp_stiffness([ramp(1.0, 1e-9), ramp(1.1, 1e-7)])
     assert sure.value == pytest.approx(1.05)  # none is known so well that it outweighs the other
     assert ramp_stiffness([Ramp("unload", 0.0, 1.0, SIGMA, True, why="bent")]) is None
 

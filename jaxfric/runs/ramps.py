@@ -83,7 +83,7 @@ class RampStiffness:
         return f"stiffness from {self.count} ramp{'s' * (self.count > 1)}: {number} {unit}"
 
 
-class _Rows(NamedTuple):
+class _RampRows(NamedTuple):
     time: np.ndarray
     position: np.ndarray
     force: np.ndarray
@@ -140,7 +140,7 @@ def _ramp(
     if not is_constant(here, 4):
         return _without(ramp, "the normal stress changes")
     force = f[part] * here if of_stress and here is not None else f[part]
-    return _straight(ramp, _Rows(t[part], x[rows][part], force))
+    return _straight(ramp, _RampRows(t[part], x[rows][part], force))
 
 
 def _first(there: np.ndarray) -> int:
@@ -152,12 +152,14 @@ def _without(ramp: Ramp, why: str) -> Ramp:
     return Ramp(ramp.kind, ramp.start, ramp.stop, ramp.normal_stress, ramp.of_stress, why=why)
 
 
-def _straight(ramp: Ramp, rows: _Rows) -> Ramp:
+def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
     """The slope of a ramp, or of its first part that is straight."""
     for _ in range(_HALVINGS + 1):
         half = len(rows.time) // 2
         slope, error = _slope(rows)
-        halves = [_slope(_Rows(*(c[a] for c in rows))) for a in (slice(half), slice(half, None))]
+        halves = [
+            _slope(_RampRows(*(c[a] for c in rows))) for a in (slice(half), slice(half, None))
+        ]
         apart = abs(halves[0][0] - halves[1][0])
         unsure = float(np.hypot(halves[0][1], halves[1][1]))
         if apart < max(_ALIKE * abs(slope), _SURE * unsure):
@@ -168,11 +170,11 @@ def _straight(ramp: Ramp, rows: _Rows) -> Ramp:
             return Ramp(ramp.kind, start, stop, ramp.normal_stress, ramp.of_stress, slope, error)
         if half < 2 * _FEWEST:
             break
-        rows = _Rows(*(column[:half] for column in rows))
+        rows = _RampRows(*(column[:half] for column in rows))
     return _without(ramp, "it is not straight")
 
 
-def _slope(rows: _Rows) -> tuple[float, float]:
+def _slope(rows: _RampRows) -> tuple[float, float]:
     """cov(time, force)/cov(time, position), and its standard error from the scatter of blocks."""
     t = rows.time - rows.time.mean()
     moves = float(t @ (rows.position - rows.position.mean()))

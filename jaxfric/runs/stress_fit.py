@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from scipy.optimize import least_squares
 
 from ..fitting.abstract_problem import FAILED_MISFIT
+from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise
 from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
 from ..fitting.start import noise_from_differences
@@ -167,45 +167,40 @@ def _off_and_slopes(problem: StressStep, z: np.ndarray) -> tuple[np.ndarray, np.
 def _solved(
     problem: StressStep, z: np.ndarray, center: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, bool]:
-    """The parameters, their covariance, and whether the search converged."""
+    """The parameters, their covariance, and whether the search converged: with white noise, then
+    with that which this leaves."""
+    z, spread, _ = _least(problem, z, center, weight, None)
+    plain, slopes = _off_and_slopes(problem, z)
+    if np.abs(plain).max() >= FAILED_MISFIT:
+        return z, spread, False
+    longest = longest_memory(problem.clock)
+    likely = estimate_noise(noise_rows(problem.clock, problem.weight, plain, slopes, longest))
+    size = np.sqrt(np.sum(plain**2) / np.sum(np.asarray(problem.weight) > 0))
+    noise = likely.noise._replace(sigma=np.maximum(likely.noise.sigma, size))
+    return _least(problem, z, center, weight, noise)
+
+
+def _least(
+    problem: StressStep,
+    z: np.ndarray,
+    center: np.ndarray,
+    weight: np.ndarray,
+    noise: Noise | None,
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """The same under one noise; None: white."""
     values, vectors = np.linalg.eigh(weight)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    noise: Noise | None = None
-    spread, ended = np.zeros_like(weight), False
-    for last in (False, True):
-        known: dict[bytes, np.ndarray] = {}
 
-        def columns(z: np.ndarray, known=known, noise=noise) -> np.ndarray:
-            key = z.tobytes()
-            if key not in known:
-                both = np.column_stack(_off_and_slopes(problem, z))
-                if noise is not None:
-                    both = whitened(problem.clock, problem.weight, both, noise)
-                ahead = np.column_stack([root @ (z - center), root])
-                known[key] = np.concatenate([both, ahead])
-            return known[key]
+    def both(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        seen = np.column_stack(_off_and_slopes(problem, z))
+        if noise is not None:
+            seen = whitened(problem.clock, problem.weight, seen, noise)
+        rows = np.concatenate([seen, np.column_stack([root @ (z - center), root])])
+        return rows[:, 0], rows[:, 1:]
 
-        found = least_squares(
-            lambda z, c=columns: c(z)[:, 0],
-            z,
-            lambda z, c=columns: c(z)[:, 1:],  # pyright: ignore[reportArgumentType]
-            xtol=1e-7,
-            ftol=1e-9,
-            max_nfev=60,
-        )
-        z, jacobian = found.x, columns(found.x)[:, 1:]
-        ended = bool(found.status > 0)
-        spread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
-        if last:
-            break
-        plain, slopes = _off_and_slopes(problem, z)
-        if np.abs(plain).max() >= FAILED_MISFIT:
-            return z, spread, False
-        longest = longest_memory(problem.clock)
-        likely = estimate_noise(noise_rows(problem.clock, problem.weight, plain, slopes, longest))
-        size = np.sqrt(np.sum(plain**2) / np.sum(np.asarray(problem.weight) > 0))
-        noise = likely.noise._replace(sigma=np.maximum(likely.noise.sigma, size))
-    return z, spread, ended
+    z, ended = levenberg_marquardt(both, z, ftol=1e-9, xtol=1e-7, most=60)
+    jacobian = both(z)[1]
+    return z, np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), ended
 
 
 def _result(
