@@ -180,18 +180,21 @@ def _with_mass(draw: Draw) -> Draw:
 class Refit:
     """The base fitted to a noise-free record: f0, ln A, ln B, ln L free, K declared.
 
-    Where the stiffness is declared as uncertain, ln K is free, too.
+    Where the stiffness is declared as uncertain, ln K is free, too. `stretch` counts from 0 for
+    every row: each stretch has an f0 of its own.
     """
 
-    def __init__(self, draw: Draw):
+    def __init__(self, draw: Draw, stretch: np.ndarray | None = None):
         self.draw = draw
+        of = np.zeros(len(draw.t), int) if stretch is None else stretch
+        self.levels = np.eye(of.max() + 1)[of]
+        self.levels /= np.linalg.norm(self.levels, axis=0)
         self.base = replace(draw.base, m=0.0, k_v=0.0)
         self.free = 4 if draw.stiffness_error else 3
         self.clean = self.predict(np.zeros(self.free))
         steps = 1e-3 * np.eye(self.free)
         columns = [(self.predict(h) - self.predict(-h)) / 2e-3 for h in steps]
-        columns.append(np.ones(len(draw.t)))
-        self.basis = np.linalg.qr(np.stack(columns, axis=1))[0]
+        self.basis = np.linalg.qr(np.column_stack([*columns, self.levels]))[0]
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Friction of the base with A, B, L (and K) times exp(x)."""
@@ -218,7 +221,7 @@ class Refit:
                 left = record - self.predict(x)
             except RunawayError:
                 return np.full(len(record), 1e3)
-            return (left - left.mean()) / draw.sigma
+            return (left - self.levels @ (self.levels.T @ left)) / draw.sigma
 
         def slopes(x):
             here = residual(x)

@@ -78,7 +78,7 @@ EFFECTS: dict[str, tuple[str, ...]] = {
 Parameters = Mapping[str, Mapping[str, float]]
 """Parameters by the id of the effect and their name."""
 
-_RUNAWAY = 3.5  # in u, above the fastest command
+RUNAWAY = 3.5  # in u, above the fastest command
 _HISTORY_STEP = 0.07  # of the shorter slip, L or A/K, per step of a delay plant
 _HISTORY_GROWTH = 0.05  # a step is at most this part of the time since the velocity step
 
@@ -228,7 +228,7 @@ def simulate_base(
     for t0, (here, ts, V_m) in zip(protocol.starts, _segments(protocol, t), strict=True):
         path = _lsoda(law, z, ts, (V_m, t0), rtol, 1e-3 * rtol)
         out[here], z = path[1:-1], path[-1]
-    if np.max(out[:, 0]) > math.log(max(protocol.velocities) / V0) + _RUNAWAY:
+    if np.max(out[:, 0]) > math.log(max(protocol.velocities) / V0) + RUNAWAY:
         raise RunawayError("the base plant runs away")
     return base.f0 + A * out[:, 0] + out[:, 1]
 
@@ -428,7 +428,7 @@ class _Plant:
 
     def _check(self, z: np.ndarray) -> np.ndarray:
         """A path, if it stays near steady sliding."""
-        if np.max(z[:, 1]) > math.log(max(self.protocol.velocities) / self.V0) + _RUNAWAY:
+        if np.max(z[:, 1]) > math.log(max(self.protocol.velocities) / self.V0) + RUNAWAY:
             raise RunawayError("the plant runs away")
         return z
 

@@ -4,9 +4,9 @@ A run has two stretches with an unloading between them, each of a first velocity
 hold: the plants of `fits.blind` (SciPy), their friction cut off by the unloading and lifted by
 another level after it. The events are found as `jaxfric run` finds them, the loop is `jaxfric loop
 --run`. Effects are those that one step leaves as each other's aliases, at rho of .5: what a refit
-of A, B, L, f0 leaves of the noise-free record is half of the noise. Counted is: the effect that is
-named is the true one (exact), or the true one is told as one that the run cannot tell from it
-(group), and no effect is named where there is none. Results are kept by record, so a run of this
+of A, B, L and a level for every stretch leaves of the noise-free record is half of the noise.
+Counted is: the effect that is named is the true one (exact), or the true one is told as one that
+the run cannot tell from it (group), and no effect is named where there is none. Results are kept by record, so a run of this
 that was broken off goes on.
 """
 
@@ -22,7 +22,7 @@ import numpy as np
 from fits.blind import measured
 from fits.blind.draws import LEVELS, SIGMA, UM, Draw, log_uniform
 from fits.blind.generate import Refit, UnreachableError, scale
-from fits.blind.plants import Base, Protocol, RunawayError, simulate
+from fits.blind.plants import RUNAWAY, Base, Parameters, Protocol, RunawayError, simulate
 
 HERE = Path(__file__).parent
 EFFECTS = ("second_state", "slip_trend", "thermal", "ageing", "velocity_dependent_L", "")
@@ -69,8 +69,10 @@ def make(effect: str, seed: int) -> dict:
             plant, firsts = draw(rng)
             hidden, rho = {}, 0.0
             if effect:
-                parameters, rho = scale(effect, plant, Refit(plant), RHO, rng)
+                of = np.searchsorted(firsts, _phase(plant), side="right")
+                parameters, rho = scale(effect, plant, Refit(plant, of), RHO, rng)
                 hidden = {effect: parameters}
+            _refuse_runaway(plant, hidden)
             path = simulate(plant.base, plant.protocol, hidden, plant.t)
         except (RunawayError, UnreachableError):
             continue
@@ -84,9 +86,23 @@ def make(effect: str, seed: int) -> dict:
     raise UnreachableError(f"{effect}, seed {seed}: no draw reaches rho")
 
 
+def _phase(plant: Draw) -> np.ndarray:
+    """Of every row, which of the commanded velocities it has."""
+    return np.searchsorted(plant.protocol.starts, plant.t, side="right") - 1
+
+
+def _refuse_runaway(plant: Draw, hidden: Parameters) -> None:
+    """A slider that slips away between two rows, as after a long hold, shows it to 20 times as
+    many: near to it the velocity is about L over the time that is left."""
+    dense = np.interp(np.arange(20 * len(plant.t)) / 20, np.arange(len(plant.t)), plant.t)
+    path = simulate(plant.base, plant.protocol, hidden, dense)
+    if path.u.max() > np.log(plant.fastest / plant.protocol.velocities[0]) + RUNAWAY:
+        raise RunawayError("the slider runs away between two rows")
+
+
 def _unloaded(path, plant: Draw, firsts: list[int], seed: int, rng: np.random.Generator) -> dict:
     """The rows with noise, an unloading and another level before every later stretch."""
-    phase = np.searchsorted(plant.protocol.starts, plant.t, side="right") - 1
+    phase = _phase(plant)
     noise, kind = SIGMA * rng.standard_normal(len(plant.t)), NOISES[seed % len(NOISES)]
     if kind != "white":
         noise = SIGMA * measured.cut(kind, np.bincount(phase).tolist(), rng)
