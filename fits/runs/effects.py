@@ -6,8 +6,8 @@ another level after it. The events are found as `jaxfric run` finds them, the lo
 --run`. Effects are those that one step leaves as each other's aliases, at rho of .5: what a refit
 of A, B, L and a level for every stretch leaves of the noise-free record is half of the noise.
 Counted is: the effect that is named is the true one (exact), or the true one is told as one that
-the run cannot tell from it (group), and no effect is named where there is none. Results are kept by record, so a run of this
-that was broken off goes on.
+the run cannot tell from it (group), and no effect is named where there is none. Results are kept
+by record, so a run of this that was broken off goes on.
 """
 
 import argparse
