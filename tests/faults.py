@@ -601,6 +601,8 @@ FAULTS = (
     Fault("a law wins by a hair", "runs/holds.py", "_STRONG = 5.0", "_STRONG = 0.5", RUN_HOLDS),
     Fault("a reload to another velocity is a hold's", "runs/holds.py",
           "not 0.5 < back.after / event.before < 2", "not back.after", RUN_HOLDS),
+    Fault("a recorder that is loud at times is structure", "loop/residual_tests.py",
+          "len(each) / (len(each) - 1), 1.0)", "0, 1.0)", "tests/test_loop_parts.py -k loud"),
     Fault("steps that scatter know alpha's A well", "runs/stress_fit.py",
           "birge * len(near) if birge > 1", "1.0 if birge > 1", STRESS_PRIOR),
     Fault("steps far away know A", "runs/stress_fit.py",

@@ -46,12 +46,14 @@ def structure(
     `chances` are those of likelihood ratios. One more question is asked of the innovations of the
     rows, of velocity steps `step` (n,) and slipped so far (n,): spread_after_step, the sizes at
     equal slip since the step, by ranks (Kruskal-Wallis), for what changes its sign from step to
-    step.
+    step. Where sizes scatter more among steps than independent rows would, as those of a recorder
+    that is quiet at one time and loud at another, the statistic is divided by how much more.
     """
     e = np.abs(innovations - np.mean(innovations))
     since = _since_step(step, slip)
     raw = dict(chances)
-    raw["spread_after_step"] = _means(_ranks(e[since > 0]), since[since > 0])
+    after = since > 0
+    raw["spread_after_step"] = _means(_ranks(e[after]), since[after], step[after])
     return holm(raw, asked(raw))
 
 
@@ -71,11 +73,18 @@ def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
     return {name: corrected[name] for name in raw}
 
 
-def _means(e: np.ndarray, group: np.ndarray) -> float:
-    sizes = np.bincount(group)
-    sums = np.bincount(group, weights=e)
+def _means(ranks: np.ndarray, group: np.ndarray, step: np.ndarray) -> float:
+    """p-value of equal means of the groups; see `structure` on what scatters among steps."""
+    sizes, sums = np.bincount(group), np.bincount(group, weights=ranks)
     used = sizes > 0
-    return chi_square_tail(float(np.sum(sums[used] ** 2 / sizes[used])), int(used.sum()) - 1)
+    degrees, squares = int(used.sum()) - 1, float(np.sum(sums[used] ** 2 / sizes[used]))
+    each, of = np.unique(step, return_inverse=True)
+    if len(each) > 1:
+        off = ranks - (sums / np.maximum(sizes, 1))[group]
+        cells = np.bincount(of * len(sizes) + group, weights=off, minlength=len(each) * len(sizes))
+        scatter = np.sum(cells.reshape(len(each), -1) ** 2, axis=0)[used] / sizes[used]
+        squares /= max(float(np.mean(scatter)) * len(each) / (len(each) - 1), 1.0)
+    return chi_square_tail(squares, degrees)
 
 
 def _ranks(x: np.ndarray) -> np.ndarray:
