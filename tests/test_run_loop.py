@@ -104,6 +104,36 @@ def test_a_hold_and_what_follows_is_one_unit():
     )
 
 
+def unsteady(time=300.0, stop=500.0, before=3 * UM, after=1 * UM):
+    """What is called a reload, for its friction is not steady before it."""
+    return step(time, before, after, 200.0, stop, fitted=False, kind="reload")
+
+
+@pytest.mark.parametrize(
+    ("between", "units", "stretches"),
+    [
+        ([unsteady()], [-1, 0, 1, 2], 1),
+        ([unsteady(time=310.0)], [-1, 0, -1, 1], 2),  # something else is between
+        ([unsteady(before=0.0)], [-1, 0, -1, 1], 2),
+        ([unsteady(before=-1 * UM)], [-1, 0, -1, 1], 2),
+        ([unsteady(stop=304.0)], [-1, 0, -1, 1], 2),  # eight rows
+        ([step(300.0, 3 * UM, 1 * UM, 200.0, 500.0, fitted=False)], [-1, 0, -1, 1], 2),
+    ],
+)
+def test_what_follows_before_friction_is_steady_is_in_the_motion(between, units, stretches):
+    events = [
+        step(100.0, 1 * UM, 3 * UM, 50.0, 300.0),
+        *between,
+        step(500.0, 1 * UM, 6 * UM, 400.0, 600.0),
+    ]
+    joined = join(record(), events)
+    assert [p.unit for p in joined.phases] == units and len(joined.stretches) == stretches
+    alone = join(record(), [unsteady(), step(500.0, 1 * UM, 6 * UM, 400.0, 600.0)])
+    assert [p.unit for p in alone.phases] == [-1, 0]  # nothing says how it began
+    late = record(stress=lambda t: 5e6 * (1 + 0.1 * (t > 400)))
+    assert len(join(late, events).stretches) == 2
+
+
 def test_a_hold_under_a_changing_stress_is_left_out():
     events = [
         step(100.0, 1 * UM, 3 * UM, 50.0, 200.0),

@@ -1,7 +1,9 @@
 """A run as one motion: the windows of its steps and holds, one after the other.
 
 What happens between two windows, a change of normal stress, an unloading, the recorder's pause, is
-not asked of a model. Windows that touch are one stretch; before every other stretch the load point
+not asked of a model. Windows that touch are one stretch, and so is what follows them at another
+velocity before friction is steady: a fit of one step must leave it out, a motion with what was
+before need not. Before every other stretch the load point
 slides, in the joined motion, at that stretch's first velocity as far as the real one moved, and at
 least as far as it moves in a typical phase, so that a stretch begins in steady sliding. Slip goes
 on as it did in the run. Time does so within a stretch only.
@@ -110,13 +112,15 @@ class Joined:
 
 class _Span(NamedTuple):
     """From `start` to `stop` [s], at the velocity `before` until the first of its joints, each a
-    time [s], the velocity from it on, its error [s], and whether it begins a unit."""
+    time [s], the velocity from it on, its error [s], and whether it begins a unit. One that
+    `follows` counts only where it touches what is before it."""
 
     start: float
     stop: float
     before: float
     joints: tuple[tuple[float, float, float, bool], ...]
     normal_stress: float | None
+    follows: bool = False
 
 
 def join(record: Record, events: Sequence[Event]) -> Joined:
@@ -201,17 +205,27 @@ def _windows(record: Record, events: Sequence[Event]) -> list[_Span]:
                 (back, event.before, event.time_error, False),
             )
             found.append(_Span(start, stop, event.before, joints, event.normal_stress))
+    for e in events:
+        if e.kind != "reload" or min(e.before, e.after) <= 0:
+            continue
+        rows, stress = slice(*np.searchsorted(t, [e.time, e.stop])), record.normal_stress
+        if rows.stop - rows.start < _FEWEST:
+            continue
+        if is_constant(None if stress is None else stress[rows], 4):
+            joints = ((e.time, e.after, e.time_error, True),)
+            found.append(_Span(e.time, e.stop, e.before, joints, e.normal_stress, follows=True))
     return sorted(found, key=lambda window: window.start)
 
 
 def _stretches(windows: Sequence[_Span]) -> list[_Span]:
     """Windows that touch as one; of two joints at one time the first stays."""
-    out = [windows[0]]
-    for window in windows[1:]:
-        last = out[-1]
-        if window.start > last.stop:
-            out.append(window)
+    out: list[_Span] = []
+    for window in windows:
+        if not out or window.start > out[-1].stop:
+            if not window.follows:
+                out.append(window)
             continue
+        last = out[-1]
         later = tuple(j for j in window.joints if j[0] > last.joints[-1][0])
         stop = max(last.stop, window.stop)
         out[-1] = last._replace(stop=stop, joints=(*last.joints, *later))
