@@ -22,24 +22,19 @@ def checked_most(most: int) -> int:
 
 def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -> str:
     """Write loop.json, the figures, and the page of those that could be drawn; the JSON's text."""
-    from importlib.metadata import PackageNotFoundError, version
-
     from ..plot.loop import DRAWERS
     from ..report.loop_html import page
+    from ..report.page import installed_version
 
     content = folder.save_json("loop.json", result.to_json())
     progress("drawing figures")
-    try:
-        number = version("jaxfric")
-    except PackageNotFoundError:  # run from a source tree
-        number = "(not installed)"
     for name, draw in DRAWERS.items():
         folder.draw(name, lambda to, draw=draw: draw(result, to))
     drawn = [name for name in DRAWERS if f"{name}.svg" in folder.files]
 
     def write(to: Path) -> None:
         drawings = {name: (folder.path / f"{name}.svg").read_bytes() for name in drawn}
-        html = page(result, drawings, version=number, command=current_call().command)
+        html = page(result, drawings, version=installed_version(), command=current_call().command)
         (to / "loop.html").write_text(html, encoding="utf-8")
 
     folder.draw("loop.html", write)

@@ -1,21 +1,18 @@
 """A closed loop as one page, loop.html: no network, no scripts, nothing outside the file."""
 
-import base64
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Mapping
 
 from ..fitting.table import noise_text
 from ..loop.family import listed
 from ..loop.result import Loop
 from .loop_text import (
-    TextTable,
     apart,
     candidates,
     headline,
-    numeric,
     splitting,
     tables,
 )
+from .page import bullets, document, escaped, folded, html_table, paragraph, picture, printable
 
 FIGURES = {
     "residual": (
@@ -99,99 +96,33 @@ _VERDICTS = (
     ("outside_catalogue", "structure is left that no effect of the catalogue explains"),
     ("too_weak", "a hint of an effect, not enough to name it"),
 )
-_STYLE = """
-:root { color-scheme: light; --ink: #1d2530; --soft: #5a6572; --line: #dfe4ea; --tint: #f5f7f9; }
-* { box-sizing: border-box; }
-body { margin: 0; background: #fff; color: var(--ink);
-  font: 16px/1.55 system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
-main { max-width: 74rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
-header { border-left: .4rem solid var(--verdict); padding: .2rem 0 .2rem 1.1rem; }
-h1 { font-size: 1.9rem; line-height: 1.2; margin: .1rem 0 .5rem; color: var(--verdict);
-  overflow-wrap: anywhere; }
-h2 { font-size: 1.25rem; margin: 2.6rem 0 .6rem; padding-top: .9rem;
-  border-top: 1px solid var(--line); }
-.of { color: var(--soft); margin: 0; overflow-wrap: anywhere; }
-.sentence { font-size: 1.1rem; margin: 0; }
-.cards { display: flex; flex-wrap: wrap; gap: .8rem; margin: 1.5rem 0 0; padding: 0;
-  list-style: none; }
-.cards li { flex: 1 1 12rem; background: var(--tint); border-radius: .4rem; padding: .7rem .9rem; }
-.cards b { display: block; font-size: 1.35rem; font-variant-numeric: tabular-nums; }
-.cards span { color: var(--soft); font-size: .88rem; }
-.scroll { overflow-x: auto; margin: .8rem 0; }
-table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
-caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
-th, td { padding: .28rem .6rem .28rem 0; border-bottom: 1px solid var(--line); text-align: left;
-  white-space: nowrap; vertical-align: top; }
-th { color: var(--soft); font-weight: 500; }
-.n { text-align: right; }
-tr.m td { font-weight: 600; background: #eef4fa; }
-.note { color: var(--soft); font-size: .9rem; margin: .3rem 0 0; }
-figure { margin: 1rem 0 0; }
-figure img { width: 100%; height: auto; display: block; }
-figcaption { margin-bottom: .6rem; }
-.warn { background: #fff6e0; border-radius: .4rem; padding: .6rem .9rem .6rem 2rem;
-  margin: 1.2rem 0 0; }
-dt { font-weight: 600; margin-top: .6rem; } dd { margin: 0; overflow-wrap: anywhere; }
-code { font: .9em ui-monospace, "DejaVu Sans Mono", monospace; overflow-wrap: anywhere; }
-summary { cursor: pointer; color: var(--soft); }
-@media print { main { max-width: none; padding: 0; } figure, table { break-inside: avoid; } }
-"""
 
 
 def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str) -> str:
     """The page, with those SVG `figures` of `FIGURES` that there are; `command` made it."""
     error, velocities, parameters, tests, _, *more = tables(loop)
-    name = _shown(loop.record.provenance.path)
+    name = printable(loop.record.provenance.path)
     parts = [
         _head(loop, name),
         _cards(loop),
         _warnings(loop),
-        f"<h2>Before and after</h2>{_table(error)}{_paragraph(splitting(loop), 'note')}",
-        _details(velocities.title, _table(velocities)),
+        f"<h2>Before and after</h2>{html_table(error)}{paragraph(splitting(loop), 'note')}",
+        folded(velocities.title, html_table(velocities)),
         _figure(loop, "residual", figures),
         _figure(loop, "noise", figures),
-        f"<h2>What the model is now</h2>{_added(loop)}{_table(parameters)}{_table(tests)}"
-        + "".join(_table(table) for table in more),
+        f"<h2>What the model is now</h2>{_added(loop)}{html_table(parameters)}{html_table(tests)}"
+        + "".join(html_table(table) for table in more),
         _figure(loop, "location", figures),
-        _figure(loop, "aliasing", figures, _list(apart(loop))),
+        _figure(loop, "aliasing", figures, bullets(apart(loop))),
         _figure(loop, "candidates", figures),
-        _details(
-            "All models that were fitted", _table(candidates(loop, most=len(loop.candidates)))
+        folded(
+            "All models that were fitted", html_table(candidates(loop, most=len(loop.candidates)))
         ),
         _meaning(loop),
         _provenance(loop, name, version, command),
     ]
     colour = _COLOURS.get(loop.verdict, "#1f4e79")
-    title = _text(f"{headline(loop)}: {name}")
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}</title>\n<style>{_STYLE}:root {{ --verdict: {colour}; }}</style>\n"
-        f"</head>\n<body>\n<main>\n{chr(10).join(parts)}\n</main>\n</body>\n</html>\n"
-    )
-
-
-def _text(text: str) -> str:
-    return escape(text, quote=True)
-
-
-def _shown(path: str) -> str:
-    """A path with a question mark for what is no character."""
-    text = path.encode("utf-8", errors="replace").decode("utf-8")
-    return "".join(c if c.isprintable() else "?" for c in text)
-
-
-def _paragraph(text: str, kind: str) -> str:
-    return f'<p class="{kind}">{_text(text)}</p>'
-
-
-def _list(items: Sequence[str], kind: str = "") -> str:
-    inside = "".join(f"<li>{_text(item)}</li>" for item in items)
-    return f'<ul class="{kind}">{inside}</ul>' if inside else ""
-
-
-def _details(title: str, content: str) -> str:
-    return f"<details><summary>{_text(title)}</summary>{content}</details>"
+    return document(f"{headline(loop)}: {name}", colour, parts)
 
 
 def _head(loop: Loop, name: str) -> str:
@@ -199,8 +130,8 @@ def _head(loop: Loop, name: str) -> str:
     declared = listed(loop.before.effects)
     asked = f"{name}: what does the {law}{' with ' + declared if declared else ''} lack?"
     return (
-        f"<header>{_paragraph(asked, 'of')}<h1>{_text(headline(loop))}</h1>"
-        f"{_paragraph(loop.sentence, 'sentence')}{_list(loop.reasons)}</header>"
+        f"<header>{paragraph(asked, 'of')}<h1>{escaped(headline(loop))}</h1>"
+        f"{paragraph(loop.sentence, 'sentence')}{bullets(loop.reasons)}</header>"
     )
 
 
@@ -216,12 +147,12 @@ def _cards(loop: Loop) -> str:
         (" + ".join(loop.effects) or "none", "effects added"),
         (noise_text(loop.after.noise), "noise of the record"),
     ]
-    inside = "".join(f"<li><b>{_text(b)}</b><span>{_text(s)}</span></li>" for b, s in cards)
+    inside = "".join(f"<li><b>{escaped(b)}</b><span>{escaped(s)}</span></li>" for b, s in cards)
     return f'<ul class="cards">{inside}</ul>'
 
 
 def _warnings(loop: Loop) -> str:
-    return _list([f"Warning: {text}" for text in loop.warnings], "warn")
+    return bullets([f"Warning: {text}" for text in loop.warnings], "warn")
 
 
 def _added(loop: Loop) -> str:
@@ -231,49 +162,22 @@ def _added(loop: Loop) -> str:
         effect = loop.words.catalogue.get(id)
         items.append(f"{id} ({effect.room}): {effect.equation}" if effect else id)
     if not items:
-        return _paragraph(
-            "No effect was added: the parameters are those of the base model.", "note"
-        )
-    return _list(items)
-
-
-def _table(table: TextTable) -> str:
-    if not table.rows:
-        return ""
-    right = [numeric(table, k) for k in range(len(table.head))]
-
-    def cells(tag: str, row: Sequence[str]) -> str:
-        return "".join(
-            f"<{tag}{' class=n' if n else ''}>{_text(cell)}</{tag}>"
-            for cell, n in zip(row, right, strict=True)
-        )
-
-    body = "".join(
-        f"<tr{' class=m' if k in table.marked else ''}>{cells('td', row)}</tr>"
-        for k, row in enumerate(table.rows)
-    )
-    note = _paragraph(table.note, "note") if table.note else ""
-    return (
-        f'<div class="scroll"><table><caption>{_text(table.title)}</caption><thead><tr>'
-        f"{cells('th', table.head)}</tr></thead><tbody>{body}</tbody></table></div>{note}"
-    )
+        return paragraph("No effect was added: the parameters are those of the base model.", "note")
+    return bullets(items)
 
 
 def _figure(loop: Loop, name: str, figures: Mapping[str, bytes], more: str = "") -> str:
     title, caption = (text.format(marks=loop.words.marks) for text in FIGURES[name])
     if name not in figures:
-        return f"<h2>{_text(title)}</h2>{more}{_paragraph('This figure was not drawn.', 'note')}"
-    data = base64.b64encode(figures[name]).decode("ascii")
-    return (
-        f"<h2>{_text(title)}</h2>{more}<figure><figcaption>{_text(caption)}</figcaption>"
-        f'<img alt="{_text(title)}" src="data:image/svg+xml;base64,{data}"></figure>'
-    )
+        return f"<h2>{escaped(title)}</h2>{more}{paragraph('This figure was not drawn.', 'note')}"
+    drawn = picture(figures[name], "svg+xml", title, caption)
+    return f"<h2>{escaped(title)}</h2>{more}{drawn}"
 
 
 def _meaning(loop: Loop) -> str:
-    terms = "".join(f"<dt>{_text(a)}</dt><dd>{_text(b)}</dd>" for a, b in _MEANING)
+    terms = "".join(f"<dt>{escaped(a)}</dt><dd>{escaped(b)}</dd>" for a, b in _MEANING)
     verdicts = "".join(
-        f"<li>{'<b>' if name == loop.verdict else ''}<code>{name}</code>: {_text(text)}"
+        f"<li>{'<b>' if name == loop.verdict else ''}<code>{name}</code>: {escaped(text)}"
         f"{'</b>' if name == loop.verdict else ''}</li>"
         for name, text in _VERDICTS
     )
@@ -304,7 +208,7 @@ def _provenance(loop: Loop, name: str, version: str, command: str) -> str:
         ("made by", f"jaxfric {version} in {loop.seconds:.1f} s"),
         ("command", command),
     ]
-    inside = "".join(f"<dt>{a}</dt><dd><code>{_text(_shown(b))}</code></dd>" for a, b in rows)
-    return f"<h2>Where this comes from</h2><dl>{inside}</dl>" + _paragraph(
+    inside = "".join(f"<dt>{a}</dt><dd><code>{escaped(printable(b))}</code></dd>" for a, b in rows)
+    return f"<h2>Where this comes from</h2><dl>{inside}</dl>" + paragraph(
         "The same numbers, for programs, are in loop.json beside this page.", "note"
     )
