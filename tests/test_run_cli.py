@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -10,10 +11,23 @@ from command import assert_refused, run
 
 import jaxfric as jf
 from fits.runs.generate import generate
+from jaxfric.report.run_html import page
 from jaxfric.runs import find_events
+from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
+from jaxfric.runs.ramps import Ramp
 from jaxfric.runs.stiffness import MachineStiffness
-from jaxfric.runs.table import csv_text, difference, latex_text, rows, text_lines, xlook_rows
+from jaxfric.runs.stress_steps import FittedStress
+from jaxfric.runs.table import (
+    csv_text,
+    data_frame,
+    difference,
+    latex_text,
+    rows,
+    text_cells,
+    text_lines,
+    xlook_rows,
+)
 
 TABLES = ("events.toml", "run.json", "table.csv", "table.tex", "table_xlook.csv")
 
@@ -212,3 +226,63 @@ def test_a_clock_that_goes_back_is_refused(steady):
 def test_names_of_results(two_fits):
     result, _ = two_fits
     assert isinstance(result, RunFit) and all(isinstance(s, StepFit) for s in result.steps)
+
+
+# ---- the page ---------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """Text by tag, pictures and attributes of a page; fails where tags are not closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.texts, self.pictures, self.links = [], {}, 0, []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.links += [value for name, value in attrs if name in ("href", "src")]
+        self.pictures += tag == "img"
+        if tag not in ("meta", "img", "!doctype"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.setdefault(self.open[-1] if self.open else "", []).append(data)
+
+
+def shown(result, **more):
+    given = {"warnings": ["K is <odd>"], "figures": {"step_02.png": b"x"}, "command": "jaxfric run"}
+    none = Findings((), (), ())
+    return page(result, [], more.pop("others", none), **(given | more))
+
+
+def test_the_page_tells_every_step_and_reaches_nowhere(two_fits):
+    result = two_fits[0]
+    text = shown(result)
+    found = Page(text)
+    assert "1 of 2 velocity steps fitted" in found.texts["h1"]
+    cells = found.texts["td"]
+    assert text_cells(result.steps[1])[4] in cells and text_cells(result.steps[0])[4] in cells
+    assert found.texts["li"] == ["Warning: K is <odd>"] and "&lt;odd&gt;" in text
+    assert found.pictures == 1 and all(link.startswith("data:image/png") for link in found.links)
+    assert "Step 2, at" in "".join(found.texts["summary"])
+    assert [t for t in found.texts["h2"] if t in ("Holds", "Steps of the normal stress")] == []
+
+
+def test_the_page_shows_what_else_was_found(two_fits):
+    ramp = Ramp("unload", 5.0, 9.0, 1e7, True, 2e10, 1e8)
+    stress = FittedStress(100.0, 1.0, 3e-6, 1e7, 1.15e7, why="a velocity step is superposed")
+    found = Page(shown(two_fits[0], others=Findings((stress,), (ramp,), ())))
+    told = " ".join(found.texts["li"])
+    assert "0.02000(10) MPa/um" in told and "no alpha: a velocity step is superposed" in told
+    assert "Steps of the normal stress" in found.texts["h2"]
+
+
+def test_a_table_is_a_data_frame(two_fits):
+    table = rows(two_fits[0])
+    frame = data_frame(table)
+    assert list(frame["step"]) == [1, 2] and frame["A"][1] == table[1]["A"]
+    assert frame["A"].isna()[0]

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import options
+from .call import current_call
 from .common import prepare_jax, read_record, told, warn
 from .folder import Folder, choose_folder, json_text
 
@@ -99,12 +100,14 @@ def run(
         _draw_events(record, found, folder)
         _draw(result, holds, folder)
         _draw_others(others, folder)
+        warnings = [*_warnings(result, how), *others.warnings]
+        _write_page(result, holds, others, warnings, folder)
     if json:
         print(content)
     else:
         _tell(result, holds, others)
         print(folder.written)
-    warn([*_warnings(result, how), *others.warnings])
+    warn(warnings)
     return folder.close()
 
 
@@ -187,6 +190,26 @@ def _draw_others(others: "Findings", folder: Folder) -> None:
             "the figure of the stress steps",
             lambda to: draw_stress_steps(others.stress_steps, to / "stress_steps.png"),
         )
+
+
+def _write_page(
+    result: "RunFit",
+    holds: "Sequence[Hold]",
+    others: "Findings",
+    warnings: "Sequence[str]",
+    folder: Folder,
+) -> None:
+    from ..report.run_html import page
+
+    drawn = [name for name in folder.files if name.endswith(".png")]
+
+    def write(to: Path) -> None:
+        figures = {name: (folder.path / name).read_bytes() for name in drawn}
+        command = current_call().command
+        html = page(result, holds, others, warnings=warnings, figures=figures, command=command)
+        (to / "run.html").write_text(html, encoding="utf-8")
+
+    folder.draw("run.html", write)
 
 
 def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:

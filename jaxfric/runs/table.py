@@ -3,12 +3,17 @@
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import InputError
 from ..fitting import Estimate
 from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
+
+if TYPE_CHECKING:
+    import pandas
 
 _SCALES = {"L": 1e6, "K": 1e-6, "slip_trend": 1e-3}
 """From SI to micrometres, but a slip trend to millimetres."""
@@ -145,24 +150,47 @@ def measured(value: float, error: float) -> str:
     return f"{value:.{places}f}({digits})"
 
 
+HEAD = ("step", "time [s]", "V [um/s]", "MPa", "A", "B", "A-B", "L [um]")
+"""Heads of the columns of `text_cells`."""
+
+
+def text_cells(step: StepFit) -> tuple[str, ...]:
+    """A step in the columns of `HEAD`; without a fit, in the four before A, and why."""
+    event, fit = step.event, step.fit
+    stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
+    change = f"{1e6 * event.before:.3g} -> {1e6 * event.after:.3g}"
+    when = (str(step.number), f"{event.time:.6g}", change, stress)
+    if fit is None or not fit.converged:
+        return (*when, step.failed or f"did not converge: {fit.result if fit else ''}")
+    p = fit.parameters
+    numbers = [n[1:] for n in p if n[0] == "B"]
+    A, B, L = (
+        " ".join(_estimate(p[x + n]).replace("$", "") for n in of)
+        for x, of in (("A", [""]), ("B", numbers), ("L", numbers))
+    )
+    return (*when, A, B, measured(*difference(fit)), L)
+
+
 def text_lines(run: RunFit) -> list[str]:
     """The table for a terminal, a line a step."""
-    head = f"{'step':>4} {'time [s]':>10} {'V [um/s]':>15} {'MPa':>6}"
-    head += f"  {'A':>12} {'B':>12} {'A-B':>13} {'L [um]':>10}"
-    out = [head]
-    for step in run.steps:
-        event, fit = step.event, step.fit
-        stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
-        change = f"{1e6 * event.before:.3g} -> {1e6 * event.after:.3g}"
-        line = f"{step.number:>4} {event.time:>10.6g} {change:>15} {stress:>6}  "
-        if fit is None or not fit.converged:
-            out.append(line + (step.failed or f"did not converge: {fit.result if fit else ''}"))
-            continue
-        p = fit.parameters
-        numbers = [n[1:] for n in p if n[0] == "B"]
-        A, B, L = (
-            " ".join(_estimate(p[x + n]).replace("$", "") for n in of)
-            for x, of in (("A", [""]), ("B", numbers), ("L", numbers))
-        )
-        out.append(f"{line}{A:>12} {B:>12} {measured(*difference(fit)):>13} {L:>10}")
+    widths = (4, 11, 16, 7, 14, 13, 14, 11)
+    lines = [HEAD, *(text_cells(step) for step in run.steps)]
+    out = []
+    for cells in lines:
+        if len(cells) < len(HEAD):  # a sentence, however long
+            when = "".join(f"{c:>{w}}" for c, w in zip(cells[:4], widths, strict=False))
+            out.append(f"{when}  {cells[4]}")
+        else:
+            out.append("".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True)))
     return out
+
+
+def data_frame(table: Sequence[Mapping[str, Cell]]) -> "pandas.DataFrame":
+    """Rows as a pandas DataFrame; raises `InputError` where there is no pandas."""
+    try:
+        import pandas
+    except ImportError:
+        raise InputError(
+            "a DataFrame needs pandas: pip install pandas; csv_text(rows(run)) needs nothing"
+        ) from None
+    return pandas.DataFrame(list(table))
