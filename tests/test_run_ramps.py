@@ -103,6 +103,8 @@ def test_what_tells_no_stiffness(change, why):
 def test_a_run_without_ramps_is_refused():
     with pytest.raises(InputError, match=r"moves back nowhere.*give the stiffness"):
         stiffness_from_ramps(run(), EVENTS[:1])
+    with pytest.raises(InputError, match="moves back nowhere"):
+        stiffness_from_ramps(run(), [])
 
 
 def ramp(slope, error):

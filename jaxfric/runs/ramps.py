@@ -95,6 +95,8 @@ def find_ramps(
     """The ramps of a run whose record has no resets of its encoder; `direct` is A where known."""
     t = record.relative_time
     joints = [e for e in events if e.before != e.after or e.kind == "stress"]
+    if not joints:
+        return ()
     way = sum(
         e.after * (after - e.time)
         for e, after in zip(joints, [*(j.time for j in joints[1:]), float(t[-1])], strict=True)
