@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..units import between
 from . import standing_out
 from .roles import SLIDER
-from .rows import MIN_ROWS, FileRows, refuse_few, whole_rows
+from .rows import MIN_ROWS, FileRows, clock_doubt, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .window import Bound, bounds
 
@@ -212,6 +212,8 @@ def build(
     else:
         here = {role: values[keep] for role, values in columns.items()}
         doubts = standing_out.told(origin.path, here, rows.lines[keep], si_units)
+    if (still := clock_doubt(columns["time"], origin.path, rows)) is not None:
+        doubts = (still, *doubts)
     kept = {role: frozen(values[keep]) for role, values in columns.items()}
     refuse_few(int(keep.sum()), origin.path)
     refuse_sizes(kept, si_units, units, origin.path, rows.lines[keep])

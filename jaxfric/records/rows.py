@@ -11,6 +11,8 @@ LARGEST, SMALLEST = 1e30, 1e-30
 """Limits to a measured quantity in SI: larger is impossible, smaller is taken as 0."""
 
 MIN_ROWS = 20
+_STILL = 20
+"""A clock that shows the same time in so many more rows stands still."""
 """Least number of rows of a record."""
 
 
@@ -83,6 +85,20 @@ def whole_rows(
         "time goes back": int(back.sum()),
     }
     return columns, keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
+
+
+def clock_doubt(time: np.ndarray, path: str, rows: FileRows) -> str | None:
+    """A sentence on a clock that stands still over many rows, else None."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], np.diff(time) != 0, [True]])))
+    still = edges.reshape(-1, 2) if len(edges) else np.zeros((0, 2), int)
+    if not len(still) or (longest := int(np.ptp(still, axis=1).max())) < _STILL:
+        return None
+    first = int(still[np.argmax(np.ptp(still, axis=1)), 0])
+    return (
+        f"{path}: the clock stands still at {time[first]:.10g} s from {rows.place(first)} on, for"
+        f" {longest} more rows, which are left out; cut the file there (--to), or give the rate in"
+        " place of the times, as in --column 'time=10 Hz'"
+    )
 
 
 def refuse_few(count: int, path: str) -> None:
