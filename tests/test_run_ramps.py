@@ -149,6 +149,7 @@ def test_what_is_unsure_disagrees_with_nothing():
 
 
 def test_a_row_for_every_ramp():
+    assert told(()) == [] and "bent" in told([Ramp("unload", 0, 1, None, True, why="bent")])[0]
     table = rows(find_ramps(run(), EVENTS))
     assert [row["result"] for row in table] == ["straight"] * 2
     assert table[0]["stiffness [MPa/um]"] == pytest.approx(K * SIGMA / 1e12, rel=0.01)

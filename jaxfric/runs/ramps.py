@@ -272,6 +272,8 @@ def _short(value: float | None, scale: float = 1.0) -> float | None:
 
 
 def told(ramps: Sequence[Ramp]) -> list[str]:
-    """A line on the stiffness of the ramps."""
+    """A line on the stiffness of the ramps; none where there is no ramp."""
+    if not ramps:
+        return []
     found = ramp_stiffness(ramps)
     return [f"no stiffness from ramps: {_none(ramps)}" if found is None else found.told()]
