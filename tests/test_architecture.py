@@ -34,6 +34,7 @@ FLOORS = {
     "gains": 3,
     "fitting": 3,
     "loop": 4,
+    "posterior": 4,
     "prediction": 4,
     "protocol": 4,
     "runs": 4,

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from . import options
 from .common import doing, prepare_jax, read_record, stdout_console, told, warn
 from .folder import Folder, choose_folder, json_text
+from .posterior import asked, draw, print_posterior, write_posterior
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -63,14 +64,27 @@ def fit(
             " falls with the root of the rows in a mean, and errors are those of what is left."
         ),
     ] = None,
+    prior: Annotated[
+        Path | None,
+        Parameter(
+            help="TOML file of priors, [priors] A = {normal = [0.006, 0.001]}: also the posterior"
+            ' (posterior.nc, figure). Needs pip install "jaxfric\\[posterior]".'
+        ),
+    ] = None,
+    draws: Annotated[
+        int | None, Parameter(help="Draws of each chain by NUTS, as in --draws 1000; else none.")
+    ] = None,
+    chains: Annotated[int | None, Parameter(help="Chains of draws, 4 where not given.")] = None,
+    seed: Annotated[int | None, Parameter(help="Seed of the draws, 0 where not given.")] = None,
     out: options.Out = None,
     json: options.Json = False,
 ) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
     Writes fit.json, fit.png and fit.svg to the output folder, by default ./NAME-fit/ with the
-    options that differ from their default: ./NAME-fit-ageing/.
+    options that differ from their default: ./NAME-fit-ageing/. With --prior also posterior.nc.
     """
+    wanted = asked(prior, draws, chains, seed)
     doing(f"reading {file.name}")
     measured = read_record(file, column, drop_bad, since, until, reduce=reduce)
     prepare_jax()
@@ -79,7 +93,7 @@ def fit(
     from ..plot.fit import draw_fit
 
     starts = None if start is None else parse_start(start, measured.friction_unit)
-    folder = choose_folder(out, file.stem, file)
+    folder = choose_folder(out, file.stem, file, *([] if prior is None else [prior]))
     with told(quiet=True) as progress:
         result = run(
             measured,
@@ -98,21 +112,31 @@ def fit(
         )
         content = json_text(result.to_json())
         keeps = not result.converged and _has_converged(folder.path / "fit.json")
+        posterior = None if wanted is None else wanted.of(result, progress)
         if not keeps:
             progress("drawing the figure")
             with folder.results() as to:
                 (to / "fit.json").write_text(content + "\n")
+                if posterior is not None:
+                    write_posterior(posterior, to)
             folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
+            if posterior is not None:
+                draw(posterior, folder)
     if json:
         print(content)
     if keeps:
         return _complain_and_keep(result, folder)
     if not json:
-        _print_fit(result, folder)
+        _print_fit(result)
+        if posterior is not None:
+            print_posterior(posterior)
+        print(folder.written)
     warn((*result.warnings, *_misfit(result)))
+    if posterior is not None:
+        warn(posterior.warnings)
     code = folder.close()
     if result.converged:
-        return code
+        return code if posterior is None or posterior.converged else 1
     print(f"jaxfric: error: {_not_converged(result, folder)}", file=sys.stderr)
     return 1
 
@@ -162,7 +186,7 @@ def _misfit(result: "Fit") -> list[str]:
     ]
 
 
-def _print_fit(result: "Fit", folder: Folder) -> None:
+def _print_fit(result: "Fit") -> None:
     from rich.table import Table
 
     from ..fitting.table import rows, summary
@@ -176,4 +200,3 @@ def _print_fit(result: "Fit", folder: Folder) -> None:
     console.print(table)
     for line in summary(result):
         console.print(line)
-    console.print(folder.written)

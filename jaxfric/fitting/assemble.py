@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -11,7 +10,6 @@ from jaxtyping import Array, Float
 
 from ..records import Record, VelocitySteps
 from ..units import format_si
-from .glitches import Glitches
 from .noise import Noise
 from .noise_estimate import noise_estimate, noise_words
 from .noise_search import longest_memory
@@ -26,6 +24,7 @@ from .problem import (
 )
 from .result import Estimate, Fit, unit_of
 from .solve import Solution
+from .solved import Solved
 from .uncertainty import (
     QUANTILE,
     covariance,
@@ -36,17 +35,6 @@ from .uncertainty import (
 _NEAR_EDGE = 2.0
 _FAR = 3.0
 _OTHER, _ROWS = 1.5, 20
-
-
-class Solved(NamedTuple):
-    """A solved problem, the noise that it leaves, the rows that are passed over, and the steps in
-    which friction was recorded (0: none are seen)."""
-
-    problem: Problem
-    solution: Solution
-    noise: Noise
-    glitches: Glitches
-    written: float
 
 
 def assemble(
@@ -93,6 +81,7 @@ def assemble(
         iterations=solution.num_steps,
         weighting="ordinary" if problem.noise is None else "whitened",
         warnings=(),
+        solved=solved,
     )
     shifts = np.asarray(solution.z)[len(names) :]
     pairs = zip(np.asarray(problem.shifted), shifts, strict=True)

@@ -23,7 +23,7 @@ from ..records.steps import speeds_without_steps
 from ..records.thin import blur, thinned
 from ..simulation import simulate
 from ..units import parse_quantity
-from .assemble import Solved, assemble
+from .assemble import assemble
 from .glitches import NO_GLITCHES, ROUNDS, find_glitches
 from .noise import Noise
 from .noise_search import estimate_noise, longest_memory, noise_rows
@@ -41,6 +41,7 @@ from .problem import (
 from .quantisation import least_noise, recorded_steps
 from .result import Fit, unit_of
 from .solve import Solution, solve
+from .solved import Solved
 from .start import (
     OneStateMotion,
     average,

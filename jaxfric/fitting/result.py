@@ -1,7 +1,7 @@
 """The result of a fit."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,6 +17,7 @@ from ..stability.linear import linear_friction
 from ..stability.theorem import theorem
 from .noise_estimate import NoiseEstimate
 from .problem import Model, build_rig, quantity_of
+from .solved import Solved
 
 SCHEMA = "jaxfric.fit/1"
 
@@ -65,6 +66,8 @@ class Fit:
     iterations: int
     weighting: str
     warnings: tuple[str, ...]
+    solved: Solved | None = field(default=None, repr=False)
+    """The least-squares problem and its solution, for what goes on from them."""
 
     @property
     def residual(self) -> np.ndarray:

@@ -1,0 +1,101 @@
+"""What `jaxfric fit --prior` adds to a fit: its posterior in a file, a figure and tables."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from ..errors import InputError
+from .common import stdout_console
+from .folder import Folder
+
+if TYPE_CHECKING:
+    from ..fitting import Fit
+    from ..posterior import Posterior
+
+FILE = "posterior.nc"
+
+
+class Asked(NamedTuple):
+    """The priors of a call and how many draws it wants; read before any work."""
+
+    file: Path
+    priors: Mapping[str, object]
+    draws: int | None
+    chains: int
+    seed: int
+
+    def of(self, fit: "Fit", progress: Callable[[str], None]) -> "Posterior | None":
+        """The posterior of a fit; None where it did not converge."""
+        from ..posterior import find_posterior
+
+        if not fit.converged:
+            return None
+        return find_posterior(
+            fit,
+            self.priors,
+            draws=self.draws,
+            chains=self.chains,
+            seed=self.seed,
+            where=str(self.file),
+            progress=progress,
+        )
+
+
+def asked(prior: Path | None, draws: int | None, chains: int | None, seed: int | None):
+    """What the options ask for; None without `--prior`. Refuses what cannot be done, or would not
+    be used, before anything is fitted."""
+    given = {"--draws": draws, "--chains": chains, "--seed": seed}
+    if prior is None:
+        unused = [option for option, value in given.items() if value is not None]
+        if unused:
+            raise InputError(
+                f"{unused[0]} is of a posterior; give its priors with --prior priors.toml"
+            )
+        return None
+    if draws is None and (chains is not None or seed is not None):
+        raise InputError("--chains and --seed are of draws; ask for these, as in --draws 1000")
+    from ..posterior import read_priors
+    from ..posterior.sampler import require_blackjax
+
+    require_blackjax()
+    return Asked(prior, read_priors(prior), draws, 4 if chains is None else chains, seed or 0)
+
+
+def write_posterior(posterior: "Posterior", to: Path) -> None:
+    """The posterior as netCDF in a folder."""
+    from ..posterior import write_netcdf
+
+    write_netcdf(posterior, to / FILE)
+
+
+def draw(posterior: "Posterior", folder: Folder) -> None:
+    """The figure of the posterior."""
+    from ..plot.posterior import draw_posterior
+
+    names = ("posterior.png", "posterior.svg")
+    folder.draw("its figure", lambda to: draw_posterior(posterior, *(to / n for n in names)))
+
+
+def print_posterior(posterior: "Posterior") -> None:
+    """Tables of the maximum, its normal law and the draws beside the fit."""
+    from rich.table import Table
+
+    from ..report.posterior_text import posterior_lines, posterior_rows
+
+    rows = posterior_rows(posterior)
+    table = Table(title="posterior", title_justify="left", box=None, pad_edge=False)
+    for heading in ("", "prior", "fit", "maximum", "mean", "std", "95 % interval", "unit"):
+        table.add_column(heading, justify="left" if heading in ("", "prior", "unit") else "right")
+    for row in rows:
+        table.add_row(row.name, row.prior, row.fit, row.maximum, *row.laplace, row.unit)
+    console = stdout_console(120)
+    console.print(table)
+    if posterior.draws is not None:
+        drawn = Table(title="draws", title_justify="left", box=None, pad_edge=False)
+        for heading in ("", "mean", "std", "95 % interval", "R-hat", "ESS bulk", "tail", "unit"):
+            drawn.add_column(heading, justify="left" if heading in ("", "unit") else "right")
+        for row in rows:
+            drawn.add_row(row.name, *row.draws, row.unit)
+        console.print(drawn)
+    for line in posterior_lines(posterior):
+        console.print(line)

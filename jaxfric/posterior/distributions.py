@@ -1,0 +1,206 @@
+"""Priors of one parameter, each with the variable y that its posterior is explored in.
+
+    y = the fit's unbounded variable (the logarithm of A and L, f0 and B in units of a typical force)
+        for a flat and a normal prior,  ln x for a log-normal,  ln((x - low)/(high - x)) for a
+        uniform one;
+    density of y:   log p(x(y)) + log |dx/dy|.
+
+A flat prior is flat in y, not in x: its maximum is that of the likelihood, and it is improper.
+Densities are those of the natural value x in SI. That of a normal law is cut off at the bounds of
+its parameter and not normalised anew: a constant factor, which no posterior feels.
+"""
+
+import abc
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..errors import InputError
+from ..quantity import Quantity
+
+Number = Float[Array, ""]
+_ROOT_TWO_PI = math.sqrt(2 * math.pi)
+
+
+class AbstractPrior(eqx.Module):
+    """The prior of one parameter, whose variable without prior is `about.to_free(x, scale)`."""
+
+    about: eqx.AbstractVar[Quantity]
+    scale: eqx.AbstractVar[Number]
+
+    @abc.abstractmethod
+    def natural(self, y: Number) -> Number:
+        """The parameter [SI] of its variable."""
+
+    @abc.abstractmethod
+    def variable(self, value: float) -> float:
+        """The variable of a parameter [SI], or of the nearest one that the prior allows."""
+
+    @abc.abstractmethod
+    def log_density(self, y: Number) -> Number:
+        """Logarithm of the density of the variable, the Jacobian included."""
+
+    def curve(self, at: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
+        """Values in a unit of this size [SI], those `at` which the prior has a density, and it."""
+        y = np.asarray([self.variable(float(x)) for x in at * unit])
+        back = np.asarray(jax.vmap(self.natural)(y))
+        kept = np.isclose(back, at * unit, rtol=1e-6, atol=0)
+        slope = np.asarray(jax.vmap(jax.grad(self.natural))(y))
+        density = np.exp(np.asarray(jax.vmap(self.log_density)(y))) / np.abs(slope) * unit
+        return at[kept], density[kept]
+
+    @abc.abstractmethod
+    def text(self, unit: float = 1.0) -> str:
+        """The prior in words, its numbers in a unit of this size [SI]."""
+
+
+class Flat(AbstractPrior):
+    """No prior: a constant density of the fit's own variable."""
+
+    about: Quantity = eqx.field(static=True)
+    scale: Number
+
+    def natural(self, y: Number) -> Number:
+        return self.about.from_free(y, scale=self.scale)
+
+    def variable(self, value: float) -> float:
+        return float(self.about.to_free(value, scale=float(self.scale)))
+
+    def log_density(self, y: Number) -> Number:
+        return jnp.zeros_like(y)
+
+    def curve(self, at: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
+        return at[:0], at[:0]
+
+    def text(self, unit: float = 1.0) -> str:
+        positive = np.isfinite(self.about.lower)
+        return f"flat in ln {self.about.symbol}" if positive else "flat"
+
+
+class Normal(AbstractPrior):
+    """x ~ N(mean, std^2) [SI], cut off at the bounds of the parameter."""
+
+    about: Quantity = eqx.field(static=True)
+    scale: Number
+    mean: Number
+    std: Number
+
+    def natural(self, y: Number) -> Number:
+        return self.about.from_free(y, scale=self.scale)
+
+    def variable(self, value: float) -> float:
+        return float(self.about.to_free(value, scale=float(self.scale)))
+
+    def log_density(self, y: Number) -> Number:
+        away = (self.natural(y) - self.mean) / self.std
+        slope = log_slope(self.about, y, self.scale)
+        return slope - 0.5 * away**2 - jnp.log(_ROOT_TWO_PI * self.std)
+
+    def text(self, unit: float = 1.0) -> str:
+        return f"normal({float(self.mean) / unit:.4g}, {float(self.std) / unit:.4g})"
+
+
+class LogNormal(AbstractPrior):
+    """ln x ~ N(ln median, sigma^2), x in SI; also where the parameter itself may be negative."""
+
+    about: Quantity = eqx.field(static=True)
+    scale: Number
+    median: Number
+    sigma: Number
+
+    def natural(self, y: Number) -> Number:
+        return jnp.exp(y)
+
+    def variable(self, value: float) -> float:
+        return math.log(value if value > 0 else float(self.median))
+
+    def log_density(self, y: Number) -> Number:
+        away = (y - jnp.log(self.median)) / self.sigma
+        return -0.5 * away**2 - jnp.log(_ROOT_TWO_PI * self.sigma)
+
+    def text(self, unit: float = 1.0) -> str:
+        return f"lognormal({float(self.median) / unit:.4g}, {float(self.sigma):.4g})"
+
+
+class Uniform(AbstractPrior):
+    """x ~ U(low, high) [SI]."""
+
+    about: Quantity = eqx.field(static=True)
+    scale: Number
+    low: Number
+    high: Number
+
+    def natural(self, y: Number) -> Number:
+        return self.low + (self.high - self.low) * jax.nn.sigmoid(y)
+
+    def variable(self, value: float) -> float:
+        share = (value - float(self.low)) / (float(self.high) - float(self.low))
+        share = min(max(share, _EDGE), 1 - _EDGE)
+        return math.log(share / (1 - share))
+
+    def log_density(self, y: Number) -> Number:
+        return jax.nn.log_sigmoid(y) + jax.nn.log_sigmoid(-y)
+
+    def text(self, unit: float = 1.0) -> str:
+        return f"uniform({float(self.low) / unit:.4g}, {float(self.high) / unit:.4g})"
+
+
+_EDGE = 1e-3
+"""Share of its width by which a start that a uniform prior does not allow is put inside it."""
+
+
+def log_slope(about: Quantity, y: Number, scale: Number) -> Number:
+    """log |dx/dy| of `about.from_free`."""
+    if math.isinf(about.lower) and math.isinf(about.upper):
+        return jnp.log(scale) + jnp.zeros_like(y)
+    if math.isinf(about.lower) or math.isinf(about.upper):
+        return y
+    width = jnp.log(about.upper - about.lower)
+    return width + jax.nn.log_sigmoid(y) + jax.nn.log_sigmoid(-y)
+
+
+def _normal(about: Quantity, scale: Number, numbers: tuple[float, float], size: float, what: str):
+    mean, std = numbers
+    if not std > 0:
+        raise InputError(f"{what}: the standard deviation of a normal law is {std:g}, not above 0")
+    return Normal(about, scale, *_arrays(about.check(mean * size, what), std * size))
+
+
+def _log_normal(
+    about: Quantity, scale: Number, numbers: tuple[float, float], size: float, what: str
+):
+    median, sigma = numbers
+    if not median > 0 or not sigma > 0:
+        raise InputError(
+            f"{what}: lognormal = [{median:g}, {sigma:g}]; it takes the median and the standard"
+            " deviation of the logarithm, both above 0"
+        )
+    return LogNormal(about, scale, *_arrays(about.check(median * size, what), sigma))
+
+
+def _uniform(about: Quantity, scale: Number, numbers: tuple[float, float], size: float, what: str):
+    low, high = (number * size for number in numbers)
+    if not low < high:
+        raise InputError(
+            f"{what}: uniform = [{numbers[0]:g}, {numbers[1]:g}]; write the lower end"
+            " first and the upper end after it"
+        )
+    if low < about.lower or high > about.upper:
+        raise InputError(
+            f"{what}: uniform = [{numbers[0]:g}, {numbers[1]:g}] is outside the bounds of"
+            f" {about.text} ({about.symbol}), which must lie between {about.lower:g} and"
+            f" {about.upper:g}"
+        )
+    return Uniform(about, scale, *_arrays(low, high))
+
+
+def _arrays(*numbers: float) -> list[Array]:
+    return [jax.device_put(np.asarray(number, float)) for number in numbers]
+
+
+DISTRIBUTIONS = {"normal": _normal, "lognormal": _log_normal, "uniform": _uniform}
+"""How a prior is made of two numbers, by the name that a file of priors uses."""

@@ -1,0 +1,108 @@
+"""`find_posterior(fit, priors)`: what priors and a record say together of a fit's parameters."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ..errors import InputError
+from ..fitting.noise import Noise
+from ..fitting.problem import Problem
+from ..fitting.result import Fit
+from ..fitting.uncertainty import determined
+from .distributions import Flat
+from .inference_data import diagnosed
+from .laplace import Laplace, laplace
+from .priors import priors_of
+from .result import Posterior, doubts
+from .sampler import nuts, require_blackjax
+from .target import Target, likelihood
+
+_FEWEST_DRAWS, _FEWEST_CHAINS = 4, 2
+
+
+def find_posterior(
+    fit: Fit,
+    priors: Mapping[str, object],
+    *,
+    draws: int | None = None,
+    chains: int = 4,
+    seed: int = 0,
+    noise: Noise | None = None,
+    where: str = "priors",
+    progress: Callable[[str], None] = lambda text: None,
+) -> Posterior:
+    """Maximum, Laplace approximation and draws of a posterior.
+
+    log p = -|r|^2/2 + log prior, see `posterior.target`; the noise is held.
+
+    Parameters
+    ----------
+    fit : of `jaxfric.fit`, in this process (a fit.json does not hold the record).
+    priors : by name, {"A": {"normal": [0.006, 0.001]}, "L": {"lognormal": [20, 0.5], "unit":
+        "um"}}, see `posterior.priors`; flat where none is given.
+    draws : of each chain, by NUTS; None: none. Needs `pip install "jaxfric[posterior]"`.
+    chains, seed : number of chains, at least 2, and what their chance follows from.
+    noise : in units of the fit's `solved.problem.noise_scale`, where it is known; default, as found
+        by the fit.
+    where : the file of the priors, for messages.
+    progress : told what is being done.
+
+    Returns
+    -------
+    Posterior. Look at its `converged` and `warnings`.
+
+    Raises
+    ------
+    InputError : the fit did not converge; a prior is none (`priors_of`); too few draws or chains.
+
+    Not tried: priors that are correlated, a prior of the noise.
+    """
+    target, start = target_of(fit, priors, noise=noise, where=where)
+    if draws is not None:
+        require_blackjax()
+        if draws < _FEWEST_DRAWS:
+            raise InputError(f"--draws is {draws}; it must be {_FEWEST_DRAWS} or more")
+        if chains < _FEWEST_CHAINS:
+            raise InputError(f"--chains is {chains}; R-hat compares at least {_FEWEST_CHAINS}")
+    progress("the maximum of the posterior")
+    about = laplace(target, start)
+    names = target.problem.model.names()
+    said, held = _of_maximum(fit, target, about), "the fit's estimate" if noise is None else "given"
+    if draws is None or said:
+        return Posterior(fit, names, target.priors, about, None, {}, not said, said, held)
+    found = nuts(target, about, draws=draws, chains=chains, seed=seed, progress=progress)
+    agreed = diagnosed(names, found)
+    said = doubts(agreed, int(found.diverging.sum()))
+    return Posterior(fit, names, target.priors, about, found, agreed, not said, said, held)
+
+
+def target_of(
+    fit: Fit, priors: Mapping[str, object], *, noise: Noise | None = None, where: str = "priors"
+) -> tuple[Target, np.ndarray]:
+    """The log posterior of a fit, and the variables from which its maximum is sought."""
+    if not fit.converged or fit.solved is None:
+        why = fit.result if not fit.converged else "its problem is not at hand; fit the record here"
+        raise InputError(f"no posterior of a fit without its numbers: {why}")
+    solved = fit.solved
+    problem: Problem = likelihood(solved.problem, solved.noise if noise is None else noise)
+    target = Target(problem, priors_of(problem, priors, fit.record.friction_unit, where))
+    return target, target.start(np.asarray(solved.solution.z))
+
+
+def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
+    """Why a maximum and the law about it are not to be relied on."""
+    if not about.converged:
+        return (
+            "the maximum of the posterior was not found: do the priors contradict the record? The"
+            " posterior claims nothing",
+        )
+    std = np.sqrt(np.diag(about.covariance))
+    known = determined(target.problem, std, float(np.ptp(fit.record.friction)))
+    pairs = zip(target.problem.model.names(), target.priors, known, strict=True)
+    loose = [name for name, prior, fixed in pairs if isinstance(prior, Flat) and not fixed]
+    if not loose:
+        return ()
+    return (
+        f"neither the record nor a prior fixes {', '.join(loose)}: the posterior claims nothing;"
+        f" give {loose[0]} a prior",
+    )

@@ -1,0 +1,126 @@
+"""A posterior: its maximum, its Laplace approximation, and draws where they were asked for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..fitting.result import Fit
+from .distributions import AbstractPrior
+from .laplace import Laplace
+from .sampler import Draws
+
+DIFFERENCE = "A_minus_B"
+"""The name of A less all B, the rate dependence of steady friction."""
+RHAT, ESS = 1.01, 400
+"""Largest R-hat and least effective sample size at which draws are relied on (Vehtari et al. 2021,
+doi:10.1214/20-BA1221)."""
+_ENDS = (2.5, 97.5)
+
+
+class Spread(NamedTuple):
+    """Mean, standard deviation and 95 % interval (2.5 to 97.5 %) of draws [SI]."""
+
+    mean: float
+    std: float
+    lower: float
+    upper: float
+
+
+class Chains(NamedTuple):
+    """How well the chains agree on a parameter, after ArviZ."""
+
+    rhat: float
+    ess_bulk: float
+    ess_tail: float
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """What priors and a record say together of the parameters of a fit. SI.
+
+    The noise is held at the fit's estimate (`posterior.target`). Where `converged` is False the
+    posterior claims nothing, and `warnings` say why.
+    """
+
+    fit: Fit
+    names: tuple[str, ...]
+    """Names of the parameters, in the order of the priors and of draws."""
+    priors: tuple[AbstractPrior, ...]
+    laplace: Laplace
+    draws: Draws | None
+    chains: dict[str, Chains]
+    """By name, `A_minus_B` too; empty without draws."""
+    converged: bool
+    warnings: tuple[str, ...]
+    noise: str = "the fit's estimate"
+    """Where the noise that is held comes from."""
+
+    def maximum(self) -> dict[str, float]:
+        """Parameters of the largest posterior density of the variables y, by name [SI]."""
+        return {k: float(v) for k, v in self.named(self.laplace.values).items()}
+
+    def named(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Columns of parameters (..., p) by name, and A less all B."""
+        return named(self.names, values)
+
+    def approximation(self) -> dict[str, Spread]:
+        """The Laplace approximation by name."""
+        return {k: spread(v) for k, v in self.named(self.laplace.draws).items()}
+
+    def sampled(self) -> dict[str, Spread]:
+        """The draws by name; empty without draws."""
+        if self.draws is None:
+            return {}
+        return {k: spread(v) for k, v in self.named(self.draws.values).items()}
+
+
+def named(names: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of parameters (..., p) by name, and A less all B."""
+    columns = {name: values[..., i] for i, name in enumerate(names)}
+    amplitudes = [columns[n] for n in names if n.rstrip("0123456789") == "B"]
+    return {**columns, DIFFERENCE: columns["A"] - sum(amplitudes)}
+
+
+def spread(values: np.ndarray) -> Spread:
+    """`Spread` of all values."""
+    flat = np.ravel(values)
+    lower, upper = np.percentile(flat, _ENDS)
+    return Spread(float(np.mean(flat)), float(np.std(flat, ddof=1)), float(lower), float(upper))
+
+
+def doubts(chains: dict[str, Chains], diverging: int) -> tuple[str, ...]:
+    """Why draws are not to be relied on, a sentence each; none where they are."""
+    if not chains:
+        return ()
+    rhat = max(chains, key=lambda name: _worst(chains[name].rhat, 1))
+    few = min(chains, key=lambda name: _worst(_least(chains[name]), -1))
+    lines = []
+    if not chains[rhat].rhat <= RHAT:
+        lines.append(
+            f"the chains disagree: R-hat of {rhat} is {chains[rhat].rhat:.3f}, above {RHAT}; the"
+            " posterior claims nothing; ask for more --draws, or give looser parameters a prior"
+        )
+    if not _least(chains[few]) >= ESS:
+        lines.append(
+            f"too few independent draws: the effective sample size of {few} is"
+            f" {_least(chains[few]):.0f}, below {ESS}; the posterior claims nothing; ask for more"
+            " --draws"
+        )
+    if diverging:
+        lines.append(
+            f"{diverging} transition{'s' if diverging > 1 else ''} of the sampler diverged: a part"
+            " of the posterior may be missing, and it claims nothing; give tighter priors where"
+            " simulations fail"
+        )
+    return tuple(lines)
+
+
+def _least(one: Chains) -> float:
+    return float(np.minimum(one.ess_bulk, one.ess_tail))
+
+
+def _worst(value: float, sign: int) -> float:
+    """A number for comparison, by which nan is the worst."""
+    return sign * np.inf if np.isnan(value) else value

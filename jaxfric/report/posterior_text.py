@@ -1,0 +1,80 @@
+"""A posterior in words and tables: the fit beside the maximum, its normal law and the draws."""
+
+from typing import NamedTuple
+
+from ..fitting.result import difference
+from ..fitting.table import decimals
+from ..posterior.inference_data import unit_name, unit_size
+from ..posterior.result import DIFFERENCE, Posterior, Spread
+
+
+class PosteriorRow(NamedTuple):
+    """One parameter in display units; text only, ready for a table."""
+
+    name: str
+    prior: str
+    fit: str
+    maximum: str
+    laplace: tuple[str, str, str]
+    """Mean, standard deviation and 95 % interval of the Laplace approximation."""
+    draws: tuple[str, ...]
+    """The same of the draws, then R-hat and effective sample sizes of bulk and tail; or empty."""
+    unit: str
+
+
+def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
+    """The parameters in the order of the fit, then A less all B."""
+    priors = dict(zip(posterior.names, posterior.priors, strict=True))
+    maximum, about = posterior.maximum(), posterior.approximation()
+    drawn, rows = posterior.sampled(), []
+    for name in (*posterior.names, DIFFERENCE):
+        size, unit = unit_size(name, posterior.fit), unit_name(name, posterior.fit)
+        digits = decimals(about[name].std / size)
+        row = PosteriorRow(
+            name="A-B" if name == DIFFERENCE else name,
+            prior=priors[name].text(size) if name in priors else "",
+            fit=_of_fit(posterior, name, size),
+            maximum=f"{maximum[name] / size:.{digits}f}",
+            laplace=_spread(about[name], size),
+            draws=_drawn(posterior, name, drawn[name], size) if drawn else (),
+            unit="" if unit == "1" else unit.replace("um", "µm"),
+        )
+        rows.append(row)
+    return rows
+
+
+def posterior_lines(posterior: Posterior) -> list[str]:
+    """Lines on a posterior beyond its parameters."""
+    held = f"noise is held at {posterior.noise}"
+    if posterior.draws is None:
+        return [f"Laplace approximation about the maximum; {held}"]
+    chains, draws = posterior.draws.diverging.shape
+    diverging = int(posterior.draws.diverging.sum())
+    return [
+        f"{chains} chains of {draws} draws by NUTS, {diverging} divergent,"
+        f" acceptance {posterior.draws.acceptance.mean():.2f}; {held}"
+    ]
+
+
+def _of_fit(posterior: Posterior, name: str, size: float) -> str:
+    """Value and standard deviation of the fit alone."""
+    if name == DIFFERENCE:
+        value, std = difference(posterior.fit)
+        known = True
+    else:
+        one = posterior.fit.parameters[name]
+        value, std, known = one.value, one.std, one.determined
+    digits = decimals(std / size)
+    return f"{value / size:.{digits}f} ± {std / size:.{digits}f}" if known else "undetermined"
+
+
+def _spread(one: Spread, size: float) -> tuple[str, str, str]:
+    digits = decimals(one.std / size)
+    mean, std, low, high = (f"{x / size:.{digits}f}" for x in one)
+    return mean, std, f"{low} to {high}"
+
+
+def _drawn(posterior: Posterior, name: str, one: Spread, size: float) -> tuple[str, ...]:
+    chains = posterior.chains[name]
+    ess = f"{chains.ess_bulk:.0f}", f"{chains.ess_tail:.0f}"
+    return (*_spread(one, size), f"{chains.rhat:.3f}", *ess)
