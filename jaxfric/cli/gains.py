@@ -39,7 +39,10 @@ def gains(
         ),
     ] = None,
     samples: Annotated[
-        int, Parameter(help="Samples of the law drawn from the fit's covariance.")
+        int,
+        Parameter(
+            help="Samples of the law: from the fit's covariance, or so many draws of a posterior."
+        ),
     ] = 64,
     confidence: Annotated[
         float, Parameter(help="Share of the samples in which the margins must hold.")

@@ -160,8 +160,9 @@ From = Annotated[
     Path | None,
     Parameter(
         name="--from",
-        help="A fit.json of 'jaxfric fit', or a loop.json of 'jaxfric loop' or 'jaxfric axis', from"
-        " which the law is taken; of a loop with the effects that it found.",
+        help="A fit.json of 'jaxfric fit' (or posterior.nc of its --prior), or a loop.json of"
+        " 'jaxfric loop' or 'jaxfric axis', from which the law is taken; of a loop with the effects"
+        " that it found, of a posterior with its draws as samples.",
     ),
 ]
 LawName = Annotated[

@@ -13,7 +13,7 @@ from ..posterior.result import DIFFERENCE, Posterior
 from .label import printable
 
 _DRAWS, _LAPLACE, _PRIOR = "#1f4e79", "#c8501e", "0.45"
-_BINS, _MOST = 40, 2000
+_BINS, _MOST = 30, 2000
 _REACH = 3.6
 """Half width of a panel in standard deviations."""
 
@@ -106,13 +106,13 @@ def _pair(
     every = max(1, len(shown[x]) // _MOST)
     colour = _LAPLACE if drawn is None else _DRAWS
     points = shown[x][::every], shown[y][::every]
-    axis.plot(*points, ".", color=colour, ms=1.6, alpha=0.35, mew=0, rasterized=True)
+    axis.plot(*points, ".", color=colour, ms=3.0, alpha=0.4, mew=0, rasterized=True)
     both = np.stack([about[x], about[y]])
     angle = np.linspace(0, 2 * np.pi, 100)
     values, vectors = np.linalg.eigh(np.cov(both))
     root = vectors * np.sqrt(np.maximum(values, 0.0) * _CONTOUR)
     ellipse = both.mean(axis=1)[:, None] + root @ np.stack([np.cos(angle), np.sin(angle)])
-    axis.plot(*ellipse, color=_LAPLACE, lw=1.1)
+    axis.plot(*ellipse, color=_LAPLACE, lw=1.1, label="its 95 % ellipse")
     axis.spines[["top", "right"]].set_visible(False)
 
 
@@ -134,7 +134,7 @@ def _labels(
         word = "A − B" if name == DIFFERENCE else name
         axis_of.set_label_text(word if unit == "1" else f"{word} [{unit}]")
         axis_of.set_tick_params(labelsize=7.5)
-        axis_of.get_offset_text().set_fontsize(7)
+        axis_of.get_major_formatter().set_useOffset(False)
     axis.tick_params(axis="x", rotation=40)
 
 
@@ -149,6 +149,7 @@ def _legend(figure: Figure, axis: Axes, posterior: Posterior) -> None:
     for other in figure.axes:
         more = zip(*other.get_legend_handles_labels()[::-1], strict=True)
         found |= dict(more)
+    figure.align_labels()
     figure.legend(
         found.values(), found.keys(), loc="upper right", bbox_to_anchor=(0.98, 0.93), frameon=False
     )

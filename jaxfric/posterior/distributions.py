@@ -1,6 +1,6 @@
 """Priors of one parameter, each with the variable y that its posterior is explored in.
 
-    y = the fit's unbounded variable (the logarithm of A and L, f0 and B in units of a typical force)
+    y = the fit's unbounded variable (logarithms of A and L; f0 and B in units of a typical force)
         for a flat and a normal prior,  ln x for a log-normal,  ln((x - low)/(high - x)) for a
         uniform one;
     density of y:   log p(x(y)) + log |dx/dy|.

@@ -119,10 +119,10 @@ def _shifts(posterior: Posterior) -> tuple[dict, dict, np.ndarray | None]:
     solved, p = posterior.fit.solved, len(posterior.names)
     assert solved is not None
     scale = np.asarray(solved.problem.shift_scale)
-    real = np.flatnonzero(scale > 0)
+    real = np.flatnonzero(scale > 0)  # as `target_of_problem` counts them
     if posterior.draws is None or not len(real):
         return {}, {}, None
-    shifts = posterior.draws.y[..., p:][..., real] * scale[real]
+    shifts = posterior.draws.y[..., p:] * scale[real]
     steps = np.asarray(solved.problem.shifted)[real]
     return {"velocity_step": steps}, {"step_shift": ["velocity_step"]}, shifts
 

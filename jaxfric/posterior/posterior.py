@@ -6,7 +6,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..fitting.noise import Noise
-from ..fitting.problem import Problem
 from ..fitting.result import Fit
 from ..fitting.uncertainty import determined
 from .distributions import Flat
@@ -15,7 +14,7 @@ from .laplace import Laplace, laplace
 from .priors import priors_of
 from .result import Posterior, doubts
 from .sampler import nuts, require_blackjax
-from .target import Target, likelihood
+from .target import Target, target_of_problem
 
 _FEWEST_DRAWS, _FEWEST_CHAINS = 4, 2
 
@@ -84,8 +83,9 @@ def target_of(
         why = fit.result if not fit.converged else "its problem is not at hand; fit the record here"
         raise InputError(f"no posterior of a fit without its numbers: {why}")
     solved = fit.solved
-    problem: Problem = likelihood(solved.problem, solved.noise if noise is None else noise)
-    target = Target(problem, priors_of(problem, priors, fit.record.friction_unit, where))
+    own = priors_of(solved.problem, priors, fit.record.friction_unit, where)
+    held = solved.noise if noise is None else noise
+    target = target_of_problem(solved.problem, held, own)
     return target, target.start(np.asarray(solved.solution.z))
 
 

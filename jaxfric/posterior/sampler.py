@@ -7,25 +7,26 @@ run one after another: side by side all would wait for the longest tree and the 
 of them, which takes longer on few cores. Each chain starts at a draw of the Laplace approximation.
 """
 
+import importlib.metadata
 import importlib.util
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..errors import InputError
+from ..traced import traced
 from .laplace import Laplace
-from .target import Target, natural_of, value_and_gradient
+from .target import Target, natural_of, point, value_and_gradient
 
 MISSING = 'draws by NUTS need blackjax and arviz; install them: pip install "jaxfric[posterior]"'
 _ACCEPTANCE, _DOUBLINGS = 0.8, 8
 _WARMUP = 250
 """Draws at the begin of a chain in which the step size is adapted; they are not kept."""
-_SLACK = 50.0
+_SLACK, _HALVINGS = 50.0, 8
 """A start whose log density is so much below the maximum, beyond its share of chance, is moved
 towards the maximum."""
 
@@ -67,40 +68,32 @@ def nuts(
     """
     require_blackjax()
     y, root = jax.device_put(about.y), jax.device_put(about.root)
-    found = []
+    found, version = [], importlib.metadata.version("blackjax")
     for c in range(chains):
         progress(f"NUTS, chain {c + 1} of {chains}" + (", compiling first" if c == 0 else ""))
-        start, key = jax.random.split(jax.random.fold_in(jax.random.key(seed), c))
-        u = _start(target, about, np.asarray(jax.random.normal(start, (len(about.y),))))
-        found.append(jax.tree.map(np.asarray, _chain(target, y, root, u, key, warmup, draws)))
-    position, density, info, size = (np.stack(x) for x in zip(*map(_flat, found), strict=True))
+        first, key = jax.random.split(jax.random.fold_in(jax.random.PRNGKey(seed), c))
+        begin = _start(target, about, np.asarray(jax.random.normal(first, (len(about.y),))))
+        out = _chain(target, y, root, begin, key, (warmup, draws), version)
+        found.append([np.asarray(x) for x in out])
+    position, density, told, size = (np.stack(x) for x in zip(*found, strict=True))
     ys = about.y + position @ about.root.T
     values = natural_of(target, jax.device_put(ys.reshape(-1, len(about.y))))
     values = np.asarray(values).reshape(*ys.shape[:2], -1)
-    diverging, acceptance, depth, steps = np.moveaxis(info, -1, 0)
+    diverging, acceptance, depth, steps = np.moveaxis(told, -1, 0)
     counts = depth.astype(int), steps.astype(int)
     return Draws(values, ys, density, diverging > 0, acceptance, *counts, size)
 
 
-def _flat(out: tuple[np.ndarray, np.ndarray, tuple, np.ndarray]) -> tuple[np.ndarray, ...]:
-    position, density, info, size = out
-    return position, density, np.stack([np.asarray(x, float) for x in info], axis=-1), size
-
-
-def _start(target: Target, about: Laplace, u: np.ndarray) -> Array:
-    """A draw of the Laplace approximation, nearer to the maximum where the posterior has none."""
-    allowed = about.log_density - _SLACK
-    for _ in range(8):
-        value = _value(target, jax.device_put(about.y + about.root @ u))
-        if float(value) > allowed - 0.5 * float(u @ u):
+def _start(target: Target, about: Laplace, u: np.ndarray) -> tuple[Array, Array, Array]:
+    """A draw of the Laplace approximation with its log density and gradient, nearer to the maximum
+    where the posterior has none."""
+    for _ in range(_HALVINGS):
+        at = point(target, jax.device_put(about.y + about.root @ u))
+        if float(at.log_density) > about.log_density - _SLACK - 0.5 * float(u @ u):
             break
         u = 0.5 * u
-    return jax.device_put(u)
-
-
-@eqx.filter_jit
-def _value(target: Target, y: Float[Array, " q"]) -> Float[Array, ""]:
-    return value_and_gradient(target, y)[0]
+    slope = about.root.T @ np.asarray(at.gradient)
+    return jax.device_put(u), jax.device_put(np.asarray(at.log_density)), jax.device_put(slope)
 
 
 def _log_density(
@@ -121,41 +114,45 @@ def _log_density(
     return density
 
 
-@eqx.filter_jit
+@traced
 def _chain(
     target: Target,
     y: Float[Array, " q"],
     root: Float[Array, "q q"],
-    u: Float[Array, " q"],
+    begin: tuple[Float[Array, " q"], Float[Array, ""], Float[Array, " q"]],
     key: Array,
-    warmup: int,
-    draws: int,
-) -> tuple[Array, Array, tuple, Array]:
-    """One chain from `u`: positions, log densities, what the sampler says, and its step size."""
+    counts: tuple[int, int],
+    version: str,
+) -> tuple[Array, Array, Array, Array]:
+    """One chain from `begin`, a position with its log density and gradient: positions, log
+    densities, what the sampler says of each, and the step size, after `counts` of draws that adapt
+    it and draws that are kept. `version` of the sampler is what the kept trace depends on."""
     from blackjax.adaptation.step_size import dual_averaging_adaptation
+    from blackjax.mcmc import hmc
     from blackjax.mcmc import nuts as sampler
 
     density, kernel = _log_density(target, y, root), sampler.build_kernel()
-    begin, adapt, end = dual_averaging_adaptation(_ACCEPTANCE)
-    mass = jnp.ones_like(u)
+    start, adapt, end = dual_averaging_adaptation(_ACCEPTANCE)
+    mass, warmup = jnp.ones_like(y), counts[0]
 
-    def warm(carry: tuple, key: Array) -> tuple[tuple, None]:
+    def draw(carry: tuple, turn: tuple[Array, Array]) -> tuple[tuple, tuple]:
         state, sizes = carry
-        size = jnp.exp(sizes.log_step_size)
+        number, key = turn
+        warming = number < warmup
+        size = jnp.where(warming, jnp.exp(sizes.log_step_size), end(sizes))
         state, info = kernel(key, state, density, size, mass, _DOUBLINGS)
-        return (state, adapt(sizes, info.acceptance_rate)), None
-
-    first, second = jax.random.split(key)
-    state = sampler.init(u, density)
-    keys = jax.random.split(first, warmup)
-    (state, sizes), _ = jax.lax.scan(warm, (state, begin(_ACCEPTANCE)), keys)
-    size = end(sizes)
-
-    def draw(state: tuple, key: Array) -> tuple:
-        state, info = kernel(key, state, density, size, mass, _DOUBLINGS)
+        adapted = adapt(sizes, info.acceptance_rate)
+        sizes = jax.tree.map(lambda new, old: jnp.where(warming, new, old), adapted, sizes)
         told = info.is_divergent, info.acceptance_rate
         told += info.num_trajectory_expansions, info.num_integration_steps
-        return state, (state.position, state.logdensity, told)
+        return (state, sizes), (state.position, state.logdensity, jnp.stack([*map(_real, told)]))
 
-    _, (position, log_density, told) = jax.lax.scan(draw, state, jax.random.split(second, draws))
-    return position, log_density, told, size
+    turns = jnp.arange(sum(counts)), jax.random.split(key, sum(counts))
+    first = hmc.HMCState(*begin), jax.tree.map(_real, start(_ACCEPTANCE))
+    (_, sizes), out = jax.lax.scan(draw, first, turns)
+    position, log_density, told = (x[warmup:] for x in out)
+    return position, log_density, told, jnp.asarray(end(sizes))
+
+
+def _real(x: Array | float) -> Array:
+    return jnp.asarray(x, float)

@@ -7,7 +7,8 @@ that the fit found, and uncorrelated under it. The noise is held at that estimat
 uncertainty is not in the posterior. An "ordinary" fit finds the noise in the same way and has the
 error of its own weighting, so its values differ a little from the maximum here. Glitches are
 passed over as in the fit. y holds one variable a parameter (`distributions`) and then the shifts of
-step times that are fitted, in units of their errors, whose prior N(0, 1) is a part of r.
+step times that are fitted, in units of their errors, whose prior N(0, 1) is a part of r; shifts
+that only pad the problem stay 0.
 
 A simulation that fails is a large finite misfit without slope. The derivative is in forward mode,
 one solve with all tangents: the gradient is -r^T J.
@@ -22,7 +23,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fitting.noise import Noise
+from ..fitting.abstract_problem import FAILED_MISFIT
+from ..fitting.noise import Noise, Whitening, whitening
 from ..fitting.problem import Problem
 from ..traced import traced
 from .distributions import AbstractPrior
@@ -32,7 +34,12 @@ class Target(eqx.Module):
     """A problem whose residual has unit variance, and the priors of its parameters in order."""
 
     problem: Problem
+    """Its residuals are those of one row after another (`Problem.plain`)."""
+    whitening: Whitening | None
+    """What makes them uncorrelated and of unit variance; None: they are."""
     priors: tuple[AbstractPrior, ...]
+    shifts: int = eqx.field(static=True)
+    """How many of the problem's shifts of step times are real; the rest pad it."""
 
     def natural(self, y: Float[Array, " q"]) -> Float[Array, " p"]:
         """Parameters [SI] of the variables."""
@@ -41,7 +48,8 @@ class Target(eqx.Module):
     def free(self, y: Float[Array, " q"]) -> Float[Array, " q"]:
         """The fit's unbounded variables of the variables."""
         p = len(self.priors)
-        return jnp.concatenate([self.problem.to_free(self.natural(y))[:p], y[p:]])
+        own, padding = self.problem.to_free(self.natural(y)), p + self.shifts
+        return jnp.concatenate([own[:p], y[p:], own[padding:]])
 
     def log_prior(self, y: Float[Array, " q"]) -> Float[Array, ""]:
         """Log density of the priors, Jacobians included; the shifts of step times are in r."""
@@ -51,19 +59,25 @@ class Target(eqx.Module):
         """The variables of the fit's unbounded ones, moved to where every prior has a density."""
         values = np.asarray(self.problem.from_free(jnp.asarray(z)))
         own = [p.variable(float(v)) for p, v in zip(self.priors, values, strict=True)]
-        return np.concatenate([own, np.asarray(z)[len(own) :]])
+        return np.concatenate([own, np.asarray(z)[len(own) : len(own) + self.shifts]])
 
 
-def likelihood(problem: Problem, noise: Noise) -> Problem:
-    """The problem with residuals of unit variance under `noise` (in units of its `noise_scale`).
+def target_of_problem(problem: Problem, noise: Noise, priors: tuple[AbstractPrior, ...]) -> Target:
+    """The log posterior of a problem whose noise is known (in units of its `noise_scale`)."""
+    shifts = int(np.sum(np.asarray(problem.shift_scale) > 0))
+    return Target(*likelihood(problem, noise), priors, shifts)
 
-    White noise needs no filter over the rows, which takes longer than the simulation.
-    """
-    white = not np.any(np.asarray(noise.share)) and np.ndim(noise.scale) == 0
-    if not white:
-        return problem.whitened(jax.tree.map(_put, noise))
+
+def likelihood(problem: Problem, noise: Noise) -> tuple[Problem, Whitening | None]:
+    """The problem and the filter by which its residuals have unit variance under `noise` (in units
+    of its `noise_scale`). White noise needs no filter."""
+    if np.ndim(noise.scale):
+        raise ValueError("the scale of the noise must be one for all rows")
+    if np.any(np.asarray(noise.share)):
+        noise = jax.tree.map(_put, noise)
+        return problem.plain(), whitening(problem.clock, problem.weight, noise)
     size = float(problem.noise_scale) * float(noise.sigma) * float(noise.scale)
-    return dataclasses.replace(problem.plain(), noise_scale=_put(size))
+    return dataclasses.replace(problem.plain(), noise_scale=_put(size)), None
 
 
 def _put(x: object) -> Array:
@@ -108,4 +122,11 @@ def _residual(target: Target, y: Float[Array, " q"]) -> tuple[Array, Array]:
     def push(tangent: Array) -> tuple[Array, Array]:
         return jax.jvp(lambda at: target.problem.residual(target.free(at)), (y,), (tangent,))
 
-    return jax.vmap(push, out_axes=(None, -1))(jnp.eye(y.shape[0], dtype=y.dtype))
+    r, jacobian = jax.vmap(push, out_axes=(None, -1))(jnp.eye(y.shape[0], dtype=y.dtype))
+    if target.whitening is None:
+        return r, jacobian
+    rows = target.problem.time.shape[0]
+    columns = jnp.column_stack([r, jacobian])
+    white = jnp.concatenate([target.whitening(columns[:rows]), columns[rows:]])
+    failed = r == FAILED_MISFIT  # such a trial stays as bad as it is
+    return jnp.where(failed, r, white[:, 0]), white[:, 1:]
