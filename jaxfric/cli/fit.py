@@ -89,9 +89,13 @@ def fit(
     measured = read_record(file, column, drop_bad, since, until, reduce=reduce)
     prepare_jax()
     from ..fitting import fit as run
+    from ..fitting.problem import Model
     from ..fitting.start_text import parse_start
     from ..plot.fit import draw_fit
 
+    if wanted is not None:
+        model = Model(law, int(states), fit_stiffness, slip_trend)
+        wanted.check(model, measured.friction_unit)
     starts = None if start is None else parse_start(start, measured.friction_unit)
     folder = choose_folder(out, file.stem, file, *([] if prior is None else [prior]))
     with told(quiet=True) as progress:

@@ -10,9 +10,11 @@ from .folder import Folder
 
 if TYPE_CHECKING:
     from ..fitting import Fit
+    from ..fitting.problem import Model
     from ..posterior import Posterior
 
 FILE = "posterior.nc"
+_CHAINS = 4
 
 
 class Asked(NamedTuple):
@@ -23,6 +25,14 @@ class Asked(NamedTuple):
     draws: int | None
     chains: int
     seed: int
+
+    def check(self, model: "Model", friction_unit: str) -> None:
+        """Refuse priors that are none of this model, before it is fitted."""
+        from ..laws.registry import refuse_unknown_law
+        from ..posterior.priors import priors_of
+
+        refuse_unknown_law(model.law)
+        priors_of(model, self.priors, friction_unit, str(self.file))
 
     def of(self, fit: "Fit", progress: Callable[[str], None]) -> "Posterior | None":
         """The posterior of a fit; None where it did not converge."""
@@ -41,7 +51,9 @@ class Asked(NamedTuple):
         )
 
 
-def asked(prior: Path | None, draws: int | None, chains: int | None, seed: int | None):
+def asked(
+    prior: Path | None, draws: int | None, chains: int | None, seed: int | None
+) -> Asked | None:
     """What the options ask for; None without `--prior`. Refuses what cannot be done, or would not
     be used, before anything is fitted."""
     given = {"--draws": draws, "--chains": chains, "--seed": seed}
@@ -55,10 +67,13 @@ def asked(prior: Path | None, draws: int | None, chains: int | None, seed: int |
     if draws is None and (chains is not None or seed is not None):
         raise InputError("--chains and --seed are of draws; ask for these, as in --draws 1000")
     from ..posterior import read_priors
+    from ..posterior.posterior import refuse_few
     from ..posterior.sampler import require_blackjax
 
     require_blackjax()
-    return Asked(prior, read_priors(prior), draws, 4 if chains is None else chains, seed or 0)
+    if draws is not None:
+        refuse_few(draws, _CHAINS if chains is None else chains)
+    return Asked(prior, read_priors(prior), draws, _CHAINS if chains is None else chains, seed or 0)
 
 
 def write_posterior(posterior: "Posterior", to: Path) -> None:

@@ -19,11 +19,11 @@ from .registry import fixed_states, is_rate_state, law_quantity, rate_state
 from .source import LawSource, force_of_unit, seen_velocities
 
 if TYPE_CHECKING:
-    import h5py
+    import h5py  # pyright: ignore[reportMissingImports]
 
 _SCHEMA = "jaxfric.posterior/1"
 _MAGIC = b"\x89HDF\r\n\x1a\n"
-_AGAIN = "make it again with: jaxfric fit --prior"
+_AGAIN = "make it again with jaxfric fit and a file of priors"
 _NEEDED = ("schema", "converged", "law", "states", "friction_unit", "reference_velocity")
 
 
@@ -112,13 +112,13 @@ def _read(path: Path) -> _Content:
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator["h5py.File"]:
     try:
-        import h5py
+        import h5py  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise InputError(
             f'{path}: a posterior needs h5py; install it: pip install "jaxfric[posterior]"'
         ) from None
     if not path.is_file():
-        raise InputError(f"{path}: no such file; make one with: jaxfric fit --prior")
+        raise InputError(f"{path}: no such file; make one with jaxfric fit and a file of priors")
     try:
         file = h5py.File(path, "r")
     except OSError:

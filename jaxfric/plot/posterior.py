@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from ..posterior.inference_data import unit_name, unit_size
 from ..posterior.result import DIFFERENCE, Posterior
@@ -75,7 +75,7 @@ def _density(
 ) -> None:
     """Histogram of the draws, the Laplace approximation and the prior, each of area 1."""
     low, high = axis.get_xlim()
-    edges = np.linspace(low, high, _BINS + 1)
+    edges = np.linspace(low, high, _BINS + 1).tolist()
     if drawn is not None:
         axis.hist(drawn, edges, density=True, color=_DRAWS, alpha=0.45, label="draws (NUTS)")
     heights, _ = np.histogram(about, edges, density=True)
@@ -134,7 +134,7 @@ def _labels(
         word = "A − B" if name == DIFFERENCE else name
         axis_of.set_label_text(word if unit == "1" else f"{word} [{unit}]")
         axis_of.set_tick_params(labelsize=7.5)
-        axis_of.get_major_formatter().set_useOffset(False)
+        axis_of.set_major_formatter(ScalarFormatter(useOffset=False))
     axis.tick_params(axis="x", rotation=40)
 
 

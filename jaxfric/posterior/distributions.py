@@ -44,14 +44,19 @@ class AbstractPrior(eqx.Module):
     def log_density(self, y: Number) -> Number:
         """Logarithm of the density of the variable, the Jacobian included."""
 
+    @abc.abstractmethod
+    def support(self) -> tuple[float, float]:
+        """Open ends between which the parameter [SI] has a density; reversed where it has none."""
+
     def curve(self, at: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-        """Values in a unit of this size [SI], those `at` which the prior has a density, and it."""
-        y = np.asarray([self.variable(float(x)) for x in at * unit])
-        back = np.asarray(jax.vmap(self.natural)(y))
-        kept = np.isclose(back, at * unit, rtol=1e-6, atol=0)
+        """Those of the values `at`, in a unit of this size [SI], at which there is a density, and
+        the density per unit."""
+        low, high = self.support()
+        kept = at[(at * unit > low) & (at * unit < high)]
+        y = jnp.asarray([self.variable(float(x)) for x in kept * unit], float)
         slope = np.asarray(jax.vmap(jax.grad(self.natural))(y))
-        density = np.exp(np.asarray(jax.vmap(self.log_density)(y))) / np.abs(slope) * unit
-        return at[kept], density[kept]
+        density = np.exp(np.asarray(jax.vmap(self.log_density)(y))) / np.abs(slope)
+        return kept, density * unit
 
     @abc.abstractmethod
     def text(self, unit: float = 1.0) -> str:
@@ -73,8 +78,8 @@ class Flat(AbstractPrior):
     def log_density(self, y: Number) -> Number:
         return jnp.zeros_like(y)
 
-    def curve(self, at: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-        return at[:0], at[:0]
+    def support(self) -> tuple[float, float]:
+        return math.inf, -math.inf
 
     def text(self, unit: float = 1.0) -> str:
         positive = np.isfinite(self.about.lower)
@@ -91,6 +96,9 @@ class Normal(AbstractPrior):
 
     def natural(self, y: Number) -> Number:
         return self.about.from_free(y, scale=self.scale)
+
+    def support(self) -> tuple[float, float]:
+        return self.about.lower, self.about.upper
 
     def variable(self, value: float) -> float:
         return float(self.about.to_free(value, scale=float(self.scale)))
@@ -115,6 +123,9 @@ class LogNormal(AbstractPrior):
     def natural(self, y: Number) -> Number:
         return jnp.exp(y)
 
+    def support(self) -> tuple[float, float]:
+        return 0.0, math.inf
+
     def variable(self, value: float) -> float:
         return math.log(value if value > 0 else float(self.median))
 
@@ -136,6 +147,9 @@ class Uniform(AbstractPrior):
 
     def natural(self, y: Number) -> Number:
         return self.low + (self.high - self.low) * jax.nn.sigmoid(y)
+
+    def support(self) -> tuple[float, float]:
+        return float(self.low), float(self.high)
 
     def variable(self, value: float) -> float:
         share = (value - float(self.low)) / (float(self.high) - float(self.low))

@@ -29,7 +29,7 @@ from .sampler import MISSING, Draws
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from arviz import InferenceData
+    from arviz import InferenceData  # pyright: ignore[reportMissingImports]
 
 SCHEMA = "jaxfric.posterior/1"
 LAPLACE, NUTS = "Laplace", "NUTS"
@@ -40,7 +40,7 @@ def _arviz() -> "ModuleType":
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)
-            import arviz
+            import arviz  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise InputError(MISSING) from None
     return arviz

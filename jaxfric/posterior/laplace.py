@@ -98,4 +98,4 @@ def _climb(at: Callable[[np.ndarray], Point], start: np.ndarray) -> tuple[np.nda
 
 def _normal(size: int) -> np.ndarray:
     """Standard normal points (s, size) that fill space evenly."""
-    return qmc.MultivariateNormalQMC(np.zeros(size), seed=0).random(_DRAWS)
+    return qmc.MultivariateNormalQMC(np.zeros(size), rng=np.random.default_rng(0)).random(_DRAWS)

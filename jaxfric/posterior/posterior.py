@@ -58,11 +58,7 @@ def find_posterior(
     """
     target, start = target_of(fit, priors, noise=noise, where=where)
     if draws is not None:
-        require_blackjax()
-        if draws < _FEWEST_DRAWS:
-            raise InputError(f"--draws is {draws}; it must be {_FEWEST_DRAWS} or more")
-        if chains < _FEWEST_CHAINS:
-            raise InputError(f"--chains is {chains}; R-hat compares at least {_FEWEST_CHAINS}")
+        refuse_few(draws, chains)
     progress("the maximum of the posterior")
     about = laplace(target, start)
     names = target.problem.model.names()
@@ -75,6 +71,16 @@ def find_posterior(
     return Posterior(fit, names, target.priors, about, found, agreed, not said, said, held)
 
 
+def refuse_few(draws: int, chains: int) -> None:
+    """Raises `InputError` for numbers of draws or chains of which nothing can be said, and where
+    the sampler is not installed."""
+    require_blackjax()
+    if draws < _FEWEST_DRAWS:
+        raise InputError(f"--draws is {draws}; it must be {_FEWEST_DRAWS} or more")
+    if chains < _FEWEST_CHAINS:
+        raise InputError(f"--chains is {chains}; R-hat compares at least {_FEWEST_CHAINS}")
+
+
 def target_of(
     fit: Fit, priors: Mapping[str, object], *, noise: Noise | None = None, where: str = "priors"
 ) -> tuple[Target, np.ndarray]:
@@ -83,7 +89,8 @@ def target_of(
         why = fit.result if not fit.converged else "its problem is not at hand; fit the record here"
         raise InputError(f"no posterior of a fit without its numbers: {why}")
     solved = fit.solved
-    own = priors_of(solved.problem, priors, fit.record.friction_unit, where)
+    unit, scale = fit.record.friction_unit, solved.problem.scale
+    own = priors_of(fit.model, priors, unit, where, scale=scale)
     held = solved.noise if noise is None else noise
     target = target_of_problem(solved.problem, held, own)
     return target, target.start(np.asarray(solved.solution.z))

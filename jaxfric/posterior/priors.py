@@ -11,14 +11,15 @@ flat prior.
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import jax
 import numpy as np
+from jaxtyping import ArrayLike
 
 from ..errors import InputError, did_you_mean
-from ..fitting.problem import Problem
+from ..fitting.abstract_problem import ParametricModel
 from ..fitting.result import unit_of
 from ..units import factor
 from .distributions import DISTRIBUTIONS, AbstractPrior, Flat
@@ -56,28 +57,34 @@ def _checked(path: Path, name: str, entry: object) -> object:
 
 
 def priors_of(
-    problem: Problem, given: Mapping[str, object], friction_unit: str, where: str = "priors"
+    model: ParametricModel,
+    given: Mapping[str, object],
+    friction_unit: str,
+    where: str = "priors",
+    *,
+    scale: Callable[[str], ArrayLike] = lambda name: 1.0,
 ) -> tuple[AbstractPrior, ...]:
-    """The prior of every parameter of a problem, in its order; flat where none is `given`.
+    """The prior of every parameter of a model, in its order; flat where none is `given`.
 
     Parameters
     ----------
     given : by name, `{"normal": [0.006, 0.001]}` or with a `"unit"`, as in the file.
     friction_unit : "1" or "N", unit of the record's friction.
     where : the file, for messages.
+    scale : of the unbounded variable of a parameter, `Problem.scale`; without it they are checked.
 
     Raises
     ------
     InputError : a name that is not fitted, a law or key that is not known, numbers that make none,
         a unit that does not fit, or a prior outside of the parameter's bounds.
     """
-    names = problem.model.names()
+    names = model.names()
     for name in given:
         if name not in names:
             raise InputError(f"{where}: '{name}' is not fitted{did_you_mean(name, names)}")
     found: list[AbstractPrior] = []
     for name in names:
-        about, size = problem.model.quantity(name), jax.device_put(np.asarray(problem.scale(name)))
+        about, size = model.quantity(name), jax.device_put(np.asarray(scale(name), float))
         if name not in given:
             found.append(Flat(about, size))
             continue

@@ -87,11 +87,12 @@ def nuts(
 def _start(target: Target, about: Laplace, u: np.ndarray) -> tuple[Array, Array, Array]:
     """A draw of the Laplace approximation with its log density and gradient, nearer to the maximum
     where the posterior has none."""
+    at = point(target, jax.device_put(about.y + about.root @ u))
     for _ in range(_HALVINGS):
-        at = point(target, jax.device_put(about.y + about.root @ u))
         if float(at.log_density) > about.log_density - _SLACK - 0.5 * float(u @ u):
             break
         u = 0.5 * u
+        at = point(target, jax.device_put(about.y + about.root @ u))
     slope = about.root.T @ np.asarray(at.gradient)
     return jax.device_put(u), jax.device_put(np.asarray(at.log_density)), jax.device_put(slope)
 
@@ -127,12 +128,12 @@ def _chain(
     """One chain from `begin`, a position with its log density and gradient: positions, log
     densities, what the sampler says of each, and the step size, after `counts` of draws that adapt
     it and draws that are kept. `version` of the sampler is what the kept trace depends on."""
-    from blackjax.adaptation.step_size import dual_averaging_adaptation
-    from blackjax.mcmc import hmc
-    from blackjax.mcmc import nuts as sampler
+    from blackjax.adaptation import step_size  # pyright: ignore[reportMissingImports]
+    from blackjax.mcmc import hmc  # pyright: ignore[reportMissingImports]
+    from blackjax.mcmc import nuts as sampler  # pyright: ignore[reportMissingImports]
 
     density, kernel = _log_density(target, y, root), sampler.build_kernel()
-    start, adapt, end = dual_averaging_adaptation(_ACCEPTANCE)
+    start, adapt, end = step_size.dual_averaging_adaptation(_ACCEPTANCE)
     mass, warmup = jnp.ones_like(y), counts[0]
 
     def draw(carry: tuple, turn: tuple[Array, Array]) -> tuple[tuple, tuple]:

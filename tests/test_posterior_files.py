@@ -1,0 +1,303 @@
+"""A posterior from the command to its file, and from there to gains.
+
+NUTS itself is in test_posterior.py, and on a record in a long test: here its draws are those of the
+normal law, which compiles nothing.
+"""
+
+import dataclasses
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from command import STEPS, STIFFNESS, assert_refused, record_text, run, written
+
+import jaxfric
+from jaxfric import InputError
+from jaxfric.fitting.noise import noise_of
+from jaxfric.fitting.problem import residual_and_jacobian
+from jaxfric.laws.file import law_from_file
+from jaxfric.plot.posterior import posterior_figure
+from jaxfric.posterior import find_posterior, inference_data
+from jaxfric.posterior.posterior import target_of
+from jaxfric.posterior.sampler import Draws
+from jaxfric.posterior.target import natural_of, point, target_of_problem
+
+h5py = pytest.importorskip("h5py")
+arviz = pytest.importorskip("arviz")
+
+PRIORS = """[priors]
+A = {normal = [0.010, 0.002]}
+L = {lognormal = [20.0, 0.5], unit = "um"}
+B = {uniform = [0, 0.05]}
+"""
+WIDE = tomllib.loads(PRIORS)["priors"]
+FORCE = ("--normal-force", "500 N", "--mass", "2", "--velocity", "5 um/s", "--no-check")
+
+
+def draws_of_the_normal_law(target, about, *, draws, chains, seed, progress, warmup=0):
+    """A stand-in for NUTS."""
+    u = np.random.default_rng(seed).standard_normal((chains, draws, len(about.y)))
+    y = about.y + u @ about.root.T
+    values = np.asarray(natural_of(target, jax.device_put(y.reshape(-1, len(about.y)))))
+    density = -0.5 * np.sum(u**2, axis=-1)
+    none, whole = np.zeros((chains, draws)), np.ones((chains, draws), int)
+    values = values.reshape(chains, draws, -1)
+    return Draws(values, y, density, none > 0, none + 0.9, whole, 3 * whole, none[:, 0] + 1)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The folder of one command, and what it said."""
+    at = tmp_path_factory.mktemp("posterior")
+    record, priors = written(at / "run.csv", record_text()), written(at / "priors.toml", PRIORS)
+    with pytest.MonkeyPatch.context() as patch:
+        module = sys.modules["jaxfric.posterior.posterior"]
+        patch.setattr(module, "nuts", draws_of_the_normal_law)
+        options = ("--prior", priors, "--draws", 400, "--chains", 3, "--out", at / "out")
+        told = run("fit", record, *STIFFNESS, *STEPS, *options)
+    return at, told
+
+
+@pytest.fixture(scope="module")
+def fitted(folder):
+    at, _ = folder
+    steps = STEPS[1]
+    return jaxfric.fit(at / "run.csv", stiffness=STIFFNESS[1], steps=steps)
+
+
+def test_the_command_writes_and_tells(folder):
+    at, (code, out, err) = folder
+    assert code == 0, err
+    names = {f.name for f in (at / "out").iterdir()}
+    assert {"fit.json", "posterior.nc", "posterior.png", "posterior.svg"} <= names
+    assert not [name for name in names if name.endswith(".nc") and name != "posterior.nc"]
+    for word in ("posterior", "lognormal(20, 0.5)", "flat", "R-hat", "3 chains of 400 draws"):
+        assert word in out, word
+    assert "A-B" in out and "held at the fit's estimate" in out
+
+
+def test_the_file_is_inference_data_in_the_units_of_the_record(folder):
+    at, _ = folder
+    data = arviz.from_netcdf(at / "out" / "posterior.nc")
+    found = data.posterior
+    assert dict(found.sizes) == {"chain": 3, "draw": 400}
+    assert set(found.data_vars) == {"f0", "A", "B", "L", "A_minus_B"}
+    np.testing.assert_allclose(found["A_minus_B"], found["A"] - found["B"], atol=1e-15)
+    assert found["L"].attrs["unit"] == "um" and found["A"].attrs["unit"] == "1"
+    assert found["L"].attrs["prior"] == "lognormal(20, 0.5)"
+    assert 1 < float(found["L"].mean()) < 100
+    fit = json.loads((at / "out" / "fit.json").read_text())
+    assert float(found["L"].mean()) == pytest.approx(1e6 * fit["parameters"]["L"]["value"], rel=0.1)
+    assert found["L"].attrs["map"] == pytest.approx(found["L"].attrs["laplace_mean"], rel=0.05)
+    assert float(found["A"].std()) == pytest.approx(found["A"].attrs["laplace_std"], rel=0.1)
+    for name in ("lp", "diverging", "acceptance_rate", "tree_depth"):
+        assert data.sample_stats[name].shape == (3, 400)
+    assert len(data.observed_data["friction"]) == fit["record"]["rows"]
+    assert data.constant_data["weight"].sum() == fit["record"]["rows"]
+    about = found.attrs
+    assert about["record"] == "run.csv" and about["law"] == "slip" and about["method"] == "NUTS"
+    assert about["stiffness"] == pytest.approx(5e3) and about["converged"] == 1
+    assert json.loads(about["noise"])["sigma"] == fit["noise"]["sigma"]
+    assert arviz.rhat(found)["A"] < 1.01
+
+
+def test_gains_take_its_draws_as_samples(folder, tmp_path):
+    at, _ = folder
+    file = at / "out" / "posterior.nc"
+    source = law_from_file(file, normal_force=500.0, samples=50, seed=4)
+    data = arviz.from_netcdf(file).posterior
+    every = {n: 500 * np.ravel(data[n]) for n in ("A", "B", "f0")}
+    every["L"] = 1e-6 * np.ravel(data["L"])
+    samples = {n: np.ravel(getattr(source.samples, n)) for n in every}
+    assert float(source.law.A) == samples["A"][0] == pytest.approx(500 * data["A"].attrs["map"])
+    rows = [int(np.argmin(np.abs(every["A"] - a))) for a in samples["A"][1:]]
+    assert len(set(rows)) == 50  # whole draws, each once
+    for name, all_draws in every.items():
+        np.testing.assert_allclose(samples[name][1:], all_draws[rows], rtol=1e-12)
+    assert source.velocity == pytest.approx(2e-6) and source.seen == pytest.approx((2e-6, 1e-5))
+    other = law_from_file(file, normal_force=500.0, samples=50, seed=5)
+    assert not np.array_equal(other.samples.A, source.samples.A)
+    out = ("--out", tmp_path / "gains", "--samples", "5", "--margin", "stiffness=2")
+    code, text, err = run("gains", "--from", file, *FORCE, *out)
+    assert code == 0, err
+    assert "posterior (NUTS)" in text and "6 samples of the law" in text
+
+
+def altered(at, to, **attributes):
+    """A copy of the posterior with other attributes; None takes one away."""
+    copy = to / "posterior.nc"
+    copy.write_bytes((at / "out" / "posterior.nc").read_bytes())
+    with h5py.File(copy, "a") as file:
+        for name, value in attributes.items():
+            del file["posterior"].attrs[name]
+            if value is not None:
+                file["posterior"].attrs[name] = value
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("attributes", "words"),
+    [
+        ({"converged": 0, "warnings": '["the chains disagree"]'}, ["claims nothing", "disagree"]),
+        ({"converged": 0}, ["claims nothing", "no reason"]),
+        ({"schema": "other/1"}, ["schema is 'other/1'"]),
+        ({"schema": None}, ["no posterior of jaxfric"]),
+        ({"law": "slipp"}, ["law 'slipp'"]),
+        ({"friction_unit": None}, ["'friction_unit' is missing"]),
+        ({"warnings": "no list"}, ["warnings are no list"]),
+    ],
+)
+def test_a_posterior_that_is_not_to_be_used_is_refused(folder, tmp_path, attributes, words):
+    copy = altered(folder[0], tmp_path, **attributes)
+    assert_refused(run("gains", "--from", copy, *FORCE), "posterior.nc", *words)
+
+
+def test_a_file_that_is_no_posterior_is_refused(folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    nothing = written(Path("posterior.nc"), "text")
+    assert_refused(run("gains", "--from", nothing, *FORCE), "posterior.nc", "damaged")
+    assert_refused(run("gains", "--from", "none.nc", *FORCE), "none.nc", "no such file")
+    copy = altered(folder[0], tmp_path)
+    with h5py.File(copy, "a") as file:
+        del file["posterior"]["L"]
+    assert_refused(run("gains", "--from", copy, *FORCE), "L", "missing")
+    copy = altered(folder[0], tmp_path)
+    copy = copy.rename(tmp_path / "renamed.hdf")
+    many = ("--samples", "1201")
+    assert_refused(run("gains", "--from", copy, *FORCE, *many), "1200 draws")
+    no_force = ("--mass", "2", "--velocity", "5 um/s")
+    assert_refused(run("gains", "--from", copy, *no_force), "normal force")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--draws", "100"), ["--draws", "--prior"]),
+        (("--seed", "1"), ["--seed", "--prior"]),
+        (("--prior", "priors.toml", "--chains", "2"), ["--chains", "--draws 1000"]),
+        (("--prior", "none.toml"), ["none.toml", "cannot be read"]),
+        (("--prior", "priors.toml", "--draws", "0"), ["--draws is 0"]),
+        (("--prior", "priors.toml", "--draws", "9", "--chains", "1"), ["--chains is 1"]),
+        (("--prior", "outside.toml"), ["outside.toml", "outside the bounds"]),
+    ],
+)
+def test_options_that_cannot_be_are_refused_before_anything_is_written(
+    folder, tmp_path, monkeypatch, options, words
+):
+    monkeypatch.chdir(tmp_path)
+    record = written(Path("run.csv"), record_text())
+    written(Path("priors.toml"), PRIORS)
+    written(Path("outside.toml"), "[priors]\nA = {uniform = [-0.02, -0.01]}")
+    assert_refused(run("fit", record, *STIFFNESS, *STEPS, *options), *words)
+    assert not list(tmp_path.glob("*/fit.json"))
+
+
+def test_draws_that_are_not_relied_on_end_in_exit_code_1(folder, tmp_path, monkeypatch):
+    at, _ = folder
+    monkeypatch.setattr(sys.modules["jaxfric.posterior.posterior"], "nuts", draws_of_the_normal_law)
+    options = ("--prior", at / "priors.toml", "--draws", "20", "--chains", "2")
+    code, _, err = run(
+        "fit", at / "run.csv", *STIFFNESS, *STEPS, *options, "--out", tmp_path / "few"
+    )
+    assert code == 1
+    assert "too few independent draws" in err and "claims nothing" in err
+    assert_refused(run("gains", "--from", tmp_path / "few/posterior.nc", *FORCE), "claims nothing")
+
+
+def test_flat_priors_have_the_fit_as_their_maximum(fitted):
+    """Of white noise both minimise the same sum of squares, and their errors are the same."""
+    assert not fitted.noise.parts
+    found = find_posterior(fitted, {})
+    assert found.converged and found.draws is None
+    for name, one in found.approximation().items():
+        if name == "A_minus_B":
+            continue
+        estimate = fitted.parameters[name]
+        assert found.maximum()[name] == pytest.approx(estimate.value, abs=0.05 * estimate.std)
+        assert one.std == pytest.approx(estimate.std, rel=0.05)
+    data = inference_data(found)
+    assert data.posterior.attrs["method"] == "Laplace" and "sample_stats" not in data
+
+
+def test_a_strong_prior_is_the_posterior(fitted):
+    """Of A: a width of a hundredth of the record's error leaves nothing else."""
+    A = fitted.parameters["A"]
+    mean = A.value + A.std
+    found = find_posterior(fitted, {**WIDE, "A": {"normal": [mean, A.std / 100]}})
+    about = found.approximation()["A"]
+    assert about.mean == pytest.approx(mean, abs=0.02 * A.std)
+    assert about.std == pytest.approx(A.std / 100, rel=0.02)
+
+
+def test_the_log_posterior_of_coloured_noise_is_that_of_its_covariance(fitted):
+    """r^T Sigma^-1 r with the matrix itself, and its gradient by differences."""
+    share, memory, sigma = 0.4, 3.0, 1.3
+    problem = fitted.solved.problem
+    noise = noise_of(sigma, share, np.array([memory, np.inf, np.inf]))
+    target = target_of_problem(problem, noise, target_of(fitted, {})[0].priors)
+    rows = len(fitted.record)
+    t = np.asarray(problem.time)[:rows]
+    same = np.exp(-np.abs(t[:, None] - t) / memory)
+    inverse = np.linalg.inv(sigma**2 * (share * same + (1 - share) * np.eye(rows)))
+
+    def expected(z):
+        r = np.asarray(residual_and_jacobian(problem.plain(), jnp.asarray(z))[0])[:rows]
+        return -0.5 * r @ inverse @ r
+
+    z = np.asarray(fitted.solved.solution.z) + np.array([0.02, 0.05, -0.02, 0.04])
+    at = point(target, jnp.asarray(z))
+    assert float(at.log_density) == pytest.approx(expected(z), rel=1e-6)
+    for i, e in enumerate(np.eye(4)):
+        slope = (expected(z + 1e-3 * e) - expected(z - 1e-3 * e)) / 2e-3
+        assert float(at.gradient[i]) == pytest.approx(slope, rel=2e-2, abs=1e-3)
+
+
+def test_a_trial_that_fails_is_finite_and_worse_than_any(fitted):
+    """L of a nanometre and a B of ten: no simulation gets through."""
+    for noise in (noise_of(1.0), noise_of(1.0, 0.9, np.array([50.0, np.inf, np.inf]))):
+        target = target_of_problem(fitted.solved.problem, noise, target_of(fitted, {})[0].priors)
+        z = np.asarray(fitted.solved.solution.z)
+        bad = np.array([z[0], z[1], 1e4, np.log(1e-9)])
+        at = point(target, jnp.asarray(bad))
+        assert np.isfinite(at.log_density) and float(at.log_density) < -1e7
+        assert np.all(np.isfinite(at.gradient))
+
+
+def test_what_neither_record_nor_prior_fixes_has_no_posterior(fitted, monkeypatch):
+    module = sys.modules["jaxfric.posterior.posterior"]
+    monkeypatch.setattr(module, "determined", lambda *_: [True, True, True, False])
+    found = find_posterior(fitted, {})
+    assert not found.converged and "fixes L" in found.warnings[0]
+    assert find_posterior(fitted, WIDE).converged
+
+
+def test_a_fit_without_its_numbers_has_no_posterior(fitted):
+    with pytest.raises(InputError, match="no posterior"):
+        find_posterior(dataclasses.replace(fitted, converged=False, result="no"), {})
+    with pytest.raises(InputError, match="not at hand"):
+        find_posterior(dataclasses.replace(fitted, solved=None), {})
+
+
+def test_the_figure_has_a_panel_for_every_pair(fitted):
+    figure = posterior_figure(find_posterior(fitted, WIDE))
+    shown = [axis for axis in figure.axes if axis.axison]
+    assert len(figure.axes) == 25 and len(shown) == 15
+    assert figure.axes[20].get_xlabel() == "f0" and figure.axes[24].get_xlabel() == "A − B"
+    assert figure.axes[15].get_ylabel() == "L [µm]"
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["Laplace approximation", "prior", "its 95 % ellipse"]
+
+
+@pytest.mark.long
+def test_nuts_and_the_normal_law_agree_on_a_record(fitted):
+    """Within 15 %: the likelihood of a clean step is near its quadratic form."""
+    found = find_posterior(fitted, {}, draws=600, chains=2)
+    assert found.converged, found.warnings
+    about = found.approximation()
+    for name, one in found.sampled().items():
+        assert one.std == pytest.approx(about[name].std, rel=0.15), name
