@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .loop import Loop as Loop
     from .loop import close_loop as close_loop
     from .motion import PiecewiseVelocity as PiecewiseVelocity
+    from .posterior import find_posterior as find_posterior
     from .prediction import Prediction as Prediction
     from .prediction import predict as predict
     from .records import AxisRecord as AxisRecord
@@ -85,6 +86,7 @@ _HOMES = {
     "AxisRecord": "records",
     "Record": "records",
     "VelocitySteps": "records",
+    "find_posterior": "posterior",
     "Prediction": "prediction",
     "predict": "prediction",
     "find_steps": "records",

@@ -46,6 +46,7 @@ NAMES = [
     "close_steady_loop",
     "critical_stiffness",
     "find_gains",
+    "find_posterior",
     "find_steps",
     "fit",
     "from_arrays",

@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from jaxfric.errors import InputError
 from jaxfric.fitting.noise import Noise, whiten, whitening
 from jaxfric.posterior import sampler
-from jaxfric.posterior.distributions import Flat, LogNormal, Normal, Uniform
+from jaxfric.posterior.distributions import FlatPrior, LogNormalPrior, NormalPrior, UniformPrior
 from jaxfric.posterior.inference_data import diagnosed
 from jaxfric.posterior.laplace import laplace
 from jaxfric.posterior.priors import priors_of, read_priors
@@ -41,15 +41,15 @@ def made(kind, about, *numbers, scale=0.3):
 
 
 PRIORS = {
-    "normal of a signed quantity": (made(Normal, SIGNED, 0.2, 0.4), stats.norm(0.2, 0.4)),
-    "normal of a positive one": (made(Normal, POSITIVE, 0.9, 0.2), stats.norm(0.9, 0.2)),
-    "normal of a share": (made(Normal, SHARE, 0.9, 0.2), stats.norm(0.9, 0.2)),
-    "log-normal": (made(LogNormal, LENGTH, 0.7, 0.5), stats.lognorm(0.5, scale=0.7)),
+    "normal of a signed quantity": (made(NormalPrior, SIGNED, 0.2, 0.4), stats.norm(0.2, 0.4)),
+    "normal of a positive one": (made(NormalPrior, POSITIVE, 0.9, 0.2), stats.norm(0.9, 0.2)),
+    "normal of a share": (made(NormalPrior, SHARE, 0.9, 0.2), stats.norm(0.9, 0.2)),
+    "log-normal": (made(LogNormalPrior, LENGTH, 0.7, 0.5), stats.lognorm(0.5, scale=0.7)),
     "log-normal of a signed one": (
-        made(LogNormal, SIGNED, 0.7, 0.5),
+        made(LogNormalPrior, SIGNED, 0.7, 0.5),
         stats.lognorm(0.5, scale=0.7),
     ),
-    "uniform": (made(Uniform, SIGNED, 0.1, 1.6), stats.uniform(0.1, 1.5)),
+    "uniform": (made(UniformPrior, SIGNED, 0.1, 1.6), stats.uniform(0.1, 1.5)),
 }
 
 
@@ -74,23 +74,23 @@ def test_curve_of_a_prior_is_its_density_in_the_unit_that_is_shown(name):
 
 
 def test_flat_priors_change_nothing_and_draw_nothing():
-    prior = made(Flat, POSITIVE)
+    prior = made(FlatPrior, POSITIVE)
     assert prior.log_density(number(3.0)) == 0
     assert prior.natural(number(-2.0)) == pytest.approx(math.exp(-2))
     assert len(prior.curve(np.linspace(0, 1, 5), 1.0)[0]) == 0
-    assert prior.text() == "flat in ln A" and made(Flat, SIGNED).text() == "flat"
+    assert prior.text() == "flat in ln A" and made(FlatPrior, SIGNED).text() == "flat"
 
 
 def test_a_start_is_moved_to_where_a_prior_has_a_density():
-    assert -7 < made(Uniform, SIGNED, 0.0, 1.0).variable(-3.0) < -6
-    assert 6 < made(Uniform, SIGNED, 0.0, 1.0).variable(3.0) < 7
-    assert made(LogNormal, SIGNED, 0.7, 0.5).variable(-3.0) == pytest.approx(math.log(0.7))
+    assert -7 < made(UniformPrior, SIGNED, 0.0, 1.0).variable(-3.0) < -6
+    assert 6 < made(UniformPrior, SIGNED, 0.0, 1.0).variable(3.0) < 7
+    assert made(LogNormalPrior, SIGNED, 0.7, 0.5).variable(-3.0) == pytest.approx(math.log(0.7))
 
 
 def test_priors_are_told_in_the_unit_that_is_shown():
-    assert made(Normal, LENGTH, 2e-5, 1e-6).text(1e-6) == "normal(20, 1)"
-    assert made(LogNormal, LENGTH, 2e-5, 0.5).text(1e-6) == "lognormal(20, 0.5)"
-    assert made(Uniform, LENGTH, 2e-5, 3e-5).text(1e-6) == "uniform(20, 30)"
+    assert made(NormalPrior, LENGTH, 2e-5, 1e-6).text(1e-6) == "normal(20, 1)"
+    assert made(LogNormalPrior, LENGTH, 2e-5, 0.5).text(1e-6) == "lognormal(20, 0.5)"
+    assert made(UniformPrior, LENGTH, 2e-5, 3e-5).text(1e-6) == "uniform(20, 30)"
 
 
 class Names(eqx.Module):
@@ -143,7 +143,7 @@ def linear():
     X = np.column_stack([np.ones(30), np.linspace(-1, 2, 30)])
     problem = line(("f0", "c0"), X, np.array([0.5, -0.2]), 0.4)
     mean, std = np.array([0.3, 0.1]), np.array([0.2, 0.15])
-    priors = tuple(made(Normal, SIGNED, m, s) for m, s in zip(mean, std, strict=True))
+    priors = tuple(made(NormalPrior, SIGNED, m, s) for m, s in zip(mean, std, strict=True))
     precision = X.T @ X / 0.4**2 + np.diag(std**-2.0)
     factor = cho_factor(precision)
     at = cho_solve(factor, X.T @ np.asarray(problem.data) / 0.4**2 + mean / std**2)
@@ -186,7 +186,7 @@ def curved():
     """A signed and a positive parameter, seen so badly that the posterior is no normal law."""
     X = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     problem = Line(number(X), number([0.4, 0.5, 1.0]), number(0.35), Names(("f0", "A")))
-    priors = (made(Uniform, SIGNED, 0.0, 1.0), made(LogNormal, POSITIVE, 0.8, 0.6))
+    priors = (made(UniformPrior, SIGNED, 0.0, 1.0), made(LogNormalPrior, POSITIVE, 0.8, 0.6))
     target = Target(problem, None, priors, 0)
 
     def density(a, f):
@@ -336,7 +336,9 @@ def test_priors_of_a_file(tmp_path):
         '[priors]\nA = {normal = [0.006, 0.001]}\nL = {lognormal = [20, 0.5], unit = "um"}'
     )
     f0, A, L = priors_of(FITTED, read_priors(file), "1", str(file))
-    assert isinstance(f0, Flat) and isinstance(A, Normal) and isinstance(L, LogNormal)
+    assert (
+        isinstance(f0, FlatPrior) and isinstance(A, NormalPrior) and isinstance(L, LogNormalPrior)
+    )
     assert (float(A.mean), float(A.std)) == (0.006, 0.001)
     np.testing.assert_allclose([L.median, L.sigma], [20e-6, 0.5])
 

@@ -1,4 +1,4 @@
-"""Is the posterior right? `python -m fits.posterior [--records 200]`.
+"""Is the posterior right? `python -m fits.posterior [--records 400]`.
 
 Calibration: ranks of the true A, B and L in the posteriors of records whose parameters are drawn
 from the priors. Bound: standard deviations on a clean step of 2000 rows. Records that are in
@@ -16,7 +16,7 @@ from . import bound, calibration
 from .generate import NAMES
 
 FILE = Path(__file__).parent / "results.json"
-_EVERY = 10
+_EVERY, _PART = 10, 200
 
 
 def load() -> dict:
@@ -27,7 +27,10 @@ def load() -> dict:
 def save(known: dict) -> None:
     """Write at once or not at all."""
     part = FILE.with_suffix(".part")
-    part.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    records = ",\n".join(json.dumps(one) for one in known["records"])
+    rest = json.dumps({k: v for k, v in known.items() if k != "records"}, indent=1)
+    text = f'{{"records": [\n{records}\n],\n{rest[1:].lstrip()}\n'
+    part.write_text(text, encoding="utf-8")
     part.replace(FILE)
 
 
@@ -57,9 +60,14 @@ def told(known: dict, number: int) -> list[str]:
     ]
     for name in (*NAMES, "A_minus_B"):
         p = calibration.uniform([one["ranks"][name] for one in good])
+        parts = [
+            [o["ranks"][name] for o in good if o["seed"] // _PART == k]
+            for k in range(number // _PART)
+        ]
+        each = ", ".join(f"{calibration.uniform(ranks):.3f}" for ranks in parts)
         ratio = np.array([one["laplace_std"][name] / one["nuts_std"][name] for one in good])
         lines.append(
-            f"{name:10s} ranks uniform: p = {p:.3f}; Laplace/NUTS sd: median"
+            f"{name:10s} ranks uniform: p = {p:.3f} (by {_PART} records: {each}); Laplace/NUTS sd: median"
             f" {np.median(ratio):.3f}, 5 to 95 % {np.percentile(ratio, 5):.3f} to"
             f" {np.percentile(ratio, 95):.3f}"
         )
@@ -79,7 +87,7 @@ def told(known: dict, number: int) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--records", type=int, default=200)
+    parser.add_argument("--records", type=int, default=400)
     parser.add_argument("--again", action="store_true")
     options = parser.parse_args()
     import jax

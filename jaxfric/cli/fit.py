@@ -94,8 +94,7 @@ def fit(
     from ..plot.fit import draw_fit
 
     if wanted is not None:
-        model = Model(law, int(states), fit_stiffness, slip_trend)
-        wanted.check(model, measured.friction_unit)
+        wanted.check(Model(law, int(states), fit_stiffness, slip_trend), measured.friction_unit)
     starts = None if start is None else parse_start(start, measured.friction_unit)
     folder = choose_folder(out, file.stem, file, *([] if prior is None else [prior]))
     with told(quiet=True) as progress:
@@ -121,26 +120,22 @@ def fit(
             progress("drawing the figure")
             with folder.results() as to:
                 (to / "fit.json").write_text(content + "\n")
-                if posterior is not None:
-                    write_posterior(posterior, to)
+                write_posterior(posterior, to)
             folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
-            if posterior is not None:
-                draw(posterior, folder)
+            draw(posterior, folder)
     if json:
         print(content)
     if keeps:
         return _complain_and_keep(result, folder)
     if not json:
         _print_fit(result)
-        if posterior is not None:
-            print_posterior(posterior)
+        print_posterior(posterior)
         print(folder.written)
-    warn((*result.warnings, *_misfit(result)))
-    if posterior is not None:
-        warn(posterior.warnings)
+    doubts = () if posterior is None else posterior.warnings
+    warn((*result.warnings, *_misfit(result), *doubts))
     code = folder.close()
     if result.converged:
-        return code if posterior is None or posterior.converged else 1
+        return 1 if doubts else code
     print(f"jaxfric: error: {_not_converged(result, folder)}", file=sys.stderr)
     return 1
 

@@ -1,6 +1,6 @@
 """What `jaxfric fit --prior` adds to a fit: its posterior in a file, a figure and tables."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,11 +17,10 @@ FILE = "posterior.nc"
 _CHAINS = 4
 
 
-class Asked(NamedTuple):
-    """The priors of a call and how many draws it wants; read before any work."""
+class PosteriorCall(NamedTuple):
+    """The priors of a call and how many draws it wants."""
 
     file: Path
-    priors: Mapping[str, object]
     draws: int | None
     chains: int
     seed: int
@@ -29,10 +28,10 @@ class Asked(NamedTuple):
     def check(self, model: "Model", friction_unit: str) -> None:
         """Refuse priors that are none of this model, before it is fitted."""
         from ..laws.registry import refuse_unknown_law
-        from ..posterior.priors import priors_of
+        from ..posterior.priors import priors_of, read_priors
 
         refuse_unknown_law(model.law)
-        priors_of(model, self.priors, friction_unit, str(self.file))
+        priors_of(model, read_priors(self.file), friction_unit, str(self.file))
 
     def of(self, fit: "Fit", progress: Callable[[str], None]) -> "Posterior | None":
         """The posterior of a fit; None where it did not converge."""
@@ -42,18 +41,17 @@ class Asked(NamedTuple):
             return None
         return find_posterior(
             fit,
-            self.priors,
+            self.file,
             draws=self.draws,
             chains=self.chains,
             seed=self.seed,
-            where=str(self.file),
             progress=progress,
         )
 
 
 def asked(
     prior: Path | None, draws: int | None, chains: int | None, seed: int | None
-) -> Asked | None:
+) -> PosteriorCall | None:
     """What the options ask for; None without `--prior`. Refuses what cannot be done, or would not
     be used, before anything is fitted."""
     given = {"--draws": draws, "--chains": chains, "--seed": seed}
@@ -66,33 +64,39 @@ def asked(
         return None
     if draws is None and (chains is not None or seed is not None):
         raise InputError("--chains and --seed are of draws; ask for these, as in --draws 1000")
-    from ..posterior import read_priors
     from ..posterior.posterior import refuse_few
     from ..posterior.sampler import require_blackjax
 
     require_blackjax()
+    chains = _CHAINS if chains is None else chains
     if draws is not None:
-        refuse_few(draws, _CHAINS if chains is None else chains)
-    return Asked(prior, read_priors(prior), draws, _CHAINS if chains is None else chains, seed or 0)
+        refuse_few(draws, chains)
+    return PosteriorCall(prior, draws, chains, seed or 0)
 
 
-def write_posterior(posterior: "Posterior", to: Path) -> None:
-    """The posterior as netCDF in a folder."""
+def write_posterior(posterior: "Posterior | None", to: Path) -> None:
+    """The posterior as netCDF in a folder, where there is one."""
+    if posterior is None:
+        return
     from ..posterior import write_netcdf
 
     write_netcdf(posterior, to / FILE)
 
 
-def draw(posterior: "Posterior", folder: Folder) -> None:
-    """The figure of the posterior."""
+def draw(posterior: "Posterior | None", folder: Folder) -> None:
+    """The figure of the posterior, where there is one."""
+    if posterior is None:
+        return
     from ..plot.posterior import draw_posterior
 
     names = ("posterior.png", "posterior.svg")
     folder.draw("its figure", lambda to: draw_posterior(posterior, *(to / n for n in names)))
 
 
-def print_posterior(posterior: "Posterior") -> None:
-    """Tables of the maximum, its normal law and the draws beside the fit."""
+def print_posterior(posterior: "Posterior | None") -> None:
+    """Tables of the maximum, its normal law and the draws beside the fit, where there are any."""
+    if posterior is None:
+        return
     from rich.table import Table
 
     from ..report.posterior_text import posterior_lines, posterior_rows

@@ -63,7 +63,7 @@ class AbstractPrior(eqx.Module):
         """The prior in words, its numbers in a unit of this size [SI]."""
 
 
-class Flat(AbstractPrior):
+class FlatPrior(AbstractPrior):
     """No prior: a constant density of the fit's own variable."""
 
     about: Quantity = eqx.field(static=True)
@@ -86,7 +86,7 @@ class Flat(AbstractPrior):
         return f"flat in ln {self.about.symbol}" if positive else "flat"
 
 
-class Normal(AbstractPrior):
+class NormalPrior(AbstractPrior):
     """x ~ N(mean, std^2) [SI], cut off at the bounds of the parameter."""
 
     about: Quantity = eqx.field(static=True)
@@ -112,7 +112,7 @@ class Normal(AbstractPrior):
         return f"normal({float(self.mean) / unit:.4g}, {float(self.std) / unit:.4g})"
 
 
-class LogNormal(AbstractPrior):
+class LogNormalPrior(AbstractPrior):
     """ln x ~ N(ln median, sigma^2), x in SI; also where the parameter itself may be negative."""
 
     about: Quantity = eqx.field(static=True)
@@ -137,7 +137,7 @@ class LogNormal(AbstractPrior):
         return f"lognormal({float(self.median) / unit:.4g}, {float(self.sigma):.4g})"
 
 
-class Uniform(AbstractPrior):
+class UniformPrior(AbstractPrior):
     """x ~ U(low, high) [SI]."""
 
     about: Quantity = eqx.field(static=True)
@@ -181,7 +181,7 @@ def _normal(about: Quantity, scale: Number, numbers: tuple[float, float], size: 
     mean, std = numbers
     if not std > 0:
         raise InputError(f"{what}: the standard deviation of a normal law is {std:g}, not above 0")
-    return Normal(about, scale, *_arrays(about.check(mean * size, what), std * size))
+    return NormalPrior(about, scale, *_arrays(about.check(mean * size, what), std * size))
 
 
 def _log_normal(
@@ -193,7 +193,7 @@ def _log_normal(
             f"{what}: lognormal = [{median:g}, {sigma:g}]; it takes the median and the standard"
             " deviation of the logarithm, both above 0"
         )
-    return LogNormal(about, scale, *_arrays(about.check(median * size, what), sigma))
+    return LogNormalPrior(about, scale, *_arrays(about.check(median * size, what), sigma))
 
 
 def _uniform(about: Quantity, scale: Number, numbers: tuple[float, float], size: float, what: str):
@@ -209,7 +209,7 @@ def _uniform(about: Quantity, scale: Number, numbers: tuple[float, float], size:
             f" {about.text} ({about.symbol}), which must lie between {about.lower:g} and"
             f" {about.upper:g}"
         )
-    return Uniform(about, scale, *_arrays(low, high))
+    return UniformPrior(about, scale, *_arrays(low, high))
 
 
 def _arrays(*numbers: float) -> list[Array]:

@@ -1,6 +1,7 @@
 """`find_posterior(fit, priors)`: what priors and a record say together of a fit's parameters."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -8,10 +9,10 @@ from ..errors import InputError
 from ..fitting.noise import Noise
 from ..fitting.result import Fit
 from ..fitting.uncertainty import determined
-from .distributions import Flat
+from .distributions import FlatPrior
 from .inference_data import diagnosed
 from .laplace import Laplace, laplace
-from .priors import priors_of
+from .priors import priors_of, read_priors
 from .result import Posterior, doubts
 from .sampler import nuts, require_blackjax
 from .target import Target, target_of_problem
@@ -21,13 +22,12 @@ _FEWEST_DRAWS, _FEWEST_CHAINS = 4, 2
 
 def find_posterior(
     fit: Fit,
-    priors: Mapping[str, object],
+    priors: Mapping[str, object] | str | Path,
     *,
     draws: int | None = None,
     chains: int = 4,
     seed: int = 0,
     noise: Noise | None = None,
-    where: str = "priors",
     progress: Callable[[str], None] = lambda text: None,
 ) -> Posterior:
     """Maximum, Laplace approximation and draws of a posterior.
@@ -38,12 +38,11 @@ def find_posterior(
     ----------
     fit : of `jaxfric.fit`, in this process (a fit.json does not hold the record).
     priors : by name, {"A": {"normal": [0.006, 0.001]}, "L": {"lognormal": [20, 0.5], "unit":
-        "um"}}, see `posterior.priors`; flat where none is given.
+        "um"}}, see `posterior.priors`, or their TOML file; flat where none is given.
     draws : of each chain, by NUTS; None: none. Needs `pip install "jaxfric[posterior]"`.
     chains, seed : number of chains, at least 2, and what their chance follows from.
     noise : in units of the fit's `solved.problem.noise_scale`, where it is known; default, as found
         by the fit.
-    where : the file of the priors, for messages.
     progress : told what is being done.
 
     Returns
@@ -56,7 +55,7 @@ def find_posterior(
 
     Not tried: priors that are correlated, a prior of the noise.
     """
-    target, start = target_of(fit, priors, noise=noise, where=where)
+    target, start = target_of(fit, priors, noise=noise)
     if draws is not None:
         refuse_few(draws, chains)
     progress("the maximum of the posterior")
@@ -82,13 +81,15 @@ def refuse_few(draws: int, chains: int) -> None:
 
 
 def target_of(
-    fit: Fit, priors: Mapping[str, object], *, noise: Noise | None = None, where: str = "priors"
+    fit: Fit, priors: Mapping[str, object] | str | Path, *, noise: Noise | None = None
 ) -> tuple[Target, np.ndarray]:
     """The log posterior of a fit, and the variables from which its maximum is sought."""
     if not fit.converged or fit.solved is None:
         why = fit.result if not fit.converged else "its problem is not at hand; fit the record here"
         raise InputError(f"no posterior of a fit without its numbers: {why}")
-    solved = fit.solved
+    solved, where = fit.solved, "priors"
+    if isinstance(priors, str | Path):
+        priors, where = read_priors(priors), str(priors)
     unit, scale = fit.record.friction_unit, solved.problem.scale
     own = priors_of(fit.model, priors, unit, where, scale=scale)
     held = solved.noise if noise is None else noise
@@ -106,7 +107,7 @@ def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
     std = np.sqrt(np.diag(about.covariance))
     known = determined(target.problem, std, float(np.ptp(fit.record.friction)))
     pairs = zip(target.problem.model.names(), target.priors, known, strict=True)
-    loose = [name for name, prior, fixed in pairs if isinstance(prior, Flat) and not fixed]
+    loose = [name for name, prior, fixed in pairs if isinstance(prior, FlatPrior) and not fixed]
     if not loose:
         return ()
     return (

@@ -22,7 +22,7 @@ from ..errors import InputError, did_you_mean
 from ..fitting.abstract_problem import ParametricModel
 from ..fitting.result import unit_of
 from ..units import factor
-from .distributions import DISTRIBUTIONS, AbstractPrior, Flat
+from .distributions import DISTRIBUTIONS, AbstractPrior, FlatPrior
 
 _EXAMPLE = "[priors] A = {normal = [0.006, 0.001]}"
 
@@ -86,7 +86,7 @@ def priors_of(
     for name in names:
         about, size = model.quantity(name), jax.device_put(np.asarray(scale(name), float))
         if name not in given:
-            found.append(Flat(about, size))
+            found.append(FlatPrior(about, size))
             continue
         what = f"{where}: prior of {name}"
         kind, numbers, unit = _parts(given[name], what)
