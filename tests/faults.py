@@ -53,6 +53,15 @@ class Fault(NamedTuple):
     """Arguments of pytest."""
 
 
+PRIOR, DRAWS, GIVEN, SUMMED = (
+    f"tests/test_posterior.py -k {word}"
+    for word in ("density_of", "draws_that_are", "refused_in_a_line", "closed_form")
+)
+SLOPE, HELD = (f"tests/test_posterior.py -k {word}" for word in ("of_scipy", "filter"))
+TAKEN, REFUSED, LOOSE = (
+    f"tests/test_posterior_files.py -k {word}"
+    for word in ("take_its_draws", "not_to_be_used", "neither")
+)
 RUN_MOTION, RUN_EVENTS = "tests/test_run_motion.py", "tests/test_run_events.py"
 RUN_CLI, RUN_JOINT = "tests/test_run_cli.py -k difference", "tests/test_run_joint.py"
 RUN_HOLDS = "tests/test_run_holds.py -k hold_or_law"
@@ -599,6 +608,35 @@ FAULTS = (
           "\"slip\" if total > 0 else \"ageing\"", "\"ageing\" if total > 0 else \"slip\"",
           RUN_HOLDS),
     Fault("a law wins by a hair", "runs/holds.py", "_STRONG = 5.0", "_STRONG = 0.5", RUN_HOLDS),
+    Fault("a normal prior has no Jacobian", "posterior/distributions.py",
+          "return slope - 0.5 * away**2", "return -0.5 * away**2", PRIOR),
+    Fault("a uniform prior has no Jacobian", "posterior/distributions.py",
+          "return jax.nn.log_sigmoid(y) + jax.nn.log_sigmoid(-y)", "return 0.0 * y", PRIOR),
+    Fault("a prior may lie outside of its bounds", "posterior/distributions.py",
+          "if low < about.lower or", "if high < about.lower or", GIVEN),
+    Fault("the width of a prior may be 0", "posterior/distributions.py",
+          "if not std > 0:", "if not std >= 0:", GIVEN),
+    Fault("the prior does not bend the posterior", "posterior/laplace.py",
+          "np.sqrt(np.maximum(np.asarray(at.prior_information), 0.0))",
+          "0 * np.asarray(at.prior_information)", SUMMED),
+    Fault("the gradient knows no prior", "posterior/target.py",
+          "slope - r @ jacobian, jacobian, -bend", "-r @ jacobian, jacobian, -bend", SLOPE),
+    Fault("chains that disagree are relied on", "posterior/result.py",
+          "RHAT, ESS = 1.01, 400", "RHAT, ESS = 1.02, 400", DRAWS),
+    Fault("few draws are relied on", "posterior/result.py",
+          "RHAT, ESS = 1.01, 400", "RHAT, ESS = 1.01, 390", DRAWS),
+    Fault("one divergence does not count", "posterior/result.py",
+          "    if diverging:", "    if diverging > 1:", DRAWS),
+    Fault("what nothing fixes has a posterior", "posterior/posterior.py",
+          "isinstance(prior, FlatPrior) and not fixed", "False", LOOSE),
+    Fault("rows that are passed over are whitened with", "fitting/noise.py",
+          "(jnp.where(used, 0.0, _HIDDEN), keep, turn", "(0 * keep, keep, turn", HELD),
+    Fault("gains take draws of every parameter by itself", "laws/posterior_file.py",
+          "draws[n][chosen]", "np.sort(draws[n])[chosen]", TAKEN),
+    Fault("a posterior has no units", "laws/posterior_file.py",
+          "[...], float)) * size", "[...], float))", TAKEN),
+    Fault("a posterior that claims nothing gives gains", "laws/posterior_file.py",
+          "if about[\"converged\"] != 1:", "if False:", REFUSED),
     Fault("a reload to another velocity is a hold's", "runs/holds.py",
           "not 0.5 < back.after / event.before < 2", "not back.after", RUN_HOLDS),
     Fault("a recorder that is loud at times is structure", "loop/residual_tests.py",

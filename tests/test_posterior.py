@@ -336,9 +336,7 @@ def test_priors_of_a_file(tmp_path):
         '[priors]\nA = {normal = [0.006, 0.001]}\nL = {lognormal = [20, 0.5], unit = "um"}'
     )
     f0, A, L = priors_of(FITTED, read_priors(file), "1", str(file))
-    assert (
-        isinstance(f0, FlatPrior) and isinstance(A, NormalPrior) and isinstance(L, LogNormalPrior)
-    )
+    assert [type(p) for p in (f0, A, L)] == [FlatPrior, NormalPrior, LogNormalPrior]
     assert (float(A.mean), float(A.std)) == (0.006, 0.001)
     np.testing.assert_allclose([L.median, L.sigma], [20e-6, 0.5])
 
