@@ -75,8 +75,8 @@ def asked(
 
 
 def write_posterior(posterior: "Posterior | None", to: Path) -> None:
-    """The posterior as netCDF in a folder, where there is one."""
-    if posterior is None:
+    """The posterior as netCDF in a folder, where one was found."""
+    if posterior is None or not posterior.found:
         return
     from ..posterior import write_netcdf
 
@@ -84,8 +84,8 @@ def write_posterior(posterior: "Posterior | None", to: Path) -> None:
 
 
 def draw(posterior: "Posterior | None", folder: Folder) -> None:
-    """The figure of the posterior, where there is one."""
-    if posterior is None:
+    """The figure of the posterior, where one was found."""
+    if posterior is None or not posterior.found:
         return
     from ..plot.posterior import draw_posterior
 
@@ -94,8 +94,8 @@ def draw(posterior: "Posterior | None", folder: Folder) -> None:
 
 
 def print_posterior(posterior: "Posterior | None") -> None:
-    """Tables of the maximum, its normal law and the draws beside the fit, where there are any."""
-    if posterior is None:
+    """Tables of the maximum, its normal law and the draws beside the fit, where they were found."""
+    if posterior is None or not posterior.found:
         return
     from rich.table import Table
 

@@ -57,6 +57,11 @@ class Posterior:
     noise: str = "the fit's estimate"
     """Where the noise that is held comes from."""
 
+    @property
+    def found(self) -> bool:
+        """Whether there is anything to show: not so where the maximum is not to be relied on."""
+        return self.converged or self.draws is not None
+
     def maximum(self) -> dict[str, float]:
         """Parameters of the largest posterior density of the variables y, by name [SI]."""
         return {k: float(v) for k, v in self.named(self.laplace.values).items()}

@@ -46,6 +46,8 @@ def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
 def posterior_lines(posterior: Posterior) -> list[str]:
     """Lines on a posterior beyond its parameters."""
     held = f"noise is held at {posterior.noise}"
+    if posterior.fit.weighting == "ordinary" and posterior.fit.noise.parts:
+        held += "; rows are weighted by it here, and alike in the fit (--weighting whitened)"
     if posterior.draws is None:
         return [f"Laplace approximation about the maximum; {held}"]
     chains, draws = posterior.draws.diverging.shape
