@@ -28,8 +28,8 @@ def save(known: dict) -> None:
     """Write at once or not at all."""
     part = FILE.with_suffix(".part")
     records = ",\n".join(json.dumps(one) for one in known["records"])
-    rest = json.dumps({k: v for k, v in known.items() if k != "records"}, indent=1)
-    text = f'{{"records": [\n{records}\n],\n{rest[1:].lstrip()}\n'
+    rest = [f'"{k}": {json.dumps(v, indent=1)}' for k, v in known.items() if k != "records"]
+    text = "{\n" + ",\n".join([*rest, f'"records": [\n{records}\n]']) + "\n}\n"
     part.write_text(text, encoding="utf-8")
     part.replace(FILE)
 
