@@ -66,6 +66,7 @@ def installed_version() -> str:
 
 
 def escaped(text: str) -> str:
+    """Text as HTML shows it."""
     return escape(text, quote=True)
 
 
@@ -76,19 +77,23 @@ def printable(path: str) -> str:
 
 
 def paragraph(text: str, kind: str) -> str:
+    """A paragraph of text; `kind` is its class."""
     return f'<p class="{kind}">{escaped(text)}</p>'
 
 
 def bullets(items: Sequence[str], kind: str = "") -> str:
+    """A list of texts; nothing for none."""
     inside = "".join(f"<li>{escaped(item)}</li>" for item in items)
     return f'<ul class="{kind}">{inside}</ul>' if inside else ""
 
 
 def folded(title: str, content: str) -> str:
+    """HTML that is shown where its title is clicked."""
     return f"<details><summary>{escaped(title)}</summary>{content}</details>"
 
 
 def html_table(table: TextTable) -> str:
+    """A table, numbers at the right, its remark below; nothing for one without rows."""
     if not table.rows:
         return ""
     right = [numeric(table, k) for k in range(len(table.head))]
