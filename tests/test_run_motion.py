@@ -124,3 +124,21 @@ def test_a_fast_step_is_no_reset():
     t = np.arange(0, 100, 0.1)
     y = moved(t, (0, 1e-6), (50, 1e-4)) + 0.1e-6 * np.random.default_rng(7).standard_normal(len(t))
     assert not without_resets(t, y, np.full(len(t), 0.6))[1]
+
+
+@pytest.mark.parametrize("jump", [0.0, 40e-6])
+def test_a_long_interval_is_no_reset(jump):
+    """30 um/s at 40 rows a second; a hold from .4 s after the last of these, seen every second.
+
+    Friction is that of a slider that noise hides: it answers nothing.
+    """
+    rng = np.random.default_rng(2)
+    t = np.concatenate([np.arange(0, 5, 0.025), 5.5 + np.arange(80.0)])
+    y = 30e-6 * np.minimum(t, 5.4) + jump * (t > 5) + 2e-8 * rng.standard_normal(len(t))
+    clean, resets = without_resets(t, y, 0.6 + 1e-3 * rng.standard_normal(len(t)))
+    assert len(resets) == (jump > 0)
+    if jump:  # half a second at 30 um/s may have been the motion
+        assert 0.6 * jump < resets[0].size <= jump + 1e-7
+    else:
+        steps = find_run_steps(t, clean, np.full(len(t), 0.6))
+        assert steps.times[-1] == pytest.approx(5.4, abs=0.01) and len(steps.times) == 2

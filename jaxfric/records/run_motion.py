@@ -225,6 +225,8 @@ def without_resets(
 ) -> tuple[np.ndarray, tuple[Reset, ...]]:
     """The position [m] without the jumps of its encoder, and what these were.
 
+    A jump is more than the load point moves from row to row at the velocity before or after it.
+
     Not tried: resets while the load point moves so fast that it passes more than a fifth of the
     jump from row to row.
     """
@@ -237,12 +239,24 @@ def without_resets(
     shift, resets = np.zeros(len(position)), []
     for row in jumps:
         beside = np.r_[max(row - _REACH, 0) : row, row + 1 : min(row + _REACH + 1, len(moves))]
-        size = float(moves[row] - np.median(moves[beside]))
+        size = _beyond(time, position, int(row))
         if abs(size) < _SIDES * np.abs(moves[beside]).max() or _answers(friction, int(row)):
             continue
         shift[row + 1 :] += size
         resets.append(Reset(int(row) + 1, float(time[row + 1]), size))
     return position - shift, tuple(resets)
+
+
+def _beyond(time: np.ndarray, position: np.ndarray, row: int) -> float:
+    """How far the move from `row` to the next is beyond those at the velocities before and after:
+    a recorder that changes its rate, or pauses, leaves a long interval between two rows."""
+    speeds = [
+        float(np.median(np.diff(position[side]) / np.diff(time[side])))
+        for side in (slice(max(row - _REACH, 0), row + 1), slice(row + 1, row + _REACH + 2))
+        if len(position[side]) > 1
+    ]
+    move, lasts = float(position[row + 1] - position[row]), float(time[row + 1] - time[row])
+    return move - float(np.clip(move, min(speeds) * lasts, max(speeds) * lasts))
 
 
 def _answers(friction: np.ndarray, row: int) -> bool:
