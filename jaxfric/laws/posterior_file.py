@@ -91,19 +91,22 @@ def _chosen(path: Path, number: int, samples: int, seed: int) -> np.ndarray:
 def _read(path: Path) -> _Content:
     """The content of the file, checked."""
     with _opened(path) as file:
+        import h5py
+
         group = file.get("posterior")
-        if group is None or "schema" not in group.attrs:
+        if not isinstance(group, h5py.Group) or "schema" not in group.attrs:
             raise InputError(f"{path}: no posterior of jaxfric; {_AGAIN}")
         about = {str(k): _plain(v) for k, v in group.attrs.items()}
         _refuse(path, about)
         needed = ["f0", "A", *numbered_names(int(str(about["states"])))]
         draws, maximum = {}, {}
         for name in [*needed, *(n for n in ("slip_trend",) if n in group)]:
-            if name not in group or not {"unit", "map"} <= set(group[name].attrs):
+            entry = group.get(name)
+            if not isinstance(entry, h5py.Dataset) or not {"unit", "map"} <= set(entry.attrs):
                 raise InputError(f"{path}: damaged: {name} or its unit is missing; {_AGAIN}")
-            size = _size(str(about["friction_unit"]), name, _plain(group[name].attrs["unit"]))
-            draws[name] = np.ravel(np.asarray(group[name][...], float)) * size
-            maximum[name] = float(str(_plain(group[name].attrs["map"]))) * size
+            size = _size(str(about["friction_unit"]), name, _plain(entry.attrs["unit"]))
+            draws[name] = np.ravel(np.asarray(entry[...], float)) * size
+            maximum[name] = float(str(_plain(entry.attrs["map"]))) * size
             if not np.all(law_quantity(name).allows(np.append(draws[name], maximum[name]))):
                 raise InputError(f"{path}: damaged: {name} is out of its bounds; {_AGAIN}")
     return _Content(about, draws, maximum)

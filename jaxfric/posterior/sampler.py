@@ -141,7 +141,8 @@ def _chain(
         number, key = turn
         warming = number < warmup
         size = jnp.where(warming, jnp.exp(sizes.log_step_size), end(sizes))
-        state, info = kernel(key, state, density, size, mass, _DOUBLINGS)
+        # blackjax annotates traced numbers as floats, here and below
+        state, info = kernel(key, state, density, size, mass, _DOUBLINGS)  # pyright: ignore
         adapted = adapt(sizes, info.acceptance_rate)
         sizes = jax.tree.map(lambda new, old: jnp.where(warming, new, old), adapted, sizes)
         told = info.is_divergent, info.acceptance_rate
@@ -149,7 +150,8 @@ def _chain(
         return (state, sizes), (state.position, state.logdensity, jnp.stack([*map(_real, told)]))
 
     turns = jnp.arange(sum(counts)), jax.random.split(key, sum(counts))
-    first = hmc.HMCState(*begin), jax.tree.map(_real, start(_ACCEPTANCE))
+    begun = hmc.HMCState(*begin)  # pyright: ignore[reportArgumentType]
+    first = begun, jax.tree.map(_real, start(_ACCEPTANCE))
     (_, sizes), out = jax.lax.scan(draw, first, turns)
     position, log_density, told = (x[warmup:] for x in out)
     return position, log_density, told, jnp.asarray(end(sizes))
