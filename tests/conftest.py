@@ -25,10 +25,12 @@ XLA_FLAGS set, if only to nothing, they run what a user runs."""
 def pytest_configure(config):
     """Share compiled functions between tests, workers and runs, and compile them quickly.
 
-    Workers are side by side: threads of XLA, which wait by spinning, would only take their time.
+    Workers are side by side: threads of XLA and of BLAS, which wait by spinning, would only take
+    their time.
     """
     if "PYTEST_XDIST_WORKER" in os.environ or config.getoption("numprocesses", None):
-        os.environ.setdefault("NPROC", "1")
+        for threads in ("NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+            os.environ.setdefault(threads, "1")
     if "XLA_FLAGS" not in os.environ and _known(_QUICK_COMPILER, config):
         os.environ["XLA_FLAGS"] = _QUICK_COMPILER  # workers and commands of tests inherit it
     own = Path(config.rootpath) / ".pytest_cache" / "jax"
