@@ -65,6 +65,7 @@ TAKEN, REFUSED, LOOSE = (
 RUN_MOTION, RUN_EVENTS = "tests/test_run_motion.py", "tests/test_run_events.py"
 RUN_CLI, RUN_JOINT = "tests/test_run_cli.py -k difference", "tests/test_run_joint.py"
 RUN_HOLDS = "tests/test_run_holds.py -k hold_or_law"
+RUN_LOOP = "tests/test_run_loop.py"
 RAMPS, ALPHA, STRESS_PRIOR, STRESS_WAY, STRESS_LAW = (
     f"tests/test_run_{name}"
     for name in (
@@ -639,6 +640,18 @@ FAULTS = (
           "if about[\"converged\"] != 1:", "if False:", REFUSED),
     Fault("a reload to another velocity is a hold's", "runs/holds.py",
           "not 0.5 < back.after / event.before < 2", "not back.after", RUN_HOLDS),
+    Fault("a long interval is a reset", "records/run_motion.py",
+          "min(speeds) * lasts, max(speeds) * lasts", "0.0, 0.0", RUN_MOTION),
+    Fault("a clock that stands still is passed over", "records/rows.py",
+          "_STILL = 20", "_STILL = 2000", "tests/test_records.py -k clock"),
+    Fault("what follows nothing begins a stretch", "runs/joined.py",
+          "            if not window.follows:", "            if True:", RUN_LOOP),
+    Fault("what is not steady is left out of a run's motion", "runs/joined.py",
+          "min(e.before, e.after) <= 0", "e.before", RUN_LOOP),
+    Fault("a stretch begins before it is steady", "runs/joined.py",
+          "max(way, typical)", "way", RUN_LOOP),
+    Fault("levels count from nothing", "loop/run.py",
+          "return found - found[0]", "return found", RUN_LOOP),
     Fault("a recorder that is loud at times is structure", "loop/residual_tests.py",
           "len(each) / (len(each) - 1), 1.0)", "0, 1.0)", "tests/test_loop_parts.py -k loud"),
     Fault("steps that scatter know alpha's A well", "runs/stress_fit.py",
