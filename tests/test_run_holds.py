@@ -10,8 +10,10 @@ from jaxfric.runs import Event, find_events
 from jaxfric.runs.fits import HowFitted, without_resets_of
 from jaxfric.runs.holds import (
     Hold,
+    HoldWindow,
     find_holds,
     fit_holds,
+    follows,
     healing_rate,
     log_likelihood,
     preferred,
@@ -57,8 +59,23 @@ def test_hold_or_law_what_is_a_hold(events, windows):
     assert [tuple(found[1:]) for found in find_holds(events, 400.0)] == windows
 
 
-def hold(lasts, healing, error=1e-3, preference=None):
-    return Hold(0.0, lasts, 3e-6, None, 0.01, healing, error, {}, preference)
+@pytest.mark.parametrize(
+    ("time", "velocity", "stop", "same"),
+    [
+        (300.0, 3e-6, 300.0, True),
+        (300.0, 3.1e-6, 300.0, True),
+        (300.0, 1e-5, 300.0, False),
+        (300.0, 3e-6, 290.0, False),  # something else ended the window before
+    ],
+)
+def test_hold_or_law_that_follows_another(time, velocity, stop, same):
+    last = HoldWindow(HOLD, 75.0, 200.0, stop)
+    window = HoldWindow(event("hold", time, velocity, 0.0), 250.0, 400.0, 500.0)
+    assert follows(last, window) == same
+
+
+def hold(lasts, healing, error=1e-3, preference=None, group=1):
+    return Hold(0.0, lasts, 3e-6, None, 0.01, healing, error, {}, preference, group)
 
 
 def test_a_healing_rate_is_a_line_through_the_logarithms():
@@ -81,13 +98,20 @@ def test_too_few_holds_have_no_rate():
 
 @pytest.mark.parametrize(
     ("preferences", "law"),
-    [([3.0, 4.0], "slip"), ([-3.0, -4.0], "ageing"), ([3.0, -4.0, None], None), ([4.9], None)],
+    [([2.0, 2.0], "slip"), ([-2.0, -2.0], "ageing"), ([3.0, -4.0, None], None), ([2.9], None)],
 )
 def test_hold_or_law_that_all_holds_prefer(preferences, law):
-    made = [hold(10.0, 0.01, preference=p) for p in preferences]
+    made = [hold(10.0, 0.01, preference=p, group=k) for k, p in enumerate(preferences)]
     assert preferred(made)[0] == law
     words = "cannot tell" if law is None else f"the {law} law fits better"
     assert words in " ".join(told(made))
+
+
+def test_hold_or_law_of_holds_that_were_fitted_together_counts_once():
+    made = [hold(10.0, 0.01, preference=2.0, group=1) for _ in range(3)]
+    assert preferred(made) == (None, 2.0)
+    assert preferred([*made, hold(10.0, 0.01, preference=2.0, group=2)]) == ("slip", 4.0)
+    assert [row["fitted with holds"] for row in rows(made)] == ["1 2 3"] * 3
 
 
 @pytest.fixture(scope="module", params=["slip", "ageing"])
@@ -106,6 +130,8 @@ def healed(request):
 def test_the_law_is_told_from_the_holds(healed):
     made, holds = healed
     assert preferred(holds)[0] == made.press.law
+    assert len({hold.group for hold in holds}) == 1 < len(holds)
+    assert all(hold.fits == holds[0].fits for hold in holds)
     table = rows(holds)
     assert len(table) == len(holds) == sum(h.kind == "hold" for h in made.happenings)
     for row, found in zip(table, holds, strict=True):

@@ -5,11 +5,14 @@ passes a peak above it, by the healing. Healing grows with ln t_h, by B for the 
 stiff machine (Dieterich 1972, J. Geophys. Res. 77, 3690-3697); under the slip law the contact of a
 stiff machine does not age at rest. Which one holds is asked of the whole of slide, hold and slide,
 with the machine's stiffness: A, B and L are fitted under either law, and the laws are compared by
-the likelihood of what each leaves, the noise found anew for each (`fitting.noise_search`).
+the likelihood of what each leaves, the noise found anew for each (`fitting.noise_search`). Holds
+that follow each other share A, B and L: with those of its own in every hold the wrong law imitates
+each by other ones.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,10 +30,12 @@ from .weighted import WeightedLine, weighted_line
 LAWS = ("slip", "ageing")
 _LEVEL, _PEAK = 0.1, 5
 """Share of the window before a hold whose median is the level; rows in the mean at the peak."""
+_SAME = 1.2
+"""Holds follow each other at velocities within this factor."""
 _LATE = 0.2
 """The last row of a hold is no further from its end than this share of it."""
-_STRONG = 5.0
-"""A law is preferred by so much of ln L, as odds of 150 to 1."""
+_STRONG = 3.0
+"""A law is preferred by so much of ln L, as odds of 20 to 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +43,9 @@ class Hold:
     """A hold of `lasts` [s] at `time` [s], from and to sliding at `velocity` [m/s].
 
     `creep` is the fall of friction during the hold (None: it was not recorded), `healing` the peak
-    above the level before it, with its standard `error`; `fits` are those of the laws by name that
-    could be fitted, and `preference` is ln L of the slip law less that of the ageing law; None
-    where not both can.
+    above the level before it, with its standard `error`. `fits` are those of the laws by name that
+    could be fitted, to all holds with the same number `group`, and `preference` is ln L of the slip
+    law less that of the ageing law; None where not both can.
     """
 
     time: float
@@ -52,11 +57,30 @@ class Hold:
     error: float
     fits: dict[str, Fit]
     preference: float | None
+    group: int = 1
 
 
-def find_holds(events: Sequence[Event], end: float) -> list[tuple[Event, float, float, float]]:
-    """Holds between sliding at one velocity: the event, when the window begins, when the load point
-    moves on, and when the window ends [s]."""
+class HoldWindow(NamedTuple):
+    """A hold between sliding at one velocity: its event, and when its window begins, the load point
+    moves on, and the window ends [s]."""
+
+    event: Event
+    start: float
+    back: float
+    stop: float
+
+
+class _Healed(NamedTuple):
+    """A hold with its creep, healing and error."""
+
+    window: HoldWindow
+    creep: float | None
+    healing: float
+    error: float
+
+
+def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
+    """Holds between sliding at one velocity."""
     out = []
     joints = [e for e in events if e.before != e.after or e.kind in ("stress", "stick_slip")]
     for k, event in enumerate(joints):
@@ -67,8 +91,14 @@ def find_holds(events: Sequence[Event], end: float) -> list[tuple[Event, float, 
             continue
         before = joints[k - 1].time if k else 0.0
         after = joints[k + 2].time if k + 2 < len(joints) else end
-        out.append((event, (before + event.time) / 2, back.time, after))
+        out.append(HoldWindow(event, (before + event.time) / 2, back.time, after))
     return out
+
+
+def follows(last: HoldWindow, window: HoldWindow) -> bool:
+    """Whether a hold follows another one at its velocity, with nothing between them."""
+    ratio = window.event.before / last.event.before
+    return window.event.time == last.stop and 1 / _SAME < ratio < _SAME
 
 
 def fit_holds(
@@ -79,32 +109,72 @@ def fit_holds(
     progress: Callable[[str], None] = lambda text: None,
 ) -> tuple[Hold, ...]:
     """The healing of every hold of a run under a constant normal stress, fitted with both laws."""
-    end = float(record.relative_time[-1])
-    chosen = find_holds(events, end)
-    out = []
-    for number, (event, start, back, stop) in enumerate(chosen, 1):
-        progress(f"hold {number} of {len(chosen)}, at {event.time:.6g} s")
-        try:
-            part = record.window(start, stop)
-        except InputError:
-            continue
-        begin = float(part.time[0] - record.time[0])
-        seen = _heal(part, event.time - begin, back - begin)
-        if seen is None:
-            continue
-        steps = VelocitySteps(
-            np.array([0.0, event.time - begin, back - begin]),
-            np.array([event.before, 0.0, event.before]),
-            time_errors=np.array([0.0, event.time_error, event.time_error]),
-        )
-        fits = {law: found for law in LAWS if (found := _fitted(part, steps, event, how, law))}
-        both = len(fits) == len(LAWS)
-        preference = log_likelihood(fits["slip"]) - log_likelihood(fits["ageing"]) if both else None
-        lasts = back - event.time
-        out.append(
-            Hold(event.time, lasts, event.before, event.normal_stress, *seen, fits, preference)
-        )
+    groups: list[list[_Healed]] = []
+    for window in find_holds(events, float(record.relative_time[-1])):
+        if seen := _healed(record, window):
+            if groups and follows(groups[-1][-1].window, window):
+                groups[-1].append(seen)
+            else:
+                groups.append([seen])
+    out: list[Hold] = []
+    for number, group in enumerate(groups, 1):
+        first = group[0].window.event
+        progress(f"holds {number} of {len(groups)}, from {first.time:.6g} s")
+        made = _fitted_together(record, group, how, out[-1].group + 1 if out else 1)
+        if made[0].preference is None and len(group) > 1:  # each by itself
+            made = [
+                hold
+                for k, one in enumerate(group)
+                for hold in _fitted_together(record, [one], how, made[0].group + k)
+            ]
+        out += made
     return tuple(out)
+
+
+def _healed(record: Record, window: HoldWindow) -> _Healed | None:
+    """A hold with its healing, or None where there is none to be told."""
+    try:
+        part = record.window(window.start, window.stop)
+    except InputError:
+        return None
+    begin = float(part.time[0] - record.time[0])
+    seen = _heal(part, window.event.time - begin, window.back - begin)
+    return None if seen is None else _Healed(window, *seen)
+
+
+def _fitted_together(
+    record: Record, group: Sequence[_Healed], how: HowFitted, number: int
+) -> list[Hold]:
+    """Holds that follow each other, with one fit of each law to all of them."""
+    first, last = group[0].window, group[-1].window
+    part = record.window(first.start, last.stop)
+    begin = float(part.time[0] - record.time[0])
+    joints = [t - begin for one in group for t in (one.window.event.time, one.window.back)]
+    speeds = [v for one in group for v in (0.0, one.window.event.before)]
+    errors = [e for one in group for e in [one.window.event.time_error] * 2]
+    steps = VelocitySteps(
+        np.array([0.0, *joints]),
+        np.array([first.event.before, *speeds]),
+        time_errors=np.array([0.0, *errors]),
+    )
+    fits = {law: found for law in LAWS if (found := _fitted(part, steps, first.event, how, law))}
+    both = len(fits) == len(LAWS)
+    preference = log_likelihood(fits["slip"]) - log_likelihood(fits["ageing"]) if both else None
+    return [
+        Hold(
+            time=one.window.event.time,
+            lasts=one.window.back - one.window.event.time,
+            velocity=one.window.event.before,
+            normal_stress=one.window.event.normal_stress,
+            creep=one.creep,
+            healing=one.healing,
+            error=one.error,
+            fits=fits,
+            preference=preference,
+            group=number,
+        )
+        for one in group
+    ]
 
 
 def _fitted(
@@ -160,7 +230,8 @@ def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
 
 def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
     """The law that all holds together prefer (None: neither); ln L of slip less that of ageing."""
-    total = float(sum(hold.preference for hold in holds if hold.preference is not None))
+    groups = {hold.group: hold.preference for hold in holds}
+    total = float(sum(value for value in groups.values() if value is not None))
     if abs(total) < _STRONG:
         return None, total
     return ("slip" if total > 0 else "ageing"), total
@@ -188,23 +259,27 @@ def rows(holds: Sequence[Hold]) -> list[dict[str, Cell]]:
                 row[f"{name} {law}{unit}"] = (
                     float(f"{scale * p[name].value:.6g}") if known else None
                 )
+        row["fitted with holds"] = " ".join(
+            str(k) for k, other in enumerate(holds, 1) if other.group == hold.group
+        )
         row["ln L slip - ageing"] = None if hold.preference is None else round(hold.preference, 2)
         out.append(row)
     return out
 
 
-def told(holds: Sequence[Hold]) -> list[str]:
-    """Lines on the holds of a run."""
+def told(holds: Sequence[Hold], unit: str = "1") -> list[str]:
+    """Lines on the holds of a run, whose friction has a unit of "1" or "N"."""
     if not holds:
         return []
+    force = " N" if unit == "N" else ""
     lines = [
         f"hold of {hold.lasts:.4g} s at {hold.time:.6g} s: friction"
-        + ("" if hold.creep is None else f" creeps by {hold.creep:.4f},")
-        + f" heals by {measured(hold.healing, hold.error)}"
+        + ("" if hold.creep is None else f" creeps by {measured(hold.creep, hold.error)}{force},")
+        + f" heals by {measured(hold.healing, hold.error)}{force}"
         for hold in holds
     ]
     if rate := healing_rate(holds):
-        lines.append(f"healing: {measured(rate.slope, rate.error)} per decade of hold time")
+        lines.append(f"healing: {measured(rate.slope, rate.error)}{force} per decade of hold time")
     compared = [hold for hold in holds if hold.preference is not None]
     if compared:
         law, total = preferred(holds)
