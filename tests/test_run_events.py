@@ -1,11 +1,14 @@
 """What happens in a run: constructed cases of every kind, and generated runs with their truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import jaxfric as jf
 from fits.runs.generate import generate
-from jaxfric.runs import KINDS, find_events
+from jaxfric.runs import KINDS, Event, find_events
+from jaxfric.runs.cautions import cautions
 from jaxfric.runs.decisions import decisions_text, read_decisions
 from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.stress import find_stress_changes, polyline
@@ -47,6 +50,17 @@ def test_stick_slip_is_seen_by_its_teeth(friction, teeth):
     if teeth:
         assert found[0].drop == pytest.approx(0.02, rel=0.1)
         assert found[0].period == pytest.approx(20, rel=0.05)
+
+
+def test_small_turns_do_not_tear_teeth():
+    """A dip of a fifth of a drop in every second rise, and drops as slow as 0.4 of a rise."""
+    dips = np.where((T % 40 > 10) & (T % 40 < 11.5), -0.004, 0.0)
+    found = find_teeth(T, 0.6 + saw(T, 20, 0.02) + dips + 1e-5 * RNG.standard_normal(len(T)))
+    assert len(found) == 1 and found[0].drop == pytest.approx(0.02, rel=0.1)
+    slow = np.where(T < 100, saw(T, 20, 0.02), saw(T, 20, 0.02, fall=2 / 7))
+    (whole,) = find_teeth(T, 0.6 + slow)
+    assert whole.stop > 0.9 * T[-1]
+    assert find_teeth(T, 0.6 + saw(T, 20, 0.02, fall=2 / 7)) == []  # that slow from the begin
 
 
 def test_teeth_end_where_they_end():
@@ -234,6 +248,7 @@ def test_decisions_come_back_as_they_were(tmp_path):
 
 
 STEP = 'time = "100 s"\nkind = "step"\nvelocities = ["3 um/s", "30 um/s"]\n'
+TEETH = 'time = "100 s"\nkind = "stick_slip"\nvelocities = ["3 um/s", "3 um/s"]\nto = "200 s"\n'
 FIT = STEP + 'fit = true\nfrom = "50 s"\nto = "200 s"\n'
 
 
@@ -255,7 +270,18 @@ FIT = STEP + 'fit = true\nfrom = "50 s"\nto = "200 s"\n'
             "[[event]]\n" + FIT.replace("200 s", "500 s"),
             "must lie between them and both in the run",
         ),
-        ("[[event]]\n" + FIT.replace('"30 um/s"', '"3 um/s"'), "goes from one velocity"),
+        (
+            "[[event]]\n" + FIT.replace('"30 um/s"', '"3 um/s"'),
+            "what is fitted is a step from one velocity, not 0, to another",
+        ),
+        (
+            "[[event]]\n" + FIT.replace('"step"', '"hold"').replace('"30 um/s"', '"0 um/s"'),
+            "what is fitted is a step",
+        ),
+        ("[[event]]\n" + STEP.replace('"100 s"', '"500 s"'), "time is 500 s, but the run lasts"),
+        ("[[event]]\n" + STEP.replace('"100 s"', '"-5 s"'), "time is -5 s, but the run lasts"),
+        ("[[event]]\n" + TEETH.replace('"200 s"', '"90 s"'), "it lasts from 100 to 90 s"),
+        ("[[event]]\n" + TEETH.replace('"200 s"', '"401 s"'), "it lasts from 100 to 401 s"),
         ("[[event]]\n" + FIT.replace("true", "1"), "fit is true or false"),
         ("[[event]", "is no TOML"),
         ("colour = 3\n[[event]]\n" + STEP, "'colour' is not understood"),
@@ -266,6 +292,67 @@ def test_decisions_that_are_wrong_are_refused_by_their_entry(tmp_path, text, wor
     file.write_text(text)
     with pytest.raises(jf.InputError, match=words):
         read_decisions(file, 400.0)
+
+
+def test_a_stretch_of_teeth_comes_back_with_its_end(tmp_path):
+    record = run([(0, 3e-6)], friction=lambda t: 0.6 + saw(t, 20, 0.02))
+    found = find_events(record).events
+    file = tmp_path / "events.toml"
+    file.write_text(decisions_text(found, "mine.csv"))
+    (back,) = read_decisions(file, 400.0)
+    assert (back.kind, back.stop) == ("stick_slip", pytest.approx(found[0].stop))
+    assert back.stop > back.time + 100
+
+
+def test_glitches_beside_teeth_are_of_the_teeth():
+    def friction(t):
+        spike = 0.005 * (np.abs(t - 58) < 0.11) + 0.005 * (np.abs(t - 20) < 0.11)
+        return 0.6 + np.where(t > 70, saw(t, 20, 0.02), 0.0) + spike
+
+    kinds = [e.told().split(" (")[0] for e in find_events(run([(0, 3e-6)], friction=friction))[1]]
+    assert sum("stick_slip" in k for k in kinds) == 1 and sum("glitch" in k for k in kinds) == 1
+
+
+# ---- what the user should know -----------------------------------------------------------------
+
+
+def timed(*gaps):
+    """A record of 1 s between rows, but for gaps (row, seconds)."""
+    interval = np.ones(200)
+    for row, seconds in gaps:
+        interval[row] = seconds
+    t = np.concatenate([[0.0], np.cumsum(interval)])
+    return jf.from_arrays(t, np.full(201, 0.6), load_point_displacement=3e-6 * t)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "words"),
+    [
+        ([], None),
+        ([(50, 9.0)], None),
+        ([(50, 36.0)], "a gap of 36 s after 50 s"),
+        ([(50, 36.0), (90, 40.0)], "2 gaps, the longest of 40 s after 125 s"),
+        ([(50 + k, 36.0) for k in range(60)], None),  # the recorder was slow there
+    ],
+)
+def test_gaps_of_the_clock_are_told(gaps, words):
+    said = cautions(timed(*gaps), [])
+    assert (said == ()) if words is None else (words in said[0])
+
+
+def test_a_load_point_that_goes_to_and_fro_is_told():
+    t = np.arange(0.0, 200.0, 0.5)
+    x = 1e-5 * np.abs((t + 10) % 40 - 20)
+    record = jf.from_arrays(t, 0.6 + 0 * t, load_point_displacement=x)
+    turns = [
+        Event("unload" if k % 2 else "reload", 10.0 + 20 * k, s * 1e-5, -s * 1e-5, 0.0, 0.0)
+        for k in range(9)
+        for s in ((-1) ** k,)
+    ]
+    assert "turns back 4 times" in cautions(record, turns)[0]
+    assert cautions(record, turns[:6]) == ()
+    forwards = replace(record, load_point_displacement=x + 4e-6 * t)
+    assert cautions(forwards, turns) == ()
 
 
 def test_decisions_that_are_not_there(tmp_path):

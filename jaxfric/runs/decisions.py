@@ -12,7 +12,8 @@ _HEAD = """\
 # Change what is wrong, and give this file back: jaxfric run ... --events {file}
 # kind: {kinds}
 # Events with fit = true are fitted from `from` to `to`, as one step at `time` of two velocities.
-# An entry may be taken out, or added: time, kind and velocities are all that it needs.
+# An entry may be taken out, or added: time, kind and velocities are all that it needs, and `to`
+# where stick-slip or a change of the normal stress ends.
 """
 _NEEDED = {"time", "kind", "velocities"}
 _KNOWN = {*_NEEDED, "fit", "from", "to", "time_error", "normal_stress", "why"}
@@ -36,6 +37,8 @@ def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.tom
             lines += [f"fit = {'true' if event.fitted else 'false'}"]
             lines += [f"from = {seconds(event.start)}", f"to = {seconds(event.stop)}"]
             lines += [f"time_error = {seconds(event.time_error)}"]
+        elif event.before == event.after and event.stop > event.time:
+            lines += [f"to = {seconds(event.stop)}"]
         if event.normal_stress is not None:
             lines.append(f'normal_stress = "{format_si(event.normal_stress, "Pa", "MPa", 6)}"')
         if event.why:
@@ -87,14 +90,22 @@ def _event(entry: dict, where: str, end: float) -> Event:
         raise InputError(f"{where}: fit is true or false, not '{fitted}'")
     start = _quantity(entry["from"], "s", f"{where}: from") if "from" in entry else time
     stop = _quantity(entry["to"], "s", f"{where}: to") if "to" in entry else time
+    if fitted and (kind != "step" or before == after or before == 0):
+        raise InputError(
+            f"{where}: what is fitted is a step from one velocity, not 0, to another; take fit out,"
+            " or change kind and velocities"
+        )
     if fitted and not 0 <= start < time < stop <= end * (1 + 1e-9):
         raise InputError(
             f"{where}: it is fitted from {start:g} to {stop:g} s; its time, {time:g} s, must lie"
             f" between them and both in the run, which lasts {end:.6g} s"
         )
-    if fitted and (before == after or before == 0):
+    if not 0 <= time <= end * (1 + 1e-9):
+        raise InputError(f"{where}: time is {time:g} s, but the run lasts from 0 to {end:.6g} s")
+    if not time <= stop <= end * (1 + 1e-9):
         raise InputError(
-            f"{where}: a step that is fitted goes from one velocity, not 0, to another"
+            f"{where}: it lasts from {time:g} to {stop:g} s; write `to` between its time and the"
+            f" end of the run, {end:.6g} s"
         )
     stress = entry.get("normal_stress")
     return Event(

@@ -126,7 +126,7 @@ def find_events(record: Record, *, stiffness: MachineStiffness | None = None) ->
         for k in range(1, len(phases))
     ]
     events += _stress_events(phases, stresses, events)
-    events += [_teeth_event(found, phases) for found in teeth]
+    events += [_teeth_event(found, phases, record.friction_unit) for found in teeth]
     events += _glitches(record, motion, phases, [*teeth, *stresses])
     events.sort(key=lambda event: event.time)
     return Happenings(motion, tuple(_windowed(record, event, events) for event in events))
@@ -316,9 +316,10 @@ def _teeth(t: np.ndarray, friction: np.ndarray, phase: _Phase) -> list[Teeth]:
     return find_teeth(t[phase.rows], friction[phase.rows])
 
 
-def _teeth_event(found: Teeth, phases: Sequence[_Phase]) -> Event:
+def _teeth_event(found: Teeth, phases: Sequence[_Phase], unit: str) -> Event:
     v = _velocity(phases, found.start)
-    why = f"drops of {found.drop:.3g} every {found.period:.3g} s until {found.stop:.6g} s"
+    drop = f"{found.drop:.3g}{' N' if unit == 'N' else ''}"
+    why = f"drops of {drop} every {found.period:.3g} s until {found.stop:.6g} s"
     return Event("stick_slip", found.start, v, v, found.start, found.stop, why=why)
 
 
@@ -340,13 +341,19 @@ def _glitches(
     for row in find_spikes(record.friction):
         time = float(t[row])
         beside = len(joints) and np.abs(joints - row).min() <= _ROWS
-        if beside or any(found.start <= time <= found.stop for found in busy):
+        if beside or any(_lies_in(time, found) for found in busy):
             continue
         v = _velocity(phases, time)
         out.append(
             Event("glitch", time, v, v, time, time, why="friction stands out of its neighbours")
         )
     return out
+
+
+def _lies_in(time: float, found: Teeth | StressChange) -> bool:
+    """Whether a time [s] lies in what lasts, or within a tooth of teeth."""
+    room = found.period if isinstance(found, Teeth) else 0.0
+    return found.start - room <= time <= found.stop + room
 
 
 def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:

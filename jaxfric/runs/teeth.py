@@ -9,12 +9,18 @@ from ..fitting.start import noise_from_differences
 
 _HEIGHT, _LEAST = 8.0, 0.004
 """A tooth is so many times as high as the noise of neighbours, and this share of friction."""
-_TEETH, _ALIKE, _STEEP = 4, 4.0, 0.34
+_TEETH, _ALIKE, _STEEP, _LESS_STEEP = 4, 4.0, 0.34, 0.42
 """So many teeth in a row, whose drops and times between drops are alike within this factor, each
-drop faster than the rise before it by this factor, or within one row."""
+drop faster than the rise before it by this factor, or within one row; after the first one by the
+last factor."""
+_SMALL = 0.3
+"""What turns by less than this share of the usual drop is no tooth of its own."""
 _SPIKE, _WIDE, _WINDOW, _AROUND = 18.0, 3, 9, 200
 """A spike stands out of a median over `_WINDOW` rows by so many times what the rows around it do,
 over so many rows; `_AROUND` rows say what that is."""
+_OWN = 0.5
+"""White noise is off a median by more than this share of its standard deviation half of the time.
+"""
 
 
 class Teeth(NamedTuple):
@@ -55,19 +61,17 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
         return []
     level = abs(float(np.median(friction)))
     least = max(_HEIGHT * noise_from_differences(friction), _LEAST * level)
-    rows = turns(friction, least)
-    if len(rows) > 1 and friction[rows[0]] > friction[rows[1]]:
-        rows = rows[1:]  # begin at the foot of a rise
-    ends = rows[2::2]
+    found = _measured(time, friction, least)
+    usual = found.drop[found.ratio <= _STEEP]
+    if len(usual) >= _TEETH and _SMALL * np.median(usual) > least:
+        found = _measured(time, friction, _SMALL * float(np.median(usual)))
+    feet, tips, ends, drop, ratio = found
     number = len(ends)
-    feet, tips = rows[0::2][:number], rows[1::2][:number]
-    drop = friction[tips] - friction[ends]
-    steep = time[ends] - time[tips] <= _STEEP * (time[tips] - time[feet])
-    steep |= (ends - tips == 1) & (tips - feet > 1)
+    steep, go_on = ratio <= _STEEP, ratio <= _LESS_STEEP
     wait = np.diff(time[tips], prepend=np.nan)
     out, first = [], 0
     for k in range(number + 1):
-        if k < number and steep[k]:
+        if k < number and (steep[k] if k == first else go_on[k]):
             if k == first:
                 continue
             waits = wait[first + 1 : k + 1]
@@ -81,6 +85,29 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
             out.append(Teeth(start, stop, float(np.median(drop[first:k])), period))
         first = k if k < number and steep[k] else k + 1
     return out
+
+
+class _Turns(NamedTuple):
+    """Rows of the foot, the tip and the end of teeth, their drops, and how long a drop takes over
+    the rise before it (0: one row)."""
+
+    foot: np.ndarray
+    tip: np.ndarray
+    end: np.ndarray
+    drop: np.ndarray
+    ratio: np.ndarray
+
+
+def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> _Turns:
+    """Teeth between turns of at least `least`."""
+    rows = turns(friction, least)
+    if len(rows) > 1 and friction[rows[0]] > friction[rows[1]]:
+        rows = rows[1:]  # begin at the foot of a rise
+    ends = rows[2::2]
+    feet, tips = rows[0::2][: len(ends)], rows[1::2][: len(ends)]
+    ratio = (time[ends] - time[tips]) / (time[tips] - time[feet])
+    ratio = np.where((ends - tips == 1) & (tips - feet > 1), 0.0, ratio)
+    return _Turns(feet, tips, ends, friction[tips] - friction[ends], ratio)
 
 
 def _alike(value: float, others: np.ndarray) -> bool:
@@ -98,7 +125,8 @@ def find_spikes(friction: np.ndarray) -> np.ndarray:
     else:  # medians of groups of rows, and between them on straight lines
         levels = np.median(away[: size * _AROUND].reshape(size, _AROUND), axis=1)
         usual = np.interp(np.arange(len(away)), (np.arange(size) + 0.5) * _AROUND, levels)
-    usual = np.maximum(usual, np.median(away))
+    # on a steep rise a row is its own median: there it is noise that says what is usual
+    usual = np.maximum(usual, max(np.median(away), _OWN * noise_from_differences(friction)))
     off = away > _SPIKE * 1.4826 * usual
     edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(int), [0]])))
     begins, ends = edges.reshape(-1, 2).T

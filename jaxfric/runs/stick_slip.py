@@ -1,0 +1,205 @@
+"""Stretches of stick-slip, tooth by tooth: how friction rises, how far it drops, how often.
+
+While a slider sticks its spring is loaded at K V, and near the peak it begins to creep: how
+friction rises from the foot of a tooth to its tip, at one velocity and at others, tells K, A, B
+and L (`rise_model`). Of every tooth the rise is cut into parts by time, over each of which friction
+is averaged: what a recorder of any rate shows, and no extreme of its noise.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..records import Record
+from .events import Event
+from .teeth import find_teeth, turns
+
+EDGES = np.array([0.04, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62, 0.72, 0.80, 0.87, 0.93, 0.97, 1.0])
+"""Parts of a rise, by time: its begin, where a machine still swings, is left out, and the parts
+near the tip, where the slider creeps, are short."""
+BEGIN, END = 0.5, 1.5
+"""A rise begins so many rows before its first one on average, and what is nearer to its end, which
+may be anywhere in a row, is left out."""
+MIDDLE = 0.5 * (EDGES[1:] + EDGES[:-1])
+"""Middles of the parts."""
+STRAIGHT = 6
+"""First parts of a rise that are nearly straight."""
+_TURN, _FIRST = 0.4, 2
+"""A turn is this share of the usual drop; so many teeth are passed over as those that begin."""
+_FEWEST, _ROWS = 4, 8
+"""Least number of teeth, and of rows in a rise."""
+_ALIKE = 2.0
+"""Teeth whose drop, height or time is off by this factor from the usual are passed over."""
+_HIGH, _LOW, _COSINE = 0.9, 0.1, 0.5903
+"""Levels of a drop between which its time is taken; that share of half a period of a swing."""
+_NEAR = 0.2
+"""A rise begins and ends where friction is so near, in drops, to a foot and to a tip: extremes of
+noise are rows away from the drop, and before a slip friction falls for a while."""
+_NARROW = 1e-6
+"""A part narrower than this share of the rise has one value."""
+_RESOLVED = 3.0
+"""Rows in the time of a drop from which it is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rises:
+    """The teeth of a stretch from `start` to `stop` [s] at the load point's `velocity` [m/s].
+
+    `means` (teeth, parts): friction in the parts of a rise (`EDGES`); `lasts` (teeth,): its time
+    [s]; `drops`, `periods` (teeth,): drop of friction, time between drops [s]; `row` the time
+    between rows [s]; `swing`: period of the slip [s] by the time of a drop, not above what the
+    rows resolve where not `resolved`. `why` says why there is none of this.
+    """
+
+    start: float
+    stop: float
+    velocity: float
+    normal_stress: float | None
+    means: np.ndarray
+    lasts: np.ndarray
+    drops: np.ndarray
+    periods: np.ndarray
+    row: float = 0.0
+    swing: float = 0.0
+    resolved: bool = False
+    why: str = ""
+
+    @property
+    def count(self) -> int:
+        """Number of teeth."""
+        return len(self.lasts)
+
+    @property
+    def loading(self) -> np.ndarray:
+        """How fast friction rises while the slider sticks, by load-point motion [1/m] (teeth,)."""
+        slopes = np.polyfit(MIDDLE[:STRAIGHT], self.means[:, :STRAIGHT].T, 1)[0]
+        return slopes / (self.lasts * self.velocity)
+
+
+class _Tooth(NamedTuple):
+    """Rows of a tooth: the highest and the lowest of the drop before it, and the begin and the end
+    of its rise; `before` is the end of the rise before it."""
+
+    high: int
+    low: int
+    before: int
+    foot: int
+    tip: int
+
+
+def find_rises(record: Record, events: Sequence[Event]) -> tuple[Rises, ...]:
+    """The teeth of every stretch of stick-slip at one velocity."""
+    return tuple(_rises(record, event) for event in events if is_stretch(event))
+
+
+def is_stretch(event: Event) -> bool:
+    """Whether an event is a stretch of teeth at one velocity."""
+    return event.kind == "stick_slip" and event.before == event.after and event.stop > event.time
+
+
+def _rises(record: Record, event: Event) -> Rises:
+    t = record.relative_time
+    rows = slice(*np.searchsorted(t, [event.time, event.stop], side="left"))
+    time, friction = t[rows], record.friction[rows]
+    velocity, stress = abs(event.after), record.normal_stress
+    alone = stress is None or record.friction_unit != "1"
+    about = None if stress is None or alone else float(np.median(stress[rows]))
+    none = np.zeros(0)
+
+    def without(why: str) -> Rises:
+        nothing = np.zeros((0, len(EDGES) - 1)), none, none, none
+        return Rises(event.time, event.stop, velocity, about, *nothing, why=why)
+
+    found = _teeth(time, friction)
+    if len(found) < _FEWEST:
+        return without(f"fewer than {_FEWEST} teeth after the first ones")
+    if np.median([tooth.tip - tooth.foot for tooth in found]) < _ROWS:
+        return without(f"fewer than {_ROWS} rows in a rise")
+    drops = np.array([friction[k.high] - friction[k.low] for k in found])
+    periods = np.array([time[k.tip] - time[k.before] for k in found])
+    heights = np.array([friction[k.tip] - friction[k.foot] for k in found])
+    kept = _usual(drops) & _usual(heights) & _usual(periods)
+    found = [tooth for tooth, alike in zip(found, kept, strict=True) if alike]
+    if len(found) < _FEWEST:
+        return without("its teeth are not alike")
+    each = [_means(time, friction, tooth) for tooth in found]
+    row = float(np.median(np.diff(time)))
+    falls = [_fall(time, friction, tooth) for tooth in found]
+    fall = float(np.median(falls))
+    return Rises(
+        event.time,
+        event.stop,
+        velocity,
+        about,
+        np.array([means for means, _ in each]),
+        np.array([lasts for _, lasts in each]),
+        drops[kept],
+        periods[kept],
+        row,
+        2 * max(fall, row) / _COSINE,
+        fall > _RESOLVED * row,
+    )
+
+
+def _teeth(time: np.ndarray, friction: np.ndarray) -> list[_Tooth]:
+    """The teeth after the first ones."""
+    stretches = find_teeth(time, friction)
+    if not stretches:
+        return []
+    rows = turns(friction, _TURN * float(np.median([found.drop for found in stretches])))
+    if len(rows) > 1 and friction[rows[0]] > friction[rows[1]]:
+        rows = rows[1:]  # begin at a foot
+    falls = [_edges(friction, a, b) for a, b in zip(rows[1::2], rows[2::2], strict=False)]
+    turned = list(zip(rows[1::2], rows[2::2], falls, strict=False))
+    return [
+        _Tooth(int(high), int(low), before, foot, tip)
+        for (high, low, (before, foot)), (_, _, (tip, _)) in pairwise(turned[_FIRST - 1 :])
+    ]
+
+
+def _edges(friction: np.ndarray, tip: int, foot: int) -> tuple[int, int]:
+    """The last row of a tip and the first one of the foot after it."""
+    f = friction[tip : foot + 1]
+    near = _NEAR * (f[0] - f[-1])
+    half = int(np.flatnonzero(f > 0.5 * (f[0] + f[-1]))[-1])
+    last = int(np.flatnonzero(f[: half + 1] >= f[0] - near)[-1])
+    first = half + 1 + int(np.argmax(f[half + 1 :] <= f[-1] + near))
+    return int(tip) + last, int(tip) + first
+
+
+def _usual(values: np.ndarray) -> np.ndarray:
+    usual = np.median(values)
+    return (values < _ALIKE * usual) & (values * _ALIKE > usual)
+
+
+def _means(time: np.ndarray, friction: np.ndarray, tooth: _Tooth) -> tuple[np.ndarray, float]:
+    """Friction in the parts of a rise, and the time that it lasts [s].
+
+    It begins and ends half-way between two rows.
+    """
+    foot, tip = tooth.foot, tooth.tip
+    begin, end = (float(0.5 * (time[k] + time[k + 1])) for k in (foot - 1, tip))
+    t, f = time[foot : tip + 1], friction[foot : tip + 1]
+    row = (end - begin) / len(t)
+    edges = np.clip(begin + EDGES * (end - begin), begin + BEGIN * row, end - END * row)
+    edges = np.clip(edges, t[0], t[-1])
+    area = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (f[1:] + f[:-1]))])
+    k = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 2)
+    h = edges - t[k]
+    upto = area[k] + h * f[k] + 0.5 * h * h * (f[k + 1] - f[k]) / (t[k + 1] - t[k])
+    width = np.diff(edges)
+    at = np.interp(edges[1:], t, f)
+    wide = width > _NARROW * (end - begin)
+    return np.where(wide, np.diff(upto) / np.where(wide, width, 1.0), at), end - begin
+
+
+def _fall(time: np.ndarray, friction: np.ndarray, tooth: _Tooth) -> float:
+    """Time [s] in which friction falls between two levels of a drop."""
+    rows = slice(tooth.high, tooth.low + 1)
+    t, f = time[rows], friction[rows]
+    levels = f[-1] + np.array([_LOW, _HIGH]) * (f[0] - f[-1])
+    late, early = np.interp(levels, np.maximum.accumulate(f[::-1]), t[::-1])
+    return float(late - early)
