@@ -608,7 +608,7 @@ FAULTS = (
     Fault("laws are exchanged", "runs/holds.py",
           "\"slip\" if total > 0 else \"ageing\"", "\"ageing\" if total > 0 else \"slip\"",
           RUN_HOLDS),
-    Fault("a law wins by a hair", "runs/holds.py", "_STRONG = 5.0", "_STRONG = 0.5", RUN_HOLDS),
+    Fault("a law wins by a hair", "runs/holds.py", "_STRONG = 3.0", "_STRONG = 0.5", RUN_HOLDS),
     Fault("a normal prior has no Jacobian", "posterior/distributions.py",
           "return slope - 0.5 * away**2", "return -0.5 * away**2", PRIOR),
     Fault("a uniform prior has no Jacobian", "posterior/distributions.py",

@@ -13,9 +13,11 @@ import jaxfric as jf
 from fits.runs.generate import generate
 from jaxfric.report.run_html import page
 from jaxfric.runs import find_events
+from jaxfric.runs.cycles import StickSlip
 from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
 from jaxfric.runs.ramps import Ramp
+from jaxfric.runs.stick_slip import Rises
 from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.stress_steps import FittedStress
 from jaxfric.runs.table import (
@@ -255,7 +257,7 @@ class Page(HTMLParser):
 
 def shown(result, **more):
     given = {"warnings": ["K is <odd>"], "figures": {"step_02.png": b"x"}, "command": "jaxfric run"}
-    none = Findings((), (), ())
+    none = Findings((), (), None, ())
     return page(result, [], more.pop("others", none), **(given | more))
 
 
@@ -275,10 +277,40 @@ def test_the_page_tells_every_step_and_reaches_nowhere(two_fits):
 def test_the_page_shows_what_else_was_found(two_fits):
     ramp = Ramp("unload", 5.0, 9.0, 1e7, True, 2e10, 1e8)
     stress = FittedStress(100.0, 1.0, 3e-6, 1e7, 1.15e7, why="a velocity step is superposed")
-    found = Page(shown(two_fits[0], others=Findings((stress,), (ramp,), ())))
+    found = Page(shown(two_fits[0], others=Findings((stress,), (ramp,), None, ())))
     told = " ".join(found.texts["li"])
     assert "0.02000(10) MPa/um" in told and "no alpha: a velocity step is superposed" in told
     assert "Steps of the normal stress" in found.texts["h2"]
+
+
+def test_the_page_shows_stick_slip_and_a_run_without_steps(two_fits):
+    few = Rises(2.0, 9.0, 1e-5, None, *[np.zeros((0, 1))] * 4, why="fewer than 4 teeth")
+    others = Findings((), (), StickSlip((few,), {}, None, {}), ())
+    found = Page(shown(replace(two_fits[0], steps=()), others=others))
+    assert found.texts["h1"] == ["A run without a velocity step that can be fitted"]
+    assert "Stick-slip" in found.texts["h2"] and "Steps" not in found.texts["h2"]
+    assert "stick-slip at 10 um/s from 2 s: not used, fewer than 4 teeth" in found.texts["li"]
+
+
+def test_a_run_of_stick_slip_alone_has_its_tables(tmp_path):
+    t = np.arange(0.05, 120.0, 0.1)
+    friction = 0.6 + 0.03 * (t / 10 % 1 - 0.5) + 1e-4 * np.sin(7 * t)
+    record = tmp_path / "saw.csv"
+    columns = np.column_stack([t, 10 * t, friction])
+    np.savetxt(record, columns, "%.6f", ",", header="time [s],displacement [um],friction [1]",
+               comments="")  # fmt: skip
+    done = run("run", record, "--stiffness", "3e-4/um", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    assert "no velocity step is fitted" in done.out and "teeth, drop 0.029" in done.out
+    made = {file.name for file in (tmp_path / "out").iterdir()}
+    assert {"stick_slip.csv", "stick_slip_laws.csv", "stick_slip.png", "run.html"} <= made
+    assert not {"table.csv", "table.tex", "rates.png"} & made
+    # and from the events that it wrote
+    back = run("run", record, "--stiffness", "3e-4/um", "--events", tmp_path / "out/events.toml",
+                   "--out", tmp_path / "back")  # fmt: skip
+    assert back.code == 0, back.err
+    same = "stick_slip.csv"
+    assert (tmp_path / "back" / same).read_text() == (tmp_path / "out" / same).read_text()
 
 
 def test_a_table_is_a_data_frame(two_fits):

@@ -61,9 +61,10 @@ def run(
 
     A run is an hour or a day of a press: steps, holds, changes of normal stress, at sampling rates
     that change. Every event that is found is written to events.toml, where it can be changed by
-    hand (--events). Writes also table.csv, table_xlook.csv, table.tex, run.json, the figures events
-    and rates, and a figure for every step, to the output folder, by default ./NAME-run/ with the
-    options that differ from their default.
+    hand (--events). Writes also run.json and run.html, for the steps table.csv, table_xlook.csv and
+    table.tex, for what else there is holds.csv, stress_steps.csv, stick_slip.csv, ramps.csv and
+    stick_slip_laws.csv, and figures, to the output folder, by default ./NAME-run/ with the options
+    that differ from their default.
     """
     if stiffness is None and not fit_stiffness:
         raise InputError(
@@ -153,12 +154,12 @@ def _write_tables(result: "RunFit", holds: "Sequence[Hold]", others: "Findings",
     if holds:
         text = csv_text(of_holds.rows(holds))
         (to / "holds.csv").write_text(text, encoding="utf-8")
-    for name, text in (
-        ("table.csv", csv_text(rows(result))),
-        ("table_xlook.csv", csv_text(xlook_rows(result))),
-        ("table.tex", latex_text(result)),
-        *others.tables().items(),
-    ):
+    texts = dict(others.tables())
+    if result.steps:
+        texts["table.csv"] = csv_text(rows(result))
+        texts["table_xlook.csv"] = csv_text(xlook_rows(result))
+        texts["table.tex"] = latex_text(result)
+    for name, text in texts.items():
         (to / name).write_text(text, encoding="utf-8")
 
 
@@ -166,8 +167,8 @@ def _draw(result: "RunFit", holds: "Sequence[Hold]", folder: Folder) -> None:
     from ..plot.fit import draw_fit
     from ..plot.run import draw_healing, draw_rates
 
-    folder.draw("the figure of A-B", lambda to: draw_rates(result, to / "rates.png"))
-
+    if any(step.fit is not None and step.fit.converged for step in result.steps):
+        folder.draw("the figure of A-B", lambda to: draw_rates(result, to / "rates.png"))
     if holds:
         folder.draw(
             "the figure of the holds",
@@ -183,8 +184,14 @@ def _draw(result: "RunFit", holds: "Sequence[Hold]", folder: Folder) -> None:
 
 
 def _draw_others(others: "Findings", folder: Folder) -> None:
-    from ..plot.run_others import draw_stress_steps
+    from ..plot.run_others import draw_stick_slip, draw_stress_steps
 
+    stick_slip = others.stick_slip
+    if stick_slip is not None and stick_slip.fits:
+        folder.draw(
+            "the figure of stick-slip",
+            lambda to: draw_stick_slip(stick_slip, to / "stick_slip.png"),
+        )
     if any(step.fit is not None for step in others.stress_steps):
         folder.draw(
             "the figure of the stress steps",
@@ -256,6 +263,7 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
                 "healing": hold.healing,
                 "error": hold.error,
                 "preference": hold.preference,
+                "group": hold.group,
                 "fits": {law: found.to_json() for law, found in hold.fits.items()},
             }
             for hold in holds
@@ -273,10 +281,15 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
 
     kinds = Counter(event.kind for event in result.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
-    print(f"{len(result.record)} rows, {len(result.events)} events: {words}")
-    for line in text_lines(result):
+    number = len(result.events)
+    print(f"{len(result.record)} rows, {number} event{'' if number == 1 else 's'}: {words}")
+    for line in text_lines(result) if result.steps else ("no velocity step is fitted",):
         print(line)
-    for line in (*told_of_all(result.steps), *told_of_holds(holds), *others.told()):
+    for line in (
+        *told_of_all(result.steps),
+        *told_of_holds(holds, result.record.friction_unit),
+        *others.told(),
+    ):
         print(line)
     print(
         "in brackets: one standard error, in the last two digits; -: not determined by its window"

@@ -12,6 +12,7 @@ from ..records import Record
 from ..runs.events import Event
 from ..runs.fits import RunFit
 from ..runs.holds import Hold, healing_rate
+from ..runs.stick_slip import is_stretch
 from ..runs.table import difference
 from .label import printable
 from .ticks import plain_log
@@ -79,12 +80,12 @@ def _limits(axis: Axes, values: np.ndarray) -> None:
 
 def _speeds(axis: Axes, record: Record, events: Sequence[Event]) -> None:
     joints = [event for event in events if event.before != event.after]
-    if not joints:  # one velocity, and no event that tells it
+    if not events:  # one velocity, and no event that tells it
         axis.text(0.5, 0.5, "no step", transform=axis.transAxes, ha="center", color="0.5")
         return
     rows = np.searchsorted(record.relative_time, [event.time for event in joints])
     edges = np.concatenate([[0], rows, [len(record)]])
-    speeds = np.array([e.before for e in joints[:1]] + [e.after for e in joints])
+    speeds = np.array([(joints or events)[0].before] + [e.after for e in joints])
     for a, b, v in zip(edges[:-1], edges[1:], 1e6 * speeds, strict=True):
         if v:
             axis.plot([a, b], [abs(v)] * 2, color=_DATA, lw=1.8, ls="-" if v > 0 else ":")
@@ -100,6 +101,9 @@ def _mark(axis: Axes, record: Record, events: Sequence[Event]) -> None:
         if event.fitted:
             ends = np.searchsorted(t, [event.start, event.stop])
             axis.axvspan(*ends, color=_COLOURS["step"], alpha=0.12, lw=0, zorder=0)
+        elif is_stretch(event):
+            ends = np.searchsorted(t, [event.time, event.stop])
+            axis.axvspan(*ends, color=_COLOURS["stick_slip"], alpha=0.1, lw=0, zorder=0)
 
 
 def _number(axis: Axes, record: Record, events: Sequence[Event]) -> None:
@@ -135,7 +139,7 @@ def draw_rates(run: RunFit, *paths: str | Path) -> None:
     figure = Figure(figsize=(4.2 * len(sides), 3.9), layout="constrained")
     FigureCanvasAgg(figure)
     axes = np.atleast_1d(figure.subplots(1, len(sides), sharey=True))
-    up = np.array([abs(s.event.after) > abs(s.event.before) for s in found])
+    up = np.array([abs(s.event.after) > abs(s.event.before) for s in found], bool)
     for axis, (label, along, log) in zip(axes, sides, strict=True):
         x = np.array(along)
         for chosen, mark, words in ((up, "^", "step up"), (~up, "v", "step down")):

@@ -1,16 +1,21 @@
-"""The figures of a run beside its velocity steps: steps of the normal stress."""
+"""The figures of a run beside its velocity steps: steps of the normal stress, and stick-slip."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from ..runs.cycles import StickSlip, drop_by_velocity
+from ..runs.stick_slip import MIDDLE, Rises
 from ..runs.stress_steps import FittedStress
 from ..runs.table import measured
+from .ticks import plain_log
 
 _DATA, _FIT, _WITHOUT = "#1f4e79", "#c8501e", "0.55"
+_LAWS = {"slip": "#c8501e", "ageing": "#2a9d8f"}
 _ROW = 3
 """Panels side by side."""
 
@@ -50,3 +55,65 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
     figure.suptitle("steps of the normal stress", x=0.01, ha="left", fontsize=11)
     for path in paths:
         figure.savefig(str(path), dpi=130)
+
+
+def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
+    """Write how far the slider creeps between two slips at every velocity, x - (f - f_1)/K, with
+    the laws that were fitted, and the drop against velocity."""
+    good = [one for one in found.stretches if not one.why]
+    columns = min(_ROW, len(good) + 1)
+    lines = -(-(len(good) + 1) // columns)
+    figure = Figure(figsize=(4.6 * columns, 0.7 + 3.2 * lines), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(lines, columns, squeeze=False)
+    for place, (one, axis) in enumerate(zip(good, axes.flat, strict=False)):
+        _draw_creep(axis, found, one, place)
+    _draw_drops(axes.flat[len(good)], found)
+    for axis in axes.flat:
+        axis.spines[["top", "right"]].set_visible(False)
+    for axis in axes.flat[len(good) + 1 :]:
+        axis.set_axis_off()
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower left", ncol=4, frameon=False, fontsize=9)
+    title = "stick-slip: how far the slider creeps before it slips, and how far friction drops"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    for path in paths:
+        figure.savefig(str(path), dpi=130)
+
+
+def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:
+    """The creep in one stretch, the `place`-th that was fitted."""
+    best = min(found.fits.values(), key=lambda fit: fit.chi2)
+    K, mean = best.values["K"], one.means.mean(axis=0)
+    if best.stress and one.normal_stress:
+        K *= best.stress / one.normal_stress
+    x = MIDDLE * one.lasts.mean() * one.velocity
+
+    def creep(friction: np.ndarray) -> np.ndarray:
+        return 1e6 * (x - x[0] - (friction - mean[0]) / K)
+
+    axis.plot(1e6 * x, creep(one.means).T, ".", color=_DATA, ms=2, alpha=0.3)
+    axis.plot(1e6 * x, creep(mean), "o", color=_DATA, ms=4, mfc="none", label="mean of the teeth")
+    for law, colour in _LAWS.items():
+        if law in found.fits:
+            fitted, style = found.fits[law].fitted[place], "-" if found.law in (None, law) else "--"
+            axis.plot(1e6 * x, creep(fitted), color=colour, lw=1.2, ls=style, label=f"{law} law")
+    title = f"{1e6 * one.velocity:.4g} \u00b5m/s, {one.count} teeth"
+    axis.set_title(title, fontsize=9, loc="left")
+    axis.set_xlabel("load point since the foot of a tooth [\u00b5m]")
+    axis.set_ylabel("creep of the slider [\u00b5m]")
+
+
+def _draw_drops(axis: Axes, found: StickSlip) -> None:
+    good = [one for one in found.stretches if not one.why]
+    v = np.array([1e6 * one.velocity for one in good])
+    drop = np.array([one.drops.mean() for one in good])
+    spread = np.array([np.std(one.drops, ddof=1) for one in good])
+    axis.errorbar(v, drop, spread, fmt="o", color=_DATA, ms=4, capsize=2)
+    if line := drop_by_velocity(found):
+        x = np.array([v.min(), v.max()])
+        axis.plot(x, line.at(np.log10(1e-6 * x)), color=_WITHOUT, lw=1)
+    plain_log(axis, "x")
+    axis.set_xlabel("velocity of the load point [\u00b5m/s]")
+    axis.set_ylabel("drop")
+    axis.set_title("drops, and how teeth scatter", fontsize=9, loc="left")

@@ -100,7 +100,9 @@ def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool
     if is_stress:
         raise InputError(
             f"{what} is a stress [{unit}]; friction is a coefficient or a force [N], or shear over"
-            " normal stress: map the latter, as in --column 'normal_stress=NAME [MPa]'"
+            " normal stress: map the latter, as in --column 'normal_stress=NAME [MPa]'; where it"
+            " was constant and not recorded, friction is the share of it, as in --column"
+            " 'friction=NAME [0.2]' for MPa under 5 MPa"
         )
 
 

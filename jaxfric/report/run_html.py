@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from ..loop.result import TextTable
+from ..runs import cycles as of_cycles
 from ..runs import holds as of_holds
 from ..runs import ramps as of_ramps
 from ..runs import stress_steps as of_stress
@@ -55,6 +56,12 @@ _FIGURES = {
         "Steps of the normal stress",
         "Friction about every step of the normal stress, the fit, and what alpha 0 would do.",
     ),
+    "stick_slip.png": (
+        "Stick-slip",
+        "How far the slider creeps while its spring is loaded from one slip to the next (the way of"
+        " the load point that friction does not show), with the slip and the ageing law fitted to"
+        " all velocities at once, and how far friction drops, by velocity.",
+    ),
 }
 _MEANING = (
     (
@@ -94,6 +101,8 @@ def page(
     name = printable(run.record.provenance.path)
     fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
     headline = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
+    if not run.steps:
+        headline = "A run without a velocity step that can be fitted"
     shared = told_of_all(run.steps)
     head = paragraph(f"{name}: a whole run", "of") + f"<h1>{escaped(headline)}</h1>"
     steps = TextTable(
@@ -107,10 +116,11 @@ def page(
         _cards(run),
         bullets([f"Warning: {text}" for text in warnings], "warn"),
         _drawn("events.png", figures) + folded("All events", html_table(_events(run))),
-        f"<h2>Steps</h2>{html_table(steps)}{bullets(shared)}",
+        f"<h2>Steps</h2>{html_table(steps)}{bullets(shared)}" if run.steps else "",
         _drawn("rates.png", figures),
-        _holds(holds, figures),
+        _holds(holds, figures, run.record.friction_unit),
         _stress_steps(others, figures),
+        _stick_slip(others, figures),
         _ramps(others),
         _pages(run.steps, figures),
         _meaning(),
@@ -163,12 +173,12 @@ def _cell(value: Cell) -> str:
     return f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _holds(holds: Sequence[Hold], figures: Mapping[str, bytes]) -> str:
+def _holds(holds: Sequence[Hold], figures: Mapping[str, bytes], unit: str) -> str:
     if not holds:
         return ""
     table = html_table(_text_table("Holds", of_holds.rows(holds)))
     found = _drawn("holds.png", figures) or "<h2>Holds</h2>"
-    return found + bullets(of_holds.told(holds)) + folded("All holds", table)
+    return found + bullets(of_holds.told(holds, unit)) + folded("All holds", table)
 
 
 def _stress_steps(others: Findings, figures: Mapping[str, bytes]) -> str:
@@ -178,6 +188,17 @@ def _stress_steps(others: Findings, figures: Mapping[str, bytes]) -> str:
     table = html_table(_text_table(title, of_stress.rows(others.stress_steps)))
     found = _drawn("stress_steps.png", figures) or f"<h2>{escaped(title)}</h2>"
     return found + bullets(of_stress.told(others.stress_steps)) + folded("All of them", table)
+
+
+def _stick_slip(others: Findings, figures: Mapping[str, bytes]) -> str:
+    found = others.stick_slip
+    if found is None:
+        return ""
+    title = _FIGURES["stick_slip.png"][0]
+    laws = html_table(_text_table("Laws", of_cycles.law_rows(found))) if found.fits else ""
+    table = html_table(_text_table(title, of_cycles.rows(found)))
+    head = _drawn("stick_slip.png", figures) or f"<h2>{escaped(title)}</h2>"
+    return head + bullets(of_cycles.told(found)) + folded("All stretches", table + laws)
 
 
 def _ramps(others: Findings) -> str:

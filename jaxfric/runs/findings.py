@@ -6,8 +6,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ..records import Record
+from . import cycles as of_cycles
 from . import ramps as of_ramps
 from . import stress_steps as of_stress
+from .cautions import cautions
+from .cycles import StickSlip, fit_stick_slip
 from .events import Event, find_events
 from .fits import HowFitted, RunFit, without_resets_of
 from .joint import is_known
@@ -19,11 +22,12 @@ from .table import csv_text
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """Steps of the normal stress and ramps of a run; `given` is the stiffness that its user gave,
-    `warnings` what its user should know."""
+    """Steps of the normal stress, ramps and stick-slip of a run (None: it has none); `warnings` is
+    what its user should know."""
 
     stress_steps: tuple[FittedStress, ...]
     ramps: tuple[Ramp, ...]
+    stick_slip: StickSlip | None
     warnings: tuple[str, ...]
 
     def tables(self) -> dict[str, str]:
@@ -31,6 +35,8 @@ class Findings:
         found = {
             "stress_steps.csv": of_stress.rows(self.stress_steps),
             "ramps.csv": of_ramps.rows(self.ramps),
+            "stick_slip.csv": of_cycles.rows(self.stick_slip),
+            "stick_slip_laws.csv": of_cycles.law_rows(self.stick_slip),
         }
         return {name: csv_text(table) for name, table in found.items() if table}
 
@@ -41,11 +47,16 @@ class Findings:
             "stress_steps": of_stress.to_json(self.stress_steps),
             "ramps": [asdict(ramp) for ramp in self.ramps],
             "stiffness_from_ramps": None if stiffness is None else asdict(stiffness),
+            "stick_slip": of_cycles.to_json(self.stick_slip),
         }
 
     def told(self) -> list[str]:
         """Lines for a terminal."""
-        return [*of_stress.told(self.stress_steps), *of_ramps.told(self.ramps)]
+        return [
+            *of_stress.told(self.stress_steps),
+            *of_cycles.told(self.stick_slip),
+            *of_ramps.told(self.ramps),
+        ]
 
 
 def findings_of(
@@ -62,8 +73,13 @@ def findings_of(
     ramps = find_ramps(result.record, events, direct=direct)
     levels = [e.normal_stress for e in events if e.fitted and e.normal_stress is not None]
     about = float(np.median(levels)) if levels else None
-    doubt = disagreement(ramp_stiffness(ramps), how.stiffness, about)
-    return Findings(stresses, ramps, () if doubt is None else (doubt,))
+    stick_slip = fit_stick_slip(result.record, events, progress=progress)
+    doubts = (
+        disagreement(ramp_stiffness(ramps), how.stiffness, about),
+        of_cycles.disagreement(stick_slip, how.stiffness, about),
+    )
+    known = (*cautions(result.record, events), *(text for text in doubts if text))
+    return Findings(stresses, ramps, stick_slip, known)
 
 
 def ramps_stiffness_of(record: Record) -> MachineStiffness:

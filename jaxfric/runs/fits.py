@@ -18,6 +18,7 @@ from ..records.run_motion import run_motion
 from ..records.thin import refuse_few_means
 from .decisions import read_decisions
 from .events import Event, find_events
+from .stick_slip import is_stretch
 from .stiffness import MachineStiffness
 
 T = TypeVar("T")
@@ -131,10 +132,14 @@ def fit_run(
     Where a window has more rows than `how` allows, means over neighbouring rows are fitted. A step
     whose fit is not possible is kept with the reason: no step ends a run.
 
+    A run without steps that has holds or stick-slip is a run whose `steps` are none.
+
     Raises `InputError` where there is nothing to be fitted, and as `jaxfric.fit` does where no
     step can be fitted.
     """
     chosen = [event for event in events if event.fitted]
+    if not chosen and any(is_stretch(e) or e.kind == "hold" for e in events):
+        return RunFit(record, tuple(events), ())
     if not chosen:
         raise InputError(
             f"{record.provenance.path}: no velocity step to fit among {len(events)} events;"

@@ -1,0 +1,310 @@
+"""What the stick-slip of a run tells: A-B, A, B, L and K from how friction rises and drops.
+
+In every stretch of saw teeth at one velocity the drop, the time between drops and the loading rate
+are measured (`stick_slip`); the mean rises of all stretches are fitted at once under the slip and
+the ageing law (`rise_fit`). The drop falls with velocity about as B - A does by its logarithm, the
+slope of a rise is K, and the bend before the tip is the creep over L before a slip. Which law it is
+is told where one leaves much less than the other.
+
+Nothing is claimed where a law does not describe the rises, and where mass counts while the slider
+creeps: 2 pi/omega V of the order of L.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..fitting.uncertainty import QUANTILE
+from ..records import Record
+from .events import Event
+from .rise_fit import RiseFit, fit_rises
+from .stick_slip import Rises, find_rises
+from .stiffness import MachineStiffness
+from .table import Cell, measured
+from .weighted import WeightedLine, weighted_line
+
+LAWS = ("slip", "ageing")
+_STRONG = 12.0
+"""A law is preferred by so much of chi-square, in units of what the better one leaves a degree of
+freedom."""
+_ROUGH = 0.02
+"""A fit that leaves more than this share of a drop does not describe the rises."""
+_MASS = 0.3
+"""Mass counts where the slider moves this share of L while it swings once."""
+_HELD = 0.9
+"""K L/(B - A) above which a spring is stiff enough, or nearly, for the slider not to slip."""
+_OFF, _FAR = 0.1, 3.0
+"""A stiffness disagrees by more than this share and so many standard errors."""
+_SMOOTHED = "; rows that are running means look so, too"
+_NAMES = ("A", "B", "A-B", "L", "K")
+
+
+@dataclass(frozen=True, eq=False)
+class StickSlip:
+    """The stretches of stick-slip of a run, and their `fits` by law; `law` is the one that is
+    preferred (None: neither). Of what `doubts` names, by law, nothing is claimed."""
+
+    stretches: tuple[Rises, ...]
+    fits: Mapping[str, RiseFit]
+    law: str | None
+    doubts: Mapping[str, str]
+    unit: str = "1"
+    """That of friction, "1" or "N"."""
+
+    @property
+    def units(self) -> dict[str, tuple[str, float]]:
+        """What A, B, A-B, L and K are told in, and how many of it are one SI unit."""
+        force = self.unit == "N"
+        amplitude = ("N", 1.0) if force else ("", 1.0)
+        own = {name: amplitude for name in _NAMES}
+        return own | {"L": ("um", 1e6), "K": ("N/um" if force else "1/um", 1e-6)}
+
+    def claimed(self, law: str) -> dict[str, tuple[float, float]]:
+        """Values and standard errors that the rises determine under a law (SI), by name."""
+        if law not in self.fits or self.doubts.get(law):
+            return {}
+        fit = self.fits[law]
+        both = {name: (fit.values[name], fit.errors[name]) for name in _NAMES}
+        known = {n: (v, e) for n, (v, e) in both.items() if QUANTILE * e < abs(v)}
+        if "A" not in known:  # it may be anything: so may B
+            known.pop("B", None)
+        return known
+
+
+def fit_stick_slip(
+    record: Record,
+    events: Sequence[Event],
+    *,
+    progress: Callable[[str], None] = lambda text: None,
+) -> StickSlip | None:
+    """What the stick-slip of a run tells; None for a run that has none."""
+    stretches = find_rises(record, events)
+    if not stretches:
+        return None
+    good = [one for one in stretches if not one.why]
+    fits: dict[str, RiseFit] = {}
+    for law in LAWS if good else ():
+        progress(f"the teeth of stick-slip, {law} law")
+        fits[law] = fit_rises(good, law)
+    fastest = max((one.velocity for one in good), default=0.0)
+    doubts = {law: why for law, fit in fits.items() if (why := doubt_of(fit, fastest))}
+    return StickSlip(stretches, fits, preferred(fits, doubts), doubts, record.friction_unit)
+
+
+def doubt_of(fit: RiseFit, fastest: float) -> str:
+    """Why nothing of a fit is claimed, `fastest` [m/s] being the largest velocity; else ''."""
+    if not fit.converged or not np.isfinite([*fit.values.values(), *fit.errors.values()]).all():
+        return "the fit did not converge"
+    if fit.misfit > _ROUGH:
+        return f"it leaves {100 * fit.misfit:.2g} % of a drop: it does not describe the rises"
+    if fit.values["softness"] > _HELD:
+        return f"it would have a spring that is stiff enough to hold the slider steady{_SMOOTHED}"
+    way = fit.period * fastest
+    if way > _MASS * fit.values["L"]:
+        return (
+            f"mass counts while the slider creeps: it moves {1e6 * way:.3g} um in one swing,"
+            f" and L would be {1e6 * fit.values['L']:.3g} um{_SMOOTHED}"
+        )
+    return ""
+
+
+def preferred(fits: Mapping[str, RiseFit], doubts: Mapping[str, str]) -> str | None:
+    """The law that leaves so much less that it is told, or None."""
+    known = {law: fit for law, fit in fits.items() if fit.converged and law not in doubts}
+    if not known:
+        return None
+    best = min(known, key=lambda law: known[law].chi2)
+    others = [fit.chi2 for law, fit in fits.items() if law != best]
+    unit = max(1.0, known[best].chi2 / known[best].freedom)
+    return best if all(chi2 - known[best].chi2 > _STRONG * unit for chi2 in others) else None
+
+
+def drop_by_velocity(found: StickSlip) -> WeightedLine | None:
+    """The drop by log10 of velocity [m/s], a weighted line; None for fewer than three stretches,
+    and velocities within a factor of two."""
+    good = [one for one in found.stretches if not one.why]
+    x = np.log10([one.velocity for one in good])
+    if len(good) < 3 or np.ptp(x) < np.log10(2):
+        return None
+    y = np.array([one.drops.mean() for one in good])
+    return weighted_line(x, y, np.array([_error(one.drops) for one in good]))
+
+
+def _error(values: np.ndarray) -> float:
+    """Standard error of a mean."""
+    return float(np.std(values, ddof=1) / np.sqrt(len(values)))
+
+
+def disagreement(
+    found: StickSlip | None, given: MachineStiffness | None, stress: float | None
+) -> str | None:
+    """A sentence where the stiffness that was given is not that of the teeth, else None.
+
+    Where no stiffness is claimed, one is told that is softer than friction rises: a spring that is
+    loaded at K cannot give more. `stress` is a normal stress [Pa] for teeth that have none.
+    """
+    if found is None or given is None or not found.fits:
+        return None
+    fit = found.fits[found.law or next(iter(found.fits))]
+    at = fit.stress or stress
+    if given.of_stress and not (at and at > 0):
+        return None
+    value = given.at(at)
+    own = found.claimed(found.law).get("K") if found.law else None
+    if own is None:
+        K, error = _loading(found, at)
+        if value > K - max(_OFF * K, _FAR * error):
+            return None
+    else:
+        K, error = own
+        if abs(value - K) <= max(_OFF * K, _FAR * error):
+            return None
+    share, (unit, scale) = 100 * (value / K - 1), found.units["K"]
+    return (
+        f"--stiffness is {abs(share):.0f} % {'above' if share > 0 else 'below'} that with which"
+        f" friction rises while the slider sticks, {measured(scale * K, scale * error)} {unit}"
+    )
+
+
+def _loading(found: StickSlip, stress: float | None) -> tuple[float, float]:
+    """How fast friction rises at least [1/m] under a normal stress, and the error of that."""
+    loads = []
+    for one in found.stretches:
+        if not one.why:
+            own = one.normal_stress
+            share = own / stress if own is not None and stress is not None else 1.0
+            loads.append((share * float(one.loading.mean()), share * _error(one.loading)))
+    return max(loads)
+
+
+def rows(found: StickSlip | None) -> list[dict[str, Cell]]:
+    """A row for every stretch of stick-slip, units in the names; means and standard deviations over
+    its teeth."""
+    out: list[dict[str, Cell]] = []
+    if found is None:
+        return out
+    for number, one in enumerate(found.stretches, 1):
+        stress = one.normal_stress
+        row: dict[str, Cell] = {
+            "stretch": number,
+            "from [s]": round(one.start, 4),
+            "to [s]": round(one.stop, 4),
+            "velocity [um/s]": _short(1e6 * one.velocity),
+            "normal_stress [MPa]": None if stress is None else round(stress / 1e6, 4),
+            "teeth": one.count,
+        }
+        if not one.why:
+            unit, scale = found.units["K"]
+            for name, values in (
+                ("drop [N]" if found.unit == "N" else "drop", one.drops),
+                ("period [s]", one.periods),
+                (f"loading [{unit}]", scale * one.loading),
+            ):
+                row[name] = _short(float(values.mean()))
+                row[f"scatter of {name}"] = _short(float(np.std(values, ddof=1)), 4)
+        row["result"] = one.why or "used"
+        out.append(row)
+    return out
+
+
+def law_rows(found: StickSlip | None) -> list[dict[str, Cell]]:
+    """A row for every law, units in the names; what the teeth do not determine is None."""
+    out: list[dict[str, Cell]] = []
+    if found is None:
+        return out
+    for law, fit in found.fits.items():
+        row: dict[str, Cell] = {"law": law, "preferred": found.law == law}
+        known = found.claimed(law)
+        for name, (unit, scale) in found.units.items():
+            label = f"{name} [{unit}]" if unit else name
+            value, error = known.get(name, (None, None))
+            row[label] = None if value is None else _short(scale * value)
+            row[f"std {label}"] = None if error is None else _short(scale * error, 4)
+        stress = fit.stress
+        row["K at normal_stress [MPa]"] = None if stress is None else round(stress / 1e6, 4)
+        row |= {"misfit of a drop": _short(fit.misfit, 4), "chi-square": _short(fit.chi2, 5)}
+        out.append(row | {"freedom": fit.freedom, "result": found.doubts.get(law, "converged")})
+    return out
+
+
+def _short(value: float, digits: int = 6) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def to_json(found: StickSlip | None) -> dict[str, object] | None:
+    """The stick-slip of a run as JSON values, SI; None where there is none."""
+    if found is None:
+        return None
+    return {
+        "law": found.law,
+        "stretches": [
+            {
+                "start": one.start,
+                "stop": one.stop,
+                "velocity": one.velocity,
+                "normal_stress": one.normal_stress,
+                "drops": one.drops.tolist(),
+                "periods": one.periods.tolist(),
+                "why": one.why,
+            }
+            for one in found.stretches
+        ],
+        "fits": {
+            law: {
+                "values": fit.values,
+                "errors": fit.errors,
+                "period": fit.period,
+                "stress": fit.stress,
+                "misfit": fit.misfit,
+                "chi_square": fit.chi2,
+                "freedom": fit.freedom,
+                "claimed": sorted(found.claimed(law)),
+                "doubt": found.doubts.get(law, ""),
+            }
+            for law, fit in found.fits.items()
+        },
+    }
+
+
+def told(found: StickSlip | None) -> list[str]:
+    """Lines on the stick-slip of a run."""
+    if found is None:
+        return []
+    lines, force = [], " N" if found.unit == "N" else ""
+    for one in found.stretches:
+        line = f"stick-slip at {1e6 * one.velocity:.4g} um/s from {one.start:.6g} s: "
+        if one.why:
+            lines.append(f"{line}not used, {one.why}")
+            continue
+        drop = measured(float(one.drops.mean()), _error(one.drops))
+        every = measured(float(one.periods.mean()), _error(one.periods))
+        lines.append(f"{line}{one.count} teeth, drop {drop}{force} every {every} s")
+    if line := drop_by_velocity(found):
+        way = "falls" if line.slope < 0 else "rises"
+        size = measured(abs(line.slope), line.error)
+        lines.append(f"the drop {way} by {size}{force} per decade of velocity")
+    laws = [found.law] if found.law else list(found.fits)
+    lines += [_told_of(found, law) for law in laws]
+    if len(laws) > 1 and any(found.claimed(law) for law in laws):
+        lines.append("the teeth cannot tell the slip law from the ageing law")
+    return lines
+
+
+def _told_of(found: StickSlip, law: str) -> str:
+    """What the teeth tell under one law."""
+    head = f"by its teeth, {law} law"
+    if found.law:
+        head += " (it fits better)"
+    if why := found.doubts.get(law):
+        return f"{head}: nothing is claimed, {why}"
+    known, fit = found.claimed(law), found.fits[law]
+    parts = []
+    for name, (unit, scale) in found.units.items():
+        if name in known:
+            value, error = known[name]
+            parts.append(f"{name} {measured(scale * value, scale * error)} {unit}".rstrip())
+        else:
+            parts.append(f"{name} not determined")
+    at = "" if fit.stress is None else f" at {fit.stress / 1e6:.4g} MPa"
+    return f"{head}: {', '.join(parts)}{at}"
