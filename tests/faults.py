@@ -77,6 +77,14 @@ RAMPS, ALPHA, STRESS_PRIOR, STRESS_WAY, STRESS_LAW = (
     )
 )
 
+TORN, DECISIONS, GLITCH_BESIDE, GAPS = (
+    f"tests/test_run_events.py -k {word}"
+    for word in ("tear_teeth", "decisions_that_are_wrong", "glitches_beside", "gaps")
+)
+TEETH, TOLD_TEETH = (
+    f"tests/test_run_stick_slip.py -k test_{word}_" for word in ("teeth", "claims")
+)
+
 # fmt: off
 FAULTS = (
     Fault("BIC without its penalty", "loop/engine.py",
@@ -679,5 +687,47 @@ FAULTS = (
           "    level = level or 0.6\n    if False:", RAMPS),
     Fault("one lucky ramp outweighs all", "runs/ramps.py",
           "np.maximum(errors, _LEAST * k.mean())", "errors", RAMPS),
+    Fault("teeth are torn by small turns", "runs/teeth.py", "_SMALL = 0.3", "_SMALL = 0.0", TORN),
+    Fault("slow drops end a stretch of teeth", "runs/teeth.py",
+          "0.34, 0.42", "0.34, 0.34", TORN),
+    Fault("a stretch of teeth loses its end", "runs/decisions.py",
+          "lines += [f\"to = {seconds(event.stop)}\"]\n        if event", "pass\n        if event",
+          "tests/test_run_events.py -k stretch_of_teeth"),
+    Fault("an event lies beyond the end of a run", "runs/decisions.py",
+          "if not 0 <= time <= end * (1 + 1e-9):", "if time < 0:", DECISIONS),
+    Fault("slips beside a stretch are glitches", "runs/events.py",
+          "found.period if isinstance(found, Teeth) else 0.0", "0.0", GLITCH_BESIDE),
+    Fault("noise of a rise is a glitch", "runs/teeth.py", "_OWN = 0.5", "_OWN = 0.0",
+          "tests/test_run_stick_slip.py -k steep_rise"),
+    Fault("a slow recorder has gaps", "runs/cautions.py",
+          "np.insert(interval[:-1], 0, 0.0)", "0 * interval", GAPS),
+    Fault("a second is a gap", "runs/cautions.py", "_GAP, _SHORT = 10.0, 5.0",
+          "_GAP, _SHORT = 5.0, 5.0", GAPS),
+    Fault("drops are those of the rises", "runs/stick_slip.py",
+          "friction[k.high] - friction[k.low]", "friction[k.tip] - friction[k.foot]", TEETH),
+    Fault("the row of a slip is a part of the rise", "runs/stick_slip.py",
+          "BEGIN, END = 0.5, 1.5", "BEGIN, END = 0.5, 0.5", TEETH),
+    Fault("teeth that are half as high count", "runs/stick_slip.py",
+          "_usual(drops) & _usual(heights)", "_usual(drops)", TEETH),
+    Fault("a law is preferred by little", "runs/cycles.py", "_STRONG = 12.0", "_STRONG = 5.0",
+          TOLD_TEETH),
+    Fault("a law is preferred whatever it leaves", "runs/cycles.py",
+          "unit = max(1.0, known[best].chi2 / known[best].freedom)", "unit = 1.0", TOLD_TEETH),
+    Fault("what does not describe the rises is claimed", "runs/cycles.py",
+          "_ROUGH = 0.02", "_ROUGH = 0.2", TOLD_TEETH),
+    Fault("mass does not count", "runs/cycles.py", "_MASS = 0.3", "_MASS = 3.0", TOLD_TEETH),
+    Fault("a spring that holds the slider lets it slip", "runs/cycles.py",
+          "_HELD = 0.9", "_HELD = 9.0", TOLD_TEETH),
+    Fault("B is claimed where A may be anything", "runs/cycles.py",
+          "known.pop(\"B\", None)", "pass", TOLD_TEETH),
+    Fault("what is not determined is claimed", "runs/cycles.py",
+          "if QUANTILE * e < abs(v)}", "if e < abs(v)}", TOLD_TEETH),
+    Fault("a softer spring than friction rises with is not told", "runs/cycles.py",
+          "if value > K - max(_OFF * K, _FAR * error):", "if True:", TOLD_TEETH),
+    Fault("holds with something between them are fitted together", "runs/holds.py",
+          "window.event.time == last.stop and", "", RUN_HOLDS),
+    Fault("a likelihood counts once for every hold", "runs/holds.py",
+          "{hold.group: hold.preference for hold in holds}",
+          "{k: hold.preference for k, hold in enumerate(holds)}", RUN_HOLDS),
 )
 # fmt: on

@@ -12,7 +12,7 @@ from command import assert_refused, run
 import jaxfric as jf
 from fits.runs.generate import generate
 from jaxfric.report.run_html import page
-from jaxfric.runs import find_events
+from jaxfric.runs import Event, find_events
 from jaxfric.runs.cycles import StickSlip
 from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
@@ -286,8 +286,9 @@ def test_the_page_shows_what_else_was_found(two_fits):
 def test_the_page_shows_stick_slip_and_a_run_without_steps(two_fits):
     few = Rises(2.0, 9.0, 1e-5, None, *[np.zeros((0, 1))] * 4, why="fewer than 4 teeth")
     others = Findings((), (), StickSlip((few,), {}, None, {}), ())
-    found = Page(shown(replace(two_fits[0], steps=()), others=others))
-    assert found.texts["h1"] == ["A run without a velocity step that can be fitted"]
+    teeth = Event("stick_slip", 2.0, 1e-5, 1e-5, 2.0, 9.0)
+    found = Page(shown(replace(two_fits[0], steps=(), events=(teeth,)), others=others))
+    assert found.texts["h1"] == ["No velocity step to fit; stretches of stick-slip: 1"]
     assert "Stick-slip" in found.texts["h2"] and "Steps" not in found.texts["h2"]
     assert "stick-slip at 10 um/s from 2 s: not used, fewer than 4 teeth" in found.texts["li"]
 

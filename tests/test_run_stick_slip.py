@@ -67,7 +67,7 @@ def stretch(stop, start=0.0, after=V):
     return Event("stick_slip", start, V, after, start, stop)
 
 
-def test_straight_teeth_are_measured():
+def test_teeth_that_are_straight_are_measured():
     (found,) = find_rises(straight(), [stretch(80.0)])
     assert found.count == 5  # of 8: two are passed over, and the last one does not drop
     assert found.velocity == V and found.normal_stress == 1e7 and not found.why
@@ -89,7 +89,7 @@ def test_a_force_has_teeth_of_no_normal_stress():
     assert found.normal_stress is None and found.drops[0] == pytest.approx(29.7)
 
 
-def test_a_tooth_that_is_not_like_the_others_is_passed_over():
+def test_teeth_that_are_not_like_the_others_are_passed_over():
     (found,) = find_rises(straight(9, off=(4,)), [stretch(90.0)])
     # that tooth, and the one after it, whose drop is that of a low tip
     assert found.count == 4 and np.ptp(found.drops) < 1e-9 and np.ptp(found.means[:, -1]) < 1e-9
@@ -273,12 +273,12 @@ def stick_slip(slip, ageing, law=None, doubts=None):
         (60, 100, "slip"),
     ],
 )
-def test_a_law_is_preferred_by_much(slip, ageing, law):
+def test_claims_a_law_is_preferred_by_much(slip, ageing, law):
     fits = {"slip": rise_fit(slip), "ageing": rise_fit(ageing)}
     assert preferred(fits, {}) == law
 
 
-def test_a_law_that_nothing_is_claimed_of_is_not_preferred():
+def test_claims_no_law_of_which_nothing_is_claimed_is_preferred():
     fits = {"slip": rise_fit(20.0), "ageing": rise_fit(90.0)}
     assert preferred(fits, {"slip": "why", "ageing": "why"}) is None
     assert preferred(fits, {"slip": "why"}) is None
@@ -300,12 +300,12 @@ def test_a_law_that_nothing_is_claimed_of_is_not_preferred():
         (rise_fit(numbers={"softness": (0.85, 0.1)}), ""),
     ],
 )
-def test_what_is_not_claimed_says_why(fit, words):
+def test_claims_that_are_not_made_say_why(fit, words):
     why = doubt_of(fit, 1e-4)
     assert (words in why) if words else not why
 
 
-def test_only_what_is_determined_is_claimed():
+def test_claims_are_of_what_is_determined():
     found = stick_slip(
         rise_fit(numbers={"A": (0.006, 0.0031), "L": (1e-5, 5.2e-6), "K": (120.0, 60.0)}),
         rise_fit(90.0),
@@ -374,7 +374,7 @@ def test_another_stiffness_is_told(given, words):
     assert said is None if words is None else words in said
 
 
-def test_a_stiffness_that_cannot_be_compared_is_not():
+def test_claims_a_stiffness_that_cannot_be_compared_is_not():
     found = stick_slip(rise_fit(), rise_fit(90.0), "slip")
     assert disagreement(found, MachineStiffness(1e10, of_stress=True), None) is None
     assert disagreement(found, MachineStiffness(1e10, of_stress=True), 1e7) is not None

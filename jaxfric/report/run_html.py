@@ -85,6 +85,12 @@ _MEANING = (
         "Of a step of the normal stress sigma: the state of the contact falls by"
         " alpha d(ln sigma) at once (Linker and Dieterich 1992).",
     ),
+    (
+        "stick-slip",
+        "While the slider sticks, friction rises with the load point at K; before the drop the"
+        " slider creeps over some L, and the drop falls with velocity about as B - A does. Both"
+        " laws are fitted to all velocities at once; what the teeth do not determine is left out.",
+    ),
 )
 
 
@@ -102,7 +108,9 @@ def page(
     fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
     headline = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
     if not run.steps:
-        headline = "A run without a velocity step that can be fitted"
+        kinds = Counter(event.kind for event in run.events)
+        seen = [f"{_KINDS[k]}: {kinds[k]}" for k in ("hold", "stick_slip") if kinds[k]]
+        headline = "; ".join(["No velocity step to fit", *seen])
     shared = told_of_all(run.steps)
     head = paragraph(f"{name}: a whole run", "of") + f"<h1>{escaped(headline)}</h1>"
     steps = TextTable(

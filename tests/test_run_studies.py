@@ -1,0 +1,95 @@
+"""The numbers of fits/runs/README.md are those of its results."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT))
+
+from fits.runs import cycles, effects  # noqa: E402
+
+FOLDER = ROOT / "fits" / "runs"
+PAGE = " ".join((FOLDER / "README.md").read_text(encoding="utf-8").split())
+
+
+def results(name):
+    return json.loads((FOLDER / name).read_text(encoding="utf-8"))
+
+
+def test_runs_that_are_taken_apart():
+    found = results("results.json")["summary"]
+    steps, named = found["recall of steps"], found["precision of steps"]
+    right, kinds = found["kinds right"]
+    inside = found["truth in the 95 % interval"]
+    separate, asked = found["shared, called separate at p < .05"]
+    for sentence in (
+        f"{found['runs']} runs, {steps[1]} velocity steps among {kinds} events",
+        f"Found and named as steps: {steps[0]}; named a step and none: {named[1] - named[0]}.",
+        f"Of the kind that they are: {right} of {kinds} events."
+        f" Named, and nothing: {found['events that are nothing']},",
+        "the true A in {} of {}, B in {} of {}, L in {} of {},".format(
+            *(n for name in "ABL" for n in inside[name])
+        ),
+        "A-B in {} of {}.".format(*inside["A-B"]),
+        f"called separate at p < .05 in {separate} of {asked} runs",
+    ):
+        assert sentence in PAGE, sentence
+
+
+def test_stick_slip():
+    runs = results("cycles.json")["runs"]
+    found = cycles.summary(runs)
+    used, all_of_them = found["stretches used"]
+    told = {name: found[name] for name in cycles.NAMES}
+    held = {n: f"{x['truth in the 95 % interval']} of {x['determined']}" for n, x in told.items()}
+    error = {n: 100 * x["median error, of the value"] for n, x in told.items()}
+    assert sorted(run["seed"] for run in runs) == list(range(4000, 4000 + len(runs)))
+    for sentence in (
+        f"gives {len(runs)} runs that stick-slip",
+        f"Of {all_of_them} stretches {used} are used.",
+        f"holds the true A in {held['A']} runs in which it is determined, B in {held['B']},",
+        f"A-B in {held['A-B']} (median error {error['A-B']:.1f} %), L in {held['L']}"
+        f" ({error['L']:.1f} %), K in {held['K']} (.{round(100 * error['K']):02d} %).",
+        f"The true law is told in {found['the true law is told']}, the other one in"
+        f" {found['the other law is told']}. Nothing is claimed in {found['nothing is claimed']}.",
+    ):
+        assert sentence in PAGE, sentence
+
+
+def test_hidden_effects():
+    rows = results("effects.json")
+    hidden = [row for row in rows if row["effect"]]
+    none = [row for row in rows if not row["effect"]]
+    named = [row for row in hidden if row["verdict"] in ("effects", "ambiguous")]
+    counts = {}
+    for noise in effects.NOISES:
+        own = [row for row in hidden if row["noise"] == noise]
+        counts[noise] = f"{sum(map(effects.exact, own))} of {len(own)}"
+    for sentence in (
+        f"the true one in {counts['white']}, in noise of basalt in {counts['basalt']}, of sepiolite"
+        f" in {counts['sepiolite-1']}, of p655 in {counts['p655-run']},",
+        f"In {sum(map(effects.exact, none))} of {len(none)} runs without an effect none is named.",
+        f"Of the {len(named)} runs in which one is named",
+        f"{sum(map(effects.group, named))} name the true one",
+    ):
+        assert sentence in PAGE, sentence
+
+
+@pytest.mark.parametrize(
+    ("row", "exact", "group"),
+    [
+        (("a", "effects", ["a"], [["a"]]), True, True),
+        (("a", "ambiguous", ["b"], [["b", "a"]]), False, True),
+        (("a", "effects", ["b"], [["b"]]), False, False),
+        (("a", "outside_catalogue", ["a"], [["a"]]), False, False),
+        (("a", "effects", ["a", "b"], [["a"], ["b"]]), False, False),
+        (("", "no_missing_effect", [], []), True, True),
+        (("", "effects", ["a"], [["a"]]), False, False),
+    ],
+)
+def test_what_counts_as_right(row, exact, group):
+    row = dict(zip(("effect", "verdict", "found", "groups"), row, strict=True))
+    assert (effects.exact(row), effects.group(row)) == (exact, group)
