@@ -306,7 +306,7 @@ def test_a_stretch_of_teeth_comes_back_with_its_end(tmp_path):
 
 def test_glitches_beside_teeth_are_of_the_teeth():
     def friction(t):
-        spike = 0.005 * (np.abs(t - 58) < 0.11) + 0.005 * (np.abs(t - 20) < 0.11)
+        spike = 0.005 * (np.abs(t - 40) < 0.11) + 0.005 * (np.abs(t - 20) < 0.11)
         return 0.6 + np.where(t > 70, saw(t, 20, 0.02), 0.0) + spike
 
     kinds = [e.told().split(" (")[0] for e in find_events(run([(0, 3e-6)], friction=friction))[1]]

@@ -1,5 +1,7 @@
 """How well runs are taken apart and fitted: `python -m fits.runs [--seeds 0 20] [--no-fits]`.
 
+`--events 20 --rates many --out FILE` makes shorter runs, at many sampling rates only.
+
 Generated runs of fifty events (`generate`), by turns with white noise and with noise cut from
 measured records, at one and at many sampling rates. Counted are velocity steps that are found and
 fitted as such (recall; precision: how many of those fitted are steps), events whose kind is right,
@@ -38,9 +40,9 @@ def matched(run: Run, events: list) -> tuple[list[tuple], list]:
     return pairs, left
 
 
-def study(task: tuple[int, str, bool]) -> dict:
+def study(task: tuple[int, str, bool, int]) -> dict:
     """One run: counts of its events, and how far its fits are from the truth in errors."""
-    seed, rates, fits = task
+    seed, rates, fits, number = task
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -53,7 +55,7 @@ def study(task: tuple[int, str, bool]) -> dict:
     from jaxfric.runs.table import difference
 
     cache_compiled()
-    run = generate(seed, rates=rates, noise=NOISES[seed % len(NOISES)])
+    run = generate(seed, rates=rates, noise=NOISES[seed % len(NOISES)], events=number)
     record = jf.from_arrays(
         run.time, run.friction, load_point_displacement=run.position, normal_stress=run.sigma
     )
@@ -138,16 +140,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", nargs=2, type=int, default=[1000, 1020])
     parser.add_argument("--no-fits", action="store_true")
+    parser.add_argument("--events", type=int, default=50)
+    parser.add_argument("--rates", nargs="*", default=["many", "one"])
     parser.add_argument("--out", type=Path, default=HERE / "results.json")
     options = parser.parse_args()
     tasks = [
-        (seed, rates, not options.no_fits and rates == "many")
+        (seed, rates, not options.no_fits and rates == "many", options.events)
         for seed in range(*options.seeds)
-        for rates in ("many", "one")
+        for rates in options.rates
     ]
     os.environ.setdefault("NPROC", "1")
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        runs = list(pool.map(study, tasks))
+        runs = []
+        for run in pool.map(study, tasks):
+            runs.append(run)
+            print(run["seed"], run["rates"], run["p shared"], flush=True)
     found = summary(runs)
     for name, value in found.items():
         print(f"{name}: {value}")
