@@ -82,3 +82,30 @@ def test_a_study_that_was_stopped_goes_on(tmp_path, monkeypatch):
     study.calibrate(known, 5)
     assert asked == [0, 1, 2, 3, 4]
     assert json.loads((tmp_path / "results.json").read_text())["records"] == known["records"]
+
+
+def test_the_page_has_the_numbers_of_the_records():
+    folder = Path(study.__file__).parent
+    text = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
+    known = study.load()
+    records = known["records"]
+    assert [one["seed"] for one in records] == list(range(600))
+    for name, words in (("A", "A"), ("B", "B"), ("L", "L"), ("A_minus_B", "A-B")):
+        ranks = [one["ranks"][name] for one in records]
+        each = [f"{calibration.uniform(ranks[k : k + 200]):.3f}" for k in (0, 200, 400)]
+        assert f"{words} p = {', '.join(each)}" in text
+        assert f"{calibration.uniform(ranks):.3f} for {words}" in text
+    at = known["bound"]
+    for kind, form in (
+        ("laplace", "{:.3f} (A), {:.3f} (B), {:.3f} (L)"),
+        ("nuts", "{:.3f}, {:.3f} and {:.3f}"),
+    ):
+        assert form.format(*(at[f"{kind}_over_bound"][n] for n in "ABL")) in text
+    shares = [
+        100
+        * np.mean([abs(one["laplace_std"][n] / one["nuts_std"][n] - 1) < 0.15 for one in records])
+        for n in "ABL"
+    ]
+    assert (
+        "{:.1f} % of the records for A, {:.1f} % for B and {:.1f} % for L".format(*shares) in text
+    )
