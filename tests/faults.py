@@ -647,7 +647,7 @@ FAULTS = (
     Fault("a posterior that claims nothing gives gains", "laws/posterior_file.py",
           "if about[\"converged\"] != 1:", "if False:", REFUSED),
     Fault("a reload to another velocity is a hold's", "runs/holds.py",
-          "not 0.5 < back.after / event.before < 2", "not back.after", RUN_HOLDS),
+          "not 1 / _SAME < back.after / event.before < _SAME", "not back.after", RUN_HOLDS),
     Fault("a long interval is a reset", "records/run_motion.py",
           "min(speeds) * lasts, max(speeds) * lasts", "0.0, 0.0", RUN_MOTION),
     Fault("a clock that stands still is passed over", "records/rows.py",
@@ -729,5 +729,11 @@ FAULTS = (
     Fault("a likelihood counts once for every hold", "runs/holds.py",
           "{hold.group: hold.preference for hold in holds}",
           "{k: hold.preference for k, hold in enumerate(holds)}", RUN_HOLDS),
+    Fault("a law is preferred as the other fit did not end", "runs/cycles.py",
+          "or not all(fit.converged for fit in fits.values())", "", TOLD_TEETH),
+    Fault("holds that are fitted apart tell a law", "runs/holds.py",
+          "replace(hold, preference=None)", "hold", RUN_HOLDS),
+    Fault("a plateau is a rise", "runs/stick_slip.py", "if not (slope > 0 and", "if not (True or",
+          TEETH),
 )
 # fmt: on

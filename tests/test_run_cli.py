@@ -287,7 +287,8 @@ def test_the_page_shows_stick_slip_and_a_run_without_steps(two_fits):
     few = Rises(2.0, 9.0, 1e-5, None, *[np.zeros((0, 1))] * 4, why="fewer than 4 teeth")
     others = Findings((), (), StickSlip((few,), {}, None, {}), ())
     teeth = Event("stick_slip", 2.0, 1e-5, 1e-5, 2.0, 9.0)
-    found = Page(shown(replace(two_fits[0], steps=(), events=(teeth,)), others=others))
+    beside = Event("stick_slip", 9.0, 1e-5, 1e-6, 9.0, 12.0)
+    found = Page(shown(replace(two_fits[0], steps=(), events=(teeth, beside)), others=others))
     assert found.texts["h1"] == ["No velocity step to fit; stretches of stick-slip: 1"]
     assert "Stick-slip" in found.texts["h2"] and "Steps" not in found.texts["h2"]
     assert "stick-slip at 10 um/s from 2 s: not used, fewer than 4 teeth" in found.texts["li"]

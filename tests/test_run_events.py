@@ -242,9 +242,9 @@ def test_decisions_come_back_as_they_were(tmp_path):
     assert [(e.kind, e.fitted, e.why) for e in back] == [(e.kind, e.fitted, e.why) for e in found]
     for a, b in zip(back, found, strict=True):
         assert (a.time, a.before, a.after) == pytest.approx((b.time, b.before, b.after), rel=1e-6)
+        assert a.time_error == pytest.approx(b.time_error, rel=1e-6)
         if a.fitted:
             assert (a.start, a.stop) == pytest.approx((b.start, b.stop), rel=1e-6)
-            assert a.time_error == pytest.approx(b.time_error, rel=1e-6)
 
 
 STEP = 'time = "100 s"\nkind = "step"\nvelocities = ["3 um/s", "30 um/s"]\n'
@@ -302,6 +302,10 @@ def test_a_stretch_of_teeth_comes_back_with_its_end(tmp_path):
     (back,) = read_decisions(file, 400.0)
     assert (back.kind, back.stop) == ("stick_slip", pytest.approx(found[0].stop))
     assert back.stop > back.time + 100
+    odd = replace(found[0], why='said "so" \\ too', time=123456.789612, stop=123456.789634)
+    file.write_text(decisions_text((odd,), "mine.csv"))
+    (back,) = read_decisions(file, 123456.789634)
+    assert back.why == odd.why and back.stop == odd.stop
 
 
 def test_glitches_beside_teeth_are_of_the_teeth():

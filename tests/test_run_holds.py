@@ -49,6 +49,7 @@ BACK, NEXT = event("reload", 200, 0.0, 3e-6), event("step", 300, 3e-6, 1e-5)
         ([HOLD], []),  # the run ends in it
         ([HOLD, event("unload", 200, 0.0, -3e-6)], []),
         ([HOLD, event("reload", 200, 0.0, 3e-5)], []),  # to another velocity
+        ([HOLD, event("reload", 200, 0.0, 4e-6)], []),
         ([event("hold", 100, 0.0, 0.0), BACK], []),
         ([HOLD, BACK, event("glitch", 250, 3e-6, 3e-6), NEXT], [(50, 200, 300)]),
         ([HOLD, event("stress", 150, 0.0, 0.0), BACK], []),
@@ -56,7 +57,9 @@ BACK, NEXT = event("reload", 200, 0.0, 3e-6), event("step", 300, 3e-6, 1e-5)
     ],
 )
 def test_hold_or_law_what_is_a_hold(events, windows):
-    assert [tuple(found[1:]) for found in find_holds(events, 400.0)] == windows
+    found = find_holds(events, 400.0)
+    assert [(w.start, w.back, w.stop) for w in found] == windows
+    assert all(w.reload is BACK for w in found)
 
 
 @pytest.mark.parametrize(
@@ -69,8 +72,8 @@ def test_hold_or_law_what_is_a_hold(events, windows):
     ],
 )
 def test_hold_or_law_that_follows_another(time, velocity, stop, same):
-    last = HoldWindow(HOLD, 75.0, 200.0, stop)
-    window = HoldWindow(event("hold", time, velocity, 0.0), 250.0, 400.0, 500.0)
+    last = HoldWindow(HOLD, 75.0, 200.0, stop, BACK)
+    window = HoldWindow(event("hold", time, velocity, 0.0), 250.0, 400.0, 500.0, BACK)
     assert follows(last, window) == same
 
 
@@ -112,6 +115,30 @@ def test_hold_or_law_of_holds_that_were_fitted_together_counts_once():
     assert preferred(made) == (None, 2.0)
     assert preferred([*made, hold(10.0, 0.01, preference=2.0, group=2)]) == ("slip", 4.0)
     assert [row["fitted with holds"] for row in rows(made)] == ["1 2 3"] * 3
+    assert rows(made)[0]["healing"] == rows(made, "N")[0]["healing [N]"] == 0.01
+
+
+def test_hold_or_law_of_holds_that_are_fitted_apart_is_not_told(monkeypatch):
+    """Two that follow each other, and no fit of both."""
+    made = [hold(10.0, 0.01, preference=None), hold(10.0, 0.01, preference=None)]
+    alone = []
+
+    def together(record, group, how, number):
+        if len(group) > 1:
+            return made
+        alone.append(number)
+        return [hold(10.0, 0.01, preference=9.0, group=number)]
+
+    second = event("hold", 300, 3e-6, 0.0), event("reload", 350, 0.0, 3e-6)
+    t = np.arange(0.0, 500.0, 1.0)
+    moves = ((t < 100) | (t >= 200)) & ((t < 300) | (t >= 350))
+    record = jf.from_arrays(t, 0.6 + 0 * t, load_point_displacement=3e-6 * np.cumsum(moves))
+    monkeypatch.setattr("jaxfric.runs.holds._fitted_together", together)
+    found = fit_holds(record, [HOLD, BACK, *second], HowFitted(MachineStiffness(1e3)))
+    assert alone == [1, 2] and [one.preference for one in found] == [None, None]
+    of_stress = HowFitted(MachineStiffness(1e11, of_stress=True))
+    with pytest.raises(jf.InputError, match="has no normal stress there"):
+        fit_holds(record, [HOLD, BACK, *second], of_stress)
 
 
 @pytest.fixture(scope="module", params=["slip", "ageing"])

@@ -1,5 +1,6 @@
 """Stick-slip of a run: its teeth, how friction rises in them, and what that tells."""
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 
@@ -93,6 +94,20 @@ def test_teeth_that_are_not_like_the_others_are_passed_over():
     (found,) = find_rises(straight(9, off=(4,)), [stretch(90.0)])
     # that tooth, and the one after it, whose drop is that of a low tip
     assert found.count == 4 and np.ptp(found.drops) < 1e-9 and np.ptp(found.means[:, -1]) < 1e-9
+
+
+def test_teeth_that_jump_up_to_a_plateau_are_not_fitted():
+    t = np.arange(0.05, 120.0, 0.1)
+    s = t / 10 % 1
+    friction = 0.6 + 0.03 * np.minimum(1, s / 0.04) - 0.001 * s + 0.0018 * (s > 0.985)
+    record = jf.from_arrays(t, friction, load_point_displacement=V * t)
+    (found,) = find_rises(record, [stretch(120.0)])
+    assert found.count == 0 and found.why == "friction does not rise steadily between its drops"
+
+
+def test_a_stretch_between_two_rows_is_none():
+    (found,) = find_rises(straight(8), [stretch(20.04, start=20.02)])
+    assert found.count == 0 and found.normal_stress is None and found.why
 
 
 def test_too_few_teeth_and_too_few_rows_say_why():
@@ -284,6 +299,8 @@ def test_claims_no_law_of_which_nothing_is_claimed_is_preferred():
     assert preferred(fits, {"slip": "why"}) is None
     assert preferred(fits, {"ageing": "why"}) == "slip"
     assert preferred({}, {}) is None
+    ended = {"slip": rise_fit(20.0), "ageing": rise_fit(5e6, converged=False)}
+    assert preferred(ended, {"ageing": "the fit did not converge"}) is None
 
 
 @pytest.mark.parametrize(
@@ -321,6 +338,9 @@ def test_drops_fall_with_velocity():
     assert line.slope == pytest.approx(-0.01) and 0 < line.error < 1e-3
     few = StickSlip((teeth(1e-6, 0.09), teeth(1e-5, 0.08)), {}, None, {})
     assert drop_by_velocity(few) is None
+    flat = [teeth(v, 0.08) for v in (1e-6, 1e-5, 1e-4)]
+    text = "\n".join(told(StickSlip(tuple(flat), {}, None, {})))
+    assert "the drop changes by less than" in text
     near = StickSlip(tuple(teeth(v, 0.08) for v in (1e-6, 1.2e-6, 1.9e-6)), {}, None, {})
     assert drop_by_velocity(near) is None
 
@@ -354,6 +374,8 @@ def test_tables_have_units_and_no_number_that_is_not_claimed():
     assert content is not None and content["law"] == "slip"
     assert content["fits"]["slip"]["claimed"] == ["A", "A-B", "B", "K", "L"]
     assert content["fits"]["ageing"]["claimed"] == []
+    odd = stick_slip(rise_fit(numbers={"L": (np.nan, np.inf)}), rise_fit(np.nan))
+    json.dumps(to_json(odd), allow_nan=False)
 
 
 @pytest.mark.parametrize(
@@ -380,6 +402,8 @@ def test_claims_a_stiffness_that_cannot_be_compared_is_not():
     assert disagreement(found, MachineStiffness(1e10, of_stress=True), 1e7) is not None
     # nothing is claimed: a spring that is softer than the rises is told, a stiffer one is not
     undecided = stick_slip(rise_fit(), rise_fit(21.0))
+    none = replace(undecided, stretches=(replace(teeth(1e-6, 0.09), normal_stress=0.0),))
+    assert disagreement(none, MachineStiffness(1e6), 0.0) is None
     rises = 1 / (2.0 * 1e-6)  # friction rises by 1 in 2 s at 1 um/s, in straight teeth
     assert disagreement(undecided, MachineStiffness(1.05 * rises), None) is None
     assert disagreement(undecided, MachineStiffness(3 * rises), None) is None

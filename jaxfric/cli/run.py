@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from ..runs.holds import Hold
 
 
+_NO_STEP = "no velocity step is fitted; events.toml says what was found and why"
+
+
 def run(
     file: options.File,
     /,
@@ -152,7 +155,7 @@ def _write_tables(result: "RunFit", holds: "Sequence[Hold]", others: "Findings",
     from ..runs.table import csv_text, latex_text, rows, xlook_rows
 
     if holds:
-        text = csv_text(of_holds.rows(holds))
+        text = csv_text(of_holds.rows(holds, result.record.friction_unit))
         (to / "holds.csv").write_text(text, encoding="utf-8")
     texts = dict(others.tables())
     if result.steps:
@@ -283,7 +286,7 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
     number = len(result.events)
     print(f"{len(result.record)} rows, {number} event{'' if number == 1 else 's'}: {words}")
-    for line in text_lines(result) if result.steps else ("no velocity step is fitted",):
+    for line in text_lines(result) if result.steps else (_NO_STEP,):
         print(line)
     for line in (
         *told_of_all(result.steps),
@@ -302,7 +305,8 @@ def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     for step in result.steps:
         for text in step.fit.warnings if step.fit is not None else (step.failed,):
             told.setdefault(text, []).append(step.number)
-    stresses = [s.event.normal_stress for s in result.steps if s.event.normal_stress is not None]
+    told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
+    stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]
     friction = result.record.friction_unit == "1"
     doubt = how.stiffness.doubt(stresses) if friction and how.stiffness is not None else None
     first = [] if doubt is None else [doubt]

@@ -177,6 +177,7 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
+    force = " N" if record.friction_unit == "N" else ""
     lasts = np.array([hold.lasts for hold in holds])
     healing, error = (np.array([getattr(h, name) for h in holds]) for name in ("healing", "error"))
     creep = np.array([np.nan if hold.creep is None else hold.creep for hold in holds])
@@ -189,11 +190,11 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
             ends,
             rate.at(np.log10(ends)),
             color=_COLOURS["step"],
-            label=f"{rate.slope:.4f} per decade",
+            label=f"{rate.slope:.4f}{force} per decade",
         )
     plain_log(left, "x")
     left.set_xlabel("hold time [s]")
-    left.set_ylabel("change of friction (bars: 95 %)")
+    left.set_ylabel(f"change of friction{force and ' [N]'} (bars: 95 %)")
     left.legend(frameon=False, fontsize=9)
     t, x, f = record.relative_time, record.load_point_displacement, record.friction
     assert x is not None

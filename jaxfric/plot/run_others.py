@@ -96,8 +96,11 @@ def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:
     axis.plot(1e6 * x, creep(mean), "o", color=_DATA, ms=4, mfc="none", label="mean of the teeth")
     for law, colour in _LAWS.items():
         if law in found.fits:
-            fitted, style = found.fits[law].fitted[place], "-" if found.law in (None, law) else "--"
-            axis.plot(1e6 * x, creep(fitted), color=colour, lw=1.2, ls=style, label=f"{law} law")
+            doubted = law in found.doubts
+            style = "-" if found.law in (None, law) and not doubted else "--"
+            label = f"{law} law" + (": nothing is claimed" if doubted else "")
+            fitted = found.fits[law].fitted[place]
+            axis.plot(1e6 * x, creep(fitted), color=colour, lw=1.2, ls=style, label=label)
     title = f"{1e6 * one.velocity:.4g} \u00b5m/s, {one.count} teeth"
     axis.set_title(title, fontsize=9, loc="left")
     axis.set_xlabel("load point since the foot of a tooth [\u00b5m]")
@@ -115,5 +118,5 @@ def _draw_drops(axis: Axes, found: StickSlip) -> None:
         axis.plot(x, line.at(np.log10(1e-6 * x)), color=_WITHOUT, lw=1)
     plain_log(axis, "x")
     axis.set_xlabel("velocity of the load point [\u00b5m/s]")
-    axis.set_ylabel("drop")
+    axis.set_ylabel("drop [N]" if found.unit == "N" else "drop")
     axis.set_title("drops, and how teeth scatter", fontsize=9, loc="left")

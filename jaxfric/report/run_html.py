@@ -1,4 +1,4 @@
-"""A whole run as one page, run.html: its events, steps, holds and stress steps."""
+"""A whole run as one page, run.html: its events, steps, holds, stress steps, stick-slip, ramps."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -12,6 +12,7 @@ from ..runs.findings import Findings
 from ..runs.fits import RunFit, StepFit
 from ..runs.holds import Hold
 from ..runs.joint import told as told_of_all
+from ..runs.stick_slip import is_stretch
 from ..runs.table import HEAD, Cell, text_cells
 from .page import (
     bullets,
@@ -108,7 +109,7 @@ def page(
     fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
     headline = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
     if not run.steps:
-        kinds = Counter(event.kind for event in run.events)
+        kinds = _counts(run)
         seen = [f"{_KINDS[k]}: {kinds[k]}" for k in ("hold", "stick_slip") if kinds[k]]
         headline = "; ".join(["No velocity step to fit", *seen])
     shared = told_of_all(run.steps)
@@ -137,8 +138,13 @@ def page(
     return document(f"{headline}: {name}", _COLOUR, [part for part in parts if part])
 
 
+def _counts(run: RunFit) -> Counter[str]:
+    """Events by kind; a velocity step beside teeth is no stretch of them."""
+    return Counter(e.kind for e in run.events if e.kind != "stick_slip" or is_stretch(e))
+
+
 def _cards(run: RunFit) -> str:
-    kinds = Counter(event.kind for event in run.events)
+    kinds = _counts(run)
     cards = [(str(len(run.record)), "rows")]
     cards += [(str(kinds[kind]), words) for kind, words in _KINDS.items() if kinds[kind]]
     inside = "".join(f"<li><b>{escaped(b)}</b><span>{escaped(s)}</span></li>" for b, s in cards)
@@ -184,7 +190,7 @@ def _cell(value: Cell) -> str:
 def _holds(holds: Sequence[Hold], figures: Mapping[str, bytes], unit: str) -> str:
     if not holds:
         return ""
-    table = html_table(_text_table("Holds", of_holds.rows(holds)))
+    table = html_table(_text_table("Holds", of_holds.rows(holds, unit)))
     found = _drawn("holds.png", figures) or "<h2>Holds</h2>"
     return found + bullets(of_holds.told(holds, unit)) + folded("All holds", table)
 

@@ -10,7 +10,7 @@ from .events import Event
 
 _GAP, _SHORT = 10.0, 5.0
 """Rows are missing where an interval is so many times as long as those beside it, and as the usual
-one, and as the longest of `_SHORT` s."""
+one, and longer than `_SHORT` s."""
 _TURNS, _NET = 4, 0.2
 """A load point goes to and fro if it turns back so often and in all comes so little of its way."""
 
@@ -41,7 +41,7 @@ def _gaps(time: np.ndarray) -> str:
 
 def _to_and_fro(record: Record, events: Sequence[Event]) -> str:
     """A load point that turns again and again."""
-    turns = sum(e.kind == "unload" and e.before * e.after < 0 for e in events)
+    turns = sum(e.kind == "unload" for e in events)
     x = record.load_point_displacement
     if turns < _TURNS or x is None:
         return ""

@@ -1,5 +1,6 @@
 """The events of a run as a file that can be changed by hand and given back."""
 
+import json
 import tomllib
 from pathlib import Path
 
@@ -13,7 +14,7 @@ _HEAD = """\
 # kind: {kinds}
 # Events with fit = true are fitted from `from` to `to`, as one step at `time` of two velocities.
 # An entry may be taken out, or added: time, kind and velocities are all that it needs, and `to`
-# where stick-slip or a change of the normal stress ends.
+# where stick-slip ends.
 """
 _NEEDED = {"time", "kind", "velocities"}
 _KNOWN = {*_NEEDED, "fit", "from", "to", "time_error", "normal_stress", "why"}
@@ -23,7 +24,7 @@ def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.tom
     """The events as TOML, under a head that says what may be changed."""
     parts = [_HEAD.format(name=name, file=file, kinds=", ".join(KINDS))]
     for event in events:
-        seconds = lambda value: f'"{value:.9g} s"'  # noqa: E731
+        seconds = lambda value: f'"{value:.12g} s"'  # noqa: E731
         speeds = ", ".join(
             f'"{format_si(v, "m/s", "um/s", 7)}"' for v in (event.before, event.after)
         )
@@ -36,13 +37,14 @@ def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.tom
         if event.kind == "step":
             lines += [f"fit = {'true' if event.fitted else 'false'}"]
             lines += [f"from = {seconds(event.start)}", f"to = {seconds(event.stop)}"]
-            lines += [f"time_error = {seconds(event.time_error)}"]
         elif event.before == event.after and event.stop > event.time:
             lines += [f"to = {seconds(event.stop)}"]
+        if event.time_error > 0:
+            lines.append(f"time_error = {seconds(event.time_error)}")
         if event.normal_stress is not None:
             lines.append(f'normal_stress = "{format_si(event.normal_stress, "Pa", "MPa", 6)}"')
         if event.why:
-            lines.append(f'why = "{event.why}"')
+            lines.append(f"why = {json.dumps(event.why, ensure_ascii=False)}")
         parts.append("\n".join(lines) + "\n")
     return "\n".join(parts)
 

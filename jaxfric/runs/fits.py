@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
@@ -120,6 +121,12 @@ def side_by_side(one: Callable[[int, Event], T], events: Sequence[Event]) -> lis
         return list(pool.map(one, range(1, len(events) + 1), events))
 
 
+def _moves_on(events: Sequence[Event]) -> bool:
+    """Whether the load point moves on after a hold."""
+    joints = [event for event in events if event.before != event.after]
+    return any(a.kind == "hold" and b.kind == "reload" for a, b in pairwise(joints))
+
+
 def fit_run(
     record: Record,
     events: Sequence[Event],
@@ -138,7 +145,7 @@ def fit_run(
     step can be fitted.
     """
     chosen = [event for event in events if event.fitted]
-    if not chosen and any(is_stretch(e) or e.kind == "hold" for e in events):
+    if not chosen and (any(map(is_stretch, events)) or _moves_on(events)):
         return RunFit(record, tuple(events), ())
     if not chosen:
         raise InputError(

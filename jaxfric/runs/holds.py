@@ -31,7 +31,8 @@ LAWS = ("slip", "ageing")
 _LEVEL, _PEAK = 0.1, 5
 """Share of the window before a hold whose median is the level; rows in the mean at the peak."""
 _SAME = 1.2
-"""Holds follow each other at velocities within this factor."""
+"""Velocities before and after a hold, and of holds that follow each other, are within this factor.
+"""
 _LATE = 0.2
 """The last row of a hold is no further from its end than this share of it."""
 _STRONG = 3.0
@@ -61,13 +62,14 @@ class Hold:
 
 
 class HoldWindow(NamedTuple):
-    """A hold between sliding at one velocity: its event, and when its window begins, the load point
-    moves on, and the window ends [s]."""
+    """A hold between sliding at about one velocity: its event, when its window begins, the load
+    point moves on, and the window ends [s], and the event with which it moves on."""
 
     event: Event
     start: float
     back: float
     stop: float
+    reload: Event
 
 
 class _Healed(NamedTuple):
@@ -80,18 +82,18 @@ class _Healed(NamedTuple):
 
 
 def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
-    """Holds between sliding at one velocity."""
+    """Holds between sliding at about one velocity."""
     out = []
     joints = [e for e in events if e.before != e.after or e.kind in ("stress", "stick_slip")]
     for k, event in enumerate(joints):
         if event.kind != "hold" or k + 1 == len(joints) or not event.before:
             continue
         back = joints[k + 1]
-        if back.kind != "reload" or not 0.5 < back.after / event.before < 2:
+        if back.kind != "reload" or not 1 / _SAME < back.after / event.before < _SAME:
             continue
         before = joints[k - 1].time if k else 0.0
         after = joints[k + 2].time if k + 2 < len(joints) else end
-        out.append(HoldWindow(event, (before + event.time) / 2, back.time, after))
+        out.append(HoldWindow(event, (before + event.time) / 2, back.time, after, back))
     return out
 
 
@@ -108,7 +110,11 @@ def fit_holds(
     *,
     progress: Callable[[str], None] = lambda text: None,
 ) -> tuple[Hold, ...]:
-    """The healing of every hold of a run under a constant normal stress, fitted with both laws."""
+    """The healing of every hold of a run under a constant normal stress, fitted with both laws.
+
+    Of holds that can only be fitted apart no law is told. Raises `InputError` where the stiffness
+    cannot be known.
+    """
     groups: list[list[_Healed]] = []
     for window in find_holds(events, float(record.relative_time[-1])):
         if seen := _healed(record, window):
@@ -116,6 +122,8 @@ def fit_holds(
                 groups[-1].append(seen)
             else:
                 groups.append([seen])
+    if groups and how.stiffness is not None:
+        how.stiffness.at(groups[0][0].window.event.normal_stress)
     out: list[Hold] = []
     for number, group in enumerate(groups, 1):
         first = group[0].window.event
@@ -123,7 +131,7 @@ def fit_holds(
         made = _fitted_together(record, group, how, out[-1].group + 1 if out else 1)
         if made[0].preference is None and len(group) > 1:  # each by itself
             made = [
-                hold
+                replace(hold, preference=None)
                 for k, one in enumerate(group)
                 for hold in _fitted_together(record, [one], how, made[0].group + k)
             ]
@@ -150,8 +158,8 @@ def _fitted_together(
     part = record.window(first.start, last.stop)
     begin = float(part.time[0] - record.time[0])
     joints = [t - begin for one in group for t in (one.window.event.time, one.window.back)]
-    speeds = [v for one in group for v in (0.0, one.window.event.before)]
-    errors = [e for one in group for e in [one.window.event.time_error] * 2]
+    speeds = [v for one in group for v in (0.0, one.window.reload.after)]
+    errors = [e.time_error for one in group for e in (one.window.event, one.window.reload)]
     steps = VelocitySteps(
         np.array([0.0, *joints]),
         np.array([first.event.before, *speeds]),
@@ -237,9 +245,11 @@ def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
     return ("slip" if total > 0 else "ageing"), total
 
 
-def rows(holds: Sequence[Hold]) -> list[dict[str, Cell]]:
-    """A row for every hold, units in the names; what is not known is None."""
+def rows(holds: Sequence[Hold], unit: str = "1") -> list[dict[str, Cell]]:
+    """A row for every hold, units in the names; what is not known is None. `unit` is that of
+    friction, "1" or "N"."""
     out: list[dict[str, Cell]] = []
+    force = " [N]" if unit == "N" else ""
     for number, hold in enumerate(holds, 1):
         stress = hold.normal_stress
         row: dict[str, Cell] = {
@@ -248,15 +258,15 @@ def rows(holds: Sequence[Hold]) -> list[dict[str, Cell]]:
             "hold time [s]": round(hold.lasts, 4),
             "velocity [um/s]": float(f"{1e6 * hold.velocity:.7g}"),
             "normal_stress [MPa]": None if stress is None else round(stress / 1e6, 4),
-            "creep": None if hold.creep is None else float(f"{hold.creep:.6g}"),
-            "healing": float(f"{hold.healing:.6g}"),
-            "std healing": float(f"{hold.error:.4g}"),
+            f"creep{force}": None if hold.creep is None else float(f"{hold.creep:.6g}"),
+            f"healing{force}": float(f"{hold.healing:.6g}"),
+            f"std healing{force}": float(f"{hold.error:.4g}"),
         }
         for law, found in hold.fits.items():
             p = found.parameters
-            for name, scale, unit in (("A", 1.0, ""), ("B", 1.0, ""), ("L", 1e6, " [um]")):
+            for name, scale, label in (("A", 1.0, force), ("B", 1.0, force), ("L", 1e6, " [um]")):
                 known = p[name].determined
-                row[f"{name} {law}{unit}"] = (
+                row[f"{name} {law}{label}"] = (
                     float(f"{scale * p[name].value:.6g}") if known else None
                 )
         row["fitted with holds"] = " ".join(

@@ -42,9 +42,9 @@ _V0 = 1e-6
 class RiseFit:
     """What the rises of a run tell under one law; K is that under the normal stress `stress` [Pa].
 
-    `values` and `errors` by name: f0 at 1 um/s, A, B, A-B, L [m], K [1/m], softness K L/(B-A);
-    `period` [s] with which the slider swings. `misfit`: rms of the means less the law, over a drop;
-    `chi2` with `freedom` degrees of it.
+    `values` and `errors` by name: f0 at 1 um/s, A, B, A-B, L [m], K [1/m] (of a force all but L in
+    N and N/m), softness K L/(B-A); `period` [s] with which the slider swings. `misfit`: rms of the
+    means less the law, over a drop; `chi2` with `freedom` degrees of it.
     """
 
     law: str

@@ -106,7 +106,7 @@ def _rises(record: Record, event: Event) -> Rises:
     time, friction = t[rows], record.friction[rows]
     velocity, stress = abs(event.after), record.normal_stress
     alone = stress is None or record.friction_unit != "1"
-    about = None if stress is None or alone else float(np.median(stress[rows]))
+    about = None if stress is None or alone or not len(time) else float(np.median(stress[rows]))
     none = np.zeros(0)
 
     def without(why: str) -> Rises:
@@ -126,6 +126,9 @@ def _rises(record: Record, event: Event) -> Rises:
     if len(found) < _FEWEST:
         return without("its teeth are not alike")
     each = [_means(time, friction, tooth) for tooth in found]
+    slope, foot = np.polyfit(MIDDLE[:STRAIGHT], np.mean([m for m, _ in each], axis=0)[:STRAIGHT], 1)
+    if not (slope > 0 and np.mean([m[-1] for m, _ in each]) > foot):
+        return without("friction does not rise steadily between its drops")
     row = float(np.median(np.diff(time)))
     falls = [_fall(time, friction, tooth) for tooth in found]
     fall = float(np.median(falls))

@@ -39,8 +39,8 @@ def _row(step: StepFit) -> dict[str, Cell]:
         "time [s]": round(event.time, 4),
         "load_point_displacement [um]": round(1e6 * step.position, 3),
         "normal_stress [MPa]": None if stress is None else round(stress / 1e6, 4),
-        "velocity before [um/s]": _short(1e6 * event.before),
-        "velocity after [um/s]": _short(1e6 * event.after),
+        "velocity before [um/s]": short(1e6 * event.before),
+        "velocity after [um/s]": short(1e6 * event.after),
     }
     if fit is None:
         return row | {"result": step.failed}
@@ -53,14 +53,14 @@ def _row(step: StepFit) -> dict[str, Cell]:
         unit = _unit(kind, force)
         label = f"{name} [{unit}]" if unit else name
         scale, known = _SCALES.get(kind, 1.0), fit.converged and estimate.determined
-        row[label] = _short(scale * estimate.value) if known else None
+        row[label] = short(scale * estimate.value) if known else None
         if estimate.free:
-            row[f"std {label}"] = _short(scale * estimate.std, 4) if known else None
+            row[f"std {label}"] = short(scale * estimate.std, 4) if known else None
     value, error = difference(fit)
     label = f"A-B{' [N]' if force else ''}"
-    row[label] = _short(value) if fit.converged else None
-    row[f"std {label}"] = _short(error, 4) if fit.converged else None
-    row |= {"rms": _short(fit.rms, 4), "noise": _short(fit.noise.sigma, 4), "rows": len(fit.record)}
+    row[label] = short(value) if fit.converged else None
+    row[f"std {label}"] = short(error, 4) if fit.converged else None
+    row |= {"rms": short(fit.rms, 4), "noise": short(fit.noise.sigma, 4), "rows": len(fit.record)}
     return row | {"result": fit.result, "warnings": "; ".join(fit.warnings)}
 
 
@@ -71,7 +71,8 @@ def _unit(kind: str, force: bool) -> str:
     return unit.replace("1/", "N/") if unit.startswith("1/") else unit or "N"
 
 
-def _short(value: float, digits: int = 7) -> float:
+def short(value: float, digits: int = 7) -> float:
+    """A value with so many digits."""
     return float(f"{value:.{digits}g}")
 
 
@@ -105,7 +106,7 @@ def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
             row["a-b"] = difference(step.fit)[0]
             trend = p.get("slip_trend")
             row |= {"lin_term": 0.0 if trend is None else 1e-6 * trend.value, "wc": 0}
-        out.append({k: _short(v) if isinstance(v, float) else v for k, v in row.items()})
+        out.append({k: short(v) if isinstance(v, float) else v for k, v in row.items()})
     return out
 
 

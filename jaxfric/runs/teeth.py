@@ -54,8 +54,8 @@ def turns(values: np.ndarray, least: float) -> np.ndarray:
 def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     """Stretches of stick-slip in rows at one velocity: four teeth or more in a row.
 
-    A tooth is a rise and a drop of like height, three times as fast. Noise that wanders is as fast
-    down as up.
+    A tooth is a rise and a drop of like height, three times as fast (after the first one more than
+    twice). Noise that wanders is as fast down as up.
     """
     if len(time) < 4 * _TEETH:
         return []
