@@ -150,17 +150,17 @@ def main() -> None:
         for rates in options.rates
     ]
     os.environ.setdefault("NPROC", "1")
+    runs: list[dict] = []
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        runs = []
         for run in pool.map(study, tasks):
             runs.append(run)
+            kept = [{name: value for name, value in run.items() if name != "off"} for run in runs]
+            seeds = [options.seeds[0], run["seed"] + 1]
+            content = {"seeds": seeds, "summary": summary(runs), "runs": kept}
+            options.out.write_text(json.dumps(content, indent=1) + "\n")
             print(run["seed"], run["rates"], run["p shared"], flush=True)
-    found = summary(runs)
-    for name, value in found.items():
+    for name, value in summary(runs).items():
         print(f"{name}: {value}")
-    kept = [{name: value for name, value in run.items() if name != "off"} for run in runs]
-    content = {"seeds": options.seeds, "summary": found, "runs": kept}
-    options.out.write_text(json.dumps(content, indent=1) + "\n")
 
 
 if __name__ == "__main__":
