@@ -28,8 +28,6 @@ from jaxfric.runs.stick_slip import EDGES, MIDDLE, Rises, find_rises, is_stretch
 from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.teeth import find_spikes
 
-pytestmark = pytest.mark.usefixtures("_with_float64")
-
 
 @pytest.fixture(autouse=True, scope="module")
 def _with_float64():
