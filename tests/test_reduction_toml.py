@@ -113,6 +113,8 @@ def test_rows_are_counted_as_the_file_has_them(tmp_path: Path, rows: str, kept) 
         ("[columns.a]\nfrom = 's'\njumps = [3, 4]", "write pairs of rows"),
         ("[columns.a]\nfrom = 's'\njumps = [[4, 3]]", "row 3 is before row 4"),
         ("[columns.a]\nfrom = 's'\nsum = 1", "it is true, or left out"),
+        ("[columns.a]\nfrom = 's'\nsmooth = 0", "a mean over 0 rows is none"),
+        ("[columns.a]\nfrom = 's'\nsmooth = -3", "a mean over -3 rows is none"),
         ("[columns.a]\nfrom = 's'\nsmooth = 99", "a window of 99 rows does not fit into 12"),
         ("[columns.a]\nfrom = 'x'\nelastic = 3", "write it as {stress"),
         (

@@ -219,6 +219,8 @@ def _corrected(maker: _Maker, number: int, value: object) -> np.ndarray:
 
 def _smoothed(maker: _Maker, number: int, value: object) -> np.ndarray:
     window, count = _integer(value), len(maker.bench)
+    if window < 1:
+        raise InputError(f"a mean over {window} rows is none: write 2 or more, or leave it out")
     if not 0 < window // 2 * 2 + 1 <= count:
         raise InputError(f"a window of {window} rows does not fit into {count}")
     return op.running_mean(maker.bench.columns[number].values, window)
