@@ -72,8 +72,8 @@ def test_hold_or_law_what_is_a_hold(events, windows):
     ],
 )
 def test_hold_or_law_that_follows_another(time, velocity, stop, same):
-    last = HoldWindow(HOLD, 75.0, 200.0, stop, BACK)
-    window = HoldWindow(event("hold", time, velocity, 0.0), 250.0, 400.0, 500.0, BACK)
+    last = HoldWindow(HOLD, 75.0, stop, BACK)
+    window = HoldWindow(event("hold", time, velocity, 0.0), 250.0, 500.0, BACK)
     assert follows(last, window) == same
 
 

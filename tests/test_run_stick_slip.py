@@ -388,7 +388,7 @@ def test_tables_have_units_and_no_number_that_is_not_claimed():
         (None, None),
     ],
 )
-def test_another_stiffness_is_told(given, words):
+def test_claims_another_stiffness_is_told(given, words):
     found = stick_slip(rise_fit(stress=7.5e7), rise_fit(90.0), "slip")
     said = disagreement(found, given, None)
     assert said is None if words is None else words in said

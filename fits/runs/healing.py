@@ -160,7 +160,7 @@ def make(seed: int) -> dict:
         plan = draw(rng, law)
         try:
             clean = friction(plan, plan.press)
-            d, wrong = refit(plan, clean, other)
+            d, _ = refit(plan, clean, other)
         except RunawayError:
             continue
         noises = None
@@ -173,8 +173,8 @@ def make(seed: int) -> dict:
         t, x = plan.columns()
         x = x + 0.02 * UM * rng.standard_normal(len(x))
         return {
-            "t": t, "x": x, "f": clean + sigma * n, "clean": clean, "d": d, "plan": plan,
-            "law": law, "noise": kind, "sigma": sigma, "wrong": wrong, "attempt": attempt,
+            "t": t, "x": x, "f": clean + sigma * n, "plan": plan,
+            "law": law, "noise": kind, "sigma": sigma, "attempt": attempt,
         }  # fmt: skip
     raise UnreachableError(f"seed {seed}: no draw has the signal")
 

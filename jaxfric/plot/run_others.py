@@ -20,15 +20,25 @@ _ROW = 3
 """Panels side by side."""
 
 
+def _panels(number: int) -> tuple[Figure, np.ndarray]:
+    """A figure, and its axes in rows, of which so many are used."""
+    columns = min(_ROW, number)
+    lines = -(-number // columns)
+    figure = Figure(figsize=(4.6 * columns, 0.7 + 3.2 * lines), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(lines, columns, squeeze=False)
+    for axis in axes.flat:
+        axis.spines[["top", "right"]].set_visible(False)
+    for axis in axes.flat[number:]:
+        axis.set_axis_off()
+    return figure, axes
+
+
 def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None:
     """Write friction about every fitted step of the normal stress, the fit, and the same for an
     alpha of 0, against the load point from the step on."""
     shown = [one for one in found if one.fit is not None and one.rows is not None]
-    columns = min(_ROW, len(shown))
-    lines = -(-len(shown) // columns)
-    figure = Figure(figsize=(4.6 * columns, 0.7 + 3.2 * lines), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(lines, columns, squeeze=False)
+    figure, axes = _panels(len(shown))
     for axis, one in zip(axes.flat, shown, strict=False):
         rows, fit = one.rows, one.fit
         assert rows is not None and fit is not None
@@ -44,10 +54,7 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
             f"{one.time:.6g} s, {one.before / 1e6:.4g} \u2192 {one.after / 1e6:.4g} MPa: {words}"
         )
         axis.set_title(title, fontsize=9, loc="left")
-        axis.spines[["top", "right"]].set_visible(False)
         axis.set_xlabel("load point since the change [\u00b5m]")
-    for axis in axes.flat[len(shown) :]:
-        axis.set_axis_off()
     for line in axes:
         line[0].set_ylabel("friction")
     handles, labels = axes.flat[0].get_legend_handles_labels()
@@ -60,19 +67,11 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
 def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
     """Write how far the slider creeps between two slips at every velocity, x - (f - f_1)/K, with
     the laws that were fitted, and the drop against velocity."""
-    good = [one for one in found.stretches if not one.why]
-    columns = min(_ROW, len(good) + 1)
-    lines = -(-(len(good) + 1) // columns)
-    figure = Figure(figsize=(4.6 * columns, 0.7 + 3.2 * lines), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(lines, columns, squeeze=False)
+    good = found.used
+    figure, axes = _panels(len(good) + 1)
     for place, (one, axis) in enumerate(zip(good, axes.flat, strict=False)):
         _draw_creep(axis, found, one, place)
     _draw_drops(axes.flat[len(good)], found)
-    for axis in axes.flat:
-        axis.spines[["top", "right"]].set_visible(False)
-    for axis in axes.flat[len(good) + 1 :]:
-        axis.set_axis_off()
     handles, labels = axes.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncol=4, frameon=False, fontsize=9)
     title = "stick-slip: how far the slider creeps before it slips, and how far friction drops"
@@ -108,7 +107,7 @@ def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:
 
 
 def _draw_drops(axis: Axes, found: StickSlip) -> None:
-    good = [one for one in found.stretches if not one.why]
+    good = found.used
     v = np.array([1e6 * one.velocity for one in good])
     drop = np.array([one.drops.mean() for one in good])
     spread = np.array([np.std(one.drops, ddof=1) for one in good])

@@ -24,7 +24,7 @@ from .events import Event
 from .holds import LAWS
 from .rise_fit import RiseFit, fit_rises
 from .stick_slip import Rises, find_rises
-from .stiffness import MachineStiffness
+from .stiffness import MachineStiffness, departure
 from .table import Cell, measured, short
 from .weighted import WeightedLine, weighted_line
 
@@ -37,8 +37,6 @@ _MASS = 0.3
 """Mass counts where the slider moves this share of L while it swings once."""
 _HELD = 0.9
 """K L/(B - A) above which a spring is stiff enough, or nearly, for the slider not to slip."""
-_OFF, _FAR = 0.1, 3.0
-"""A stiffness disagrees by more than this share and so many standard errors."""
 _SMOOTHED = "; rows that are running means look so, too"
 _NAMES = ("A", "B", "A-B", "L", "K")
 
@@ -54,6 +52,11 @@ class StickSlip:
     doubts: Mapping[str, str]
     unit: str = "1"
     """That of friction, "1" or "N"."""
+
+    @property
+    def used(self) -> list[Rises]:
+        """The stretches that were fitted."""
+        return [one for one in self.stretches if not one.why]
 
     @property
     def units(self) -> dict[str, tuple[str, float]]:
@@ -126,7 +129,7 @@ def preferred(fits: Mapping[str, RiseFit], doubts: Mapping[str, str]) -> str | N
 def drop_by_velocity(found: StickSlip) -> WeightedLine | None:
     """The drop by log10 of velocity [m/s], a weighted line; None for fewer than three stretches,
     and velocities within a factor of two."""
-    good = [one for one in found.stretches if not one.why]
+    good = found.used
     x = np.log10([one.velocity for one in good])
     if len(good) < 3 or np.ptp(x) < np.log10(2):
         return None
@@ -155,29 +158,24 @@ def disagreement(
         return None
     value = given.at(at)
     own = found.claimed(found.law).get("K") if found.law else None
-    if own is None:
-        K, error = _loading(found, at)
-        if value > K - max(_OFF * K, _FAR * error):
-            return None
-    else:
-        K, error = own
-        if abs(value - K) <= max(_OFF * K, _FAR * error):
-            return None
-    share, (unit, scale) = 100 * (value / K - 1), found.units["K"]
+    K, error = _loading(found, at) if own is None else own
+    words = departure(value, K, error)
+    if words is None or (own is None and value > K):
+        return None
+    unit, scale = found.units["K"]
     return (
-        f"--stiffness is {abs(share):.0f} % {'above' if share > 0 else 'below'} that with which"
-        f" friction rises while the slider sticks, {measured(scale * K, scale * error)} {unit}"
+        f"--stiffness is {words} that with which friction rises while the slider sticks,"
+        f" {measured(scale * K, scale * error)} {unit}"
     )
 
 
 def _loading(found: StickSlip, stress: float | None) -> tuple[float, float]:
     """How fast friction rises at least [1/m] under a normal stress, and the error of that."""
     loads = []
-    for one in found.stretches:
-        if not one.why:
-            own = one.normal_stress
-            share = own / stress if own and stress else 1.0
-            loads.append((share * float(one.loading.mean()), share * _error(one.loading)))
+    for one in found.used:
+        own = one.normal_stress
+        share = own / stress if own and stress else 1.0
+        loads.append((share * float(one.loading.mean()), share * _error(one.loading)))
     return max(loads)
 
 

@@ -62,14 +62,18 @@ class Hold:
 
 
 class HoldWindow(NamedTuple):
-    """A hold between sliding at about one velocity: its event, when its window begins, the load
-    point moves on, and the window ends [s], and the event with which it moves on."""
+    """A hold between sliding at about one velocity: its event, when its window begins and ends [s],
+    and the event with which the load point moves on."""
 
     event: Event
     start: float
-    back: float
     stop: float
     reload: Event
+
+    @property
+    def back(self) -> float:
+        """When the load point moves on [s]."""
+        return self.reload.time
 
 
 class _Healed(NamedTuple):
@@ -93,7 +97,7 @@ def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
             continue
         before = joints[k - 1].time if k else 0.0
         after = joints[k + 2].time if k + 2 < len(joints) else end
-        out.append(HoldWindow(event, (before + event.time) / 2, back.time, after, back))
+        out.append(HoldWindow(event, (before + event.time) / 2, after, back))
     return out
 
 

@@ -194,15 +194,15 @@ def _windows(record: Record, events: Sequence[Event]) -> list[_Span]:
         if e.fitted
     ]
     t = record.relative_time
-    for event, start, back, stop, reload in find_holds(events, float(t[-1])):
-        rows = np.searchsorted(t, [start, event.time, back, stop])
+    for event, start, stop, reload in find_holds(events, float(t[-1])):
+        rows = np.searchsorted(t, [start, event.time, reload.time, stop])
         stress = record.normal_stress
         if min(rows[1] - rows[0], rows[3] - rows[2]) < _FEWEST:
             continue
         if is_constant(None if stress is None else stress[rows[0] : rows[3]], 8):
             joints = (
                 (event.time, 0.0, event.time_error, True),
-                (back, reload.after, reload.time_error, False),
+                (reload.time, reload.after, reload.time_error, False),
             )
             found.append(_Span(start, stop, event.before, joints, event.normal_stress))
     for e in events:

@@ -23,7 +23,7 @@ import numpy as np
 from ..errors import InputError
 from ..records import Record
 from .events import Event
-from .stiffness import MachineStiffness
+from .stiffness import MachineStiffness, departure
 from .stress import is_constant
 from .table import Cell, measured
 
@@ -40,8 +40,6 @@ _KNOWN = 0.2
 """A slope whose error is above this share of it says nothing."""
 _LEAST = 1e-3
 """No slope is known better than to this share of it."""
-_OFF, _FAR = 0.1, 3.0
-"""A stiffness disagrees by more than this share and so many standard errors."""
 
 
 @dataclass(frozen=True)
@@ -237,13 +235,12 @@ def disagreement(
         own, error = found.machine().at(stress), found.error
         error = error / stress if found.of_stress else error
         value = given.at(stress)
-    if abs(value - own) <= max(_OFF * own, _FAR * error):
+    words = departure(value, own, error)
+    if words is None:
         return None
-    share = 100 * (value / own - 1)
     return (
-        f"--stiffness is {abs(share):.0f} % {'above' if share > 0 else 'below'} that of the"
-        f" ramps ({found.told()}): A, B and L depend on it; --stiffness ramps takes that of the"
-        " ramps"
+        f"--stiffness is {words} that of the ramps ({found.told()}): A, B and L depend on it;"
+        " --stiffness ramps takes that of the ramps"
     )
 
 

@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.uncertainty import QUANTILE
 from .rise_model import NAMES, rises, split
-from .stick_slip import MIDDLE, STRAIGHT, Rises
+from .stick_slip import MIDDLE, Rises, straight
 
 _PERIOD, _VAGUE, _KNOWN = 0.02, 4.5, 1.2
 """Period of a slip [s] where drops do not tell it, and the factors to which it is known then and
@@ -95,7 +95,7 @@ def _means(found: Sequence[Rises]) -> _Means:
     values, covariances, stretches, feet = [], [], [], []
     for one in found:
         rise, lasts = one.means.mean(axis=0), float(one.lasts.mean())
-        slope, foot = np.polyfit(MIDDLE[:STRAIGHT], rise[:STRAIGHT], 1)
+        slope, foot = straight(rise)
         drop = float(rise[-1] - foot)
         each = np.column_stack([one.means, drop * one.lasts / lasts])
         # a tip and a foot lie somewhere between two rows, in teeth of one length at one place

@@ -3,7 +3,8 @@
 While a slider sticks its spring is loaded at K V, and near the peak it begins to creep: how
 friction rises from the foot of a tooth to its tip, at one velocity and at others, tells K, A, B
 and L (`rise_model`). Of every tooth the rise is cut into parts by time, over each of which friction
-is averaged: what a recorder of any rate shows, and no extreme of its noise.
+is averaged: what a recorder of any rate shows, and no extreme of its noise. A drop is that from
+the highest row to the lowest.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ import numpy as np
 
 from ..records import Record
 from .events import Event
-from .teeth import find_teeth, turns
+from .teeth import find_teeth, turns_from_foot
 
 EDGES = np.array([0.04, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62, 0.72, 0.80, 0.87, 0.93, 0.97, 1.0])
 """Parts of a rise, by time: its begin, where a machine still swings, is left out, and the parts
@@ -25,7 +26,7 @@ BEGIN, END = 0.5, 1.5
 may be anywhere in a row, is left out."""
 MIDDLE = 0.5 * (EDGES[1:] + EDGES[:-1])
 """Middles of the parts."""
-STRAIGHT = 6
+_STRAIGHT = 6
 """First parts of a rise that are nearly straight."""
 _TURN, _FIRST = 0.4, 2
 """A turn is this share of the usual drop; so many teeth are passed over as those that begin."""
@@ -75,8 +76,14 @@ class Rises:
     @property
     def loading(self) -> np.ndarray:
         """How fast friction rises while the slider sticks, by load-point motion [1/m] (teeth,)."""
-        slopes = np.polyfit(MIDDLE[:STRAIGHT], self.means[:, :STRAIGHT].T, 1)[0]
-        return slopes / (self.lasts * self.velocity)
+        return straight(self.means.T)[0] / (self.lasts * self.velocity)
+
+
+def straight(rises: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slope, by the time of a rise, and foot of the line through the first parts (parts,) of a
+    rise, or of several (parts, n)."""
+    slope, foot = np.polyfit(MIDDLE[:_STRAIGHT], rises[:_STRAIGHT], 1)
+    return slope, foot
 
 
 class _Tooth(NamedTuple):
@@ -126,8 +133,9 @@ def _rises(record: Record, event: Event) -> Rises:
     if len(found) < _FEWEST:
         return without("its teeth are not alike")
     each = [_means(time, friction, tooth) for tooth in found]
-    slope, foot = np.polyfit(MIDDLE[:STRAIGHT], np.mean([m for m, _ in each], axis=0)[:STRAIGHT], 1)
-    if not (slope > 0 and np.mean([m[-1] for m, _ in each]) > foot):
+    rise = np.mean([means for means, _ in each], axis=0)
+    slope, foot = straight(rise)
+    if not (slope > 0 and rise[-1] > foot):
         return without("friction does not rise steadily between its drops")
     row = float(np.median(np.diff(time)))
     falls = [_fall(time, friction, tooth) for tooth in found]
@@ -152,9 +160,7 @@ def _teeth(time: np.ndarray, friction: np.ndarray) -> list[_Tooth]:
     stretches = find_teeth(time, friction)
     if not stretches:
         return []
-    rows = turns(friction, _TURN * float(np.median([found.drop for found in stretches])))
-    if len(rows) > 1 and friction[rows[0]] > friction[rows[1]]:
-        rows = rows[1:]  # begin at a foot
+    rows = turns_from_foot(friction, _TURN * float(np.median([one.drop for one in stretches])))
     falls = [_edges(friction, a, b) for a, b in zip(rows[1::2], rows[2::2], strict=False)]
     turned = list(zip(rows[1::2], rows[2::2], falls, strict=False))
     return [

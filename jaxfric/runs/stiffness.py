@@ -13,6 +13,17 @@ from ..units import has_dimension, parse_quantity
 
 _ALIKE = 1.02
 """Normal stresses within this factor are taken as one."""
+_OFF, _FAR = 0.1, 3.0
+"""A stiffness disagrees by more than this share and so many standard errors."""
+
+
+def departure(given: float, found: float, error: float) -> str | None:
+    """How far a stiffness that was given is from one that was found with a standard error, as in
+    "31 % above"; None where the two agree."""
+    if abs(given - found) <= max(_OFF * found, _FAR * error):
+        return None
+    share = 100 * (given / found - 1)
+    return f"{abs(share):.0f} % {'above' if share > 0 else 'below'}"
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,12 @@ def turns(values: np.ndarray, least: float) -> np.ndarray:
     return np.array(found, int)
 
 
+def turns_from_foot(values: np.ndarray, least: float) -> np.ndarray:
+    """The `turns` from the foot of the first rise on."""
+    rows = turns(values, least)
+    return rows[1:] if len(rows) > 1 and values[rows[0]] > values[rows[1]] else rows
+
+
 def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     """Stretches of stick-slip in rows at one velocity: four teeth or more in a row.
 
@@ -100,9 +106,7 @@ class _Turns(NamedTuple):
 
 def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> _Turns:
     """Teeth between turns of at least `least`."""
-    rows = turns(friction, least)
-    if len(rows) > 1 and friction[rows[0]] > friction[rows[1]]:
-        rows = rows[1:]  # begin at the foot of a rise
+    rows = turns_from_foot(friction, least)
     ends = rows[2::2]
     feet, tips = rows[0::2][: len(ends)], rows[1::2][: len(ends)]
     ratio = (time[ends] - time[tips]) / (time[tips] - time[feet])

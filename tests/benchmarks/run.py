@@ -8,11 +8,12 @@ starts, noise and errors as `jaxfric run` makes them; and the least squares of a
 """
 
 import sys
-import time
+from collections.abc import Callable
 from pathlib import Path
 
 import jax
 import numpy as np
+from peers_table import timed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from reference import Law, Motion, solve
@@ -55,15 +56,9 @@ def synthetic() -> jaxfric.Record:
     )
 
 
-def seconds(function, repeats: int = 5) -> str:
-    """Minimum, median and maximum of warm calls."""
-    function()
-    spent = []
-    for _ in range(repeats):
-        begun = time.perf_counter()
-        function()
-        spent.append(time.perf_counter() - begun)
-    return f"median {np.median(spent):.2f} s   ({min(spent):.2f} to {max(spent):.2f})"
+def seconds(function: Callable[[], object]) -> str:
+    """Median of warm calls."""
+    return f"median {timed(function):.2f} s"
 
 
 def main() -> None:
