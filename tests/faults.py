@@ -12,6 +12,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
     for name in ("fit", "gains", "axis", "steps", "fixed", "prediction")
 )
 FAMILY, FORMATS = "tests/test_family_tables.py", "tests/test_formats.py"
+SPECTRUM = "tests/test_noise_spectrum.py"
 GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
 STEADY = "tests/test_steady_noise.py"
@@ -363,6 +364,15 @@ FAULTS = (
           GLITCHES),
     Fault("the base stays as glitches made it", "loop/engine.py",
           "found = self.refit(found.effects, found.z, exact=True)", "pass", GLITCHES),
+    Fault("far from worth a part is any gain", "fitting/noise_search.py",
+          "_FAR_FROM = 0.5", "_FAR_FROM = 50.0", SPECTRUM),
+    Fault("what the fit has taken is not known", "fitting/noise_spectrum.py",
+          "times * (1 - taken)", "times * (1 - 0 * taken)", SPECTRUM),
+    Fault("memories are those of the first clock", "fitting/noise_spectrum.py",
+          "away = seen.step[:, k] / np.geomspace(shortest[k], longest[k], _MEMORIES)",
+          "away = seen.step[:, 0] / np.geomspace(shortest[0], longest[0], _MEMORIES)", SPECTRUM),
+    Fault("pieces go on over a gap", "fitting/noise_spectrum.py",
+          "_SAME_STEP * np.maximum(s[1:], s[:-1])", "1e9 * np.maximum(s[1:], s[:-1])", SPECTRUM),
     Fault("a white part may be smaller than the steps", "fitting/noise_search.py",
           "if sigma**2 * (1 - share.sum()) >= least**2:", "if True:", QUANTISATION),
     Fault("white noise is added to the whole", "fitting/noise_search.py",

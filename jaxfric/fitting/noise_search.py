@@ -8,6 +8,7 @@ differences between noises that are all whitened in one pass.
 
 `estimate_noise` begins with white noise and adds a part where the likelihood rises by more than
 the part's parameters are worth (BIC); `profile_noise` keeps the parts and finds their sizes anew.
+A residual whose spectrum is far from worth a part is white without a search (`noise_spectrum`).
 Which parts a very long record has is sought in some stretches of it, their sizes in more; sigma
 and the likelihood are those of all of it.
 
@@ -25,6 +26,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..traced import traced
 from .noise import EXPONENTIAL, PARTS, Noise, Numbers, innovations, limit_of_negative
+from .noise_spectrum import gains_of_parts, spectrum
 from .padding import counted_rows, padded_columns
 
 LONGEST = 0.1
@@ -55,6 +57,8 @@ _MEMORIES_AROUND = (-0.7, 0.0, 0.7)
 _ALONE = 64  # noises by which a residual alone is whitened in one pass
 _LIKELY = 12
 """Starts of a family, likeliest for the residual alone, whose restricted likelihood is asked."""
+_FAR_FROM = 0.5
+"""Share of what a part is worth below which the spectrum's gain is far from it."""
 _STRETCH = 1024
 _SOUGHT, _SIZED = 8, 64
 """Stretches of `_STRETCH` rows of a record with more rows in which its parts are sought, and their
@@ -162,8 +166,8 @@ def stretches(record: NoiseRows, number: int = _SOUGHT) -> NoiseRows:
 
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
     """The likeliest noise, part by part, of as many parts as are worth their parameters."""
-    best = _best_of(record, Family(), np.zeros((1, 0)))
-    for _ in range(2):
+    best = _white(record)
+    for _ in range(0 if _seems_white(record, either_sign=either_sign) else 2):
         more = _with_another(record, best, either_sign=either_sign)
         if more is None:
             break
@@ -172,6 +176,26 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
             break
         best = more
     return best
+
+
+def _white(record: NoiseRows) -> Found:
+    """White noise with its restricted likelihood."""
+    value, sigma = map(float, restricted_white(record.weight, record.columns, record.scale))
+    nothing = np.zeros(0)
+    return Found(noise_at(record, Family(), nothing, sigma, value), Family(), nothing, value)
+
+
+def _seems_white(record: NoiseRows, *, either_sign: bool) -> bool:
+    """Whether no part comes near to being worth its parameters by the residual's spectrum."""
+    scale = np.broadcast_to(record.scale, record.weight.shape)
+    seen = spectrum(record.clock, record.weight, record.columns / scale[:, None])
+    if seen is None:
+        return False
+    ends = record.limits.shortest, record.limits.longest
+    once, twice = gains_of_parts(seen, *ends, either_sign=either_sign)
+    worth = Family(first=0).parameters, Family(second=0, resonates=True).parameters
+    each = _FAR_FROM * np.log(record.rows)
+    return bool(once < each * worth[0] and twice < each * worth[1])
 
 
 def profile_noise(
@@ -539,10 +563,30 @@ def restricted(
 ) -> tuple[Float[Array, " g"], Float[Array, " g"]]:
     """Restricted log-likelihood and sigma of every noise; column 0 is the residual."""
     gram, log_determinant = products(clock, weight, columns, scale, share, rates, beta)
+    return _profiled(gram, log_determinant, jnp.sum(weight > 0))
+
+
+@traced
+def restricted_white(
+    weight: Float[Numbers, " n"], columns: Float[Numbers, "n m"], scale: Float[Numbers, " *n"]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Restricted log-likelihood and sigma of white noise; column 0 is the residual."""
+    on = weight > 0
+    scale = jnp.broadcast_to(scale, weight.shape)
+    white = jnp.where(on[:, None], columns / scale[:, None], 0.0)
+    log_determinant = 2 * jnp.sum(jnp.where(on, jnp.log(scale), 0.0))
+    value, sigma = _profiled((white.T @ white)[None], log_determinant[None], jnp.sum(on))
+    return value[0], sigma[0]
+
+
+def _profiled(
+    gram: Float[Array, "g m m"], log_determinant: Float[Array, " g"], n: Numbers
+) -> tuple[Float[Array, " g"], Float[Array, " g"]]:
+    """Restricted log-likelihood and sigma from the products of whitened columns of `n` rows."""
     design = gram[:, 1:, 1:]
     diagonal = jnp.diagonal(design, axis1=1, axis2=2)
     used = diagonal > 0  # columns of zeros are padding
-    n, p = jnp.sum(weight > 0), jnp.sum(used[0])
+    p = jnp.sum(used[0])
     size = jnp.where(used, 1 / jnp.sqrt(jnp.where(used, diagonal, 1.0)), 1.0)
     ridge = jnp.where(used, 1e-12, 1.0)[:, :, None] * jnp.eye(design.shape[1])
     scaled = design * size[:, :, None] * size[:, None, :] + ridge

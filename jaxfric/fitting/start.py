@@ -236,12 +236,16 @@ def held(
 ) -> Float[Array, " m"]:
     """States, one of each member, after `time` [s] at the constant velocities r V0.
 
-    Of the ageing law exactly: Theta relaxes to L/V. Of another by an exponential step,
+    Of the slip and ageing laws exactly: theta relaxes to -B ln(V/V0) over L, Theta to L/V. Of
+    another by an exponential step,
 
         theta + t (1 - exp(-z))/z dtheta/dt,   z = -t d(dtheta/dt)/dtheta,
 
-    exact where the rate is linear in theta, as that of the slip law, and near enough to begin with.
+    exact where the rate is linear in theta, and near enough to begin with.
     """
+    if isinstance(evolution, SlipEvolution):
+        kept = jnp.exp(-r * V0 * time / of.L)
+        return theta * kept - of.B * jnp.log(r) * (1 - kept)
     if isinstance(evolution, AgeingEvolution):
         age = jnp.exp(jnp.clip(theta / of.B, -40.0, 40.0))  # V0 Theta/L
         return of.B * jnp.log(1 / r + (age - 1 / r) * jnp.exp(-r * V0 * time / of.L))
@@ -277,7 +281,11 @@ def _grid_misfit(
     u0 = jnp.log(jnp.abs(first_velocity) / V0)
 
     def advance(carry: _Moved, interval: Intervals) -> tuple[_Moved, tuple[Array, Array]]:
-        x, u, theta, force = carry
+        new = jax.lax.cond(interval.length > 0, moved, lambda old, _: old, carry, interval)
+        return new, (0.5 * (new[3] + carry[3]), 0.5 * (new[0] + carry[0]))
+
+    def moved(carry: _Moved, interval: Intervals) -> _Moved:
+        x, u, theta, _ = carry
         h, x_m, v = interval.length, interval.load, interval.velocity
 
         def balance(u: Array) -> tuple[Array, Array]:
@@ -293,9 +301,7 @@ def _grid_misfit(
             trial = trial - jnp.clip(gap / jnp.maximum(slope, 0.1 * A), -1.0, 1.0)
         trial = jnp.clip(trial, -40.0, 40.0)
         state = balance(trial)[1]
-        new = (x + V0 * jnp.exp(trial) * h, trial, state, A * trial + state)
-        x1, u1, theta1, force1 = (jnp.where(h > 0, n, o) for n, o in zip(new, carry, strict=True))
-        return (x1, u1, theta1, force1), (0.5 * (force1 + force), 0.5 * (x1 + x))
+        return x + V0 * jnp.exp(trial) * h, trial, state, A * trial + state
 
     # at the start the spring holds the steady force: x is counted from there
     theta0 = -B * u0

@@ -19,6 +19,9 @@ def whitened(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], columns: np.ndarray, noise: Noise
 ) -> np.ndarray:
     """The columns (n, m) in units of the noise and uncorrelated, as in `fitting.noise.whiten`."""
+    if not np.any(noise.share):  # white: nothing to filter
+        size = np.broadcast_to(noise.sigma * np.asarray(noise.scale), len(columns))
+        return columns * (np.asarray(weight) > 0)[:, None] / size[:, None]
     widths = _WIDTHS[:2] if len(columns) > _LONG else _WIDTHS
     wide = next((x for x in widths if columns.shape[1] <= x), widths[-1])
     parts = []
