@@ -27,6 +27,7 @@ from jaxfric.fitting.noise_search import (
     _newton,
     _Point,
     _refined,
+    _values,
     estimate_noise,
     limits_of,
     noise_rows,
@@ -151,6 +152,38 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     values, sigmas = np.array(truth).T
     np.testing.assert_allclose(np.diff(found), np.diff(values), atol=1e-6)
     np.testing.assert_allclose(sigma, sigmas, rtol=1e-8)
+
+
+def test_likelihoods_of_many_noises_are_those_of_each_in_any_order():
+    """Exponentials, resonators with and without a swing by turns; each against dense matrices."""
+    rng = np.random.default_rng(6)
+    clock = clocks(rng, N)
+    columns = np.column_stack([rng.normal(size=N), design(rng, clock[:, 0])])
+    every = [two_parts(beta) for beta in (0.5, EXPONENTIAL, -0.3, 30.0, EXPONENTIAL, -0.9, 2.0)]
+    longest = 0.5 * np.ptp(clock, axis=0)
+    record = noise_rows(clock, np.ones(N), columns[:, 0], columns[:, 1:], longest)
+    parts = tuple(
+        np.stack([np.asarray(x) for x in some])
+        for some in zip(
+            *((noise.share, noise.rates, noise.beta) for _, noise, _ in every), strict=True
+        )
+    )
+    values, sigmas = _values(record, parts)
+    for value, sigma, (_, noise, _) in zip(values, sigmas, every, strict=True):
+        apart = np.abs(clock[:, None] - clock)
+        share, beta = np.asarray(noise.share), float(noise.beta)
+        C = (
+            (1 - share.sum()) * np.eye(N)
+            + share[0] * np.exp(-0.5 * apart[..., 0])
+            + share[1] * rho(3e5 * apart[..., 1], beta)
+        )
+        low = np.linalg.cholesky(C)
+        r, J = np.linalg.solve(low, columns[:, 0]), np.linalg.solve(low, columns[:, 1:])
+        r = r - J @ np.linalg.lstsq(J, r, rcond=None)[0]
+        variance = r @ r / (N - P)
+        log_det = 2 * np.sum(np.log(np.diag(low))) + np.linalg.slogdet(J.T @ J)[1]
+        own = -0.5 * ((N - P) * (np.log(variance) + 1) + log_det)
+        np.testing.assert_allclose([value, sigma], [own, np.sqrt(variance)], rtol=1e-8)
 
 
 def simulated_noise(rng, time, sigma, share, tau):

@@ -89,26 +89,72 @@ def _forgotten(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, "n 2
     return jnp.concatenate([steps, jnp.zeros_like(steps[:1])]) @ noise.rates.T
 
 
-def _second(
-    d: Float[Array, " n"], beta: Float[Numbers, ""]
-) -> tuple[list[Array], tuple[Array, Array, Array], Array]:
-    """The second part from a row to the next: transition (n,) x 4 and added covariance (n,) x 3.
+class Moves(NamedTuple):
+    """What becomes of the states of both parts from a row to the next, (*g, n) each; `g` noises."""
 
-    Its states are b and its slope, in units of what it forgets.
+    keep: Array
+    """Of the first part."""
+    turn: tuple[Array, Array, Array, Array]
+    """Transition of the second part: b and its slope, in units of what it forgets."""
+    added: tuple[Array, Array, Array]
+    """Covariance that the second part gains."""
+    slope: Array
+    """Variance of its slope, (*g,)."""
+
+
+def moves_of(
+    clock: Float[Numbers, "n *k"], rates: Float[Numbers, "*g 2 k"], beta: Float[Numbers, "*g"]
+) -> Moves:
+    """The moves of one noise or of many.
+
+    Sines, and resonators at all, are computed only where one of the noises has them: they take half
+    of the time of a filter.
     """
-    w = jnp.sqrt(jnp.maximum(beta, _CRITICAL**2))
-    s = jnp.sqrt(jnp.clip(-beta, _CRITICAL**2, 1.0))
+    steps = jnp.abs(jnp.diff(_columns(clock), axis=0))
+    steps = jnp.concatenate([steps, jnp.zeros_like(steps[:1])])
+    first, second = (jnp.einsum("nk,...k->...n", steps, rates[..., i, :]) for i in range(PARTS))
+    beta = jnp.asarray(beta)
+    alone = beta <= EXPONENTIAL
+    size = jnp.where(alone, 1.0, 1 + jnp.where(beta > 0, beta, -(_damped(beta) ** 2)))
+    turn, added = jax.lax.cond(
+        jnp.all(alone), _of_exponentials, _of_resonators, second, beta[..., None], size[..., None]
+    )
+    return Moves(jnp.exp(-first), turn, added, size)
+
+
+_Second = tuple[tuple[Array, Array, Array, Array], tuple[Array, Array, Array]]
+
+
+def _damped(beta: Array) -> Array:
+    """s of a resonator without a swing, s^2 = -beta; not 0."""
+    return jnp.sqrt(jnp.clip(-beta, _CRITICAL**2, 1.0))
+
+
+def _of_exponentials(d: Array, beta: Array, size: Array) -> _Second:
+    """Transition and added covariance of second parts that are exponentials, from distances d."""
+    one, none = jnp.exp(-d), jnp.zeros_like(d)
+    spread = 1 - one * one
+    return (one, none, none, one), (spread, none, spread)
+
+
+def _of_resonators(d: Array, beta: Array, size: Array) -> _Second:
+    """The same where some are resonators (see above)."""
+    w, s = jnp.sqrt(jnp.maximum(beta, _CRITICAL**2)), _damped(beta)
     slow, fast = jnp.exp(-(1 - s) * d), jnp.exp(-(1 + s) * d)
     one = jnp.exp(-d)
-    c = jnp.where(beta > 0, one * jnp.cos(w * d), 0.5 * (slow + fast))
-    q = jnp.where(beta > 0, one * jnp.sin(w * d) / w, 0.5 * (slow - fast) / s)
+    swings = jnp.broadcast_to(beta > 0, d.shape)
+    cosine, sine = jax.lax.cond(
+        jnp.any(swings),
+        lambda: (jnp.cos(w * d), jnp.sin(w * d)),
+        lambda: (jnp.zeros_like(d), jnp.zeros_like(d)),
+    )
+    c = jnp.where(swings, one * cosine, 0.5 * (slow + fast))
+    q = jnp.where(swings, one * sine / w, 0.5 * (slow - fast) / s)
     alone = beta <= EXPONENTIAL
-    size = jnp.where(alone, 1.0, 1 + jnp.where(beta > 0, w * w, -s * s))
-    turn = [jnp.where(alone, one, c + q), q, -size * q, jnp.where(alone, one, c - q)]
-    turn[1], turn[2] = (jnp.where(alone, 0.0, x) for x in turn[1:3])
-    xx, xv, vx, vv = turn
+    xx, vv = (jnp.where(alone, one, x) for x in (c + q, c - q))
+    xv, vx = (jnp.where(alone, 0.0, x) for x in (q, -size * q))
     added = 1 - xx**2 - size * xv**2, -xx * vx - size * xv * vv, size - vx**2 - size * vv**2
-    return turn, added, size
+    return (xx, xv, vx, vv), added
 
 
 def whiten(
@@ -131,8 +177,15 @@ def innovations(
     noise: Noise,
 ) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
     """Columns whitened as by `whiten` for sigma = 1, and the log-determinant of that covariance."""
+    return innovations_of(weight, columns, noise, moves_of(clock, noise.rates, noise.beta))
+
+
+def innovations_of(
+    weight: Float[Numbers, " n"], columns: Float[Numbers, "n m"], noise: Noise, moves: Moves
+) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
+    """As `innovations`, with the moves of the noise given."""
     scale = jnp.broadcast_to(noise.scale, weight.shape)
-    found, log_inverse = _filtered(clock, weight, columns / scale[:, None], noise)
+    found, log_inverse = _filtered(weight, columns / scale[:, None], noise, moves)
     log_scale = jnp.sum(jnp.where(weight > 0, jnp.log(noise.scale), 0.0))
     return found * (weight > 0)[:, None], 2 * log_scale - jnp.sum(log_inverse)
 
@@ -149,26 +202,25 @@ def coloured(
     Rows of zero weight come out as 0.
     """
     white = white * (weight > 0)[:, None]
-    found, _ = _filtered(clock, weight, white, noise, backwards=True)
+    moves = moves_of(clock, noise.rates, noise.beta)
+    found, _ = _filtered(weight, white, noise, moves, backwards=True)
     scale = noise.sigma * jnp.broadcast_to(noise.scale, weight.shape)
     return found * (scale * (weight > 0))[:, None]
 
 
 def _filtered(
-    clock: Float[Numbers, "n *k"],
     weight: Float[Numbers, " n"],
     columns: Float[Numbers, "n m"],
     noise: Noise,
+    moves: Moves,
     *,
     backwards: bool = False,
 ) -> tuple[Float[Array, "n m"], Float[Array, " n"]]:
     """Innovations of columns of scale 1, or `backwards` the columns of such innovations; and the
     logarithm of the inverse variance of each row's misfit, (n,)."""
     used = weight > 0
-    forgotten = _forgotten(clock, noise)
     first, second = noise.share
     white = 1 - first - second
-    turn, added, slope = _second(forgotten[:, 1], noise.beta)
 
     def advance(
         carry: tuple[list[Array], list[Array]],
@@ -188,13 +240,13 @@ def _filtered(
         return (mean, spread), (out, jnp.where(hidden > 0, 0.0, jnp.log(inverse)))
 
     zero, none = jnp.zeros_like(columns[0]), jnp.zeros_like(first)
-    start = ([zero] * 3, [first, none, none, second, none, second * slope])
+    start = ([zero] * 3, [first, none, none, second, none, second * moves.slope])
     rows = (
         jnp.asarray(columns),
         jnp.where(used, 0.0, _HIDDEN),
-        jnp.exp(-forgotten[:, 0]),
-        turn,
-        list(added),
+        moves.keep,
+        list(moves.turn),
+        list(moves.added),
     )
     return jax.lax.scan(advance, start, rows)[1]
 
@@ -231,9 +283,8 @@ class Whitening(NamedTuple):
 def whitening(clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], noise: Noise):
     """The `Whitening` of this noise of a scale that is the same in all rows."""
     used = weight > 0
-    forgotten = _forgotten(clock, noise)
     first, second = noise.share
-    turn, added, slope = _second(forgotten[:, 1], noise.beta)
+    moves = moves_of(clock, noise.rates, noise.beta)
 
     def advance(
         spread: list[Array], row: tuple[Array, Array, list[Array], list[Array]]
@@ -245,13 +296,12 @@ def whitening(clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], noise
         spread[3:] = [x + second * q for x, q in zip(spread[3:], added, strict=True)]
         return spread, (jnp.stack(gain), inverse)
 
-    keep = jnp.exp(-forgotten[:, 0])
     none = jnp.zeros_like(first)
-    start = [first, none, none, second, none, second * slope]
-    rows = (jnp.where(used, 0.0, _HIDDEN), keep, turn, list(added))
+    start = [first, none, none, second, none, second * moves.slope]
+    rows = (jnp.where(used, 0.0, _HIDDEN), moves.keep, list(moves.turn), list(moves.added))
     _, (gain, inverse) = jax.lax.scan(advance, start, rows)
     size = jnp.where(used, jnp.sqrt(inverse) / (noise.sigma * noise.scale), 0.0)
-    return Whitening(gain, jnp.stack([keep, *turn], axis=1), size)
+    return Whitening(gain, jnp.stack([moves.keep, *moves.turn], axis=1), size)
 
 
 def _update(
