@@ -1,5 +1,7 @@
 """Slide-hold-slide: what is a hold, how much it heals, and which law does it so."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import linregress
@@ -19,6 +21,7 @@ from jaxfric.runs.holds import (
     preferred,
     rows,
     told,
+    warnings_of,
 )
 from jaxfric.runs.stiffness import MachineStiffness
 
@@ -77,8 +80,8 @@ def test_hold_or_law_that_follows_another(time, velocity, stop, same):
     assert follows(last, window) == same
 
 
-def hold(lasts, healing, error=1e-3, preference=None, group=1):
-    return Hold(0.0, lasts, 3e-6, None, 0.01, healing, error, {}, preference, group)
+def hold(lasts, healing, error=1e-3, preference=None, group=1, fits=None, time=0.0):
+    return Hold(time, lasts, 3e-6, None, 0.01, healing, error, fits or {}, preference, group)
 
 
 def test_a_healing_rate_is_a_line_through_the_logarithms():
@@ -178,3 +181,30 @@ def test_a_likelihood_falls_where_a_fit_is_spoilt(healed):
     wave = 3 * found.rms * np.sin(np.linspace(0, 12, len(found.predicted)))
     spoilt = dataclasses.replace(found, predicted=found.predicted + wave)
     assert log_likelihood(found) > log_likelihood(spoilt) + 20
+
+
+@pytest.mark.parametrize(
+    ("preference", "expected"),
+    [
+        (5.0, ["hold at 10, 30 s (slip law): a", "hold at 10 s (slip law): c"]),
+        (-5.0, ["hold at 10 s (ageing law): b"]),
+        (
+            1.0,
+            [
+                "hold at 10, 30 s (slip law): a",
+                "hold at 10 s (slip law): c",
+                "hold at 10 s (ageing law): b",
+            ],
+        ),
+    ],
+)
+def test_warnings_of_holds_are_those_of_the_law_that_is_preferred(preference, expected):
+    def warned(*texts):
+        return SimpleNamespace(warnings=texts)
+
+    first = {"slip": warned("a", "c"), "ageing": warned("b")}
+    made = [
+        hold(10.0, 0.01, preference=preference, fits=first, time=10.0),
+        hold(10.0, 0.01, fits={"slip": warned("a")}, time=30.0, group=2),
+    ]
+    assert warnings_of(made) == expected

@@ -76,7 +76,7 @@ def run(
         )
     from ..runs.findings import findings_of, ramps_stiffness_of
     from ..runs.fits import HowFitted, decided_events
-    from ..runs.holds import fit_holds
+    from ..runs.holds import fit_holds, warnings_of
     from ..runs.ramps import RAMPS
     from ..runs.stiffness import MachineStiffness
 
@@ -104,7 +104,7 @@ def run(
         _draw_events(record, found, folder)
         _draw(result, holds, folder)
         _draw_others(others, folder)
-        warnings = [*_warnings(result, how), *others.warnings]
+        warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
         _write_page(result, holds, others, warnings, folder)
     if json:
         print(content)

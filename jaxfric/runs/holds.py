@@ -307,3 +307,16 @@ def told(holds: Sequence[Hold], unit: str = "1") -> list[str]:
         else:
             lines.append(f"through the holds the {law} law fits better ({by})")
     return lines
+
+
+def warnings_of(holds: Sequence[Hold]) -> list[str]:
+    """What the fits of holds warn of, with the times of the holds of each warning: those under the
+    law that the holds prefer, or under both where they prefer none."""
+    law, _ = preferred(holds)
+    told: dict[str, list[str]] = {}
+    for hold in holds:
+        for name, fit in hold.fits.items():
+            if law in (None, name):
+                for text in fit.warnings:
+                    told.setdefault(f"({name} law): {text}", []).append(f"{hold.time:.6g}")
+    return [f"hold at {', '.join(times)} s {text}" for text, times in told.items()]
