@@ -140,10 +140,7 @@ def _basis(jacobian: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n q"]:
     """Orthonormal basis of the columns that are not 0."""
     size = np.linalg.norm(jacobian, axis=0)
     used = jacobian[:, size > 0] / size[size > 0]
-    if not used.shape[1]:
-        return used
-    left, value, _ = np.linalg.svd(used, full_matrices=False)
-    return left[:, value > 1e-8 * value[0]]
+    return np.linalg.qr(used)[0]
 
 
 def _bands(left: np.ndarray, basis: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, ...]:
