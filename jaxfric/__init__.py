@@ -1,13 +1,35 @@
 """Differentiable sliders that stick-slip: simulate, fit, control.
 
-The names below are loaded when they are first used, so that importing the package is quick
-and changes nothing. Fitting needs 64-bit numbers: `jax.config.update("jax_enable_x64", True)`.
+The names below, and the folders of the package (`jaxfric.gains`, `jaxfric.study`), are loaded when
+they are first used, so that importing the package is quick and changes nothing. Fitting needs
+64-bit numbers: `jax.config.update("jax_enable_x64", True)`.
 """
 
-import importlib
 from typing import TYPE_CHECKING
 
+from .lazy import loader
+
 if TYPE_CHECKING:
+    from . import axis as axis
+    from . import effects as effects
+    from . import fitting as fitting
+    from . import gains as gains
+    from . import laws as laws
+    from . import loop as loop
+    from . import members as members
+    from . import motion as motion
+    from . import plot as plot
+    from . import posterior as posterior
+    from . import prediction as prediction
+    from . import protocol as protocol
+    from . import records as records
+    from . import report as report
+    from . import rig as rig
+    from . import runs as runs
+    from . import simulation as simulation
+    from . import stability as stability
+    from . import study as study
+    from . import units as units
     from .axis import close_axis_loop as close_axis_loop
     from .axis import close_steady_loop as close_steady_loop
     from .cache import cache_compiled as cache_compiled
@@ -125,16 +147,27 @@ _HOMES = {
     "margin": "stability.margins",
     "theorem": "stability.theorem",
 }
+_MODULES = (
+    "axis",
+    "effects",
+    "fitting",
+    "gains",
+    "laws",
+    "loop",
+    "members",
+    "motion",
+    "plot",
+    "posterior",
+    "prediction",
+    "protocol",
+    "records",
+    "report",
+    "rig",
+    "runs",
+    "simulation",
+    "stability",
+    "study",
+    "units",
+)
 __all__ = sorted(_HOMES)
-
-
-def __getattr__(name: str):
-    if name not in _HOMES:
-        raise AttributeError(f"module 'jaxfric' has no attribute '{name}'")
-    value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__():
-    return [*__all__, "__version__"]
+__getattr__, __dir__ = loader(__name__, _HOMES, _MODULES)

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1] / "jaxfric"
 # listed here; `jaxfric` itself (its lazy names) and `cli` may see everything.
 FLOORS = {
     "errors": 0,
+    "lazy": 0,
     "cache": 1,
     "traced": 0,
     "quantity": 0,

@@ -1,6 +1,7 @@
 """The package from outside: quiet, quick, a known list of names, every one documented."""
 
 import importlib
+import importlib.util
 import inspect
 import pkgutil
 import subprocess
@@ -9,6 +10,7 @@ import sys
 import pytest
 
 import jaxfric
+from jaxfric import lazy
 
 NAMES = [
     "AgeingEvolution",
@@ -126,15 +128,63 @@ def test_name_resolves_to_what_its_name_says(name):
 
 def test_static_imports_are_the_lazy_ones():
     """What type checkers see is what the lazy table loads."""
-    lines = inspect.getsource(jaxfric).splitlines()
-    static = {}
-    for line in lines:
-        if line.startswith("    from ."):
-            home, name = line.split(" import ")
-            name, alias = name.split(" as ")
-            assert name == alias
-            static[name] = home.removeprefix("    from .")
-    assert static == jaxfric._HOMES
+    for package in (jaxfric, jaxfric.stability, jaxfric.plot):
+        static = {}
+        for line in inspect.getsource(package).splitlines():
+            if line.startswith("    from ."):
+                home, name = line.split(" import ")
+                name, alias = name.split(" as ")
+                assert name == alias
+                static[name] = home.removeprefix("    from .")
+        modules = [name for name, home in static.items() if home == ""]
+        assert modules == list(getattr(package, "_MODULES", ()))
+        assert {n: home for n, home in static.items() if home} == package._HOMES
+
+
+PACKAGES = [
+    "axis", "effects", "fitting", "gains", "laws", "loop", "members", "motion", "plot",
+    "posterior", "prediction", "protocol", "records", "report", "rig", "runs", "simulation",
+    "stability", "study", "units",
+]  # fmt: skip
+
+
+def test_folders_are_names_of_the_package():
+    """As users write them, after `import jaxfric` alone, in a process that has loaded nothing."""
+    code = (
+        "import jaxfric\n"
+        f"print([p for p in {PACKAGES} if getattr(jaxfric, p).__name__ != 'jaxfric.' + p])\n"
+        f"print(set({PACKAGES}) - set(dir(jaxfric)))\n"
+        "print(jaxfric.gains.schedule.__name__, jaxfric.stability.linear.to_control.__name__,\n"
+        "      jaxfric.study.Grid.__name__, jaxfric.plot.draw_fit.__name__)"
+    )
+    assert python(code) == ("[]\nset()\nschedule to_control Grid draw_fit\n", "")
+
+
+def test_a_folder_loads_no_other():
+    code = "import sys, jaxfric; jaxfric.plot, jaxfric.stability; print('numpy' in sys.modules)"
+    assert python(code) == ("False\n", "")
+
+
+@pytest.mark.parametrize("first", ["stability.theorem", "fitting.fit", "plot.fit"])
+def test_a_function_stays_one_whatever_is_imported(first):
+    """`jaxfric.fit` and `jaxfric.theorem` are functions, also after modules of these names."""
+    code = (
+        f"import jaxfric.{first}, jaxfric; print(callable(jaxfric.fit), callable(jaxfric.theorem))"
+    )
+    assert python(code) == ("True True\n", "")
+
+
+@pytest.mark.parametrize("package", [jaxfric, jaxfric.stability, jaxfric.plot])
+def test_lazy_names_resolve(package):
+    """To what has their name, and nothing is both a module of the package and a name in it."""
+    for name, home in package._HOMES.items():
+        assert getattr(package, name).__name__ == name
+        assert importlib.import_module(f"{package.__name__}.{home}")
+        assert importlib.util.find_spec(f"{package.__name__}.{name}") is None
+    with pytest.raises(AttributeError, match=f"'{package.__name__}' has no attribute 'nothing'"):
+        _ = package.nothing
+    with pytest.raises(ValueError, match="a_module would be a module and a name"):
+        lazy.loader("x", {"a_module": "y"}, ["a_module"])
 
 
 def test_unknown_name():

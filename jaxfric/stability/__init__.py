@@ -1,1 +1,45 @@
-"""Linear stability of steady sliding: plant and kernel, theorem, delays, margins."""
+"""Linear stability of steady sliding: plant and kernel, theorem, delays, margins.
+
+The modules of this folder, and the names below, are loaded when they are first used:
+`jaxfric.stability.linear.to_control`, `jaxfric.stability.margin`. The theorem itself is
+`jaxfric.theorem`; `jaxfric.stability.theorem` is the module that it is from.
+"""
+
+from typing import TYPE_CHECKING
+
+from ..lazy import loader
+
+if TYPE_CHECKING:
+    from . import analysis as analysis
+    from . import claims as claims
+    from . import closed_form as closed_form
+    from . import delay as delay
+    from . import frequency as frequency
+    from . import kernel as kernel
+    from . import linear as linear
+    from . import margins as margins
+    from . import theorem as theorem
+    from .linear import LinearSlider as LinearSlider
+    from .linear import linearise as linearise
+    from .linear import to_control as to_control
+    from .margins import margin as margin
+
+_HOMES = {
+    "LinearSlider": "linear",
+    "linearise": "linear",
+    "to_control": "linear",
+    "margin": "margins",
+}
+_MODULES = (
+    "analysis",
+    "claims",
+    "closed_form",
+    "delay",
+    "frequency",
+    "kernel",
+    "linear",
+    "margins",
+    "theorem",
+)
+__all__ = sorted(_HOMES)
+__getattr__, __dir__ = loader(__name__, _HOMES, _MODULES)
