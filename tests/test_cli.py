@@ -157,8 +157,11 @@ def test_the_table(fitted: tuple[Outcome, dict]) -> None:
     row = next(line for line in out.splitlines() if line.startswith("L "))
     assert f"{1e6 * content['parameters']['L']['value']:.2f}" in row and row.rstrip().endswith("µm")
     assert "fixed" in next(line for line in out.splitlines() if line.startswith("K "))
+    first = next(line for line in out.splitlines() if " value " in line)
+    assert out.splitlines()[out.splitlines().index(first) + 1].startswith("A-B (a-b) ")
+    assert list(content).index("A_minus_B") < list(content).index("parameters")
     table = out.split("rms")[0]
-    assert all(len(line.rstrip()) <= 80 for line in table.splitlines())
+    assert max(len(line.rstrip()) for line in table.splitlines()) <= 88
 
 
 def test_fit_json(fitted: tuple[Outcome, dict]) -> None:
@@ -231,7 +234,7 @@ def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypa
     code, out, err = run("fit", "run.csv", *STIFFNESS, *STEPS, "--out", "run-fit")
     assert code == 1
     assert err.splitlines()[-1].startswith("jaxfric: error: the fit did not converge (still moving")
-    assert "stable" not in out and "critical" not in out and out.count("undetermined") == 4
+    assert "stable" not in out and "critical" not in out and out.count("undetermined") == 5
     assert "noise" in before.out and "noise" not in out
     assert "did not converge" in Path("run-fit/fit.svg").read_text()
     assert "did not converge" not in Path("good/fit.svg").read_text()

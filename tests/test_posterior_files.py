@@ -287,10 +287,10 @@ def test_the_figure_has_a_panel_for_every_pair(fitted):
     figure = posterior_figure(find_posterior(fitted, WIDE))
     shown = [axis for axis in figure.axes if axis.axison]
     assert len(figure.axes) == 25 and len(shown) == 15
-    assert figure.axes[20].get_xlabel() == "f0" and figure.axes[24].get_xlabel() == "A − B"
-    assert figure.axes[15].get_ylabel() == "L [µm]"
+    assert figure.axes[20].get_xlabel() == "A − B" and figure.axes[24].get_xlabel() == "L [µm]"
+    assert figure.axes[15].get_ylabel() == "B"
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["Laplace approximation", "prior", "its 95 % ellipse"]
+    assert labels == ["Laplace approximation", "its 95 % ellipse", "prior"]
 
 
 @pytest.mark.long

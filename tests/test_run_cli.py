@@ -150,6 +150,7 @@ def test_units_and_xlooks_names(two_fits):
         "Dc1",
         "std Dc1",
         "a-b",
+        "std a-b",
         "lin_term",
         "wc",
     ]

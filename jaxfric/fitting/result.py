@@ -1,44 +1,25 @@
 """The result of a fit."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..rig.friction import AbstractRateState, RateState, critical_stiffness
+from ..rig.friction import AbstractRateState
 from ..stability.claims import Claim, rate_state_claim
-from ..stability.linear import linear_friction
-from ..stability.theorem import theorem
+from .derived import Critical, amplitudes, critical_of, rate_dependence
+from .derived import critical_stiffness_of as critical_stiffness_of
+from .derived import difference as difference
+from .estimate import Estimate as Estimate
 from .noise_estimate import NoiseEstimate
 from .problem import Model, build_rig, quantity_of
 from .solved import Solved
 
 SCHEMA = "jaxfric.fit/1"
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One parameter in SI: value, standard deviation, 95 % interval.
-
-    `free` is False for a parameter that was given, whose std is 0. `determined` is False where
-    the record does not fix a free one: value, std and interval then mean nothing.
-    `profiled` tells an interval from the profile likelihood from one from the covariance.
-    """
-
-    value: float
-    std: float
-    lower: float
-    upper: float
-    unit: str
-    free: bool = True
-    determined: bool = True
-    profiled: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +80,29 @@ class Fit:
         assert isinstance(law, AbstractRateState)
         return critical_stiffness_of(law)
 
+    @property
+    def A_minus_B(self) -> Estimate:
+        """A less all B (a - b), the rate dependence of steady friction, with its error; in the
+        unit of friction. Below 0 friction weakens with velocity."""
+        found = rate_dependence(self, float(np.ptp(self.record.friction)))
+        return found if self.converged else replace(found, determined=False)
+
+    def critical(self) -> Critical:
+        """The critical stiffness and K in units of it, with 95 % intervals: of 4096 samples of the
+        covariance."""
+        used = [n for n in self.parameters if n.rstrip("0123456789") in ("A", "B", "L")]
+        known = self.converged and all(self.parameters[n].determined for n in used)
+        return critical_of(self, self.model, self.critical_stiffness(), known=known)
+
     def stability(self) -> Claim:
         """The claim on stability that A, all B and, for a critical stiffness, L allow."""
         if not self.converged:
             return Claim("open", ("the fit did not converge",))
-        amplitudes = _amplitudes(self)
         lengths = [n for n in self.parameters if n.rstrip("0123456789") == "L"]
         _, error = difference(self)
-        A, *B = (self.parameters[n].value for n in sorted(amplitudes))
-        known = all(self.parameters[n].determined for n in amplitudes)
+        names = amplitudes(self)
+        A, *B = (self.parameters[n].value for n in sorted(names))
+        known = all(self.parameters[n].determined for n in names)
         claim = rate_state_claim(A, B, error, determined=known)
         if claim.kind == "critical" and not all(self.parameters[n].determined for n in lengths):
             return Claim("open", ("L is not determined",))
@@ -121,13 +116,14 @@ class Fit:
     def to_json(self) -> dict:
         """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
         origin = self.record.provenance
-        kcr = self.critical_stiffness() if self.converged else np.nan
+        kcr = self.critical()
         return {
             "schema": SCHEMA,
             "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
             "law": self.model.law,
             "states": self.model.states,
             "friction_unit": self.record.friction_unit,
+            "A_minus_B": _plain(self.A_minus_B),
             "parameters": {name: _plain(e) for name, e in self.parameters.items()},
             "free": list(self.free),
             "covariance": _numbers(self.covariance),
@@ -136,7 +132,9 @@ class Fit:
                 "times": self.steps.times.tolist(),
                 "velocities": self.steps.velocities.tolist(),
             },
-            "critical_stiffness": _number(kcr),
+            "critical_stiffness": _number(kcr.stiffness.value) if self.converged else None,
+            "critical_stiffness_interval": _interval(kcr.stiffness),
+            "stiffness_over_critical_interval": _interval(kcr.ratio),
             "sum_of_squares": _number(self.sum_of_squares),
             "rms": _number(self.rms),
             "noise": self._noise(),
@@ -146,33 +144,6 @@ class Fit:
             "result": self.result,
             "warnings": list(self.warnings),
         }
-
-
-def _amplitudes(fit: Fit) -> list[str]:
-    """Names of A and of all B."""
-    return [n for n in fit.parameters if n == "A" or n.rstrip("0123456789") == "B"]
-
-
-def difference(fit: Fit) -> tuple[float, float]:
-    """A less the sum of all B, the rate dependence of steady friction, and its standard error."""
-    names = _amplitudes(fit)
-    value = sum(fit.parameters[n].value * (1 if n == "A" else -1) for n in names)
-    weight = np.array([(n == "A") - (n in names and n != "A") for n in fit.free], float)
-    return value, float(np.sqrt(max(weight @ fit.covariance @ weight, 0.0)))
-
-
-@eqx.filter_jit
-def _critical(law: AbstractRateState) -> Float[Array, ""]:
-    if isinstance(law, RateState):
-        return critical_stiffness(law)
-    friction = linear_friction(law, law.V0)
-    return theorem(friction.kernel, friction.slope, jnp.zeros_like(law.V0)).critical_stiffness
-
-
-def critical_stiffness_of(law: AbstractRateState) -> float:
-    """Critical stiffness without mass and damping [friction/m]: (25) of a `RateState`, of another
-    law that of (18)-(20) at V0."""
-    return float(_critical(law))
 
 
 def unit_of(name: str, friction_unit: str) -> str:
@@ -197,6 +168,11 @@ def _plain(estimate: Estimate) -> dict:
         "determined": known,
         "interval": "profile" if estimate.profiled else "covariance",
     }
+
+
+def _interval(estimate: Estimate) -> list[float | None]:
+    """The ends of a 95 % interval; null where there is none, and for one at infinity."""
+    return [_number(estimate.lower), _number(estimate.upper)]
 
 
 def _number(value: float) -> float | None:

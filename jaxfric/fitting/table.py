@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..units import factor, format_si
+from .derived import SAMPLES
+from .estimate import Estimate
 from .noise_estimate import NoiseEstimate
 from .problem import quantity_of
 from .result import Fit
@@ -13,6 +15,11 @@ from .result import Fit
 _LEAST, _SMALL = 0.005, 0.05
 """Shares of a noise below which a part is not named, and is named as small."""
 _ABOVE = 1.1
+
+
+DIFFERENCE = "A_minus_B"
+"""The name of A less all B in files; in tables it is `shown_name`."""
+_OTHER_NAMES = {"A": "a", "B": "b", "L": "D_c"}
 
 
 class Row(NamedTuple):
@@ -26,6 +33,17 @@ class Row(NamedTuple):
     unit: str
 
 
+def shown_name(name: str) -> str:
+    """A parameter with the name that others give it: "A (a)", "B2 (b2)", "L (D_c)", "A-B (a-b)"."""
+    if name == DIFFERENCE:
+        return "A-B (a-b)"
+    last = name.rpartition(".")[2]
+    letter = last.rstrip("0123456789")
+    if letter not in _OTHER_NAMES:
+        return name
+    return f"{name} ({_OTHER_NAMES[letter]}{last[len(letter) :]})"
+
+
 def display_unit(name: str, fit: Fit) -> str:
     """The unit in which a parameter is shown: the record's own for lengths and velocities."""
     friction = fit.record.friction_unit
@@ -37,24 +55,23 @@ def display_unit(name: str, fit: Fit) -> str:
 
 
 def rows(fit: Fit) -> list[Row]:
-    """The parameters, free ones first in the order of the fit, then the given ones."""
-    out = []
-    for name, estimate in fit.parameters.items():
-        unit = display_unit(name, fit)
-        size = factor(unit, estimate.unit, name) if unit != estimate.unit else 1.0
-        value, std = estimate.value / size, estimate.std / size
-        meaning = quantity_of(name).text
-        if not estimate.free:
-            row = Row(name, meaning, f"{value:.6g}", "fixed", "", unit)
-        elif not estimate.determined:
-            row = Row(name, meaning, "undetermined", "", "", unit)
-        else:
-            low, high = estimate.lower / size, estimate.upper / size
-            digits = decimals(std)
-            interval = f"{low:.{digits}f} to {high:.{digits}f}"
-            row = Row(name, meaning, f"{value:.{digits}f}", f"{std:.{digits}f}", interval, unit)
-        out.append(row._replace(unit="" if unit == "1" else unit.replace("um", "µm")))
-    return out
+    """A-B, then the parameters, free ones first in the order of the fit, then the given ones."""
+    first = _row(DIFFERENCE, "below 0: weakening", fit.A_minus_B, fit)
+    return [first, *(_row(n, quantity_of(n).text, e, fit) for n, e in fit.parameters.items())]
+
+
+def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
+    unit = display_unit("A" if name == DIFFERENCE else name, fit)
+    size = factor(unit, estimate.unit, name) if unit != estimate.unit else 1.0
+    value, std = estimate.value / size, estimate.std / size
+    shown = "" if unit == "1" else unit.replace("um", "µm")
+    if not estimate.free:
+        return Row(shown_name(name), meaning, f"{value:.6g}", "fixed", "", shown)
+    if not estimate.determined:
+        return Row(shown_name(name), meaning, "undetermined", "", "", shown)
+    low, high, digits = estimate.lower / size, estimate.upper / size, decimals(std)
+    texts = f"{value:.{digits}f}", f"{std:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
+    return Row(shown_name(name), meaning, *texts, shown)
 
 
 def decimals(std: float) -> int:
@@ -72,7 +89,7 @@ def correlations(fit: Fit, least: float = 0.7) -> list[str]:
             r = fit.correlation[i, j]
             both = fit.parameters[names[i]].determined and fit.parameters[names[j]].determined
             if both and abs(r) >= least:
-                out.append((abs(r), f"{names[j]}-{names[i]} {r:+.2f}"))
+                out.append((abs(r), f"{names[j]} and {names[i]} {r:+.2f}"))
     return [text for _, text in sorted(out, reverse=True)]
 
 
@@ -87,7 +104,7 @@ def summary(fit: Fit) -> list[str]:
     ]
     if fit.converged:  # else what is left is the failure of the fit, not noise
         lines.append(f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}{_above_rms(fit)}")
-    lines.append(_stability(fit))
+    lines += _stability(fit)
     pairs = correlations(fit) if fit.converged else []
     if pairs:
         lines.append("correlated errors: " + ", ".join(pairs))
@@ -126,18 +143,33 @@ def _above_rms(fit: Fit) -> str:
     return "; larger than the rms, because the fit takes up a part of noise that lasts so long"
 
 
-def _stability(fit: Fit) -> str:
-    """A sentence on stability by the fit, or on why there is none."""
+def _stability(fit: Fit) -> list[str]:
+    """Sentences on stability by the fit, or on why there are none."""
     claim = fit.stability()
+    if claim.kind == "critical":
+        return _critical(fit)
     moving = np.abs(fit.steps.velocities[fit.steps.velocities != 0])
     length = fit.record.units.get("load_point_displacement", "um")
     low, high = (format_si(V, "m/s", f"{length}/s", 3) for V in (moving.min(), moving.max()))
-    if claim.kind == "critical":
-        ratio = fit.parameters["K"].value / fit.critical_stiffness()
-        return f"stiffness is {ratio:.2f} times critical (massless, undamped)"
     if claim.kind == "free":
-        return (
+        return [
             "velocity strengthening (A > B by more than two standard errors): steady sliding is"
             f" stable at any stiffness, from {low} to {high}"
-        )
-    return f"nothing is said of stability: {'; '.join(claim.reasons)}"
+        ]
+    return [f"nothing is said of stability: {'; '.join(claim.reasons)}"]
+
+
+def _critical(fit: Fit) -> list[str]:
+    """The critical stiffness and the stiffness in units of it, with their 95 % intervals."""
+    found, unit = fit.critical(), display_unit("K", fit)
+    size = factor(unit, found.stiffness.unit, "K") if unit != found.stiffness.unit else 1.0
+    own, ratio = found.stiffness, found.ratio
+    digits = decimals(own.std / size)
+    value, low, high = (f"{x / size:.{digits}f}" for x in (own.value, own.lower, own.upper))
+    upper = f"to {ratio.upper:.2f}" if np.isfinite(ratio.upper) else "or more"
+    return [
+        f"stiffness is {ratio.value:.2f} times critical (95 %: {ratio.lower:.2f} {upper};"
+        " massless, undamped)",
+        f"critical stiffness {value} {unit.replace('um', 'µm')} (95 %: {low} to {high}; of"
+        f" {SAMPLES} samples of the covariance)",
+    ]

@@ -159,15 +159,20 @@ def sampled(
             )
         mean = np.asarray([values[name] for name in free])
         above = np.asarray([positive[name] for name in free])
-        for name, column in zip(free, _draw(mean, covariance, above, samples, seed).T, strict=True):
+        for name, column in zip(
+            free, draw_samples(mean, covariance, above, samples, seed).T, strict=True
+        ):
             columns[name][1:] = column
     return columns
 
 
-def _draw(
+def draw_samples(
     mean: np.ndarray, covariance: np.ndarray, positive: np.ndarray, samples: int, seed: int
 ) -> np.ndarray:
-    """Samples of the parameters, one row each."""
+    """Samples (samples, p) of parameters, those that are `positive` by their logarithms.
+
+    Normal about their `mean` with a `covariance` (SI), which need not be regular.
+    """
     jacobian = np.where(positive, 1 / np.where(positive, mean, 1.0), 1.0)
     spread = covariance * np.outer(jacobian, jacobian)
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))

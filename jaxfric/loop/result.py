@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fitting import Estimate, NoiseEstimate
+from ..fitting.derived import amplitudes, rate_dependence
 from ..plain import plain
 from ..records import Provenance, Sampling, VelocitySteps
 from .family import CurveFamily
@@ -49,6 +50,14 @@ class Score:
     """Noise of this model's own residual."""
     tests: Mapping[str, float]
     """p-values of the residual tests on the train block, corrected together."""
+
+    @property
+    def A_minus_B(self) -> Estimate | None:
+        """A less all B (a - b), a second state's too, with its error; None where there is no A.
+
+        Effects that depend on velocity alone (viscous, a Stribeck curve) come on top of it.
+        """
+        return rate_dependence(self) if amplitudes(self) else None
 
 
 @dataclass(frozen=True)
@@ -319,19 +328,22 @@ class Loop:
     def _score(self, score: Score) -> dict[str, object]:
         """Errors, parameters and their covariance; no interval of what is not determined."""
         of, step = self.blocks.of, self.blocks.step
-        fields = ("value", "std", "lower", "upper", "unit", "free", "determined")
-        unknown = dict.fromkeys(("std", "lower", "upper"))
+        rate = score.A_minus_B
         return {
             **{f"{name}_rms": rms for name, rms in score.rms.items()},
             "in_sigma": {name: v / self.sigma_of(of(name)) for name, v in score.rms.items()},
             "per_step_in_sigma": [
                 v / self.sigma_of(step == k) for k, v in enumerate(score.per_step)
             ],
-            "parameters": {
-                name: {field: getattr(e, field) for field in fields}
-                | ({} if e.determined else unknown)
-                for name, e in score.parameters.items()
-            },
+            **({} if rate is None else {"A_minus_B": _estimated(rate)}),
+            "parameters": {name: _estimated(e) for name, e in score.parameters.items()},
             "free": score.free,
             "covariance": score.covariance,
         }
+
+
+def _estimated(estimate: Estimate) -> dict[str, object]:
+    """An estimate; no interval of what is not determined."""
+    fields = ("value", "std", "lower", "upper", "unit", "free", "determined")
+    found: dict[str, object] = {field: getattr(estimate, field) for field in fields}
+    return found if estimate.determined else found | dict.fromkeys(("std", "lower", "upper"))

@@ -27,7 +27,7 @@ def draw_posterior(posterior: Posterior, *paths: str | Path) -> None:
 
 def posterior_figure(posterior: Posterior) -> Figure:
     """Figure of a posterior: densities on the diagonal, pairs of parameters below it."""
-    names = (*posterior.names, DIFFERENCE)
+    names = (DIFFERENCE, *posterior.names)
     about, drawn = _columns(posterior, posterior.laplace.draws), None
     if posterior.draws is not None:
         values = posterior.draws.values

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effects import parameters
 from ..fitting import Estimate
-from ..fitting.table import decimals, noise_text
+from ..fitting.table import DIFFERENCE, decimals, noise_text, shown_name
 from ..loop.family import CurveFamily, listed
 from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
@@ -175,22 +175,28 @@ def by_velocity(loop: Loop) -> TextTable:
 
 def moved(loop: Loop) -> TextTable:
     """Parameters before and after, with intervals, and how far they moved."""
-    shifts, rows = loop.shifts(), []
+    rates = loop.before.A_minus_B, loop.after.A_minus_B
+    rows = [] if rates[1] is None else [_moved(loop, DIFFERENCE, rates[0], rates[1])]
     for name, after in loop.after.parameters.items():
-        before = loop.before.parameters.get(name)
-        unit, size = shown_unit(after, _length(loop))
-        value, std, interval = _estimate(after, size)
-        old = "–" if before is None else _estimate(before, size)[0]
-        shift = f"{shifts[name]:+.1f}".replace("-", "−") if name in shifts else ""
-        if after.free and after.determined:
-            value = f"{value} ± {std}"
-        rows.append((name, _meaning(loop, name), old, value, interval, shift, unit))
+        rows.append(_moved(loop, name, loop.before.parameters.get(name), after))
     marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
     head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
     note = "shift: after minus before, in standard deviations of the fit after"
     if loop.verdict == "ambiguous" and loop.effects:
         note += "\n± and intervals cover what the fits with its rivals make of the same parameters"
     return TextTable("Parameters", head, rows, note + _also_fitted(loop), marked)
+
+
+def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> tuple[str, ...]:
+    unit, size = shown_unit(after, _length(loop))
+    value, std, interval = _estimate(after, size)
+    old = "–" if before is None else _estimate(before, size)[0]
+    shift = ""
+    if before is not None and after.std > 0:
+        shift = f"{(after.value - before.value) / after.std:+.1f}".replace("-", "−")
+    if after.free and after.determined:
+        value = f"{value} ± {std}"
+    return shown_name(name), _meaning(loop, name), old, value, interval, shift, unit
 
 
 def _also_fitted(loop: Loop) -> str:
@@ -225,6 +231,8 @@ def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
 
 def _meaning(loop: Loop, name: str) -> str:
     """Meaning of a parameter; empty for an effect that is not of the catalogue."""
+    if name == DIFFERENCE:
+        return "below 0: weakening"
     if "." not in name:
         try:
             text = loop.words.quantity(name).text

@@ -2,8 +2,7 @@
 
 from typing import NamedTuple
 
-from ..fitting.result import difference
-from ..fitting.table import decimals
+from ..fitting.table import decimals, shown_name
 from ..posterior.inference_data import unit_name, unit_size
 from ..posterior.result import DIFFERENCE, Posterior, Spread
 
@@ -23,15 +22,15 @@ class PosteriorRow(NamedTuple):
 
 
 def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
-    """The parameters in the order of the fit, then A less all B."""
+    """A less all B, then the parameters in the order of the fit."""
     priors = dict(zip(posterior.names, posterior.priors, strict=True))
     maximum, about = posterior.maximum(), posterior.approximation()
     drawn, rows = posterior.sampled(), []
-    for name in (*posterior.names, DIFFERENCE):
+    for name in (DIFFERENCE, *posterior.names):
         size, unit = unit_size(name, posterior.fit), unit_name(name, posterior.fit)
         digits = decimals(about[name].std / size)
         row = PosteriorRow(
-            name="A-B" if name == DIFFERENCE else name,
+            name=shown_name(name),
             prior=priors[name].text(size) if name in priors else "",
             fit=_of_fit(posterior, name, size),
             maximum=f"{maximum[name] / size:.{digits}f}",
@@ -60,12 +59,9 @@ def posterior_lines(posterior: Posterior) -> list[str]:
 
 def _of_fit(posterior: Posterior, name: str, size: float) -> str:
     """Value and standard deviation of the fit alone."""
-    if name == DIFFERENCE:
-        value, std = difference(posterior.fit)
-        known = True
-    else:
-        one = posterior.fit.parameters[name]
-        value, std, known = one.value, one.std, one.determined
+    fit = posterior.fit
+    one = fit.A_minus_B if name == DIFFERENCE else fit.parameters[name]
+    value, std, known = one.value, one.std, one.determined
     digits = decimals(std / size)
     return f"{value / size:.{digits}f} ± {std / size:.{digits}f}" if known else "undetermined"
 

@@ -46,6 +46,9 @@ def _row(step: StepFit) -> dict[str, Cell]:
         return row | {"result": step.failed}
     row["law"] = fit.law
     force = fit.record.friction_unit != "1"
+    label, own = f"A-B{' [N]' if force else ''}", fit.A_minus_B
+    row[label] = short(own.value) if own.determined else None
+    row[f"std {label}"] = short(own.std, 4) if own.determined else None
     for name, estimate in fit.parameters.items():
         if name == "V0":
             continue
@@ -56,10 +59,6 @@ def _row(step: StepFit) -> dict[str, Cell]:
         row[label] = short(scale * estimate.value) if known else None
         if estimate.free:
             row[f"std {label}"] = short(scale * estimate.std, 4) if known else None
-    value, error = difference(fit)
-    label = f"A-B{' [N]' if force else ''}"
-    row[label] = short(value) if fit.converged else None
-    row[f"std {label}"] = short(error, 4) if fit.converged else None
     row |= {"rms": short(fit.rms, 4), "noise": short(fit.noise.sigma, 4), "rows": len(fit.record)}
     return row | {"result": fit.result, "warnings": "; ".join(fit.warnings)}
 
@@ -103,19 +102,20 @@ def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
                 row |= {f"b{name}": b.value, f"std b{name}": b.std}
                 if L.determined:
                     row |= {f"Dc{name}": 1e6 * L.value, f"std Dc{name}": 1e6 * L.std}
-            row["a-b"] = difference(step.fit)[0]
-            trend = p.get("slip_trend")
+            own, trend = step.fit.A_minus_B, p.get("slip_trend")
+            if own.determined:
+                row |= {"a-b": own.value, "std a-b": short(own.std, 4)}
             row |= {"lin_term": 0.0 if trend is None else 1e-6 * trend.value, "wc": 0}
         out.append({k: short(v) if isinstance(v, float) else v for k, v in row.items()})
     return out
 
 
 def latex_text(run: RunFit) -> str:
-    """A LaTeX table (booktabs): velocities, normal stress, A, B, A-B, L and their errors."""
+    """A LaTeX table (booktabs): velocities, normal stress, A-B, A, B, L and their errors."""
     lines = [
         r"\begin{tabular}{rrrrcccc}",
         r"\toprule",
-        r"step & $V_1$ & $V_2$ & $\sigma_n$ & $a$ & $b$ & $a-b$ & $D_c$ \\",
+        r"step & $V_1$ & $V_2$ & $\sigma_n$ & $a-b$ & $a$ & $b$ & $D_c$ \\",
         r" & \multicolumn{2}{c}{[$\mu$m/s]} & [MPa] & & & & [$\mu$m] \\",
         r"\midrule",
     ]
@@ -129,7 +129,7 @@ def latex_text(run: RunFit) -> str:
             p = fit.parameters
             numbers = [n[1:] for n in p if n[0] == "B"]
             B, L = (", ".join(_estimate(p[x + n]) for n in numbers) for x in "BL")
-            cells += [_estimate(p["A"]), B, f"${measured(*difference(fit))}$", L]
+            cells += [_estimate(fit.A_minus_B), _estimate(p["A"]), B, L]
         lines.append(" & ".join(cells) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
@@ -151,12 +151,12 @@ def measured(value: float, error: float) -> str:
     return f"{value:.{places}f}({digits})"
 
 
-HEAD = ("step", "time [s]", "V [um/s]", "MPa", "A", "B", "A-B", "L [um]")
+HEAD = ("step", "time [s]", "V [um/s]", "MPa", "A-B (a-b)", "A (a)", "B (b)", "L (D_c) [um]")
 """Heads of the columns of `text_cells`."""
 
 
 def text_cells(step: StepFit) -> tuple[str, ...]:
-    """A step in the columns of `HEAD`; without a fit, in the four before A, and why."""
+    """A step in the columns of `HEAD`; without a fit, in the four before A-B, and why."""
     event, fit = step.event, step.fit
     stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
     change = f"{1e6 * event.before:.3g} -> {1e6 * event.after:.3g}"
@@ -169,12 +169,12 @@ def text_cells(step: StepFit) -> tuple[str, ...]:
         " ".join(_estimate(p[x + n]).replace("$", "") for n in of)
         for x, of in (("A", [""]), ("B", numbers), ("L", numbers))
     )
-    return (*when, A, B, measured(*difference(fit)), L)
+    return (*when, _estimate(fit.A_minus_B).replace("$", ""), A, B, L)
 
 
 def text_lines(run: RunFit) -> list[str]:
     """The table for a terminal, a line a step."""
-    widths = (4, 11, 16, 7, 14, 13, 14, 11)
+    widths = (4, 11, 16, 7, 14, 14, 13, 14)
     lines = [HEAD, *(text_cells(step) for step in run.steps)]
     out = []
     for cells in lines:

@@ -1,0 +1,163 @@
+"""What follows from the parameters of a fit, with its error: A-B, the critical stiffness.
+
+A less the sum of all B (a - b) is how steady friction changes with the logarithm of velocity. It is
+linear in the parameters, so its variance is w^T C w with C the covariance of the fit and w = 1 for
+A, -1 for every B: errors of A and B that go together cancel.
+
+The critical stiffness, (B - A)/L for one state, is not linear. Its interval is from samples of the
+covariance: parameters that are positive (A, L) are drawn by their logarithms, as their own
+intervals are, and 2.5 and 97.5 % of the critical stiffnesses lie outside its ends. Neither is
+profiled.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Protocol
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..laws.saved import draw_samples
+from ..rig.friction import AbstractRateState, RateState, critical_stiffness
+from ..stability.linear import linear_friction
+from ..stability.theorem import theorem
+from .estimate import Estimate
+from .problem import Model, build_rig, quantity_of
+from .uncertainty import QUANTILE
+
+SAMPLES = 4096
+"""Samples behind an interval: its ends are then right to a few per cent of a standard deviation."""
+_AT_ONCE = 128
+_ENDS = (2.5, 97.5)
+
+
+class Estimated(Protocol):
+    """What has estimates with a covariance: a `Fit`, or a model of a loop."""
+
+    @property
+    def parameters(self) -> Mapping[str, Estimate]: ...
+    @property
+    def free(self) -> tuple[str, ...]: ...
+    @property
+    def covariance(self) -> np.ndarray: ...
+
+
+def amplitudes(fit: Estimated) -> list[str]:
+    """Names of A and of all B, of effects too ("second_state.B2"); none without an A."""
+    letters = {n: n.rpartition(".")[2].rstrip("0123456789") for n in fit.parameters}
+    names = [n for n, letter in letters.items() if letter in ("A", "B")]
+    return names if any(letters[n] == "A" for n in names) else []
+
+
+def difference(fit: Estimated) -> tuple[float, float]:
+    """A less the sum of all B, the rate dependence of steady friction, and its standard error."""
+    sign = {n: (1 if n.rpartition(".")[2] == "A" else -1) for n in amplitudes(fit)}
+    value = sum(fit.parameters[n].value * sign[n] for n in sign)
+    weight = np.array([sign.get(n, 0) for n in fit.free], float)
+    return value, float(np.sqrt(max(weight @ fit.covariance @ weight, 0.0)))
+
+
+def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
+    """A less all B as an `Estimate`, in the unit of friction; its interval is 1.96 errors wide
+    on either side.
+
+    It is determined where A and all B are, or where half its interval is less than the `span` of
+    friction that the record covers: levels before and after a step can fix A-B where the peak
+    between them is not resolved.
+    """
+    names = amplitudes(fit)
+    value, std = difference(fit)
+    half = QUANTILE * std
+    known = all(fit.parameters[n].determined for n in names) or half < span
+    return Estimate(
+        value,
+        std,
+        value - half,
+        value + half,
+        fit.parameters[names[0]].unit,
+        free=any(fit.parameters[n].free for n in names),
+        determined=bool(names and known and np.isfinite(std)),
+    )
+
+
+def critical_stiffness_of(law: AbstractRateState) -> float:
+    """Critical stiffness without mass and damping [friction/m]: (25) of a `RateState`, of another
+    law that of (18)-(20) at V0."""
+    return float(_critical(law))
+
+
+@eqx.filter_jit
+def _critical(law: AbstractRateState) -> Float[Array, ""]:
+    if isinstance(law, RateState):
+        return critical_stiffness(law)
+    friction = linear_friction(law, law.V0)
+    return theorem(friction.kernel, friction.slope, jnp.zeros_like(law.V0)).critical_stiffness
+
+
+@eqx.filter_jit
+def _critical_of_samples(
+    model: Model, vectors: Float[Array, "n p"], V0: Float[Array, ""], K: Float[Array, ""]
+) -> Float[Array, " n"]:
+    """Critical stiffness of each row of parameters, in the order of `model.names()`."""
+
+    def one(vector: Float[Array, " p"]) -> Float[Array, ""]:
+        law = build_rig(model, vector, V0, K).friction
+        assert isinstance(law, AbstractRateState)
+        return _critical(law)
+
+    return jax.lax.map(one, vectors, batch_size=_AT_ONCE)
+
+
+def samples_of(fit: Estimated, names: tuple[str, ...], number: int = SAMPLES) -> np.ndarray:
+    """Samples (number, p) of the parameters `names`; those that are not free keep their values."""
+    values = np.array([fit.parameters[n].value for n in names])
+    drawn = np.tile(values, (number, 1))
+    free = [n for n in names if n in fit.free]
+    if free:
+        own = [fit.free.index(n) for n in free]
+        mean = values[[names.index(n) for n in free]]
+        above = np.array([quantity_of(n).lower == 0.0 for n in free])
+        spread = np.asarray(fit.covariance)[np.ix_(own, own)]
+        drawn[:, [names.index(n) for n in free]] = draw_samples(mean, spread, above, number, 0)
+    return drawn
+
+
+@dataclasses.dataclass(frozen=True)
+class Critical:
+    """The critical stiffness of a fit, and the stiffness in units of it. SI."""
+
+    stiffness: Estimate
+    """K_cr [friction/m]; 0 or less: steady sliding is stable at any stiffness."""
+    ratio: Estimate
+    """K/K_cr, K with its error where it was fitted; inf where K_cr is 0 or less."""
+
+
+def critical_of(fit: Estimated, model: Model, value: float, *, known: bool) -> Critical:
+    """Intervals about the critical stiffness `value` of a fit of `model`.
+
+    `known` is whether all parameters that it takes are determined; where not, nor are these.
+    """
+    K, V0 = fit.parameters["K"], fit.parameters["V0"].value
+    unit, ratio = K.unit, K.value / value if value > 0 else np.inf
+    if not known or not np.all(np.isfinite(fit.covariance)):
+        nothing = Estimate(value, np.nan, np.nan, np.nan, unit, determined=False)
+        return Critical(nothing, dataclasses.replace(nothing, value=ratio, unit="1"))
+    drawn = samples_of(fit, (*model.names(), *(("K",) if not model.fit_stiffness else ())))
+    size = len(model.names())
+    vectors = jnp.asarray(drawn[:, :size])
+    found = _critical_of_samples(model, vectors, jnp.asarray(V0), jnp.asarray(K.value))
+    critical = np.asarray(found)
+    own = drawn[:, model.names().index("K") if model.fit_stiffness else size]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(critical > 0, own / critical, np.inf)
+    return Critical(_spread(critical, value, unit), _spread(ratios, ratio, "1"))
+
+
+def _spread(samples: np.ndarray, value: float, unit: str) -> Estimate:
+    """About `value`, the ends between which 95 % of the samples lie; std inf where some are."""
+    lower, upper = np.percentile(samples, _ENDS, method="nearest")
+    std = float(np.std(samples)) if np.all(np.isfinite(samples)) else np.inf
+    return Estimate(value, std, float(lower), float(upper), unit)
