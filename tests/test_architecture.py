@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1] / "jaxfric"
 FLOORS = {
     "errors": 0,
     "lazy": 0,
+    "described": 0,
     "cache": 1,
     "traced": 0,
     "quantity": 0,
@@ -44,6 +45,7 @@ FLOORS = {
     "plot": 5,
     "report": 5,
     "members": 6,
+    "views": 6,
     "cli": 7,
     "__main__": 8,
     "": 8,

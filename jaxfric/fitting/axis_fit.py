@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..described import Described, Tabular
 from ..effects import null
 from ..records.axis_record import AxisRecord
 from ..rig.axis import AxisRig
@@ -31,8 +32,8 @@ _COMPARED = 10
 _AT_ONCE = 8
 
 
-@dataclass(frozen=True, eq=False)
-class AxisFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class AxisFit(Described, Tabular):
     """Parameters of an axis and how well they explain a record."""
 
     method: str

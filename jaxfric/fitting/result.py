@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import jax.numpy as jnp
 import numpy as np
 
+from ..described import Described, Drawable, Gridded, Tabular
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
@@ -22,8 +23,8 @@ from .solved import Solved
 SCHEMA = "jaxfric.fit/1"
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(Described, Drawable, Gridded, Tabular):
     """A fitted record. Parameters in SI; friction quantities in the record's unit (1 or N)."""
 
     record: Record

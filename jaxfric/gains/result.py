@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..described import Described, Drawable, Tabular
 from .frontier import Region
 from .requirement import Requirement
 from .scenarios import Scenarios
@@ -55,8 +56,8 @@ class Certificate:
     """Times that violated scenarios were added to those that the search carries."""
 
 
-@dataclass(frozen=True, eq=False)
-class Gains:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gains(Described, Drawable, Tabular):
     """Minimum-norm PD gains. SI units throughout; `kp` and `kv` are the recommended ones."""
 
     kp: float

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..described import Described, Tabular
 from ..errors import InputError
 from ..laws import LawSource
 from .gains import find_gains
@@ -37,8 +38,8 @@ class SetPoint:
     """The slider settles from velocity r for every r up to this."""
 
 
-@dataclass(frozen=True)
-class Schedule:
+@dataclass(frozen=True, repr=False)
+class Schedule(Described, Tabular):
     """A chain of set points from the slowest to the fastest."""
 
     points: tuple[SetPoint, ...]

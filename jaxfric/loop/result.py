@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..described import Described, Drawable, Gridded, Tabular
 from ..fitting import Estimate, NoiseEstimate
 from ..fitting.derived import amplitudes, rate_dependence
 from ..plain import plain
@@ -149,8 +150,8 @@ class LoopDetails(typing.Protocol):
     def to_json(self) -> dict: ...
 
 
-@dataclass(frozen=True, eq=False)
-class Loop:
+@dataclass(frozen=True, eq=False, repr=False)
+class Loop(Described, Drawable, Gridded, Tabular):
     """The loop closed over one record."""
 
     record: LoopRecord

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
 
 from ..gains.ends import ENDS, EndState
 from ..gains.margins import several_margins
@@ -50,7 +51,12 @@ _END_NAMES = {
 
 
 def draw_gains(result: Gains, folder: str | Path) -> list[str]:
-    """Write gains.png and gains.svg to `folder`; the names written.
+    """Write gains.png and gains.svg to `folder`; the names written."""
+    return save(gains_figure(result), Path(folder), "gains")
+
+
+def gains_figure(result: Gains) -> Figure:
+    """Figure of recommended gains.
 
     Panels: the map of gains with what all scenarios accept, both boundaries of the linear
     theory and the optima; the required margins against velocity; the friction curve.
@@ -70,7 +76,7 @@ def draw_gains(result: Gains, folder: str | Path) -> list[str]:
         ha="left",
         fontsize=11,
     )
-    return save(figure, Path(folder), "gains")
+    return figure
 
 
 def _stiffness(result: Gains) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 
@@ -59,6 +60,11 @@ def panel_title(text: str) -> str:
 
 
 def _save_residual(loop: Loop, folder: Path) -> list[str]:
+    return save(residual_figure(loop), folder, "residual")
+
+
+def residual_figure(loop: Loop) -> Figure:
+    """The figure `residual`: what the record leaves of the model before and after, by row."""
     along, label, marks = _abscissa(loop)
     figure = new_figure(10.0, 8.4)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[0.75, 2, 2])
@@ -98,7 +104,7 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
     title = f"{name}: record minus model, in units of the noise σ = {noise}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(list(axes))
-    return save(figure, folder, "residual")
+    return figure
 
 
 def _base(loop: Loop) -> str:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..prediction import Prediction
 from .label import printable
@@ -12,6 +13,11 @@ from .stability import BAND, BLACK, BLUE, ORANGE, new_figure, prefixed, save, ti
 
 def draw_prediction(found: Prediction, folder: Path) -> list[str]:
     """Write `prediction` to `folder` as PNG and SVG; the names written."""
+    return save(prediction_figure(found), folder, "prediction")
+
+
+def prediction_figure(found: Prediction) -> Figure:
+    """Figure of a prediction: record and model, what is left, the error of a position."""
     panels = 2 if found.position is None else 3
     figure = new_figure(9.5, 2.0 + 2.2 * panels)
     axes = figure.subplots(panels, 1, sharex=True, height_ratios=[2, *[1.2] * (panels - 1)])
@@ -24,7 +30,7 @@ def draw_prediction(found: Prediction, folder: Path) -> list[str]:
     for axis in axes:
         axis.margins(x=0.01)
     figure.align_ylabels(list(axes))
-    return save(figure, folder, "prediction")
+    return figure
 
 
 def _unit(found: Prediction) -> tuple[float, str]:

@@ -17,7 +17,12 @@ _MOST_LABELS = 8
 
 
 def draw_record(record: Record, steps: VelocitySteps | None, path: str | Path) -> None:
-    """Write a figure of a record to `path` (PNG, PDF or SVG by its ending).
+    """Write a figure of a record to `path` (PNG, PDF or SVG by its ending)."""
+    record_figure(record, steps).savefig(str(path), dpi=150)
+
+
+def record_figure(record: Record, steps: VelocitySteps | None) -> Figure:
+    """Figure of a record.
 
     Panels: friction; displacement of the load point with the broken line of the steps;
     what is left of it; the velocities. `steps` may be None: then only what was measured.
@@ -41,7 +46,7 @@ def draw_record(record: Record, steps: VelocitySteps | None, path: str | Path) -
     axes[-1].set_xlabel(f"time since the first row [s]   (first row at {record.time[0]:.10g} s)")
     figure.suptitle(_title(record, steps), x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(list(axes))
-    figure.savefig(str(path), dpi=150)
+    return figure
 
 
 def _friction(axis: Axes, record: Record, steps: VelocitySteps | None) -> None:

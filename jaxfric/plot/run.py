@@ -126,6 +126,13 @@ def _times(axis: Axes, record: Record) -> None:
 
 def draw_rates(run: RunFit, *paths: str | Path) -> None:
     """Write A-B of all fitted steps against velocity, displacement and normal stress."""
+    figure = rates_figure(run)
+    for path in paths:
+        figure.savefig(str(path), dpi=130)
+
+
+def rates_figure(run: RunFit) -> Figure:
+    """Figure of A-B of all fitted steps against velocity, displacement and normal stress."""
     found = [step for step in run.steps if step.fit is not None and step.fit.converged]
     pairs = np.array([difference(step.fit) for step in found if step.fit is not None])
     stress = [step.event.normal_stress for step in found]
@@ -168,8 +175,7 @@ def draw_rates(run: RunFit, *paths: str | Path) -> None:
         *axes[0].get_legend_handles_labels(), loc="outside upper right", ncol=2, frameon=False
     )
     axes[0].text(0.02, 0.02, "below 0: velocity weakening", transform=axes[0].transAxes, fontsize=8)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    return figure
 
 
 def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> None:

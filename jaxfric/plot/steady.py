@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..fitting.table import noise_lines
 from ..loop.steady.loop import SteadyLoop
@@ -34,6 +35,11 @@ def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
 
 def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
     """Write `curve` to `folder` as PNG and SVG; the names written."""
+    return save(steady_figure(loop), Path(folder), "curve")
+
+
+def steady_figure(loop: SteadyLoop) -> Figure:
+    """Figure of friction at steady speeds: runs, base and model, and what these leave."""
     curve = loop.curve
     unit, _, size = loop.units()
     factor, shown = speed_shown(curve)
@@ -81,7 +87,7 @@ def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
     figure.legend(
         entries.values(), entries, loc="outside lower left", ncol=3, frameon=False, fontsize=8.5
     )  # off the data
-    return save(figure, Path(folder), "curve")
+    return figure
 
 
 def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> list[str]:

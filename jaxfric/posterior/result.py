@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..described import Described, Drawable, Drawn, Tabular
 from ..fitting.result import Fit
 from .distributions import AbstractPrior
 from .laplace import Laplace
@@ -36,8 +37,8 @@ class Chains(NamedTuple):
     ess_tail: float
 
 
-@dataclass(frozen=True, eq=False)
-class Posterior:
+@dataclass(frozen=True, eq=False, repr=False)
+class Posterior(Described, Drawable, Drawn, Tabular):
     """What priors and a record say together of the parameters of a fit. SI.
 
     The noise is held at the fit's estimate (`posterior.target`). Where `converged` is False the

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..described import Described, Drawable, Gridded, Tabular
 from ..plain import plain
 from ..records.record import Provenance
 
@@ -48,8 +49,8 @@ class Shift:
         return (self.here - self.model) / self.error if self.error > 0 else math.nan
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction(Described, Drawable, Gridded, Tabular):
     """A saved model on another record. SI; forces in `force_unit`."""
 
     source: str

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..described import Described, Drawable, Gridded, Tabular
 from ..errors import InputError
 from ..units import between
 from . import standing_out
@@ -69,8 +70,8 @@ class Sampling:
         return text if ends == f"{self.median:.3g} s" else f"{text} ({ends})"
 
 
-@dataclass(frozen=True, eq=False)
-class Record:
+@dataclass(frozen=True, eq=False, repr=False)
+class Record(Described, Drawable, Gridded, Tabular):
     """Columns of equal length, read-only, in SI; time increases from row to row.
 
     - `time` [s], as in the file; `relative_time` starts at 0.

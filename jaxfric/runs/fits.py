@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..described import Described, Drawable, Tabular
 from ..errors import InputError
 from ..fitting import Fit, fit
 from ..laws.registry import refuse_unknown_law
@@ -39,8 +40,8 @@ class StepFit:
     failed: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class RunFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class RunFit(Described, Drawable, Tabular):
     """A run: its record, with resets of the encoder taken out, its events, and the fits."""
 
     record: Record

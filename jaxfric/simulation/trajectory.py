@@ -4,7 +4,10 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+
+from ..described import Described, Drawable, Gridded, Tabular
 
 
 class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
@@ -39,7 +42,7 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
     )
 
 
-class Trajectory(eqx.Module):
+class Trajectory(Described, Drawable, Gridded, Tabular, eqx.Module):
     """Motion and friction of the slider at the sample times.
 
     `force`, `load` and `state` are in the unit of friction (N, or 1 for a coefficient). All
@@ -77,3 +80,25 @@ def only_if(possible: Bool[Array, ""], found: Trajectory) -> Trajectory:
     values = dict(zip(names, kept, strict=True))
     result = RESULTS.where(possible, found.result, RESULTS.impossible)
     return Trajectory(time=found.time, result=result, num_steps=found.num_steps, **values)
+
+
+_WORDS = {
+    "successful": "successful",
+    "ran_away": "ran away",
+    "came_to_rest": "came to rest",
+    "too_few_intervals": "too few intervals",
+    "unresolved": "unresolved",
+    "impossible": "impossible",
+    "max_steps_reached": "exhausted max_steps",
+}
+
+
+def result_words(result: RESULTS) -> str | np.ndarray:
+    """A result in words, "successful" or "ran away"; of a batch an array of them.
+
+    What the solver itself calls a failure, other than too many steps, is "the solver failed".
+    """
+    found = np.full(np.shape(result == RESULTS.successful), "the solver failed", dtype=object)
+    for name, words in _WORDS.items():
+        found[np.asarray(result == getattr(RESULTS, name))] = words
+    return found if found.ndim else str(found)

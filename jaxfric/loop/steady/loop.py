@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...described import Described, Drawable, Tabular
 from ...effects import ids_of
 from ...errors import InputError
 from ...gains.axis import axis_gains
@@ -29,8 +30,8 @@ _FEWEST = 8
 _HINT = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class SteadyLoop:
+@dataclass(frozen=True, eq=False, repr=False)
+class SteadyLoop(Described, Drawable, Tabular):
     """The result of a loop on a steady curve."""
 
     curve: SteadyCurve

@@ -1,0 +1,82 @@
+"""What a result does in a notebook and a terminal: it says what it is, is drawn, becomes a table.
+
+Words, figures and tables of results are made on a higher floor, from the result alone. The classes
+here are inherited by results of any floor, and find by name, when they are asked, what
+`jaxfric.views` has for a class: a result imports nothing for it. A result takes those of them that
+make sense for it, so that it has no method that only refuses.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from arviz import InferenceData  # pyright: ignore[reportMissingImports]
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
+
+_VIEWS = "jaxfric.views"
+
+
+def _shown(result: object, how: str):
+    """What the function `how` of the views makes of a result."""
+    return getattr(importlib.import_module(_VIEWS), how)(result)
+
+
+class Described:
+    """A result that says in a line what it is, and in a page what it found."""
+
+    def __repr__(self) -> str:
+        return _shown(self, "line")
+
+    def _repr_html_(self) -> str:
+        """The summary as HTML, as a notebook shows it."""
+        return _shown(self, "html")
+
+    def summary(self) -> str:
+        """What was found, as text: the tables and sentences that the command prints."""
+        return _shown(self, "summary")
+
+
+class Drawable:
+    """A result that has a figure."""
+
+    def plot(self) -> "Figure":
+        """The figure that the command makes of it, as a matplotlib Figure.
+
+        A notebook shows it as the last line of a cell; `.savefig("name.png")` writes it.
+        """
+        return _shown(self, "figure")
+
+
+class Tabular:
+    """A result that is a table."""
+
+    def to_pandas(self) -> "DataFrame":
+        """The result as a DataFrame, SI; `attrs` has its warnings, and whether it converged.
+
+        Raises `InputError` without pandas: `pip install "jaxfric[notebook]"`.
+        """
+        return _shown(self, "pandas")
+
+
+class Gridded:
+    """A result that has arrays over the rows of a record, or over time."""
+
+    def to_xarray(self) -> "Dataset":
+        """The result as a Dataset, SI, every variable with its `units`; `attrs` has its warnings.
+
+        Raises `InputError` without xarray: `pip install "jaxfric[notebook]"`.
+        """
+        return _shown(self, "xarray")
+
+
+class Drawn:
+    """A result of draws."""
+
+    def to_arviz(self) -> "InferenceData":
+        """The draws as ArviZ InferenceData, in the units of the record.
+
+        Raises `InputError` without ArviZ: `pip install "jaxfric[posterior]"`.
+        """
+        return _shown(self, "arviz")

@@ -1,0 +1,84 @@
+"""How results are shown: a line, a page, a figure, a table. `jaxfric.described` asks for them.
+
+`HOMES` says which module of this folder has the `View` of a class; it is loaded when a result of
+that class is shown.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from .view import View, html_of, in_notebook, pandas_of, text_of, xarray_of
+
+if TYPE_CHECKING:
+    from arviz import InferenceData  # pyright: ignore[reportMissingImports]
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
+
+HOMES = {
+    "AxisFit": "axis_fit",
+    "Fit": "fit",
+    "Gains": "gains",
+    "Loop": "loop",
+    "Posterior": "posterior",
+    "Prediction": "prediction",
+    "Record": "record",
+    "RunFit": "run",
+    "Schedule": "schedule",
+    "SteadyLoop": "steady",
+    "Trajectory": "trajectory",
+}
+
+
+def view_of(result: object) -> View:
+    """The view of a result's class."""
+    return importlib.import_module(f".{HOMES[type(result).__name__]}", __name__).VIEW
+
+
+def line(result: object) -> str:
+    """A result in a line: its `repr`."""
+    return view_of(result).line(result)
+
+
+def summary(result: object) -> str:
+    """A result as text."""
+    view = view_of(result)
+    return text_of(view.line(result), view.page(result))
+
+
+def html(result: object) -> str:
+    """A result as HTML for a notebook."""
+    view = view_of(result)
+    return html_of(view.line(result), view.page(result))
+
+
+def figure(result: object) -> "Figure":
+    """The figure of a result."""
+    draw = view_of(result).figure
+    assert draw is not None
+    return in_notebook(draw(result))
+
+
+def pandas(result: object) -> "DataFrame":
+    """A result as a DataFrame."""
+    frame = view_of(result).frame
+    assert frame is not None
+    return pandas_of(frame(result))
+
+
+def xarray(result: object) -> "Dataset":
+    """A result as a Dataset."""
+    arrays = view_of(result).arrays
+    assert arrays is not None
+    return xarray_of(arrays(result))
+
+
+def arviz(result: object) -> "InferenceData":
+    """A posterior as InferenceData."""
+    from ..posterior.inference_data import inference_data
+    from ..posterior.result import Posterior
+
+    if not isinstance(result, Posterior):
+        raise InputError(f"only a Posterior has draws, not a {type(result).__name__}")
+    return inference_data(result)

@@ -1,0 +1,78 @@
+"""A fit in a line, a page, a figure and tables."""
+
+import dataclasses
+
+from ..fitting.result import Estimate, Fit
+from ..fitting.table import DIFFERENCE, rows, summary
+from ..loop.result import TextTable
+from ..plot.label import printable
+from .view import Arrays, Frame, Page, Variable, View
+
+
+def line(fit: Fit) -> str:
+    """The law, A-B, A, B and L with their errors, and how the fit ended."""
+    shown = [row for row in rows(fit) if row.name[0] in "ABL" and row.value]
+    told = ", ".join(
+        f"{row.name.partition(' ')[0]} = {row.value}"
+        + (f" ± {row.std}" if row.std not in ("", "fixed") else "")
+        + (f" {row.unit}" if row.unit and row.value != "undetermined" else "")
+        for row in shown
+    )
+    name = printable(fit.record.provenance.path)
+    return f"Fit({name}: {fit.law} law, {told}; {fit.result})"
+
+
+def page(fit: Fit) -> Page:
+    """The table of parameters and the sentences below it, as `jaxfric fit` prints them."""
+    head = ("", "", "value", "std", "95 % interval", "unit")
+    states = "" if fit.model.states == 1 else f", {fit.model.states} states"
+    table = TextTable(f"{fit.law} law{states}", head, [tuple(row) for row in rows(fit)])
+    failed = () if fit.converged else ("the fit did not converge: its numbers mean nothing",)
+    return Page((), [table], summary(fit), (*failed, *fit.warnings))
+
+
+def estimated(name: str, estimate: Estimate) -> dict[str, object]:
+    """An estimate as a row of a table; no error and no interval of what is not determined."""
+    row: dict[str, object] = {"name": name, **dataclasses.asdict(estimate)}
+    return row if estimate.determined else row | dict.fromkeys(("std", "lower", "upper"))
+
+
+def attributes(fit: Fit) -> dict[str, object]:
+    """What a fit is of, and how it ended."""
+    return {
+        "record": fit.record.provenance.path,
+        "law": fit.law,
+        "converged": fit.converged,
+        "result": fit.result,
+        "warnings": list(fit.warnings),
+    }
+
+
+def frame(fit: Fit) -> Frame:
+    """A row for A-B and every parameter: value, std, 95 % interval, unit."""
+    of = {DIFFERENCE: fit.A_minus_B, **fit.parameters}
+    return Frame([estimated(name, e) for name, e in of.items()], "name", attributes(fit))
+
+
+def arrays(fit: Fit) -> Arrays:
+    """Friction as recorded and fitted, and what is left, at the rows of the record."""
+    unit, rows_of = fit.record.friction_unit, ("time",)
+    return Arrays(
+        {
+            "friction": Variable(rows_of, fit.record.friction, unit, "friction as recorded"),
+            "predicted": Variable(rows_of, fit.predicted, unit, "fitted friction"),
+            "residual": Variable(rows_of, fit.residual, unit, "record minus fit"),
+        },
+        {"time": Variable(rows_of, fit.record.relative_time, "s", "time since the first row")},
+        attributes(fit),
+    )
+
+
+def figure(fit: Fit):
+    """The figure fit.png."""
+    from ..plot.fit import fit_figure
+
+    return fit_figure(fit)
+
+
+VIEW = View(line, page, figure, frame, arrays)

@@ -1,0 +1,51 @@
+"""Gains in a line, a page, a figure and a table."""
+
+from ..gains.result import Gains
+from ..report.gains_text import describe
+from .view import Frame, Page, View, number
+
+
+def line(gains: Gains) -> str:
+    """The recommended gains, what holds the slider, and in how many scenarios."""
+    kp = "any k_p > 0" if gains.any_stiffness else f"k_p = {number(gains.kp)} N/m"
+    how = {"stiff": "held by stiffness", "damped": "held by damping"}
+    held = how.get(gains.optima[0].name, gains.optima[0].name) if gains.optima else "no optimum"
+    required = ", ".join(
+        f"{name} >= {value:g}"
+        for name, value in zip(gains.requirement.names, gains.requirement.values, strict=True)
+    )
+    return (
+        f"Gains({kp}, k_v = {number(gains.kv)} N s/m: {held}; {required} in"
+        f" {len(gains.scenarios)} scenarios)"
+    )
+
+
+def page(gains: Gains) -> Page:
+    """What was asked, what was found, and why it is believed, as `jaxfric gains` prints it."""
+    return Page(describe(gains), warnings=gains.warnings)
+
+
+def frame(gains: Gains) -> Frame:
+    """A row for every optimum, the recommended one first."""
+    rows: list[dict[str, object]] = [
+        {
+            "name": o.name,
+            "kp [N/m]": o.kp,
+            "kv [N s/m]": o.kv,
+            "norm": o.norm,
+            "minimum": o.minimum,
+            "at_limit": o.at_limit,
+        }
+        for o in gains.optima
+    ]
+    return Frame(rows, "name", {"law": gains.law, "warnings": list(gains.warnings)})
+
+
+def figure(gains: Gains):
+    """The figure gains.png."""
+    from ..plot.gains import gains_figure
+
+    return gains_figure(gains)
+
+
+VIEW = View(line, page, figure, frame)

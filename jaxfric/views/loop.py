@@ -1,0 +1,80 @@
+"""A closed loop in a line, a page, a figure and tables."""
+
+import numpy as np
+
+from ..fitting.table import DIFFERENCE
+from ..loop.result import Loop, Score
+from ..loop.split import NAMES
+from ..plot.label import printable
+from ..report.loop_text import apart, headline, lines, moved, splitting, tables
+from .fit import estimated
+from .view import Arrays, Frame, Page, Variable, View
+
+
+def line(loop: Loop) -> str:
+    """The verdict, and the held-out error before and after."""
+    held = loop.sigma_of(loop.blocks.select | loop.blocks.report)
+    errors = [f"{loop.heldout(score) / held:.2f}" for score in (loop.before, loop.after)]
+    name = printable(loop.record.provenance.path)
+    found = headline(loop)
+    told = f"error of held-out rows {' -> '.join(dict.fromkeys(errors))} of the noise"
+    return f"Loop({name}: {loop.verdict}. {found}; {told})"
+
+
+def page(loop: Loop) -> Page:
+    """The verdict, its reasons, and all tables, as `jaxfric loop` prints them."""
+    parameters, others = moved(loop), tables(loop)
+    rest = [table for table in others if table.title != parameters.title]
+    told = [*lines(loop), splitting(loop)]
+    return Page(told, [parameters, *rest], apart(loop), loop.warnings)
+
+
+def _attributes(loop: Loop) -> dict[str, object]:
+    return {
+        "record": loop.record.provenance.path,
+        "verdict": loop.verdict,
+        "sentence": loop.sentence,
+        "effects": list(loop.effects),
+        "warnings": list(loop.warnings),
+    }
+
+
+def _rows(model: str, score: Score) -> list[dict[str, object]]:
+    rate = score.A_minus_B
+    of = {**({} if rate is None else {DIFFERENCE: rate}), **score.parameters}
+    return [{"model": model, **estimated(name, e)} for name, e in of.items()]
+
+
+def frame(loop: Loop) -> Frame:
+    """A row for every parameter of the model before, and of the model after."""
+    rows = [*_rows("before", loop.before), *_rows("after", loop.after)]
+    return Frame(rows, "", _attributes(loop))
+
+
+def arrays(loop: Loop) -> Arrays:
+    """What the record leaves of the model before and after, and the block of every row."""
+    unit, rows = loop.record.friction_unit, ("time",)
+    block = np.full(len(loop.before.residual), "", dtype=object)
+    for name in NAMES:
+        block[loop.blocks.of(name)] = name
+    text = "record minus model"
+    return Arrays(
+        {
+            "residual_before": Variable(rows, -loop.before.residual, unit, f"{text} before"),
+            "residual_after": Variable(rows, -loop.after.residual, unit, f"{text} after"),
+            "noise": Variable(rows, loop.row_sigma(), unit, "standard deviation of the noise"),
+            "block": Variable(rows, block.astype(str), "", "train, select or report; or none"),
+        },
+        {"time": Variable(rows, loop.record.relative_time, "s", "time since the first row")},
+        _attributes(loop),
+    )
+
+
+def figure(loop: Loop):
+    """The figure residual.png: record minus model, before and after."""
+    from ..plot.loop import residual_figure
+
+    return residual_figure(loop)
+
+
+VIEW = View(line, page, figure, frame, arrays)

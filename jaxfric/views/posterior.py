@@ -1,0 +1,59 @@
+"""A posterior in a line, a page, a figure and a table."""
+
+from ..loop.result import TextTable
+from ..plot.label import printable
+from ..posterior.result import DIFFERENCE, Posterior
+from ..report.posterior_text import posterior_lines, posterior_rows
+from .view import Frame, Page, View
+
+
+def line(posterior: Posterior) -> str:
+    """Mean and deviation of A-B, A, B and L, by draws where there are some."""
+    by = "Laplace" if posterior.draws is None else "NUTS"
+    told = ", ".join(
+        f"{row.name.partition(' ')[0]} = {mean} ± {std}{f' {row.unit}' if row.unit else ''}"
+        for row in posterior_rows(posterior)
+        for mean, std, *_ in [row.draws or row.laplace]
+        if row.name[0] in "ABL"
+    )
+    name = printable(posterior.fit.record.provenance.path)
+    end = "converged" if posterior.converged else "did not converge: it claims nothing"
+    return f"Posterior({name}, {posterior.fit.law} law, by {by}: {told}; {end})"
+
+
+def page(posterior: Posterior) -> Page:
+    """The fit beside the maximum, its normal law and the draws, as `jaxfric fit --prior` has it."""
+    rows = posterior_rows(posterior)
+    head = ("", "prior", "fit", "maximum", "mean", "std", "95 % interval", "unit")
+    found = [(r.name, r.prior, r.fit, r.maximum, *r.laplace, r.unit) for r in rows]
+    tables = [TextTable("posterior", head, found)]
+    if posterior.draws is not None:
+        head = ("", "mean", "std", "95 % interval", "R-hat", "ESS bulk", "tail", "unit")
+        tables.append(TextTable("draws", head, [(r.name, *r.draws, r.unit) for r in rows]))
+    return Page((), tables, posterior_lines(posterior), posterior.warnings)
+
+
+def frame(posterior: Posterior) -> Frame:
+    """A row for A-B and every parameter, SI: of the draws, without them of the normal law."""
+    spreads, maximum = posterior.sampled() or posterior.approximation(), posterior.maximum()
+    rows: list[dict[str, object]] = [
+        {"name": name, "maximum": maximum[name], **spreads[name]._asdict()}
+        | (posterior.chains[name]._asdict() if name in posterior.chains else {})
+        for name in (DIFFERENCE, *posterior.names)
+    ]
+    attrs = {
+        "method": "Laplace" if posterior.draws is None else "NUTS",
+        "converged": posterior.converged,
+        "warnings": list(posterior.warnings),
+    }
+    return Frame(rows, "name", attrs)
+
+
+def figure(posterior: Posterior):
+    """The figure posterior.png."""
+    from ..plot.posterior import posterior_figure
+
+    return posterior_figure(posterior)
+
+
+VIEW = View(line, page, figure, frame)

@@ -1,0 +1,66 @@
+"""A prediction in a line, a page, a figure and tables."""
+
+import dataclasses
+
+from ..plot.label import printable
+from ..prediction.result import Prediction
+from ..report.prediction_text import tables
+from .view import Arrays, Frame, Page, Variable, View
+
+_VERDICTS = {
+    "noise": "as good as the noise allows",
+    "parameters": "its parameters have changed",
+    "model": "the model lacks an effect here",
+}
+
+
+def line(found: Prediction) -> str:
+    """The error in units of the noise, and what it is due to."""
+    ratio, name = found.rms / found.sigma, printable(found.origin.path)
+    return (
+        f"Prediction({name} by {found.source}: error {ratio:.2f} times the noise;"
+        f" {_VERDICTS[found.verdict]})"
+    )
+
+
+def page(found: Prediction) -> Page:
+    """The sentence, the notes and the tables, as `jaxfric predict` prints them."""
+    return Page((found.sentence, *found.notes), tables(found), warnings=found.warnings)
+
+
+def _attributes(found: Prediction) -> dict[str, object]:
+    return {
+        "model": found.source,
+        "record": found.origin.path,
+        "verdict": found.verdict,
+        "sentence": found.sentence,
+        "warnings": list(found.warnings),
+    }
+
+
+def frame(found: Prediction) -> Frame:
+    """A row for every comparison of a model with the record."""
+    return Frame([dataclasses.asdict(c) for c in found.comparisons], "", _attributes(found))
+
+
+def arrays(found: Prediction) -> Arrays:
+    """What was recorded and predicted at the rows compared."""
+    unit, rows = found.force_unit, ("time",)
+    return Arrays(
+        {
+            "recorded": Variable(rows, found.recorded, unit, "as recorded"),
+            "predicted": Variable(rows, found.predicted, unit, "as predicted; nan: not compared"),
+        },
+        {"time": Variable(rows, found.time, "s", "time since the first row")},
+        _attributes(found),
+    )
+
+
+def figure(found: Prediction):
+    """The figure prediction.png."""
+    from ..plot.prediction import prediction_figure
+
+    return prediction_figure(found)
+
+
+VIEW = View(line, page, figure, frame, arrays)

@@ -1,0 +1,47 @@
+"""A record in a line, a page, a figure and tables."""
+
+from ..plot.label import printable
+from ..records import Record, record_steps
+from ..records.record import ROLES
+from ..report.record_text import describe
+from .view import Arrays, Frame, Page, Variable, View
+
+
+def line(record: Record) -> str:
+    """Rows, duration and columns."""
+    name, columns = printable(record.provenance.path), ", ".join(record.columns)
+    return f"Record({name}: {len(record)} rows over {record.relative_time[-1]:.6g} s; {columns})"
+
+
+def page(record: Record) -> Page:
+    """Columns, sampling and velocity steps, as `jaxfric record` prints them."""
+    return Page(describe(record, record_steps(record)), warnings=record.provenance.doubts)
+
+
+def frame(record: Record) -> Frame:
+    """A row for every row, SI; units stand in `attrs`."""
+    return Frame(
+        record.columns, "time", {"units": _units(record), "record": record.provenance.path}
+    )
+
+
+def _units(record: Record) -> dict[str, str]:
+    return {role: ROLES[role] for role in record.columns} | {"friction": record.friction_unit}
+
+
+def arrays(record: Record) -> Arrays:
+    """The columns over time."""
+    units, rows = _units(record), ("time",)
+    made = {r: Variable(rows, v, units[r], r.replace("_", " ")) for r, v in record.columns.items()}
+    time = made.pop("time")
+    return Arrays(made, {"time": time}, {"record": record.provenance.path})
+
+
+def figure(record: Record):
+    """The figure record.png."""
+    from ..plot.record import record_figure
+
+    return record_figure(record, record_steps(record))
+
+
+VIEW = View(line, page, figure, frame, arrays)
