@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .laws import law_from_parameters as law_from_parameters
     from .loop import Loop as Loop
     from .loop import close_loop as close_loop
+    from .loop import compare_laws as compare_laws
     from .motion import PiecewiseVelocity as PiecewiseVelocity
     from .posterior import find_posterior as find_posterior
     from .prediction import Prediction as Prediction
@@ -104,6 +105,7 @@ _HOMES = {
     "schedule": "gains",
     "Loop": "loop",
     "close_loop": "loop",
+    "compare_laws": "loop",
     "PiecewiseVelocity": "motion",
     "AxisRecord": "records",
     "Record": "records",

@@ -46,6 +46,7 @@ NAMES = [
     "close_axis_loop",
     "close_loop",
     "close_steady_loop",
+    "compare_laws",
     "critical_stiffness",
     "find_gains",
     "find_posterior",

@@ -14,6 +14,7 @@ import cyclopts
 from ..errors import InputError, words_of_the_command
 from .axis import axis
 from .call import LOOPS, calling, in_new_words
+from .compare import compare
 from .fit import fit
 from .gains import gains
 from .loop import loop
@@ -36,6 +37,7 @@ app = cyclopts.App(
 _VERBS = (
     record,
     fit,
+    compare,
     run,
     loop,
     axis,

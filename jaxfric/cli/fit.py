@@ -14,8 +14,6 @@ from .posterior import asked, draw, print_posterior, write_posterior
 if TYPE_CHECKING:
     from ..fitting import Fit
 
-_MISFIT = 2.0
-
 
 def fit(
     file: options.File,
@@ -174,13 +172,13 @@ def _not_converged(result: "Fit", folder: Folder) -> str:
 
 def _misfit(result: "Fit") -> list[str]:
     """A pointer to the loop, where the residual is far above the scatter of neighbouring rows."""
-    from ..fitting.start import noise_from_differences
+    from ..fitting.misfit import EXCESS, excess
 
-    excess = result.rms / noise_from_differences(result.record.friction)
-    if not result.converged or excess < _MISFIT:
+    times = excess(result)
+    if not result.converged or times < EXCESS:
         return []
     return [
-        f"the fit leaves {excess:.2g} times the scatter of neighbouring rows: the model lacks an"
+        f"the fit leaves {times:.2g} times the scatter of neighbouring rows: the model lacks an"
         " effect, or the noise is correlated over many rows; jaxfric loop asks which"
     ]
 

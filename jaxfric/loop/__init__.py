@@ -1,5 +1,8 @@
 """Closing the loop: find what a model lacks, name it, add it, report before and after."""
 
+from .compared_laws import compare_laws as compare_laws
+from .law_comparison import LawComparison as LawComparison
+from .law_comparison import LawScore as LawScore
 from .loop import close_loop as close_loop
 from .result import SCHEMA as SCHEMA
 from .result import VERDICTS as VERDICTS

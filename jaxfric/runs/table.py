@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
-from ..fitting import Estimate
+from ..fitting import Estimate, Fit
 from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
 
@@ -44,7 +44,15 @@ def _row(step: StepFit) -> dict[str, Cell]:
     }
     if fit is None:
         return row | {"result": step.failed}
-    row["law"] = fit.law
+    return row | fit_cells(fit)
+
+
+def fit_cells(fit: Fit) -> dict[str, Cell]:
+    """The cells of a fit: every parameter with its standard error, A-B, misfit and warnings.
+
+    Units stand in the names; what the record does not determine is None.
+    """
+    row: dict[str, Cell] = {"law": fit.law}
     force = fit.record.friction_unit != "1"
     label, own = f"A-B{' [N]' if force else ''}", fit.A_minus_B
     row[label] = short(own.value) if own.determined else None

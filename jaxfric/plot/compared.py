@@ -1,0 +1,77 @@
+"""The figure of a comparison of laws: the record with each law's friction, and what each leaves."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ..loop.law_comparison import LawComparison, LawScore, amount
+from .label import printable
+
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+_RECORD, _STEP, _HELD = "0.25", "0.55", "#f2efe4"
+
+
+def draw_comparison(found: LawComparison, *paths: str | Path) -> None:
+    """Write the figure to each of `paths` (PNG, SVG or PDF by its ending)."""
+    scores = [score for score in found.scores if score.bic is not None]
+    figure = Figure(figsize=(10.5, 3.2 + 1.25 * len(scores)))
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(
+        1 + len(scores), 1, sharex=True, squeeze=False, height_ratios=[2.2, *[1] * len(scores)]
+    )[:, 0]
+    figure.subplots_adjust(left=0.085, right=0.8, top=0.93, bottom=0.08, hspace=0.12)
+    time = found.record.relative_time
+    axes[0].plot(time, found.record.friction, color=_RECORD, lw=0.8, label="record")
+    least = min(score.bic for score in scores if score.bic is not None)
+    limit = _limit(found, scores)
+    for k, (axis, score) in enumerate(zip(axes[1:], scores, strict=True)):
+        colour = _COLOURS[k % len(_COLOURS)]
+        axes[0].plot(time, score.fit.predicted, color=colour, lw=1.2, label=score.name)
+        residual = np.clip(score.fit.residual / found.sigma, -limit, limit)
+        axis.plot(time, residual, color=colour, lw=0.7)
+        axis.axhline(0, color="0.3", lw=0.6)
+        axis.set_ylim(-1.05 * limit, 1.05 * limit)
+        axis.set_ylabel("left [σ]")
+        axis.text(1.015, 0.98, _words(found, score, least), transform=axis.transAxes, va="top",
+                  fontsize=8.5)  # fmt: skip
+    unit = " [N]" if found.record.friction_unit == "N" else ""
+    axes[0].set_ylabel(f"friction{unit}")
+    axes[0].legend(loc="upper left", bbox_to_anchor=(1.005, 1.02), frameon=False, fontsize=9)
+    axes[-1].set_xlabel("time since the first row [s]")
+    _mark(found, axes)
+    name = printable(found.record.provenance.path)
+    figure.suptitle(f"{name}: which law?", x=0.01, ha="left", fontsize=11, parse_math=False)
+    for path in paths:
+        figure.savefig(str(path), dpi=130)
+
+
+def _limit(found: LawComparison, scores: list[LawScore]) -> float:
+    """The residual [σ] to which all panels are drawn: that of the worst law, within reason."""
+    worst = max(float(np.quantile(np.abs(score.fit.residual), 0.995)) for score in scores)
+    return float(np.clip(1.2 * worst / found.sigma, 4.0, 40.0))
+
+
+def _words(found: LawComparison, score: LawScore, least: float) -> str:
+    assert score.bic is not None
+    above = score.bic - least
+    lines = [score.name, "the least BIC" if above == 0 else f"BIC higher by {amount(above)}"]
+    if score.held_out is not None:
+        lines.append(f"held-out error {score.held_out / found.sigma:.2f} σ")
+    return "\n".join(lines)
+
+
+def _mark(found: LawComparison, axes: np.ndarray) -> None:
+    """Velocity steps as lines; those that were held out shaded."""
+    ends = np.append(found.steps.times, found.record.relative_time[-1])
+    for axis in axes:
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.margins(x=0.01)
+        for time in found.steps.times[1:]:
+            axis.axvline(time, color=_STEP, lw=0.7, ls="--", zorder=0)
+        for k in found.held_out_steps:
+            axis.axvspan(ends[k], ends[k + 1], color=_HELD, lw=0, zorder=-1)
+    if found.held_out_steps:
+        place, across = ends[found.held_out_steps[0]], axes[0].get_xaxis_transform()
+        axes[0].text(place, 1.01, " held out of a second fit", transform=across, fontsize=8)

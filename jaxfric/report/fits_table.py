@@ -1,0 +1,127 @@
+"""Several fits as one table, a row each: for a terminal, as CSV and as LaTeX.
+
+A-B stands first: it says whether steady sliding is stable. A fit that failed keeps its row, with
+the reason in place of numbers.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from ..fitting import Fit
+from ..fitting.misfit import excess
+from ..loop.result import TextTable
+from ..runs.table import Cell, difference, fit_cells, measured
+
+_BRACKETS = "in brackets: one standard error, in the last two digits; -: not determined"
+
+
+class TabledFit(NamedTuple):
+    """A row: its name, the fit or why there is none, and further cells by their heads."""
+
+    name: str
+    fit: Fit | None
+    failed: str = ""
+    more: Mapping[str, Cell] = {}
+
+    @property
+    def known(self) -> bool:
+        """Whether the parameters mean something."""
+        return self.fit is not None and self.fit.converged
+
+    @property
+    def result(self) -> str:
+        """How the fit ended."""
+        if self.fit is None or self.failed:
+            return self.failed
+        return "" if self.fit.converged else f"did not converge: {self.fit.result}"
+
+
+def csv_rows(fits: Sequence[TabledFit], head: str) -> list[dict[str, Cell]]:
+    """A row for every fit, units in the names; `head` is that of the names of the rows."""
+    out = []
+    for one in fits:
+        cells = {} if one.fit is None else fit_cells(one.fit)
+        if one.fit is not None:
+            cells |= {"states": one.fit.model.states, "misfit": float(f"{excess(one.fit):.4g}")}
+        out.append({head: one.name} | cells | dict(one.more) | _said(one))
+    return out
+
+
+def _said(one: TabledFit) -> dict[str, Cell]:
+    return {"result": one.result or "converged"}
+
+
+def text_table(fits: Sequence[TabledFit], head: str, title: str) -> TextTable:
+    """The table for a terminal or a page."""
+    force = _force(fits)
+    more = list(dict.fromkeys(name for one in fits for name in one.more))
+    unit = " [N]" if force else ""
+    heads = (head, f"A-B{unit}", f"A{unit}", f"B{unit}", "L [µm]", "misfit", *more, "")
+    rows = []
+    for one in fits:
+        cells = [_shown(one.more.get(name)) for name in more]
+        misfit = "" if one.fit is None else f"{excess(one.fit):.2f}"
+        rows.append((one.name, *_parameters(one), misfit, *cells, one.result))
+    note = f"{_BRACKETS}; misfit: what the fit leaves over the scatter of neighbouring rows"
+    return TextTable(title, heads, rows, note)
+
+
+def _shown(value: Cell) -> str:
+    if value is None:
+        return ""
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
+
+
+def _force(fits: Sequence[TabledFit]) -> bool:
+    return any(one.fit is not None and one.fit.record.friction_unit != "1" for one in fits)
+
+
+def _parameters(one: TabledFit) -> tuple[str, str, str, str]:
+    """A-B, A, B and L with their errors, as text; blank where they mean nothing."""
+    fit = one.fit
+    if fit is None or not fit.converged:
+        return ("", "", "", "")
+    numbers = [name[1:] for name in fit.parameters if name[0] == "B"]
+    A, B, L = (
+        ", ".join(_estimate(fit, letter + number) for number in of)
+        for letter, of in (("A", [""]), ("B", numbers), ("L", numbers))
+    )
+    known = all(fit.parameters[n].determined for n in ("A", *(f"B{n}" for n in numbers)))
+    return measured(*difference(fit)) if known else "-", A, B, L
+
+
+def _estimate(fit: Fit, name: str) -> str:
+    estimate = fit.parameters[name]
+    if not estimate.determined:
+        return "-"
+    scale = 1e6 if estimate.unit == "m" else 1.0
+    return measured(scale * estimate.value, scale * estimate.std)
+
+
+def latex_text(fits: Sequence[TabledFit], head: str) -> str:
+    """A LaTeX table (booktabs): a-b, a, b and D_c with their errors."""
+    more = list(dict.fromkeys(name for one in fits for name in one.more))
+    unit = "[N]" if _force(fits) else ""
+    lines = [
+        rf"\begin{{tabular}}{{lcccc{'r' * len(more)}}}",
+        r"\toprule",
+        " & ".join([head, "$a-b$", "$a$", "$b$", "$D_c$", *map(_escaped, more)]) + r" \\",
+        " & ".join(["", unit, unit, unit, r"[$\mu$m]", *[""] * len(more)]) + r" \\",
+        r"\midrule",
+    ]
+    for one in fits:
+        numbers = [f"${cell}$" if cell else "" for cell in _parameters(one)]
+        if not one.known:
+            numbers = [r"\multicolumn{4}{c}{no fit}"]
+        cells = [_shown(one.more.get(name)) for name in more]
+        lines.append(" & ".join([_escaped(one.name), *numbers, *cells]) + r" \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def _escaped(text: str) -> str:
+    """Text with what LaTeX takes for its own made harmless."""
+    own = {c: f"\\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"}
+    own |= {"^": r"\textasciicircum{}", "Δ": r"$\Delta$", "σ": r"$\sigma$"}
+    return "".join(own.get(c, c) for c in text)

@@ -1,0 +1,250 @@
+"""Which law a record supports: records of SciPy whose law is known, and the sentences."""
+
+import csv
+import io
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import jax
+import numpy as np
+import pytest
+from command import STIFFNESS, assert_refused, record_text, run, written
+from reference import Law, Motion, solve
+
+import jaxfric
+from jaxfric.cli.compare import _tabled
+from jaxfric.loop import LawComparison, LawScore
+from jaxfric.loop.compared_laws import _blocks
+from jaxfric.records import VelocitySteps
+from jaxfric.report.fits_table import TabledFit, csv_rows, latex_text, text_table
+
+jax.config.update("jax_enable_x64", True)
+
+UM = 1e-6
+STIFF = 5e3
+FOUR = Motion((0.0, 20.0, 30.0, 50.0, 62.0), tuple(v * UM for v in (1, 10, 1, 10, 1)))
+SMALL = Motion((0.0, 20.0, 40.0, 60.0, 80.0), tuple(v * UM for v in (1.0, 1.1, 1.0, 1.1, 1.0)))
+
+
+def record_of(kind: str, motion: Motion, noise: float, *, B=(0.014,), L=(10 * UM,), seed=3):
+    """A record by SciPy of 255 rows, and the steps that were commanded."""
+    random = np.random.default_rng(seed)
+    time = np.linspace(0.0, motion.starts[-1] + 30.0, 255)
+    law = Law(kind, 0.6, 0.010, B, L)
+    friction = solve(law, motion, STIFF, time).f + random.normal(0.0, noise, len(time))
+    load = motion.displacement(time)
+    steps = VelocitySteps(np.array(motion.starts), np.array(motion.velocities))
+    return jaxfric.from_arrays(time=time, load_point_displacement=load, friction=friction), steps
+
+
+def compared(*given, **more) -> LawComparison:
+    record, steps = record_of(*given, **more)
+    return jaxfric.compare_laws(record, stiffness=STIFF, steps=steps)
+
+
+@pytest.fixture(scope="module")
+def of_slip() -> LawComparison:
+    return compared("slip", FOUR, 2e-4)
+
+
+def test_what_is_held_out_is_not_fitted(of_slip) -> None:
+    """A wrong law leaves more where it was not fitted than a fit of everything leaves there."""
+    steps = np.searchsorted(of_slip.steps.times, of_slip.record.relative_time, side="right") - 1
+    held = np.isin(steps, of_slip.held_out_steps)
+    ageing = next(s for s in of_slip.scores if s.name == "ageing")
+    print(held.sum(), ageing.held_out, np.sqrt(np.mean(ageing.fit.residual[held] ** 2)))
+    assert ageing.held_out > 1.2 * np.sqrt(np.mean(ageing.fit.residual[held] ** 2))
+
+
+@pytest.mark.parametrize("kind", ["slip", "ageing"])
+def test_the_law_of_the_record_is_named(kind, of_slip) -> None:
+    found = of_slip if kind == "slip" else compared("ageing", FOUR, 2e-4)
+    assert found.supported is not None
+    assert (found.supported.fit.law, found.supported.states) == (kind, 1)
+    assert f"supports the {kind} law:" in found.sentence and "second state" in found.sentence
+    # the noise is known: what the true law leaves where it was not fitted is no more than it
+    assert found.held_out_steps and found.supported.held_out is not None
+    assert 0.8 < found.supported.held_out / 2e-4 < 1.25
+    assert 0.8 < found.sigma / 2e-4 < 1.2
+    other = next(s for s in found.of_laws if s.fit.law != kind)
+    assert other.held_out is not None and other.held_out > 1.5 * found.supported.held_out
+
+
+def test_a_second_state_is_named() -> None:
+    found = compared("slip", FOUR, 2e-4, B=(0.010, 0.008), L=(3 * UM, 40 * UM))
+    assert found.supported is not None
+    assert (found.supported.fit.law, found.supported.states) == ("slip", 2)
+    assert "asks for the second state" in found.sentence
+
+
+def test_a_tie_is_said_to_be_one() -> None:
+    """Small steps in much noise: to first order in the step the laws are the same."""
+    found = compared("slip", SMALL, 1e-3)
+    assert found.supported is None and len(found.rivals) == 1
+    assert "cannot tell: " in found.sentence and "slip" in found.sentence
+    assert "less than the 10 that decide" in found.sentence
+
+
+def test_bic_of_the_true_law_is_that_of_its_noise(of_slip) -> None:
+    """White noise was added: BIC of a one-state law by the plain formula of least squares."""
+    slip = next(s for s in of_slip.scores if s.name == "slip")
+    ageing = next(s for s in of_slip.scores if s.name == "ageing")
+    n = len(of_slip.record)
+
+    def plain(score):
+        return n * np.log(np.mean(score.fit.residual**2)) + score.parameters * np.log(n)
+
+    assert slip.bic is not None and ageing.bic is not None
+    if of_slip.independent_rows > 0.95 * n:  # the noise was found to be white, as it is
+        np.testing.assert_allclose(ageing.bic - slip.bic, plain(ageing) - plain(slip), rtol=0.02)
+    assert of_slip.independent_rows > 0.95 * n
+
+
+# ---- the command ---------------------------------------------------------------------------
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(Path("run.csv"), record_text())
+
+
+@pytest.mark.usefixtures("here")
+def test_the_command(of_slip) -> None:
+    record, steps = of_slip.record, of_slip.steps
+    columns = (record.relative_time, record.moved() / UM, record.friction)
+    rows = [f"{t:.9g},{x:.9g},{f:.9g}" for t, x, f in zip(*columns, strict=True)]
+    head = "time [s],load_point_displacement [um],friction [1]"
+    written(Path("four.csv"), "\n".join([head, *rows]) + "\n")
+    pairs = zip(steps.times, steps.velocities, strict=True)
+    told = ", ".join(f"{t:g} s: {V / UM:g} um/s" for t, V in pairs)
+    given = ("--stiffness", "5e-3/um", "--steps", told)
+    code, out, err = run("compare", "four.csv", *given, "--out", "o", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["schema"] == "jaxfric.comparison/1"
+    assert [(x["law"], x["states"]) for x in found["laws"]] == [
+        ("slip", 1),
+        ("ageing", 1),
+        ("slip", 2),
+        ("ageing", 2),
+    ]
+    assert found["supported"] == {"law": "slip", "states": 1} and found["rivals"] == []
+    for one, same in zip(found["laws"], of_slip.scores, strict=True):
+        assert one["held_out_rms"] == pytest.approx(same.held_out, rel=1e-2)
+    folder = Path("o")
+    assert json.loads((folder / "compare.json").read_text()) == found
+    table = list(csv.DictReader(io.StringIO((folder / "compare.csv").read_text())))
+    assert [row["model"] for row in table] == [
+        "slip",
+        "ageing",
+        "slip, 2 states",
+        "ageing, 2 states",
+    ]
+    assert min(float(row["BIC above least"]) for row in table if row["BIC above least"]) == 0
+    assert {p.name for p in folder.glob("compare.*")} == {
+        f"compare.{kind}" for kind in ("csv", "json", "png", "svg", "tex")
+    }
+    rows = [row.more for row in _tabled(of_slip)]
+    assert all(set(row) == {"BIC above least", "held-out error [σ]"} for row in rows)
+
+
+@pytest.mark.usefixtures("here")
+def test_what_cannot_be_compared_is_refused() -> None:
+    assert_refused(run("compare", "run.csv", *STIFFNESS, "--law", "slyp"), "law 'slyp'", "ageing")
+    assert_refused(run("compare", "run.csv"), "--stiffness")
+    assert_refused(run("compare", "run.csv", *STIFFNESS, "--to", "15 s"), "no velocity step")
+    assert not Path("run-compare").exists()
+
+
+# ---- sentences, of scores that are made up --------------------------------------------------
+
+
+def made_up(*laws, held: bool = True, rms: float = 1.0) -> LawComparison:
+    """A comparison of (law, states, BIC or None, held-out error, its deviance)."""
+    random = np.random.default_rng(0)
+    record = SimpleNamespace(friction=random.normal(size=500))
+    scores = []
+    for law, states, bic, error, deviance in laws:
+        model = SimpleNamespace(states=states)
+        one = SimpleNamespace(law=law, model=model, record=record, rms=rms, result="no end")
+        scores.append(LawScore(one, 4, bic, error, deviance))  # type: ignore[arg-type]
+    numbers = (3,) if held else ()
+    return LawComparison(record, None, tuple(scores), 1.0, 500.0, numbers, "")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("laws", "supported", "words"),
+    [
+        ([("slip", 1, 0, 1, 50), ("ageing", 1, 11, 2, 90)], "slip", "BIC is 11 below"),
+        ([("slip", 1, 0, 1, 50), ("ageing", 1, 9, 2, 90)], None, "differs by 9.0, less than"),
+        ([("slip", 1, 0, 2, 90), ("ageing", 1, 11, 1, 50)], None, "predicts better"),
+        ([("slip", 1, 0, 2, 90), ("ageing", 1, 11, 1, 81)], "slip", "2.00 times the noise"),
+        ([("slip", 1, 30, 1, 50), ("ageing", 1, 0, 1, 50)], "ageing", "30 below that of the slip"),
+        (
+            [("slip", 1, 12, 1, 50), ("slip", 2, 0, 1, 50), ("ageing", 1, 99, 1, 50)],
+            "slip, 2 states",
+            "asks for the second state, which lowers BIC by 12",
+        ),
+        (
+            [("slip", 1, 8, 1, 50), ("slip", 2, 0, 1, 50), ("ageing", 1, 99, 1, 50)],
+            "slip",
+            "lowers BIC by 8.0, too little",
+        ),
+        (
+            [("slip", 1, 0, 1, 50), ("slip", 2, 14, 1, 50), ("ageing", 1, 99, 1, 50)],
+            "slip",
+            "not needed: it raises BIC by 14",
+        ),
+        (
+            [("slip", 1, 0, 1, 50), ("ageing", 1, 99, 1, 50), ("ageing", 2, 4, 1, 50)],
+            None,
+            "differs by 4.0",
+        ),
+        (
+            [("slip", 1, 0, 1, 50), ("slip", 2, None, None, None), ("ageing", 1, 99, 1, 50)],
+            "slip",
+            "Nothing is said of a second state",
+        ),
+        ([("slip", 1, 0, 1, 50), ("ageing", 1, None, None, None)], None, "Nothing to compare"),
+        ([("slip", 1, 0, None, None), ("ageing", 1, 40, None, None)], "slip", "decides). "),
+    ],
+)  # fmt: skip
+def test_sentences(laws, supported, words) -> None:
+    found = made_up(*laws)
+    assert words in found.sentence + " "
+    assert (None if found.supported is None else found.supported.name) == supported
+
+
+def test_two_steps_are_too_few_to_hold_one_out() -> None:
+    record, _ = record_of("slip", SMALL, 1e-3)
+    blocks, why = _blocks(record, VelocitySteps(np.array([0.0, 20.0]), np.array([UM, 2 * UM])))
+    assert blocks is None
+    assert why == "the record has 1 velocity step, and 3 are needed to hold some out"
+
+
+def test_warnings() -> None:
+    laws = [("slip", 1, 0, 1, 50), ("ageing", 1, None, None, None)]
+    assert made_up(*laws).warnings == ("ageing: could not be fitted (no end)",)
+    _, far = made_up(*laws, rms=2.5).warnings
+    assert "even the likeliest law, slip, leaves 2.4 times" in far or "leaves 2.5 times" in far
+
+
+# ---- the table ------------------------------------------------------------------------------
+
+
+def test_a_table_of_fits(of_slip) -> None:
+    good = of_slip.scores[0].fit
+    fits = [TabledFit("a_b.csv", good, more={"x": 12.345}), TabledFit("c.csv", None, "no column")]
+    first, second = csv_rows(fits, "file")
+    assert first["file"] == "a_b.csv" and first["result"] == "converged" and first["states"] == 1
+    values = good.values()
+    assert first["A-B"] == pytest.approx(values["A"] - values["B"], rel=1e-6)
+    assert second == {"file": "c.csv", "result": "no column"}
+    shown = text_table(fits, "file", "fits")
+    assert shown.head[:2] == ("file", "A-B") and shown.rows[1][-1] == "no column"
+    assert shown.rows[0][1].startswith(f"{values['A'] - values['B']:.4f}")
+    lines = latex_text(fits, "file").splitlines()
+    assert r"a\_b.csv" in lines[5] and lines[5].count("&") == lines[2].count("&") == 5
+    assert "no fit" in lines[6]
