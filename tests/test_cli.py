@@ -28,9 +28,10 @@ from command import (
 
 from jaxfric.cli import app as cli
 from jaxfric.cli.call import Call
-from jaxfric.cli.fit import _complain_and_keep, _misfit, _not_converged
+from jaxfric.cli.fit import _complain_and_keep, _not_converged
 from jaxfric.cli.folder import NOTES, Folder
 from jaxfric.cli.told import doing, told
+from jaxfric.fitting.misfit import misfit_warning
 
 FILES = ["fit.json", "fit.png", "fit.svg"]
 
@@ -344,8 +345,8 @@ def test_ids_of_effects_in_help_are_those_of_the_catalogues() -> None:
 def test_a_gross_misfit_points_to_the_loop() -> None:
     friction = np.random.default_rng(0).standard_normal(4000)
     of = {"record": SimpleNamespace(friction=friction), "converged": True}
-    assert _misfit(SimpleNamespace(rms=1.5, **of)) == []
-    (text,) = _misfit(SimpleNamespace(rms=7.0, **of))
+    assert misfit_warning(SimpleNamespace(rms=1.5, **of)) == []
+    (text,) = misfit_warning(SimpleNamespace(rms=7.0, **of))
     assert text.startswith("the fit leaves 7") and "jaxfric loop" in text
 
 

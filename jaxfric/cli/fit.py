@@ -8,17 +8,22 @@ from cyclopts import Parameter
 
 from . import options
 from .common import doing, prepare_jax, read_record, stdout_console, told, warn
+from .fits import fit_files, refuse_for_several
 from .folder import Folder, choose_folder, json_text
 from .posterior import asked, draw, print_posterior, write_posterior
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ..fitting import Fit
+    from ..posterior import Posterior
+    from ..records import Record
 
 
 def fit(
     file: options.File,
     /,
-    *,
+    *more: Annotated[Path, Parameter(help="Further records: then there is one table of all.")],
     stiffness: Annotated[
         str | None,
         Parameter(
@@ -80,23 +85,20 @@ def fit(
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
     Writes fit.json, fit.png and fit.svg to the output folder, by default ./NAME-fit/ with the
-    options that differ from their default: ./NAME-fit-ageing/. With --prior also posterior.nc.
+    options that differ from their default: ./NAME-fit-ageing/. With --prior also posterior.nc. Of
+    several files (jaxfric fit *.csv) one table is printed and written, table.csv and table.tex,
+    with a row for each; one that cannot be fitted says why in its row, and the exit code is 1.
     """
     wanted = asked(prior, draws, chains, seed)
-    doing(f"reading {file.name}")
-    measured = read_record(file, column, drop_bad, since, until, reduce=reduce)
-    prepare_jax()
-    from ..fitting import fit as run
-    from ..fitting.problem import Model
-    from ..fitting.start_text import parse_start
-    from ..plot.fit import draw_fit
 
-    if wanted is not None:
-        wanted.check(Model(law, int(states), fit_stiffness, slip_trend), measured.friction_unit)
-    starts = None if start is None else parse_start(start, measured.friction_unit)
-    folder = choose_folder(out, file.stem, file, *([] if prior is None else [prior]))
-    with told(quiet=True) as progress:
-        result = run(
+    def reading(path: Path) -> "Record":
+        return read_record(path, column, drop_bad, since, until, reduce=reduce)
+
+    def fitting(measured: "Record", say: "Callable[[str], None]") -> "Fit":
+        from ..fitting import fit as run
+        from ..fitting.start_text import parse_start
+
+        return run(
             measured,
             stiffness=stiffness,
             law=law,
@@ -105,32 +107,61 @@ def fit(
             slip_trend=slip_trend,
             steps=steps,
             reference_velocity=reference_velocity,
-            start=starts,
+            start=None if start is None else parse_start(start, measured.friction_unit),
             weighting=weighting,
             profile=profile,
             rows=rows,
-            progress=progress,
+            progress=say,
         )
+
+    if more:
+        refuse_for_several({"--prior": prior is not None})
+        prepare_jax()
+        every = (file, *more)
+        return fit_files(every, out, lambda p, say: fitting(reading(p), say), json=json)
+    doing(f"reading {file.name}")
+    measured = reading(file)
+    prepare_jax()
+    if wanted is not None:
+        from ..fitting.problem import Model
+
+        wanted.check(Model(law, int(states), fit_stiffness, slip_trend), measured.friction_unit)
+    folder = choose_folder(out, file.stem, file, *([] if prior is None else [prior]))
+    with told(quiet=True) as progress:
+        result = fitting(measured, progress)
         content = json_text(result.to_json())
         keeps = not result.converged and _has_converged(folder.path / "fit.json")
         posterior = None if wanted is None else wanted.of(result, progress)
         if not keeps:
             progress("drawing the figure")
-            with folder.results() as to:
-                (to / "fit.json").write_text(content + "\n")
-                write_posterior(posterior, to)
-            folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
-            draw(posterior, folder)
+            _save(result, content, posterior, folder)
     if json:
         print(content)
     if keeps:
         return _complain_and_keep(result, folder)
-    if not json:
+    return _tell(result, posterior, folder, tables=not json)
+
+
+def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Folder) -> None:
+    from ..plot.fit import draw_fit
+
+    with folder.results() as to:
+        (to / "fit.json").write_text(content + "\n")
+        write_posterior(posterior, to)
+    folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
+    draw(posterior, folder)
+
+
+def _tell(result: "Fit", posterior: "Posterior | None", folder: Folder, *, tables: bool) -> int:
+    """Print the tables where asked, and what there is to be warned of; the exit code."""
+    from ..fitting.misfit import misfit_warning
+
+    if tables:
         _print_fit(result)
         print_posterior(posterior)
         print(folder.written)
     doubts = () if posterior is None else posterior.warnings
-    warn((*result.warnings, *_misfit(result), *doubts))
+    warn((*result.warnings, *misfit_warning(result), *doubts))
     code = folder.close()
     if result.converged:
         return 1 if doubts else code
@@ -168,19 +199,6 @@ def _not_converged(result: "Fit", folder: Folder) -> str:
         " the steps right ('jaxfric record'), is the stiffness? Else cut the record to fewer steps"
         " (--from, --to), or state a start, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
-
-
-def _misfit(result: "Fit") -> list[str]:
-    """A pointer to the loop, where the residual is far above the scatter of neighbouring rows."""
-    from ..fitting.misfit import EXCESS, excess
-
-    times = excess(result)
-    if not result.converged or times < EXCESS:
-        return []
-    return [
-        f"the fit leaves {times:.2g} times the scatter of neighbouring rows: the model lacks an"
-        " effect, or the noise is correlated over many rows; jaxfric loop asks which"
-    ]
 
 
 def _print_fit(result: "Fit") -> None:

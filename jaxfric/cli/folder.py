@@ -36,6 +36,7 @@ _ASKED = (
 _OF_A_MACHINE = ("drive_gain", "rated_torque", "position_gain", "velocity_gain", "kv", "noise")
 _READ_AND_TOLD = (
     "file",
+    "more",
     "reduce",
     "column",
     "drop_bad",

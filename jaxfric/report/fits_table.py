@@ -5,6 +5,7 @@ the reason in place of numbers.
 """
 
 from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 from typing import NamedTuple
 
 from ..fitting import Fit
@@ -55,15 +56,23 @@ def text_table(fits: Sequence[TabledFit], head: str, title: str) -> TextTable:
     """The table for a terminal or a page."""
     force = _force(fits)
     more = list(dict.fromkeys(name for one in fits for name in one.more))
+    names = short_names([one.name for one in fits])
     unit = " [N]" if force else ""
     heads = (head, f"A-B{unit}", f"A{unit}", f"B{unit}", "L [µm]", "misfit", *more, "")
     rows = []
     for one in fits:
         cells = [_shown(one.more.get(name)) for name in more]
         misfit = "" if one.fit is None else f"{excess(one.fit):.2f}"
-        rows.append((one.name, *_parameters(one), misfit, *cells, one.result))
+        ended = "" if one.known else "no fit" if one.fit is None else "did not converge"
+        rows.append((names[one.name], *_parameters(one), misfit, *cells, ended))
     note = f"{_BRACKETS}; misfit: what the fit leaves over the scatter of neighbouring rows"
     return TextTable(title, heads, rows, note)
+
+
+def short_names(names: Sequence[str]) -> dict[str, str]:
+    """Each name without its folder, where that leaves all of them different."""
+    last = {name: PurePath(name).name for name in names}
+    return last if len(set(last.values())) == len(set(names)) else {name: name for name in names}
 
 
 def _shown(value: Cell) -> str:

@@ -1,0 +1,136 @@
+"""`jaxfric fit` of several files: one table with a row each; one that fails loses no other."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from .common import stdout_console, told, warn
+from .folder import Folder, choose_folder, json_text
+
+if TYPE_CHECKING:
+    from ..fitting import Fit
+    from ..report.fits_table import TabledFit
+
+SCHEMA = "jaxfric.fits/1"
+Fitting = Callable[[Path, Callable[[str], None]], "Fit"]
+"""Reads one file and fits it; is told what is being done."""
+
+
+def refuse_for_several(options: Mapping[str, bool]) -> None:
+    """Refuse options that are of one record."""
+    given = [name for name, is_given in options.items() if is_given]
+    if given:
+        raise InputError(f"{given[0]} is of one record; give one file, or leave it out")
+
+
+def fit_files(files: Sequence[Path], out: Path | None, fitted: Fitting, *, json: bool) -> int:
+    """Fit every file, write and print the table; the exit code, 1 where one failed.
+
+    Raises `InputError` where none of them could be fitted: then nothing is written.
+    """
+    from ..report.fits_table import TabledFit
+
+    source = f"{files[0].stem}-and-{len(files) - 1}-more"
+    folder = choose_folder(out, source, *files)
+    with told(quiet=True) as progress:
+        found: list[TabledFit] = []
+        for number, file in enumerate(files, 1):
+            of = f"file {number} of {len(files)}, {file.name}"
+            progress(f"{of}: reading")
+            try:
+                fit = fitted(file, lambda text, of=of: progress(f"{of}: {text}"))
+                found.append(TabledFit(str(file), fit))
+            except InputError as error:
+                found.append(TabledFit(str(file), None, str(error)))
+        if all(one.fit is None for one in found):
+            raise InputError(f"none of {len(files)} files can be fitted: {found[0].failed}")
+        names = _names(files)
+        content = json_text(_content(found))
+        with folder.results() as to:
+            _write(found, names, content, to)
+        for one, name in zip(found, names, strict=True):
+            if one.fit is not None:
+                progress(f"drawing {name}")
+                _draw(one.fit, name, folder)
+    if json:
+        print(content)
+    else:
+        _print(found, folder)
+    warn(_warnings(found))
+    failed = [one for one in found if not one.known]
+    code = folder.close()
+    told_of = (
+        one.result if one.result.startswith(one.name) else f"{one.name}: {one.result}"
+        for one in failed
+    )
+    warn(told_of, "error")
+    return 1 if failed else code
+
+
+def _names(files: Sequence[Path]) -> list[str]:
+    """Names of the results of each file: its own, with a number where there are two of them."""
+    names: list[str] = []
+    for file in files:
+        name, k = file.stem, 2
+        while name in (*names, "table", "fits"):
+            name, k = f"{file.stem}_{k}", k + 1
+        names.append(name)
+    return names
+
+
+def _content(found: "Sequence[TabledFit]") -> dict[str, object]:
+    return {
+        "schema": SCHEMA,
+        "fits": [
+            {
+                "file": one.name,
+                "failed": one.failed or None,
+                "fit": None if one.fit is None else one.fit.to_json(),
+            }
+            for one in found
+        ],
+    }
+
+
+def _write(found: "Sequence[TabledFit]", names: Sequence[str], content: str, to: Path) -> None:
+    """The table as CSV and LaTeX, all fits as one JSON, and each as other verbs take it."""
+    from ..report.fits_table import csv_rows, latex_text
+    from ..runs.table import csv_text
+
+    texts = {
+        "table.csv": csv_text(csv_rows(found, "file")),
+        "table.tex": latex_text(found, "file"),
+        "fits.json": content + "\n",
+    }
+    for one, name in zip(found, names, strict=True):
+        if one.fit is not None:
+            texts[f"{name}.json"] = json_text(one.fit.to_json()) + "\n"
+    for name, text in texts.items():
+        (to / name).write_text(text, encoding="utf-8")
+
+
+def _draw(fit: "Fit", name: str, folder: Folder) -> None:
+    from ..plot.fit import draw_fit
+
+    folder.draw(f"the figure of {name}", lambda to: draw_fit(fit, to / f"{name}.png"))
+
+
+def _warnings(found: "Sequence[TabledFit]") -> list[str]:
+    """What the fits warn of, with the files of each warning."""
+    from ..fitting.misfit import misfit_warning
+
+    files: dict[str, list[str]] = {}
+    for one in found:
+        if one.fit is not None:
+            for text in (*one.fit.warnings, *misfit_warning(one.fit)):
+                files.setdefault(text, []).append(one.name)
+    return [f"{', '.join(names)}: {text}" for text, names in files.items()]
+
+
+def _print(found: "Sequence[TabledFit]", folder: Folder) -> None:
+    from ..report.fits_table import text_table
+    from ..report.loop_text import print_tables
+
+    print_tables(stdout_console(), [text_table(found, "file", f"{len(found)} records")])
+    print(folder.written)

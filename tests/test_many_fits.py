@@ -1,0 +1,71 @@
+"""`jaxfric fit` of several files: a row for each, and one that fails loses no other."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from command import STEPS, STIFFNESS, assert_refused, record_text, run, written
+
+FILES = ("one.csv", "sub/one.csv", "bad.csv")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two records of the same name and a file that is none, fitted together."""
+    folder = tmp_path_factory.mktemp("many")
+    (folder / "sub").mkdir()
+    for name in FILES[:2]:
+        written(folder / name, record_text())
+    written(folder / "bad.csv", "a,b\n1,2\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        found = run("fit", *FILES, *STIFFNESS, *STEPS, "--out", "many")
+        same = run("fit", "one.csv", *STIFFNESS, *STEPS, "--out", "single")
+    written(folder / "out.txt", found.out)
+    written(folder / "err.txt", found.err)
+    assert (found.code, same.code) == (1, 0)
+    return folder
+
+
+def test_a_row_for_every_file(folder: Path) -> None:
+    with (folder / "many" / "table.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["file"] for row in rows] == list(FILES)
+    single = json.loads((folder / "single" / "fit.json").read_text())["parameters"]
+    for row in rows[:2]:
+        for name, scale in (("A", 1), ("B", 1), ("L", 1e6)):
+            label = f"{name} [um]" if name == "L" else name
+            assert float(row[label]) == pytest.approx(scale * single[name]["value"], rel=1e-6)
+            assert float(row[f"std {label}"]) == pytest.approx(
+                scale * single[name]["std"], rel=1e-3
+            )
+        difference = single["A"]["value"] - single["B"]["value"]
+        assert float(row["A-B"]) == pytest.approx(difference, rel=1e-6)
+        assert float(row["misfit"]) > 0 and row["result"] == "converged"
+    assert rows[2]["A"] == "" and "has no column for time" in rows[2]["result"]
+
+
+def test_what_is_written_for_each(folder: Path) -> None:
+    names = {path.name for path in (folder / "many").iterdir()} - {".jaxfric.json"}
+    own = {"one.json", "one.png", "one_2.json", "one_2.png"}
+    assert names == {*own, "fits.json", "table.csv", "table.tex"}
+    single = json.loads((folder / "single" / "fit.json").read_text())
+    assert json.loads((folder / "many" / "one.json").read_text()) == single
+    fits = json.loads((folder / "many" / "fits.json").read_text())
+    assert fits["schema"] == "jaxfric.fits/1"
+    assert [one["fit"] is None for one in fits["fits"]] == [False, False, True]
+
+
+def test_what_is_told(folder: Path) -> None:
+    out, err = ((folder / name).read_text() for name in ("out.txt", "err.txt"))
+    assert "A-B" in out and "no fit" in out and "written: many/" in out
+    assert "jaxfric: error: bad.csv has no column" in err and err.count("bad.csv") == 1
+
+
+def test_none_that_can_be_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    outcome = run("fit", "bad.csv", "no.csv", *STIFFNESS)
+    assert_refused(outcome, "none of 2 files can be fitted: bad.csv has no column")
+    assert not Path("bad-and-1-more-fit").exists()
+    assert_refused(run("fit", "one.csv", "sub/one.csv", "--prior", "p.toml"), "--prior is of one")
