@@ -65,7 +65,10 @@ def test_what_is_told(folder: Path) -> None:
 
 def test_none_that_can_be_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    outcome = run("fit", "bad.csv", "no.csv", *STIFFNESS)
+    outcome = run("fit", "bad.csv", "bad.csv", *STIFFNESS)
     assert_refused(outcome, "none of 2 files can be fitted: bad.csv has no column")
     assert not Path("bad-and-1-more-fit").exists()
+    outcome = run("fit", "one.csv", "no.csv", *STIFFNESS, "--out", "o")
+    assert_refused(outcome, "no.csv: there is no such file; none was fitted")
+    assert not Path("o").exists()
     assert_refused(run("fit", "one.csv", "sub/one.csv", "--prior", "p.toml"), "--prior is of one")

@@ -1,5 +1,17 @@
 """The command: thin verbs over the public functions, one file each.
 
+Every verb has `--json` (one JSON document on stdout, and nothing else there), `--quiet` (nothing of
+progress on stderr) and `--out FOLDER`. Exit codes:
+
+| code | meaning |
+|------|---------|
+| 0 | a result |
+| 1 | no result to rely on: a fit that did not converge, one of several files that failed, a figure
+      that could not be drawn |
+| 2 | bad input: one line on stderr, and no result was written |
+| 130, 143 | interrupted, ended by another process |
+| 141 | the reader of the output went away |
+
 Only what a verb needs is imported when it runs, so that `jaxfric --help` is quick. Bad input
 ends in one line on stderr and exit code 2.
 """

@@ -28,9 +28,27 @@ from .steady import steady
 from .study import study
 from .told import telling
 
+CODES = {
+    0: "a result: it stands in what was printed and written",
+    1: "no result to rely on: a fit that did not converge, one of several files that failed, a"
+    " posterior that claims nothing, a figure that could not be drawn; stderr says which",
+    2: "bad input: one line on stderr says what, where and what to do; no result was written",
+    130: "interrupted (Ctrl-C); 143: a study that another process ended",
+    141: "the program that read the output went away",
+}
+"""Exit codes of all verbs, and what each means."""
+_EPILOGUE = "\n".join(
+    [
+        "Every verb has --json (one JSON document on stdout, nothing else there), --quiet (no"
+        " progress on stderr) and --out (where to write).\n",
+        "| exit code | meaning |\n|---|---|",
+        *(f"| {code} | {meaning} |" for code, meaning in CODES.items()),
+    ]
+)
 app = cyclopts.App(
     name="jaxfric",
     help="Sliders that stick-slip: fit friction to records, and find gains that hold them steady.",
+    help_epilogue=_EPILOGUE,
     version="0.1.0",
     suppress_keyboard_interrupt=False,
 )
@@ -50,7 +68,12 @@ _VERBS = (
     study,
 )
 for verb in _VERBS:
-    app.command(verb)
+    app.command(verb, help_epilogue="")
+app.register_install_completion_command(
+    help="Let the shell complete verbs and options (bash, zsh, fish, PowerShell): once, then open"
+    " a new shell.",
+    help_epilogue="",
+)
 
 
 def main() -> None:
@@ -81,7 +104,8 @@ def _run(arguments: list[str]) -> int:
             if remark:
                 print(f"jaxfric: note: {remark}", file=sys.stderr)
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
-            telling_of_it = telling() if verb in _VERBS else contextlib.nullcontext()
+            silent = bool(bound.arguments.get("quiet"))
+            telling_of_it = telling(silent=silent) if verb in _VERBS else contextlib.nullcontext()
             with calling(verb, bound, arguments), telling_of_it:
                 code = verb(*bound.args, **bound.kwargs)
         sys.stdout.flush()

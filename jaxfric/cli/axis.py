@@ -40,6 +40,7 @@ def axis(
     until: options.Until = None,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Name the effect that a servo axis has beyond Coulomb and viscous friction.
 

@@ -49,6 +49,7 @@ def compare(
     until: options.Until = None,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Compare friction laws on one record: slip and ageing, with one state and with two.
 

@@ -81,6 +81,7 @@ def fit(
     seed: Annotated[int | None, Parameter(help="Seed of the draws, 0 where not given.")] = None,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 

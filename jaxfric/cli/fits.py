@@ -27,9 +27,14 @@ def refuse_for_several(options: Mapping[str, bool]) -> None:
 def fit_files(files: Sequence[Path], out: Path | None, fitted: Fitting, *, json: bool) -> int:
     """Fit every file, write and print the table; the exit code, 1 where one failed.
 
-    Raises `InputError` where none of them could be fitted: then nothing is written.
+    Raises `InputError` where a file is not there, before any is fitted; and where none of them
+    could be fitted: then nothing is written.
     """
     from ..report.fits_table import TabledFit
+
+    for file in files:
+        if not file.exists():
+            raise InputError(f"{file}: there is no such file; none was fitted")
 
     source = f"{files[0].stem}-and-{len(files) - 1}-more"
     folder = choose_folder(out, source, *files)

@@ -45,6 +45,7 @@ _READ_AND_TOLD = (
     "plot",
     "out",
     "json",
+    "quiet",
     "scheduler",
 )
 _NOT_NAMED = {*_ASKED, *_OF_A_MACHINE, *_READ_AND_TOLD, "model", "record", "slip_per_step"}

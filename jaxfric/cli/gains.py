@@ -84,6 +84,7 @@ def gains(
     ] = False,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Find the smallest PD gains whose stability margins hold over velocities, masses and samples.
 

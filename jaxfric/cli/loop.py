@@ -50,6 +50,7 @@ def loop(
     until: options.Until = None,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Name the effect that a fitted model lacks, add it, and report the error before and after.
 

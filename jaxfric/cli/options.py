@@ -130,8 +130,13 @@ With = Annotated[
 Most = Annotated[int, Parameter(help="Largest number of effects that may be added.")]
 Json = Annotated[
     bool,
-    Parameter(negative=(), help="Print on stdout what the JSON file holds, instead of the tables."),
+    Parameter(negative=(), help="Print one JSON document on stdout instead of tables and lines."),
 ]
+Quiet = Annotated[
+    bool,
+    Parameter(negative=(), help="Say nothing of progress on stderr; warnings and errors stay."),
+]
+"""Read where the command begins to tell what it does, of every verb: see `app`."""
 EFFECTS = (
     "second_state, ageing, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
     "run_in, position_periodic, normal_stress, thermal, frictional_delay, stiffness, damping, "

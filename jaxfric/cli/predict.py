@@ -50,6 +50,7 @@ def predict(
     drop_bad: options.DropBad = False,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Predict a record with a saved model: how large is the error, and does the noise allow it?
 

@@ -57,6 +57,7 @@ def protocol(
     without: options.Without = None,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Say, before the experiment, which effects it can tell apart, and what would help.
 

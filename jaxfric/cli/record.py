@@ -1,12 +1,12 @@
 """`jaxfric record`: what is understood of a record."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import options
 from .common import AxisColumns, doing, read_record, refuse_unused, told, warn, windowed
-from .folder import Folder, choose_folder
+from .folder import Folder, choose_folder, json_text
 
 if TYPE_CHECKING:
     from ..records import AxisRecord, Record
@@ -30,6 +30,8 @@ def record(
     rated_torque: options.RatedTorque = None,
     flip: options.Flip = None,
     out: options.Out = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Show what is understood of a record, and draw it.
 
@@ -58,22 +60,29 @@ def record(
 
     if rig == "slider":
         slider = read_record(file, column, drop_bad, since, until, reduce=reduce)
-        return _slider(slider, file, steps, out, reduced=reduce is not None)
+        return _slider(slider, file, steps, out, reduced=reduce is not None, json=json)
     if rig == "steady":
-        return _steady(read_steady(file, **columns._asdict()), file, out)
+        return _steady(read_steady(file, **columns._asdict()), file, out, json=json)
     measured = read_axis(
         file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
     )
-    return _axis(windowed(measured, since, until), file, out)
+    return _axis(windowed(measured, since, until), file, out, json=json)
 
 
 def _slider(
-    measured: "Record", file: Path, steps: str | None, out: Path | None, *, reduced: bool
+    measured: "Record",
+    file: Path,
+    steps: str | None,
+    out: Path | None,
+    *,
+    reduced: bool,
+    json: bool,
 ) -> int:
     from ..plot.raw import draw_raw
     from ..plot.record import draw_record
     from ..records import VelocitySteps, read_table, record_steps
     from ..records.steps import speeds_without_steps
+    from ..report.record_json import record_content
     from ..report.record_text import describe
 
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
@@ -85,15 +94,17 @@ def _slider(
         if reduced:
             draw_raw(read_table(file, raw=True), to / "raw.png")
 
-    code = _show(folder, draw, describe(measured, found))
+    content = record_content(measured, found) if json else None
+    code = _show(folder, draw, describe(measured, found), content)
     warn(filter(None, [speeds_without_steps(measured, found)]))
     return code
 
 
-def _axis(measured: "AxisRecord", file: Path, out: Path | None) -> int:
+def _axis(measured: "AxisRecord", file: Path, out: Path | None, *, json: bool) -> int:
     from ..plot.axis_record import draw_axis_record
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import describe_axis
+    from ..report.record_json import axis_content
 
     strokes = find_strokes(measured)
     folder = choose_folder(out, file.stem, file)
@@ -101,25 +112,40 @@ def _axis(measured: "AxisRecord", file: Path, out: Path | None) -> int:
         folder,
         lambda to: draw_axis_record(measured, strokes, to / "record.png"),
         describe_axis(measured, strokes),
+        axis_content(measured, strokes) if json else None,
     )
 
 
-def _steady(curve: "SteadyCurve", file: Path, out: Path | None) -> int:
+def _steady(curve: "SteadyCurve", file: Path, out: Path | None, *, json: bool) -> int:
     from ..plot.axis_record import draw_curve
     from ..report.axis_record_text import describe_steady
+    from ..report.record_json import steady_content
 
     folder = choose_folder(out, file.resolve().name, file)
-    return _show(folder, lambda to: draw_curve(curve, to / "record.png"), describe_steady(curve))
+    content = steady_content(curve) if json else None
+    return _show(
+        folder, lambda to: draw_curve(curve, to / "record.png"), describe_steady(curve), content
+    )
 
 
-def _show(folder: Folder, drawing: Callable[[Path], object], lines: Sequence[str]) -> int:
+def _show(
+    folder: Folder,
+    drawing: Callable[[Path], object],
+    lines: Sequence[str],
+    content: Mapping[str, object] | None,
+) -> int:
+    """Draw, and print the lines, or the content as JSON where there is one."""
     with told(quiet=True) as progress:
         progress("drawing the figure")
         with folder.results():
             pass  # what is understood is told; only the figure is written
         folder.draw("the figure", drawing)
+    figures = [str(folder.path / name) for name in folder.files]
+    if content is not None:
+        print(json_text({**content, "figures": figures}))
+        return folder.close()
     for line in lines:
         print(line)
-    if folder.files:
-        print("figure: " + ", ".join(str(folder.path / name) for name in folder.files))
+    if figures:
+        print("figure: " + ", ".join(figures))
     return folder.close()

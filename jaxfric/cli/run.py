@@ -59,6 +59,7 @@ def run(
     until: options.Until = None,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Find all velocity steps of a run, fit them, and write the table.
 

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from ..errors import InputError
 from . import options
 from .common import prepare_jax, read_law, told, warn
-from .folder import choose_law_folder
+from .folder import Folder, choose_law_folder, json_text
 from .stability import read_damping, read_one_mass, read_positive
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ def simulate(
         ),
     ] = None,
     out: options.Out = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
 
@@ -106,10 +108,34 @@ def simulate(
             (to / "trajectory.csv").write_text(_table(run, [*heading, *lines, *warned]))
         for name, draw in DRAWERS.items():
             folder.draw(name, lambda to, draw=draw: draw(run, to))
-    for line in [*heading, *lines]:
-        print(line)
-    print(folder.written)
+    if json:
+        print(json_text(_content(run, source.text, notes, lines, folder)))
+    else:
+        for line in [*heading, *lines]:
+            print(line)
+        print(folder.written)
     return folder.close()
+
+
+def _content(
+    run: "Motion", law: str, notes: list[str], lines: list[str], folder: Folder
+) -> dict[str, object]:
+    """What was simulated as JSON, in SI; `course` are words on its start and end by their name."""
+    return {
+        "schema": "jaxfric.simulation/1",
+        "law": law,
+        "mass": run.mass,
+        "kp": run.k_p,
+        "kv": run.k_v,
+        "course": dict(line.split(": ", 1) for line in lines),
+        "notes": notes,
+        "rows": len(run.time),
+        "duration": float(run.time[-1]),
+        "slip": float(run.slip[-1]),
+        "velocity": [float(run.velocity.min()), float(run.velocity.max())],
+        "friction": [float(run.friction.min()), float(run.friction.max())],
+        "files": [str(folder.path / name) for name in folder.files],
+    }
 
 
 def _command(velocity: str | None, steps: str | None) -> tuple[list[float], list[float]]:

@@ -31,6 +31,7 @@ def stability(
     kv: options.Damping = None,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Show the linear stability of steady sliding: critical stiffness, damping, poles, margins.
 

@@ -29,6 +29,7 @@ def steady(
     drop_bad: options.DropBad = False,
     out: options.Out = None,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Name the effect that the friction of steady speeds has beyond Coulomb and viscous friction.
 

@@ -1,7 +1,7 @@
 """`jaxfric study`: the same question of a great many sliders, in a store that survives a kill."""
 
 import contextlib
-import json
+import json as text
 import math
 import os
 import shlex
@@ -17,7 +17,7 @@ from cyclopts import Parameter
 from ..errors import InputError
 from . import options
 from .common import prepare_jax, told, warn
-from .folder import choose_folder
+from .folder import choose_folder, json_text
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -66,6 +66,8 @@ def study(
     plot: Annotated[
         str | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
     ] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
 
@@ -76,7 +78,7 @@ def study(
     if plot is not None:
         if file is not None or scheduler is not None or function is not None:
             raise InputError("--plot takes a store and no study; leave the study.toml out")
-        return _draw(plot, out)
+        return _draw(plot, out, json=json)
     if file is None:
         raise InputError("no study: give a TOML file, or a store to draw with --plot study.zarr")
     destination = out or f"{file.stem}.zarr"
@@ -118,6 +120,9 @@ def study(
         finally:
             with contextlib.suppress(ValueError):
                 signal.signal(signal.SIGTERM, before)
+    if json:
+        print(json_text(_content(found, destination, teller.members)))
+        return 0
     for line in _summary(found, time.monotonic() - begun, teller.members):
         print(line)
     print(f"written: {destination} (draw it: jaxfric study --plot {destination})")
@@ -135,7 +140,7 @@ def _terminated(*_: object) -> None:
 def _address(file: Path) -> str:
     """What a scheduler wrote with --scheduler-file."""
     try:
-        return str(json.loads(file.read_text(encoding="utf-8"))["address"])
+        return str(text.loads(file.read_text(encoding="utf-8"))["address"])
     except OSError as error:
         raise InputError(f"--scheduler-file {file}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):
@@ -213,23 +218,14 @@ def _duration(seconds: float) -> str:
 
 def _summary(found: "Dataset", seconds: float, members: int) -> list[str]:
     """What was computed, and how often each code occurs."""
-    import numpy as np
-
     dims = found["outcome"].dims
     shape = " x ".join(f"{found.sizes[d]} {d}" for d in dims)
     done = f"{members} computed in {_duration(seconds)}" if members else "nothing left to compute"
     lines = [f"{found['outcome'].size} members ({shape}); {done}"]
-    for name in found.data_vars:
-        about = found[name].attrs
-        if "flag_meanings" not in about or found[name].ndim != len(dims):
-            continue
-        values, counts = np.unique(found[name].values, return_counts=True)
-        names = about["flag_meanings"].split()
-        shares = [
-            f"{count} {names[value].replace('_', ' ') if value >= 0 else 'without'}"
-            for value, count in zip(values, counts, strict=True)
-        ]
-        if name != "outcome" or len(values) > 1 or values[0] != 0:
+    for name, counts in _codes(found).items():
+        shares = [f"{count} {code.replace('_', ' ')}" for code, count in counts.items()]
+        first = found[name].attrs["flag_meanings"].split()[0]
+        if name != "outcome" or list(counts) != [first]:
             lines.append(f"{name}: {', '.join(shares)}")
     texts = list(found.attrs["errors"].items())
     lines += [f"  {count} of them: {text}" for text, count in texts[:_SHOWN]]
@@ -238,7 +234,39 @@ def _summary(found: "Dataset", seconds: float, members: int) -> list[str]:
     return lines
 
 
-def _draw(store: str, out: str | None) -> int:
+def _codes(found: "Dataset") -> dict[str, dict[str, int]]:
+    """How often each code occurs, by the variable that has it; "without": members without one."""
+    import numpy as np
+
+    every = {}
+    for name in found.data_vars:
+        about = found[name].attrs
+        if "flag_meanings" not in about or found[name].ndim != found["outcome"].ndim:
+            continue
+        values, counts = np.unique(found[name].values, return_counts=True)
+        names = about["flag_meanings"].split()
+        every[str(name)] = {
+            names[value] if value >= 0 else "without": int(count)
+            for value, count in zip(values, counts, strict=True)
+        }
+    return every
+
+
+def _content(found: "Dataset", store: str, members: int) -> dict[str, object]:
+    """What was computed as JSON; numbers are in the store."""
+    return {
+        "schema": "jaxfric.study/1",
+        "store": store,
+        "members": int(found["outcome"].size),
+        "shape": {str(d): found.sizes[d] for d in found["outcome"].dims},
+        "computed_now": members,
+        "codes": _codes(found),
+        "errors": dict(found.attrs["errors"]),
+        "warnings": list(found.attrs.get("warnings", ())),
+    }
+
+
+def _draw(store: str, out: str | None, *, json: bool) -> int:
     from ..plot.study import draw_study
     from ..study import load
 
@@ -254,6 +282,9 @@ def _draw(store: str, out: str | None) -> int:
         with folder.results():
             pass
         names = folder.draw("figures", lambda to: draw_study(found, to))
+    if json:
+        print(json_text({"store": store, "figures": [str(folder.path / name) for name in names]}))
+        return folder.close()
     if names:
         pictures = [name for name in names if name.endswith(".png")]
         print(f"written: {folder.path}/{', '.join(pictures)} (and .svg)")

@@ -91,7 +91,25 @@ class Line:
         self.status.stop()
 
 
-_NOW: contextvars.ContextVar[Teller | Line | None] = contextvars.ContextVar("told", default=None)
+class Silent:
+    """Tells nothing, as --quiet asks."""
+
+    def __init__(self):
+        self.each = False
+
+    def __call__(self, message: str) -> None:
+        """Tell nothing of it."""
+
+    def doing(self, message: str) -> None:
+        """Tell nothing of it."""
+
+    def end(self) -> None:
+        """There is nothing to end."""
+
+
+_NOW: contextvars.ContextVar[Teller | Line | Silent | None] = contextvars.ContextVar(
+    "told", default=None
+)
 
 
 def _begin() -> Teller | Line:
@@ -99,9 +117,10 @@ def _begin() -> Teller | Line:
 
 
 @contextlib.contextmanager
-def telling() -> Iterator[None]:
-    """Tell of all that is done in the block, at the latest until a `told` in it ends."""
-    teller = _begin()
+def telling(*, silent: bool = False) -> Iterator[None]:
+    """Tell of all that is done in the block, at the latest until a `told` in it ends; or, where
+    `silent`, of nothing."""
+    teller = Silent() if silent else _begin()
     token = _NOW.set(teller)
     try:
         yield

@@ -1,0 +1,115 @@
+"""What all verbs share: --json, --quiet, exit codes, completion of the shell."""
+
+import inspect
+import json
+import re
+from pathlib import Path
+
+import pytest
+from command import STEPS, STIFFNESS, record_text, run, written
+
+import jaxfric.cli
+from jaxfric.cli import app as cli
+from jaxfric.cli.told import telling, told
+
+LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
+STUDY = """compute = ["margins"]
+[rig]
+law = "slip"
+A = "1 N"
+L = "1 mm"
+V0 = "2 mm/s"
+B = "3 N"
+[axes]
+k_p = { values = ["1 kN/m", "4 kN/m", "5 kN/m"] }
+"""
+CALLS = {
+    "record": ("record", "run.csv"),
+    "fit": ("fit", "run.csv", *STIFFNESS, *STEPS),
+    "several": ("fit", "run.csv", "again.csv", *STIFFNESS, *STEPS),
+    "stability": ("stability", *LAW, "--velocity", "2 mm/s", "--mass", "2"),
+    "simulate": ("simulate", *LAW, "--velocity", "2 mm/s", "--kp", "6 kN/m", "--duration", "3 s"),
+    "study": ("study", "small.toml"),
+}
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(Path("run.csv"), record_text())
+    written(Path("again.csv"), record_text())
+    written(Path("small.toml"), STUDY)
+
+
+@pytest.mark.parametrize("verb", cli._VERBS, ids=lambda v: v.__name__)
+def test_every_verb_has_the_options(verb) -> None:
+    own = inspect.signature(verb).parameters
+    assert {"json", "quiet", "out"} <= set(own)
+    text = run(verb.__name__, "--help").out
+    assert "--json" in text and "--quiet" in text
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_one_json_document_and_nothing_else(name: str) -> None:
+    if name == "study":
+        pytest.importorskip("zarr")
+    code, out, err = run(*CALLS[name], "--json", "--quiet")
+    assert code == 0, err
+    assert json.loads(out, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))["schema"]
+    assert [line for line in err.splitlines() if "warning: " not in line] == []
+
+
+def test_the_json_of_a_record_is_what_is_printed() -> None:
+    found = json.loads(run("record", "run.csv", "--json").out)
+    printed = run("record", "run.csv", "--out", "o").out
+    assert f"rows: {found['record']['rows']} used of {found['rows_read']}" in printed
+    (_, step) = zip(found["steps"]["times"], found["steps"]["velocities"], strict=True)
+    assert abs(step[0] - 20) < 0.5 and abs(step[1] - 10e-6) < 0.2e-6
+    assert found["columns"]["load_point_displacement"]["unit_in_file"] == "um"
+    assert found["columns"]["time"]["largest"] == pytest.approx(45.0)
+    assert found["figures"] == [str(Path("run-record/record.png"))]
+
+
+def test_codes_of_a_study_are_counted() -> None:
+    pytest.importorskip("zarr")
+    found = json.loads(run("study", "small.toml", "--json", "--quiet").out)
+    assert found["members"] == found["computed_now"] == 3 and found["shape"] == {"k_p": 3}
+    assert sum(found["codes"]["outcome"].values()) == 3
+    again = json.loads(run("study", "small.toml", "--json", "--quiet").out)
+    assert again["computed_now"] == 0 and again["codes"] == found["codes"]
+
+
+@pytest.mark.parametrize("silent", [True, False])
+def test_quiet_says_nothing_of_progress(silent: bool, capsys: pytest.CaptureFixture) -> None:
+    with telling(silent=silent), told(quiet=False) as progress:
+        progress("drawing figures")
+    assert capsys.readouterr().err == ("" if silent else "jaxfric: drawing figures\n")
+
+
+def test_quiet_reaches_the_verb() -> None:
+    call = ("study", "small.toml")
+    pytest.importorskip("zarr")
+    assert "chunk" in run(*call, "--out", "a").err
+    assert run(*call, "--out", "b", "--quiet").err == ""
+
+
+def test_the_codes_stand_in_the_help_and_in_the_docstring() -> None:
+    told_codes = run("--help").out
+    for code, meaning in cli.CODES.items():
+        assert re.search(rf"(?m)^ {code} +{re.escape(meaning[:30])}", told_codes), code
+    table = set(
+        re.findall(r"\d+", jaxfric.cli.__doc__.split("|------|---------|")[1].split("Only")[0])
+    )
+    assert {str(code) for code in cli.CODES} <= table
+    assert "exit code" not in run("fit", "--help").out
+
+
+def test_the_shell_completes_verbs_and_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(Path.cwd()))
+    code, _, err = run("--install-completion", "--shell", "bash", "--output", "jaxfric.bash")
+    assert (code, err) == (0, "")
+    script = Path("jaxfric.bash").read_text()
+    for verb in cli._VERBS:
+        assert re.search(rf"\b{verb.__name__}\b", script), verb
+    assert "--stiffness" in script and "--quiet" in script
+    assert "jaxfric" in Path(".bashrc").read_text()
