@@ -20,6 +20,7 @@ FLOORS = {
     "errors": 0,
     "lazy": 0,
     "described": 0,
+    "silent": 0,
     "cache": 1,
     "traced": 0,
     "quantity": 0,

@@ -198,6 +198,31 @@ def modules():
     return [importlib.import_module(name) for name in names if not name.endswith("__main__")]
 
 
+def unreadable(module):
+    """Public functions of a module whose signature shows an address instead of a default."""
+    found = []
+    for name, value in vars(module).items():
+        own = getattr(value, "__module__", None) == module.__name__
+        if name.startswith("_") or not own or not inspect.isroutine(value):
+            continue
+        defaults = [p.default for p in inspect.signature(value).parameters.values()]
+        found += [f"{module.__name__}.{name}" for d in defaults if " at 0x" in repr(d)]
+    return found
+
+
+def test_signatures_show_defaults_that_one_can_read():
+    own = (m for m in modules() if m.__name__.split(".")[1] not in ("cli", "members"))
+    assert [item for module in own for item in unreadable(module)] == []
+    shown = str(inspect.signature(jaxfric.fit))
+    assert "progress: collections.abc.Callable[[str], None] = silent" in shown
+
+
+def test_a_default_that_is_an_address_is_seen():
+    module = type(sys)("made_up", "A module.")
+    exec("def f(x=object()): pass\ndef g(x=lambda t: None): pass\ndef h(x=1): pass", vars(module))
+    assert unreadable(module) == ["made_up.f", "made_up.g"]
+
+
 def undocumented(module):
     """Public functions and classes defined in a module, and public methods, without docstring."""
     missing = [] if module.__doc__ else [module.__name__]

@@ -21,6 +21,7 @@ from ..records import Record, VelocitySteps, record_steps
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
 from ..records.thin import blur, thinned
+from ..silent import silent
 from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
@@ -72,7 +73,7 @@ def fit(
     weighting: str = "ordinary",
     profile: bool = False,
     rows: int | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Fit:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
 

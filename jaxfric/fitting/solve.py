@@ -15,6 +15,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ..silent import silent
 from ..traced import traced
 from .problem import FAILED_MISFIT, Problem, residual_and_jacobian
 
@@ -90,7 +91,7 @@ def solve(
     *,
     refine: int = 3,
     tolerance: float = 1e-3,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Solution:
     """Minimise the sum of squared residuals from up to `refine` of the `starts`.
 

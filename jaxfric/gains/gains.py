@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..laws import LawSource
 from ..laws.registry import Law
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..silent import silent
 from ..stability.linear import sampling_delay
 from ..stability.margin_table import MARGINS
 from ..units import parse_values
@@ -137,7 +138,7 @@ def seek_gains(
     delay = _checked_delay(sample_time, mass, requirement, source.law)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay)
     region = make_region(scenarios, *measure)
-    tell = progress or (lambda text: None)
+    tell = progress or silent
     tell(f"searching over {len(scenarios)} scenarios")
     samples = np.unique(scenarios.sample)
     dropped = int(np.floor((1 - confidence) * samples.size + 1e-9))
@@ -319,7 +320,7 @@ def check_gains(
     if gains.any_stiffness:
         text = "not simulated: k_p stands for any positive stiffness; give a lower limit of k_p"
         return replace(gains, warnings=(*gains.warnings, text))
-    tell = progress or (lambda text: None)
+    tell = progress or silent
     values = np.asarray([gains.kp, gains.kv])
     slack = _least_slack(gains, values)
     few = gains.scenarios.take(choose(gains.scenarios, slack, number=number))

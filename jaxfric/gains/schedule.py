@@ -16,6 +16,7 @@ from jaxtyping import ArrayLike
 from ..described import Described, Tabular
 from ..errors import InputError
 from ..laws import LawSource
+from ..silent import silent
 from .gains import find_gains
 from .requirement import Requirement
 from .scenarios import Scenarios
@@ -88,7 +89,7 @@ def schedule(
     if not ratio > finest > 1:
         raise InputError(f"schedule: needs ratio > finest > 1, not {ratio:g} and {finest:g}")
     mass = law.mass if mass is None else mass
-    tell = progress or (lambda text: None)
+    tell = progress or silent
     count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))
     places = list(np.geomspace(low, high, count))
     known: dict[tuple[float, float], SetPoint] = {}

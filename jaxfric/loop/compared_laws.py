@@ -43,6 +43,7 @@ from ..fitting.whitened import whitened
 from ..laws.registry import fixed_states, rate_state_laws, refuse_unknown_law
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
+from ..silent import silent
 from .law_comparison import LawComparison, LawScore
 from .split import Blocks, split
 
@@ -62,7 +63,7 @@ def compare_laws(
     slip_trend: bool = False,
     steps: VelocitySteps | str | None = None,
     rows: int | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> LawComparison:
     """Fit several friction laws to one record and say which of them it supports.
 

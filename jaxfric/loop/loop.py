@@ -22,6 +22,7 @@ from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from ..runs.events import Event
 from ..runs.fits import HowFitted
 from ..runs.stiffness import MachineStiffness
+from ..silent import silent
 from .curves import CurveRig
 from .driver import Offered, ScoredRows, offered, run
 from .engine import Candidate, Engine
@@ -47,7 +48,7 @@ def close_loop(
     own: Sequence[type[AbstractEffect]] = (),
     most: int = MOST,
     rows: int | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Loop:
     """Fit the base model, then find, add and score the effects that it lacks.
 

@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..fitting.noise import Noise
 from ..fitting.result import Fit
 from ..fitting.uncertainty import determined
+from ..silent import silent
 from .distributions import FlatPrior
 from .inference_data import diagnosed
 from .laplace import Laplace, laplace
@@ -28,7 +29,7 @@ def find_posterior(
     chains: int = 4,
     seed: int = 0,
     noise: Noise | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Posterior:
     """Maximum, Laplace approximation and draws of a posterior.
 

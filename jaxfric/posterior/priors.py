@@ -62,7 +62,7 @@ def priors_of(
     friction_unit: str,
     where: str = "priors",
     *,
-    scale: Callable[[str], ArrayLike] = lambda name: 1.0,
+    scale: Callable[[str], ArrayLike] | None = None,
 ) -> tuple[AbstractPrior, ...]:
     """The prior of every parameter of a model, in its order; flat where none is `given`.
 
@@ -84,7 +84,8 @@ def priors_of(
             raise InputError(f"{where}: '{name}' is not fitted{did_you_mean(name, names)}")
     found: list[AbstractPrior] = []
     for name in names:
-        about, size = model.quantity(name), jax.device_put(np.asarray(scale(name), float))
+        own = 1.0 if scale is None else scale(name)
+        about, size = model.quantity(name), jax.device_put(np.asarray(own, float))
         if name not in given:
             found.append(FlatPrior(about, size))
             continue

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..errors import InputError
+from ..silent import silent
 from ..traced import traced
 from .laplace import Laplace
 from .target import Target, natural_of, point, value_and_gradient
@@ -60,7 +61,7 @@ def nuts(
     chains: int = 4,
     seed: int = 0,
     warmup: int = _WARMUP,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Draws:
     """NUTS from the Laplace approximation `about` of a target.
 

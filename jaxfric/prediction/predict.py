@@ -9,6 +9,7 @@ from ..fitting import Fit
 from ..loop import Loop
 from ..records import AxisRecord, Record, VelocitySteps
 from ..records.given import as_axis_record, as_record
+from ..silent import silent
 from .axis import predict_axis
 from .model import SavedModel, load_model
 from .result import Prediction
@@ -23,7 +24,7 @@ def predict(
     steps: VelocitySteps | str | None = None,
     free: str | Sequence[str] | None = None,
     held: bool | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Prediction:
     """A model on another record: how large its error is, and whether the noise allows it.
 

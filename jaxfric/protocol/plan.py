@@ -43,6 +43,7 @@ from ..loop.split import Blocks
 from ..loop.thresholds import ACCEPT
 from ..records import VelocitySteps
 from ..rig.friction import AbstractRateState
+from ..silent import silent
 from ..units import speed_text
 from .design import Change, Design, Protocol, Smallest
 
@@ -124,7 +125,7 @@ def plan(
     without: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
     changes: bool = True,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Protocol:
     """Predict which effects a sequence of velocity steps can tell apart, and what would help. SI.
 

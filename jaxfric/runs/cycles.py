@@ -20,6 +20,7 @@ import numpy as np
 
 from ..fitting.uncertainty import QUANTILE
 from ..records import Record
+from ..silent import silent
 from .events import Event
 from .holds import LAWS
 from .rise_fit import RiseFit, fit_rises
@@ -82,7 +83,7 @@ def fit_stick_slip(
     record: Record,
     events: Sequence[Event],
     *,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> StickSlip | None:
     """What the stick-slip of a run tells; None for a run that has none."""
     stretches = find_rises(record, events)

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ..records import Record
+from ..silent import silent
 from . import cycles as of_cycles
 from . import ramps as of_ramps
 from . import stress_steps as of_stress
@@ -64,7 +65,7 @@ def findings_of(
     events: Sequence[Event],
     how: HowFitted,
     *,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Findings:
     """What the events of a run tell that are no velocity steps."""
     A = [s.fit.parameters["A"].value for s in result.steps if s.fit is not None and is_known(s)]

@@ -18,6 +18,7 @@ from ..records import Record, VelocitySteps
 from ..records.record import frozen
 from ..records.run_motion import run_motion
 from ..records.thin import refuse_few_means
+from ..silent import silent
 from .decisions import read_decisions
 from .events import Event, find_events
 from .stick_slip import is_stretch
@@ -133,7 +134,7 @@ def fit_run(
     events: Sequence[Event],
     how: HowFitted,
     *,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> RunFit:
     """Fit every event of a run that is to be fitted.
 

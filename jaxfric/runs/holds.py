@@ -21,6 +21,7 @@ from ..fitting import Fit
 from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
 from ..fitting.problem import clock_of
 from ..records import Record, VelocitySteps
+from ..silent import silent
 from .events import Event
 from .fits import HowFitted
 from .stress import is_constant
@@ -112,7 +113,7 @@ def fit_holds(
     events: Sequence[Event],
     how: HowFitted,
     *,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> tuple[Hold, ...]:
     """The healing of every hold of a run under a constant normal stress, fitted with both laws.
 

@@ -18,6 +18,7 @@ import numpy as np
 from ..fitting.uncertainty import QUANTILE
 from ..laws.registry import evolution_of
 from ..records import Record
+from ..silent import silent
 from .events import Event, end_of
 from .fits import HowFitted, StepFit
 from .stress import StressChange, find_stress_changes, is_constant
@@ -73,7 +74,7 @@ def fit_stress_steps(
     steps: Sequence[StepFit],
     how: HowFitted,
     *,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> tuple[FittedStress, ...]:
     """Every step of the normal stress of a run (`fits.RunFit`), with its alpha or why there is
     none. A record without a normal stress, or of a force, has none."""

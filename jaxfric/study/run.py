@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..silent import silent
 from .function import (
     OUTCOME,
     OUTCOMES,
@@ -113,7 +114,7 @@ def run(
     task = Task(function, grid, Tiling.of(grid.shape, chunk), tuple(outputs), *how)
     described = _described(task) if description is None else _with_layout(description, task)
     label = Label(described, toml, tuple(warnings))
-    listener = Listener(progress, tell or (lambda text: None), ask)
+    listener = Listener(progress, tell or silent, ask)
     _run(task, label, place_of(out), scheduler or processes, listener, any_versions=other_versions)
     return load(out, verify=False)
 

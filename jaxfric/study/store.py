@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..silent import silent
 from .function import ERRORS, Computed, Task
 from .layout import SCHEMA, Label, make_store, outputs_of, sampled
 from .marks import DONE, FIXED, Marks, damaged_files, fixed_checksums
@@ -92,7 +93,7 @@ def open_store(
     label: Label,
     *,
     any_versions: bool = False,
-    tell: Tell = lambda text: None,
+    tell: Tell = silent,
 ) -> Iterator[Store]:
     """The store of a study, made where there is none; no other run can write it meanwhile.
 

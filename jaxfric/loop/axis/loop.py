@@ -23,6 +23,7 @@ from ...fitting.start import noise_from_differences
 from ...records.axis_record import AxisRecord
 from ...records.given import as_axis_record
 from ...rig.axis import AxisRig, BaseLaw
+from ...silent import silent
 from ..curves import CurveRig
 from ..driver import AbstractBench, ScoredRows, offered, run
 from ..engine import Candidate, Choice, Engine, NoiseBounds
@@ -56,7 +57,7 @@ def close_axis_loop(
     preparation: Preparation | None = None,
     width: float | None = None,
     held: bool | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = silent,
 ) -> Loop:
     """Fit mass, Coulomb and viscous friction and an offset, then find what they lack.
 
