@@ -1,5 +1,6 @@
 """A-B and the critical stiffness of a fit: errors and intervals against closed forms and SciPy."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -13,7 +14,12 @@ from jaxfric.fitting.derived import (
     rate_dependence,
 )
 from jaxfric.fitting.table import rows, shown_name, summary
+from jaxfric.laws.registry import rate_state
+from jaxfric.laws.source import without_first
 from jaxfric.records import VelocitySteps, from_arrays
+from jaxfric.report.stability_json import content
+from jaxfric.report.stability_text import describe
+from jaxfric.stability.analysis import study, with_samples
 
 VALUES = {"f0": 0.6, "A": 0.010, "B": 0.014, "L": 2e-5}
 TWO = {"f0": 0.6, "A": 0.010, "B": 0.009, "L": 1e-5, "B2": 0.006, "L2": 8e-5}
@@ -166,3 +172,31 @@ def test_the_summary_tells_both_intervals_and_where_they_are_from():
     found = fit_of(VALUES, covariance_of(VALUES, 0.01, 0.9)).critical()
     assert f"stiffness is 15.00 times critical (95 %: {found.ratio.lower:.2f} to" in told
     assert "critical stiffness 200.0 1/m (95 %: 1" in told and f"of {SAMPLES} samples" in told
+
+
+def test_the_critical_stiffness_of_a_study_has_the_interval_of_samples_in_closed_form():
+    """k_cr = (B - A + V k_v)/L of a massless slider and its mass term, (25), sample by sample."""
+    random, V, m = np.random.default_rng(5), 2e-3, 2.0
+    A, B = 1.0 + 0.05 * random.random(64), 3.0 + 0.1 * random.random(64)
+    L = 1e-3 * (1 + 0.2 * random.random(64))
+    values = {"f0": np.full(64, 50.0), "A": A, "B": B, "L": L, "V0": np.full(64, V)}
+    one = rate_state("slip", {name: float(v[0]) for name, v in values.items()}, 1)
+    laws = rate_state("slip", {name: jnp.asarray(v) for name, v in values.items()}, 1)
+    massless = with_samples(study(one, V), laws)
+    np.testing.assert_allclose(massless.sampled, (B - A) / L, rtol=1e-9)
+    heavy = with_samples(study(one, V, mass=m), laws)
+    exact = (B - A) / L * (1 + m * V**2 / (A * L))
+    np.testing.assert_allclose(heavy.sampled, exact, rtol=1e-9)
+    low, high = heavy.critical_interval
+    assert exact.min() <= low < np.quantile(exact, 0.06) and np.quantile(exact, 0.94) < high
+    told = "\n".join(describe(heavy, "slip"))
+    assert f"k_cr lies from {low:.4g} to {high:.4g} N/m with 95 % (of 64 samples" in told
+    assert content(heavy, "slip")["theorem"]["critical_stiffness_interval"] == [low, high]
+    assert "lies from" not in "\n".join(describe(study(one, V), "slip"))
+
+
+def test_the_samples_of_a_file_come_without_its_estimate():
+    laws = rate_state("slip", {n: jnp.arange(1.0, 4.0) for n in ("f0", "A", "B", "L", "V0")}, 1)
+    np.testing.assert_array_equal(without_first(laws).A, [2.0, 3.0])
+    alone = rate_state("slip", {n: jnp.ones(1) for n in ("f0", "A", "B", "L", "V0")}, 1)
+    assert without_first(alone) is None

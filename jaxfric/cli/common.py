@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from ..laws.source import LawSource
     from ..records import AxisRecord, Record
+    from ..stability.analysis import Law
 
 
 def read_record(
@@ -164,6 +165,22 @@ def read_law(
     if normal_force is not None:
         raise InputError("--normal-force goes with --from; give --parameters in newtons")
     return law_from_parameters(law, parameters)
+
+
+def read_samples(fit: Path | None, normal_force: str | None, number: int = 256) -> "Law | None":
+    """So many samples of the law that `read_law` has read from a file; None without a file, and of
+    a fit that leaves parameters undetermined, which its law has warned of."""
+    from ..laws.file import law_from_file
+    from ..laws.source import without_first
+    from ..units import parse_quantity
+
+    if fit is None:
+        return None
+    force = None if normal_force is None else parse_quantity(normal_force, "N", "--normal-force")
+    try:
+        return without_first(law_from_file(fit, normal_force=force, samples=number).samples)
+    except InputError:
+        return None
 
 
 def read_masses(text: str | None, *, count: int = 5) -> list[float] | None:

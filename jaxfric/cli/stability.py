@@ -6,7 +6,15 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import options
-from .common import optional_quantity, prepare_jax, read_law, read_masses, told, warn
+from .common import (
+    optional_quantity,
+    prepare_jax,
+    read_law,
+    read_masses,
+    read_samples,
+    told,
+    warn,
+)
 from .folder import choose_law_folder
 
 
@@ -52,11 +60,13 @@ def stability(
     unseen = source.unseen(velocities)
     warn(unseen)
     folder = choose_law_folder(out, from_, law)
-    from ..stability.analysis import study
+    from ..stability.analysis import study, with_samples
 
     with told(quiet=True) as progress:
         progress("linear theory (1 of 2; then figures)")
         found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
+        if (samples := read_samples(from_, normal_force)) is not None:
+            found = with_samples(found, samples)
         from ..plot.delay import draw_delay
         from ..plot.stability import drawers
         from ..report.stability_json import content

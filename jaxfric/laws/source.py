@@ -221,6 +221,14 @@ def stack(laws: Sequence[Law]) -> Law:
     return eqx.combine(arrays, parts[0][1])
 
 
+def without_first(laws: Law) -> Law | None:
+    """A batch of laws without its first, which is the estimate; None where it has no other."""
+    arrays, rest = eqx.partition(laws, eqx.is_array)
+    if all(leaf.shape[0] < 2 for leaf in jax.tree.leaves(arrays)):
+        return None
+    return eqx.combine(jax.tree.map(lambda leaf: leaf[1:], arrays), rest)
+
+
 def first_of(laws: Law) -> Law:
     """The first law of a batch."""
     arrays, rest = eqx.partition(laws, eqx.is_array)

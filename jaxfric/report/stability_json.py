@@ -63,6 +63,7 @@ def _theorem_content(study: Study) -> dict:
     return {
         **{name: getattr(found, name) for name in names},
         "critical_stiffness": None if study.delayed else k_cr,
+        "critical_stiffness_interval": study.critical_interval,
         "critical_frequency": None if study.delayed else w_cr,
         "solutions": [{"frequency": w, "stiffness": k} for w, k in solutions(study)],
     }

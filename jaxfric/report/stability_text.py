@@ -62,7 +62,19 @@ def _theorem(study: Study) -> list[str]:
     k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
     if 0 < k_cr < math.inf:
         conclusion = f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s: stable for k_p above k_cr"
-    return [*lines, conclusion]
+    return [*lines, conclusion, *_spread(study)]
+
+
+def _spread(study: Study) -> list[str]:
+    """The 95 % interval of k_cr, where the law has samples."""
+    ends = study.critical_interval
+    if ends is None or study.sampled is None:
+        return []
+    upper = f"{ends[1]:.4g} N/m" if math.isfinite(ends[1]) else "infinity"
+    return [
+        f"k_cr lies from {ends[0]:.4g} to {upper} with 95 % (of {len(study.sampled)} samples of the"
+        " fit's covariance)"
+    ]
 
 
 def _memoryless(law: AbstractStribeck) -> list[str]:

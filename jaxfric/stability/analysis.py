@@ -4,11 +4,13 @@ Everything is for one law, over arrays of velocities or gains; pure, jittable an
 are in newtons (or divided by the normal force, as everywhere), mass None is the quasi-static limit.
 """
 
+import dataclasses
 from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..errors import InputError
@@ -190,6 +192,16 @@ class Study(eqx.Module):
     """Poles at `worst` with the gains (k_p, k_v); as the next two None without a k_p."""
     margins: dict[str, Float[Array, ""]] | None
     stable: Bool[Array, ""] | None
+    sampled: Float[Array, " samples"] | None = None
+    """k_cr [N/m] at `worst` of samples of the law; None where there are none."""
+
+    @property
+    def critical_interval(self) -> tuple[float, float] | None:
+        """The ends between which 95 % of the samples have their k_cr [N/m], or None."""
+        if self.sampled is None:
+            return None
+        ends = np.percentile(np.asarray(self.sampled), (2.5, 97.5), method="nearest")
+        return float(ends[0]), float(ends[1])
 
     @property
     def here(self) -> SteadyPoint:
@@ -243,6 +255,29 @@ def study(
         return Study(law, points, theorems, mass, k_p, k_v, worst, None, None, None)
     slider = _slider(at_index(points, worst).friction, mass, k_p, k_v)
     return Study(law, points, theorems, mass, k_p, k_v, worst, *_numbers(slider, available(slider)))
+
+
+def with_samples(found: Study, laws: Law) -> Study:
+    """The study with k_cr of samples of its law (every array has a leading axis), for its interval.
+
+    A delay law has no k_cr, and is left as it is.
+    """
+    if found.delayed:
+        return found
+    mass = jnp.asarray(0.0 if found.mass is None else found.mass)
+    sampled = _critical_of_each(logarithmic(laws), found.here.velocity, mass, found.k_v)
+    return dataclasses.replace(found, sampled=sampled)
+
+
+@eqx.filter_jit
+def _critical_of_each(
+    laws: Law, V: Float[Array, ""], mass: Float[Array, ""], k_v: float
+) -> Float[Array, " samples"]:
+    def one(law: Law) -> Float[Array, ""]:
+        friction = linear_friction(law, V)
+        return theorem(friction.kernel, friction.slope + k_v, mass).critical_stiffness
+
+    return eqx.filter_vmap(one)(laws)
 
 
 @eqx.filter_jit
