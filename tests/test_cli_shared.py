@@ -1,5 +1,6 @@
 """What all verbs share: --json, --quiet, exit codes, completion of the shell."""
 
+import csv
 import inspect
 import json
 import re
@@ -10,6 +11,8 @@ from command import STEPS, STIFFNESS, record_text, run, written
 
 import jaxfric.cli
 from jaxfric.cli import app as cli
+from jaxfric.cli.folder import json_text
+from jaxfric.cli.stamp import made_by
 from jaxfric.cli.told import telling, told
 
 LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
@@ -101,7 +104,7 @@ def test_the_codes_stand_in_the_help_and_in_the_docstring() -> None:
         re.findall(r"\d+", jaxfric.cli.__doc__.split("|------|---------|")[1].split("Only")[0])
     )
     assert {str(code) for code in cli.CODES} <= table
-    assert "exit code" not in run("fit", "--help").out
+    assert "exit code  meaning" not in run("fit", "--help").out
 
 
 def test_the_shell_completes_verbs_and_options(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,3 +116,56 @@ def test_the_shell_completes_verbs_and_options(monkeypatch: pytest.MonkeyPatch) 
         assert re.search(rf"\b{verb.__name__}\b", script), verb
     assert "--stiffness" in script and "--quiet" in script
     assert "jaxfric" in Path(".bashrc").read_text()
+
+
+# ---- what made a file -----------------------------------------------------------------------
+
+
+def test_files_say_what_made_them() -> None:
+    """Readers that are not ours find version and command; figures are still figures."""
+    import matplotlib.image
+    from PIL import Image
+
+    call = ("run", "long.csv", *STIFFNESS, "--out", "r")
+    motion = "\n".join(["time [s],load_point_displacement [um],friction [1]", *long_rows()])
+    written(Path("long.csv"), motion + "\n")
+    assert run(*call).code == 0
+    command = f"jaxfric run long.csv {' '.join(STIFFNESS)} --out r"
+    told_by = json.loads(Path("r/run.json").read_text())["made_by"]
+    assert told_by["command"] == command and told_by["version"]
+    text = f"made by jaxfric {told_by['version']}: {command}"
+    assert Path("r/table.tex").read_text().splitlines()[0] == f"% {text}"
+    assert Path("r/events.toml").read_text().splitlines()[0] == f"# {text}"
+    with Image.open("r/events.png") as image:
+        assert image.info["Comment"] == text
+    assert matplotlib.image.imread("r/events.png").ndim == 3
+    assert command in Path("r/run.html").read_text()
+    notes = json.loads(Path("r/.jaxfric.json").read_text())["runs"]["run"]
+    assert (notes["command"], notes["version"]) == (command, told_by["version"])
+    again = run(*call[:-1], "again", "--events", "r/events.toml")
+    assert again.code == 0, again.err
+    tables = [list(csv.DictReader((Path(f) / "table.csv").open())) for f in ("r", "again")]
+    (before, after) = (table[0] for table in tables)
+    assert before["step"] == "1" and float(before["A"]) == pytest.approx(float(after["A"]), 1e-4)
+
+
+def long_rows() -> list[str]:
+    """Rows of a run with one velocity step."""
+    return record_text().splitlines()[1:]
+
+
+def test_a_drawing_says_what_made_it() -> None:
+    from xml.etree import ElementTree
+
+    call = ("simulate", *LAW, "--velocity", "2 mm/s", "--kp", "6 kN/m", "--duration", "3 s")
+    assert run(*call, "--out", "s <& é>").code == 0
+    folder = Path("s <& é>")
+    root = ElementTree.parse(folder / "motion.svg").getroot()
+    assert root[0].tag.endswith("desc") and "--out 's <& é>'" in (root[0].text or "")
+    head = (folder / "trajectory.csv").read_text().splitlines()[:3]
+    assert head[1].startswith("# version: ") and head[2].startswith("# command: jaxfric simulate")
+    assert run("record", folder / "trajectory.csv").code == 0
+
+
+def test_outside_of_the_command_nothing_is_said() -> None:
+    assert made_by() == {} and json_text({"a": 1}) == '{\n "a": 1\n}'

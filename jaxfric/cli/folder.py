@@ -18,7 +18,9 @@ from typing import TypedDict
 
 from ..errors import InputError
 from ..report.output import output_folder
+from ..report.version import installed_version
 from .call import Call, current_call
+from .stamp import made_by, stamp
 
 NOTES = ".jaxfric.json"
 _SCHEMA = "jaxfric.folder/1"
@@ -121,12 +123,13 @@ def choose_law_folder(out: Path | None, fit: Path | None, law: str | None) -> "F
 class _Run(TypedDict):
     """The last run of a verb, as a folder notes it."""
 
+    version: str
     command: str
     inputs: list[dict[str, str]]
     files: list[str]
 
 
-_NO_RUN: _Run = {"command": "", "inputs": [], "files": []}
+_NO_RUN: _Run = {"version": "", "command": "", "inputs": [], "files": []}
 
 
 @dataclasses.dataclass
@@ -165,6 +168,7 @@ class Folder:
         before = notes.get(self.call.verb, _NO_RUN)
         with output_folder(self.path) as work:
             yield work
+            stamp(work)
             new = sorted(file.name for file in work.iterdir())
             self.known = [name for name in before["files"] if (self.path / name).is_file()]
             self._note(notes, work, new)
@@ -191,6 +195,7 @@ class Folder:
         try:
             with output_folder(self.path) as work:
                 drawing(work)
+                stamp(work)
                 new = sorted(file.name for file in work.iterdir())
                 self._note(_read_notes(self.path), work, [*self.files, *new])
         except KeyboardInterrupt:
@@ -252,6 +257,7 @@ class Folder:
         for verb in set(notes) - {self.call.verb}:
             notes[verb]["files"] = [name for name in notes[verb]["files"] if name not in files]
         notes[self.call.verb] = {
+            "version": installed_version(),
             "command": self.call.command,
             "inputs": self._inputs(),
             "files": files,
@@ -261,8 +267,12 @@ class Folder:
 
 
 def json_text(table: Mapping[str, object]) -> str:
-    """A table as the text of a JSON file; one that is not a number must be null in it."""
-    return json.dumps(table, indent=1, allow_nan=False)
+    """A table as the text of a JSON file, with what made it; one that is not a number must be null
+    in it."""
+    origin = made_by()
+    return json.dumps(
+        {**table, **({"made_by": origin} if origin else {})}, indent=1, allow_nan=False
+    )
 
 
 def _digest(file: Path) -> str:
@@ -285,6 +295,7 @@ def _read_notes(folder: Path) -> dict[str, _Run]:
 def _checked(run: _Run) -> _Run:
     """The notes of one verb; names of files have no folder in them."""
     return {
+        "version": str(run.get("version", "")),
         "command": str(run["command"]),
         "inputs": [{key: str(i[key]) for key in ("path", "sha256")} for i in run["inputs"]],
         "files": [str(name) for name in run["files"] if Path(name).name == name],

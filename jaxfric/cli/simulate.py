@@ -12,6 +12,7 @@ from . import options
 from .common import prepare_jax, read_law, told, warn
 from .folder import Folder, choose_law_folder, json_text
 from .stability import read_damping, read_one_mass, read_positive
+from .stamp import made_by
 
 if TYPE_CHECKING:
     import numpy as np
@@ -384,8 +385,9 @@ def _machine(k_p: float, k_v: float, mass: float | None) -> str:
 
 def _table(run: "Motion", notes: list[str]) -> str:
     """trajectory.csv: comments, a line of names with units, numbers."""
+    made = [f"{name}: {text}" for name, text in made_by().items()]
     names = ("time [s]", "load_point_displacement [um]", "friction [N]", "slip [um]")
-    lines = [f"# {' '.join(note.split())}" for note in ("simulated by jaxfric", *notes)]
+    lines = [f"# {' '.join(note.split())}" for note in ("simulated by jaxfric", *made, *notes)]
     lines.append(",".join([*names, "slider_velocity [um/s]"]))
     columns = (run.time, 1e6 * run.load_point, run.friction, 1e6 * run.slip, 1e6 * run.velocity)
     lines += [

@@ -3,9 +3,9 @@
 import base64
 from collections.abc import Sequence
 from html import escape
-from importlib.metadata import PackageNotFoundError, version
 
 from .loop_text import TextTable, numeric
+from .version import installed_version as installed_version
 
 _STYLE = """
 :root { color-scheme: light; --ink: #1d2530; --soft: #5a6572; --line: #dfe4ea; --tint: #f5f7f9; }
@@ -55,14 +55,6 @@ def document(title: str, colour: str, parts: Sequence[str]) -> str:
         f"<title>{escaped(title)}</title>\n<style>{style}</style>\n"
         f"</head>\n<body>\n<main>\n{chr(10).join(parts)}\n</main>\n</body>\n</html>\n"
     )
-
-
-def installed_version() -> str:
-    """The number of this jaxfric."""
-    try:
-        return version("jaxfric")
-    except PackageNotFoundError:  # run from a source tree
-        return "(not installed)"
 
 
 def escaped(text: str) -> str:
