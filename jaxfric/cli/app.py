@@ -21,6 +21,7 @@ from .loop import loop
 from .predict import predict
 from .protocol import protocol
 from .record import record
+from .report import report
 from .run import run
 from .simulate import simulate
 from .stability import stability
@@ -66,6 +67,7 @@ _VERBS = (
     stability,
     simulate,
     study,
+    report,
 )
 for verb in _VERBS:
     app.command(verb, help_epilogue="")
