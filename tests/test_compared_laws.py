@@ -243,7 +243,7 @@ def test_a_table_of_fits(of_slip) -> None:
     assert first["A-B"] == pytest.approx(values["A"] - values["B"], rel=1e-6)
     assert second == {"file": "c.csv", "result": "no column"}
     shown = text_table(fits, "file", "fits")
-    assert shown.head[:2] == ("file", "A-B") and shown.rows[1][-1] == "no column"
+    assert shown.head[:2] == ("file", "A-B") and shown.rows[1][-1] == "no fit"
     assert shown.rows[0][1].startswith(f"{values['A'] - values['B']:.4f}")
     lines = latex_text(fits, "file").splitlines()
     assert r"a\_b.csv" in lines[5] and lines[5].count("&") == lines[2].count("&") == 5
