@@ -1,6 +1,7 @@
 """What messages, --help and README propose is accepted by the options that it is proposed for.
 
-Values are collected from the source: texts of `jaxfric/`, help of the verbs, commands of README.
+Values are collected from the source: texts of `jaxfric/`, help of the verbs, commands of README
+and of the documentation.
 A value with a gap that is filled when it is said needs a sample in `FILLED`. And where a file is
 refused with an advice, the advice is followed until the file reads.
 """
@@ -18,6 +19,7 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 from cyclopts import Parameter
+from pages import PAGES, blocks_of
 
 from jaxfric.cli.app import app
 from jaxfric.cli.common import axis_roles
@@ -252,13 +254,15 @@ def test_values_that_help_proposes(option: str, value: str) -> None:
 
 
 def commands() -> list[str]:
-    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)
-    lines = [line for block in blocks for line in block.splitlines()]
-    return [line for line in lines if line.startswith("jaxfric ")]
+    """Commands of README and of the pages of the documentation, each once."""
+    lines = [
+        line for page in PAGES for line in blocks_of(page, "sh") if line.startswith("jaxfric ")
+    ]
+    return list(dict.fromkeys(lines))
 
 
 @pytest.mark.parametrize("line", commands())
-def test_commands_of_the_readme(line: str) -> None:
+def test_commands_of_the_pages(line: str) -> None:
     """Each parses, and its options take their values; its files of data/ are there."""
     words = shlex.split(line, comments=True)[1:]
     app.parse_args(words, exit_on_error=False, print_error=False)

@@ -235,13 +235,13 @@ def test_floors():
 
 
 def drawn():
-    """Names of the tree that README draws, a list for every line, from the ground floor up."""
-    text = (ROOT.parent / "README.md").read_text(encoding="utf-8")
+    """Names of the tree that contributing.md draws, a list a line, from the ground floor up."""
+    text = (ROOT.parent / ".ci" / "docs" / "pages" / "contributing.md").read_text(encoding="utf-8")
     tree = text.split("    jaxfric/\n")[1].split("\n\n")[0]
     return [line[6:41].replace("/", " ").split() for line in tree.splitlines()]
 
 
-def test_readme_draws_the_tree():
+def test_the_documentation_draws_the_tree():
     """Every module of the top level, once, and none above what is built from it."""
     floors = [[FLOORS[name] for name in line] for line in drawn()]
     names = [name for line in drawn() for name in line]

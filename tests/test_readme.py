@@ -1,37 +1,125 @@
-"""The README's Python examples run as written."""
+"""The Python blocks and the commands of README and of the documentation run as written.
+
+That every command parses, and that its options take their values, is asked in `test_advice.py`.
+Here those run that need nothing but `data/` and what the commands before them on a page wrote;
+the ones that take minutes are left to `-m long`.
+"""
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
+import pytest
+from command import run
+from pages import PAGES, ROOT, blocks_of
 
-ROOT = Path(__file__).resolve().parents[1]
+WITH_PYTHON = {"README": 1, "gains": 1, "python": 3, "sharp": 1, "study": 1}
+"""How many blocks of Python every page has."""
+SLOW = re.compile(r"jaxfric (axis|loop|protocol|study|gains --from) ")
+USERS = re.compile(
+    r"mine\.csv|other\.csv|long\.csv|DATA_EMPS\.mat|driveNo1|study\.toml|\.zarr|loop\.json|mine-fit"
+)
+"""Files that a user brings, or that a command of minutes writes."""
 
 
-def test_examples_run(monkeypatch, capsys, tmp_path):
-    (tmp_path / "data").symlink_to(ROOT / "data")
-    monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
-    assert len(blocks) == 5
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder that looks like the project to what runs in it, and keeps what was written."""
+    folder = tmp_path_factory.mktemp("project")
+    for name in ("data", "fits"):
+        (folder / name).symlink_to(ROOT / name)
+    return folder
+
+
+def executed(name: str) -> dict:
+    """What the blocks of a page leave behind, run one after the other."""
+    (page,) = (page for page in PAGES if page.stem == name)
     names: dict = {}
-    for block in blocks:
-        exec(compile(block, "README.md", "exec"), names)
-    L, std, kp, kv, modulus = (float(word) for word in capsys.readouterr().out.split())
+    for block in blocks_of(page, "python"):
+        exec(compile(block, page.name, "exec"), names)
+    return names
+
+
+def test_every_page_with_python_is_asked_for():
+    found = {page.stem: len(blocks_of(page, "python")) for page in PAGES}
+    assert {name: count for name, count in found.items() if count} == WITH_PYTHON
+
+
+@pytest.mark.parametrize("page", ["README", "python"])
+def test_a_fit_and_a_slope(page, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    names = executed(page)
+    L, std = (float(word) for word in capsys.readouterr().out.split())
+    assert abs(L - 20e-6) < 4 * std < 2e-6
+    if page == "python":
+        assert np.isfinite(names["slope"]) and names["slope"] > 0
+        assert names["Curvature"].id == "curvature"
+
+
+def test_gains_on_the_curve(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    executed("gains")
+    kp, kv, modulus = (float(word) for word in capsys.readouterr().out.split())
     # on the curve k_p = 1.5 k_cr(k_v) of (25), in the worse of the two scenarios
     worst = max(
         (3 - X) / 1e-3 * (2 * V**2 / (X * 1e-3) + 1) for V in (2e-3, 5e-3) for X in [1 + kv * V]
     )
     np.testing.assert_allclose(kp, 1.5 * worst, rtol=1e-6)
     assert 0 < modulus < 1
-    assert abs(L - 20e-6) < 4 * std < 2e-6
-    found = names["found"].modulus
+
+
+def test_a_study_of_a_function(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = executed("study")["found"].modulus
     X = 1 + 0.5 * found.V0  # (25) again
     k_cr = (3 - X) / 1e-3 * (2 * found.V0**2 / (X * 1e-3) + 1)
     np.testing.assert_array_equal(found > 0, found.k_p > k_cr)
-    assert np.isfinite(names["slope"]) and names["slope"] > 0
 
 
-def test_commands_name_files_that_exist():
-    text = (ROOT / "README.md").read_text()
-    for path in re.findall(r"\b(?:data|fits|tests)/[\w./]+\w", text):
-        assert (ROOT / path).exists(), path
+def test_the_line_for_64_bits():
+    assert "jax" in executed("sharp")
+
+
+def commands(*, slow: bool) -> list[str]:
+    """Commands that need nothing of a user, each once, in the order of the pages."""
+    lines = [line for page in PAGES for line in blocks_of(page, "sh")]
+    own = [x for x in lines if x.startswith("jaxfric ") and not USERS.search(x)]
+    return [line for line in dict.fromkeys(own) if bool(SLOW.match(line)) == slow]
+
+
+def runs(line: str, folder: Path, monkeypatch) -> None:
+    """The command ends with a result."""
+    monkeypatch.chdir(folder)
+    outcome = run(*shlex.split(line, comments=True)[1:])
+    assert outcome.code == 0, outcome.err
+
+
+def test_there_are_commands():
+    assert len(commands(slow=False)) >= 8 and len(commands(slow=True)) >= 3
+
+
+@pytest.mark.parametrize("line", sorted(commands(slow=False), key=lambda x: "-fit/" in x))
+def test_a_command(line, folder, monkeypatch):
+    runs(line, folder, monkeypatch)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("line", commands(slow=True))
+def test_a_command_of_minutes(line, folder, monkeypatch):
+    runs(line, folder, monkeypatch)
+
+
+def test_pages_name_files_that_exist():
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for path in re.findall(r"\b(?:data|fits|tests)/[\w./]+\w", text):
+            assert (ROOT / path).exists(), f"{page.name}: {path}"
+        for path in re.findall(r"\]\(((?:\.\./|\.ci/|fits/)[^)#\s]+)", text):
+            assert (page.parent / path).exists(), f"{page.name}: {path}"
+
+
+def test_readme_is_short():
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 150
+    assert max(map(len, lines)) <= 120
