@@ -84,7 +84,7 @@ def imported(module: str) -> Iterator[Name]:
     if source(module).name != "__init__.py":
         package = package[:-1]
     for node in ast.walk(tree(module)):
-        if isinstance(node, ast.ImportFrom) and node.level and node.module:
+        if isinstance(node, ast.ImportFrom) and node.level and node.module not in (None, "lazy"):
             home = ".".join([*package[: len(package) - node.level + 1], node.module])
             yield from (Name(a.name, home) for a in node.names if not a.name.startswith("_"))
 
