@@ -3,7 +3,8 @@
 Bumps of friction as functions of one variable (slip, velocity, state, time, time or slip since the
 step, wavelength) are sent through the linearised slider and fitted together with the base.
 The variable whose bumps take most of the structure away is where friction differs. Every variable
-is asked alone: their shares overlap and do not add up to one. What the base's own parameters take
+is asked alone: these shares overlap. `further` shares add up: the variable that takes most away
+comes first, the others have what they take away beyond it. What the base's own parameters take
 up is left out of a profile and of its errors; structure that the bumps leave counts as noise, in
 the errors and in p. p allows for the errors of the noise itself (`fitting.noise_error`).
 """
@@ -84,10 +85,11 @@ def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
     seen = engine.whiten(seen * train, found.noise)
     seen = seen - basis @ (basis.T @ seen)
     size = _LARGEST * base.rms["train"]
-    asked, begin = [], 0
+    asked, parts, begin = [], [], 0
     for variable, unit, centres, columns in bumps:
         own = seen[:, begin : begin + columns.shape[1]]
         begin += columns.shape[1]
+        parts.append(own)
         profile = _ripples if own.shape[1] == 2 * len(centres) else _profile
         asked.append(profile(variable, unit, centres, own, left, whole, size))
     questions = [
@@ -97,11 +99,76 @@ def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
     for one, (variable, _, _, columns) in zip(asked, bumps, strict=True):
         questions.append(Question(variable, columns[:, list(one.columns)], one.times))
     p = chances(engine, rows, found, questions)
-    ordered = sorted(asked, key=lambda one: -one.gain)
+    further = further_shares([_groups(part, one) for part, one in zip(parts, asked, strict=True)],
+                             left, whole)  # fmt: skip
+    both = sorted(zip(asked, further, strict=True), key=lambda pair: -pair[0].gain)
     location = (
-        dataclasses.replace(one.profile, p_value=p[one.profile.variable]) for one in ordered
+        dataclasses.replace(one.profile, p_value=p[one.profile.variable], further=share)
+        for one, share in both
     )
     return Left(tuple(location), p)
+
+
+def _groups(own: np.ndarray, asked: Asked) -> list[np.ndarray]:
+    """Columns of a variable that are asked together: all bumps, or every wavelength's pair."""
+    if asked.times == 1:
+        return [own]
+    return [own[:, k : k + 2] for k in range(0, own.shape[1], 2)]
+
+
+def further_shares(
+    parts: Sequence[Sequence[np.ndarray]], left: np.ndarray, whole: tuple[float, float]
+) -> list[float]:
+    """Share of the structure that each variable takes away beyond those taken before it.
+
+    The variable that takes most away is taken first, then the one that takes most of the rest, as
+    long as that is more than chance. The shares are 0 or more and add up to 1 at most; the rest is
+    explained by none. All are nan where there is no structure (`share_of`).
+
+    Parameters
+    ----------
+    parts : for every variable its groups of columns, of which the best one is used, in units of
+        the noise.
+    left : residual in the same units, of shape (rows,).
+    whole : as in `share_of`.
+    """
+    if np.isnan(share_of(0.0, 0, whole)):
+        return [nan] * len(parts)
+    shares, open_, taken, rest = (
+        [0.0] * len(parts),
+        set(range(len(parts))),
+        left[:, None][:, :0],
+        left,
+    )
+    while open_:
+        found = {k: _best_group(parts[k], taken, rest) for k in open_}
+        best = max(open_, key=lambda k: found[k][0] - found[k][1].shape[1])
+        gain, basis = found[best]
+        after = max((float(rest @ rest) - gain) / max(whole[1], 1.0), 1.0)
+        chance = len(parts[best]) * chi_square_tail(gain / after, basis.shape[1])
+        if chance > SIGNIFICANT:
+            break
+        share = share_of(gain, basis.shape[1], whole)
+        shares[best] = min(share, max(1.0 - sum(shares), 0.0))
+        taken, rest = np.concatenate([taken, basis], axis=1), rest - basis @ (basis.T @ rest)
+        open_.remove(best)
+    return shares
+
+
+def _best_group(
+    groups: Sequence[np.ndarray], taken: np.ndarray, rest: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """The largest fall of the sum of squares by a group beyond what is taken; its basis."""
+    best = 0.0, rest[:, None][:, :0]
+    for columns in groups:
+        new = columns - taken @ (taken.T @ columns)
+        values, vectors = np.linalg.eigh(new.T @ new)
+        used = values > 1e-6 * max(np.max(np.sum(columns**2, axis=0)), 1e-300)
+        basis = new @ (vectors[:, used] / np.sqrt(values[used]))
+        gain = float(np.sum((basis.T @ rest) ** 2))
+        if gain > best[0]:
+            best = gain, basis
+    return best
 
 
 def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:

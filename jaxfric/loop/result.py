@@ -106,6 +106,9 @@ class LocationProfile:
     """Share of the structure of the base's residual that bumps in this variable alone take away;
     nan where there is no more of it than chance."""
     p_value: float
+    further: float = float("nan")
+    """Share that bumps in this variable take away beyond the variables before it, the one that
+    takes most away first: these add up, and what they leave is not explained. nan as above."""
 
 
 class LoopRecord(typing.Protocol):
@@ -115,6 +118,8 @@ class LoopRecord(typing.Protocol):
     def relative_time(self) -> np.ndarray: ...
     @property
     def friction_unit(self) -> str: ...
+    @property
+    def friction(self) -> np.ndarray: ...
     @property
     def units(self) -> Mapping[str, str]: ...
     @property

@@ -1,4 +1,4 @@
-"""Puts into a sentence where the structure of a residual sits."""
+"""Puts into words where the structure of a residual sits, and in shares that add up."""
 
 import numpy as np
 
@@ -36,6 +36,59 @@ def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
         return f"Friction that {_does(names)} would explain {left}"
     alone = "either alone" if len(names) == 2 else "each alone"
     return f"Friction that {_does(names)}, {alone}, would explain about {left}"
+
+
+def added_shares(
+    location: tuple[LocationProfile, ...],
+) -> list[tuple[str | None, float]]:
+    """Variables and their `further` shares, largest first, and None with what none explains.
+
+    They add up to 1. Nothing where there is no more structure than chance.
+    """
+    known = [(p.variable, p.further) for p in location if np.isfinite(p.further)]
+    if not known:
+        return []
+    rest = max(1.0 - sum(share for _, share in known), 0.0)
+    taken = sorted((pair for pair in known if pair[1] > 0), key=lambda pair: -pair[1])
+    return [*taken, (None, rest)]
+
+
+def shares_told(location: tuple[LocationProfile, ...]) -> list[str]:
+    """What `added_shares` say, a sentence a line."""
+    shares = added_shares(location)
+    if not shares:
+        return ["What the base model leaves is no more than noise: there is nothing to place."]
+    (first, share), *more = shares
+    if first is None:
+        return ["No variable explains what the base model leaves."]
+    told = [f"{_capital(_subject(first))} carries {share_text(share)} of what the model lacks."]
+    best = next(p for p in location if p.variable == first)
+    rivals = [
+        p.variable
+        for p in location
+        if p is not best and p.explained >= _NEARLY * best.explained and p.p_value <= SIGNIFICANT
+    ]
+    if rivals:
+        text = listed([_subject(name) for name in rivals], "or")
+        told.append(f"{_capital(text)} in its place would explain about as much.")
+    if len(more) > 1:
+        told.append("Each bar below the first is what that variable explains beyond those above.")
+    return told
+
+
+def variable_words(variable: str | None) -> str:
+    """A variable of a profile as a label; None is what no variable explains."""
+    return "not explained" if variable is None else _subject(variable)
+
+
+def _subject(variable: str) -> str:
+    if variable == _RIPPLE:
+        return "a ripple along the path"
+    return _VARIABLES.get(variable, variable)
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
 
 
 def _does(variables: list[str]) -> str:

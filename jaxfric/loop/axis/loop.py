@@ -205,7 +205,7 @@ class AxisBench(AbstractBench):
         """The rows, and the base model, as reports show them."""
         rows, prepared = self.counted, self.reading.prepared
         base = AxisBase(rows.steps(), rows.width, prepared.preparation)
-        return rows.as_record(self.record), base
+        return rows.as_record(self.record, prepared.force), base
 
     def details(
         self,

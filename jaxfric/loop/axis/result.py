@@ -45,13 +45,14 @@ class AxisRows:
             return (f"{100 * share:.0f} % of the rows are at rest and do not count",)
         return ()
 
-    def as_record(self, record: AxisRecord) -> "PreparedRecord":
-        """The rows as a record for reports."""
+    def as_record(self, record: AxisRecord, force: np.ndarray) -> "PreparedRecord":
+        """The rows as a record for reports; `force` is that of the rows (n)."""
         return PreparedRecord(
             self.time - self.time[0],
             record.force_unit,
             record.provenance,
             {"load_point_displacement": "mm" if record.coordinate == "linear" else "rad"},
+            np.asarray(force)[: len(self.time)],
         )
 
 
@@ -63,6 +64,8 @@ class PreparedRecord:
     friction_unit: str
     provenance: Provenance
     units: dict[str, str] = field(default_factory=dict)
+    friction: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Recorded force at the rows, which the model predicts."""
 
     def __len__(self) -> int:
         return len(self.relative_time)
