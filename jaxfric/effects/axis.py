@@ -55,6 +55,7 @@ class DirectionAsymmetry(AbstractLinearAxisEffect):
     id: ClassVar[str] = "direction_asymmetry"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ d |v|"
+    meaning: ClassVar[str] = "Friction grows faster with speed in one direction than in the other."
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
     separated_by: ClassVar[str] = "several speeds in both directions over the same travel"
     channel: ClassVar[str | None] = None
@@ -80,6 +81,9 @@ class Cubic(AbstractLinearAxisEffect):
     id: ClassVar[str] = "cubic"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ c v^3"
+    meaning: ClassVar[str] = (
+        "Friction grows faster than in proportion to speed, as air or a fluid drags, or slower."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck",)
     separated_by: ClassVar[str] = "four speeds, the slowest well below the others"
     channel: ClassVar[str | None] = None
@@ -109,6 +113,10 @@ class AxisStribeck(AbstractAxisEffect):
     id: ClassVar[str] = "stribeck"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ fs exp(-(|v|/vs)^n) sgn v"
+    meaning: ClassVar[str] = (
+        "Friction is higher at low speed and falls as the speed passes vs, as a lubricant "
+        "lifts the surfaces apart."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("cubic", "presliding", "log_viscous")
     separated_by: ClassVar[str] = "steady speeds around vs, apart from reversals"
     channel: ClassVar[str | None] = None
@@ -149,6 +157,9 @@ class LogViscous(AbstractAxisEffect):
     id: ClassVar[str] = "log_viscous"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ c ln(1 + |v|/v_c) sgn v"
+    meaning: ClassVar[str] = (
+        "Friction grows with speed, ever less: steep at low speed, flat at high speed."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "stribeck")
     separated_by: ClassVar[str] = "two decades of speed"
     channel: ClassVar[str | None] = None
@@ -187,6 +198,10 @@ class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
     id: ClassVar[str] = "position_periodic"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ c cos(2 pi q/wavelength) + s sin(2 pi q/wavelength)"
+    meaning: ClassVar[str] = (
+        "Force ripples with position: the pitch of a screw, the teeth of a belt or a motor's "
+        "cogging."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
     separated_by: ClassVar[str] = "more travel"
     channel: ClassVar[str | None] = None
@@ -228,6 +243,10 @@ class PositionDependence(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig])
     id: ClassVar[str] = "position_dependence"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ (k + m sgn v) q"
+    meaning: ClassVar[str] = (
+        "Force or friction changes along the travel: a spring, a slope, or a guide that is "
+        "tighter at one end."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("direction_asymmetry", "time_drift")
     separated_by: ClassVar[str] = "several passes over the same travel in both directions"
     channel: ClassVar[str | None] = None
@@ -259,6 +278,7 @@ class AxisTimeDrift(AbstractLinearAxisEffect):
     id: ClassVar[str] = "time_drift"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ (r + s sgn v) t"
+    meaning: ClassVar[str] = "Force or friction drifts with time, as with warming up."
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
     separated_by: ClassVar[str] = "the first motion repeated at the end"
     channel: ClassVar[str | None] = None
@@ -283,6 +303,10 @@ class Presliding(AbstractAxisEffect):
     id: ClassVar[str] = "presliding"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c"
+    meaning: ClassVar[str] = (
+        "After a reversal friction does not jump: it comes back over a short distance, as a "
+        "bristle bends."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "stribeck")
     separated_by: ClassVar[str] = "slow reversals, smaller than the presliding distance"
     channel: ClassVar[str | None] = None
@@ -323,6 +347,10 @@ class RateAndState(AbstractAxisEffect):
     equation: ClassVar[str] = (
         "+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L)(-B ln(1 + |v|/v_c) - theta)"
     )
+    meaning: ClassVar[str] = (
+        "Friction remembers the velocity over a distance L, so that a low speed may stick- "
+        "slip where the controller is soft."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "presliding", "cubic", "log_viscous")
     separated_by: ClassVar[str] = "steps of velocity within a stroke, and reversals"
     channel: ClassVar[str | None] = None
@@ -351,6 +379,7 @@ class AxisServoLag(AbstractLinearAxisEffect):
     id: ClassVar[str] = "servo_lag"
     room: ClassVar[str] = "drive"
     equation: ClassVar[str] = "tau F_m' = F - F_m"
+    meaning: ClassVar[str] = "The motor's force follows the recorded one late."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lag", "presliding")
     separated_by: ClassVar[str] = "the motor's current"
     channel: ClassVar[str | None] = None
@@ -369,6 +398,9 @@ class AxisSensorLag(AbstractLinearAxisEffect):
     id: ClassVar[str] = "sensor_lag"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "tau y' = F - y"
+    meaning: ClassVar[str] = (
+        "The recorded force follows the motor's force late, as a low-pass filter does."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "servo_lag")
     separated_by: ClassVar[str] = "a force step into a blocked axis"
     channel: ClassVar[str | None] = None
@@ -387,6 +419,7 @@ class AxisSensorDelay(AbstractLinearAxisEffect):
     id: ClassVar[str] = "sensor_delay"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "q_recorded(t) = q(t - d)"
+    meaning: ClassVar[str] = "Position and force are recorded at different moments."
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_lag", "presliding")
     separated_by: ClassVar[str] = "the motor's current"
     channel: ClassVar[str | None] = None

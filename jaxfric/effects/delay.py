@@ -157,6 +157,7 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
     id: ClassVar[str] = "frictional_delay"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "theta_ss at V(t - alpha)"
+    meaning: ClassVar[str] = "Friction answers the velocity of a moment ago, not that of now."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "inertia")
     separated_by: ClassVar[str] = "fast sampling, oscillating velocity"
     channel: ClassVar[str | None] = None

@@ -16,6 +16,9 @@ class ServoLag(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "servo_lag"
     room: ClassVar[str] = "drive"
     equation: ClassVar[str] = "tau V_m' = V_cmd - V_m"
+    meaning: ClassVar[str] = (
+        "The drive follows its command late: the load point does not move as the record says."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "sensor_delay")
     separated_by: ClassVar[str] = "a load-point encoder channel"
     channel: ClassVar[str | None] = None

@@ -58,12 +58,15 @@ class AbstractEffect(eqx.Module, Generic[R]):
     """One effect of the catalogue.
 
     `id` is its name in tables and files; `room` the one it modifies; `equation` a line of
-    text; `confused_with` the ids it is easily taken for; `separated_by` what would tell them apart.
-    `rigs` are the kinds of rig that it fits, a slider's unless it says otherwise. The fields
-    declared by `quantity(...)` are its parameters, amplitudes first.
+    text, `meaning` what it says in words; `confused_with` the ids it is easily taken for;
+    `separated_by` what would tell them apart. `rigs` are the kinds of rig that it fits, a slider's
+    unless it says otherwise. The fields declared by `quantity(...)` are its parameters, amplitudes
+    first.
     """
 
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (Rig,)
+    meaning: ClassVar[str] = ""
+    """The effect in one or two plain sentences; reports leave it out where it is empty."""
 
     id: AbstractClassVar[str]
     room: AbstractClassVar[str]

@@ -54,6 +54,10 @@ class SecondState(AbstractEffect[Rig]):
     id: ClassVar[str] = "second_state"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ theta_2 with its own B2, L2"
+    meaning: ClassVar[str] = (
+        "Friction remembers the velocity over two distances, not one: part of it forgets a "
+        "step over L, another part over L2."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
     separated_by: ClassVar[str] = "up and down steps, longer than 3 L2"
     channel: ClassVar[str | None] = None
@@ -77,6 +81,10 @@ class Ageing(AbstractEvolutionEffect):
     id: ClassVar[str] = "ageing"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "evolution (1 - q) slip + q ageing"
+    meaning: ClassVar[str] = (
+        "The contacts heal while they rest, not only while they slide: evolution lies between "
+        "the slip law (q = 0) and the ageing law (q = 1)."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("velocity_dependent_L", "stiffness")
     separated_by: ClassVar[str] = "equal up and down steps of two sizes, holds"
     channel: ClassVar[str | None] = None
@@ -95,6 +103,9 @@ class VelocityDependentLength(AbstractEvolutionEffect):
     id: ClassVar[str] = "velocity_dependent_L"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "L (V/V0)^n"
+    meaning: ClassVar[str] = (
+        "The distance over which friction forgets a step changes with velocity."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("ageing",)
     separated_by: ClassVar[str] = "equal steps at several velocities"
     channel: ClassVar[str | None] = None
@@ -113,6 +124,10 @@ class EvolutionCutoff(AbstractEvolutionEffect):
     id: ClassVar[str] = "evolution_cutoff"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "theta_ss = -B [ln(V/V0) - ln(1 + V/Vc)]"
+    meaning: ClassVar[str] = (
+        "Above the velocity Vc the state evolves no further, so that friction strengthens "
+        "with velocity there."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
     separated_by: ClassVar[str] = "transients, not levels, at high velocity"
     channel: ClassVar[str | None] = None
@@ -140,6 +155,9 @@ class Viscous(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "viscous"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ c V"
+    meaning: ClassVar[str] = (
+        "Friction grows in proportion to velocity, as of a lubricant, a seal or a guide."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "evolution_cutoff")
     separated_by: ClassVar[str] = "three velocities over two decades"
     channel: ClassVar[str | None] = None
@@ -170,6 +188,9 @@ class Stribeck(AbstractEffect[Rig]):
     id: ClassVar[str] = "stribeck"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ fs exp(-(V/Vs)^d)"
+    meaning: ClassVar[str] = (
+        "Friction falls from a higher level as velocity passes Vs, whatever came before."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
     separated_by: ClassVar[str] = "four velocities around Vs"
     channel: ClassVar[str | None] = None
@@ -205,6 +226,10 @@ class SlipTrend(AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig]):
     id: ClassVar[str] = "slip_trend"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ s x"
+    meaning: ClassVar[str] = (
+        "Friction grows or falls steadily with slip, as wear, gouge or a slope of the guide "
+        "make it."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("time_drift", "run_in")
     separated_by: ClassVar[str] = "different velocities at equal slip, a slow dwell"
     channel: ClassVar[str | None] = None
@@ -237,6 +262,9 @@ class RunIn(AbstractPlaceEffect[Rig]):
     id: ClassVar[str] = "run_in"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ d (1 - exp(-x/dc))"
+    meaning: ClassVar[str] = (
+        "Friction runs in: it goes to another level over the slip dc and stays there."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "second_state")
     separated_by: ClassVar[str] = "the first velocity repeated at the end"
     channel: ClassVar[str | None] = None
@@ -275,6 +303,9 @@ class PositionPeriodic(AbstractPlaceEffect[Rig]):
     id: ClassVar[str] = "position_periodic"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ a sin(2 pi x/lambda) + b cos(2 pi x/lambda)"
+    meaning: ClassVar[str] = (
+        "Friction ripples with position: a screw's pitch, a gear or a wavy surface."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("second_state",)
     separated_by: ClassVar[str] = "the same wavelength at every velocity"
     channel: ClassVar[str | None] = None
@@ -333,6 +364,10 @@ class NormalStressState(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "normal_stress"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "theta' - alpha n'/n"
+    meaning: ClassVar[str] = (
+        "The contacts remember the normal stress: a change of it moves friction's state at "
+        "once, which then recovers with slip."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("time_drift",)
     separated_by: ClassVar[str] = "steps of normal stress"
     channel: ClassVar[str | None] = "normal_stress"
@@ -380,6 +415,9 @@ class Thermal(AbstractEffect[Rig]):
     id: ClassVar[str] = "thermal"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "f - a_T T, tau_T T' = f V/(f0 V0) - T"
+    meaning: ClassVar[str] = (
+        "Heat of sliding changes friction: it follows the power of friction late, by tau_T."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("second_state", "time_drift")
     separated_by: ClassVar[str] = "the same velocity for other durations"
     channel: ClassVar[str | None] = None

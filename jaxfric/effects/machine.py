@@ -17,6 +17,7 @@ class Stiffness(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "stiffness"
     room: ClassVar[str] = "machine"
     equation: ClassVar[str] = "K exp(kappa)"
+    meaning: ClassVar[str] = "The machine is softer or stiffer than was declared."
     confused_with: ClassVar[tuple[str, ...]] = ("ageing", "servo_lag")
     separated_by: ClassVar[str] = "elastic loading, a slip channel"
     channel: ClassVar[str | None] = None
@@ -39,6 +40,9 @@ class Damping(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "damping"
     room: ClassVar[str] = "machine"
     equation: ClassVar[str] = "+ k_v (V_m - V) on the slider"
+    meaning: ClassVar[str] = (
+        "Part of the force is taken by damping of the machine, beside its spring."
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
     separated_by: ClassVar[str] = "free response"
     channel: ClassVar[str | None] = None
@@ -73,6 +77,7 @@ class Inertia(AbstractHeavyEffect[Rig]):
     id: ClassVar[str] = "inertia"
     room: ClassVar[str] = "machine"
     equation: ClassVar[str] = "- m dV/dt on the pull"
+    meaning: ClassVar[str] = "The slider's mass takes part of the force where velocity changes."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "frictional_delay")
     separated_by: ClassVar[str] = "free response, a slip channel"
     channel: ClassVar[str | None] = None

@@ -29,6 +29,7 @@ class SensorLag(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "sensor_lag"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "tau y' = f - y"
+    meaning: ClassVar[str] = "The force sensor follows friction late, as a low-pass filter does."
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_delay")
     separated_by: ClassVar[str] = "a slip channel, a slow dwell"
     channel: ClassVar[str | None] = None
@@ -47,6 +48,7 @@ class SensorDelay(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "sensor_delay"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "y(t) = f(t - d)"
+    meaning: ClassVar[str] = "Friction is recorded later, or earlier, than it acted."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "servo_lag")
     separated_by: ClassVar[str] = "fast sampling"
     channel: ClassVar[str | None] = None
@@ -65,6 +67,7 @@ class TimeDrift(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "time_drift"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "+ r t"
+    meaning: ClassVar[str] = "The force sensor drifts with time, whether the slider moves or not."
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
     separated_by: ClassVar[str] = "a dwell, a zero-load baseline"
     channel: ClassVar[str | None] = None
@@ -83,6 +86,7 @@ class Gain(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "gain"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "(1 + g) y"
+    meaning: ClassVar[str] = "The force sensor has another scale than was declared."
     confused_with: ClassVar[tuple[str, ...]] = ("stiffness",)
     separated_by: ClassVar[str] = "a known load"
     channel: ClassVar[str | None] = None
