@@ -8,8 +8,9 @@ from matplotlib.axes import Axes
 from ..records import AxisRecord, SteadyCurve
 from ..records.axis_units import shown_units
 from ..records.strokes import Strokes, position_of
-from .label import printable
-from .stability import BLACK, BLUE, GREY, ORANGE, new_figure, tidy
+from .label import legend_beside, printable
+from .palette import BLACK, BLUE, GREY, ORANGE
+from .stability import new_figure, tidy
 
 _WINDOW = 200
 """Part of the longest stroke's rows over which speeds are averaged."""
@@ -33,7 +34,7 @@ def draw_axis_record(record: AxisRecord, strokes: Strokes, path: str | Path) -> 
     panels[0].plot(time, record.motor_force, color=BLUE, lw=0.7, label=f"motor {name}")
     if record.disturbance_force is not None:
         panels[0].plot(time, record.disturbance_force, color=ORANGE, lw=0.9, label="disturbance")
-        panels[0].legend(fontsize=8)
+        legend_beside(panels[0])
     panels[0].set_ylabel(f"motor {name} [{record.force_unit}]")
     speed = _speed(record, strokes) / size
     _position(panels[1], record, time, size, units["position"])
@@ -83,7 +84,7 @@ def _position(axis: Axes, record: AxisRecord, time: np.ndarray, size: float, uni
     axis.plot(time, position_of(record) / size, color=BLUE, lw=1.6, label="position")
     if record.reference_position is not None:
         axis.plot(time, record.reference_position / size, color=ORANGE, lw=0.8, label="reference")
-        axis.legend(fontsize=8)
+        legend_beside(axis)
     axis.set_ylabel(f"position [{unit}]")
 
 

@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 
 from ..loop.law_comparison import LawComparison, LawScore, amount
 from .label import printable
+from .palette import BLACK, EIGHT, HELD, SLATE
 
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-_RECORD, _STEP, _HELD = "0.25", "0.55", "#f2efe4"
+_COLOURS = EIGHT[:6]
+_RECORD, _STEP, _HELD = BLACK, SLATE, HELD
 
 
 def draw_comparison(found: LawComparison, *paths: str | Path) -> None:

@@ -11,19 +11,8 @@ from ..motion import PiecewiseVelocity
 from ..rig import Inertial, Rig
 from ..simulation import Trajectory
 from ..stability.analysis import Law, steady_points
-from .stability import (
-    BLACK,
-    BLUE,
-    GREY,
-    ORANGE,
-    law_name,
-    legend_below,
-    mass_text,
-    new_figure,
-    prefixed,
-    save,
-    tidy,
-)
+from .palette import BLACK, BLUE, GREY, ORANGE
+from .stability import law_name, legend_below, mass_text, new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
 # Velocities this much below the command count as stuck, and are drawn no lower.

@@ -16,12 +16,8 @@ from ..stability.delay import (
     stiffness_delay_chart,
 )
 from ..stability.delay_analysis import delay_numbers, delay_stiffness
+from .palette import BLACK, BLUE, ORANGE, STABLE, UNSTABLE
 from .stability import (
-    BLACK,
-    BLUE,
-    ORANGE,
-    STABLE,
-    UNSTABLE,
     from_zero,
     legend_below,
     mass_text,

@@ -11,8 +11,9 @@ from ..fitting import Fit
 from ..fitting.table import rows
 from .label import printable
 from .noise import clocks, draw_autocorrelation, mark_glitches
+from .palette import BLUE, GREY, ORANGE
 
-_DATA, _FIT, _STEP, _BAND = "#1f4e79", "#c8501e", "0.55", "0.85"
+_DATA, _FIT, _STEP, _BAND = BLUE, ORANGE, GREY, "0.85"
 
 
 def draw_fit(fit: Fit, *paths: str | Path) -> None:

@@ -15,20 +15,11 @@ from ..gains.slack import paired_slacks
 from ..stability.linear import LinearFriction, LinearSlider
 from ..stability.margins import is_stable
 from ..stability.theorem import theorem
-from .stability import (
-    BLACK,
-    STABLE,
-    UNSTABLE,
-    draw_boundaries,
-    from_zero,
-    gain_units,
-    legend_below,
-    shade,
-    tidy,
-)
+from .palette import BLACK, MEETS, STABLE, UNSTABLE
+from .stability import draw_boundaries, from_zero, gain_units, legend_below, shade, tidy
 
 _GRID, _CELLS, _DAMPINGS = 121, 12, 64
-_FEASIBLE = "#7fb08a"
+_ALONE = {"stiff": ">", "damped": "^"}
 _MEANS = {"stiff": "stiffness", "damped": "damping"}
 
 
@@ -48,9 +39,9 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
     x, y = sizes[0] * k_p, sizes[1] * k_v
     shade(axis, x, y, np.minimum(level, 1), [UNSTABLE, STABLE])
     if (level == 2).any():
-        axis.contourf(x, y, np.clip(slack, -1.0, 1.0), levels=[0.0, 2.0], colors=[_FEASIBLE])
+        axis.contourf(x, y, np.clip(slack, -1.0, 1.0), levels=[0.0, 2.0], colors=[MEETS])
     for colour, text, code in (
-        (_FEASIBLE, "meets the requirement in every scenario", 2),
+        (MEETS, "meets the requirement in every scenario", 2),
         (STABLE, "stable, but misses it somewhere", 1),
         (UNSTABLE, "unstable somewhere", 0),
     ):
@@ -63,8 +54,8 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
         if _is_recommended(one, result):
             continue
         axis.plot(
-            sizes[0] * one.kp, sizes[1] * one.kv, "D", mfc="white", mec=BLACK, ms=8, mew=1.5,
-            clip_on=False, zorder=6, label=_of(one),
+            sizes[0] * one.kp, sizes[1] * one.kv, _marker(one), mfc="white", mec=BLACK, ms=9,
+            mew=1.5, clip_on=False, zorder=6, label=_of(one),
         )  # fmt: skip
     here = "".join(f", {_of(b)}" for b in result.optima if _is_recommended(b, result))
     recommended = f"recommended{here}{_simulated(result)}"
@@ -81,6 +72,11 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
 
 def _is_recommended(optimum: LocalOptimum, result: Gains) -> bool:
     return bool(np.allclose([optimum.kp, optimum.kv], [result.kp, result.kv], rtol=1e-6))
+
+
+def _marker(optimum: LocalOptimum) -> str:
+    """Another optimum is a diamond; gains of one kind alone point along the axis of that gain."""
+    return "D" if optimum.minimum else _ALONE[optimum.name]
 
 
 def _of(optimum: LocalOptimum) -> str:

@@ -15,12 +15,9 @@ from ..gains.scenarios import Scenarios
 from ..stability.analysis import SteadyPoint, theorem_over_damping
 from ..stability.margin_table import MARGINS
 from .gain_map import draw_gain_map, star
+from .label import legend_beside
+from .palette import BAND, BLACK, CYCLE, ESCAPE, LINES, OPEN, ORANGE, STABLE
 from .stability import (
-    BAND,
-    BLACK,
-    BLUE,
-    ORANGE,
-    STABLE,
     draw_boundaries,
     draw_curve,
     gain_units,
@@ -35,12 +32,11 @@ from .stability import (
 from .ticks import plain_log
 
 _VELOCITIES = 61
-_COLOURS = (BLUE, "#2a9d8f", "0.45", "#8a5a9e")
 _END_COLOURS = {
     "steady": STABLE,
-    "limit_cycle": "#e3a27f",
-    "escape": "#8a3b12",
-    "unresolved": "0.85",
+    "limit_cycle": CYCLE,
+    "escape": ESCAPE,
+    "unresolved": OPEN,
 }
 _END_NAMES = {
     "steady": "ends steady",
@@ -61,7 +57,7 @@ def gains_figure(result: Gains) -> Figure:
     Panels: the map of gains with what all scenarios accept, both boundaries of the linear
     theory and the optima; the required margins against velocity; the friction curve.
     """
-    figure = new_figure(12.5, 7.4)
+    figure = new_figure(14.5, 7.4)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.45, 1])
     whole, top, bottom = (
         figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1])
@@ -69,7 +65,7 @@ def gains_figure(result: Gains) -> Figure:
     draw_gain_map(whole, result)
     _margins(top, result)
     draw_curve(bottom, result.scenarios.law(0), result.scenarios.velocity, title="Friction law")
-    bottom.legend(loc="best", frameon=True, framealpha=0.95, edgecolor="0.9", fontsize=8)
+    legend_beside(bottom)
     figure.suptitle(
         f"Recommended gains: {_stiffness(result)}, {_damping(result)}   ({_required(result)})",
         x=0.01,
@@ -113,7 +109,7 @@ def _margins(axis: Axes, result: Gains) -> None:
         shown = least / required if several and required > 0 else least
         shown = np.where(np.isfinite(shown), shown, np.nan)
         text = f"{name} (required {required:g}{MARGINS[name].suffix})" if several else name
-        axis.plot(size * velocities, shown, color=_COLOURS[i % 4], lw=1.6, label=text)
+        axis.plot(size * velocities, shown, color=LINES[i % len(LINES)], lw=1.6, label=text)
         if not np.isfinite(least).any():
             note = f"{name}: inf, nothing limits it"
             axis.text(0.5, 0.6, note, transform=axis.transAxes, ha="center")
@@ -133,7 +129,7 @@ def _margins(axis: Axes, result: Gains) -> None:
     where = "shaded: required here" if high > low else "dotted: required here"
     axis.set_xlabel(f"velocity [{unit}]   ({where})")
     tidy(axis, "Margins at these gains, of the worst mass and sample")
-    axis.legend(loc="best", frameon=True, framealpha=0.95, edgecolor="0.9", fontsize=8)
+    legend_beside(axis)
 
 
 def _least_margins(

@@ -20,27 +20,27 @@ from ..loop.thresholds import ACCEPT, ALIAS, SIGNIFICANT
 from ..loop.where import share_text
 from .label import printable
 from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
-from .stability import BAND, BLACK, BLUE, GREY, ORANGE, new_figure, prefixed, save, tidy
+from .palette import BLACK, BLUE, GREY, LIGHT, MIDDLE, ORANGE, PALE, REPORT, SELECT, TRAIN
+from .stability import new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
 _BLOCKS = {
-    "train": ("0.955", "train: the model is fitted here"),
-    "select": (BAND, "select: chooses between candidates"),
-    "report": ("#d9ead6", "report: scored once, at the end"),
+    "train": (TRAIN, "train: the model is fitted here"),
+    "select": (SELECT, "select: chooses between candidates"),
+    "report": (REPORT, "report: scored once, at the end"),
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
 _TINY = 0.01
 _TITLE_WIDTH = 105
 _NOISE_WIDTH = 88
-_MIDDLE, _LIGHT, _PALE = "#5d8bb3", "#b9cfe2", "0.85"
 _ROLE_COLOURS = {
     "model": BLUE,
-    "base": _MIDDLE,
-    "passed": _MIDDLE,
-    "tried": _LIGHT,
-    "impossible": _PALE,
-    "failed": _PALE,
+    "base": MIDDLE,
+    "passed": MIDDLE,
+    "tried": LIGHT,
+    "impossible": PALE,
+    "failed": PALE,
 }
 
 
@@ -419,7 +419,7 @@ def _save_candidates(loop: Loop, folder: Path) -> list[str]:
     beside.set_yticks(range(len(tried)), [""] * len(tried))
     beside.set_ylim(first.get_ylim())
     ids = [s.id for s in screened]
-    _bars(second, ids, [s.delta_bic for s in screened], [_LIGHT] * len(ids))
+    _bars(second, ids, [s.delta_bic for s in screened], [LIGHT] * len(ids))
     tidy(second, "Single effects, screened: ΔBIC to first order")
     for axis in (first, second):
         axis.set_xlabel("ΔBIC (above 0: better than the base)")
@@ -491,9 +491,9 @@ def _key(axis: Axes) -> None:
     axis.set_axis_off()
     colours = (
         (BLUE, "the model that was chosen"),
-        (_MIDDLE, "the base, and models on the way"),
-        (_LIGHT, "tried, not taken"),
-        (_PALE, "impossible, or not converged"),
+        (MIDDLE, "the base, and models on the way"),
+        (LIGHT, "tried, not taken"),
+        (PALE, "impossible, or not converged"),
     )
     handles: list = [Patch(fc=colour, label=text) for colour, text in colours]
     handles += axis.plot(

@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from .palette import BLUE
 from .side import Side, code_colour, side_of
-from .stability import BLUE, new_figure, prefixed
+from .stability import new_figure, prefixed
 from .ticks import plain_log
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 from ..fitting.glitches import Glitches
 from ..fitting.noise_estimate import NoiseEstimate
-from .stability import BAND, BLUE, ORANGE
+from .palette import BAND, BLUE, ORANGE
 from .ticks import plain_log
 
 _FEWEST, _PAIRED, _MOST, _SOME = 30, 40, 60, 400

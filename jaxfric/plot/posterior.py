@@ -11,8 +11,9 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from ..posterior.inference_data import unit_name, unit_size
 from ..posterior.result import DIFFERENCE, Posterior
 from .label import printable
+from .palette import BLUE, GREY, ORANGE
 
-_DRAWS, _LAPLACE, _PRIOR = "#1f4e79", "#c8501e", "0.45"
+_DRAWS, _LAPLACE, _PRIOR = BLUE, ORANGE, GREY
 _BINS, _MOST = 30, 2000
 _REACH = 3.6
 """Half width of a panel in standard deviations."""

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from ..prediction import Prediction
 from .label import printable
-from .stability import BAND, BLACK, BLUE, ORANGE, new_figure, prefixed, save, tidy
+from .palette import BAND, BLACK, BLUE, ORANGE
+from .stability import new_figure, prefixed, save, tidy
 
 
 def draw_prediction(found: Prediction, folder: Path) -> list[str]:

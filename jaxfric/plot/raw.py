@@ -6,8 +6,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..records import Table
+from .palette import BLUE
 
-_DATA = "#1f4b77"
+_DATA = BLUE
 
 
 def draw_raw(table: Table, path: str | Path) -> None:

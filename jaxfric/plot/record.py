@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 
 from ..records.record import Record
 from ..records.steps import VelocitySteps
-from .label import printable
+from .label import legend_beside, printable
+from .palette import BLUE, GREY, ORANGE
 from .ticks import plain_log
 
-_DATA, _LINE, _STEP = "#1f4e79", "#c8501e", "0.55"
+_DATA, _LINE, _STEP = BLUE, ORANGE, GREY
 _MOST_LABELS = 8
 
 
@@ -64,7 +65,7 @@ def _load_point(axis: Axes, record: Record, steps: VelocitySteps | None) -> None
         knots = np.append(steps.times, time[-1])
         line = 1e6 * steps.displacement(knots) + offset
         axis.plot(knots, line, color=_LINE, lw=1, label="velocity steps")
-        axis.legend(loc="upper left", frameon=False, fontsize=8)
+        legend_beside(axis)
     axis.set_ylabel("load point [µm]")
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -15,17 +16,18 @@ from ..runs.holds import Hold, healing_rate
 from ..runs.stick_slip import is_stretch
 from ..runs.table import difference
 from .label import printable
+from .palette import BLACK, BLUE, GOLD, MAGENTA, MINT, ORANGE, SKY, SLATE
 from .ticks import plain_log
 
-_DATA = "#1f4e79"
+_DATA = BLUE
 _COLOURS = {
-    "step": "#c8501e",
-    "stress": "#7a4ea3",
-    "hold": "#2a9d8f",
-    "reload": "#8a8a00",
-    "unload": "#555555",
-    "stick_slip": "#d81b60",
-    "glitch": "0.7",
+    "step": ORANGE,
+    "stress": GOLD,
+    "hold": SKY,
+    "reload": MINT,
+    "unload": BLACK,
+    "stick_slip": MAGENTA,
+    "glitch": SLATE,
 }
 _LONG = 4.0
 """Bars so many times as long as the usual one may leave the panel."""
@@ -154,7 +156,7 @@ def rates_figure(run: RunFit) -> Figure:
                 pairs[chosen, 0],
                 1.96 * pairs[chosen, 1],
                 fmt=mark,
-                color=_DATA if mark == "^" else "#c8501e",
+                color=_DATA if mark == "^" else ORANGE,
                 label=words,
                 capsize=2,
                 lw=1,
@@ -201,15 +203,18 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
     plain_log(left, "x")
     left.set_xlabel("hold time [s]")
     left.set_ylabel(f"change of friction{force and ' [N]'} (bars: 95 %)")
-    left.legend(frameon=False, fontsize=9)
+    left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncol=3, frameon=False, fontsize=8.5)
     t, x, f = record.relative_time, record.load_point_displacement, record.friction
     assert x is not None
-    for hold in holds:
+    shades = colormaps["cividis"](np.linspace(0.0, 0.85, max(len(holds), 2)))
+    for shade, hold in zip(shades, sorted(holds, key=lambda one: one.lasts), strict=False):
         back = hold.time + hold.lasts
         moved = x - np.interp(back, t, x)
         near = (t >= back) & (np.abs(moved) < 1e-4)
         level = np.median(f[(t < hold.time) & (t > hold.time - 5 / hold.velocity * 1e-6)])
-        right.plot(1e6 * moved[near], f[near] - level, lw=0.9, label=f"{hold.lasts:.4g} s")
+        right.plot(
+            1e6 * moved[near], f[near] - level, lw=0.9, color=shade, label=f"{hold.lasts:.4g} s"
+        )
     right.axhline(0, color="0.4", lw=0.7)
     right.set_xlabel("load point after the hold [\u00b5m]")
     right.set_ylabel("friction less that before")

@@ -12,10 +12,11 @@ from ..runs.cycles import StickSlip, drop_by_velocity
 from ..runs.stick_slip import MIDDLE, Rises
 from ..runs.stress_steps import FittedStress
 from ..runs.table import measured
+from .palette import BLUE, GREY, ORANGE, SKY
 from .ticks import plain_log
 
-_DATA, _FIT, _WITHOUT = "#1f4e79", "#c8501e", "0.55"
-_LAWS = {"slip": "#c8501e", "ageing": "#2a9d8f"}
+_DATA, _FIT, _WITHOUT = BLUE, ORANGE, GREY
+_LAWS = {"slip": ORANGE, "ageing": SKY}
 _ROW = 3
 """Panels side by side."""
 

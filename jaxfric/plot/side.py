@@ -4,23 +4,24 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .stability import STABLE, prefixed
+from .palette import CYCLE, ESCAPE, OPEN, STABLE, TOGETHER
+from .stability import prefixed
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-_COLOURS = {
+_COLOURS: dict[str, str] = {
     "steady": STABLE,
     "stable": STABLE,
     "computed": STABLE,
-    "limit_cycle": "#e3a27f",
-    "unstable": "#e3a27f",
-    "escape": "#8a3b12",
-    "failed": "0.8",
-    "error": "#8a3b12",
+    "limit_cycle": CYCLE,
+    "unstable": CYCLE,
+    "escape": ESCAPE,
+    "failed": OPEN,
+    "error": ESCAPE,
 }
 _FAR = 8.0
-_MORE = ("#7a9cc6", "#8a5a9e", "#2a9d8f", "0.6", "#c9b458", "0.85")
+_MORE = TOGETHER["other codes of a study"]
 
 
 class Side(NamedTuple):
@@ -59,4 +60,4 @@ def by_factors(values: np.ndarray) -> bool:
 
 def code_colour(index: int, name: str) -> str:
     """The colour of a code, by its name, else by its number."""
-    return _COLOURS.get(name, _MORE[index % len(_MORE)])
+    return _COLOURS.get(name) or _MORE[index % len(_MORE)]

@@ -31,10 +31,9 @@ from ..stability.analysis import (
     theorem_over_velocity,
 )
 from ..stability.delay_analysis import delay_stiffness
+from .palette import BAND, BLACK, BLUE, ORANGE, STABLE, UNSTABLE
 from .ticks import plain_log
 
-BLUE, ORANGE, GREY, BLACK = "#1f4e79", "#c8501e", "0.55", "0.15"
-STABLE, UNSTABLE, BAND = "#cfe0ee", "#f4d9cc", "#fff2c4"
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 _CURVE, _MAP, _LOCUS = 400, 161, 800
 

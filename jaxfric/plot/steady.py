@@ -15,7 +15,8 @@ from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 from .label import printable
 from .noise import draw_autocorrelation
-from .stability import BLACK, BLUE, GREY, ORANGE, new_figure, save, tidy
+from .palette import BLACK, BLUE, GREY, ORANGE
+from .stability import new_figure, save, tidy
 from .ticks import plain_log
 
 _LINE, _NOISE_WIDTH = 400, 150

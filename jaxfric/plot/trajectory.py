@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..simulation.trajectory import RESULTS, Trajectory, result_words
-from .stability import BLUE, new_figure, prefixed, tidy
+from .palette import BLUE
+from .stability import new_figure, prefixed, tidy
 
 _MOST = 50
 """Members of a batch that are drawn."""

@@ -1,0 +1,37 @@
+"""Colours of all figures: every one is named here, and which of them one figure shows together.
+
+Colours of one figure are told apart by readers with protanopia, deuteranopia or tritanopia too:
+`tests/test_colours.py` simulates what they see of every pair in `TOGETHER` (Machado et al. 2009,
+doi:10.1109/TVCG.2009.113). A colour that is new goes into the group of its figure.
+"""
+
+BLUE, ORANGE, GREY, BLACK = "#1f4e79", "#c8501e", "0.55", "0.15"
+SKY, GOLD, MAGENTA, MINT, SLATE = "#56b4e9", "#e0ac00", "#d06ba8", "#8fd0b0", "0.42"
+STABLE, UNSTABLE, MEETS, BAND = "#cfe0ee", "#efb195", "#5a9c92", "#ffe28a"
+CYCLE, ESCAPE, OPEN = "#e3a27f", "#8a3b12", "0.7"
+TRAIN, SELECT, REPORT = "0.96", BAND, "#a9cfe6"
+MIDDLE, LIGHT, PALE = "#5d8bb3", "#a8c8e8", "0.88"
+HELD = "#f2efe4"
+LINES = (BLUE, SKY, GOLD, MAGENTA)
+"""Colours of curves of one panel; ORANGE beside them is what is required or fitted."""
+EIGHT = (BLUE, ORANGE, SKY, GOLD, MAGENTA, MINT, BLACK, SLATE)
+"""Colours of as many kinds."""
+
+TOGETHER = {
+    "record and model": (TRAIN, SELECT, REPORT, GREY, BLUE, ORANGE, BLACK),
+    "candidates": (BLUE, MIDDLE, LIGHT, PALE, ORANGE),
+    "location": (BLUE, GREY),
+    "profiles": (BLUE, ORANGE, GREY, BLACK),
+    "noise": (BAND, BLUE, ORANGE),
+    "gains": (MEETS, STABLE, UNSTABLE, BAND, BLUE, ORANGE, BLACK),
+    "margins": (*LINES, ORANGE, BAND, BLACK),
+    "ends": (STABLE, CYCLE, ESCAPE, OPEN, BLACK),
+    "stability": (STABLE, UNSTABLE, BLUE, ORANGE, BLACK, BAND),
+    "events of a run": EIGHT,
+    "laws of stick-slip": (BLUE, ORANGE, SKY, GREY),
+    "fit": (BLUE, ORANGE, GREY),
+    "posterior": (BLUE, ORANGE, GREY),
+    "laws compared": (*EIGHT, HELD),
+    "other codes of a study": (SKY, GOLD, BLUE, MAGENTA, MINT, SLATE),
+}
+"""Colours that a reader must tell apart, by figure."""
