@@ -7,7 +7,8 @@ import pytest
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.steady.loop import close_steady_loop
 from jaxfric.plot import steady
-from jaxfric.plot.loop import _cell, _share_and_p
+from jaxfric.plot.location import _share_and_p
+from jaxfric.plot.loop import _cell
 from jaxfric.plot.marginals import draw_marginals
 from jaxfric.plot.side import by_factors
 from jaxfric.plot.stability import new_figure

@@ -9,6 +9,7 @@ import io
 import itertools
 import json
 import re
+import shlex
 from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
@@ -18,14 +19,16 @@ from typing import Any
 import numpy as np
 import pytest
 from command import assert_refused, record_text, run, written
+from cyclopts import CycloptsError
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.text import Text
 from rich.console import Console
 
 from jaxfric.cli import options
+from jaxfric.cli.app import app
 from jaxfric.cli.call import in_new_words
-from jaxfric.effects import CATALOGUE
+from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.axis_preparation import Preparation
 from jaxfric.fitting.problem import Model
@@ -49,6 +52,7 @@ from jaxfric.plot.stability import tidy
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
+from jaxfric.report.loop_next import next_steps, takes_gains
 from jaxfric.report.loop_text import (
     apart,
     by_velocity,
@@ -233,20 +237,21 @@ def _location(sigma: float, steps: VelocitySteps, end: float) -> tuple[LocationP
     random = np.random.default_rng(9)
     total = float(steps.displacement(end))
     axes = {
-        "time_since_step": ("s", np.geomspace(0.3, 150, 12), 0.71, 1e-80),
-        "state": ("F", np.linspace(-0.02, 0.02, 12), 0.55, 3e-41),
-        "slip": ("m", np.linspace(0, total, 14), 0.12, 2e-3),
-        "log_velocity": ("1", np.log(np.geomspace(1, 10, 5)), 0.04, 0.3),
-        "time": ("s", np.linspace(0, end, 14), 0.02, 0.7),
-        "relaxation_length": ("m", 150e-6 * np.geomspace(0.02, 1, 8), 0.02, 0.8),
-        "wavelength": ("m", 1 / np.linspace(2 / total, 60 / total, 16), 0.0, np.nan),
+        "time_since_step": ("s", np.geomspace(0.3, 150, 12), 0.71, 1e-80, 0.71),
+        "state": ("F", np.linspace(-0.02, 0.02, 12), 0.55, 3e-41, 0.0),
+        "slip": ("m", np.linspace(0, total, 14), 0.12, 2e-3, 0.06),
+        "log_velocity": ("1", np.log(np.geomspace(1, 10, 5)), 0.04, 0.3, 0.0),
+        "time": ("s", np.linspace(0, end, 14), 0.02, 0.7, 0.0),
+        "relaxation_length": ("m", 150e-6 * np.geomspace(0.02, 1, 8), 0.02, 0.8, 0.0),
+        "wavelength": ("m", 1 / np.linspace(2 / total, 60 / total, 16), 0.0, np.nan, 0.0),
     }
     return tuple(
         LocationProfile(
             name, unit, x, 2 * sigma * share * np.exp(-np.linspace(-1, 3, len(x)) ** 2)
-            + 0.15 * sigma * random.normal(size=len(x)), np.full(len(x), 0.15 * sigma), share, p,
+            + 0.15 * sigma * random.normal(size=len(x)), np.full(len(x), 0.15 * sigma),
+            share, p, further,
         )
-        for name, (unit, x, share, p) in axes.items()
+        for name, (unit, x, share, p, further) in axes.items()
     )  # fmt: skip
 
 
@@ -322,9 +327,13 @@ def printed(loop: Loop, width: int = 120) -> str:
     return console.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def page_of(loop: Loop) -> Page:
+def html_of(loop: Loop) -> str:
     figures = dict.fromkeys(FIGURES, b"<svg/>")
-    html = page(loop, figures, version="1.2.3", command="jaxfric loop '<b>&.csv'")
+    return page(loop, figures, version="1.2.3", command="jaxfric loop '<b>&.csv'")
+
+
+def page_of(loop: Loop) -> Page:
+    html = html_of(loop)
     assert "http" not in html and "@import" not in html and "url(" not in html
     return Page(html)
 
@@ -350,11 +359,111 @@ def test_each_rig_has_its_own_words(words, other) -> None:
     assert titles[0].endswith(f"dashed lines: {words.marks}")
 
 
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_page_opens_with_what_it_means_and_what_to_do_next(verdict: str) -> None:
+    """Words and equation of every effect before any number, and commands that the verbs take."""
+    loop = make_loop(verdict)
+    html = page_of(loop).text
+    opening = html[: html.index("error on rows that no fit saw")]
+    for id in loop.effects:
+        about = CATALOGUE[id]
+        assert about.meaning in opening and about.equation in opening
+    assert "What to do next" in opening
+    certain = verdict in ("no_missing_effect", "effects", "ambiguous")
+    assert ("jaxfric gains --from loop.json" in opening) == certain
+    assert ("jaxfric predict loop.json" in opening) == certain
+    open_ = "This record cannot tell time_drift from slip_trend. A run that would decide: "
+    assert (open_ + CATALOGUE["time_drift"].separated_by in opening) == (verdict == "ambiguous")
+    lines = [step.command for step in next_steps(loop) if step.command]
+    for line in lines:
+        words = shlex.split(line)
+        assert words[0] == "jaxfric" and parsed(words[1:])
+    assert not parsed(["gains", "--of", "loop.json"])  # a planted fault
+
+
+def parsed(words: list[str]) -> bool:
+    """Whether the command takes these words; nothing is run."""
+    try:
+        app.parse_args(words, exit_on_error=False, print_error=False)
+    except CycloptsError:
+        return False
+    return True
+
+
+def test_gains_are_offered_where_they_are_taken() -> None:
+    """As `jaxfric.laws` reads loops: of a slider, and of an axis with a memory, in newtons."""
+    loop = make_loop("effects")
+    assert takes_gains(loop) and not takes_gains(make_loop("outside_catalogue"))
+    assert not takes_gains(dataclasses.replace(loop, words=AXIS))
+    after = dataclasses.replace(loop.after, effects=("rate_and_state",))
+    axis = dataclasses.replace(make_loop("effects", unit="N"), words=AXIS, after=after)
+    assert takes_gains(axis)
+    text = next(s for s in next_steps(axis) if "gains" in s.command).command
+    assert "--normal-force" not in text and '--velocity "0.001..0.01 mm/s"' in text
+    own = dataclasses.replace(loop.after, effects=("mine",))
+    assert not takes_gains(dataclasses.replace(loop, after=own))
+
+
+def test_the_page_has_one_pair_of_errors() -> None:
+    """That of the rows held out: sentence, card and figure say it; blocks are folded away."""
+    loop = make_loop("effects")
+    html = html_of(loop)
+    told = re.sub(r"<details>.*?</details>", "", html, flags=re.DOTALL)
+    assert re.findall(r"[\d.]+ σ → [\d.]+ σ", told) == [
+        " → ".join(f"{loop.heldout(s) / loop.sigma:.2f} σ" for s in (loop.before, loop.after))
+    ]
+    assert "rms before" in html and "rms before" not in told
+
+
+def test_a_page_fits_a_narrow_window() -> None:
+    """Every table and figure scrolls in a box of its own, and the page tells its width."""
+    html = html_of(make_loop("effects"))
+    assert 'name="viewport" content="width=device-width' in html
+    for tag in ("table", "img"):
+        assert html.count(f'<div class="scroll"><{tag}') == html.count(f"<{tag}") > 3
+    assert ".scroll { overflow-x: auto" in html and "max-width: 100%" in html
+
+
+def test_every_effect_of_the_catalogue_has_a_meaning() -> None:
+    for about in (*CATALOGUE.values(), *AXIS_CATALOGUE.values()):
+        assert about.meaning.endswith(".") and 30 < len(about.meaning) < 170, about.id
+
+
+def test_the_figure_shows_record_and_both_models() -> None:
+    loop = make_loop("effects")
+    panel = figure_of(loop, "residual").axes[1]
+    lines = {line.get_label(): np.asarray(line.get_ydata()) for line in panel.lines}
+    friction = np.asarray(loop.record.friction)
+    assert np.array_equal(lines["record"], friction)
+    assert np.allclose(lines["model before"] - loop.before.residual, friction)
+    assert np.allclose(lines["model after"] - loop.after.residual, friction)
+    assert "model after" not in {
+        line.get_label() for line in figure_of(make_loop("too_weak"), "residual").axes[1].lines
+    }
+
+
+def test_no_number_of_the_candidates_lies_on_a_line() -> None:
+    for axis in figure_of(make_loop("effects"), "candidates").axes[:3]:
+        numbers = [t for t in axis.texts if t.get_text()]
+        assert numbers and all(t.get_position()[0] > 1.0 for t in numbers)
+        assert all(t.get_transform() == axis.get_yaxis_transform() for t in numbers)
+
+
+def test_shares_of_the_location_figure_add_up() -> None:
+    axis = figure_of(make_loop("effects"), "location").axes[0]
+    widths = [bar.get_width() for bar in axis.patches]
+    names = [label.get_text() for label in axis.get_yticklabels()]
+    assert sum(widths) == pytest.approx(100.0) and names[-1] == "not explained"
+    assert widths[0] == max(widths) and names[0] == "the time since a step"
+
+
 def figure_of(loop: Loop, name: str) -> Figure:
     """The figure that would be saved."""
     drawn: list[Figure] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("jaxfric.plot.loop.save", lambda figure, *_: drawn.append(figure) or [])
+        for module in ("loop", "location"):
+            place = f"jaxfric.plot.{module}.save"
+            patch.setattr(place, lambda figure, *_: drawn.append(figure) or [])
         DRAWERS[name](loop, Path())
     return drawn[0]
 
@@ -363,7 +472,8 @@ def figure_of(loop: Loop, name: str) -> Figure:
 def test_every_verdict(verdict: str) -> None:
     loop = make_loop(verdict, path=HOSTILE, unit="N" if verdict == "too_weak" else "1")
     text, html = " ".join(printed(loop).split()), page_of(loop)
-    assert html.images == len(FIGURES) and html.seen.count("h1") == 1 and html.seen.count("b") == 5
+    assert html.images == len(FIGURES) and html.seen.count("h1") == 1
+    assert html.seen.count("b") == 4 + len(loop.effects)  # cards, the verdict, effects' meanings
     assert html.text.count(HOSTILE) >= 3
     for words in (loop.sentence, *loop.reasons):
         assert words in text and words in html.text

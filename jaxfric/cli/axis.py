@@ -46,8 +46,8 @@ def axis(
 
     Fits mass, friction and an offset to a record of motor force and encoder that moves back and
     forth, tests what they leave, and tries every effect of the catalogue. Writes loop.html,
-    loop.json and the figures residual, noise, location, aliasing and candidates to the output
-    folder, by default ./NAME-loop/ with the options that differ from their default.
+    loop.json and the figures residual, noise, location, profiles, aliasing and candidates to the
+    output folder, by default ./NAME-loop/ with the options that differ from their default.
     """
     most = checked_most(most)
     declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")

@@ -1,4 +1,4 @@
-"""Figures of a closed loop: residual before and after, location map, aliasing, candidates."""
+"""Figures of a closed loop: record, model and residual, noise, aliasing, candidates."""
 
 import itertools
 import re
@@ -13,12 +13,11 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 
 from ..fitting.table import noise_lines
-from ..loop.residual_tests import p_text
-from ..loop.result import CandidateScore, LocationProfile, Loop
+from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
-from ..loop.thresholds import ACCEPT, ALIAS, SIGNIFICANT
-from ..loop.where import share_text
+from ..loop.thresholds import ACCEPT, ALIAS
 from .label import printable
+from .location import save_location, save_profiles
 from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
 from .palette import BLACK, BLUE, GREY, LIGHT, MIDDLE, ORANGE, PALE, REPORT, SELECT, TRAIN
 from .stability import new_figure, prefixed, save, tidy
@@ -31,7 +30,6 @@ _BLOCKS = {
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
-_TINY = 0.01
 _TITLE_WIDTH = 105
 _NOISE_WIDTH = 88
 _ROLE_COLOURS = {
@@ -64,17 +62,18 @@ def _save_residual(loop: Loop, folder: Path) -> list[str]:
 
 
 def residual_figure(loop: Loop) -> Figure:
-    """The figure `residual`: what the record leaves of the model before and after, by row."""
+    """The figure `residual`: record with the model before and after, and what each leaves."""
     along, label, marks = _abscissa(loop)
-    figure = new_figure(10.0, 8.4)
-    axes = figure.subplots(3, 1, sharex=True, height_ratios=[0.75, 2, 2])
-    _velocities(axes[0], loop, along, marks)
+    figure = new_figure(10.0, 10.6)
+    top, record, *axes = figure.subplots(4, 1, sharex=True, height_ratios=[0.75, 2, 1.7, 1.7])
+    _velocities(top, loop, along, marks)
+    _record_and_model(record, loop, along)
     added = " + ".join(loop.effects)
     after = f"After: with {added}" if added else "After: no effect was added, the same"
     reach, held = _reach(loop), loop.sigma_of(loop.blocks.select | loop.blocks.report)
     for axis, score, title in (
-        (axes[1], loop.before, f"Before: {_base(loop)}"),
-        (axes[2], loop.after, after),
+        (axes[0], loop.before, f"Before: {_base(loop)}"),
+        (axes[1], loop.after, after),
     ):
         _residual(axis, loop, -score.residual / loop.row_sigma(), along, reach)
         mark_glitches(axis, along, score.noise.glitches)
@@ -82,14 +81,14 @@ def residual_figure(loop: Loop) -> Figure:
             " ", "\N{NO-BREAK SPACE}"
         )
         tidy(axis, panel_title(f"{title}   {error}"))
-    for axis in axes:
+    for axis in (top, record, *axes):
         _blocks(axis, loop, along)
         axis.grid(False)
         for mark in marks[1:]:
             axis.axvline(mark, color="0.6", lw=0.8, ls="--", zorder=0.5)
-    axes[2].set_xlim(along.min(), along.max())
-    axes[2].set_xlabel(label)
-    axes[1].legend(
+    axes[1].set_xlim(along.min(), along.max())
+    axes[1].set_xlabel(label)
+    axes[0].legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
         ncol=4,
@@ -101,10 +100,24 @@ def residual_figure(loop: Loop) -> Figure:
     figure.legend(handles=shades, loc="outside lower left", ncol=3, frameon=False, fontsize=9)
     name = printable(loop.record.provenance.path)
     noise = ", in rows held out ".join(loop.sigma_texts())
-    title = f"{name}: record minus model, in units of the noise σ = {noise}"
+    title = f"{name}: record and model; what is left in units of the noise σ = {noise}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
-    figure.align_ylabels(list(axes))
+    figure.align_ylabels([top, record, *axes])
     return figure
+
+
+def _record_and_model(axis: Axes, loop: Loop, along: np.ndarray) -> None:
+    """The rows, and the model through them before and after."""
+    friction, unit = np.asarray(loop.record.friction), loop.record.friction_unit
+    axis.plot(along, friction, ".", color=GREY, ms=2, rasterized=True, label="record", zorder=1)
+    lines = [(loop.before, ORANGE, "model before")]
+    if loop.effects:
+        lines.append((loop.after, BLUE, "model after"))
+    for score, colour, label in lines:
+        axis.plot(along, friction + score.residual, color=colour, lw=1.1, label=label, zorder=2)
+    axis.set_ylabel("friction" if unit == "1" else f"friction [{unit}]")
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=3, fontsize=8, frameon=False)
+    tidy(axis, "Record and model")
 
 
 def _base(loop: Loop) -> str:
@@ -233,106 +246,6 @@ def _noise_words(loop: Loop) -> str:
     return "\n".join(textwrap.fill(line, _NOISE_WIDTH) for line in lines)
 
 
-# ---- location --------------------------------------------------------------------------------
-
-
-def _save_location(loop: Loop, folder: Path) -> list[str]:
-    number = len(loop.location)
-    columns = min(3, max(number, 1))
-    rows = max(1, -(-number // columns))
-    figure = new_figure(4.3 * columns, 3.3 * rows + 0.9)
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    size, unit = loop.readable()
-    left = loop.before.rms["train"]
-    for axis, profile in zip(panels, loop.location, strict=False):
-        _profile(axis, profile, loop, size)
-    for axis in panels[::columns]:
-        axis.set_ylabel("missing friction / rms left")
-    for axis in panels[number:]:
-        axis.set_axis_off()
-    if number == 0:
-        panels[0].text(0.5, 0.5, "no structure was searched for", ha="center", va="center")
-    figure.suptitle(
-        "Where friction differs from the base model. Each variable is asked alone: shares overlap"
-        " and do not add up to 100 %.\nIn units of the rms that the base leaves in its train block,"
-        f" {size * left:.3g} {unit}".rstrip()
-        + ", of which the noise of a row is the dotted"
-        f" {loop.sigma / left:.2g}.\nLeft out is what the base's own parameters take up. The"
-        " machine shows a part only, and neighbours of opposite sign cancel. Bars: standard error."
-        "\np: how often noise alone gains as much in likelihood by bumps over a variable, its size"
-        " and memory found anew. Each variable by itself; the\ntable of tests corrects for all"
-        " that is asked.",
-        x=0.01,
-        ha="left",
-        fontsize=10.5,
-    )
-    return save(figure, folder, "location")
-
-
-_VARIABLES = {
-    "slip": ("slip", "slip since the first row"),
-    "log_velocity": ("velocity", "velocity"),
-    "state": ("state", "θ − θ_ss, state from its steady value"),
-    "position": ("position", "position"),
-    "velocity": ("velocity", "velocity"),
-    "since_reversal": ("distance since the stop", "distance since the last stop or reversal"),
-    "time": ("time", "time since the first row"),
-    "time_since_step": ("time since the step", "time since the last velocity step"),
-    "relaxation_length": ("relaxation", "slip over which friction relaxes after a step"),
-    "wavelength": ("ripple (size)", "wavelength of friction along the slip"),
-}
-
-
-def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> None:
-    name, label = _VARIABLES.get(profile.variable, (profile.variable, profile.variable))
-    x, unit = np.asarray(profile.centres, float), profile.unit
-    if profile.variable == "log_velocity" and unit != "m/s":
-        x, unit = _velocity_of(x, loop), "m/s"
-    if unit in ("m", "m/s", "rad", "rad/s", "s"):
-        largest = float(np.max(np.abs(x)))
-        factor, unit = prefixed(min(largest, loop.words.most.get(unit, np.inf)), unit)
-        x = factor * x
-    if unit == "F":
-        x, unit = size * x, loop.readable()[1]
-    left = loop.before.rms["train"]
-    amplitude, error = profile.amplitudes / left, profile.errors / left
-    known = np.isfinite(amplitude) & np.isfinite(error)
-    for level in (-loop.sigma, loop.sigma):
-        axis.axhline(level / left, color=GREY, lw=1.0, ls=":")
-    axis.axhline(0, color=BLACK, lw=0.8)
-    axis.errorbar(
-        x[known], amplitude[known], error[known], fmt="o-", color=BLUE, ecolor=ORANGE, ms=4,
-        lw=0.8, elinewidth=1.6, capsize=2.5,
-    )  # fmt: skip
-    even = dict.fromkeys(("position", "velocity", "time"), np.inf)
-    many = {"log_velocity": 3, "wavelength": 5, **even}.get(profile.variable, 30)
-    if np.all(x > 0) and np.max(x) > many * np.min(x):
-        plain_log(axis, "x")
-    axis.set_xlabel(label if unit in ("", "1") else f"{label} [{unit}]")
-    tidy(axis, _share_and_p(name, profile))
-
-
-def _share_and_p(name: str, profile: LocationProfile) -> str:
-    """Title of a panel: what the variable explains, and whether that may be chance."""
-    p = p_text(profile.p_value)
-    if not profile.p_value < SIGNIFICANT:
-        return f"{name}\n{p}{': no more than chance' if np.isfinite(profile.p_value) else ''}"
-    if not np.isfinite(profile.explained):
-        return f"{name}\n{p}; too little is left for a share"
-    share = share_text(profile.explained)
-    tiny = ": hardly chance, but a tiny share" if profile.explained < _TINY else ""
-    return f"{name} alone explains {share}\n{p}{tiny}"
-
-
-def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:
-    """Velocity [m/s] from its logarithm, of m/s or of V0: whichever is a velocity of the record."""
-    V = np.abs(loop.base_fit.steps.velocities)
-    middle = float(np.mean(np.log(V[V > 0]))) if np.any(V > 0) else 0.0
-    V0 = loop.base_fit.values().get("V0", 1.0)
-    of = min(1.0, V0, key=lambda unit: abs(np.mean(logarithm) + np.log(unit) - middle))
-    return of * np.exp(logarithm)
-
-
 # ---- aliasing --------------------------------------------------------------------------------
 
 
@@ -432,31 +345,32 @@ def _candidate_name(candidate: CandidateScore) -> str:
 
 
 def _bars(axis: Axes, names: list[str], values: list[float], colours: list[str]) -> None:
-    """Horizontal bars, first on top, numbers at their ends; the line from which one is taken."""
+    """Horizontal bars, first on top, numbers beside; the line from which an effect is taken."""
     places = np.arange(len(names))
     lengths = np.where(np.isfinite(values), values, 0.0)
     axis.barh(places, lengths, color=colours, height=0.68, zorder=2)
     low, high = min(0.0, *lengths, -1.0), max(1.5 * ACCEPT, *lengths, 0.0)
     if high > 40 * ACCEPT:
         axis.set_xscale("symlog", linthresh=ACCEPT, linscale=0.7)
-        axis.set_xlim(8 * min(low, -4.0), 12 * high)
+        axis.set_xlim(2 * min(low, -4.0), 1.5 * high)
         axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))
     else:
-        room = 0.16 * (high - low)
+        room = 0.03 * (high - low)
         axis.set_xlim(low - room, high + room)
-    for place, value, length in zip(places, values, lengths, strict=True):
+    for place, value in zip(places, values, strict=True):
         text = f"{value:+.4g}" if abs(value) >= 1e4 else f"{value:+.1f}"
-        text = text.replace("-", "−") if np.isfinite(value) else "failed"
-        right = length >= 0
-        axis.annotate(
-            text, (length, place), (4 if right else -4, 0), textcoords="offset points",
-            ha="left" if right else "right", va="center", fontsize=8, zorder=4,
-            bbox=dict(fc="white", lw=0, pad=0.6),
-        )  # fmt: skip
+        _number(axis, float(place), text.replace("-", "−") if np.isfinite(value) else "failed")
     axis.axvline(0, color=BLACK, lw=0.8, zorder=3)
     axis.axvline(ACCEPT, color=ORANGE, lw=1.3, ls="--", zorder=1)
     axis.set_yticks(places, names, fontsize=8.5, parse_math=False)
     axis.set_ylim(len(names) - 0.4 if names else 0.6, -0.6)
+
+
+def _number(axis: Axes, place: float, text: str) -> None:
+    """A number in a column at the right of a panel, where no line passes through it."""
+    axis.text(
+        1.015, place, text, transform=axis.get_yaxis_transform(), ha="left", va="center", fontsize=8
+    )
 
 
 def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequence[str]) -> None:
@@ -475,14 +389,10 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequ
     low = min(1.0, float(values[known].min()) if known.any() else 1.0)
     span = max(min(worst, float(values[known].max()) if known.any() else 1.0), base) - low
     span = max(span, 0.02)
-    axis.set_xlim(low - 0.1 * span, low + 1.35 * span)
+    axis.set_xlim(low - 0.1 * span, low + 1.1 * span)
     for place in places[known]:
-        x = min(values[place], worst)
-        text = f"{values[place]:.3f}" if values[place] < 100 else f"{values[place]:.3g}"
-        axis.annotate(
-            text, (x, place), (7, 0), textcoords="offset points", va="center", fontsize=8,
-            bbox=dict(fc="white", lw=0, pad=0.6),
-        )  # fmt: skip
+        value = values[place]
+        _number(axis, float(place), f"{value:.3f}" if value < 100 else f"{value:.3g}")
     axis.set_xlabel("rms on the select block [σ]")
     tidy(axis, "Error on rows that were not fitted")
 
@@ -507,7 +417,8 @@ def _key(axis: Axes) -> None:
 DRAWERS: dict[str, Callable[[Loop, Path], list[str]]] = {
     "residual": _save_residual,
     "noise": _save_noise,
-    "location": _save_location,
+    "location": save_location,
+    "profiles": save_profiles,
     "aliasing": _save_aliasing,
     "candidates": _save_candidates,
 }

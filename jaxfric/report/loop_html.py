@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from ..fitting.table import noise_text
 from ..loop.family import listed
 from ..loop.result import Loop
+from .loop_next import meanings, next_steps
 from .loop_text import (
     apart,
     candidates,
@@ -16,10 +17,11 @@ from .page import bullets, document, escaped, folded, html_table, paragraph, pic
 
 FIGURES = {
     "residual": (
-        "What the model leaves",
-        "Record minus model before and after, in units of the noise: dots are rows, the line is"
-        " their mean with its uncertainty. A line that stays at 0 within its band is noise alone;"
-        " anything that repeats after {marks} is friction that the model lacks.",
+        "Record and model",
+        "The record with the model through it, and below record minus model before and after, in"
+        " units of the noise: dots are rows, the line is their mean with its uncertainty. A line"
+        " that stays at 0 within its band is noise alone; anything that repeats after {marks} is"
+        " friction that the model lacks.",
     ),
     "noise": (
         "The noise of the record",
@@ -31,9 +33,14 @@ FIGURES = {
     ),
     "location": (
         "Where the structure sits",
-        "Friction that the base model lacks, drawn against one variable at a time, without asking"
-        " which effect it is. Shares are those of each variable alone and overlap; the largest"
-        " tells where to look.",
+        "Which variable carries the friction that the base model lacks, without asking which effect"
+        " it is. The variable that takes most away comes first; the others have what they explain"
+        " beyond it.",
+    ),
+    "profiles": (
+        "Missing friction over each variable",
+        "Friction that the base model lacks, drawn against one variable at a time. Shares here are"
+        " those of each variable alone, and overlap.",
     ),
     "aliasing": (
         "What this record can tell apart",
@@ -101,18 +108,20 @@ _VERDICTS = (
 def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str) -> str:
     """The page, with those SVG `figures` of `FIGURES` that there are; `command` made it."""
     error, velocities, parameters, tests, _, *more = tables(loop)
+    blocks = html_table(error) + paragraph(splitting(loop), "note") + html_table(velocities)
     name = printable(loop.record.provenance.path)
     parts = [
         _head(loop, name),
+        _means(loop),
         _cards(loop),
         _warnings(loop),
-        f"<h2>Before and after</h2>{html_table(error)}{paragraph(splitting(loop), 'note')}",
-        folded(velocities.title, html_table(velocities)),
         _figure(loop, "residual", figures),
-        _figure(loop, "noise", figures),
+        folded("Errors by block and by " + loop.words.part, blocks),
         f"<h2>What the model is now</h2>{_added(loop)}{html_table(parameters)}{html_table(tests)}"
         + "".join(html_table(table) for table in more),
         _figure(loop, "location", figures),
+        folded(FIGURES["profiles"][0], _drawing(loop, "profiles", figures)),
+        _figure(loop, "noise", figures),
         _figure(loop, "aliasing", figures, bullets(apart(loop))),
         _figure(loop, "candidates", figures),
         folded(
@@ -135,15 +144,31 @@ def _head(loop: Loop, name: str) -> str:
     )
 
 
-def _cards(loop: Loop) -> str:
-    def pair(name: str) -> str:
-        sigma = loop.sigma_of(loop.blocks.of(name))
-        both = f"{loop.before.rms[name] / sigma:.2f} σ"
-        return f"{both} → {loop.after.rms[name] / sigma:.2f} σ" if loop.effects else both
+def _means(loop: Loop) -> str:
+    """What each effect means, and what to do next."""
+    told = "".join(
+        f"<li><b>{escaped(name)}</b>: {escaped(words)}"
+        + (f" <code>{escaped(equation)}</code>" if equation else "")
+        + "</li>"
+        for name, words, equation in meanings(loop)
+    )
+    meant = f"<h2>What it means</h2><ul>{told}</ul>" if told else ""
+    steps = ""
+    for text, command in next_steps(loop):
+        line = f'<pre class="scroll"><code>{escaped(command)}</code></pre>' if command else ""
+        steps += f"<li>{escaped(text)}{line}</li>"
+    note = paragraph("Commands are for the folder in which this page lies.", "note")
+    return f"{meant}<h2>What to do next</h2><ul>{steps}</ul>{note}"
 
+
+def _cards(loop: Loop) -> str:
+    """The one pair of errors, of all rows that were held out, the effects and the noise."""
+    sigma = loop.sigma_of(loop.blocks.select | loop.blocks.report)
+    error = f"{loop.heldout(loop.before) / sigma:.2f} σ"
+    if loop.effects:
+        error += f" → {loop.heldout(loop.after) / sigma:.2f} σ"
     cards = [
-        (pair("report"), "error on the report block, seen only once"),
-        (pair("train"), "error where the model was fitted"),
+        (error, "error on rows that no fit saw; the noise alone is 1 σ"),
         (" + ".join(loop.effects) or "none", "effects added"),
         (noise_text(loop.after.noise), "noise of the record"),
     ]
@@ -156,22 +181,21 @@ def _warnings(loop: Loop) -> str:
 
 
 def _added(loop: Loop) -> str:
-    """Room and equation of the effects that were added."""
-    items = []
-    for id in loop.effects:
-        effect = loop.words.catalogue.get(id)
-        items.append(f"{id} ({effect.room}): {effect.equation}" if effect else id)
-    if not items:
-        return paragraph("No effect was added: the parameters are those of the base model.", "note")
-    return bullets(items)
+    """A remark where no effect was added."""
+    if loop.effects:
+        return ""
+    return paragraph("No effect was added: the parameters are those of the base model.", "note")
 
 
 def _figure(loop: Loop, name: str, figures: Mapping[str, bytes], more: str = "") -> str:
+    return f"<h2>{escaped(FIGURES[name][0])}</h2>{more}{_drawing(loop, name, figures)}"
+
+
+def _drawing(loop: Loop, name: str, figures: Mapping[str, bytes]) -> str:
     title, caption = (text.format(marks=loop.words.marks) for text in FIGURES[name])
     if name not in figures:
-        return f"<h2>{escaped(title)}</h2>{more}{paragraph('This figure was not drawn.', 'note')}"
-    drawn = picture(figures[name], "svg+xml", title, caption)
-    return f"<h2>{escaped(title)}</h2>{more}{drawn}"
+        return paragraph("This figure was not drawn.", "note")
+    return picture(figures[name], "svg+xml", title, caption)
 
 
 def _meaning(loop: Loop) -> str:

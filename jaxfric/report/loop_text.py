@@ -297,9 +297,9 @@ def apart(loop: Loop) -> list[str]:
     Effects that look alike to first order are told apart where a refit with the other in place of
     the one was tried and is worse by more than 10 of BIC.
     """
-    out = []
+    out, open_ = [], dict(confused(loop))
     for id, *others in loop.alias_groups:
-        alike = [other for other in others if not _tells(loop, id, other)]
+        alike = open_.get(id, [])
         refits = [f"{o} (BIC {_worse(loop, id, o):.0f} worse)" for o in others if o not in alike]
         told = f"; a refit tells it from {listed(refits)}" if refits else ""
         if alike:
@@ -321,6 +321,15 @@ def apart(loop: Loop) -> list[str]:
     text = "; ".join(f"{a} or {b} ({value:.3f})" for a, b, value in pairs)
     out.append(f"pairs that this record cannot tell apart: {text or 'none'}")
     return out
+
+
+def confused(loop: Loop) -> list[tuple[str, list[str]]]:
+    """Effects added that the record cannot tell from others, which no refit tells apart either."""
+    found = []
+    for id, *others in loop.alias_groups:
+        alike = [other for other in others if not _tells(loop, id, other)]
+        found += [(id, alike)] if alike else []
+    return found
 
 
 def _of_family(id: str, family: CurveFamily) -> str:

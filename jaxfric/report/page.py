@@ -35,13 +35,19 @@ th { color: var(--soft); font-weight: 500; }
 tr.m td { font-weight: 600; background: #eef4fa; }
 .note { color: var(--soft); font-size: .9rem; margin: .3rem 0 0; }
 figure { margin: 1rem 0 0; }
-figure img { width: 100%; height: auto; display: block; }
+figure img { width: 100%; max-width: 100%; height: auto; display: block; }
+pre { background: var(--tint); border-radius: .4rem; padding: .5rem .7rem; margin: .3rem 0 .6rem; }
+pre code { white-space: pre-wrap; }
 figcaption { margin-bottom: .6rem; }
 .warn { background: #fff6e0; border-radius: .4rem; padding: .6rem .9rem .6rem 2rem;
   margin: 1.2rem 0 0; }
 dt { font-weight: 600; margin-top: .6rem; } dd { margin: 0; overflow-wrap: anywhere; }
 code { font: .9em ui-monospace, "DejaVu Sans Mono", monospace; overflow-wrap: anywhere; }
 summary { cursor: pointer; color: var(--soft); }
+@media (max-width: 40rem) {
+  main { padding: 1rem .8rem 3rem; } h1 { font-size: 1.45rem; }
+  figure img { width: 40rem; max-width: none; }
+}
 @media print { main { max-width: none; padding: 0; } figure, table { break-inside: avoid; } }
 """
 
@@ -112,5 +118,6 @@ def picture(data: bytes, kind: str, title: str, caption: str) -> str:
     text = base64.b64encode(data).decode("ascii")
     return (
         f"<figure><figcaption>{escaped(caption)}</figcaption>"
-        f'<img alt="{escaped(title)}" src="data:image/{kind};base64,{text}"></figure>'
+        f'<div class="scroll"><img alt="{escaped(title)}" src="data:image/{kind};base64,{text}">'
+        "</div></figure>"
     )

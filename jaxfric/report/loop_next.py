@@ -1,0 +1,140 @@
+"""What a closed loop means, and what to do next: the command that goes on, the run that decides."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..laws.loop_source import CERTAIN
+from ..loop.family import listed
+from ..loop.result import Loop
+from ..loop.words import AXIS
+from ..units import factor
+
+_MEMORY = "rate_and_state"
+_MOST_STEPS = 12
+_ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
+
+
+class NextStep(NamedTuple):
+    """Something to do: a sentence, and the command line where there is one."""
+
+    text: str
+    command: str = ""
+
+
+def meanings(loop: Loop) -> list[tuple[str, str, str]]:
+    """Of every effect that was added: its id and room, what it says in words, and its equation.
+
+    Words and equation are those of the catalogue; both are empty for an effect that is not in it.
+    """
+    found = []
+    for id in loop.effects:
+        effect = loop.words.catalogue.get(id)
+        name = id if effect is None else f"{id} (in {_ROOMS.get(effect.room, effect.room)})"
+        found.append((name, effect.meaning if effect else "", effect.equation if effect else ""))
+    return found
+
+
+def next_steps(loop: Loop) -> list[NextStep]:
+    """What the verdict asks for, most telling first.
+
+    Of an ambiguous one the run that would decide; gains where `jaxfric gains` takes the loop; a
+    test on another record where the model describes this one. Files are named as they lie beside
+    loop.html.
+    """
+    steps = [*_deciding(loop), *_where_none(loop)]
+    if takes_gains(loop):
+        own = "--mass is yours to state"
+        if loop.record.friction_unit == "1":
+            own = "--mass and --normal-force are yours to state"
+        text = f"Find the smallest gains that hold it steady with this model ({own}):"
+        steps.append(NextStep(text, _gains_line(loop)))
+    if loop.verdict in CERTAIN:
+        text = "See whether the model is true on a record that it has not seen:"
+        steps.append(NextStep(text, "jaxfric predict loop.json OTHER.csv"))
+    return steps
+
+
+def takes_gains(loop: Loop) -> bool:
+    """Whether `jaxfric gains --from loop.json` computes gains with the model of this loop.
+
+    Its verdict must say that the model describes the record, its effects be those of the
+    catalogue, and its free parameters determined; of an axis, friction must have a memory
+    (rate_and_state) and be in newtons and metres.
+    """
+    after = loop.after
+    known = set(after.effects) <= set(loop.words.catalogue)
+    sure = all(after.parameters[name].determined for name in after.free)
+    if not (loop.verdict in CERTAIN and known and sure):
+        return False
+    if loop.words is AXIS:
+        linear = loop.length_unit == "m" and loop.record.friction_unit == "N"
+        return linear and _MEMORY in after.effects
+    return loop.record.friction_unit in ("1", "N")
+
+
+def _gains_line(loop: Loop) -> str:
+    """The command for gains over the speeds that the record showed."""
+    words = ["jaxfric gains --from loop.json"]
+    if loop.words is not AXIS:
+        words += ['--normal-force "500 N"'] if loop.record.friction_unit == "1" else []
+        words += ['--mass "2 kg"']
+    unit = loop.words.speed
+    speeds = np.abs(loop.base_fit.steps.velocities) / factor(unit, "m/s", "velocity")
+    speeds = speeds[speeds > 0]
+    ends = list(dict.fromkeys(f"{speed:.4g}" for speed in (speeds.min(), speeds.max())))
+    return " ".join([*words, f'--velocity "{"..".join(ends)} {unit}"'])
+
+
+def _deciding(loop: Loop) -> list[NextStep]:
+    """The runs that would tell what this record leaves open."""
+    from .loop_text import confused
+
+    found = []
+    for id, others in confused(loop):
+        wanted = loop.separations.get(id)
+        if wanted:
+            told = f"This record cannot tell {id} from {listed(others, 'or')}."
+            found.append(NextStep(f"{told} A run that would decide: {wanted}."))
+    for family in loop.families:
+        if family.decided_by:
+            told = f"The shape of {listed(family.effects)} is not told."
+            found.append(NextStep(f"{told} A run that would decide: {family.wanted()}."))
+    if found and loop.words is not AXIS:
+        text = "Whether a plan of velocities tells them apart is known before the run:"
+        found.append(NextStep(text, _protocol_line(loop)))
+    return found
+
+
+def _protocol_line(loop: Loop) -> str:
+    """The command that asks what the record's own velocities tell apart, to be changed."""
+    steps, unit = loop.base_fit.steps, loop.words.speed
+    size = factor(unit, "m/s", "velocity")
+    speeds = steps.velocities[steps.velocities != 0][:_MOST_STEPS] / size
+    moved = np.diff(steps.displacement(np.append(steps.times, loop.record.relative_time[-1])))
+    slip = float(np.median(np.abs(moved))) / size
+    length = unit.removesuffix("/s")
+    return (
+        f'jaxfric protocol "{", ".join(f"{v:.4g}" for v in speeds)} {unit}"'
+        f' --slip-per-step "{slip:.4g} {length}" --from loop.json'
+    )
+
+
+def _where_none(loop: Loop) -> list[NextStep]:
+    """What to do where no effect is named."""
+    if loop.verdict == "outside_catalogue":
+        return [
+            NextStep(
+                "Look where it sits (below), and record the run again: what comes back is friction"
+                " or the machine, what does not was that day's."
+            ),
+            NextStep(
+                "An effect of your own is a class with an equation: `own=[...]` of close_loop in"
+                " Python tries it beside the others."
+            ),
+        ]
+    if loop.verdict == "too_weak":
+        part = "strokes" if loop.words is AXIS else "velocity steps"
+        text = f"A longer record, more {part} or less noise would name it or make it vanish."
+        return [NextStep(text)]
+    return []
