@@ -116,6 +116,27 @@ def test_the_title_of_the_curves_of_a_study_stays_within_the_figure() -> None:
     assert "what nobody knows of 8" in figure.get_suptitle().replace("\n", " ")
 
 
+def test_of_many_curves_those_that_move_are_drawn() -> None:
+    """15 outputs of two parameters: each row has the panels over which its output moves."""
+    flat = {f"n{i}": (lambda k, v: 1.0 + 0 * k, f"what stays {i}") for i in range(12)}
+    found = study_of(
+        gain=(lambda k, v: k / 1e4, "gain"),
+        speed=(lambda k, v: 1e6 * v, "speed"),
+        both=(lambda k, v: np.log(k) + 3 * np.log(v), "both"),
+        **flat,
+    )
+    figure = draw_marginals(found, list(found.data_vars)[:-1], [])
+    assert isinstance(figure, matplotlib.figure.Figure)
+    drawn = [axis for axis in figure.axes if axis.axison]
+    assert [axis.get_xlabel().split("\n")[0] for axis in drawn] == ["k_p", "V0", "k_p", "V0"]
+    assert [axis.get_ylabel() for axis in drawn if axis.get_ylabel()] == ["gain", "speed", "both"]
+    told = figure.get_suptitle().replace("\n", " ")
+    assert all(f"what stays {i}" in told for i in range(12)) and "gain" not in told
+    figure = draw_marginals(found, ["n0", "n1", "n2", "gain"], [])  # a few: all of them
+    assert isinstance(figure, matplotlib.figure.Figure)
+    assert len(figure.axes) == 8 and "Left out" not in figure.get_suptitle()
+
+
 def test_a_study_of_one_member_has_no_curves() -> None:
     found = study_of(gain=(lambda k, v: k / 1e4, "gain")).isel(k_p=[0], V0=[0])
     assert draw_marginals(found, ["gain"], []) is None

@@ -1,8 +1,8 @@
 """Curves of a study: every output over every parameter, whatever the others are."""
 
 import textwrap
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +19,13 @@ if TYPE_CHECKING:
 
 _BINS, _MOST = 16, 400_000
 _WIDE, _LETTERS = 22, 11
+_MANY, _LEAST = 12, 0.05
+"""Panels of which all are drawn; of more those that move: the median changes over the parameter by
+so much of the range of its row, or a share of a code by so much."""
+
+
+Columns: TypeAlias = dict[str, tuple[Side, np.ndarray]]
+"""Parameters by name: each as an axis, and its value for every member."""
 
 
 class _Band(NamedTuple):
@@ -34,42 +41,92 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     """Every output over every parameter: the median and the range of nine in ten, or shares.
 
     Outputs `coded` are codes, whose shares are drawn. All panels of a row share one scale. An
-    output that has no number anywhere has no row; the title names it. None where no parameter
-    varies, or nothing has a number.
+    output that has no number anywhere has no row; the title names it. Of more than `_MANY` panels
+    those that do not move are left out, and outputs and parameters of which none moves are named.
+    None where no parameter varies, or nothing has a number.
     """
     members, columns = _thinned(found)
     values = {name: np.asarray(found[name].isel(members).values).ravel() for name in outputs}
     empty = [n for n in outputs if n not in coded and not np.isfinite(values[n]).any()]
-    shown = [n for n in outputs if n not in empty]
+    shown = {n: columns for n in outputs if n not in empty}
     if not (shown and columns):
         return None
-    figure = new_figure(2.9 * len(columns) + 1.6, 2.1 * len(shown) + 0.8)
-    axes = figure.subplots(len(shown), len(columns), sharex="col", sharey="row", squeeze=False)
-    for row, name in zip(axes, shown, strict=True):
-        label = "\n".join(textwrap.wrap(found[name].attrs.get("long_name", name), _WIDE))
-        if name in coded:
-            unit = "share"
-            _codes(row, columns, values[name], found[name].attrs["flag_meanings"].split())
-        else:
-            unit = _numbers(row, columns, values[name], found[name].attrs.get("units", "1"))
-        row[0].set_ylabel(f"{label}\n[{unit}]" if unit else label, fontsize=8.5)
-    for axis, (side, _) in zip(axes[-1], columns.values(), strict=True):
-        axis.set_xlabel(side.label.replace(" [", "\n["), fontsize=8.5)
-        if side.log:
-            plain_log(axis, "x")
-    for axis in axes.ravel():
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.tick_params(which="both", labelsize=8)
-    title = _title(found, empty, round(_LETTERS * figure.get_figwidth()))
+    moving = {n: _moving(columns, values[n], n in coded) for n in shown}
+    moving = {n: some for n, some in moving.items() if some}
+    cut = len(shown) * len(columns) > _MANY and bool(moving)
+    still = []
+    if cut:
+        seen = {name for some in moving.values() for name in some}
+        still = [n for n in shown if n not in moving] + [n for n in columns if n not in seen]
+        shown = moving
+    across = max(map(len, shown.values()))
+    height = (2.6 if cut else 2.1) * len(shown) + 0.8
+    figure = new_figure(2.9 * across + 1.6, height)
+    shared = False if cut else "col"
+    axes = figure.subplots(len(shown), across, sharex=shared, sharey="row", squeeze=False)
+    for k, (row, name) in enumerate(zip(axes, shown, strict=True)):
+        some = list(row[: len(shown[name])])
+        _row(some, shown[name], values[name], found[name].attrs, name)
+        if cut or k == len(shown) - 1:
+            _below(some, shown[name])
+        for axis in row[len(some) :]:
+            axis.set_axis_off()
+    title = _title(found, empty, still, round(_LETTERS * figure.get_figwidth()))
     figure.suptitle(title, x=0.01, ha="left", fontsize=10.5)
     return figure
 
 
-def _title(found: "Dataset", empty: Sequence[str], width: int) -> str:
+def _moving(columns: Columns, values: np.ndarray, coded: bool) -> Columns:
+    """The parameters over which an output moves."""
+    found, spread = {}, np.inf
+    if not coded:
+        known = values[np.isfinite(values)]
+        spread = float(np.subtract(*np.percentile(known, [95, 5])))
+    for name, (side, at) in columns.items():
+        if coded:
+            places = np.unique(at)
+            shares = [[np.mean(values[at == x] == c) for x in places] for c in np.unique(values)]
+            moves = np.ptp(np.asarray(shares), axis=1).max() > _LEAST
+        else:
+            middle = _band(at, values).middle
+            some = np.isfinite(middle)
+            moves = bool(np.any(some != some[0])) or np.ptp(middle[some]) > _LEAST * spread
+        if moves:
+            found[name] = side, at
+    return found
+
+
+def _row(
+    row: Sequence[Axes], columns: Columns, values: np.ndarray, about: Mapping[str, str], name: str
+) -> None:
+    """The panels of an output, one over each parameter."""
+    label = "\n".join(textwrap.wrap(about.get("long_name", name), _WIDE))
+    if "flag_meanings" in about:
+        unit = "share"
+        _codes(row, columns, values, about["flag_meanings"].split())
+    else:
+        unit = _numbers(row, columns, values, about.get("units", "1"))
+    row[0].set_ylabel(f"{label}\n[{unit}]" if unit else label, fontsize=8.5)
+    for axis in row:
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(which="both", labelsize=8)
+
+
+def _below(row: Sequence[Axes], columns: Columns) -> None:
+    """Name the parameters under their panels."""
+    for axis, (side, _) in zip(row, columns.values(), strict=True):
+        axis.set_xlabel(side.label.replace(" [", "\n["), fontsize=8.5)
+        if side.log:
+            plain_log(axis, "x")
+
+
+def _title(found: "Dataset", empty: Sequence[str], still: Sequence[str], width: int) -> str:
     """Title: what is drawn, and what is not; lines of no more than `width` letters."""
     lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
     names = ", ".join(found[name].attrs.get("long_name", name) for name in empty)
     lines += [f"No number anywhere: {names}"] if names else []
+    names = ", ".join(found[name].attrs.get("long_name", name) for name in still)
+    lines += [f"Left out, for nothing moves there: {names}"] if names else []
     return "\n".join(textwrap.fill(line, width) for line in lines)
 
 
@@ -108,7 +165,7 @@ def _binned(side: Side, values: np.ndarray) -> tuple[Side, np.ndarray]:
     return Side(side.name, middle, side.label, log), middle[place]
 
 
-def _numbers(row: Sequence[Axes], columns: dict, values: np.ndarray, unit: str) -> str:
+def _numbers(row: Sequence[Axes], columns: Columns, values: np.ndarray, unit: str) -> str:
     """A row of bands on one scale; the unit in which they are drawn."""
     finite = np.abs(values[np.isfinite(values)])
     size, text = (1.0, "")
@@ -136,7 +193,7 @@ def _band(at: np.ndarray, values: np.ndarray) -> _Band:
     return _Band(*np.asarray(rows).T)
 
 
-def _codes(row: Sequence[Axes], columns: dict, values: np.ndarray, names: list[str]) -> None:
+def _codes(row: Sequence[Axes], columns: Columns, values: np.ndarray, names: list[str]) -> None:
     """A row of shares of codes, explained at its right."""
     colours = [code_colour(i, name) for i, name in enumerate(names)]
     for axis, (_, at) in zip(row, columns.values(), strict=True):
