@@ -5,7 +5,7 @@ import pytest
 
 from jaxfric.loop.location import further_shares
 from jaxfric.loop.result import LocationProfile
-from jaxfric.loop.where import added_shares, shares_told
+from jaxfric.loop.where import OTHERS, added_shares, shares_told
 
 
 def nested(parts, left, order):
@@ -84,6 +84,11 @@ def profile(variable, explained, further):
             [("slip", 0.9, 0.9), ("time", 0.4, 0.02), ("state", 0.5, 0.0)],
             [("slip", 0.9), ("time", 0.02), (None, 0.08)],
             ["Slip carries 90 % of what the model lacks", "beyond those above"],
+        ),
+        (
+            [("slip", 0.98, 0.98), ("time", 0.4, 0.004), ("state", 0.5, 0.003)],
+            [("slip", 0.98), (OTHERS, 0.007), (None, 0.013)],
+            ["Slip carries 98 %"],
         ),
         (
             [("wavelength", 0.5, 0.5), ("time", 0.48, 0.0)],

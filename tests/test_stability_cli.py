@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import equinox as eqx
@@ -192,6 +193,8 @@ def test_a_simulated_record_is_read_and_fitted() -> None:
 def test_ends_are_told_apart() -> None:
     at = (*SLIP, "--velocity", "2 mm/s", "--mass", "2 kg", "--duration", "24 s")
     code, out, _ = run("simulate", *at, "--kp", "1500 N/m", "--out", "soft")
+    assert "(half the range of slip about steady sliding)" in out
+    assert re.search(r"slip amplitude [\d.]+ mm .* to [\d.]+ mm/s", out)  # as --velocity has it
     assert code == 0 and "end: oscillation" in out and "period" in out
     assert_figures(Path("soft"), ["motion", "phase_plane"])
     period = float(out.split("period ")[1].split(" s")[0])

@@ -2,6 +2,7 @@
 
 import functools
 import math
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
@@ -99,7 +100,8 @@ def simulate(
     folder = choose_law_folder(out, from_, law)
     rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities)
     with told(quiet=True) as progress:
-        run, lines = _run(rig, times, velocities, length, at_rest, jumped, progress)
+        shown = _length_shown(velocity or steps or "")
+        run, lines = _run(rig, (times, velocities), length, at_rest, jumped, shown, progress)
         progress("drawing figures")
         from ..plot.cycle import DRAWERS
 
@@ -159,6 +161,12 @@ def _command(velocity: str | None, steps: str | None) -> tuple[list[float], list
     return [0.0], values
 
 
+def _length_shown(command: str) -> str:
+    """The unit of length of the commanded velocity, in which slip is told, else um."""
+    found = re.search(r"([nuµμmc]?m|microns?)\s*/\s*s", command)
+    return found[1].replace("µ", "u").replace("μ", "u") if found else "um"
+
+
 def _rig(
     law: "Law", mass: float | None, k_p: float, k_v: float, velocities: list[float]
 ) -> "tuple[Rig, list[str]]":
@@ -188,17 +196,18 @@ def _rig(
 
 def _run(
     rig: "Rig",
-    times: list[float],
-    velocities: list[float],
+    command: tuple[list[float], list[float]],
     length: float | None,
     at_rest: bool,
     jump: float | None,
+    shown: str,
     progress: Callable[[str], None],
 ) -> "tuple[Motion, list[str]]":
     """Simulate, longer and longer where nothing was asked for and no end is seen; what happened."""
     from ..rig.friction import AbstractDelayLaw
     from ..simulation import rest_start
 
+    times, velocities = command
     V = velocities[0]
     constant, delayed = len(velocities) == 1, isinstance(rig.friction, AbstractDelayLaw)
     if delayed and (at_rest or not constant):
@@ -219,7 +228,7 @@ def _run(
     while True:
         of = f", try {k} of at most {tries}" if tries > 1 else ""
         progress(f"simulating {whole:.4g} s{of}")
-        run, lines_end, seen = _once(rig, times, velocities, whole, start, lead)
+        run, lines_end, seen = _once(rig, command, whole, start, lead, shown)
         if seen or k == tries:
             return run, [*lines, *lines_end]
         k, whole = k + 1, whole * _LONGER
@@ -257,11 +266,11 @@ def _default_duration(
 
 def _once(
     rig: "Rig",
-    times: list[float],
-    velocities: list[float],
+    command: tuple[list[float], list[float]],
     duration: float,
     start: "Start | None",
     lead: float,
+    shown: str,
 ) -> "tuple[Motion, list[str], bool]":
     """One simulation: what to draw and write, lines about its end, whether the end was seen."""
     import jax.numpy as jnp
@@ -273,6 +282,7 @@ def _once(
     from ..simulation import RESULTS
     from ..simulation.delay import simulate_delay
 
+    times, velocities = command
     motion = PiecewiseVelocity(jnp.asarray(times), jnp.asarray(velocities))
     delayed = isinstance(rig.friction, AbstractDelayLaw)
     even = np.linspace(0.0, duration, _ROWS + 1)
@@ -295,7 +305,7 @@ def _once(
         lines.append(f"ended early: {_why(found.result)}")
     if len(velocities) > 1:
         return run, lines, True
-    text, seen = _ending(found, run, velocities[0], lead, early)
+    text, seen = _ending(found, run, velocities[0], lead, early, shown)
     return run, [*lines, text], seen or early
 
 
@@ -334,13 +344,14 @@ def _why(result: "RESULTS") -> str:
 
 
 def _ending(
-    found: "Trajectory", run: "Motion", V: float, lead: float, early: bool
+    found: "Trajectory", run: "Motion", V: float, lead: float, early: bool, shown: str
 ) -> tuple[str, bool]:
-    """How the motion ends, in words."""
+    """How the motion ends, in words; lengths in the unit `shown`."""
     import jax.numpy as jnp
 
     from ..gains.ends import ENDS
     from ..simulation import RESULTS
+    from ..units import factor, format_si
 
     if bool(found.result == RESULTS.ran_away):
         return "end: escape, the slider ran away", True
@@ -352,12 +363,13 @@ def _ending(
         return "end: steady sliding, or ever closer to it", True
     if bool(end.code == ENDS.limit_cycle):
         swing, slip = float(end.velocity_amplitude), float(end.slip_amplitude)
+        size, least = factor(shown, "m", "length"), float(end.least_velocity)
         period = _period(run.time, run.friction) or float(end.period)
         return (
             f"end: oscillation (stick-slip limit cycle, or still growing), period"
-            f" {period:.5g} s, slip amplitude {1e6 * slip:.5g} um, velocity"
-            f" {1e6 * float(end.least_velocity):.4g} to"
-            f" {1e6 * (float(end.least_velocity) + 2 * swing):.4g} um/s"
+            f" {period:.5g} s, slip amplitude {format_si(slip, 'm', shown, 5)} (half the range of"
+            f" slip about steady sliding), velocity {least / size:.4g} to"
+            f" {(least + 2 * swing) / size:.4g} {shown}/s"
         ), True
     return "end: not decided in this time; give a longer --duration", False
 

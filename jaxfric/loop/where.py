@@ -9,7 +9,10 @@ from .thresholds import SIGNIFICANT
 
 _NEARLY = 0.9
 _LEAST_SHOWN = 0.005
+_LEAST_BAR = 0.01
 _RIPPLE = "wavelength"
+OTHERS = "all others together"
+"""Stands for variables of small shares."""
 _VARIABLES = {
     "log_velocity": "velocity",
     "relaxation_length": "the slip since a step",
@@ -43,14 +46,17 @@ def added_shares(
 ) -> list[tuple[str | None, float]]:
     """Variables and their `further` shares, largest first, and None with what none explains.
 
-    They add up to 1. Nothing where there is no more structure than chance.
+    They add up to 1. Those below `_LEAST_BAR`, but for the first, are one share, of `OTHERS`.
+    Nothing where there is no more structure than chance.
     """
     known = [(p.variable, p.further) for p in location if np.isfinite(p.further)]
     if not known:
         return []
     rest = max(1.0 - sum(share for _, share in known), 0.0)
     taken = sorted((pair for pair in known if pair[1] > 0), key=lambda pair: -pair[1])
-    return [*taken, (None, rest)]
+    few = [pair for k, pair in enumerate(taken) if k == 0 or pair[1] >= _LEAST_BAR]
+    small = sum(share for _, share in taken[len(few) :])
+    return [*few, *([(OTHERS, small)] if small else []), (None, rest)]
 
 
 def shares_told(location: tuple[LocationProfile, ...]) -> list[str]:

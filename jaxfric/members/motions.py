@@ -36,7 +36,7 @@ TRACE = {
 ENDINGS = (
     Output("end", long_name="end of the motion after a step", codes=streaming.CODES),
     Output("velocity_amplitude", "m/s", "half of the range of the velocity"),
-    Output("slip_amplitude", "m", "half of the range of slip about steady motion"),
+    Output("slip_amplitude", "m", "slip amplitude: half of the range of slip less V0 t at the end"),
     Output("least_velocity", "m/s", "smallest velocity at the end"),
     Output("period", "s", "period of the limit cycle"),
     Output("period_spread", "s", "half of the range of the periods of its cycles"),
