@@ -57,7 +57,7 @@ def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
     names = {p.name for p in Path("joint-loop").iterdir()}
     kept = {
         f"{n}.{kind}"
-        for n in ("residual", "noise", "aliasing", "candidates")
+        for n in ("residual", "noise", "profiles", "aliasing", "candidates")
         for kind in ("png", "svg")
     }
     assert names - {".jaxfric.json"} == {"loop.json", "loop.html", *kept}

@@ -453,6 +453,7 @@ def test_shares_of_the_location_figure_add_up() -> None:
     axis = figure_of(make_loop("effects"), "location").axes[0]
     widths = [bar.get_width() for bar in axis.patches]
     names = [label.get_text() for label in axis.get_yticklabels()]
+    assert "The time since a step carries 71 %" in page_of(make_loop("effects")).text
     assert sum(widths) == pytest.approx(100.0) and names[-1] == "not explained"
     assert widths[0] == max(widths) and names[0] == "the time since a step"
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from ..fitting.table import noise_text
 from ..loop.family import listed
 from ..loop.result import Loop
+from ..loop.where import shares_told
 from .loop_next import meanings, next_steps
 from .loop_text import (
     apart,
@@ -119,7 +120,7 @@ def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str
         folded("Errors by block and by " + loop.words.part, blocks),
         f"<h2>What the model is now</h2>{_added(loop)}{html_table(parameters)}{html_table(tests)}"
         + "".join(html_table(table) for table in more),
-        _figure(loop, "location", figures),
+        _figure(loop, "location", figures, bullets(shares_told(loop.location))),
         folded(FIGURES["profiles"][0], _drawing(loop, "profiles", figures)),
         _figure(loop, "noise", figures),
         _figure(loop, "aliasing", figures, bullets(apart(loop))),
