@@ -200,3 +200,12 @@ def test_the_samples_of_a_file_come_without_its_estimate():
     np.testing.assert_array_equal(without_first(laws).A, [2.0, 3.0])
     alone = rate_state("slip", {n: jnp.ones(1) for n in ("f0", "A", "B", "L", "V0")}, 1)
     assert without_first(alone) is None
+
+
+def test_parameters_of_a_fit_that_ran_away_have_no_critical_stiffness():
+    """They may be none that a law can have: that is said, and not refused."""
+    gone = VALUES | {"A": np.inf}
+    found = fit_of(gone, np.full((4, 4), np.nan), converged=False)
+    critical = found.critical()
+    assert not critical.stiffness.determined and not critical.ratio.determined
+    assert found.to_json()["critical_stiffness"] is None

@@ -93,7 +93,9 @@ class Fit(Described, Drawable, Gridded, Tabular):
         covariance."""
         used = [n for n in self.parameters if n.rstrip("0123456789") in ("A", "B", "L")]
         known = self.converged and all(self.parameters[n].determined for n in used)
-        return critical_of(self, self.model, self.critical_stiffness(), known=known)
+        # numbers of a fit that did not converge may be none that a law can have
+        value = self.critical_stiffness() if self.converged else np.nan
+        return critical_of(self, self.model, value, known=known)
 
     def stability(self) -> Claim:
         """The claim on stability that A, all B and, for a critical stiffness, L allow."""
