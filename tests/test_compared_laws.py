@@ -13,10 +13,10 @@ from command import STIFFNESS, assert_refused, record_text, run, written
 from reference import Law, Motion, solve
 
 import jaxfric
-from jaxfric.cli.compare import _tabled
 from jaxfric.loop import LawComparison, LawScore
 from jaxfric.loop.compared_laws import _blocks
 from jaxfric.records import VelocitySteps
+from jaxfric.report.comparison import tabled
 from jaxfric.report.fits_table import TabledFit, csv_rows, latex_text, text_table
 
 jax.config.update("jax_enable_x64", True)
@@ -146,7 +146,7 @@ def test_the_command(of_slip) -> None:
     assert {p.name for p in folder.glob("compare.*")} == {
         f"compare.{kind}" for kind in ("csv", "json", "png", "svg", "tex")
     }
-    rows = [row.more for row in _tabled(of_slip)]
+    rows = [row.more for row in tabled(of_slip)]
     assert all(set(row) == {"BIC above least", "held-out error [σ]"} for row in rows)
 
 
@@ -248,3 +248,12 @@ def test_a_table_of_fits(of_slip) -> None:
     lines = latex_text(fits, "file").splitlines()
     assert r"a\_b.csv" in lines[5] and lines[5].count("&") == lines[2].count("&") == 5
     assert "no fit" in lines[6]
+
+
+def test_a_comparison_is_short_in_a_notebook_and_whole_as_a_table(of_slip):
+    assert repr(of_slip).startswith("LawComparison(") and len(repr(of_slip)) < 200
+    assert of_slip.sentence in of_slip.summary()
+    frame = of_slip.to_pandas()
+    assert list(frame.index) == [score.name for score in of_slip.scores]
+    assert frame["BIC above least"].min() == 0.0
+    assert len(of_slip.plot().axes) == 1 + len(of_slip.scores)

@@ -68,6 +68,7 @@ def compare(
     prepare_jax()
     from ..loop.compared_laws import compare_laws
     from ..plot.compared import draw_comparison
+    from ..report.comparison import tabled
 
     folder = choose_folder(out, file.stem, file)
     with told(quiet=True) as progress:
@@ -80,7 +81,7 @@ def compare(
             rows=rows,
             progress=progress,
         )
-        content, fits = json_text(found.to_json()), _tabled(found)
+        content, fits = json_text(found.to_json()), tabled(found)
         with folder.results() as to:
             (to / "compare.json").write_text(content + "\n", encoding="utf-8")
             _write(fits, to)
@@ -90,28 +91,10 @@ def compare(
     if json:
         print(content)
     else:
-        _print(found, fits)
+        _print(found)
         print(folder.written)
     warn(found.warnings)
     return folder.close()
-
-
-def _tabled(found: "LawComparison") -> "list[TabledFit]":
-    """The scores as rows of a table of fits."""
-    from ..report.fits_table import TabledFit
-
-    least = found.ranked[0].bic
-    assert least is not None
-    rows = []
-    for score in found.scores:
-        more: dict[str, float | None] = {
-            "BIC above least": None if score.bic is None else round(score.bic - least, 2)
-        }
-        if not found.unasked:
-            error = score.held_out
-            more["held-out error [σ]"] = None if error is None else round(error / found.sigma, 3)
-        rows.append(TabledFit(score.name, score.fit, more=more))
-    return rows
 
 
 def _write(fits: "list[TabledFit]", to: Path) -> None:
@@ -122,11 +105,10 @@ def _write(fits: "list[TabledFit]", to: Path) -> None:
     (to / "compare.tex").write_text(latex_text(fits, "law"), encoding="utf-8")
 
 
-def _print(found: "LawComparison", fits: "list[TabledFit]") -> None:
-    from ..report.fits_table import text_table
+def _print(found: "LawComparison") -> None:
+    from ..report.comparison import table
     from ..report.loop_text import print_tables
 
     console = stdout_console()
     console.print(found.sentence, markup=False)
-    title = f"{len(found.record)} rows, worth {found.independent_rows:.0f} independent ones"
-    print_tables(console, [text_table(fits, "law", title)])
+    print_tables(console, [table(found)])

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..described import Described, Drawable, Tabular
 from ..fitting import Fit
 from ..fitting.misfit import EXCESS, excess
 from ..records import Record, VelocitySteps
@@ -43,8 +44,8 @@ class LawScore:
         return self.fit.law if self.states == 1 else f"{self.fit.law}, {self.states} states"
 
 
-@dataclass(frozen=True, eq=False)
-class LawComparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class LawComparison(Described, Drawable, Tabular):
     """Laws fitted to one record, in the order in which they were asked."""
 
     record: Record

@@ -16,6 +16,13 @@ _RECORD, _STEP, _HELD = BLACK, SLATE, HELD
 
 def draw_comparison(found: LawComparison, *paths: str | Path) -> None:
     """Write the figure to each of `paths` (PNG, SVG or PDF by its ending)."""
+    figure = comparison_figure(found)
+    for path in paths:
+        figure.savefig(str(path), dpi=130)
+
+
+def comparison_figure(found: LawComparison) -> Figure:
+    """The figure."""
     scores = [score for score in found.scores if score.bic is not None]
     figure = Figure(figsize=(10.5, 3.2 + 1.25 * len(scores)))
     FigureCanvasAgg(figure)
@@ -44,8 +51,7 @@ def draw_comparison(found: LawComparison, *paths: str | Path) -> None:
     _mark(found, axes)
     name = printable(found.record.provenance.path)
     figure.suptitle(f"{name}: which law?", x=0.01, ha="left", fontsize=11, parse_math=False)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    return figure
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:

@@ -20,6 +20,7 @@ HOMES = {
     "AxisFit": "axis_fit",
     "Fit": "fit",
     "Gains": "gains",
+    "LawComparison": "comparison",
     "Loop": "loop",
     "Posterior": "posterior",
     "Prediction": "prediction",
