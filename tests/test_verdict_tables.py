@@ -47,7 +47,7 @@ class Made(SimpleNamespace):
 @pytest.mark.parametrize("parameters", [1, 5, 8])
 def test_every_parameter_costs_the_logarithm_of_the_independent_rows(parameters, rows_worth):
     """BIC = -2 ln L + p ln n; of correlated noise n is what the train rows are worth, not 60."""
-    noise = SimpleNamespace(sigma=jnp.asarray(3.0))
+    noise = SimpleNamespace(sigma=jnp.asarray(3.0), log_likelihood=jnp.asarray(-40.0))
     weight = 1.0 * BLOCKS.train
     engine = SimpleNamespace(
         weight=weight,
@@ -56,11 +56,11 @@ def test_every_parameter_costs_the_logarithm_of_the_independent_rows(parameters,
         whiten=lambda columns, noise, *_: (
             columns * weight[:, None] * np.sqrt(rows_worth / 60) / float(noise.sigma)
         ),
-        _noise_of_known=lambda residual, found: SimpleNamespace(value=-40.0),
+        _predictive=lambda residual, noise: 7.0,
     )
     rows = SimpleNamespace(residual=np.ones(100), extra=np.asarray([1.0, 2.0]))
     bic, found = Engine.bic(engine, rows, parameters)
-    assert bic == pytest.approx(80.0 + 5.0 + parameters * np.log(rows_worth), rel=1e-12)
+    assert bic == pytest.approx(80.0 + 5.0 + 7.0 + parameters * np.log(rows_worth), rel=1e-12)
     assert found is noise
 
 

@@ -33,7 +33,7 @@ from ..fitting.noise_search import (
 )
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.quantisation import least_noise, recorded_steps
-from ..fitting.whitened import whitened
+from ..fitting.whitened import compiled_innovations, whitened
 from ..traced import traced
 from .pace import Stopwatch
 from .smooth import smooth_columns
@@ -413,29 +413,29 @@ class Engine(Generic[P]):
     def bic(
         self, rows: "Rows", parameters: int, near: tuple[np.ndarray, ...] = ()
     ) -> tuple[float, Noise]:
-        """-2 ln L + p ln n_eff of train and select rows at their most likely noise, n_eff
-        independent train rows; and the noise of the train rows.
+        """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows.
 
-        The select block counts as predicted: what only fits the train block pays there. Its noise
-        is its own, too: where that differs from step to step, the noise of the train rows alone
-        would say more of the select block than the model does. The noise is searched also from the
-        values `near`.
+        The select block counts as predicted: what only fits the train block pays there. The noise
+        is searched also from the values `near`.
         """
-        nothing = np.zeros((len(rows.residual), 1))
-        found = self._noise(rows.residual * self.weight, nothing, near)
-        both = self._noise_of_known(rows.residual, found)
-        white = self.whiten(nothing + 1, found.noise)
-        effective = float(np.sum(white**2) * found.noise.sigma**2)
+        residual = rows.residual * self.weight
+        found = self._noise(residual, np.zeros((len(residual), 1)), near).noise
+        ones = np.ones((len(residual), 1))
+        white = self.whiten(ones, found)
+        effective = float(np.sum(white**2) * found.sigma**2)
         effective = min(max(effective, 2.0), float(self.weight.sum()))
-        more = float(np.sum(np.square(rows.extra)))
-        return more - 2 * both.value + parameters * np.log(effective), found.noise
+        more = float(np.sum(np.square(rows.extra))) + self._predictive(rows.residual, found)
+        return more - 2 * float(found.log_likelihood) + parameters * np.log(effective), found
 
-    def _noise_of_known(self, residual: np.ndarray, found: FoundNoise) -> FoundNoise:
-        """The noise of train and select rows, with the parts of `found`."""
-        nothing = np.zeros((len(residual), 1))
-        known, clock = self.known, self.problem.clock
-        rows = noise_rows(clock, known, residual * known, nothing, self.longest, scale=self.scale)
-        return profile_noise(rows, found.family, (*self.noises, found.theta), least=self.least)
+    def _predictive(self, residual: np.ndarray, noise: Noise) -> float:
+        """-2 ln p of the select block given the train block, at the noise of the train block."""
+        problem, total = self.problem, 0.0
+        for weight, sign in ((self.known, 1.0), (self.weight, -1.0)):
+            white, size = compiled_innovations(problem.clock, weight, residual[:, None], noise)
+            white, rows = np.asarray(white) / float(noise.sigma), weight.sum()
+            size = float(size) + 2 * rows * np.log(float(noise.sigma))
+            total += sign * float(np.sum(white**2) + size)
+        return total
 
     def whiten(
         self, columns: np.ndarray, noise: Noise, weight: np.ndarray | None = None
