@@ -118,6 +118,15 @@ def test_a_level_that_the_fit_has_taken_is_no_slow_noise():
     )
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_load_point_that_holds_is_no_matter():
+    """Its path stands still for a while: no clock of noise there, and no warning."""
+    clock = clocks()
+    clock[:, 1] -= np.interp(np.arange(N), [200, 280], [0.0, clock[280, 1] - clock[200, 1]])
+    clock[200:281, 1] = clock[200, 1]
+    assert _seems_white(rows_of(clock, drawn(clock, 4)), either_sign=False)
+
+
 def test_alternating_noise_is_seen_only_where_either_sign_is_asked():
     clock, rng = clocks(), np.random.default_rng(1)
     y = np.diff(rng.standard_normal(N + 1))

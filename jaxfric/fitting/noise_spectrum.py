@@ -111,7 +111,9 @@ def _most(seen: Spectrum, shapes: list[np.ndarray]) -> float:
 
 def _exponential(keep: np.ndarray, angle: np.ndarray) -> Complex[np.ndarray, "m b"]:
     """Spectrum of what keeps a (complex) share from row to row, of variance 1."""
-    return (1 - keep * keep) / (1 - 2 * keep * np.cos(angle) + keep * keep) + 0j
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = (1 - keep * keep) / (1 - 2 * keep * np.cos(angle) + keep * keep) + 0j
+    return np.where(np.isfinite(found), found, 1.0)  # a clock that stands, at frequency 0
 
 
 def _resonator(away: np.ndarray, beta: float, angle: np.ndarray) -> np.ndarray:
