@@ -1,6 +1,7 @@
 """Which law a record supports: records of SciPy whose law is known, and the sentences."""
 
 import csv
+import dataclasses
 import io
 import json
 from pathlib import Path
@@ -161,14 +162,17 @@ def test_what_cannot_be_compared_is_refused() -> None:
 # ---- sentences, of scores that are made up --------------------------------------------------
 
 
-def made_up(*laws, held: bool = True, rms: float = 1.0) -> LawComparison:
-    """A comparison of (law, states, BIC or None, held-out error, its deviance)."""
+def made_up(*laws, held: bool = True, rms: float = 1.0, loose: int = 0) -> LawComparison:
+    """A comparison of (law, states, BIC or None, held-out error, its deviance); fits with `loose`
+    states did not converge."""
     random = np.random.default_rng(0)
     record = SimpleNamespace(friction=random.normal(size=500))
     scores = []
     for law, states, bic, error, deviance in laws:
         model = SimpleNamespace(states=states)
-        one = SimpleNamespace(law=law, model=model, record=record, rms=rms, result="no end")
+        one = SimpleNamespace(
+            law=law, model=model, record=record, rms=rms, result="no end", converged=states != loose
+        )
         scores.append(LawScore(one, 4, bic, error, deviance))  # type: ignore[arg-type]
     numbers = (3,) if held else ()
     return LawComparison(record, None, tuple(scores), 1.0, 500.0, numbers, "")  # type: ignore[arg-type]
@@ -209,12 +213,23 @@ def made_up(*laws, held: bool = True, rms: float = 1.0) -> LawComparison:
         ),
         ([("slip", 1, 0, 1, 50), ("ageing", 1, None, None, None)], None, "Nothing to compare"),
         ([("slip", 1, 0, None, None), ("ageing", 1, 40, None, None)], "slip", "decides). "),
+        (
+            [("slip", 1, 0, 1, 50), ("ageing", 1, 99, 1, 50), ("ageing", 2, 44, 1, 50)],
+            "slip",
+            "44 below that of the ageing law with 2 states, and 99 below that with 1 state",
+        ),
     ],
 )  # fmt: skip
 def test_sentences(laws, supported, words) -> None:
     found = made_up(*laws)
     assert words in found.sentence + " "
     assert (None if found.supported is None else found.supported.name) == supported
+
+
+def test_a_second_state_that_did_not_converge_is_not_fixed() -> None:
+    laws = [("slip", 1, 0, 1, 50), ("slip", 2, 8.7, 1, 50), ("ageing", 1, 99, 1, 50)]
+    words = "is not fixed by the record, and not needed: BIC is 8.7 higher with it"
+    assert words in made_up(*laws, loose=2).sentence and words not in made_up(*laws).sentence
 
 
 def test_two_steps_are_too_few_to_hold_one_out() -> None:
@@ -247,7 +262,19 @@ def test_a_table_of_fits(of_slip) -> None:
     assert shown.rows[0][1].startswith(f"{values['A'] - values['B']:.4f}")
     lines = latex_text(fits, "file").splitlines()
     assert r"a\_b.csv" in lines[5] and lines[5].count("&") == lines[2].count("&") == 5
-    assert "no fit" in lines[6]
+    assert "no fit" in lines[6] and "dagger" not in lines[5]
+
+
+def test_what_a_law_does_not_explain_is_marked_in_every_table(of_slip) -> None:
+    """A residual of ten times the scatter beside a good one: a dagger, a footnote, a warning."""
+    good = of_slip.scores[0].fit
+    bad = dataclasses.replace(good, rms=10 * good.rms)
+    fits = [TabledFit("a.csv", good), TabledFit("b.csv", bad)]
+    lines = latex_text(fits, "file").splitlines()
+    assert [r"$^\dagger$" in line for line in lines[5:7]] == [False, True]
+    assert "2 times the scatter" in lines[8]
+    told = [row["warnings"] for row in csv_rows(fits, "file")]
+    assert "jaxfric loop asks which" in told[1] and "scatter" not in told[0]
 
 
 def test_a_comparison_is_short_in_a_notebook_and_whole_as_a_table(of_slip):

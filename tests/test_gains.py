@@ -363,7 +363,7 @@ def test_what_a_law_does_not_know_travels_with_it(tmp_path):
     source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=0)
     assert "not determined" in source.warnings[0]
     text = "A=1 N, B=3 N, L=1 mm, V0=2 mm/s"
-    assert "50 N (50 A) are assumed" in law_from_parameters("ageing", text).text
+    assert "50 N (50 times A) is assumed" in law_from_parameters("ageing", text).text
     assert "assumed" not in law_from_parameters("slip", text + ", f0=20 N").text
 
 

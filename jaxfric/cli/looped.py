@@ -52,6 +52,7 @@ def tell_loop(result: "Loop", content: str, folder: Folder) -> int:
 
 
 def _print(result: "Loop", folder: Folder) -> None:
+    from ..report.loop_next import next_steps
     from ..report.loop_text import print_loop
 
     console = stdout_console()
@@ -61,4 +62,7 @@ def _print(result: "Loop", folder: Folder) -> None:
     page = "loop.html (open it in a browser)" if "loop.html" in names else ""
     written = [f"{', '.join(pictures)} (.png, .svg)"] if pictures else []
     written = ", ".join(filter(None, [page, "loop.json", *written]))
+    for text, command in next_steps(result):
+        line = command.replace("loop.json", str(folder.path / "loop.json"))
+        console.print(f"next: {text} {line}".rstrip(), markup=False, soft_wrap=True)
     console.print(f"\nwritten: {folder.path}/{written}", markup=False, soft_wrap=True)

@@ -121,7 +121,7 @@ class AxisStribeck(AbstractAxisEffect):
     separated_by: ClassVar[str] = "steady speeds around vs, apart from reversals"
     channel: ClassVar[str | None] = None
     fs: Float[Array, ""] = quantity("fs", "F", "more friction at low speed", default=0.0)
-    vs: Float[Array, ""] = quantity("vs", "m/s", "AxisStribeck velocity", lower=0.0, default=1.0)
+    vs: Float[Array, ""] = quantity("vs", "m/s", "Stribeck velocity", lower=0.0, default=1.0)
 
     n: Float[Array, ""] = quantity("n", "1", "exponent", lower=0.3, upper=3.0, default=1.0)
 

@@ -107,14 +107,28 @@ class LawComparison(Described, Drawable, Tabular):
         found = self.supported
         if found is None:
             return f"{self._untold()} {self._states(first)}"
-        gap = self._least(others[0].fit.law) - self._least(first.fit.law)
         states = "" if found.states == 1 else f" with {found.states} states"
         held = self._held((found, others[0]))
         return (
-            f"The record supports the {found.fit.law} law{states}: its BIC is {amount(gap)} below"
-            f" that of the {others[0].fit.law} law (a difference of {ACCEPT:g} decides){held}."
+            f"The record supports the {found.fit.law} law{states}: its BIC is"
+            f" {self._below(found, others[0].fit.law)} (a difference of {ACCEPT:g} decides){held}."
             f" {self._states(first)}"
         )
+
+    def _below(self, found: LawScore, law: str) -> str:
+        """How far BIC is below that of another law: with as many states, and with more of them
+        where these do better."""
+        base = self._least(found.fit.law)
+        own = {s.states: _bic(s) - base for s in self.ranked if s.fit.law == law}
+        best = min(own, key=lambda states: own[states])
+        words = f"{amount(own[best])} below that of the {law} law"
+        if best == found.states:
+            return words
+        words += f" with {best} state" + "s" * (best > 1)
+        if found.states not in own:
+            return words
+        as_many = f"{found.states} state" + "s" * (found.states > 1)
+        return f"{words}, and {amount(own[found.states])} below that with {as_many}"
 
     def _untold(self) -> str:
         first, rival = self.of_laws[0], self.rivals[0]
@@ -149,11 +163,20 @@ class LawComparison(Described, Drawable, Tabular):
             failed = any(s.fit.law == first.fit.law and s.bic is None for s in self.scores)
             return "Nothing is said of a second state: that fit found no end." if failed else ""
         gain = own[1] - own[2]
+        if gain <= ACCEPT and not self._fixed(first.fit.law):
+            by = f"{amount(-gain)} higher" if gain <= 0 else f"only {amount(gain)} lower"
+            return (
+                f"A second state is not fixed by the record, and not needed: BIC is {by} with it."
+            )
         if gain > ACCEPT:
             return f"It asks for the second state, which lowers BIC by {amount(gain)}."
         if gain > 0:
             return f"A second state lowers BIC by {amount(gain)}, too little to be asked for."
         return f"A second state is not needed: it raises BIC by {amount(-gain)}."
+
+    def _fixed(self, law: str) -> bool:
+        """Whether the fit of a law with two states converged."""
+        return all(s.fit.converged for s in self.scores if s.fit.law == law and s.states > 1)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from ..fitting import Fit
-from ..fitting.misfit import excess
+from ..fitting.misfit import EXCESS, excess, misfit_warning
 from ..loop.result import TextTable
 from ..runs.table import Cell, difference, fit_cells, measured
 
@@ -44,6 +44,7 @@ def csv_rows(fits: Sequence[TabledFit], head: str) -> list[dict[str, Cell]]:
         cells = {} if one.fit is None else fit_cells(one.fit)
         if one.fit is not None:
             cells |= {"states": one.fit.model.states, "misfit": float(f"{excess(one.fit):.4g}")}
+            cells["warnings"] = "; ".join((*one.fit.warnings, *misfit_warning(one.fit)))
         out.append({head: one.name} | cells | dict(one.more) | _said(one))
     return out
 
@@ -125,8 +126,17 @@ def latex_text(fits: Sequence[TabledFit], head: str) -> str:
         if not one.known:
             numbers = [r"\multicolumn{4}{c}{no fit}"]
         cells = [_shown(one.more.get(name)) for name in more]
-        lines.append(" & ".join([_escaped(one.name), *numbers, *cells]) + r" \\")
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+        lines.append(" & ".join([_escaped(one.name) + _mark(one), *numbers, *cells]) + r" \\")
+    lines.append(r"\bottomrule")
+    if any(map(_mark, fits)):
+        words = rf"$^\dagger$ leaves {EXCESS:g} times the scatter of neighbouring rows or more"
+        lines.append(rf"\multicolumn{{{5 + len(more)}}}{{l}}{{\footnotesize {words}}} \\")
+    return "\n".join([*lines, r"\end{tabular}", ""])
+
+
+def _mark(one: TabledFit) -> str:
+    """A dagger where what a fit leaves is more than noise: its errors are not those of the law."""
+    return r"$^\dagger$" if one.fit is not None and misfit_warning(one.fit) else ""
 
 
 def _escaped(text: str) -> str:

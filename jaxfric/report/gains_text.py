@@ -54,7 +54,7 @@ def _scenarios(gains: Gains) -> str:
 def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
     how = {"stiff": "held by stiffness", "damped": "held by damping"}[optimum.name]
     if not optimum.minimum:
-        how += " alone; the norm has no minimum there"
+        how += " alone (more than both together)"
     tiny = optimum.kp <= 1e-8 * gains.region.unit[0]
     kp = _smallest(gains) if tiny else f"k_p = {optimum.kp:.6g} N/m"
     return f"{optimum.name:<7} {kp}, k_v = {optimum.kv:.6g} N s/m, norm {optimum.norm:.5g}: {how}"
