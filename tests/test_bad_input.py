@@ -255,6 +255,13 @@ def test_unknown_verbs() -> None:
     assert_refused(run("--foo"), "--foo")
 
 
+def test_a_misspelt_file_is_asked_for(tmp_path) -> None:
+    """The nearest name of its folder; or where it was looked for."""
+    near, far = written(tmp_path / "velocity_step.csv", record_text()), tmp_path / "x.dat"
+    assert_refused(run("record", tmp_path / "velocty_step.csv"), f"did you mean {near}?")
+    assert_refused(run("record", far), f"no such file in {tmp_path}")
+
+
 def survives(content: bytes, *arguments: str) -> None:
     """A verb on a file of this content succeeds in silence, refuses it in one line, or says last
     that the fit did not converge.

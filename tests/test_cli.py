@@ -458,11 +458,12 @@ def test_the_first_word_comes_before_a_verb_has_done_anything(monkeypatch, capsy
     assert cli._run([]) == 0 and capsys.readouterr().err == ""  # no verb, as --help is none
 
 
-def test_a_reader_that_goes_away() -> None:
+@pytest.mark.parametrize("arguments", [("record", "run.csv"), ("fit", "--help"), ("--help",)])
+def test_a_reader_that_goes_away(arguments) -> None:
     read_end, write_end = os.pipe()
     os.close(read_end)
     with os.fdopen(write_end, "wb") as pipe:
-        code, _, err = process("record", "run.csv", stdout=pipe)
+        code, _, err = process(*arguments, stdout=pipe)
     assert code == 141 and err == ""
 
 

@@ -93,8 +93,11 @@ def main() -> None:
         print("jaxfric: interrupted; nothing was written", file=sys.stderr)
         code = 130
     except BrokenPipeError:
-        sys.stdout = None
         code = 141
+    except SystemExit as end:  # rich ends the program where its reader went away
+        code = 141 if isinstance(end.__context__, BrokenPipeError) else end.code
+    if code == 141:
+        sys.stdout = None
     sys.exit(code)
 
 

@@ -175,8 +175,9 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     name = f"{kind} law: {text}"
     if unsaid and isinstance(law, AbstractRateState):
         name += (
-            f"; f0, the steady friction at V0, is not given: {float(law.f0):.4g} N ({_F0:g} times A)"
-            " is assumed, which matters to rest and stick-slip and hardly to linear stability"
+            f"; f0, the steady friction at V0, is not given: {float(law.f0):.4g} N"
+            f" ({_F0:g} times A) is assumed, which matters to rest and stick-slip and hardly to"
+            " linear stability"
         )
     return LawSource(law, stack([law]), name, None if V0 is None else float(V0))
 

@@ -4,6 +4,7 @@ A format is one module of this folder with a `FORMAT`, and its name in `FORMATS`
 folders of runs then read it. `register` adds one from outside of the package.
 """
 
+import difflib
 import hashlib
 from dataclasses import replace
 from pathlib import Path
@@ -45,13 +46,20 @@ def read_table(path: str | Path, *, raw: bool = False) -> Table:
     return replace(table, path=str(path), sha256=sha256, format=format.name)
 
 
+def _nearest(path: Path) -> str:
+    """A question for the file with the most similar name, or in what folder it was looked for."""
+    names = sorted(p.name for p in path.parent.iterdir()) if path.parent.is_dir() else []
+    found = difflib.get_close_matches(path.name, names, 1)
+    return f"; did you mean {path.parent / found[0]}?" if found else f" in {path.parent.resolve()}"
+
+
 def _load(path: Path) -> bytes:
     if path.is_dir():
         raise InputError(f"{path} is a directory; give the path of a file")
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
+        raise InputError(f"{path}: there is no such file{_nearest(path)}") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {error}") from None
     if not data.strip():
