@@ -50,8 +50,12 @@ def test_every_page_with_python_is_asked_for():
 def test_a_fit_and_a_slope(page, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     names = executed(page)
-    L, std = (float(word) for word in capsys.readouterr().out.split())
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    L, std = map(float, first.split())
     assert abs(L - 20e-6) < 4 * std < 2e-6
+    less, error = map(float, second.split())
+    assert abs(less + 0.004) < 4 * error < 4e-4
+    assert names["left"].shape == names["fit"].record.friction.shape
     if page == "python":
         assert np.isfinite(names["slope"]) and names["slope"] > 0
         assert names["Curvature"].id == "curvature"
