@@ -16,6 +16,7 @@ def describe(gains: Gains) -> list[str]:
     lines.append("")
     kp = _smallest(gains) if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
     lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {gains.norm:.5g})")
+    lines.append("of a controller with force = k_p (x_ref - x) + k_v (v_ref - v)")
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
     lines += [f"  {_optimum(optimum, gains)}" for optimum in gains.optima]
