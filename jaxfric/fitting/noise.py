@@ -83,10 +83,13 @@ def _columns(clock: Float[Numbers, "n *k"]) -> Float[Numbers, "n k"]:
     return clock[:, None] if clock.ndim == 1 else clock
 
 
-def _forgotten(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, "n 2"]:
-    """Distance to the next row in memories of each part, (n, 2)."""
+def _forgotten(
+    clock: Float[Numbers, "n *k"], rates: Float[Numbers, "*g 2 k"]
+) -> Float[Array, "*g 2 n"]:
+    """Distance to the next row in memories of each part, of one noise or of many."""
     steps = jnp.abs(jnp.diff(_columns(clock), axis=0))
-    return jnp.concatenate([steps, jnp.zeros_like(steps[:1])]) @ noise.rates.T
+    steps = jnp.concatenate([steps, jnp.zeros_like(steps[:1])])
+    return jnp.einsum("nk,...pk->...pn", steps, rates)
 
 
 class Moves(NamedTuple):
@@ -110,9 +113,8 @@ def moves_of(
     Sines, and resonators at all, are computed only where one of the noises has them: they take half
     of the time of a filter.
     """
-    steps = jnp.abs(jnp.diff(_columns(clock), axis=0))
-    steps = jnp.concatenate([steps, jnp.zeros_like(steps[:1])])
-    first, second = (jnp.einsum("nk,...k->...n", steps, rates[..., i, :]) for i in range(PARTS))
+    forgotten = _forgotten(clock, rates)
+    first, second = forgotten[..., 0, :], forgotten[..., 1, :]
     beta = jnp.asarray(beta)
     alone = beta <= EXPONENTIAL
     size = jnp.where(alone, 1.0, 1 + jnp.where(beta > 0, beta, -(_damped(beta) ** 2)))
@@ -359,7 +361,7 @@ def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> list[tuple[Array, Arr
 
     Sizes and exponents are complex; the sum is real.
     """
-    first, second = _forgotten(clock, noise).T + 0j
+    first, second = _forgotten(clock, noise.rates) + 0j
     near = jnp.where(jnp.abs(noise.beta) < _CRITICAL**2, _CRITICAL**2, noise.beta)
     alone = noise.beta <= EXPONENTIAL
     s = jnp.where(alone, 0.5, jnp.sqrt(-near + 0j))
