@@ -14,7 +14,6 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Protocol
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,6 +23,7 @@ from ..laws.saved import draw_samples
 from ..rig.friction import AbstractRateState, RateState, critical_stiffness
 from ..stability.linear import linear_friction
 from ..stability.theorem import theorem
+from ..traced import traced
 from .estimate import Estimate
 from .problem import Model, build_rig, quantity_of
 from .uncertainty import QUANTILE
@@ -89,7 +89,7 @@ def critical_stiffness_of(law: AbstractRateState) -> float:
     return float(_critical(law))
 
 
-@eqx.filter_jit
+@traced
 def _critical(law: AbstractRateState) -> Float[Array, ""]:
     if isinstance(law, RateState):
         return critical_stiffness(law)
@@ -97,7 +97,7 @@ def _critical(law: AbstractRateState) -> Float[Array, ""]:
     return theorem(friction.kernel, friction.slope, jnp.zeros_like(law.V0)).critical_stiffness
 
 
-@eqx.filter_jit
+@traced
 def _critical_of_samples(
     model: Model, vectors: Float[Array, "n p"], V0: Float[Array, ""], K: Float[Array, ""]
 ) -> Float[Array, " n"]:

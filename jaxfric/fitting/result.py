@@ -1,5 +1,6 @@
 """The result of a fit."""
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -91,6 +92,11 @@ class Fit(Described, Drawable, Gridded, Tabular):
     def critical(self) -> Critical:
         """The critical stiffness and K in units of it, with 95 % intervals: of 4096 samples of the
         covariance."""
+        return self._critical
+
+    @functools.cached_property
+    def _critical(self) -> Critical:
+        """Drawn once: tables, files and pages ask for it."""
         used = [n for n in self.parameters if n.rstrip("0123456789") in ("A", "B", "L")]
         known = self.converged and all(self.parameters[n].determined for n in used)
         # numbers of a fit that did not converge may be none that a law can have

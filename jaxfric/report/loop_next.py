@@ -35,23 +35,23 @@ def meanings(loop: Loop) -> list[tuple[str, str, str]]:
     return found
 
 
-def next_steps(loop: Loop) -> list[NextStep]:
+def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     """What the verdict asks for, most telling first.
 
     Of an ambiguous one the run that would decide; gains where `jaxfric gains` takes the loop; a
-    test on another record where the model describes this one. Files are named as they lie beside
-    loop.html.
+    test on another record where the model describes this one. `file` is where the loop lies: beside
+    loop.html where nothing else is said.
     """
-    steps = [*_deciding(loop), *_where_none(loop)]
+    steps = [*_deciding(loop, file), *_where_none(loop)]
     if takes_gains(loop):
         own = "--mass is yours to state"
         if loop.record.friction_unit == "1":
             own = "--mass and --normal-force are yours to state"
         text = f"Find the smallest gains that hold it steady with this model ({own}):"
-        steps.append(NextStep(text, _gains_line(loop)))
+        steps.append(NextStep(text, _gains_line(loop, file)))
     if loop.verdict in CERTAIN:
         text = "See whether the model is true on a record that it has not seen:"
-        steps.append(NextStep(text, "jaxfric predict loop.json OTHER.csv"))
+        steps.append(NextStep(text, f"jaxfric predict {file} OTHER.csv"))
     return steps
 
 
@@ -73,9 +73,9 @@ def takes_gains(loop: Loop) -> bool:
     return loop.record.friction_unit in ("1", "N")
 
 
-def _gains_line(loop: Loop) -> str:
+def _gains_line(loop: Loop, file: str) -> str:
     """The command for gains over the speeds that the record showed."""
-    words = ["jaxfric gains --from loop.json"]
+    words = [f"jaxfric gains --from {file}"]
     if loop.words is not AXIS:
         words += ['--normal-force "500 N"'] if loop.record.friction_unit == "1" else []
         words += ['--mass "2 kg"']
@@ -86,7 +86,7 @@ def _gains_line(loop: Loop) -> str:
     return " ".join([*words, f'--velocity "{"..".join(ends)} {unit}"'])
 
 
-def _deciding(loop: Loop) -> list[NextStep]:
+def _deciding(loop: Loop, file: str) -> list[NextStep]:
     """The runs that would tell what this record leaves open."""
     from .loop_text import confused
 
@@ -102,11 +102,11 @@ def _deciding(loop: Loop) -> list[NextStep]:
             found.append(NextStep(f"{told} A run that would decide: {family.wanted()}."))
     if found and loop.words is not AXIS:
         text = "Whether a plan of velocities tells them apart is known before the run:"
-        found.append(NextStep(text, _protocol_line(loop)))
+        found.append(NextStep(text, _protocol_line(loop, file)))
     return found
 
 
-def _protocol_line(loop: Loop) -> str:
+def _protocol_line(loop: Loop, file: str) -> str:
     """The command that asks what the record's own velocities tell apart, to be changed."""
     steps, unit = loop.base_fit.steps, loop.words.speed
     size = factor(unit, "m/s", "velocity")
@@ -116,7 +116,7 @@ def _protocol_line(loop: Loop) -> str:
     length = unit.removesuffix("/s")
     return (
         f'jaxfric protocol "{", ".join(f"{v:.4g}" for v in speeds)} {unit}"'
-        f' --slip-per-step "{slip:.4g} {length}" --from loop.json'
+        f' --slip-per-step "{slip:.4g} {length}" --from {file}'
     )
 
 
