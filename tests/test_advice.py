@@ -149,6 +149,7 @@ FILLED = {
     ("--column", "{role.name}={name} [0.01 {example}]"): ["position=x [0.01 rad]"],
     ("--column", "{text}"): [],  # what the user wrote
     ("--column", "{example}"): ["friction=mu", "motor_force=F"],
+    ("--from", "{file}"): ["loop.json", "results/loop.json"],
     ("--drive-gain", "{drive_gain}"): [],
     ("--drive-gain", "{example}"): [
         "35.15 N/V",

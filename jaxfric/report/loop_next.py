@@ -1,5 +1,6 @@
 """What a closed loop means, and what to do next: the command that goes on, the run that decides."""
 
+import shlex
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,7 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     test on another record where the model describes this one. `file` is where the loop lies: beside
     loop.html where nothing else is said.
     """
+    file = shlex.quote(file)
     steps = [*_deciding(loop, file), *_where_none(loop)]
     if takes_gains(loop):
         own = "--mass is yours to state"
