@@ -11,6 +11,7 @@ from .lazy import loader
 
 if TYPE_CHECKING:
     from . import axis as axis
+    from . import compensation as compensation
     from . import effects as effects
     from . import fitting as fitting
     from . import gains as gains
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from .axis import close_axis_loop as close_axis_loop
     from .axis import close_steady_loop as close_steady_loop
     from .cache import cache_compiled as cache_compiled
+    from .compensation import Feedforward as Feedforward
+    from .compensation import feedforward as feedforward
     from .errors import InputError as InputError
     from .fitting import Estimate as Estimate
     from .fitting import Fit as Fit
@@ -95,6 +98,8 @@ _HOMES = {
     "close_steady_loop": "axis",
     "InputError": "errors",
     "cache_compiled": "cache",
+    "Feedforward": "compensation",
+    "feedforward": "compensation",
     "Estimate": "fitting",
     "Fit": "fitting",
     "fit": "fitting",
@@ -151,6 +156,7 @@ _HOMES = {
 }
 _MODULES = (
     "axis",
+    "compensation",
     "effects",
     "fitting",
     "gains",

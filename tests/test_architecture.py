@@ -37,6 +37,7 @@ FLOORS = {
     "gains": 3,
     "fitting": 3,
     "loop": 4,
+    "compensation": 4,
     "posterior": 4,
     "prediction": 4,
     "protocol": 4,
@@ -59,6 +60,7 @@ WITHIN_A_FLOOR = {
     ("gains", "laws"),
     ("fitting", "laws"),
     ("loop", "runs"),
+    ("compensation", "loop"),
     ("prediction", "loop"),
     ("protocol", "loop"),
 }

@@ -9,7 +9,9 @@ from jaxfric.axis import AXIS_CATALOGUE
 from jaxfric.fitting.axis_preparation import shifted
 from jaxfric.fitting.problem import FAILED_MISFIT
 from jaxfric.gains.axis import axis_gains
+from jaxfric.loop.axis.details import turning_acceleration
 from jaxfric.loop.axis.loop import unit_of_residuals
+from jaxfric.loop.axis.result import AxisRows
 from jaxfric.rig.axis import AxisRig
 from jaxfric.rig.axis_state import AxisRateState, Bristle
 
@@ -92,6 +94,14 @@ def test_a_signal_moved_in_time(lag, lead, late):
     found = shifted(jnp.asarray(x(T)), 0.1, **{k: jnp.asarray(v) for k, v in times.items()})
     # differences at the ends have one side only
     np.testing.assert_allclose(found[2:-2], truth(T)[2:-2], rtol=1e-10)
+
+
+def test_the_acceleration_of_a_record_is_that_of_its_middle_stroke():
+    """Of three strokes, whatever the sign; rows after the last are padding."""
+    zero, segment = np.zeros(6), np.asarray([0, 0, 1, 1, 2, 2])
+    rows = AxisRows(zero, zero, zero, zero, zero > 0, zero > 0, segment, 1e-3)
+    found = turning_acceleration(rows, np.asarray([1.0, -3.0, 0.5, 2.0, 9.0, 0.0, 50.0, 50.0]))
+    assert found == 3.0
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-6, 0.02])

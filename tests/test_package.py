@@ -17,6 +17,7 @@ NAMES = [
     "AxisRecord",
     "Dahl",
     "Estimate",
+    "Feedforward",
     "FirstOrderDrive",
     "Fit",
     "GaussianStribeck",
@@ -48,6 +49,7 @@ NAMES = [
     "close_steady_loop",
     "compare_laws",
     "critical_stiffness",
+    "feedforward",
     "find_gains",
     "find_posterior",
     "find_steps",
@@ -143,8 +145,8 @@ def test_static_imports_are_the_lazy_ones():
 
 
 PACKAGES = [
-    "axis", "effects", "fitting", "gains", "laws", "loop", "members", "motion", "plot",
-    "posterior", "prediction", "protocol", "records", "report", "rig", "runs", "simulation",
+    "axis", "compensation", "effects", "fitting", "gains", "laws", "loop", "members", "motion",
+    "plot", "posterior", "prediction", "protocol", "records", "report", "rig", "runs", "simulation",
     "stability", "study", "units",
 ]  # fmt: skip
 

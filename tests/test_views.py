@@ -5,6 +5,7 @@ import html.parser
 import importlib
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import jax
@@ -29,6 +30,7 @@ from jaxfric.simulation import RESULTS
 from jaxfric.simulation.trajectory import Trajectory, result_words
 from jaxfric.views.posterior import line as posterior_line
 
+ROOT = Path(__file__).parents[1]
 METHODS = {
     "plot": ("figure", described.Drawable),
     "to_pandas": ("frame", described.Tabular),
@@ -58,6 +60,11 @@ def prediction():
     )  # fmt: skip
 
 
+def compensation():
+    """Of a saved curve of steady speeds."""
+    return jf.feedforward(ROOT / "fits" / "screwdrive1" / "loop" / "steady.json")
+
+
 def run():
     fit = fit_of(VALUES, covariance_of(VALUES, 0.02))
     event = Event("step", 20.0, 0.0, 50.0, 1e-6, 1e-5)
@@ -83,6 +90,7 @@ def schedule():
 
 
 MADE = {
+    "Feedforward": compensation,
     "Fit": lambda: fit_of(VALUES, covariance_of(VALUES, 0.02)),
     "Loop": lambda: make_loop("effects", path=HOSTILE),
     "Prediction": prediction,

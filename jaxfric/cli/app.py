@@ -15,6 +15,7 @@ from ..errors import InputError, words_of_the_command
 from .axis import axis
 from .call import LOOPS, calling, in_new_words
 from .compare import compare
+from .feedforward import feedforward
 from .fit import fit
 from .gains import gains
 from .loop import loop
@@ -62,6 +63,7 @@ _VERBS = (
     axis,
     steady,
     predict,
+    feedforward,
     protocol,
     gains,
     stability,

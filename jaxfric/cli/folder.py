@@ -45,6 +45,7 @@ _READ_AND_TOLD = (
     "rig",
     "flip",
     "plot",
+    "name",
     "out",
     "json",
     "quiet",
@@ -90,7 +91,7 @@ def _short_digest(text: str) -> str:
 def source_name(file: Path) -> str:
     """The name of a saved result: that of its folder, where the file is called as all are."""
     folder = file.parent.name
-    return folder if folder and file.stem in ("fit", "loop", "posterior") else file.stem
+    return folder if folder and file.stem in ("fit", "loop", "posterior", "steady") else file.stem
 
 
 def choose_folder(

@@ -10,8 +10,8 @@ import numpy as np
 from ..effects.effect import id_of
 from ..errors import InputError
 
-FIT, LOOP = "jaxfric.fit/1", "jaxfric.loop/1"
-_VERBS = {FIT: "jaxfric fit", LOOP: "jaxfric loop"}
+FIT, LOOP, STEADY = "jaxfric.fit/1", "jaxfric.loop/1", "jaxfric.steady/1"
+_VERBS = {FIT: "jaxfric fit", LOOP: "jaxfric loop", STEADY: "jaxfric steady"}
 
 
 def read_saved(path: Path, *schemas: str) -> dict:
@@ -35,7 +35,7 @@ def read_saved(path: Path, *schemas: str) -> dict:
         place = f" (line {error.lineno})" if isinstance(error, json.JSONDecodeError) else ""
         raise InputError(f"{path}: not a JSON file, or damaged{place}; make it again") from None
     schema = content.get("schema") if isinstance(content, dict) else None
-    if schema == "jaxfric.steady/1":
+    if schema == STEADY and STEADY not in schemas:
         raise InputError(
             f"{path}: a curve of steady speeds, whose friction has no memory: what damping it asks"
             " for stands in it under gains. For margins give its law by name, in N and m/s:"

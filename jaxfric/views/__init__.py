@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 HOMES = {
     "AxisFit": "axis_fit",
+    "Feedforward": "feedforward",
     "Fit": "fit",
     "Gains": "gains",
     "LawComparison": "comparison",

@@ -15,6 +15,7 @@ from ...records.axis_record import AxisRecord, Drive
 from ...rig.axis import AxisRig
 from ...stability.claims import Curve
 from ..engine import Engine
+from ..estimates import estimates
 from ..search import Search
 from .reading import Reading
 from .result import AxisDetails, AxisRows
@@ -72,7 +73,20 @@ def details_of(
         reading.notes,
         told,
         float(rig.reach),
+        turning_acceleration(rows, np.asarray(prepared.means(prepared.motion.acceleration))),
+        estimates(engine, found.final, record.force_unit)[2],
     )
+
+
+def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:
+    """Median over the strokes of their largest acceleration (n or more rows) [m/s^2].
+
+    A stroke of constant acceleration turns with it, and so does a sine; one that begins and ends
+    softly turns with less.
+    """
+    size = np.abs(acceleration[: len(rows.time)])
+    largest = [float(np.max(size[rows.segment == k])) for k in np.unique(rows.segment)]
+    return float(np.median(largest))
 
 
 def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> AxisGains:

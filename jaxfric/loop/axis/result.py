@@ -111,6 +111,12 @@ class AxisDetails:
     """Parameters that the loop ended with, to stand beside the fits of the same model."""
     reach: float = 0.0
     """Distance between two rows where the axis is slowest [m]; a slip length is no less."""
+    acceleration: float | None = None
+    """Median over the strokes of their largest acceleration [m/s^2]; None where it is not told."""
+    covariance: np.ndarray | None = None
+    """Covariance of the free parameters after the loop, of its own model alone (p, p): what other
+    models that fit as well say of the same parameters is not in it, so that it holds for the
+    friction, a sum of them. None where it is not told."""
 
     def tables(self) -> list[TextTable]:
         """Parameters and errors of the fits, side by side."""
@@ -217,12 +223,16 @@ class AxisDetails:
                 "notes": list(self.notes),
                 "width": self.width,
                 "reach": self.reach,
+                "acceleration": self.acceleration,
+                "covariance": self.covariance,
                 "gains": {
                     "worst_velocity": self.gains.worst_velocity,
                     "slope": self.gains.slope,
                     "least_damping": self.gains.least_damping,
                     "velocity_gain": self.gains.velocity_gain,
                     "claim": self.gains.claim.kind,
+                    "slowest": None if self.gains.curve is None else self.gains.curve.slowest,
+                    "fastest": None if self.gains.curve is None else self.gains.curve.fastest,
                     "sentence": self._said(),
                     "stiff": _stiff_json(self.gains.stiff),
                 },

@@ -1,6 +1,6 @@
 """One model of the friction of steady speeds, and its fit by weighted least squares."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,15 +89,13 @@ def fit_model(curve: SteadyCurve, effects: tuple[str, ...]) -> SteadyModel:
     speed, force, error = (np.asarray(x) for x in (curve.speed, curve.force, curve.error))
     shape = _likeliest_shape(speed, force, error, effects) if "stribeck" in effects else None
     matrix = _matrix(speed, effects, shape)
-    values, variance, spread, deviance = _weighted(matrix, force, error)
+    values, _, spread, deviance = _weighted(matrix, force, error)
     predicted = matrix @ values
     names, count = _names(effects), len(values) + 1 + (0 if shape is None else 2)
     shown = dict(zip(names, values.tolist(), strict=True))
     if shape is not None:
         shown |= {"vs": shape[0], "n": shape[1]}
-    rows = _jacobian(speed, effects, shape, shown.get("fs", 0.0))
-    covariance = _covariance(rows / np.sqrt(variance)[:, None])
-    names = [*names, "vs"] if shape is not None else names
+    names, covariance = curve_covariance(speed, error, spread, effects, shown)
     std = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
     return SteadyModel(
         effects=effects,
@@ -110,6 +108,24 @@ def fit_model(curve: SteadyCurve, effects: tuple[str, ...]) -> SteadyModel:
         bic=float(deviance + count * np.log(len(force))),
         heldout=_heldout(speed, force, error, effects, shape),
     )
+
+
+def curve_covariance(
+    speed: np.ndarray,
+    error: np.ndarray,
+    spread: float,
+    effects: Sequence[str],
+    values: Mapping[str, float],
+) -> tuple[list[str], np.ndarray]:
+    """Names and covariance (p, p) of the parameters of a curve with `values` (SI), by its runs.
+
+    speed, error : of the runs [n]. spread : tau, by which runs differ beyond their errors. n of a
+    Stribeck term is taken as known.
+    """
+    shape = (values["vs"], values["n"]) if "stribeck" in effects else None
+    rows = _jacobian(speed, effects, shape, values.get("fs", 0.0))
+    names = [*_names(effects), *(["vs"] if shape is not None else [])]
+    return names, _covariance(rows / np.sqrt(error**2 + spread**2)[:, None])
 
 
 def _covariance(rows: np.ndarray) -> np.ndarray:

@@ -1,0 +1,95 @@
+"""`jaxfric feedforward`: the friction of an axis as a formula, a C function and a table."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from . import options
+from .call import current_call
+from .common import doing, prepare_jax, stdout_console, told, warn
+from .folder import Folder, choose_folder, json_text, source_name
+
+if TYPE_CHECKING:
+    from ..compensation import Feedforward
+
+
+def feedforward(
+    model: Annotated[
+        Path,
+        Parameter(help="A loop.json of 'jaxfric axis', or a steady.json of 'jaxfric steady'."),
+    ],
+    /,
+    *,
+    acceleration: Annotated[
+        options.Text,
+        Parameter(
+            help='Acceleration of the reference where it turns, "2 m/s^2" or "50 rad/s^2"; by'
+            " default that of the record, where the file tells it."
+        ),
+    ] = None,
+    lag: Annotated[
+        options.Text,
+        Parameter(help='Time by which the axis turns later than its reference, "4 ms".'),
+    ] = None,
+    fade: Annotated[
+        options.Text,
+        Parameter(help='Fade below this speed, "5 mm/s", instead of the one derived.'),
+    ] = None,
+    drive_gain: Annotated[
+        str | None,
+        Parameter(help='Give it in the drive\'s V or A: force per signal, as in "35.15 N/V".'),
+    ] = None,
+    name: Annotated[str, Parameter(help="Name of the axis in C: NAME_feedforward.")] = "axis",
+    out: options.Out = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> int:
+    """Compensate the friction of an axis or joint: formula, C function, table, and fade speed.
+
+    For a controller that adds it to its output, from the velocity and acceleration of the
+    reference. Writes feedforward.c, .csv, .tex, .json and the figure feedforward to the output
+    folder, by default ./MODEL-feedforward/.
+    """
+    prepare_jax()
+    from ..compensation import NothingToCompensate
+    from ..compensation import feedforward as run
+    from ..plot.feedforward import draw_feedforward
+    from ..report.feedforward_text import made_by, tex
+
+    doing("computing the feedforward")
+    try:
+        found = run(model, acceleration=acceleration, lag=lag, fade=fade, drive_gain=drive_gain)
+    except NothingToCompensate as error:
+        print(f"jaxfric: error: {error}", file=sys.stderr)
+        return 1
+    source = found.c(name, made_by=made_by(current_call().command))
+    folder = choose_folder(out, source_name(model), model)
+    with told(quiet=json) as progress:
+        content = json_text(found.to_json())
+        texts = {"json": content + "\n", "c": source, "csv": found.csv(), "tex": tex(found)}
+        with folder.results() as to:
+            for kind, text in texts.items():
+                (to / f"feedforward.{kind}").write_text(text, encoding="utf-8")
+        progress("drawing the figure")
+        folder.draw("the figure", lambda to: draw_feedforward(found, to))
+    if json:
+        print(content)
+    else:
+        _print(found, folder)
+    warn(found.warnings)
+    return folder.close()
+
+
+def _print(found: "Feedforward", folder: Folder) -> None:
+    from ..report.feedforward_text import lines, tables
+    from ..report.loop_text import print_tables
+
+    console = stdout_console()
+    console.print(found.sentence, markup=False)
+    console.print(found.formula, markup=False, soft_wrap=True)
+    print_tables(console, tables(found))
+    for line in lines(found):
+        console.print(f"  - {line}", markup=False)
+    console.print(f"\n{folder.written}", markup=False, soft_wrap=True)

@@ -1,0 +1,153 @@
+"""A feedforward as C99: one function for the map of friction, one for the whole feedforward."""
+
+import re
+import textwrap
+from collections.abc import Sequence
+
+from ..errors import InputError
+from .formula import plain_formula
+from .identified import Identified
+from .pieces import INERTIA, PLAIN, SIGN, Piece, shape_units, uses_position
+
+_WIDTH = 88
+_TAKEN = frozenset(
+    """auto break case char const continue default do double else enum extern float for goto if
+    inline int long register restrict return short signed sizeof static struct switch typedef
+    union unsigned void volatile while""".split()  # noqa: SIM905
+)
+
+
+def c_code(
+    about: Identified,
+    pieces: Sequence[Piece],
+    fade: float,
+    left_out: Sequence[str] = (),
+    *,
+    name: str = "axis",
+    made_by: Sequence[str] = (),
+) -> str:
+    """The source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
+
+    It needs math.h alone. Where friction depends on the position, NAME_feedforward(q, v, a) has it
+    as its first argument, and NAME_friction is of the middle of the travel, without ripples.
+
+    Parameters
+    ----------
+    about, pieces : what is compensated.
+    fade : v_f of the sign [m/s or rad/s].
+    left_out : what is not, in words for the head.
+    name : of the axis, a word of C.
+    made_by : lines on what made it, for the head.
+
+    Raises
+    ------
+    InputError : a name that is none in C.
+    """
+    if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or name in _TAKEN:
+        raise InputError(f"--name '{name}' is no name in C; write letters, digits and _: axis_1")
+    inertia = any(p.part == INERTIA for p in pieces)
+    arguments = ["double q"] if uses_position(pieces) else []
+    arguments += ["double v"] + (["double a"] if inertia else [])
+    static = [p for p in pieces if p.part != INERTIA and not p.ripple]
+    head = [f"{name}: friction compensation from {about.source}", *_head(about, pieces, fade)]
+    head += [*(f"left out: {line}" for line in left_out), *made_by]
+    lines = [
+        *_comment(head),
+        "#include <math.h>",
+        "",
+        *_constants(about, pieces, fade),
+        "",
+        *_comment([f"friction at the velocity v, in {about.force_unit}: the static map"]),
+        f"double {name}_friction(double v)",
+        "{",
+        "    const double s = tanh(v / fade_speed);",
+    ]
+    if uses_position(pieces, ripple=False):
+        lines.append("    const double q = middle_of_travel;")
+    lines += [*_returned(_expression(static)), "}", ""]
+    told = "with the inertia" if inertia else "without inertia, which is not known"
+    lines += _comment([f"feedforward of the reference, in {about.force_unit}: {told}"])
+    lines += [
+        f"double {name}_feedforward({', '.join(arguments)})",
+        "{",
+        "    const double s = tanh(v / fade_speed);",
+        *_returned(_expression(pieces)),
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _head(about: Identified, pieces: Sequence[Piece], fade: float) -> list[str]:
+    length = about.length
+    units = f"v in {length}/s"
+    if any(p.part == INERTIA for p in pieces):
+        units += f", a in {length}/s^2"
+    if uses_position(pieces):
+        units = f"q in {length} (the position of the record, with its zero), {units}"
+    low = f"{about.slowest:.4g} to {about.fastest:.4g} {length}/s"
+    return [
+        f"u = {plain_formula(pieces, fade).partition(' = ')[2]}",
+        f"u in {about.force_unit}; {units}, all of the reference, not measured",
+        f"the record supports it from {low} in both directions; elsewhere it is extrapolated",
+    ]
+
+
+def _constants(about: Identified, pieces: Sequence[Piece], fade: float) -> list[str]:
+    length = about.length
+    rows = [("fade_speed", fade, f"{length}/s, below it the sign fades")]
+    if uses_position(pieces, ripple=False):
+        rows.append(("middle_of_travel", about.middle, length))
+    shapes: dict[str, float] = {}
+    for piece in pieces:
+        error = f" +- {piece.std:.2g}" if piece.std == piece.std else ", not determined alone"
+        rows.append((constant(piece), piece.value, f"{piece.unit}{error}"))
+        shapes |= piece.shapes
+    rows += [(key, value, shape_units(about, key)) for key, value in shapes.items()]
+    return [
+        f"static const double {key} = {number(value)}; /* {text} */" for key, value, text in rows
+    ]
+
+
+def constant(piece: Piece) -> str:
+    """The name of a coefficient in C."""
+    return re.sub(r"\W+", "_", piece.name)
+
+
+def number(value: float) -> str:
+    """A double in C, exactly."""
+    text = f"{value:.17g}"
+    return text if "e" in text or "." in text else f"{text}.0"
+
+
+def _expression(pieces: Sequence[Piece]) -> list[str]:
+    """The sum, a term a line."""
+
+    def product(piece: Piece) -> str:
+        return f"{constant(piece)} * {piece.code}" if piece.code else constant(piece)
+
+    outside = [product(p) for p in pieces if p.part in (INERTIA, PLAIN)]
+    level = [product(p) for p in pieces if p.part == SIGN]
+    return [*outside, f"s * ({' + '.join(level)})"]
+
+
+def _returned(terms: Sequence[str]) -> list[str]:
+    first, *rest = terms
+    lines = [f"    return {first}", *(f"        + {term}" for term in rest)]
+    lines[-1] += ";"
+    return lines
+
+
+def _comment(lines: Sequence[str]) -> list[str]:
+    """Lines as a comment that nothing in them can end, or begin another in."""
+    safe = [
+        re.sub(r"\?(?=\?)", "? ", line.replace("*/", "* /").replace("/*", "/ *")) for line in lines
+    ]
+    folded = [
+        text.encode("ascii", "backslashreplace").decode()
+        for line in safe
+        for text in textwrap.wrap(
+            " ".join(line.split()), _WIDTH, subsequent_indent="  ", break_on_hyphens=False
+        )
+    ]
+    lines = [f"/* {folded[0]}", *(f"   {line}" for line in folded[1:])]
+    return [*lines[:-1], f"{lines[-1]} */"]

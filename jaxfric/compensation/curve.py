@@ -1,0 +1,113 @@
+"""The friction of an axis over velocity as its rig has it, with errors and slopes.
+
+    F(v) = R(v) + s(v) G(v)
+
+R has no jump where the velocity turns, s is the (smoothed) sign of v, and G is what changes sign
+with it: the level. States of friction are steady. All numbers come from `AxisRig`, the model that
+was fitted.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..effects import AbstractEffect, made
+from ..quantity import quantities
+from ..rig.axis import AxisRig
+from .identified import Identified
+
+_BUCKET = 1024
+_SHARP, _NONE = 1e-300, 1e300
+"""Widths of a sign that jumps, and of one that is 0 everywhere."""
+
+
+class FrictionValues(NamedTuple):
+    """Friction at some velocities (n). SI; forces in the unit of the model."""
+
+    force: np.ndarray
+    std: np.ndarray
+    """Standard error of `force`."""
+    slope: np.ndarray
+    """dF/dv."""
+
+
+class FrictionCurve:
+    """The friction over velocity of an identified axis, at a place, with some of its effects."""
+
+    def __init__(self, about: Identified, effects: Sequence[type[AbstractEffect]], place: float):
+        self.about, self.effects, self.place = about, tuple(effects), place
+        self.names = tuple(about.values)
+        self.row = np.asarray([about.values[name] for name in self.names])
+
+    def at(self, velocity: np.ndarray, fade: float | None) -> FrictionValues:
+        """Friction with s = tanh(v/fade); None: with a sign that jumps."""
+        width = _SHARP if fade is None else fade
+        force, by, slope = self._numbers(velocity, width)
+        index = [self.names.index(name) for name in self.about.free]
+        # sums of very large and very small entries: of correlations, which are neither
+        size = np.sqrt(np.maximum(np.diag(self.about.covariance), 0.0))
+        scale = np.where(size > 0, size, 1.0)
+        correlation = self.about.covariance / scale[:, None] / scale
+        g = by[:, index] * scale
+        variance = np.einsum("ni,ij,nj->n", g, correlation, g)
+        return FrictionValues(force, np.sqrt(np.maximum(variance, 0.0)), slope)
+
+    def level(self, velocity: np.ndarray) -> np.ndarray:
+        """G, the mean of both directions [F]."""
+        v = np.abs(np.asarray(velocity, float))
+        ends = [self._numbers(s * v, _SHARP)[0] - self._numbers(s * v, _NONE)[0] for s in (1, -1)]
+        return 0.5 * (ends[0] - ends[1])
+
+    def mean(self, velocity: np.ndarray) -> FrictionValues:
+        """(F(v) - F(-v))/2 of both directions, without fade, with its error."""
+        v = np.abs(np.asarray(velocity, float))
+        (f, by, slope), (g, other, back) = (self._numbers(s * v, _SHARP) for s in (1, -1))
+        index = [self.names.index(name) for name in self.about.free]
+        weights = 0.5 * (by - other)[:, index]
+        variance = np.einsum("ni,ij,nj->n", weights, self.about.covariance, weights)
+        return FrictionValues(
+            0.5 * (f - g), np.sqrt(np.maximum(variance, 0.0)), 0.5 * (slope + back)
+        )
+
+    def _numbers(self, velocity: np.ndarray, width: float) -> tuple[np.ndarray, ...]:
+        """Force (n), its derivatives by the parameters (n, p) and by the velocity (n)."""
+        v = np.asarray(velocity, float)
+        padded = np.pad(v, (0, -len(v) % _BUCKET))  # one shape, so that it compiles once
+        with jax.enable_x64(True):  # whatever the user's own numbers are
+            row, at = jnp.asarray(self.row), jnp.asarray(padded)
+            widths = jnp.asarray([self.about.width, width])
+            place = jnp.asarray(self.place, float)
+            found = _numbers(self.names, self.effects, row, at, widths, place)
+            return tuple(np.asarray(x)[: len(v)] for x in found)
+
+
+@eqx.filter_jit
+def _numbers(
+    names: tuple[str, ...],
+    effects: tuple[type[AbstractEffect], ...],
+    row: Array,
+    velocity: Array,
+    widths: Array,
+    place: Array,
+) -> tuple[Array, Array, Array]:
+    """Friction at velocities (n), by the values `row` of `names` (p), and its derivatives."""
+
+    def force(row: Array, velocity: Array) -> Array:
+        p = dict(zip(names, row, strict=True))
+        rig = AxisRig(
+            p.get("M", 0.0), p["F_v"], p["F_c"], p["F_0"], width=widths[0]
+        )  # that of the record, below which no bend of a curve is told
+        for effect in effects:
+            fields = {name: p[f"{effect.id}.{name}"] for name in quantities(effect)}
+            rig = made(effect, fields).embed(rig)
+        rig = eqx.tree_at(lambda r: r.width, rig, widths[1])
+        zero = jnp.zeros_like(velocity)
+        return rig.friction(zero + place, velocity, zero, rig.steady(velocity))
+
+    _, slope = jax.jvp(lambda v: force(row, v), (velocity,), (jnp.ones_like(velocity),))
+    return force(row, velocity), jax.jacfwd(force)(row, velocity), slope

@@ -1,0 +1,183 @@
+"""`feedforward(model)`: the friction of a saved axis, to be compensated."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..loop import Loop
+from ..loop.steady.loop import SteadyLoop
+from ..stability.claims import SURE
+from ..units import parse_quantity
+from .curve import FrictionCurve
+from .fade import Fade, FadeReason, Memory, fade_speed
+from .identified import Identified, NothingToCompensate, identified
+from .pieces import Terms, terms_of
+from .result import Feedforward
+from .units import drive_gain as parse_gain
+
+_ROWS, _FINE = 33, 801
+_SLOWEST = 0.05
+"""Slowest speed of the table besides 0, in fade speeds."""
+
+
+def feedforward(
+    model: str | Path | Loop | SteadyLoop,
+    *,
+    acceleration: float | str | None = None,
+    lag: float | str | None = None,
+    fade: float | str | None = None,
+    drive_gain: str | None = None,
+) -> Feedforward:
+    """The friction compensation of an axis or joint, from the model that its loop ended with.
+
+        u = M a + F_v v + F_0 + terms(q, v) + s(v) [F_c + level(q, v)],    s(v) = tanh(v/v_f)
+
+    q, v, a are position, velocity and acceleration of the reference. Terms are those of the effects
+    found: direction_asymmetry, cubic, stribeck, log_viscous, position_dependence,
+    position_periodic, and rate_and_state in steady motion. Not in it, and told in `left_out`, are
+    time_drift, the apparatus (servo_lag, sensor_lag, sensor_delay) and presliding. Errors are by
+    the covariance of the fit. How v_f is chosen: `jaxfric.compensation.fade`.
+
+    Parameters
+    ----------
+    model : a loop.json of `jaxfric axis` or a steady.json of `jaxfric steady`, or the `Loop` or
+        `SteadyLoop` at hand.
+    acceleration : of the reference where it turns [m/s^2 or rad/s^2], or text with a unit; by
+        default that of the record, where the file tells it.
+    lag : time [s] by which the axis turns later than its reference; by default that of the motor
+        where a servo_lag was found.
+    fade : v_f [m/s or rad/s] instead of the one derived.
+    drive_gain : force per signal of the drive, "35.15 N/V": the feedforward is then in V or A.
+
+    Returns
+    -------
+    Feedforward : `formula`, `latex`, `c()`, `csv()`, `to_pandas()`, `plot()`, the fade speed with
+        its reasons, and what a measured velocity in place of the reference would ask for.
+
+    Raises
+    ------
+    InputError : no file of an axis, a damaged one; an argument that is no positive quantity; an
+        effect that has no formula.
+    NothingToCompensate : a model that did not converge, or whose friction would drive the axis.
+
+    Not tried: play, a soft transmission, several axes that load each other.
+    """
+    about = identified(model)
+    if drive_gain is not None:
+        about = about.at_the_drive(*parse_gain(drive_gain, about.force_unit))
+    unit = about.length
+    turning = _positive(acceleration, f"{unit}/s^2", "--acceleration") or about.acceleration
+    late = _positive(lag, "s", "--lag") or _servo_lag(about)
+    given = _positive(fade, f"{unit}/s", "--fade")
+    terms = terms_of(about)
+    curve = FrictionCurve(about, terms.effects, about.middle)
+    level = _sound_level(curve)
+    found = fade_speed(
+        about.slowest_row, level, memories=_memories(about), acceleration=turning, lag=late,
+        unit=unit,
+    )  # fmt: skip
+    if given is not None:
+        said = f"given; derived from the model it would be {found.speed:.3g} {unit}/s"
+        found = Fade(given, (FadeReason("given", given, said),))
+    return _result(terms, curve, found, level)
+
+
+def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Feedforward:
+    """The table, and what its errors and its slope say."""
+    about = curve.about
+    mean = curve.mean(_supported(about))
+    low = _SLOWEST * min(fade.speed, about.slowest)
+    marks = [s for s in (about.slowest, fade.speed) if low < s < about.fastest]
+    speeds = np.unique([*np.geomspace(low, about.fastest, _ROWS), *marks])
+    velocity = np.concatenate([-speeds[::-1], [0.0], speeds])
+    return Feedforward(
+        about,
+        terms.pieces,
+        curve,
+        fade,
+        terms.left_out,
+        velocity,
+        curve.at(velocity, fade.speed),
+        level,
+        float(mean.std[0]),
+        float(max(0.0, 1 - SURE * np.max(mean.std / mean.force))),
+        _least_damping(curve, fade.speed, about.fastest),
+        _warnings(about),
+    )
+
+
+def _supported(about: Identified) -> np.ndarray:
+    """Speeds that the record supports."""
+    return np.geomspace(about.slowest, max(about.fastest, about.slowest), _FINE)
+
+
+def _sound_level(curve: FrictionCurve) -> float:
+    """The friction that changes sign, at the slowest speed that the record supports [F].
+
+    Friction takes energy: a model in which it gives some at a supported speed is wrong there, and
+    gives nothing.
+    """
+    about = curve.about
+    speed = _supported(about)
+    mean, level = curve.mean(speed).force, float(curve.level(speed[:1])[0])
+    worst = int(np.argmin(mean))
+    if not (np.isfinite(mean).all() and mean[worst] > 0 and level > 0):
+        least = min(float(mean[worst]), level)
+        raise NothingToCompensate(
+            f"{about.source}: its friction would drive the axis ({least:.3g} {about.force_unit}"
+            f" against motion, at {float(speed[worst]):.3g} {about.length}/s), so the model is"
+            " wrong and nothing may be compensated by it"
+        )
+    return level
+
+
+def _positive(value: float | str | None, unit: str, what: str) -> float | None:
+    """A quantity in SI, of a number or of a text with its unit."""
+    if value is None:
+        return None
+    size = parse_quantity(value, unit, what) if isinstance(value, str) else float(value)
+    if not (np.isfinite(size) and size > 0):
+        raise InputError(f"{what} is {value}; it must be above 0")
+    return size
+
+
+def _servo_lag(about: Identified) -> float | None:
+    lag = about.values.get("servo_lag.tau", 0.0)
+    return lag if lag > 0 and "servo_lag.tau" not in about.loose else None
+
+
+def _memories(about: Identified) -> list[Memory]:
+    """What friction lacks after a reversal, of effects that the record fixes."""
+    p = about.values
+    found = []
+    if "presliding" in about.effects:
+        found.append(Memory("presliding", "x_c", p["presliding.x_c"], 2 * p["presliding.a"]))
+    if "rate_and_state" in about.effects:
+        v_c = max(p["rate_and_state.v_c"], about.width)
+        missing = abs(p["rate_and_state.B"]) * float(np.log1p(about.fastest / v_c))
+        found.append(Memory("rate_and_state", "L", p["rate_and_state.L"], missing))
+    return [one for one in found if f"{one.effect}.{one.symbol}" not in about.loose]
+
+
+def _least_damping(curve: FrictionCurve, fade: float, fastest: float) -> float:
+    """max over v of d(compensation - friction)/dv [F s/m]: k_v must be larger, as then
+
+        M v' = -k_v v - F(v) + compensation(v)
+
+    about any steady velocity decays. The friction is taken as the model has it, its sign sharp.
+    """
+    v = np.geomspace(1e-3 * fade, max(fastest, 10 * fade), _FINE)
+    more = [curve.at(s * v, fade).slope - curve.at(s * v, None).slope for s in (1.0, -1.0)]
+    return float(max(np.max(more), 0.0))
+
+
+def _warnings(about: Identified) -> tuple[str, ...]:
+    loose = [name for name in about.loose if not name.endswith(".v_c")]
+    lines = list(about.warnings)
+    if loose:
+        lines.append(
+            f"{', '.join(loose)} is not determined by the record; the band of the table holds for"
+            " the sum"
+        )
+    return tuple(lines)

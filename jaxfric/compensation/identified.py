@@ -1,0 +1,333 @@
+"""The friction of an axis that a loop or a curve of steady speeds ended with, to compensate it.
+
+From a loop.json of `jaxfric axis` the model after the loop, its covariance, and what its record
+showed; from a steady.json of `jaxfric steady` the final curve, whose covariance is that of its
+runs.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..effects import effect_of
+from ..errors import InputError
+from ..laws.saved import (
+    LOOP,
+    STEADY,
+    missing_key,
+    own_warnings,
+    read_saved,
+    refuse_damage,
+    table_damage,
+    values_of,
+)
+from ..loop import Loop
+from ..loop.steady.loop import SteadyLoop, steady_gains
+from ..loop.steady.model import curve_covariance
+from ..quantity import Quantity, quantities
+from ..rig.axis import LAW, AxisRig, BaseLaw
+from .units import amplitude, unit_of
+
+Content = Mapping
+"""The content of a JSON file, or a part of it."""
+_BASE = BaseLaw().names()
+_OF_CURVE = {"d": "direction_asymmetry.d", "c": "cubic.c"}
+_OF_CURVE |= {name: f"stribeck.{name}" for name in ("fs", "vs", "n")}
+
+
+class NothingToCompensate(InputError):
+    """A model that no compensation may rest on: it did not converge, or its friction drives."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Identified:
+    """Friction of an axis with its errors, and what they rest on. SI; forces in `force_unit`."""
+
+    source: str
+    force_unit: str
+    coordinate: str
+    """ "linear" or "rotary"."""
+    values: Mapping[str, float]
+    """By name: M, F_v, F_c, F_0 and effect.parameter."""
+    free: tuple[str, ...]
+    covariance: np.ndarray
+    """Of the parameters `free` names (p, p)."""
+    loose: tuple[str, ...]
+    """Parameters that the record does not fix."""
+    effects: tuple[str, ...]
+    width: float
+    """Width of the record's smoothed sign [m/s]; 0 of steady runs."""
+    slowest_row: float
+    """Slowest motion that the fit rests on [m/s]."""
+    slowest: float
+    """The record supports the curve from this speed on [m/s] ..."""
+    fastest: float
+    """... to this one [m/s]."""
+    slowest_is: str
+    """What `slowest` is, in words."""
+    acceleration: float | None = None
+    """Median over the strokes of the largest acceleration [m/s^2]; None where it is not told."""
+    middle: float = 0.0
+    """Middle of the travel [m], in the position of the record."""
+    points: np.ndarray | None = None
+    """Measured speed, force and its error (n, 3); None where the file has none."""
+    claim: str = ""
+    """What is said of stability."""
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def length(self) -> str:
+        """The unit of the position, "m" or "rad"."""
+        return "rad" if self.coordinate == "rotary" else "m"
+
+    def quantity(self, name: str) -> Quantity:
+        """Symbol, unit and bounds of a parameter."""
+        effect, _, field = name.rpartition(".")
+        if not effect:
+            return BaseLaw().quantity(name)
+        return quantities(effect_of(effect, AxisRig))[field]
+
+    def unit(self, name: str) -> str:
+        """The unit of a parameter."""
+        return unit_of(self.quantity(name), self.force_unit, self.length)
+
+    def std(self, weights: Mapping[str, float]) -> float:
+        """Standard error of a sum of parameters, each times its weight; nan where undetermined."""
+        if any(name in self.loose for name, weight in weights.items() if weight):
+            return math.nan
+        w = np.asarray([weights.get(name, 0.0) for name in self.free])
+        return float(np.sqrt(max(w @ self.covariance @ w, 0.0)))
+
+    def at_the_drive(self, gain: float, signal: str) -> "Identified":
+        """The same with forces in the drive's signal: F/gain, gain in force per `signal`."""
+        part = np.asarray([1 / gain if self._is_force(name) else 1.0 for name in self.free])
+        points = self.points
+        return dataclasses.replace(
+            self,
+            force_unit=signal,
+            values={n: v / gain if self._is_force(n) else v for n, v in self.values.items()},
+            covariance=self.covariance * np.outer(part, part),
+            points=None if points is None else points * np.array([1.0, 1 / gain, 1 / gain]),
+        )
+
+    def _is_force(self, name: str) -> bool:
+        return amplitude(self.quantity(name))
+
+
+def identified(model: str | Path | Loop | SteadyLoop) -> Identified:
+    """The friction that a loop.json, a steady.json, or the `Loop` or `SteadyLoop` at hand has.
+
+    Raises
+    ------
+    InputError : no such file, a damaged one, one that is not of an axis.
+    NothingToCompensate : a model that did not converge.
+    """
+    if isinstance(model, SteadyLoop):
+        return _of_steady(model)
+    if isinstance(model, Loop):
+        return _of_axis(model.to_json(), "this loop")
+    if not isinstance(model, str | Path):
+        raise InputError(
+            "a feedforward is made of a loop.json or steady.json (its path), a Loop of an axis or a"
+            f" SteadyLoop; not of a {type(model).__name__}"
+        )
+    path = Path(model)
+    if path.is_dir():
+        found = [name for name in ("loop.json", "steady.json") if (path / name).is_file()]
+        hint = f"; name the file in it, {path / found[0]}" if found else ""
+        raise InputError(f"{path}: is a folder{hint or ' without a loop.json or steady.json'}")
+    content = read_saved(path, LOOP, STEADY)
+    return (_of_axis if content["schema"] == LOOP else _of_curve)(content, str(path))
+
+
+def _of_axis(content: Content, source: str) -> Identified:
+    """The model after the loop of an axis."""
+    path = Path(source)
+    keys = ("law", "friction_unit", "steps", "effects", "after", "candidates")
+    refuse_damage(path, LOOP, missing_key(content, keys))
+    if content["law"] != LAW:
+        raise InputError(
+            f"{source}: it is of a slider, whose friction is measured on a press; a feedforward is"
+            " of an axis or joint: give the loop.json of 'jaxfric axis' or the steady.json of"
+            " 'jaxfric steady'"
+        )
+    after = content["after"]
+    problem = missing_key(after, ("parameters", "free", "covariance"), "after.")
+    refuse_damage(path, LOOP, problem or table_damage(after, _BASE))
+    values = values_of(after)
+    effects = tuple(dict.fromkeys(n.partition(".")[0] for n in values if "." in n))
+    about = content.get("axis") or {}
+    refuse_damage(path, LOOP, _wrong_size(about, content["steps"]))
+    if about.get("covariance") is not None:
+        problem = table_damage({**after, "covariance": about["covariance"]}, ())
+        refuse_damage(path, LOOP, problem and f"axis: {problem}")
+    _refuse_unconverged(content, effects, source)
+    gains = about.get("gains") or {}
+    width = float(about.get("width") or 0.0)
+    speeds = np.abs([float(v) for _, v in content["steps"] if float(v)])
+    slowest, fastest = gains.get("slowest"), gains.get("fastest")
+    words = "the speed from which the slope of the curve is told"
+    if slowest is None or fastest is None:
+        slowest, fastest = float(speeds.min()), max(float(speeds.max()), *_centres(content))
+        words = "the mean speed of the slowest stroke"
+    covariance, own = _covariance(about, after)
+    return Identified(
+        source,
+        str(content["friction_unit"]),
+        str(about.get("coordinate", "linear")),
+        values,
+        tuple(after["free"]),
+        covariance,
+        tuple(n for n, item in after["parameters"].items() if not item.get("determined", True)),
+        effects,
+        width,
+        2 * width or float(slowest),
+        float(slowest),
+        float(fastest),
+        words,
+        about.get("acceleration"),
+        _middle(content),
+        None,
+        str(gains.get("sentence") or ""),
+        (*own_warnings(content), *own),
+    )
+
+
+def _covariance(about: Content, after: Content) -> tuple[np.ndarray, list[str]]:
+    """The covariance of the model alone; of a file without it that of its parameters, with a
+    warning."""
+    size = len(after["free"])
+    told, warnings = about.get("covariance"), []
+    if told is None:
+        told = after["covariance"]
+        warnings = [
+            "the file is of an older version: its errors hold for single parameters and cover other"
+            " models that fit as well, so that the band of their sum is too wide; run 'jaxfric"
+            " axis' again"
+        ]
+    return np.asarray(told, float).reshape(size, size), warnings
+
+
+def _wrong_size(about: object, steps: object) -> str | None:
+    """The fault of what is said beside the parameters, in words."""
+    if not isinstance(about, dict):
+        return "'axis' is no table"
+    gains = about.get("gains") or {}
+    if not isinstance(gains, dict):
+        return "'axis.gains' is no table"
+    sizes = {f"axis.{key}": about.get(key) for key in ("width", "acceleration")}
+    sizes |= {f"axis.gains.{key}": gains.get(key) for key in ("slowest", "fastest")}
+    for key, size in sizes.items():
+        if size is not None and not (isinstance(size, int | float) and 0 <= size < math.inf):
+            return f"'{key}' is {size!r}"
+    try:
+        moving = [float(v) for _, v in steps if math.isfinite(v) and v]  # pyright: ignore
+    except (TypeError, ValueError):
+        return "'steps' is no list of times and velocities"
+    return None if moving else "'steps' has no motion"
+
+
+def _refuse_unconverged(content: Content, effects: tuple[str, ...], source: str) -> None:
+    """A model of which no fit of the search converged gives nothing."""
+    candidates = content["candidates"]
+    sound = isinstance(candidates, list) and all(
+        isinstance(c, dict) and isinstance(c.get("effects"), list) for c in candidates
+    )
+    refuse_damage(Path(source), LOOP, None if sound else "the candidates are no list of models")
+    same = [c for c in candidates if set(c["effects"]) == set(effects)]
+    if same and not any(c.get("converged", True) for c in same):
+        raise NothingToCompensate(
+            f"{source}: the fit of its model did not converge, so no friction may be compensated by"
+            " it; run 'jaxfric axis' again, with a cleaner record or fewer effects (--without)"
+        )
+
+
+def _profile(content: Content, variable: str) -> list[float]:
+    maps = content.get("location_map") or []
+    return [
+        float(c) for m in maps if m["variable"] == variable for c in m["centres"] if c is not None
+    ]
+
+
+def _centres(content: Content) -> list[float]:
+    return [abs(c) for c in _profile(content, "velocity")]
+
+
+def _middle(content: Content) -> float:
+    """The middle of the travel that the file tells; 0 where it tells none."""
+    places = _profile(content, "position")
+    return 0.5 * (min(places) + max(places)) if places else 0.0
+
+
+class _Fitted(NamedTuple):
+    """A model of a steady curve: its effects, its values by name, and tau."""
+
+    effects: tuple[str, ...]
+    values: Mapping[str, float]
+    spread: float
+
+
+def _of_curve(content: Content, source: str) -> Identified:
+    """The final curve of a steady.json; its covariance is computed anew from the runs."""
+    path = Path(source)
+    refuse_damage(path, STEADY, missing_key(content, ("curve", "effects", "after", "gains")))
+    curve, after, gains = content["curve"], content["after"], content["gains"]
+    keys = ("speed", "force", "error", "force_unit", "coordinate")
+    problem = missing_key(curve, keys, "curve.")
+    problem = problem or missing_key(after, ("parameters", "spread"), "after.")
+    problem = problem or missing_key(gains, ("slowest", "fastest"), "gains.")
+    refuse_damage(path, STEADY, problem)
+    try:
+        points = np.stack([np.asarray(curve[k], float) for k in ("speed", "force", "error")], 1)
+        values = values_of(after)
+        spread, ends = float(after["spread"]), (float(gains["slowest"]), float(gains["fastest"]))
+        if not (np.isfinite(points).all() and all(map(math.isfinite, (*values.values(), *ends)))):
+            raise ValueError
+    except (TypeError, ValueError, KeyError):
+        problem = f"{path}: damaged: a number of the curve is missing or no number; make it again"
+        raise InputError(f"{problem} with: jaxfric steady") from None
+    about = str(curve["force_unit"]), str(curve["coordinate"])
+    fitted = _Fitted(tuple(content["effects"]), values, spread)
+    return _curve(source, about, points, fitted, ends, str(gains.get("sentence") or ""))
+
+
+def _of_steady(loop: SteadyLoop) -> Identified:
+    curve, model, gains = loop.curve, loop.final, steady_gains(loop)
+    assert gains.curve is not None
+    points = np.stack([curve.speed, curve.force, curve.error], axis=1)
+    about, ends = (curve.force_unit, curve.coordinate), (gains.curve.slowest, gains.curve.fastest)
+    fitted = _Fitted(model.effects, model.values, model.spread)
+    return _curve("this curve", about, points, fitted, ends, gains.sentence())
+
+
+def _curve(
+    source: str,
+    about: tuple[str, str],
+    points: np.ndarray,
+    fitted: _Fitted,
+    ends: tuple[float, float],
+    claim: str,
+) -> Identified:
+    """The friction of steady runs; `about` is the force's unit and the coordinate."""
+    speed, _, error = points.T
+    effects, values, spread = fitted
+    names, covariance = curve_covariance(speed, error, spread, effects, values)
+    return Identified(
+        source,
+        *about,
+        {_OF_CURVE.get(name, name): value for name, value in values.items()},
+        tuple(_OF_CURVE.get(name, name) for name in names),
+        covariance,
+        (),
+        effects,
+        0.0,
+        ends[0],
+        *ends,
+        "the slowest run that moved evenly",
+        points=points,
+        claim=claim,
+    )

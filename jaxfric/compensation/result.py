@@ -1,0 +1,201 @@
+"""The result of a feedforward: formula, C function, table, fade speed and what limits it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..described import Described, Drawable, Tabular
+from ..fitting.uncertainty import QUANTILE
+from ..plain import plain
+from .code import c_code
+from .curve import FrictionCurve, FrictionValues
+from .fade import Fade
+from .formula import latex_formula, plain_formula
+from .identified import Identified
+from .pieces import INERTIA, PLAIN, SIGN, Piece
+
+SCHEMA = "jaxfric.feedforward/1"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Feedforward(Described, Drawable, Tabular):
+    """Friction compensation of an axis or joint. SI; forces in `about.force_unit`."""
+
+    about: Identified
+    """What it was made of."""
+    pieces: tuple[Piece, ...]
+    curve: FrictionCurve
+    fade: Fade
+    left_out: tuple[str, ...]
+    """Effects that are not compensated, and why."""
+    velocity: np.ndarray
+    """Velocities of the table [m/s or rad/s], ascending (n)."""
+    table: FrictionValues
+    """Friction with fade at the velocities of the table (n)."""
+    level: float
+    """Friction that changes sign, at the slowest speed that the record supports [F]."""
+    level_std: float
+    """Standard error of the friction at that speed, the mean of both directions [F]."""
+    share: float
+    """Largest share of the friction that its standard error allows to feed back from a measured
+    velocity: 1 less twice its largest relative error over the speeds that the record supports."""
+    least_damping: float
+    """k_v that a measured velocity in place of the reference would ask for [F s/m]."""
+    warnings: tuple[str, ...]
+
+    @property
+    def formula(self) -> str:
+        """The feedforward as a line of text, SI."""
+        return plain_formula(self.pieces, self.fade.speed)
+
+    @property
+    def latex(self) -> str:
+        """The feedforward as LaTeX, for an equation."""
+        return latex_formula(self.pieces, self.fade.speed)
+
+    def seen(self) -> np.ndarray:
+        """Whether the record supports the friction at the velocities of the table (n)."""
+        near = 1e-9 * self.about.fastest
+        speed = np.abs(self.velocity)
+        return (speed >= self.about.slowest - near) & (speed <= self.about.fastest + near)
+
+    def c(self, name: str = "axis", *, made_by: Sequence[str] = ()) -> str:
+        """The source of `NAME_friction` and `NAME_feedforward` in C99, see `compensation.code`.
+
+        `made_by` are lines for its head. Raises `InputError` where `name` is no word of C.
+        """
+        return c_code(
+            self.about, self.pieces, self.fade.speed, self.left_out, name=name, made_by=made_by
+        )
+
+    def friction(self, velocity: np.ndarray | float) -> np.ndarray:
+        """The static map at velocities [m/s or rad/s]: friction with fade [F]."""
+        v = np.asarray(velocity, float)
+        return self.curve.at(v.ravel(), self.fade.speed).force.reshape(v.shape)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The table by column: velocity, force, its standard error and 95 % band, and whether the
+        record supports it; units in the names."""
+        force, std = self.table.force, self.table.std
+        unit, speed = self.about.force_unit, f"{self.about.length}/s"
+        return {
+            f"velocity [{speed}]": self.velocity,
+            f"force [{unit}]": force,
+            f"std [{unit}]": std,
+            f"lower [{unit}]": force - QUANTILE * std,
+            f"upper [{unit}]": force + QUANTILE * std,
+            "basis": np.where(self.seen(), "record", "extrapolated"),
+        }
+
+    def csv(self) -> str:
+        """The table as CSV; commas in it are between columns alone."""
+        columns = self.columns()
+        rows = zip(*columns.values(), strict=True)
+        lines = [",".join(x if isinstance(x, str) else f"{x:.9g}" for x in row) for row in rows]
+        return "\n".join([",".join(columns), *lines]) + "\n"
+
+    def to_json(self) -> dict:
+        """The content of `feedforward.json`, schema "jaxfric.feedforward/1"; SI, null for what is
+        not known."""
+        about = self.about
+        table = {
+            "schema": SCHEMA,
+            "model": about.source,
+            "sentence": self.sentence,
+            "force_unit": about.force_unit,
+            "coordinate": about.coordinate,
+            "formula": self.formula,
+            "latex": self.latex,
+            "terms": [
+                {
+                    "name": p.name,
+                    "value": p.value,
+                    "std": p.std,
+                    "unit": p.unit,
+                    "times": "s" if p.part == SIGN else "1",
+                    "factor": p.text or "1",
+                }
+                for p in self.pieces
+            ],
+            "left_out": self.left_out,
+            "undetermined": about.loose,
+            "fade": {
+                "speed": self.fade.speed,
+                "decided_by": self.fade.decided_by,
+                "reasons": [one._asdict() for one in self.fade.reasons],
+            },
+            "supported": {"slowest": about.slowest, "fastest": about.fastest},
+            "middle_of_travel": about.middle,
+            "level": self.level,
+            "level_std": self.level_std,
+            "of_a_measured_velocity": {
+                "share": self.share,
+                "least_damping": self.least_damping,
+            },
+            "table": {
+                "velocity": self.velocity,
+                "force": self.table.force,
+                "std": self.table.std,
+                "supported": self.seen(),
+            },
+            "warnings": self.warnings,
+        }
+        return plain(table)
+
+    @property
+    def sentence(self) -> str:
+        """What is compensated, and below what speed it fades."""
+        about, speed = self.about, f"{self.about.length}/s"
+        inertia = any(p.part == INERTIA for p in self.pieces)
+        return (
+            f"Friction of {self.level:.4g} ± {self.level_std:.2g} {about.force_unit} at"
+            f" {about.slowest:.3g} {speed}{' and inertia' if inertia else ''}; its sign fades below"
+            f" {self.fade.speed:.3g} {speed}. The record supports the map from"
+            f" {about.slowest:.3g} to {about.fastest:.3g} {speed}."
+        )
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Sentences on how it may be used, and how not."""
+        about, speed = self.about, f"{self.about.length}/s"
+        damping = f"{about.force_unit} s/{about.length}"
+        lines = [
+            "Feed it the reference's velocity and acceleration. It is in no loop then: it moves no"
+            " pole, makes no limit cycle, and the gains must hold the axis as before"
+            + (f" ({about.claim})" if about.claim else "")
+        ]
+        measured = (
+            "With the measured velocity in its place it is a feedback, which takes damping away:"
+            f" where the sign fades k_v must be above {self.least_damping:.3g} {damping}"
+        )
+        if self.share > 0:
+            measured += (
+                f", and more than a share of {self.share:.3g} of it may be more than the friction,"
+                " which makes limit cycles: that is 1 less two standard errors. They are of this"
+                " record; by temperature and load friction changes more"
+            )
+        else:
+            measured += (
+                ", and as friction is not known within half of itself no share of it is safe"
+            )
+        lines.append(measured)
+        if any(p.name == "F_0" and p.part == PLAIN and p.value for p in self.pieces):
+            lines.append(
+                "F_0 acts at rest too: as weight or a bias of the drive does. One that is friction"
+                " that differs by direction holds nothing there, and moves nothing as long as it is"
+                " less than F_c"
+            )
+        if self.fade.speed > about.slowest:
+            lines.append(
+                f"The fade is over speeds that the record supports: below {self.fade.speed:.3g}"
+                f" {speed} the compensation is less than the friction of steady motion"
+            )
+        missing = [one for one in self.fade.reasons if math.isnan(one.speed)]
+        if missing:
+            lines.append(
+                "The fade speed may be too low: it was not told how fast the reference turns"
+                " (--acceleration)"
+            )
+        return tuple(lines)

@@ -1,0 +1,55 @@
+"""A feedforward as text: its terms, its fade speed, and what must be known to use it."""
+
+import math
+
+from ..compensation.pieces import SIGN
+from ..compensation.result import Feedforward
+from ..loop.result import TextTable
+from .version import installed_version
+
+
+def tables(found: Feedforward) -> list[TextTable]:
+    """The terms with their errors, and the reasons of the fade speed."""
+    terms = [
+        (p.name, f"{p.value:.5g}", _error(p.std), p.unit, _times(p.part, p.text))
+        for p in found.pieces
+    ]
+    speed = f"{found.about.length}/s"
+    note = f"SI; s = tanh(v/v_f), v_f = {found.fade.speed:.4g} {speed}"
+    reasons = [
+        (one.name, "?" if math.isnan(one.speed) else f"{one.speed:.4g}", one.text)
+        for one in found.fade.reasons
+    ]
+    marked = tuple(k for k, one in enumerate(found.fade.reasons) if one.speed == found.fade.speed)
+    return [
+        TextTable("Terms", ("term", "value", "±", "unit", "times"), terms, note),
+        TextTable("Fade speed", ("by", f"v_f [{speed}]", "why"), reasons, "", marked),
+    ]
+
+
+def _error(std: float) -> str:
+    return "undetermined" if math.isnan(std) else f"{std:.2g}" if std else "given"
+
+
+def _times(part: str, factor: str) -> str:
+    return " ".join(filter(None, ["s" if part == SIGN else "", factor])) or "1"
+
+
+def lines(found: Feedforward) -> list[str]:
+    """What is left out, and how it may be used."""
+    return [*(f"left out: {line}" for line in found.left_out), *found.cautions]
+
+
+def tex(found: Feedforward) -> str:
+    """The formula as a LaTeX equation, with units and errors in comments."""
+    length = found.about.length
+    rows = [f"% {p.name} = {p.value:.6g} +- {_error(p.std)} {p.unit}" for p in found.pieces]
+    head = f"% u in {found.about.force_unit}; v in {length}/s, a in {length}/s^2, q in {length}"
+    left = [f"% left out: {line}" for line in found.left_out]
+    body = ["\\begin{equation}", f"  {found.latex}", "\\end{equation}"]
+    return "\n".join([head, *rows, *left, *body]) + "\n"
+
+
+def made_by(command: str) -> list[str]:
+    """Lines on what made it, for the head of the C source."""
+    return [f"made by jaxfric {installed_version()}: {command}"] if command else []

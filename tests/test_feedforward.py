@@ -1,0 +1,454 @@
+"""Feedforward of an axis against equations by hand, a C compiler, and motion by SciPy."""
+
+import csv
+import ctypes
+import io
+import json
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import assert_refused, run
+from feedforward_models import BASE, FASTEST, FOUND, SLOWEST, WIDTH, by_hand, model, saved
+from scipy.integrate import solve_ivp
+
+import jaxfric as jf
+from jaxfric.compensation import NothingToCompensate, fade_speed
+from jaxfric.compensation.fade import Memory, return_distance
+
+ROOT = Path(__file__).parents[1]
+STEADY = ROOT / "fits" / "screwdrive1" / "loop" / "steady.json"
+EMPS = ROOT / "fits" / "emps" / "loop" / "loop.json"
+CURVES = ("direction_asymmetry", "cubic", "stribeck", "log_viscous", "rate_and_state")
+PLACES = ("position_dependence", "position_periodic")
+OTHERS = ("time_drift", "presliding", "servo_lag", "sensor_delay")
+MODELS = [(), *((e,) for e in (*CURVES, *PLACES)), (*CURVES, *PLACES, *OTHERS)]
+SPEEDS = [0.0, 1e-5, -3e-4, 0.004, -0.02, 0.15, -0.4]
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+
+def parameters(path: Path) -> dict[str, float]:
+    """Values by name, as the file has them."""
+    after = json.loads(path.read_text())["after"]["parameters"]
+    return {name: item["value"] for name, item in after.items()}
+
+
+def built(source: str, folder: Path) -> ctypes.CDLL:
+    """The functions of a C source, compiled as strictly as a compiler is asked to."""
+    if COMPILER is None:
+        pytest.skip("there is no C compiler")
+    file, library = folder / "axis.c", folder / "axis.so"
+    file.write_text(source)
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O0", "-fPIC", "-shared"]
+    command = [COMPILER, *flags, str(file), "-o", str(library), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(library))
+
+
+def called(library: ctypes.CDLL, name: str, *arguments: float) -> float:
+    function = getattr(library, name)
+    function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * len(arguments)
+    return function(*arguments)
+
+
+# ---- the formula, the C source and the table ---------------------------------------------------
+
+
+@pytest.mark.parametrize("effects", MODELS, ids="+".join)
+def test_the_c_source_is_the_equations_of_the_effects(effects, tmp_path):
+    """Every effect alone and all together, with one in its head that would end a comment."""
+    path = saved(tmp_path, *effects)
+    found = jf.feedforward(path)
+    evil = ["made by: a*/b /*c ??/ µ\\ " + "long " * 40]
+    library = built(found.c("screw_2", made_by=evil), tmp_path)
+    p, fade = parameters(path), found.fade.speed
+    place = any(e in effects for e in PLACES)
+    middle = 0.05 if "position_dependence" in effects else 0.0
+    static = {n: x for n, x in p.items() if not n.startswith("position_periodic")}
+    for v in SPEEDS:
+        told = called(library, "screw_2_friction", v)
+        assert told == pytest.approx(by_hand(static, v, fade, middle), rel=1e-12, abs=1e-13)
+        assert found.friction(v) == pytest.approx(told, rel=1e-11, abs=1e-12)
+        q, a = 0.0123, -1.7
+        told = called(library, "screw_2_feedforward", *((q,) if place else ()), v, a)
+        assert told == pytest.approx(by_hand(p, v, fade, q, a), rel=1e-12, abs=1e-13)
+
+
+def test_the_published_curve_in_c(tmp_path):
+    """A saved curve of steady runs: no inertia, so no acceleration among the arguments."""
+    found = jf.feedforward(STEADY)
+    library = built(found.c(), tmp_path)
+    p = json.loads(STEADY.read_text())["after"]["parameters"]
+    F_c, F_v, F_0, d, fs, vs, n = (x["value"] for x in p.values())
+    for v in (0.1, -1.0, 7.0):
+        s = math.tanh(v / found.fade.speed)
+        level = F_c + d * v + fs * math.exp(-((abs(v) / vs) ** n))
+        assert called(library, "axis_feedforward", v) == pytest.approx(F_v * v + F_0 + s * level)
+    assert found.about.points is not None and len(found.about.points) == 32
+    assert "inertia" in found.left_out[0]
+    # its covariance is computed anew: the errors of the file itself
+    for name, own in (("F_c", "F_c"), ("stribeck.fs", "fs"), ("stribeck.vs", "vs")):
+        assert found.about.std({name: 1.0}) == pytest.approx(p[own]["std"], rel=1e-6)
+
+
+def test_a_formula_in_text_and_latex(tmp_path):
+    found = jf.feedforward(saved(tmp_path, "stribeck", "position_periodic"))
+    assert found.formula == (
+        "u(q, v, a) = 2 a + 30 v + 1.5 + 0.3 cos(2 pi q/0.005) + 0.4 sin(2 pi q/0.005) +"
+        " s (10 + 3 exp(-(|v|/0.02)^1.3)),  s = tanh(v/0.0005)"
+    )
+    assert r"s\,(10 + 3\,e^{-(|v|/0.02)^{1.3}})" in found.latex
+    assert r"s = \tanh(v/0.0005)" in found.latex
+
+
+def test_a_table_is_the_map_with_its_band(tmp_path):
+    found = jf.feedforward(saved(tmp_path, "direction_asymmetry"))
+    rows = list(csv.DictReader(io.StringIO(found.csv())))
+    table = {name: np.asarray([row[name] for row in rows]) for name in rows[0]}
+    v, force, std, low = (
+        table[name].astype(float)
+        for name in ("velocity [m/s]", "force [N]", "std [N]", "lower [N]")
+    )
+    p, fade = BASE | {"direction_asymmetry.d": 4.0}, found.fade.speed
+    np.testing.assert_allclose(force, [by_hand(p, x, fade) for x in v], rtol=1e-7, atol=1e-7)
+    s = np.tanh(v / fade)
+    own = np.sqrt((0.3 * v) ** 2 + 0.015**2 + (0.1 * s) ** 2 + (0.04 * v * s) ** 2)
+    np.testing.assert_allclose(std, own, rtol=1e-6)
+    np.testing.assert_allclose(low, force - 1.959964 * std, rtol=1e-6, atol=1e-8)
+    inside = (np.abs(v) >= SLOWEST - 1e-9) & (np.abs(v) <= FASTEST + 1e-9)
+    np.testing.assert_array_equal(table["basis"] == "record", inside)
+    assert v.max() == pytest.approx(FASTEST) and 0.0 in v and SLOWEST in np.round(v, 9)
+    # both directions, and they differ by 2 F_0 + 2 d |v|
+    np.testing.assert_allclose(force + force[::-1], 2 * (1.5 + 4 * v * s), atol=1e-7)
+
+
+def test_the_errors_are_those_of_the_model_alone(tmp_path):
+    """Those of single parameters also cover rival models, and are ten times as large here."""
+    found = jf.feedforward(saved(tmp_path))
+    assert found.about.std({"F_c": 1.0}) == pytest.approx(0.1)
+    old = jf.feedforward(saved(tmp_path, axis={"covariance": None}))
+    assert old.about.std({"F_c": 1.0}) == pytest.approx(1.0)
+    assert "older version" in old.warnings[-1] and old.warnings[0].endswith("the loop's own")
+    assert found.share == pytest.approx(1 - 2 * math.hypot(0.1, 0.003) / 10.3)
+
+
+def test_in_the_drives_own_signal(tmp_path):
+    path = saved(tmp_path, "stribeck")
+    newton, volt = jf.feedforward(path), jf.feedforward(path, drive_gain="20 N/V")
+    np.testing.assert_allclose(20 * volt.table.force, newton.table.force, rtol=1e-12)
+    np.testing.assert_allclose(20 * volt.table.std, newton.table.std, rtol=1e-12)
+    assert volt.fade == newton.fade
+    units = {p.name: p.unit for p in volt.pieces}
+    assert units["M"] == "V s^2/m" and units["F_v"] == "V s/m" and units["F_c"] == "V"
+
+
+def test_units_of_a_joint(tmp_path):
+    changes = {"friction_unit": "N m", "axis": {"coordinate": "rotary"}}
+    found = jf.feedforward(saved(tmp_path, "position_dependence", "cubic", **changes))
+    units = {p.name: p.unit for p in found.pieces}
+    assert units["M"] == "kg m^2" and units["F_v"] == "N m s/rad"
+    assert units["cubic.c"] == "N m s^3/rad^3" and units["position_dependence.k"] == "N m/rad"
+    assert "velocity [rad/s],force [N m]" in found.csv()
+
+
+# ---- what is left out --------------------------------------------------------------------------
+
+
+def test_what_is_left_out_is_told(tmp_path):
+    found = jf.feedforward(saved(tmp_path, *OTHERS, loose=("M", "F_v")))
+    assert [line.split(":")[0] for line in found.left_out] == ["inertia", *OTHERS]
+    assert found.about.unit("time_drift.s") in found.left_out[1]
+    assert "0.002 s late" in found.left_out[3]
+    assert "F_v" in found.warnings[-1] and "M, F_v" in found.warnings[-1]
+    assert "double v)" in found.c() and "not determined alone" in found.c()
+
+
+@pytest.mark.parametrize(("part", "inertia"), [(0.49, True), (0.51, False)])
+def test_an_inertia_is_compensated_from_two_of_its_errors(part, inertia, tmp_path):
+    found = jf.feedforward(saved(tmp_path, part=part))
+    assert any(p.name == "M" for p in found.pieces) == inertia
+
+
+# ---- the fade speed ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("memory", "distance"),
+    [
+        (Memory("presliding", "x_c", 1e-4, 20.0), 1e-4),  # Dahl: a bristle carries all
+        (Memory("presliding", "x_c", 1e-4, 20.0 / math.e + 1e-9), 0.0),  # no longer far
+        (Memory("presliding", "x_c", 1e-4, 5.0), 0.0),
+        (Memory("rate_and_state", "L", 1e-3, 10.0), 1e-3 * (1 - math.log(2))),
+        (Memory("rate_and_state", "L", 1e-3, 0.0), 0.0),
+    ],
+)
+def test_the_distance_over_which_friction_comes_back(memory, distance):
+    assert return_distance(memory, 10.0) == pytest.approx(distance, abs=1e-12)
+
+
+DAHL = Memory("presliding", "x_c", 1e-4, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("slowest", "memories", "acceleration", "lag", "speed", "by"),
+    [
+        (0.02, (), None, None, 0.01, "rows"),
+        (0.02, (DAHL,), 2.0, None, 0.02, "memory"),  # sqrt(2 2 1e-4)
+        (0.02, (DAHL,), 0.125, None, 0.01, "rows"),  # sqrt(2 0.125 1e-4) = 5 mm/s
+        (0.02, (DAHL,), None, None, 0.01, "rows"),  # not known how fast it turns
+        (0.02, (), 2.0, 0.03, 0.06, "lag"),
+        (0.02, (DAHL,), 2.0, 0.005, 0.02, "memory"),
+        (0.02, (), None, 0.03, 0.01, "rows"),
+        (0.2, (DAHL,), 2.0, 0.03, 0.1, "rows"),
+    ],
+)
+def test_the_fade_speed_of_small_cases(slowest, memories, acceleration, lag, speed, by):
+    found = fade_speed(slowest, 10.0, memories=memories, acceleration=acceleration, lag=lag)
+    assert found.speed == pytest.approx(speed) and found.decided_by == by
+    unknown = acceleration is None and (memories or lag)
+    assert any(math.isnan(one.speed) for one in found.reasons) == bool(unknown)
+
+
+@pytest.mark.parametrize(
+    ("effects", "options", "speed"),
+    [
+        ((), {}, WIDTH),
+        (("presliding",), {}, math.sqrt(2 * 2.0 * 1e-4 * (1 + math.log(0.9)))),
+        (("presliding",), {"acceleration": "8 m/s^2"},
+         math.sqrt(2 * 8.0 * 1e-4 * (1 + math.log(0.9)))),
+        (("servo_lag",), {}, 2.0 * 2e-3),
+        (("servo_lag",), {"lag": "10 ms"}, 2.0 * 10e-3),
+        (("servo_lag",), {"fade": "7 mm/s"}, 7e-3),
+        ((), {"fade": 7e-3}, 7e-3),
+    ],
+)  # fmt: skip
+def test_the_fade_speed_of_a_model(effects, options, speed, tmp_path):
+    found = jf.feedforward(saved(tmp_path, *effects), **options)
+    assert found.fade.speed == pytest.approx(speed, rel=1e-6)
+    assert found.sentence.count(f"{speed:.3g}")
+
+
+def test_a_memory_that_the_record_does_not_fix_does_not_count(tmp_path):
+    found = jf.feedforward(saved(tmp_path, "presliding", loose=("presliding.x_c",)))
+    assert found.fade.decided_by == "rows"
+
+
+def test_a_file_that_does_not_tell_how_fast_it_turned(tmp_path):
+    found = jf.feedforward(saved(tmp_path, "presliding", axis={"acceleration": None}))
+    assert found.fade.speed == pytest.approx(WIDTH)
+    assert any("may be too low" in line for line in found.cautions)
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+# ---- closed loops ------------------------------------------------------------------------------
+
+
+def tracking(feed, friction, *, mass=2.0, measured=False, start=None):
+    """rms position error of a mass under PD control along a sine; by SciPy."""
+    k_p, k_v, amplitude, w = 8e3, 60.0, 0.05, 2 * np.pi
+
+    def reference(t):
+        return (amplitude * np.sin(w * t), amplitude * w * np.cos(w * t),
+                -amplitude * w**2 * np.sin(w * t))  # fmt: skip
+
+    def rate(t, y):
+        q, v, a = reference(t)
+        u = k_p * (q - y[0]) + k_v * (v - y[1]) + feed(y[1] if measured else v, a)
+        return [y[1], (u - friction(y[1])) / mass]
+
+    times = np.linspace(1.0, 3.0, 2001)
+    begin = [0.0, amplitude * w] if start is None else start
+    found = solve_ivp(rate, (0, 3), begin, "LSODA", times, rtol=1e-7, atol=1e-9, max_step=2e-3)
+    return float(np.sqrt(np.mean((found.y[0] - reference(times)[0]) ** 2)))
+
+
+def true_friction(v):
+    """Stribeck friction of `FOUND`, its sign as sharp as the solver can follow."""
+    return by_hand(BASE | {f"stribeck.{n}": x for n, x in FOUND["stribeck"].items()}, v, 2e-4)
+
+
+def test_tracking_errors_drop_by_a_hundred(tmp_path):
+    """The same axis with and without it, and with the static map alone."""
+    found = jf.feedforward(saved(tmp_path, "stribeck"), fade="2 mm/s")
+    p = parameters(tmp_path / "loop.json")
+
+    def feed(v, a):
+        return by_hand(p, v, found.fade.speed, a=a)
+
+    without = tracking(lambda v, a: 0.0, true_friction)
+    static = tracking(lambda v, a: feed(v, 0.0), true_friction)
+    whole = tracking(feed, true_friction)
+    assert 2.0e-3 < without < 2.1e-3
+    assert static < without / 5  # 0.35 mm: what is left is inertia
+    assert whole < without / 100  # 9 um: what is left is the fade
+
+
+@pytest.mark.parametrize("x_c", [1e-4, 5e-3])
+def test_the_fade_speed_is_about_the_one_that_tracks_best(x_c):
+    """Of a mass with Dahl's bristle along a sine, LSODA on the state itself: half and twice the
+    speed of the rule, and a sign that hardly fades, are worse."""
+    F_c, mass, k_p, k_v, amplitude, w = 10.0, 2.0, 8e3, 60.0, 0.05, 2 * np.pi
+    memory, turning = Memory("presliding", "x_c", x_c, 2 * F_c), amplitude * w**2
+    derived = fade_speed(1e-4, F_c, memories=[memory], acceleration=turning).speed
+    assert derived == pytest.approx(math.sqrt(2 * turning * x_c))
+    times = np.linspace(1.0, 3.0, 2001)
+
+    def error(fade):
+        def rate(t, y):
+            q, v = amplitude * np.sin(w * t), amplitude * w * np.cos(w * t)
+            a = -amplitude * w**2 * np.sin(w * t)
+            u = k_p * (q - y[0]) + k_v * (v - y[1]) + mass * a + F_c * np.tanh(v / fade)
+            return [y[1], (u - F_c * y[2]) / mass, (y[1] - abs(y[1]) * y[2]) / x_c]
+
+        found = solve_ivp(rate, (0, 3), [0.0, amplitude * w, 1.0], "LSODA", times,
+                          rtol=1e-8, atol=1e-10, max_step=2e-3)  # fmt: skip
+        return np.sqrt(np.mean((found.y[0] - amplitude * np.sin(w * times)) ** 2))
+
+    best = error(derived)
+    assert best < 0.97 * error(derived / 2) and best < 0.97 * error(2 * derived)
+    assert best < 0.85 * error(1e-3)
+
+
+@pytest.mark.parametrize(("times", "steady"), [(1.2, True), (0.8, False)])
+def test_a_measured_velocity_needs_the_damping_that_is_told(times, steady, tmp_path):
+    """M v' = -k_v v - F(v) + compensation(v) about rest decays above the limit alone.
+
+    Near rest the friction is that of the model, whose sign is sharp: at v > 0 F = 10 + 30 v.
+    """
+    found = jf.feedforward(saved(tmp_path, axis={"covariance": None}), fade="2 mm/s")
+    limit = found.least_damping
+    assert limit == pytest.approx(10 / 2e-3, rel=1e-3)  # (F_c tanh(v/v_f))' at 0
+    # about a speed in the fade, with a constant push that balances it
+    v0 = 1e-5
+    k_v = times * limit
+
+    def net(v):
+        return -k_v * v - by_hand(BASE, v, 1e-12) + by_hand(BASE, v, 2e-3)
+
+    push = -net(v0)
+    found = solve_ivp(lambda t, y: [(push + net(y[0])) / 2.0], (0, 0.01), [1.01 * v0],
+                      rtol=1e-10, atol=1e-16)  # fmt: skip
+    assert (abs(found.y[0, -1] - v0) < 0.01 * v0) == steady
+
+
+# ---- the command -------------------------------------------------------------------------------
+
+
+def test_the_verb_writes_what_it_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    saved(tmp_path, "stribeck")
+    code, out, err = run("feedforward", "loop.json", "--name", "x_axis", "--out", "ff")
+    assert code == 0, err
+    kinds = ("c", "csv", "json", "png", "svg", "tex")
+    assert {p.name for p in Path("ff").glob("feedforward.*")} == {f"feedforward.{k}" for k in kinds}
+    assert "u(v, a) = 2 a" in out and "s = tanh" in out and "written: ff/" in out
+    source = Path("ff/feedforward.c").read_text()
+    assert "made by jaxfric" in source and "--name x_axis" in source
+    built(source, tmp_path)
+    assert "\\begin{equation}" in Path("ff/feedforward.tex").read_text()
+    assert "warning: the loop warned: the loop's own" in err
+    code, out, _ = run("feedforward", "loop.json", "--json", "--quiet")
+    found = json.loads(out)
+    assert found["schema"] == "jaxfric.feedforward/1" and found["made_by"]["command"]
+    assert found["formula"] == jf.feedforward("loop.json").formula
+    (folder,) = tmp_path.glob("*-feedforward")
+    assert (folder / "feedforward.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "words"),
+    [
+        ({"law": "slip"}, (), ["of a slider", "jaxfric axis"]),
+        ({"schema": "jaxfric.fit/1"}, (), ["jaxfric.fit/1"]),
+        ({"axis": {"width": -1}}, (), ["damaged", "axis.width"]),
+        ({"axis": {"covariance": [[1.0]]}}, (), ["damaged", "covariance"]),
+        ({"steps": [[0.0, 0.0]]}, (), ["no motion"]),
+        ({"effects": None, "after": {}}, (), ["damaged"]),
+        ({"candidates": 3}, (), ["damaged", "candidates"]),
+        ({}, ("--acceleration", "2 m"), ["--acceleration"]),
+        ({}, ("--acceleration", "-2 m/s^2"), ["--acceleration", "above 0"]),
+        ({}, ("--fade", "0 m/s"), ["--fade", "above 0"]),
+        ({}, ("--lag", "3 mm"), ["--lag"]),
+        ({}, ("--drive-gain", "3 N"), ["--drive-gain", "35.15 N/V"]),
+        ({}, ("--drive-gain", "3 N m/V"), ["--drive-gain"]),
+        ({"friction_unit": "%"}, ("--drive-gain", "3 N/V"), ["in %"]),
+        ({}, ("--name", "2x"), ["--name", "axis_1"]),
+        ({}, ("--name", "double"), ["--name"]),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(changes, options, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    saved(tmp_path, **changes)
+    assert_refused(run("feedforward", "loop.json", *options), *words)
+    assert [p.name for p in tmp_path.iterdir()] == ["loop.json"]
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("curve", "speed"), [1.0]),
+        (("curve", "error"), "none"),
+        (("after", "parameters", "F_c", "value"), None),
+        (("after", "spread"), None),
+        (("gains", "slowest"), None),
+    ],
+)
+def test_a_damaged_curve_of_steady_speeds_is_refused(place, value, tmp_path):
+    content = json.loads(STEADY.read_text())
+    table = content
+    for key in place[:-1]:
+        table = table[key]
+    table[place[-1]] = value
+    (tmp_path / "steady.json").write_text(json.dumps(content))
+    assert_refused(run("feedforward", tmp_path / "steady.json"), "damaged", "jaxfric steady")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("none.json", ["none.json"]), (".", ["is a folder", "loop.json"]), ("t.json", ["not a JSON"])],
+)
+def test_files_that_are_none(name, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    saved(tmp_path)
+    (tmp_path / "t.json").write_text("{")
+    assert_refused(run("feedforward", name), *words)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"candidates": [{"effects": [], "converged": False}]}, "did not converge"),
+        ({"parameters": {"F_c": -1.0}}, "would drive the axis"),
+        ({"parameters": {"F_v": -90.0}}, "would drive the axis"),
+    ],
+)
+def test_a_model_to_rely_on_in_nothing_gives_nothing(changes, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    content = model(**{k: v for k, v in changes.items() if k != "parameters"})
+    for name, value in changes.get("parameters", {}).items():
+        content["after"]["parameters"][name]["value"] = value
+    Path("loop.json").write_text(json.dumps(content))
+    code, out, err = run("feedforward", "loop.json")
+    assert code == 1 and out == "" and words in err and err.count("jaxfric: error: ") == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["loop.json"]
+    with pytest.raises(NothingToCompensate):
+        jf.feedforward("loop.json")
+
+
+def test_the_shipped_loop_of_a_measured_axis():
+    """The mean speed of the slowest stroke stands for what an older file does not tell."""
+    found = jf.feedforward(EMPS)
+    assert 0.03 < found.about.slowest < 0.04 and 0.12 < found.about.fastest < 0.14
+    assert 20 < found.level < 30 and "older version" in found.warnings[-1]
+    p = parameters(EMPS)
+    static = {n: x for n, x in p.items() if not n.startswith("position_periodic")}
+    width = json.loads(EMPS.read_text())["axis"]["width"]
+    static["log_viscous.v_c"] = width  # its bend is no less
+    told = by_hand(static, 0.1, found.fade.speed, found.about.middle)
+    assert width < WIDTH and float(found.friction(0.1)) == pytest.approx(
+        told + p["log_viscous.c"] * math.log((1 + 0.1 / width) / (1 + 0.1 / WIDTH)), rel=1e-9
+    )
