@@ -33,6 +33,10 @@ EXTENSION = "tests/test_extension.py"
 REDUCTION, REDUCED = "tests/test_reduction.py", "tests/test_reduction_toml.py"
 OWN_EFFECT = "tests/test_new_effect.py"
 OWN_LAW = "tests/test_new_law.py"
+FADE, COMES_BACK, COMPILED, ALONE, NO_MODEL = (
+    f"tests/test_feedforward.py -k {word}"
+    for word in ("small_cases", "comes_back", "c_source", "model_alone", "rely_on")
+)
 REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
@@ -756,5 +760,40 @@ FAULTS = (
           "replace(hold, preference=None)", "hold", RUN_HOLDS),
     Fault("a plateau is a rise", "runs/stick_slip.py", "if not (slope > 0 and", "if not (True or",
           TEETH),
+    Fault("a compensation fades at the slowest motion", "compensation/fade.py",
+          "            slowest / 2,",
+          "            slowest,", FADE),
+    Fault("a bristle that carries little asks for a fade", "compensation/fade.py",
+          "share = memory.missing / (2 * level)", "share = memory.missing / level", COMES_BACK),
+    Fault("a reversal is slower than it is", "compensation/fade.py", "math.sqrt(2 * alpha * x)",
+          "math.sqrt(alpha * x)", FADE),
+    Fault("the smallest reason decides", "compensation/fade.py", "return Fade(max(known),",
+          "return Fade(min(known),", FADE),
+    Fault("the state does not weaken the feedforward", "compensation/pieces.py",
+          "about.values[A] - about.values[B], about", "about.values[A] + about.values[B], about",
+          COMPILED),
+    Fault("a bend is where no record sees it", "compensation/pieces.py",
+          "max(about.values[name], about.width), name", "about.values[name], name",
+          "tests/test_feedforward.py -k shipped_loop"),
+    Fault("a comment in C may be ended", "compensation/code.py",
+          'line.replace("*/", "* /")', "line", COMPILED),
+    Fault("the error of the sum is that of rival models", "compensation/identified.py",
+          'told, warnings = about.get("covariance"), []', "told, warnings = None, []", ALONE),
+    Fault("a model that did not converge is compensated", "compensation/identified.py",
+          "if same and not any(", "if same and not all(", NO_MODEL),
+    Fault("friction that drives is compensated", "compensation/feedforward.py",
+          "mean[worst] > 0 and level > 0", "level > 0", NO_MODEL),
+    Fault("an inertia is compensated that is not known", "compensation/pieces.py",
+          "_SURE = 2.0", "_SURE = 1.0", "tests/test_feedforward.py -k inertia_is"),
+    Fault("a measured velocity takes no damping away", "compensation/feedforward.py",
+          "curve.at(s * v, fade).slope - curve.at(s * v, None).slope",
+          "curve.at(s * v, None).slope - curve.at(s * v, fade).slope",
+          "tests/test_feedforward.py -k measured_velocity"),
+    Fault("extrapolated friction is of the record", "compensation/result.py",
+          "(speed >= self.about.slowest - near)", "(speed >= 0)",
+          "tests/test_feedforward.py -k band"),
+    Fault("inertia stays in newtons at the drive", "compensation/units.py",
+          'about.unit.startswith("F") or about.unit == "kg"', 'about.unit.startswith("F")',
+          "tests/test_feedforward.py -k own_signal"),
 )
 # fmt: on

@@ -109,16 +109,19 @@ def as_the_command_says():
 
 FORCE = ("N", "N*m")
 PARSERS: dict[str, Callable[[str], object]] = {
+    "--acceleration": one_of("m/s^2", "rad/s^2"),
     "--column": column,
     "--cutoff": one_of("Hz"),
     "--damping": values("N*s/m"),
     "--drive-gain": one_of("N/V", "N*m/V", "N/A", "N*m/A"),
     "--duration": values("s"),
     "--from": lambda text: (values("s", "m") if " " in text else file)(text),
+    "--fade": one_of("m/s", "rad/s"),
     "--friction": values("N"),
     "--jump": values("m/s", "m"),
     "--kp": values("N/m"),
     "--kv": values("N*s/m"),
+    "--lag": one_of("s"),
     "--margin": lambda text: Requirement.parse([text]),
     "--mass": values("kg"),
     "--max-kp": values("N/m"),

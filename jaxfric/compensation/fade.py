@@ -92,6 +92,7 @@ def fade_speed(
     acceleration: float | None = None,
     lag: float | None = None,
     unit: str = "m",
+    why: str = "of slower motion nothing is known",
 ) -> Fade:
     """The fade speed of the module's equations, and what asks for it.
 
@@ -104,6 +105,7 @@ def fade_speed(
         then what needs it is told without a speed.
     lag : t, by which the axis turns later than the reference [s].
     unit : of the position, for the texts.
+    why : the reason why no slower motion is in the fit, in words.
 
     Not tried: play, a soft transmission.
     """
@@ -111,8 +113,7 @@ def fade_speed(
         FadeReason(
             "rows",
             slowest / 2,
-            f"half of {slowest:.3g} {unit}/s: of slower motion the record says nothing, not even"
-            " the sign of its friction; at that speed 96 % of it are compensated",
+            f"half of {slowest:.3g} {unit}/s, at which 96 % are compensated: {why}",
         )
     ]
     alpha = math.nan if acceleration is None else acceleration

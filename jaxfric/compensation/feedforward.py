@@ -75,7 +75,7 @@ def feedforward(
     level = _sound_level(curve)
     found = fade_speed(
         about.slowest_row, level, memories=_memories(about), acceleration=turning, lag=late,
-        unit=unit,
+        unit=unit, why=about.slower,
     )  # fmt: skip
     if given is not None:
         said = f"given; derived from the model it would be {found.speed:.3g} {unit}/s"
@@ -173,8 +173,14 @@ def _least_damping(curve: FrictionCurve, fade: float, fastest: float) -> float:
 
 
 def _warnings(about: Identified) -> tuple[str, ...]:
-    loose = [name for name in about.loose if not name.endswith(".v_c")]
+    bends = [name for name in about.loose if name.endswith(".v_c")]
+    loose = [name for name in about.loose if name not in bends]
     lines = list(about.warnings)
+    if bends:
+        lines.append(
+            f"{', '.join(bends)} is not determined by the record: below {about.slowest:.3g}"
+            f" {about.length}/s it is a guess where the curve bends, and so is the compensation"
+        )
     if loose:
         lines.append(
             f"{', '.join(loose)} is not determined by the record; the band of the table holds for"

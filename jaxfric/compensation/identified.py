@@ -15,6 +15,7 @@ import numpy as np
 
 from ..effects import effect_of
 from ..errors import InputError
+from ..laws.loop_source import verdict_words
 from ..laws.saved import (
     LOOP,
     STEADY,
@@ -67,8 +68,8 @@ class Identified:
     """The record supports the curve from this speed on [m/s] ..."""
     fastest: float
     """... to this one [m/s]."""
-    slowest_is: str
-    """What `slowest` is, in words."""
+    slower: str
+    """Why no motion slower than `slowest_row` is in the fit, in words."""
     acceleration: float | None = None
     """Median over the strokes of the largest acceleration [m/s^2]; None where it is not told."""
     middle: float = 0.0
@@ -147,7 +148,7 @@ def identified(model: str | Path | Loop | SteadyLoop) -> Identified:
 def _of_axis(content: Content, source: str) -> Identified:
     """The model after the loop of an axis."""
     path = Path(source)
-    keys = ("law", "friction_unit", "steps", "effects", "after", "candidates")
+    keys = ("law", "friction_unit", "verdict", "steps", "effects", "after", "candidates")
     refuse_damage(path, LOOP, missing_key(content, keys))
     if content["law"] != LAW:
         raise InputError(
@@ -170,10 +171,8 @@ def _of_axis(content: Content, source: str) -> Identified:
     width = float(about.get("width") or 0.0)
     speeds = np.abs([float(v) for _, v in content["steps"] if float(v)])
     slowest, fastest = gains.get("slowest"), gains.get("fastest")
-    words = "the speed from which the slope of the curve is told"
     if slowest is None or fastest is None:
         slowest, fastest = float(speeds.min()), max(float(speeds.max()), *_centres(content))
-        words = "the mean speed of the slowest stroke"
     covariance, own = _covariance(about, after)
     return Identified(
         source,
@@ -188,12 +187,12 @@ def _of_axis(content: Content, source: str) -> Identified:
         2 * width or float(slowest),
         float(slowest),
         float(fastest),
-        words,
+        "slower rows do not count, as the noise of the velocity hides its sign",
         about.get("acceleration"),
         _middle(content),
         None,
         str(gains.get("sentence") or ""),
-        (*own_warnings(content), *own),
+        (*own_warnings(content), *verdict_words(content), *own),
     )
 
 
@@ -327,7 +326,7 @@ def _curve(
         0.0,
         ends[0],
         *ends,
-        "the slowest run that moved evenly",
+        "slower runs did not move evenly, or there are none",
         points=points,
         claim=claim,
     )

@@ -24,6 +24,7 @@ TOGETHER = {
     "profiles": (BLUE, ORANGE, GREY, BLACK),
     "noise": (BAND, BLUE, ORANGE),
     "gains": (MEETS, STABLE, UNSTABLE, BAND, BLUE, ORANGE, BLACK),
+    "feedforward": (BAND, GREY, ORANGE, BLUE, BLACK),
     "margins": (*LINES, ORANGE, BAND, BLACK),
     "ends": (STABLE, CYCLE, ESCAPE, OPEN, BLACK),
     "stability": (STABLE, UNSTABLE, BLUE, ORANGE, BLACK, BAND),

@@ -224,6 +224,7 @@ _TELLERS: dict[str, Callable[[Mapping], _Told]] = {
     "jaxfric.gains": _gains,
     "jaxfric.comparison": _comparison,
     "jaxfric.prediction": _sentence("a saved model on another record", "prediction.png"),
+    "jaxfric.feedforward": _sentence("friction to compensate", "feedforward.png"),
     "jaxfric.protocol": _sentence("a plan of velocity steps", "aliasing.png"),
     "jaxfric.stability": _sentence("linear stability", "force.png", "stiffness.png"),
 }

@@ -39,9 +39,9 @@ def meanings(loop: Loop) -> list[tuple[str, str, str]]:
 def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     """What the verdict asks for, most telling first.
 
-    Of an ambiguous one the run that would decide; gains where `jaxfric gains` takes the loop; a
-    test on another record where the model describes this one. `file` is where the loop lies: beside
-    loop.html where nothing else is said.
+    Of an ambiguous one the run that would decide; gains where `jaxfric gains` takes the loop; of
+    an axis its feedforward; a test on another record where the model describes this one. `file` is
+    where the loop lies: beside loop.html where nothing else is said.
     """
     file = shlex.quote(file)
     steps = [*_deciding(loop, file), *_where_none(loop)]
@@ -51,6 +51,9 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
             own = "--mass and --normal-force are yours to state"
         text = f"Find the smallest gains that hold it steady with this model ({own}):"
         steps.append(NextStep(text, _gains_line(loop, file)))
+    if loop.words is AXIS and loop.verdict in CERTAIN:
+        text = "Compensate its friction in the controller (formula, C function, table):"
+        steps.append(NextStep(text, f"jaxfric feedforward {file}"))
     if loop.verdict in CERTAIN:
         text = "See whether the model is true on a record that it has not seen:"
         steps.append(NextStep(text, f"jaxfric predict {file} OTHER.csv"))
