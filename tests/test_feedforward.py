@@ -78,6 +78,21 @@ def test_the_c_source_is_the_equations_of_the_effects(effects, tmp_path):
         assert told == pytest.approx(by_hand(p, v, fade, q, a), rel=1e-12, abs=1e-13)
 
 
+@pytest.mark.parametrize("effect", ["log_viscous", "rate_and_state"])
+def test_a_bend_in_c_is_no_lower_than_the_record_sees(effect, tmp_path):
+    """v_c of a hundredth of the width of the record's sign is that width, as in the fit."""
+    content = model(effect)
+    content["after"]["parameters"][f"{effect}.v_c"]["value"] = WIDTH / 100
+    path = tmp_path / "loop.json"
+    path.write_text(json.dumps(content))
+    found = jf.feedforward(path)
+    library = built(found.c(), tmp_path)
+    for v in (1e-3, -0.2):
+        told = by_hand(parameters(path), v, found.fade.speed)
+        assert called(library, "axis_friction", v) == pytest.approx(told, rel=1e-12)
+        assert found.friction(v) == pytest.approx(told, rel=1e-11)
+
+
 def test_the_published_curve_in_c(tmp_path):
     """A saved curve of steady runs: no inertia, so no acceleration among the arguments."""
     found = jf.feedforward(STEADY)
@@ -142,6 +157,9 @@ def test_in_the_drives_own_signal(tmp_path):
     np.testing.assert_allclose(20 * volt.table.force, newton.table.force, rtol=1e-12)
     np.testing.assert_allclose(20 * volt.table.std, newton.table.std, rtol=1e-12)
     assert volt.fade == newton.fade
+    values = {p.name: p.value for p in volt.pieces}
+    assert values["M"] == pytest.approx(2.0 / 20) and values["F_c"] == pytest.approx(10.0 / 20)
+    assert volt.pieces[0].std == pytest.approx(newton.pieces[0].std / 20)
     units = {p.name: p.unit for p in volt.pieces}
     assert units["M"] == "V s^2/m" and units["F_v"] == "V s/m" and units["F_c"] == "V"
 
@@ -437,6 +455,13 @@ def test_a_model_to_rely_on_in_nothing_gives_nothing(changes, words, tmp_path, m
     assert [p.name for p in tmp_path.iterdir()] == ["loop.json"]
     with pytest.raises(NothingToCompensate):
         jf.feedforward("loop.json")
+
+
+def test_a_model_that_converged_once_is_compensated(tmp_path):
+    """The search may fit one model from several starts, of which some fail."""
+    tries = [{"effects": ["cubic"], "converged": done} for done in (False, True)]
+    others = [{"effects": [], "converged": False}]
+    assert jf.feedforward(saved(tmp_path, "cubic", candidates=[*tries, *others])).level > 0
 
 
 def test_what_a_loop_says_of_itself_is_told_again(tmp_path):
