@@ -1,5 +1,6 @@
 """`jaxfric gains`: what it writes, and that bad input costs one line and exit code 2."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import pytest
 from command import assert_refused, run
 from test_gains import fit_content, written
 
-from jaxfric import law_from_parameters
+from jaxfric import find_gains, law_from_parameters
+from jaxfric.report.gains_text import describe
 
 LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
 MACHINE = ("--mass", "2", "--velocity", "2 mm/s")
@@ -41,6 +43,51 @@ def test_gains_json_has_the_keys_of_its_schema():
     simulation = content["simulation"]
     assert simulation["checked"] == 5 == simulation["steady"]
     assert simulation["limit_cycle"] == simulation["escaped"] == 0 and simulation["basin"] >= 1
+
+
+def test_either_alone_without_margins_is_the_number_of_stability():
+    """(B - A)/V and k_cr of (25); `gains` says with margins and without, `stability` without."""
+    code, out, err = run("gains", *LAW, *MACHINE, "--no-check", "--out", "g")
+    assert code == 0, err
+    told = run("stability", *LAW, *MACHINE, "--out", "s").out
+    known = json.loads(Path("s/stability.json").read_text())
+    damping, stiffness = known["needed_damping"], known["theorem"]["critical_stiffness"]
+    assert (damping, stiffness) == (pytest.approx(1000), pytest.approx(2016))
+    assert "k_v >= 1000 N s/m, without margins" in told
+    assert "stable for k_p above k_cr, without margins" in told
+    stiff, damped = (line for line in out.splitlines() if " alone (more than" in line)
+    assert "k_p = 3431.34" in stiff and stiff.endswith("without margins 2016 N/m is enough")
+    assert "k_v = 1500 " in damped and damped.endswith("without margins 1000 N s/m is enough")
+    alone = json.loads(Path("g/gains.json").read_text())["alone"]
+    assert alone["damping"]["without_margins"] == pytest.approx(damping, rel=1e-9)
+    assert alone["stiffness"]["without_margins"] == pytest.approx(stiffness, rel=1e-9)
+    assert alone["damping"]["meets"] and alone["stiffness"]["meets"]
+
+
+def test_where_damping_alone_does_not_do_it_is_told():
+    """Where a limit forbids it; and the words where the delay of a controller does."""
+    found = find_gains(
+        law_from_parameters(*LAW[1::2]), velocity=2e-3, mass=2.0, margin={"modulus": 0.5},
+        upper=(None, 100.0),
+    )  # fmt: skip
+    assert found.alone.meets == (True, False) and found.alone.tried[1] == 100
+    late = dataclasses.replace(found, delay=1.5e-3)
+    for gains, why, bare in (
+        (found, "", ""),
+        (late, ", with the controller's delay", " and delay"),
+    ):
+        (line,) = (line for line in describe(gains) if "damping alone" in line)
+        assert f"no damping alone meets the requirement{why} (tried: up to 100 N s/m)" in line
+        assert line.endswith(f"without margins{bare} 1000 N s/m is enough")
+
+
+@pytest.mark.long
+def test_a_late_controller_is_told_that_no_damping_alone_does():
+    late = ("--sample-time", "1 ms", "--no-check", "--out", "g")
+    code, out, err = run("gains", *LAW, *MACHINE, *late)
+    assert code == 0, err
+    (line,) = (line for line in out.splitlines() if "damping alone" in line)
+    assert "no damping alone meets the requirement, with the controller's delay" in line
 
 
 @pytest.mark.long

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
+from ..rig.friction import AbstractLaw
 from ..stability.kernel import kernel_total
 from ..stability.linear import LinearFriction
 from ..stability.theorem import theorem
@@ -167,6 +168,28 @@ def alone(requirement: Requirement, scenarios: Scenarios, region: Region) -> lis
                 )
             )
     return found
+
+
+class Alone(NamedTuple):
+    """What stiffness alone and damping alone would do: pairs (stiffness, damping), SI."""
+
+    meets: tuple[bool, bool]
+    """Whether some stiffness with the least damping, or the other way round, has the margins."""
+    tried: tuple[float, float]
+    """The largest k_p and k_v of that search."""
+    edge: tuple[float, float] | None
+    """k_p and k_v at which steady sliding becomes stable: without margins, without a delay of the
+    controller, in every scenario. inf where none is, 0 where none is needed; None: a delay law."""
+
+
+def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> Alone:
+    """What is known of stiffness and of damping alone."""
+    most = [float(axis[-1] * unit) for axis, unit in zip(axes(region), region.unit, strict=True)]
+    edge = None
+    if isinstance(scenarios.law(0), AbstractLaw):
+        critical, fall, slope, *_ = _sizes(scenarios)
+        edge = float(np.max(critical)), max(0.0, float(np.max(fall - slope)))
+    return Alone(meets, (most[0], most[1]), edge)
 
 
 def zoom(

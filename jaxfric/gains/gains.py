@@ -15,7 +15,7 @@ from ..silent import silent
 from ..stability.linear import sampling_delay
 from ..stability.margin_table import MARGINS
 from ..units import parse_values
-from .frontier import FrontierPoint, Region
+from .frontier import FrontierPoint, Region, alone_of
 from .kkt import Optimum
 from .margins import several_margins
 from .requirement import Requirement
@@ -232,6 +232,7 @@ def _result(
             *_warnings(parts[0], region, worst, scenarios.delay),
         ),
         delay=None if scenarios.delay is None else float(scenarios.delay[0]),
+        alone=alone_of(solution.meets, scenarios, region),
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..described import Described, Drawable, Tabular
-from .frontier import Region
+from .frontier import Alone, Region
 from .requirement import Requirement
 from .scenarios import Scenarios
 from .verify import CheckReport
@@ -78,6 +78,8 @@ class Gains(Described, Drawable, Tabular):
     warnings: tuple[str, ...] = field(default=())
     delay: float | None = None
     """Delay of the controller in every margin [s]; None: it has none."""
+    alone: Alone | None = None
+    """What stiffness alone and damping alone would do, with the margins and without."""
 
     @property
     def basins(self) -> tuple[LocalOptimum, ...]:
@@ -120,6 +122,7 @@ class Gains(Described, Drawable, Tabular):
                 }
                 for optimum in self.optima
             ],
+            "alone": self._alone(),
             "margins": {
                 name: {
                     "value": _number(worst.value),
@@ -144,6 +147,19 @@ class Gains(Described, Drawable, Tabular):
             },
             "simulation": simulation,
             "warnings": list(self.warnings),
+        }
+
+    def _alone(self) -> dict | None:
+        if self.alone is None:
+            return None
+        known, edges = self.alone, self.alone.edge or (None, None)
+        return {
+            name: {
+                "meets": known.meets[i],
+                "tried": _number(known.tried[i]),
+                "without_margins": None if edges[i] is None else _number(edges[i]),
+            }
+            for i, name in enumerate(("stiffness", "damping"))
         }
 
 

@@ -55,6 +55,8 @@ class Optima(NamedTuple):
     optima: list[Optimum]
     alone: list[FrontierPoint]
     """Gains that hold the slider by stiffness or by damping alone, where they are no optimum."""
+    meets: tuple[bool, bool]
+    """Whether stiffness alone and damping alone hold it, as an optimum or not."""
     carried: Scenarios
     scenarios: Scenarios
     region: Region
@@ -104,7 +106,9 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Opt
         if smaller is None or rounds == _ROUNDS:
             found = 0 if smaller is None else len(smaller)
             others = _others(single, optima, region)
-            return Optima(optima, others, carried, scenarios, region, rounds, points, found)
+            low = region.lower / region.unit
+            meets = any(s.v == low[1] for s in single), any(s.u == low[0] for s in single)
+            return Optima(optima, others, meets, carried, scenarios, region, rounds, points, found)
         starts = [*starts, _near(requirement, carried, region, smaller[0])]
     raise AssertionError("unreachable")
 

@@ -1,5 +1,7 @@
 """Gains as lines of text."""
 
+import math
+
 from ..gains.result import Gains, LocalOptimum
 from ..units import between
 
@@ -20,6 +22,7 @@ def describe(gains: Gains) -> list[str]:
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
     lines += [f"  {_optimum(optimum, gains)}" for optimum in gains.optima]
+    lines += [f"  {text}" for text in _neither(gains)]
     lines += ["", "margins at these gains, worst scenario:"]
     lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
     grid = gains.certificate
@@ -54,11 +57,45 @@ def _scenarios(gains: Gains) -> str:
 
 def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
     how = {"stiff": "held by stiffness", "damped": "held by damping"}[optimum.name]
-    if not optimum.minimum:
-        how += " alone (more than both together)"
     tiny = optimum.kp <= 1e-8 * gains.region.unit[0]
+    if not optimum.minimum or tiny or optimum.kv == 0:
+        more = "" if optimum.minimum else " (more than both together)"
+        edge = _edge(gains, 0 if optimum.name == "stiff" else 1)
+        how += f" alone{more}{'; ' + edge if edge else ''}"
     kp = _smallest(gains) if tiny else f"k_p = {optimum.kp:.6g} N/m"
     return f"{optimum.name:<7} {kp}, k_v = {optimum.kv:.6g} N s/m, norm {optimum.norm:.5g}: {how}"
+
+
+def _edge(gains: Gains, which: int) -> str:
+    """What stiffness (0) or damping (1) alone would need without margins: the number that
+    'jaxfric stability' gives."""
+    if gains.alone is None or gains.alone.edge is None:
+        return ""
+    edge = gains.alone.edge[which]
+    late = "" if gains.delay is None else " and delay"
+    unit = ("N/m", "N s/m")[which]
+    if math.isinf(edge):
+        return "without margins none does either"
+    if edge == 0:
+        return f"without margins{late} any does"
+    return f"without margins{late} {edge:.6g} {unit} is enough"
+
+
+def _neither(gains: Gains) -> list[str]:
+    """Lines on stiffness alone and on damping alone where these do not meet the requirement."""
+    if gains.alone is None:
+        return []
+    lines = []
+    for which, (name, how) in enumerate((("stiff", "stiffness"), ("damped", "damping"))):
+        if not gains.alone.meets[which]:
+            most = f"{gains.alone.tried[which]:.3g} {('N/m', 'N s/m')[which]}"
+            late = "" if gains.delay is None else ", with the controller's delay"
+            edge = _edge(gains, which)
+            lines.append(
+                f"{name:<7} no {how} alone meets the requirement{late} (tried: up to {most})"
+                f"{'; ' + edge if edge else ''}"
+            )
+    return lines
 
 
 def _margin(gains: Gains, name: str) -> str:

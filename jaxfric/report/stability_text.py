@@ -49,7 +49,11 @@ def _friction(study: Study) -> list[str]:
     if not float(at.force) > 0:
         lines[0] += "   (not positive: f0 is too small for this velocity)"
     needed = float(at.needed_damping)
-    text = f"k_v >= {needed:.6g} N s/m" if needed > 0 else "none needed (k_v > 0 keeps it so)"
+    text = (
+        f"k_v >= {needed:.6g} N s/m, without margins"
+        if needed > 0
+        else "none needed (k_v > 0 keeps it so)"
+    )
     return [*lines, f"damping that needs no stiffness: {text}"]
 
 
@@ -61,7 +65,8 @@ def _theorem(study: Study) -> list[str]:
         lines.append(f"  w_n = {w:.8g} rad/s ({w / (2 * math.pi):.4g} Hz): k(w_n) = {k:.8g} N/m")
     k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
     if 0 < k_cr < math.inf:
-        conclusion = f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s: stable for k_p above k_cr"
+        at = f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s"
+        conclusion = f"{at}: stable for k_p above k_cr, without margins"
     return [*lines, conclusion, *_spread(study)]
 
 
@@ -127,7 +132,10 @@ def _delay(study: Study) -> list[str]:
 
 def _gains(study: Study) -> list[str]:
     if study.k_p is None or study.margins is None or study.poles is None:
-        return ["", "give --kp for poles and margins"]
+        return [
+            "",
+            "give --kp for poles and margins; 'jaxfric gains' finds the gains that have margins",
+        ]
     word = "STABLE" if bool(study.stable) else "UNSTABLE"
     lines = ["", f"k_p = {study.k_p:g} N/m, k_v = {study.k_v:g} N s/m: {word}"]
     lines.append("rightmost pole [1/s]:" if study.delayed else "poles [1/s]:")
