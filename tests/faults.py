@@ -44,6 +44,7 @@ WARNED, VERBS_WARN, STUDY_WARNS = (
 WORDS_OF_A_RIG, SPELLINGS = (
     f"tests/test_loop_report.py -k {word}" for word in ("own_words", "spelling")
 )
+LOADING, ALONE = "tests/test_loading.py", "tests/test_gains_cli.py -k alone"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
 
 
@@ -209,7 +210,22 @@ FAULTS = (
     Fault("a step time's variance is its weight", "fitting/uncertainty.py",
           "np.asarray(problem.hold) ** 4", "np.asarray(problem.hold) ** 2", FIT),
     Fault("the noise of a fit is taken as white", "fitting/uncertainty.py",
-          "return inverse @ middle @ inverse\n", "return inverse\n", FIT),
+          "return spread_of(solution.jacobian, middle)\n",
+          "return normal_inverse(solution.jacobian)\n", FIT),
+    Fault("what no row sees has no error", "fitting/uncertainty.py",
+          "inside[blind, blind] = 1.0", "pass", FIT),
+    Fault("an error of 0 determines a parameter", "fitting/uncertainty.py",
+          "bool(0 < QUANTILE", "bool(-1 < QUANTILE", FIT),
+    Fault("half a rise counts for all of the path", "fitting/loading.py",
+          "np.argmax(rise >= half)", "np.argmax(rise)", LOADING),
+    Fault("noise is a rise of friction", "fitting/loading.py", "_CLEAR = 5.0", "_CLEAR = 0.0",
+          LOADING),
+    Fault("a stiffness that the rows contradict is fitted with", "fitting/loading.py",
+          "_IMPOSSIBLE, _DOUBTFUL = 10.0, 1.5", "_IMPOSSIBLE, _DOUBTFUL = 1e4, 1e4", LOADING),
+    Fault("stiffness alone stands for damping alone", "gains/solve.py",
+          "any(s.u == low[0]", "any(s.v == low[1]", ALONE),
+    Fault("the damping that needs no stiffness is that with it", "gains/frontier.py",
+          "np.max(fall - slope)))", "np.max(fall)))", ALONE),
     Fault("two decades determine a parameter", "fitting/uncertainty.py",
           "_HALF_DECADE = 0.5", "_HALF_DECADE = 1.0", FIT),
     Fault("the certificate of gains finds nothing", "gains/solve.py",

@@ -31,7 +31,8 @@ def planted(fault: Fault | None) -> Iterator[Path]:
         for folder in FOLDERS:
             shutil.copytree(ROOT / folder, copy / folder)
         shutil.copy(ROOT / "pyproject.toml", copy)
-        (copy / "fits").symlink_to(ROOT / "fits")  # generators of records, which stay as they are
+        for folder in ("fits", "data"):  # records and their generators, which stay as they are
+            (copy / folder).symlink_to(ROOT / folder)
         kept = ROOT / ".pytest_cache" / "jax"  # what is compiled need not be compiled again
         if kept.is_dir():
             (copy / ".pytest_cache").mkdir()

@@ -109,6 +109,7 @@ CALLS = [
     ("run", "even.csv", *K),
     ("fit", STEP, *K, "--steps", "0 s: 2 um/s, 900 s: 20 um/s"),
     ("fit", STEP),
+    ("fit", STEP, "--stiffness", "5e-6/um"),
     ("loop", STEP),
     ("fit", STEP, "--stiffness", "5e-3"),
     ("fit", STEP, "--stiffness", "4e5 N/m"),

@@ -62,6 +62,22 @@ def test_the_covariance_of_whitened_residuals():
     np.testing.assert_allclose(normal_inverse(solution.jacobian), truth, rtol=1e-8)
 
 
+def test_what_the_rows_do_not_see_has_no_small_error():
+    """A column of zeros, of numbers near 0, or two that are one: never an error of 0."""
+    problem, solution, jacobian = case(HOLD)
+    for column in (np.zeros(ROWS), 1e-80 * jacobian[:ROWS, 1], jacobian[:ROWS, 0]):
+        blind = np.array(jacobian)
+        blind[:ROWS, 1] = column
+        solution.jacobian = jnp.asarray(blind)
+        found = covariance(problem, solution, NOISE)
+        assert np.sqrt(found[1, 1]) > 1e5
+        np.testing.assert_allclose(found, found.T, rtol=1e-6, atol=1e-6 * found[1, 1])
+    held = SimpleNamespace(sizes=SimpleNamespace(force=1.0), model=SimpleNamespace(
+        names=lambda: ("A",), quantity=lambda name: SimpleNamespace(lower=0.0)))  # fmt: skip
+    known = [determined(held, np.asarray([s]), 1.0)[0] for s in (0.0, 0.1, np.nan)]
+    assert known == [False, True, False]
+
+
 def test_the_hold_of_a_step_time_is_what_the_record_overstates():
     """The ratio of the true to the nominal standard error of a shift, of the record alone."""
     problem, solution, jacobian = case(np.ones(2))

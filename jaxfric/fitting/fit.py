@@ -26,6 +26,8 @@ from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
 from .glitches import NO_GLITCHES, ROUNDS, find_glitches
+from .loading import doubts as loading_doubts
+from .loading import refuse_contradicted, steepest_loading
 from .noise import Noise
 from .noise_search import estimate_noise, longest_memory, noise_rows
 from .problem import (
@@ -118,7 +120,7 @@ def fit(
     problem, solution = _solve_in_stages(task, start, progress)
     solved = _with_noise(task, problem, solution, whitened=weighting == "whitened")
     found = assemble(record, steps, task.sign, solved, profile=progress if profile else None)
-    return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
+    return dataclasses.replace(found, warnings=(*warnings, *task.doubts, *found.warnings))
 
 
 class _Task(NamedTuple):
@@ -131,6 +133,8 @@ class _Task(NamedTuple):
     model: Model
     stiffness: float | None
     V0: float
+    doubts: tuple[str, ...] = ()
+    """Warnings about the stated stiffness."""
 
 
 def _task(
@@ -145,7 +149,12 @@ def _task(
     V0 = _reference(reference_velocity, steps)
     forward, sign = forward_steps(record, steps)
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
-    return _Task(record, forward, sign, model, stiffness, V0)
+    said = ()
+    if stiffness is not None and not model.fit_stiffness:
+        seen, unit = steepest_loading(record, sign, forward), record.friction_unit
+        refuse_contradicted(seen, stiffness, unit)
+        said = loading_doubts(seen, stiffness, unit)
+    return _Task(record, forward, sign, model, stiffness, V0, said)
 
 
 def _with_noise(task: _Task, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
@@ -315,7 +324,7 @@ def _solve_in_stages(
 
     A law that is no `RateState` begins with one state of the slip law.
     """
-    record, steps, sign, model, K, V0 = task
+    record, steps, sign, model, K, V0, _ = task
     time, friction = record.relative_time, sign * record.friction
     law = model.law if evolution_of(model.law) is not None else "slip"
     one = model._replace(states=1, law=law)

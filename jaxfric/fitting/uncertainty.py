@@ -39,6 +39,25 @@ def normal_inverse(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
 
 def inverse_root(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
     """R with R R^T = (J^T J)^-1; its columns are independent errors of the parameters."""
+    return _root(jacobian)[0]
+
+
+def spread_of(jacobian: Float[Array, "n p"] | np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """G middle G, G = (J^T J)^-1, the covariance of parameters where that of J^T r is `middle`.
+
+    Of a direction that J does not see, J^T r says nothing: it is 0 whatever the parameters are.
+    Such a direction keeps the very large error that G has there, and no error is 0.
+    """
+    root, blind = _root(jacobian)
+    inside = root.T @ middle @ root
+    inside[blind, :] = 0.0
+    inside[:, blind] = 0.0
+    inside[blind, blind] = 1.0
+    return root @ inside @ root.T
+
+
+def _root(jacobian: Float[Array, "n p"] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R with R R^T = (J^T J)^-1, and which of its columns are directions that J does not see."""
     jacobian = np.asarray(jacobian)
     gram = jacobian.T @ jacobian
     if not np.isfinite(gram).all():  # a failed trial sees nothing
@@ -46,8 +65,9 @@ def inverse_root(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
     diagonal = np.diag(gram)
     scale = 1 / np.sqrt(np.where(diagonal > _UNSEEN, diagonal, 1.0))
     values, vectors = np.linalg.eigh(gram * scale[:, None] * scale)
-    values = np.maximum(values, 1e-14 * max(values[-1], 1.0))
-    return vectors / np.sqrt(values) * scale[:, None]
+    least = 1e-14 * max(values[-1], 1.0)
+    root = vectors / np.sqrt(np.maximum(values, least)) * scale[:, None]
+    return root, np.flatnonzero(values < least)
 
 
 def data_part(problem: Problem, solution: Solution):
@@ -58,14 +78,13 @@ def data_part(problem: Problem, solution: Solution):
 
 def covariance(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
     """Covariance of the unbounded parameters."""
-    inverse = normal_inverse(solution.jacobian)
     if problem.noise is not None:
-        return inverse
+        return normal_inverse(solution.jacobian)
     _, jacobian = data_part(problem, solution)
     middle = np.array(sandwich(problem.clock, jacobian, noise))
     p = len(problem.model.names())
     middle[range(p, len(middle)), range(p, len(middle))] += np.asarray(problem.hold) ** 4
-    return inverse @ middle @ inverse
+    return spread_of(solution.jacobian, middle)
 
 
 def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
@@ -85,14 +104,15 @@ def determined(problem: AbstractProblem, std: np.ndarray, span: float) -> list[b
     """Whether the record fixes each parameter, given the errors of the unbounded ones.
 
     A positive parameter is determined if its 95 % interval is shorter than a decade, a signed
-    one if half the interval is less than the `span` of friction that the record covers.
+    one if half the interval is less than the `span` of friction that the record covers; no record
+    fixes a parameter without error.
     """
     signed = span / float(problem.sizes.force)
     limits = [
         _HALF_DECADE if np.isfinite(problem.model.quantity(name).lower) else signed
         for name in problem.model.names()
     ]
-    return [bool(QUANTILE * s < limit) for s, limit in zip(std, limits, strict=False)]
+    return [bool(0 < QUANTILE * s < limit) for s, limit in zip(std, limits, strict=False)]
 
 
 def profile_interval(

@@ -152,12 +152,12 @@ class Gains(Described, Drawable, Tabular):
     def _alone(self) -> dict | None:
         if self.alone is None:
             return None
-        known, edges = self.alone, self.alone.edge or (None, None)
+        known, edges = self.alone, self.alone.edge or (np.inf, np.inf)
         return {
             name: {
                 "meets": known.meets[i],
                 "tried": _number(known.tried[i]),
-                "without_margins": None if edges[i] is None else _number(edges[i]),
+                "without_margins": _number(edges[i]),
             }
             for i, name in enumerate(("stiffness", "damping"))
         }

@@ -24,7 +24,7 @@ from ..fitting.padding import bucket
 from ..fitting.problem import FAILED_MISFIT, Model, Problem, residual_and_jacobian, to_free
 from ..fitting.result import unit_of
 from ..fitting.start import noise_from_differences
-from ..fitting.uncertainty import normal_inverse
+from ..fitting.uncertainty import spread_of
 from ..loop.sampling import seen_between
 from ..records import Record, VelocitySteps
 from ..rig.normal_stress import recorded_stress
@@ -231,11 +231,10 @@ def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, .
     padded = jnp.zeros(n).at[: len(refit.error)].set(residual)
     rows = noise_rows(problem.clock, problem.weight, padded, columns[:n])
     noise = estimate_noise(rows).noise
-    inverse = normal_inverse(columns)
     middle = np.array(sandwich(problem.clock, columns[:n], noise))
     held = range(len(free), len(index))
     middle[held, held] += 1.0
-    spread = np.sqrt(np.maximum(np.diag(inverse @ middle @ inverse), 0.0))
+    spread = np.sqrt(np.maximum(np.diag(spread_of(columns, middle)), 0.0))
     out = []
     for k, parameter in enumerate(free):
         here = refit.z[index[k]]

@@ -1,0 +1,101 @@
+"""The least stiffness that the rows of a record allow.
+
+What friction a massless slider has, its spring holds: K (x_m - x) = f - f_start. While the slider
+does not move backwards, friction rises by no more than K times the path of the load point:
+
+    K >= (f_2 - f_1)/(x_m2 - x_m1)
+
+A step to a higher speed shows it best: friction rises by the direct effect while the spring is
+drawn out. Taken is half of that rise, which noise of the rows blurs least.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..records import Record, VelocitySteps
+from ..units import format_si
+from .start import average
+
+_CLEAR = 5.0
+"""Scatter of the rows before a step above which a rise counts, and"""
+_LARGE = 0.1
+"""the part of the range of friction that it must be."""
+_IMPOSSIBLE, _DOUBTFUL = 10.0, 1.5
+"""Times that the least stiffness is over the stated one: refused from, warned of from."""
+
+
+class Loading(NamedTuple):
+    """A rise of friction within a path of the load point [m] after the step at `time` [s]."""
+
+    time: float
+    rise: float
+    path: float
+
+    @property
+    def stiffness(self) -> float:
+        """The least stiffness that allows it [friction/m]."""
+        return self.rise / self.path
+
+
+def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loading | None:
+    """The rise after a step that needs the stiffest spring; None where no step shows a rise.
+
+    `steps` are those of a record that begins forwards, and `sign` its friction's.
+    """
+    time, friction = record.relative_time, sign * record.friction
+    size, found = float(np.ptp(friction)), []
+    ends = np.append(steps.times[1:], time[-1])
+    errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
+    data = average(time, friction, steps)
+    for k in range(1, len(steps)):
+        before, V = steps.velocities[k - 1], steps.velocities[k]
+        if not V > before >= 0:
+            continue
+        long = max(0.75 * (steps.times[k] - steps.times[k - 1]), 0.0) + steps.times[k - 1]
+        level = friction[(time >= long) & (time < steps.times[k])]
+        here = np.flatnonzero((data.rows > 0) & (data.end > steps.times[k]) & (data.end <= ends[k]))
+        if len(level) < 3 or len(here) == 0:
+            continue
+        rise = data.friction[here] - np.mean(level)
+        half = 0.5 * float(np.max(rise))
+        if 2 * half < max(_CLEAR * float(np.std(level)), _LARGE * size):
+            continue
+        at = data.end[here[np.argmax(rise >= half)]] - steps.times[k]
+        found.append(Loading(float(steps.times[k]), half, float(V * (at + errors[k]))))
+    return max(found, key=lambda one: one.stiffness, default=None)
+
+
+def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -> None:
+    """Raise `InputError` for a stiffness that is far below what the rows allow."""
+    if loading is not None and loading.stiffness > _IMPOSSIBLE * K:
+        raise InputError(
+            f"stiffness is {_number(K, friction_unit)}, and the rows contradict it:"
+            f" {_seen(loading, friction_unit)}; is its unit right? It is friction per length, as in"
+            " 1.6e-3/um"
+        )
+
+
+def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, ...]:
+    """A warning for a stiffness that is below what the rows allow."""
+    if loading is None or not loading.stiffness > _DOUBTFUL * K:
+        return ()
+    return (
+        f"the stiffness {_number(K, friction_unit)} contradicts the rows:"
+        f" {_seen(loading, friction_unit)}; with a softer one A, B and L are wrong",
+    )
+
+
+def _seen(loading: Loading, friction_unit: str) -> str:
+    friction = "" if friction_unit == "1" else f" {friction_unit}"
+    return (
+        f"after the step at {loading.time:.4g} s friction rises by {loading.rise:.2g}{friction}"
+        f" within {format_si(loading.path, 'm', 'um', 3)} of load-point motion, which takes"
+        f" {_number(loading.stiffness, friction_unit)} or more"
+    )
+
+
+def _number(K: float, friction_unit: str) -> str:
+    """A stiffness as it is stated: 0.005/um, 2e+06 N/m."""
+    return f"{1e-6 * K:.2g}/um" if friction_unit == "1" else f"{K:.2g} {friction_unit}/m"
