@@ -76,6 +76,35 @@ def test_docstrings_become_markdown():
     assert script("docstrings").markdown(text) == want
 
 
+# ---- links ---------------------------------------------------------------------------------
+
+WRITTEN = (
+    ROOT / "README.md",
+    ROOT / "data" / "README.md",
+    *sorted((DOCS / "pages").glob("*.md")),
+    *sorted(ROOT.glob("fits/*/README.md")),
+)
+
+
+def dead_links(page: Path, text: str) -> list[str]:
+    """Links and pictures of a page that lead to nothing in the project."""
+    found = re.findall(r"\]\(([^)\s]+)\)|(?:src|href)=\"([^\"]+)\"", text)
+    links = [(link or other).partition("#")[0] for link, other in found]
+    inside = [link for link in links if link and "://" not in link]
+    return [link for link in inside if not (page.parent / link).exists()]
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_link_leads_to_a_file_of_the_project(page):
+    """Not only to one of the site: the repository shows the pages, too."""
+    assert dead_links(page, page.read_text(encoding="utf-8")) == []
+
+
+def test_a_dead_link_is_noticed():
+    text = 'see [a](effects.md#x), [b](https://e.org), [c](#d), [e](fits/) <img src="no.png">'
+    assert dead_links(ROOT / "README.md", text) == ["effects.md", "no.png"]
+
+
 # ---- troubleshooting ----------------------------------------------------------------------
 
 HEAD = "time [s],load_point_displacement [um],friction [1]"

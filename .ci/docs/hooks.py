@@ -17,6 +17,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 SOURCES = "<!-- made by hooks.py: sources -->"
+MADE_FROM = {"jaxfric/effects/": "effects.md", "jaxfric/__init__.py": "reference/index.md"}
+"""What pages link to in the project, and the page of the site that is made from it."""
 _PICTURE = re.compile(r"!\[[^\]]*\]\(([^)\s]+\.(?:png|svg))\)")
 _FENCE = re.compile(r"(```.*?```|`[^`\n]*`)", re.S)
 _DOI = re.compile(r"doi:(10\.\d{4,}/(?:[^\s,;()]|\([^\s()]*\))+)")
@@ -56,6 +58,8 @@ def pictures_of(page: str, text: str) -> list[str]:
 def at_root(text: str) -> str:
     """Links of a page of the folder, as they are in the site."""
     text = text.replace("](../../../", "](").replace(".ci/docs/pages/", "")
+    for there, here in MADE_FROM.items():
+        text = text.replace(f"]({there})", f"]({here})")
     return re.sub(r"\]\((fits/tutorials/\w+)\.ipynb\)", r"](\1.md)", text)
 
 
