@@ -32,7 +32,7 @@ from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.axis_preparation import Preparation
 from jaxfric.fitting.problem import Model
-from jaxfric.fitting.table import summary
+from jaxfric.fitting.table import noise_text, summary
 from jaxfric.gains.axis_result import AxisGains
 from jaxfric.loop.axis.result import AxisDetails
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
@@ -470,6 +470,27 @@ def figure_of(loop: Loop, name: str) -> Figure:
             patch.setattr(place, lambda figure, *_: drawn.append(figure) or [])
         DRAWERS[name](loop, Path())
     return drawn[0]
+
+
+@pytest.mark.parametrize(
+    ("parts", "large"),
+    [
+        ((), "white"),
+        ((NoisePart(0.4, "rows", 3.0), NoisePart(0.3, "time", 9.0)), "correlated"),
+        ((NoisePart(-0.4, "rows", 1.0),), "alternating"),
+    ],
+)
+def test_a_card_has_one_word_in_large_letters(parts, large):
+    """The rest of the noise's words is small; of every card."""
+    loop = make_loop("effects")
+    noise = dataclasses.replace(loop.after.noise, parts=parts)
+    loop = dataclasses.replace(loop, after=dataclasses.replace(loop.after, noise=noise))
+    made = page(loop, {}, version="1.2.3", command="jaxfric loop")
+    cards = re.findall(r'<ul class="cards">(.*?)</ul>', made)[0]
+    shown = re.findall(r"<b>(.*?)</b><span>(.*?)</span>", cards)
+    assert len(shown) == 3 and all(len(b) < 40 for b, _ in shown)
+    assert shown[2][0] == large and shown[2][1].startswith("noise of the record")
+    assert (noise_text(noise) in shown[2][1]) == (large != "white")
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

@@ -168,10 +168,14 @@ def _cards(loop: Loop) -> str:
     error = f"{loop.heldout(loop.before) / sigma:.2f} σ"
     if loop.effects:
         error += f" → {loop.heldout(loop.after) / sigma:.2f} σ"
+    noise = noise_text(loop.after.noise)
+    short = next(
+        (word for word in ("white", "alternating") if noise.startswith(word)), "correlated"
+    )
     cards = [
         (error, "error on rows that no fit saw; the noise alone is 1 σ"),
         (" + ".join(loop.effects) or "none", "effects added"),
-        (noise_text(loop.after.noise), "noise of the record"),
+        (short, "noise of the record" + (f": {noise}" if noise != short else "")),
     ]
     inside = "".join(f"<li><b>{escaped(b)}</b><span>{escaped(s)}</span></li>" for b, s in cards)
     return f'<ul class="cards">{inside}</ul>'
