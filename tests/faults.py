@@ -44,6 +44,7 @@ WARNED, VERBS_WARN, STUDY_WARNS = (
 WORDS_OF_A_RIG, SPELLINGS = (
     f"tests/test_loop_report.py -k {word}" for word in ("own_words", "spelling")
 )
+CARDS = "tests/test_loop_report.py -k card"
 LOADING, ALONE = "tests/test_loading.py", "tests/test_gains_cli.py -k alone"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
 
@@ -214,6 +215,10 @@ FAULTS = (
           "return normal_inverse(solution.jacobian)\n", FIT),
     Fault("what no row sees has no error", "fitting/uncertainty.py",
           "inside[blind, blind] = 1.0", "pass", FIT),
+    Fault("a factor without a unit waits for the column", "records/reduction/toml_script.py",
+          'role.unit != "1":', 'role.unit == "":', REDUCED),
+    Fault("a card has the whole noise in large letters", "report/loop_html.py",
+          "(short, \"noise", "(noise, \"noise", CARDS),
     Fault("an error of 0 determines a parameter", "fitting/uncertainty.py",
           "bool(0 < QUANTILE", "bool(-1 < QUANTILE", FIT),
     Fault("half a rise counts for all of the path", "fitting/loading.py",

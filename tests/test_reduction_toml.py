@@ -106,6 +106,11 @@ def test_rows_are_counted_as_the_file_has_them(tmp_path: Path, rows: str, kept) 
         ("[columns.a]\nfrom = '#9'", "there is no column '#9'"),
         ("[columns.a]\nfrom = 2", "there is no column '2'"),
         ("[columns.a]\nfrom = 's'\nfactor = 2.0", "write `factor` with its unit"),
+        (
+            "[columns.load_point_displacement]\nfrom = 'x'\nfactor = '1'",
+            'columns.load_point_displacement.from = "x", factor = "1": `factor` has no unit;'
+            ' write what one of it is, as in factor = "1 um"',
+        ),
         ("[columns.a]\nfrom = 's'\nfactor = '2 frob'", "'frob' is no unit of length, stress"),
         ("[columns.a]\nfrom = 's'\nzero = 12", "row 12 is beyond the last, 11"),
         ("[columns.a]\nfrom = 's'\nzero = 1.5", "1.5 is not a whole number"),

@@ -28,6 +28,7 @@ import numpy as np
 
 from ...errors import InputError, did_you_mean
 from ...units import factor, parse_quantity
+from ..roles import SLIDER, Role
 from ..table import Table
 from . import operations as op
 from .bench import Bench, BenchColumn, Done
@@ -113,7 +114,7 @@ def _make(maker: _Maker, script: Path, name: str, keys: Mapping[str, object]) ->
     steps: list[tuple[str, Callable[[], tuple[np.ndarray, str]]]] = [
         ("ratio", lambda: _ratio(maker, keys["ratio"]))
         if "ratio" in keys
-        else ("from", lambda: _begun(maker, keys))
+        else ("from", lambda: _begun(maker, keys, SLIDER.roles.get(name)))
     ]
     steps += [
         (key, lambda key=key: (_STEPS[key](maker, number, keys[key]), _unit_of(maker, number)))
@@ -141,8 +142,8 @@ def _unit_of(maker: _Maker, number: int) -> str:
     return maker.bench.columns[number].unit
 
 
-def _begun(maker: _Maker, keys: Mapping[str, object]) -> tuple[np.ndarray, str]:
-    """A column of the file, in the unit of its `factor`."""
+def _begun(maker: _Maker, keys: Mapping[str, object], role: Role | None) -> tuple[np.ndarray, str]:
+    """A column of the file, in the unit of its `factor`, which most roles of a record need."""
     column = maker.column(keys["from"])
     text = keys.get("factor")
     if text is None:
@@ -154,6 +155,9 @@ def _begun(maker: _Maker, keys: Mapping[str, object]) -> tuple[np.ndarray, str]:
         size, unit = float(words[0]), words[1] if len(words) > 1 else ""
     except (ValueError, IndexError):
         size, unit = 1.0, text.strip()
+    if not unit and role is not None and role.unit != "1":
+        example = f'factor = "{text.strip() or 1} {role.example}"'
+        raise InputError(f"`factor` has no unit; write what one of it is, as in {example}")
     if unit:
         factor(unit, _si(unit), "factor")
     return column.values * size, unit
