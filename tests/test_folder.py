@@ -1,12 +1,14 @@
 """Where a command writes: names of folders, what is replaced, and what must not be lost."""
 
+import contextlib
+import inspect
 import json
 from pathlib import Path
 
 import pytest
 from command import assert_refused, record_text, run, written
 
-from jaxfric.cli.call import Call
+from jaxfric.cli.call import Call, calling
 from jaxfric.cli.folder import NOTES, Folder, choose_folder, folder_name, source_name
 from jaxfric.errors import InputError
 
@@ -155,7 +157,39 @@ def test_a_default_folder_of_another_input_is_refused() -> None:
     again("r/run.csv")  # the same record, moved
     written(Path("p/run.csv"), "measured again")
     again("p/run.csv")
-    choose_folder(Path("run-fit"), "", Path("q/run.csv"))  # asked for
+    write("run-fit", "fit", "fit.json", source="r/run.csv")
+    fit = Folder(Path("run-fit"), Call("fit", "", {}), (Path("r/run.csv"), Path("q/run.csv")))
+    fit.refuse_another_input(asked_for=True)
+
+
+def test_a_folder_that_is_asked_for_keeps_the_results_of_another_record() -> None:
+    """The first input is the record; another prior, or the same record again, replaces."""
+    for folder in "pqr":
+        written(made(f"{folder}/run.csv"), folder)
+    first = Folder(Path("o"), Call("fit", "fit", {}), (Path("p/run.csv"), Path("p/run.csv")))
+    with first.results() as to:
+        (to / "fit.json").write_text("p")
+
+    def again(*sources: str, verb: str = "fit") -> None:
+        with calling_as(verb):
+            choose_folder(Path("o"), "", *map(Path, sources))
+
+    again("p/run.csv")
+    again("p/run.csv", "q/run.csv")
+    again("q/run.csv", verb="loop")
+    with pytest.raises(InputError, match=r"o holds the results of another input, p/run.csv; name"):
+        again("q/run.csv", "p/run.csv")
+    written(Path("r/run.csv"), "p")
+    again("r/run.csv")  # moved
+
+
+@contextlib.contextmanager
+def calling_as(verb: str):
+    def named() -> None: ...
+
+    named.__name__ = verb
+    with calling(named, inspect.signature(named).bind(), ()):
+        yield
 
 
 def test_through_the_command() -> None:
@@ -170,7 +204,10 @@ def test_through_the_command() -> None:
     )
     refused = run("record", "q/run.csv")
     assert_refused(refused, "run-record holds", "p/run.csv", "--out")
-    code, _, err = run("record", "q/run.csv", "--out", "run-record")
+    refused = run("record", "q/run.csv", "--out", "run-record")
+    assert_refused(refused, "run-record holds", "p/run.csv", "name a fresh one with --out")
+    assert run("record", "q/run.csv", "--out", "other").code == 0
+    code, _, err = run("record", "p/run.csv", "--out", "run-record", "--from", "0 s")
     assert code == 0 and "written by 'jaxfric record p/run.csv'" in err
     steps = ("--steps", "0 s: 2 um/s, 20 s: 10 um/s")
     assert run("record", "p/run.csv", *steps).err == ""

@@ -100,8 +100,8 @@ def choose_folder(
     """The folder of this call: `out`, or its default name, checked before any work.
 
     `unnamed` are options that the default name leaves out, as `source` says them already.
-    Raises `InputError` where it cannot be written, or where a default name holds the results of
-    another input: these would be lost.
+    Raises `InputError` where it cannot be written, or where it holds the results of another record
+    (or, under a default name, another input of any kind): these would be lost.
     """
     call = current_call()
     given = {name: value for name, value in call.given.items() if name not in unnamed}
@@ -109,8 +109,7 @@ def choose_folder(
     folder = Folder(path, call, tuple(inputs))
     with output_folder(path):
         pass
-    if out is None:
-        folder.refuse_another_input()
+    folder.refuse_another_input(asked_for=out is not None)
     return folder
 
 
@@ -147,15 +146,25 @@ class Folder:
     code: int = 0
     """The exit code of the verb: 1 where a figure is missing."""
 
-    def refuse_another_input(self) -> None:
-        """A default folder that another input's results are in is not written to."""
+    def refuse_another_input(self, *, asked_for: bool = False) -> None:
+        """A folder that this verb's results of another input are in is not written to.
+
+        The same input may have moved, or changed where it is. In a folder that was `asked_for` only
+        the first input counts, the record: who runs it again with another prior or other events
+        means to replace.
+        """
         before = _read_notes(self.path).get(self.call.verb, _NO_RUN)
-        for old, new in zip(before["inputs"], self._inputs(), strict=False):
+        for old, new in zip(
+            before["inputs"], self._inputs()[: 1 if asked_for else None], strict=False
+        ):
             if old["path"] != new["path"] and old["sha256"] != new["sha256"]:
                 where = os.path.normpath(self.path / old["path"])
+                advice = f"name a fresh one with --out, or take {self.path} away first"
+                if not asked_for:
+                    advice = "give another folder with --out"
                 raise InputError(
-                    f"{self.path} holds the results of another input of this name, {where};"
-                    " give another folder with --out"
+                    f"{self.path} holds the results of another input"
+                    f"{'' if asked_for else ' of this name'}, {where}; {advice}"
                 )
 
     @contextlib.contextmanager

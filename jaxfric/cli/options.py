@@ -76,7 +76,13 @@ Until = Annotated[
         help="Leave out all rows after this time or displacement since the first row.",
     ),
 ]
-Out = Annotated[Path | None, Parameter(converter=named_path, help="Output folder.")]
+Out = Annotated[
+    Path | None,
+    Parameter(
+        converter=named_path,
+        help="Output folder; one that holds the results of another record is refused.",
+    ),
+]
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option that may begin with a minus sign: a negative quantity is then refused as such."""
 Rig = Annotated[

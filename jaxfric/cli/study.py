@@ -275,8 +275,6 @@ def _draw(store: str, out: str | None, *, json: bool) -> int:
     inputs = [] if "://" in store else [Path(store)]
     warn(found.attrs.get("warnings", ()))
     folder = choose_folder(Path(out or f"{name}-figures"), "", *inputs)
-    if out is None:
-        folder.refuse_another_input()
     with told(quiet=True) as progress:
         progress("drawing figures")
         with folder.results():
