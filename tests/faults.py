@@ -44,6 +44,7 @@ WARNED, VERBS_WARN, STUDY_WARNS = (
 WORDS_OF_A_RIG, SPELLINGS = (
     f"tests/test_loop_report.py -k {word}" for word in ("own_words", "spelling")
 )
+PAIR = "tests/test_protocol.py -k answer"
 CARDS = "tests/test_loop_report.py -k card"
 LOADING, ALONE = "tests/test_loading.py", "tests/test_gains_cli.py -k alone"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
@@ -222,6 +223,10 @@ FAULTS = (
     Fault("a folder that is asked for loses another record's results", "cli/folder.py",
           "self._inputs()[: 1 if asked_for else None]", "() if asked_for else self._inputs()",
           "tests/test_folder.py"),
+    Fault("effects that look alike are told apart", "protocol/design.py",
+          "cosine <= ALIAS)", "cosine <= 1)", PAIR),
+    Fault("one effect stands for the other at no cost", "protocol/design.py",
+          "size / left for", "size for", PAIR),
     Fault("an error of 0 determines a parameter", "fitting/uncertainty.py",
           "bool(0 < QUANTILE", "bool(-1 < QUANTILE", FIT),
     Fault("half a rise counts for all of the path", "fitting/loading.py",

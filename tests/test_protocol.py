@@ -18,7 +18,7 @@ from fits.blind import plants
 from jaxfric.effects import CATALOGUE
 from jaxfric.protocol.design import Change, Design, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
-from jaxfric.report.protocol_text import _stay, advice, apart, changes, effects
+from jaxfric.report.protocol_text import _stay, advice, answer, apart, changes, effects
 
 UM = 1e-6
 NOISE = 3e-4
@@ -304,6 +304,85 @@ def test_near_the_edge(monkeypatch):
         planned(stiffness=1.05 * STIFFNESS / 4)
 
 
+# ---- a pair that is asked for -----------------------------------------------------------------
+
+
+def designed(cosine, *, sizes=(0.01, 0.02), after=None):
+    """A plan of two effects, q and n, that are so alike; `after`: with a slip channel."""
+
+    def design(value):
+        two = (("ageing", "q"), ("velocity_dependent_L", "n"))
+        smallest = tuple(
+            Smallest(id, (name,), "1", size, {}, size, size)
+            for (id, name), size in zip(two, sizes, strict=True)
+        )
+        table = np.asarray([[1.0, value], [value, 1.0]])
+        return Design(tuple(id for id, _ in two), table, smallest, np.zeros(1), np.zeros(1))
+
+    slip = () if after is None else (Change("slip_channel", "a slip channel", 1, design(after)),)
+    asked = Planned([UM, 1e-5], 1e-4, STIFFNESS, NOISE, PLANT | {"V0": UM})
+    return Protocol(
+        **vars(asked), with_=(), critical_stiffness=1.0, ratio=4.0, design=design(cosine),
+        changes=slip, warnings=(), seconds=0.0,
+    )  # fmt: skip
+
+
+TWO = ("ageing", "velocity_dependent_L")
+YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing from "
+
+
+@pytest.mark.parametrize(
+    ("plan", "ids", "line"),
+    [
+        (designed(0.6), TWO, YES + "velocity_dependent_L (|cosine| 0.600), from q = 0.012 or"
+         " n = 0.025 on"),
+        (designed(0.6), ("base", "ageing"), YES + "the slip law, from q = 0.01 on"),
+        (designed(0.6), ("ageing", "base"), YES + "the slip law, from q = 0.01 on"),
+        (designed(0.96), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95"),
+        (designed(0.96, after=0.5), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
+         " it would with a slip channel"),
+        (designed(0.96, after=0.97), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
+         " no change in the table below would"),
+        (designed(np.nan, sizes=(None, 0.02)), TWO, "no: this plan does not see ageing, whatever"
+         " the size"),
+    ],
+)  # fmt: skip
+def test_the_answer_on_a_pair(plan, ids, line):
+    assert answer(plan, plan.design.pair(*ids)) == line
+
+
+def test_the_size_of_an_answer_is_what_the_other_effect_leaves():
+    """By least squares: what one direction leaves of another, |a|^2 (1 - cosine^2)."""
+    rng = np.random.default_rng(0)
+    a, b = rng.standard_normal((2, 40)) + rng.standard_normal(40)
+    cosine = abs(a @ b) / np.linalg.norm(a) / np.linalg.norm(b)
+    left = np.linalg.lstsq(b[:, None], a, rcond=None)[1][0]
+    alone = 1 / np.linalg.norm(a)  # the size at which the likelihood ratio is 1
+    found = designed(cosine, sizes=(alone, 1.0)).design.pair(*TWO)
+    assert found.sizes["ageing"] == pytest.approx(1 / np.sqrt(left)) and found.apart
+
+
+def test_the_answer_is_the_first_line_of_the_command(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    plan = sys.modules["jaxfric.protocol.plan"]
+    monkeypatch.setattr(plan, "plan", lambda what, **_: designed(0.6, after=0.5))
+    options = [text for pair in GOOD.items() for text in pair]
+    call = ("protocol", "1,10 um/s", *options, "--tell", "ageing,velocity_dependent_L")
+    code, out, err = run(*call)
+    assert code == 0, err
+    assert out.splitlines()[0].startswith("yes: this plan tells ageing from velocity_dependent_L")
+    (file,) = Path().glob("*/protocol.json")
+    asked = json.loads(file.read_text())["asked"]
+    assert asked["told_apart"] is True and asked["cosine"] == 0.6
+    assert asked["effects"] == list(TWO) and set(asked["smallest"]) == set(TWO)
+
+
+def test_help_says_what_is_required():
+    told = run("protocol", "--help").out
+    for option in ("--slip-per-step", "--stiffness", "--noise"):
+        assert "Required" in told.split(f"{option} STR")[1][:60]
+
+
 # ---- what the user sees ----------------------------------------------------------------------
 
 
@@ -398,6 +477,24 @@ GOOD = {
         ("1,10 um/s", {"--parameters": "f0=0.6, C=0.01"}, ["'C' is unknown"]),
         ("1,10 um/s", {"--parameters": "f0"}, ["'f0' is not NAME=VALUE"]),
         ("1,10 um/s", {"--parameters": "f0=1,A=-1,B=1,L=1um"}, ["parameter A", "must be above 0"]),
+        ("1,10 um/s", {"--tell": "ageing"}, ["--tell 'ageing' names 1, not two"]),
+        ("1,10 um/s", {"--tell": "ageing,ageing"}, ["names 1, not two that differ"]),
+        ("1,10 um/s", {"--tell": "slip,base"}, ["both are the base model, the slip law"]),
+        ("1,10 um/s", {"--tell": "base,agein"}, ["no effect 'agein'", "did you mean 'ageing'"]),
+        ("1,10 um/s", {"--tell": "gain,viscous", "--with": "gain"}, ["the base model has gain"]),
+        ("1,10 um/s", {"--tell": "gain,viscous", "--without": "gain"}, ["no effect 'gain'"]),
+        ("1,10 um/s", {"--tell": "normal_stress,gain"}, ["no effect 'normal_stress'"]),
+        (
+            "1,10 um",
+            {"--slip-per-step": None, "--stiffness": "0/um", "--noise": None, "--tell": "a"},
+            [
+                "velocities: 'um' is not a unit of m/s",
+                "--slip-per-step is missing",
+                "--noise is missing",
+                "--stiffness: '0/um' is not positive",
+                "--tell 'a' names 1",
+            ],
+        ),
         ("1,10 um/s", {"--from": "none.json"}, ["none.json", "no such file"]),
         ("1,10 um/s", {"--from": "a", "--parameters": "A=1"}, ["--from excludes"]),
         ("1,10 um/s", {"--law": "dieterich"}, ["dieterich"]),

@@ -1,22 +1,26 @@
 """`jaxfric protocol`: what will a planned sequence of velocity steps be able to tell apart?"""
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..pairs import read_pairs
 from . import options
 from .common import effect_ids, optional_quantity, prepare_jax, stdout_console, told, warn
 from .folder import Folder, choose_folder, source_name
 
 if TYPE_CHECKING:
-    from ..protocol.design import Protocol
+    from ..protocol.design import Pair, Protocol
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
+EXAMPLES = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
+"""Values of the options that are required."""
+T = TypeVar("T")
 
 
 def protocol(
@@ -30,14 +34,17 @@ def protocol(
     /,
     *,
     slip_per_step: Annotated[
-        options.Text, Parameter(help="Load-point motion at each velocity: 150um.")
+        options.Text, Parameter(help="Required. Load-point motion at each velocity: 150um.")
     ] = None,
     stiffness: Annotated[
         options.Text,
-        Parameter(help="Stiffness of the machine: 5e-3/um, or 2e6 N/m. Default: that of --from."),
+        Parameter(
+            help="Required, unless --from has one. Stiffness of the machine: 5e-3/um, or 2e6 N/m."
+        ),
     ] = None,
     noise: Annotated[
-        options.Text, Parameter(help="Noise of a row: 3e-4, or 0.5 N. Default: that of --from.")
+        options.Text,
+        Parameter(help="Required, unless --from has one. Noise of a row: 3e-4, or 0.5 N."),
     ] = None,
     from_: Annotated[
         Path | None,
@@ -53,6 +60,14 @@ def protocol(
     slip_channel: Annotated[
         options.Text, Parameter(help="A channel of slip is planned, of this noise: '0.1 um'.")
     ] = None,
+    tell: Annotated[
+        list[str] | None,
+        Parameter(
+            negative=(),
+            help="Two effects, 'ageing,second_state', or an effect and base (the law without any):"
+            " whether the plan tells these two apart is the first line.",
+        ),
+    ] = None,
     with_: options.With = None,
     without: options.Without = None,
     out: options.Out = None,
@@ -65,18 +80,27 @@ def protocol(
     with the options that differ from their default.
     """
     declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
-    commanded = read_velocities(velocities)
-    slip = optional_quantity(slip_per_step, "m", "--slip-per-step")
-    if slip is None:
-        raise InputError("--slip-per-step is missing; give one, as in --slip-per-step 150um")
+    wrong = _Wrong()
+    commanded = wrong.of(lambda: read_velocities(velocities))
+    slip = wrong.of(lambda: _given(slip_per_step, "m", "--slip-per-step"))
+    slip_noise = wrong.of(lambda: optional_quantity(slip_channel, "m", "--slip-channel"))
+    asked = wrong.of(lambda: _pair_of(tell))
     with told(quiet=json) as progress:
-        values, found_law, unit, more, warned = _base(from_, parameters, law, stiffness)
-        K = _size(stiffness, f"{unit}/m", "--stiffness", values.pop("K", None))
-        sigma = _size(noise, unit, "--noise", values.pop("noise", None))
+        base = wrong.of(lambda: _base(from_, parameters, law, stiffness))
+        values, found_law, unit, more, warned = base or ({}, "", "1", (), ())
+        K, sigma = values.pop("K", None), values.pop("noise", None)
+        if base or stiffness is None:
+            K = wrong.of(lambda: _size(stiffness, f"{unit}/m", "--stiffness", K))
+        if base or noise is None:
+            sigma = wrong.of(lambda: _size(noise, unit, "--noise", sigma))
+        wrong.refuse()
+        assert commanded is not None and slip is not None and K is not None and sigma is not None
         prepare_jax()
         from ..plot.loop import save_aliasing
         from ..protocol.plan import Planned, plan
 
+        if asked is not None:
+            asked = _known_pair(asked, found_law, (*more, *declared), excluded)
         folder = choose_folder(out, source_name(from_), from_) if from_ else choose_folder(out, "")
         found = plan(
             Planned(
@@ -88,23 +112,88 @@ def protocol(
                 law=found_law,
                 friction_unit=unit,
                 rows=rows,
-                slip_noise=optional_quantity(slip_channel, "m", "--slip-channel"),
+                slip_noise=slip_noise,
             ),
             with_=tuple(dict.fromkeys((*more, *declared))),
             without=excluded,
             progress=progress,
         )
         found = dataclasses.replace(found, warnings=(*warned, *found.warnings))
+        pair = None if asked is None else found.design.pair(*asked)
         progress("drawing figures")
-        content = folder.save_json("protocol.json", found.to_json())
+        answer = {} if pair is None else {"asked": pair.to_json()}
+        content = folder.save_json("protocol.json", {**found.to_json(), **answer})
         ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     if json:
         print(content)
     else:
-        _print(found, folder, typical=from_ is None and parameters is None)
+        _print(found, folder, pair, typical=from_ is None and parameters is None)
     warn(found.warnings)
     return folder.close()
+
+
+class _Wrong:
+    """What is wrong with the options: all of it is told at once."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def of(self, read: Callable[[], T]) -> T | None:
+        """What `read` gives; None where it refuses."""
+        try:
+            return read()
+        except InputError as error:
+            self.texts.append(str(error))
+            return None
+
+    def refuse(self) -> None:
+        """Raises `InputError` with all that was wrong."""
+        if self.texts:
+            raise InputError("; and ".join(self.texts))
+
+
+def _given(text: str | None, unit: str, option: str) -> float:
+    """A quantity of an option that is required."""
+    value = optional_quantity(text, unit, option)
+    if value is None:
+        raise InputError(f"{option} is missing; give one, as in {option} {EXAMPLES[option]}")
+    return value
+
+
+def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
+    """The two ids of --tell."""
+    ids = effect_ids(texts, "--tell")
+    if not ids:
+        return None
+    if len(ids) != 2:
+        raise InputError(
+            f"--tell '{','.join(texts or ())}' names {len(ids)}, not two that differ; write --tell"
+            " ageing,second_state, or --tell base,ageing"
+        )
+    return ids[0], ids[1]
+
+
+def _known_pair(
+    ids: tuple[str, str], law: str, with_: Sequence[str], without: Sequence[str]
+) -> tuple[str, str]:
+    """The pair by the ids of a plan; the law of the base model is the base."""
+    from ..effects import CATALOGUE
+    from ..laws.registry import takes
+    from ..protocol.design import BASE
+
+    effects = {id: effect for id, effect in CATALOGUE.items() if effect.channel is None}
+    known = [id for id, effect in effects.items() if id not in without and takes(law, effect)]
+    a, b = (BASE if id == law and id not in known else id for id in ids)
+    for id in (a, b):
+        if id in with_:
+            raise InputError(f"--tell: the base model has {id} (--with); ask for another effect")
+        if id not in known and id != BASE:
+            names = (BASE, *known)
+            raise InputError(f"--tell: no effect '{id}' in this plan{did_you_mean(id, names)}")
+    if a == b:
+        raise InputError(f"--tell: both are the base model, the {law} law; name an effect")
+    return a, b
 
 
 def read_velocities(text: str) -> list[float]:
@@ -133,8 +222,7 @@ def _size(text: str | None, unit: str, option: str, known: float | None) -> floa
     """A quantity in a unit such as "1/m" or "N", of an option or known from a file."""
     if text is None:
         if known is None:
-            example = {"--stiffness": "5e-3/um", "--noise": "3e-4"}[option]
-            raise InputError(f"{option} is missing; give one, as in {option} {example}")
+            raise InputError(f"{option} is missing; give one, as in {option} {EXAMPLES[option]}")
         return known
     value = optional_quantity(text, unit, option)
     assert value is not None
@@ -217,9 +305,9 @@ def _numbers(table: object, **keys: str) -> dict[str, float]:
     return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
 
 
-def _print(found: "Protocol", folder: Folder, *, typical: bool) -> None:
+def _print(found: "Protocol", folder: Folder, pair: "Pair | None", *, typical: bool) -> None:
     from ..report.protocol_text import print_protocol
 
     console = stdout_console()
-    print_protocol(found, console, typical=typical)
+    print_protocol(found, console, typical=typical, pair=pair)
     console.print(f"\n{folder.written}", markup=False, soft_wrap=True)

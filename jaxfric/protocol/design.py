@@ -1,5 +1,6 @@
 """Results of `protocol.plan`: what a planned protocol can show, before it is run."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -26,6 +27,32 @@ class Smallest:
     """Amplitude at the shape that is seen worst."""
     needed: float | None
     """`amplitude`, or what it would have to be where that is not physically possible."""
+
+
+BASE = "base"
+"""Stands for the model without any of the effects, where a pair of them is asked for."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Whether a plan tells two effects apart, or an effect from the base."""
+
+    ids: tuple[str, str]
+    cosine: float | None
+    """|cosine| of the two; None where one is the base, or one is not seen."""
+    apart: bool
+    sizes: Mapping[str, float]
+    """The amplitude of each effect from which on the other cannot stand for it, where `apart`: to
+    first order a fit with the other leaves a^2 |s|^2 (1 - cosine^2) of the likelihood ratio."""
+
+    def to_json(self) -> dict:
+        """The answer as JSON values."""
+        return {
+            "effects": list(self.ids),
+            "cosine": self.cosine,
+            "told_apart": self.apart,
+            "smallest": dict(self.sizes),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +87,19 @@ class Design:
         once = {min(map(self.ids.index, g)): g for g in group.values() if len(g) > 1}
         ordered = [tuple(sorted(once[k], key=self.ids.index)) for k in sorted(once)]
         return tuple(sorted(ordered, key=lambda g: -len(g)))
+
+    def pair(self, a: str, b: str) -> Pair:
+        """Whether two of `ids` are told apart, or one of them from `BASE`."""
+        seen = {s.id: s.amplitude for s in self.smallest}
+        effects = [id for id in (a, b) if id != BASE]
+        known = {id: x for id in effects if (x := seen[id]) is not None}
+        cosine = None
+        if len(effects) == 2 and len(known) == 2:
+            cosine = float(self.cosines[self.ids.index(a), self.ids.index(b)])
+        apart = len(known) == len(effects) and (cosine is None or cosine <= ALIAS)
+        left = math.sqrt(1 - (cosine or 0.0) ** 2) if apart else 1.0
+        sizes = {id: size / left for id, size in known.items()} if apart else {}
+        return Pair((a, b), cosine, apart, sizes)
 
     def unseen(self) -> tuple[str, ...]:
         """Effects that are not seen at all, whatever their size."""

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
-from ..protocol.design import Change, Design, Protocol, Smallest
+from ..loop.thresholds import ALIAS
+from ..protocol.design import BASE, Change, Design, Pair, Protocol, Smallest
 from ..units import format_si, speed_text
 from .loop_text import TextTable, print_tables, shown_unit
 
@@ -54,6 +55,28 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
         + (f"; with {', '.join(plan.with_)}" if plan.with_ else "")
         + (" (typical values: give yours with --parameters or --from)" if typical else ""),
     ]
+
+
+def answer(plan: Protocol, pair: Pair) -> str:
+    """Whether the plan tells the two that were asked for apart, with its number."""
+    names = [f"the {plan.law} law" if id == BASE else id for id in pair.ids]
+    a, b = names if pair.ids[0] != BASE else names[::-1]
+    if pair.apart:
+        smallest = {s.id: s for s in plan.design.smallest}
+        sizes = " or ".join(_size(smallest[id], size) for id, size in pair.sizes.items())
+        how = "" if pair.cosine is None else f" (|cosine| {_cosine(pair.cosine)})"
+        return f"yes: this plan tells {a} from {b}{how}, from {sizes} on"
+    if pair.cosine is None:
+        unseen = [id for id in pair.ids if id in plan.design.unseen()]
+        return f"no: this plan does not see {' and '.join(unseen)}, whatever the size"
+    would = [c.text for c in plan.changes if c.design and c.design.pair(*pair.ids).apart]
+    advice = f"; it would with {would[0]}" if would else ""
+    if plan.changes and not would:
+        advice = "; no change in the table below would"
+    return (
+        f"no: this plan cannot tell {a} from {b}: |cosine| {_cosine(pair.cosine)}, above"
+        f" {ALIAS:g}{advice}"
+    )
 
 
 def apart(plan: Protocol) -> list[str]:
@@ -106,8 +129,12 @@ def changes(plan: Protocol) -> TextTable:
     return TextTable(title, head, rows, "", marked)
 
 
-def print_protocol(plan: Protocol, console: "Console", *, typical: bool = False) -> None:
-    """Print everything to a rich console."""
+def print_protocol(
+    plan: Protocol, console: "Console", *, typical: bool = False, pair: Pair | None = None
+) -> None:
+    """Print everything to a rich console, first the answer on the pair that was asked for."""
+    if pair is not None:
+        console.print(answer(plan, pair) + "\n", markup=False, soft_wrap=True)
     for line in headline(plan, typical=typical):
         console.print(line, markup=False)
     console.print("\nWhat this plan cannot tell apart", markup=False)
