@@ -45,6 +45,7 @@ WORDS_OF_A_RIG, SPELLINGS = (
     f"tests/test_loop_report.py -k {word}" for word in ("own_words", "spelling")
 )
 PAIR = "tests/test_protocol.py -k answer"
+SHORT, FIRST = "tests/test_claims.py -k short", "tests/test_loop_report.py -k comes_first"
 CARDS = "tests/test_loop_report.py -k card"
 LOADING, ALONE = "tests/test_loading.py", "tests/test_gains_cli.py -k alone"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
@@ -227,6 +228,10 @@ FAULTS = (
           "cosine <= ALIAS)", "cosine <= 1)", PAIR),
     Fault("one effect stands for the other at no cost", "protocol/design.py",
           "size / left for", "size for", PAIR),
+    Fault("an axis that may stick-slip is held by anything", "gains/axis_result.py",
+          'return f"nothing can be said', 'text = f"any k_p > 0 holds it', SHORT),
+    Fault("the answer on an axis stands below", "report/loop_text.py",
+          "(first := answer(loop))", "(first := [])", FIRST),
     Fault("an error of 0 determines a parameter", "fitting/uncertainty.py",
           "bool(0 < QUANTILE", "bool(-1 < QUANTILE", FIT),
     Fault("half a rise counts for all of the path", "fitting/loading.py",

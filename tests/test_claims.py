@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxfric.fitting import Estimate, Fit
-from jaxfric.gains.axis_result import AxisGains, Shown
+from jaxfric.gains.axis_result import AxisGains, Shown, StiffOptimum
 from jaxfric.stability.claims import (
     Above,
     Claim,
@@ -104,8 +104,38 @@ def test_sentences_claim_no_more_than_the_rule():
     assert "The 3 slowest, up to 19.1 rpm, lie above the curve, 4.0 times the error" in text
 
 
+def short(curve, stiff=None):
+    gains = AxisGains(-1.0, curve.slope, max(0.0, -curve.slope), None, stiff, curve)
+    return gains.short(Shown("mN m s/rad", 1e-3), Shown("rpm", np.pi / 30))
+
+
+def test_the_short_sentence_claims_no_more_than_the_rule():
+    assert short(RISES) == (
+        "friction grows with speed from 9.549 rpm to 191 rpm, and is no reason for it there."
+        " Slower motion than 9.549 rpm was not seen."
+    )
+    falls = dataclasses.replace(RISES, slope=-0.05)
+    assert short(falls) == (
+        "friction falls with speed, most steeply at -9.549 rpm, so the axis may stick-slip; damping"
+        " k_v above 90 mN m s/rad holds it from 9.549 rpm to 191 rpm. Slower motion than 9.549 rpm"
+        " was not seen."
+    )
+    stiff = StiffOptimum(1.0, 0.5, 3.0, None)
+    assert "191 rpm, or stiffness k_p above 500 mN m/rad. Slower" in short(falls, stiff)
+    endless = dataclasses.replace(stiff, critical_stiffness=np.inf)
+    assert "k_p" not in short(falls, endless)
+    for altered in ({"above": SLOW}, {"error": 1.0}, {"unseen": (Unseen("all stuck", 30.0),)}):
+        for slope in (RISES.slope, -0.05):
+            text = short(dataclasses.replace(RISES, **{"slope": slope, **altered}))
+            assert text.startswith("nothing can be said: ")
+            assert not any(word in text for word in ("holds", "no reason", "k_p", "k_v"))
+    stuck = dataclasses.replace(RISES, unseen=(Unseen("2.csv moved unevenly there", 0.5),))
+    assert "Below 9.549 rpm nothing is said: 2.csv" in short(stuck)
+
+
 def test_gains_whose_curve_is_not_told_claim_nothing():
     gains = AxisGains(1.0, 0.05, 0.0, None)
+    assert gains.short().startswith("nothing can be said: ")
     assert gains.claim == Claim("open", ("what the fitted curve rests on was not told",))
     assert "holds" not in gains.sentence()
 

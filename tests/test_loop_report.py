@@ -54,6 +54,7 @@ from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
 from jaxfric.report.loop_next import next_steps, takes_gains
 from jaxfric.report.loop_text import (
+    answer,
     apart,
     by_velocity,
     candidates,
@@ -867,6 +868,33 @@ def test_a_drive_of_which_nothing_is_known_has_no_column(drive, columns) -> None
     details = AxisDetails((), Preparation(50.0, 1), 1e-3, record, AxisGains(1.0, -2.0, 2.0, None))
     table = details._gains("m")
     assert len(table.head) == columns and {len(row) for row in table.rows} == {columns}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "friction"),
+    [
+        ("no_missing_effect", "Coulomb and viscous friction describe all that the rows show"),
+        ("effects", "Coulomb and viscous friction, and "),
+        ("ambiguous", "Coulomb and viscous friction do not describe it: an effect is missing, but"),
+        ("too_weak", "Coulomb and viscous friction do not describe it: what is left is too little"),
+    ],
+)
+def test_the_answer_on_an_axis_comes_first(verdict: str, friction: str) -> None:
+    details: Any = SimpleNamespace(short=lambda: "stick-slip: nothing can be said", tables=list)
+    plain = make_loop(verdict)
+    loop = dataclasses.replace(plain, details=details, words=plain.words._replace(base=AXIS.base))
+    text = " ".join(printed(loop).split())
+    first, second, third = lines = answer(loop)
+    assert text.startswith(" ".join([*lines, "How it was found", f"{verdict}: "]))
+    assert first.startswith(f"friction: {friction}") and second == details.short()
+    sigma = loop.sigma_of(loop.blocks.select | loop.blocks.report)
+    before, after = (f"{loop.heldout(s) / sigma:.3g}" for s in (loop.before, loop.after))
+    more = f" before, {after} times after" if loop.effects else ""
+    assert third == (
+        f"error in rows that no fit saw: {before} times the noise{more} (1: only noise is left)"
+    )
+    assert all(line in page_of(loop).text for line in (first, second, third))
+    assert answer(plain) == []
 
 
 def test_a_curve_whose_shape_is_not_told_is_said_to_be_so():

@@ -96,6 +96,26 @@ class AxisGains:
             text += "" if self.stiff is None else f" {self.stiff.sentence(unit, velocity)}"
         return text + self._not_seen(velocity)
 
+    def short(self, unit: Shown = SI, velocity: Shown = SPEED) -> str:
+        """Whether friction makes the axis stick-slip, and what holds it, as far as rows tell."""
+        claim = self.claim
+        if claim.kind == "open":
+            return f"nothing can be said: {'; '.join(claim.reasons)}"
+        if claim.kind == "free":
+            return (
+                f"friction grows with speed{self._range(velocity)}, and is no reason for it there."
+                f"{self._not_seen(velocity)}"
+            )
+        text = (
+            f"friction falls with speed, most steeply at {velocity.text(self.worst_velocity)}, so"
+            f" the axis may stick-slip; damping k_v above {unit.text(claim.damping)} holds it"
+            f"{self._range(velocity)}"
+        )
+        if self.stiff is not None and 0 < self.stiff.critical_stiffness < np.inf:
+            stiffness = Shown(unit.name.replace(" s/", "/"), unit.size)
+            text += f", or stiffness k_p above {stiffness.text(self.stiff.critical_stiffness)}"
+        return f"{text}.{self._not_seen(velocity)}"
+
     def _slope(self, unit: Shown) -> str:
         if self.curve is None or self.curve.error == 0:
             return unit.text(self.slope)

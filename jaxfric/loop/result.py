@@ -151,6 +151,10 @@ class TextTable(NamedTuple):
 class LoopDetails(typing.Protocol):
     """Results of one kind of rig only: further tables, and further entries of `loop.json`."""
 
+    def short(self) -> str:
+        """What the result means for the motion, in a sentence; '' where that is not asked."""
+        ...
+
     def tables(self) -> list[TextTable]: ...
     def to_json(self) -> dict: ...
 

@@ -139,6 +139,10 @@ class RunDetails:
     joined: Joined
     after: Score
 
+    def short(self) -> str:
+        """Nothing: a run's motion is that of the press."""
+        return ""
+
     def tables(self) -> list[TextTable]:
         """A row for every stretch."""
         rows = []

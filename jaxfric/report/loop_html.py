@@ -8,6 +8,7 @@ from ..loop.result import Loop
 from ..loop.where import shares_told
 from .loop_next import meanings, next_steps
 from .loop_text import (
+    answer,
     apart,
     candidates,
     headline,
@@ -141,7 +142,8 @@ def _head(loop: Loop, name: str) -> str:
     asked = f"{name}: what does the {law}{' with ' + declared if declared else ''} lack?"
     return (
         f"<header>{paragraph(asked, 'of')}<h1>{escaped(headline(loop))}</h1>"
-        f"{paragraph(loop.sentence, 'sentence')}{bullets(loop.reasons)}</header>"
+        f"{paragraph(loop.sentence, 'sentence')}{bullets(loop.reasons)}{bullets(answer(loop))}"
+        "</header>"
     )
 
 

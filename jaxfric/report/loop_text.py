@@ -63,12 +63,47 @@ def lines(loop: Loop) -> list[str]:
     return [f"{loop.verdict}: {loop.sentence}", *_reasons(loop)]
 
 
+def answer(loop: Loop) -> list[str]:
+    """Of an axis: what friction it has, whether that makes it stick-slip, and the error before and
+    after, each in a line. Nothing of others, whose sentence says it."""
+    means = "" if loop.details is None else loop.details.short()
+    if not means:
+        return []
+    base = loop.words.base
+    if loop.verdict == "no_missing_effect":
+        found = f"{base} describe all that the rows show"
+    elif loop.verdict == "effects" and not loop.families:
+        found = f"{base}, and {listed([_named(loop, id) for id in loop.effects])}"
+    else:
+        found = f"{base} do not describe it: {headline(loop)[0].lower()}{headline(loop)[1:]}"
+    sigma = loop.sigma_of(loop.blocks.select | loop.blocks.report)
+    before, after = loop.heldout(loop.before) / sigma, loop.heldout(loop.after) / sigma
+    error = f"{before:.3g} times the noise"
+    if loop.effects:
+        error = f"{error} before, {after:.3g} times after"
+    return [
+        f"friction: {found}",
+        means,
+        f"error in rows that no fit saw: {error} (1: only noise is left)",
+    ]
+
+
+def _named(loop: Loop, id: str) -> str:
+    """An effect with its meaning, as part of a sentence."""
+    meaning = loop.words.catalogue[id].meaning if id in loop.words.catalogue else ""
+    return f"{id} ({meaning[0].lower()}{meaning[1:].rstrip('.')})" if meaning else id
+
+
 def _reasons(loop: Loop) -> list[str]:
     return [f"  - {reason}" for reason in loop.reasons]
 
 
 def print_loop(loop: Loop, console: "Console") -> None:
     """Print verdict, tables and aliases to a rich console."""
+    for line in (first := answer(loop)):
+        console.print(line, markup=False)
+    if first:
+        console.print("\nHow it was found", markup=False)
     for line in lines(loop):
         console.print(line, markup=False)
     console.print(splitting(loop), markup=False)

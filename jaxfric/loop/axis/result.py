@@ -151,9 +151,17 @@ class AxisDetails:
         own = _drive(gain, "V" if drive is None else drive.signal, unit)
         return ("least k_v", f"{claim.damping:.4g} {damping}", own)
 
+    def short(self) -> str:
+        """Whether the axis stick-slips, and what holds it."""
+        return f"stick-slip: {self.gains.short(*self._units())}"
+
     def _said(self) -> str:
+        return self.gains.sentence(*self._units())
+
+    def _units(self) -> tuple[Shown, Shown]:
+        """The units of damping and of velocity in sentences."""
         unit = "m" if self.record.coordinate == "linear" else "rad"
-        return self.gains.sentence(Shown(f"{self.record.force_unit} s/{unit}"), Shown(f"{unit}/s"))
+        return Shown(f"{self.record.force_unit} s/{unit}"), Shown(f"{unit}/s")
 
     def _looped(self, name: str) -> str:
         """The value that the loop ended with, as text."""
