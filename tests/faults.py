@@ -46,6 +46,7 @@ WORDS_OF_A_RIG, SPELLINGS = (
 )
 PAIR = "tests/test_protocol.py -k answer"
 SHORT, FIRST = "tests/test_claims.py -k short", "tests/test_loop_report.py -k comes_first"
+MASSES, STEPPED = (f"tests/test_study_toml.py -k {word}" for word in ("mass", "the_step"))
 CARDS = "tests/test_loop_report.py -k card"
 LOADING, ALONE = "tests/test_loading.py", "tests/test_gains_cli.py -k alone"
 FEW_ROWS, VERB = (f"tests/test_loop_{name}.py -k few_rows" for name in ("search", "report"))
@@ -232,6 +233,10 @@ FAULTS = (
           'return f"nothing can be said', 'text = f"any k_p > 0 holds it', SHORT),
     Fault("the answer on an axis stands below", "report/loop_text.py",
           "(first := answer(loop))", "(first := [])", FIRST),
+    Fault("a mass that nothing has is ignored", "members/make.py",
+          "if not any(part.mass for part in parts):", "if False:", MASSES),
+    Fault("the step of a study is told upside down", "members/motions.py",
+          "if ratio > 1 else", "if ratio < 1 else", STEPPED),
     Fault("an error of 0 determines a parameter", "fitting/uncertainty.py",
           "bool(0 < QUANTILE", "bool(-1 < QUANTILE", FIT),
     Fault("half a rise counts for all of the path", "fitting/loading.py",

@@ -31,7 +31,6 @@ law = "{law}"
 A = "4.5 N"
 B = "6 N"
 L = "5 um"
-m = "2 kg"
 """
 
 
@@ -157,7 +156,7 @@ def test_margins_of_a_study_are_those_of_the_package(tmp_path):
     k_v = { linspace = ["0 N*s/m", "200 kN*s/m"], points = 3 }
     V0 = { values = ["1 um/s", "10 um/s"] }
     """
-    text = 'compute = ["margins"]' + RIG.format(law="slip") + axes
+    text = 'compute = ["margins"]' + RIG.format(law="slip") + 'm = "2 kg"\n' + axes
     found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
 
     @jax.jit

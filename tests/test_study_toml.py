@@ -23,7 +23,7 @@ pytest.importorskip("xarray")
 
 from jaxfric import InputError, study
 from jaxfric.cli.app import _run as run_here
-from jaxfric.members import make
+from jaxfric.members import axes, make, motions, one_by_one, spec
 from jaxfric.study.function import refuse_clashes
 
 FEW = 'outputs = ["stability", "modulus"]\n'
@@ -94,6 +94,18 @@ BAD = {
         GOOD.replace("margins", "simulate") + "[simulate]\nratio = 1\n",
         ["[simulate]", "ratio is 1", "1.01"],
     ),
+    "idle mass": (
+        GOOD.replace("margins", "simulate").replace("[axes]", 'm = "2 kg"\n[axes]'),
+        ["m would not be used: simulate has", "leave m out, or write inertia = true in [simulate]"],
+    ),
+    "idle masses": (
+        GOOD.replace("margins", "simulate") + 'm = { values = ["1 kg", "2 kg"] }\n',
+        ["m would not be used"],
+    ),
+    "idle mass of a fit": (
+        GOOD.replace("margins", "fit").replace("[axes]", 'm = "2 kg"\n[axes]'),
+        ["m would not be used: fit has a slider without mass; leave m out"],
+    ),
     "gains": (GOOD.replace("margins", "gains"), ["[gains]", "margin is missing"]),
 }
 
@@ -110,6 +122,64 @@ def test_margins_and_motions_in_time_go_together() -> None:
     made = make(written(Path("study.toml"), text + "[simulate]\nsamples = 100\n"))
     refuse_clashes(made.spec.grid, made.outputs)
     assert {"phase", "force"} <= {output.name for output in made.outputs}
+
+
+def test_a_mass_that_only_margins_have_is_told() -> None:
+    both = GOOD.replace('"margins"', '"margins", "simulate"')
+    both = both.replace("[axes]", 'm = "2 kg"\n[axes]')
+
+    def warned(more: str) -> list[str]:
+        found = make(written(Path("study.toml"), both + more)).spec.warnings
+        return [line for line in found if "mass" in line]
+
+    (line,) = warned("")
+    assert line.startswith("the mass m is in the margins, and the simulated slider has none: write")
+    assert warned("[simulate]\ninertia = true\n") == warned("[simulate]\ninertia = false\n") == []
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [("", "V0/10 to V0"), ("ratio = 0.1", "10 V0 to V0"), ("ratio = 3", "V0/3 to V0")],
+)
+def test_the_step_and_an_escape_are_told(ratio: str, words: str) -> None:
+    text = GOOD.replace("margins", "simulate").replace('"100 kN/m", "1 MN/m"', '"1 kN/m", "1 MN/m"')
+    written(Path("study.toml"), text + f"[simulate]\n{ratio}\n")
+    code, out, err = run("study", "study.toml")
+    assert code == 0, err
+    assert f"end (end of the motion after a step from {words}" in out
+    assert ("  escape: The slider ran away: its spring is softer than" in out) == ("escape" in out)
+    assert ratio != "" or "escape" in out
+
+
+KEYS = {
+    "key": {*spec._TOP} - {"rig", "axes", "samples"},
+    "`[rig]`": {*spec._RIG},
+    "`[axes]`": {*axes._AXIS, "points", "log", "normal_force"},
+    "`[samples]`": {"number", "seed"},
+    "`[simulate]`": {*motions._KEYS},
+    "`[gains]`": {*one_by_one._GAINS},
+    "`[fit]`": {*one_by_one._RECORD},
+    "`[loop]`": {*one_by_one._LOOP},
+}
+
+
+def test_the_page_has_a_row_for_every_key_that_is_understood() -> None:
+    page = Path(__file__).parents[1] / ".ci" / "docs" / "pages" / "study.md"
+    found: dict[str, list[str]] = {}
+    for line in page.read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if cells[1:] == ["unit", "default", "meaning"]:
+            rows = found[cells[0]] = []
+        elif line.startswith("| `") and len(cells) == 4:
+            assert cells[3], line
+            rows.append(cells[0].strip("`"))
+    assert {name: sorted(keys) for name, keys in found.items()} == {
+        name: sorted(keys) for name, keys in KEYS.items()
+    }
+
+
+def test_the_tables_of_samples_knows_no_other_key() -> None:
+    refused(GOOD + "[samples]\nnumbr = 3\n", "[samples]: no key 'numbr'", "'number'")
 
 
 def test_urls_are_no_folders() -> None:

@@ -226,12 +226,27 @@ def _summary(found: "Dataset", seconds: float, members: int) -> list[str]:
         shares = [f"{count} {code.replace('_', ' ')}" for code, count in counts.items()]
         first = found[name].attrs["flag_meanings"].split()[0]
         if name != "outcome" or list(counts) != [first]:
-            lines.append(f"{name}: {', '.join(shares)}")
+            lines.append(f"{name}{_asked_of(found, name)}: {', '.join(shares)}")
+            lines += _meaning(found, name, counts)
     texts = list(found.attrs["errors"].items())
     lines += [f"  {count} of them: {text}" for text, count in texts[:_SHOWN]]
     if len(texts) > _SHOWN:
         lines.append(f"  and {len(texts) - _SHOWN} other errors, in the attribute 'errors'")
     return lines
+
+
+def _asked_of(found: "Dataset", name: str) -> str:
+    """Of how motions end: after which step."""
+    return f" ({found[name].attrs['long_name']})" if name == "end" else ""
+
+
+def _meaning(found: "Dataset", name: str, counts: dict[str, int]) -> list[str]:
+    """What the codes of how motions end mean, of those that occur and are not plain."""
+    if name != "end":
+        return []
+    about = found[name].attrs
+    texts = dict(zip(about["flag_meanings"].split(), about["flag_texts"], strict=True))
+    return [f"  {code}: {texts[code]}" for code in ("escape", "failed") if code in counts]
 
 
 def _codes(found: "Dataset") -> dict[str, dict[str, int]]:

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Literal
 
 from jaxtyping import Array
 
+from ..errors import InputError
 from ..study import Output, Progress, run
 from ..study.function import Cost, Function, refuse_clashes
 from .computations import COMPUTATIONS
 from .spec import Spec, StudyPart, choose_outputs, read_spec
+from .tables import table_of
 
 if TYPE_CHECKING:
     import xarray
@@ -61,6 +63,7 @@ def make(path: str | Path, own: str | None = None) -> Made:
     used = [part for part in parts if part.kept(spec)]
     functions = tuple(part.function for part in used)
     told = tuple(line for part in used for line in part.warnings)
+    told += _left_out(spec, used)
     return Made(
         replace(spec, warnings=(*spec.warnings, *told)),
         functions[0] if len(functions) == 1 else Together(functions),
@@ -70,6 +73,31 @@ def make(path: str | Path, own: str | None = None) -> Made:
         spec.chunk or min(part.chunk for part in used),
         min(part.batch for part in used),
         all(part.separate for part in used),
+    )
+
+
+def _left_out(spec: Spec, parts: list[StudyPart]) -> tuple[str, ...]:
+    """A warning where a mass is given and the simulated slider does not have it, but for who says
+    `inertia = false`.
+
+    Raises
+    ------
+    InputError : nothing that is computed has a mass.
+    """
+    given = "m" in table_of(spec.content, "rig", spec.path.name) or "m" in spec.grid.names
+    meant = "inertia" in spec.options.get("simulate", {})
+    if not given or meant or all(part.mass for part in parts):
+        return ()
+    simulated = "simulate" in spec.compute
+    advice = "write inertia = true in [simulate] to take it along"
+    if not any(part.mass for part in parts):
+        raise InputError(
+            f"{spec.path.name}: m would not be used: {' and '.join(spec.compute)} has a slider"
+            f" without mass; leave m out{', or ' + advice if simulated else ''}"
+        )
+    return (
+        "the mass m is in the margins, and the simulated slider has none:"
+        f" {advice}, or inertia = false where that is meant",
     )
 
 

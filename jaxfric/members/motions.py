@@ -222,9 +222,10 @@ def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
         makes unique.
     """
     function = _function(spec, table, where)
-    outputs = ENDINGS + traces(function.samples)
+    end = replace(ENDINGS[0], long_name=f"end of the motion after {_step(spec, function)}")
+    outputs = (end, *ENDINGS[1:], *traces(function.samples))
     usual = tuple(o.name for o in (outputs if "samples" in table else ENDINGS))
-    part = StudyPart(function, outputs, usual)
+    part = StudyPart(function, outputs, usual, mass=function.inertia)
     wanted = {output.name for output in part.kept(spec)}
     function = replace(function, wanted=tuple(wanted))
     traced, ended = bool(_IN_TIME & wanted), bool(_ENDINGS & wanted)
@@ -239,6 +240,14 @@ def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
     if traced:
         part = replace(part, chunk=_CHUNK_WITH_TRACES)
     return replace(part, warnings=_logarithmic(spec)) if traced or ended else part
+
+
+def _step(spec: Spec, function: Motions) -> str:
+    """The step of the command in words."""
+    ratio = function.sliders.fixed.get("ratio")
+    if "ratio" in spec.grid.names or ratio is None:
+        return "a step from V0/ratio to V0"
+    return f"a step from {f'V0/{ratio:g}' if ratio > 1 else f'{1 / ratio:g} V0'} to V0"
 
 
 def _function(spec: Spec, table: Table, where: str) -> Motions:

@@ -137,7 +137,7 @@ def make_fit(spec: Spec, table: Table, where: str) -> StudyPart:
     outputs += [Output(f"std_{n}", units[n], f"standard deviation of {n}") for n in names]
     outputs += [Output("rms", "N", "rms of the residual")]
     function = FitOfRecord(maker, tuple(names))
-    return StudyPart(function, tuple(outputs), kind="host", chunk=_CHUNK_FITS, batch=1)
+    return StudyPart(function, tuple(outputs), kind="host", chunk=_CHUNK_FITS, batch=1, mass=False)
 
 
 def _state(i: int) -> tuple[str, str]:
@@ -293,7 +293,7 @@ def make_loop(spec: Spec, table: Table, where: str) -> StudyPart:
     declared, excluded = (_effects(table, key, where) for key in ("with", "without"))
     recorder = _record(spec, table, where, steps=6)
     function = LoopOfRecord(recorder, tuple(codes), tuple(ids), most, declared, excluded)
-    return StudyPart(function, outputs, kind="host", chunk=_CHUNK_LOOPS, batch=1)
+    return StudyPart(function, outputs, kind="host", chunk=_CHUNK_LOOPS, batch=1, mass=False)
 
 
 def _effects(table: Table, key: str, where: str) -> tuple[str, ...]:

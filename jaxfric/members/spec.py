@@ -97,6 +97,8 @@ class StudyPart:
     batch: int = 512
     separate: bool = True
     warnings: tuple[str, ...] = ()
+    mass: bool = True
+    """Whether the mass m takes part."""
 
     def kept(self, spec: Spec) -> tuple[Output, ...]:
         """Outputs of this part that the study keeps."""
