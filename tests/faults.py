@@ -237,6 +237,8 @@ FAULTS = (
           "if not any(part.mass for part in parts):", "if False:", MASSES),
     Fault("the step of a study is told upside down", "members/motions.py",
           "if ratio > 1 else", "if ratio < 1 else", STEPPED),
+    Fault("events that contradict a record are fitted first", "cli/run.py",
+          "    warn(early)\n", "\n", "tests/test_run_cli.py -k contradict"),
     Fault("an error of 0 determines a parameter", "fitting/uncertainty.py",
           "bool(0 < QUANTILE", "bool(-1 < QUANTILE", FIT),
     Fault("half a rise counts for all of the path", "fitting/loading.py",

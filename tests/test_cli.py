@@ -357,15 +357,15 @@ def test_steps_after_the_end_are_refused_by_record_too() -> None:
 
 def test_steps_that_are_not_those_of_the_load_point_are_told() -> None:
     import jaxfric
-    from jaxfric.fitting.assemble import _contradicted
+    from jaxfric.fitting.assemble import contradicted
 
     t = np.linspace(0, 60, 600)
     x = np.where(t < 20, 1e-6 * t, 20e-6 + 1e-5 * (t - 20))
     record = jaxfric.from_arrays(t, 0.6 + 0 * t, load_point_displacement=x)
     right = jaxfric.VelocitySteps.parse("0 s: 1.1 um/s, 20 s: 9 um/s")
     wrong = jaxfric.VelocitySteps.parse("0 s: 10 um/s, 20 s: 1 um/s")
-    assert _contradicted(record, right) == []
-    (text,) = _contradicted(record, wrong)
+    assert contradicted(record, right) == []
+    (text,) = contradicted(record, wrong)
     assert text.startswith("from 0 s on the steps say 10 um/s, but the load point moves at 1 um/s")
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -14,7 +15,7 @@ from fits.runs.generate import generate
 from jaxfric.report.run_html import page
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.cycles import StickSlip
-from jaxfric.runs.decisions import read_decisions
+from jaxfric.runs.decisions import decisions_text, read_decisions
 from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
 from jaxfric.runs.ramps import Ramp
@@ -99,6 +100,32 @@ def test_events_can_be_changed_and_given_back(done, tmp_path):
     assert len(after) == len(before) - 1
     for a, b in zip(after, before[1:], strict=True):
         assert float(a["A"]) == pytest.approx(float(b["A"]), rel=1e-3)
+
+
+def test_events_that_contradict_the_record_are_told_before_any_is_fitted(
+    done, tmp_path, monkeypatch
+):
+    """And not a second time after the fits."""
+    _, _, out, K = done
+    events = list(read_decisions(out / "events.toml", np.inf))
+    where, step = next((k, event) for k, event in enumerate(events) if event.fitted)
+    events[where] = replace(step, before=10 * step.before, after=10 * step.after)
+    file = tmp_path / "events.toml"
+    file.write_text(decisions_text(tuple(events), "mine"))
+    call = ("run", out.parent / "mine.csv", "--stiffness", K, "--events", file)
+    said = "jaxfric: warning: step 1: from 0 s on the steps say"
+
+    def stop(*_):
+        raise jf.InputError("the fits begin")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sys.modules["jaxfric.cli.run"], "_fitted", stop)
+        code, _, err = run(*call, "--out", tmp_path / "o")
+        assert code == 2 and err.count(said) == 1 and err.index(said) < err.index("fits begin")
+        told = run(*call[:-1], out / "events.toml", "--out", tmp_path / "p").err
+        assert "the steps say" not in told
+    code, _, err = run(*call, "--out", tmp_path / "q")
+    assert err.count(said) == 1
 
 
 # ---- tables -----------------------------------------------------------------------------------

@@ -76,7 +76,7 @@ def run(
             " 1.6e-3/um, or let every step find its own (--fit-stiffness)"
         )
     from ..runs.findings import findings_of, ramps_stiffness_of
-    from ..runs.fits import HowFitted, decided_events
+    from ..runs.fits import HowFitted, contradictions, decided_events
     from ..runs.holds import fit_holds, warnings_of
     from ..runs.ramps import RAMPS
     from ..runs.stiffness import MachineStiffness
@@ -93,6 +93,8 @@ def run(
             how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
         record, found = decided_events(record, events, how.stiffness)
+        early = [] if events is None else contradictions(record, found)
+        warn(early)
         result = _fitted(record, found, how, folder, progress)
         holds = fit_holds(result.record, found, how, progress=progress)
         others = findings_of(result, found, how, progress=progress)
@@ -112,8 +114,15 @@ def run(
     else:
         _tell(result, holds, others)
         print(folder.written)
-    warn(warnings)
+    heads = {_head(line) for line in early}
+    warn(line for line in warnings if _head(line) not in heads)
     return folder.close()
+
+
+def _head(warning: str) -> str:
+    """The begin of a warning that a step contradicts the record, which numbers tell from another;
+    all of another warning."""
+    return warning.partition(", but the load point")[0]
 
 
 def _fitted(

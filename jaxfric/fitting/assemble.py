@@ -185,7 +185,7 @@ def _plausible(
     return within
 
 
-def _contradicted(record: Record, steps: VelocitySteps) -> list[str]:
+def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
     """Warnings for the velocity steps whose stated speed is not that of the recorded load point."""
     time, motion = record.relative_time, record.load_point_displacement
     if motion is None:
@@ -207,7 +207,7 @@ def _contradicted(record: Record, steps: VelocitySteps) -> list[str]:
 
 def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     """The fit with what its user should know; `moved` are steps far from where they were found."""
-    said = [*_contradicted(fit.record, fit.steps), *noise_words(fit.noise, fit.record)]
+    said = [*contradicted(fit.record, fit.steps), *noise_words(fit.noise, fit.record)]
     if not fit.converged:
         said.append(f"the fit did not converge ({fit.result}): do not use its parameters")
         return dataclasses.replace(fit, warnings=tuple(said))

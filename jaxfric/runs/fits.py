@@ -13,6 +13,7 @@ import numpy as np
 from ..described import Described, Drawable, Tabular
 from ..errors import InputError
 from ..fitting import Fit, fit
+from ..fitting.assemble import contradicted
 from ..laws.registry import refuse_unknown_law
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
@@ -81,6 +82,20 @@ def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:
         np.array([event.before, event.after]),
         time_errors=np.array([0.0, event.time_error]),
     )
+
+
+def contradictions(record: Record, events: Sequence[Event]) -> list[str]:
+    """Warnings for events whose speeds are not those of the recorded load point: what the fits of
+    these steps would warn of, before any is fitted."""
+    told: dict[str, list[int]] = {}
+    for number, event in enumerate((event for event in events if event.fitted), 1):
+        try:
+            texts = contradicted(*window_of(record, event))
+        except InputError:  # the step keeps this as the reason why it is not fitted
+            continue
+        for text in texts:
+            told.setdefault(text, []).append(number)
+    return [f"step {', '.join(map(str, numbers))}: {text}" for text, numbers in told.items()]
 
 
 @dataclass(frozen=True)
