@@ -128,6 +128,26 @@ def test_events_that_contradict_the_record_are_told_before_any_is_fitted(
     assert err.count(said) == 1
 
 
+def test_a_run_of_ramps_alone_tells_their_stiffness(tmp_path, monkeypatch):
+    """Unloaded and loaded again once: the spring is all that is seen, K = 5e-3/um."""
+    monkeypatch.chdir(tmp_path)
+    t = np.arange(0, 200, 0.05)
+    x = np.interp(t, [0, 80, 90, 200], np.cumsum([0, 400, -50, 550]) * 1e-6)
+    f = np.full(len(t), 0.6)
+    for i in range(1, len(t)):
+        f[i] = min(f[i - 1] + 5e3 * (x[i] - x[i - 1]), 0.6)
+    f += 3e-4 * np.random.default_rng(0).standard_normal(len(t))
+    head = "time [s],load_point_displacement [um],friction [1]"
+    rows = np.stack([t, 1e6 * x, f], axis=1)
+    np.savetxt("ramps.csv", rows, delimiter=",", header=head, comments="", fmt="%.6g")
+    code, out, err = run("run", "ramps.csv", "--stiffness", "5e-3/um", "--out", "o")
+    assert code == 0, err
+    assert "no velocity step is fitted" in out
+    known = json.loads((tmp_path / "o" / "run.json").read_text())
+    assert known["steps"] == [] and len(known["ramps"]) == 2
+    assert known["stiffness_from_ramps"]["value"] == pytest.approx(5e3, rel=0.02)
+
+
 # ---- tables -----------------------------------------------------------------------------------
 
 

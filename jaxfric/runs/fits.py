@@ -156,13 +156,17 @@ def fit_run(
     Where a window has more rows than `how` allows, means over neighbouring rows are fitted. A step
     whose fit is not possible is kept with the reason: no step ends a run.
 
-    A run without steps that has holds or stick-slip is a run whose `steps` are none.
+    A run without steps that has holds, stick-slip or ramps is a run whose `steps` are none.
 
     Raises `InputError` where there is nothing to be fitted, and as `jaxfric.fit` does where no
     step can be fitted.
     """
     chosen = [event for event in events if event.fitted]
-    if not chosen and (any(map(is_stretch, events)) or _moves_on(events)):
+    if not chosen and (
+        any(map(is_stretch, events))
+        or _moves_on(events)
+        or any(event.kind == "unload" for event in events)
+    ):
         return RunFit(record, tuple(events), ())
     if not chosen:
         raise InputError(
