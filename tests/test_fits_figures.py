@@ -335,6 +335,28 @@ def test_shares_of_the_runs():
     assert all(0.92 <= held / of <= 0.98 for held, of in inside.values())
 
 
+def test_shares_of_runs_whose_steps_share_all():
+    """Two hundred shorter runs, and how often they are called separate."""
+    kept, text = content("runs/shared.json"), page("runs")
+    found, inside = kept["summary"], kept["summary"]["truth in the 95 % interval"]
+    separate, steps = found["shared, called separate at p < .05"], found["recall of steps"]
+    ps = [run["p shared"] for run in kept["runs"]]
+    held = [
+        x
+        for name in ("A", "B", "L", "A-B")
+        for x in (*inside[name], 100 * np.divide(*inside[name]))
+    ]
+    for pattern, values in (
+        ("called separate at p < .05 in # of # (at most", separate),
+        ("(their median is #, not .5)", [round(float(np.median(ps)), 2)]),
+        ("Of # steps # are found and fitted", steps[::-1]),
+        ("# fits are of none", [found["precision of steps"][1] - steps[0]]),
+        ("true A in # of # (# %), B in # of # (# %), L in # of # (# %), A-B in # of # (# %:", held),
+    ):
+        assert not stale(text, pattern, *values)
+    assert separate == [sum(p < 0.05 for p in ps), 200] and separate[0] <= 0.06 * 200
+
+
 def test_shares_of_the_axes():
     results, text = content("blind/axis_results.json"), page("blind")
     levels, records = results["numbers"].values(), results["records"]
