@@ -246,6 +246,8 @@ FAULTS = (
           "bool(0 < QUANTILE", "bool(-1 < QUANTILE", FIT),
     Fault("half a rise counts for all of the path", "fitting/loading.py",
           "np.argmax(rise >= half)", "np.argmax(rise)", LOADING),
+    Fault("a row that stands out is a rise", "fitting/loading.py",
+          "np.minimum(rise[:-1], rise[1:])", "rise[:-1]", LOADING),
     Fault("noise is a rise of friction", "fitting/loading.py", "_CLEAR = 5.0", "_CLEAR = 0.0",
           LOADING),
     Fault("a stiffness that the rows contradict is fitted with", "fitting/loading.py",

@@ -50,6 +50,14 @@ def test_noise_is_no_rise(record):
     assert doubts(None, K, "1") == ()
 
 
+@pytest.mark.parametrize("late", [0.03, 3.0])
+def test_a_row_that_stands_out_alone_is_no_rise(record, late):
+    friction = record.friction.copy()
+    friction[np.searchsorted(record.relative_time, 40 + late)] = 20.0
+    found = seen(dataclasses.replace(record, friction=friction))
+    assert found is None or found.stiffness < K
+
+
 def test_a_stiffness_far_too_small_is_refused_in_one_sentence(record):
     """Stated in the wrong unit; before anything is computed."""
     with pytest.raises(InputError, match="the rows contradict it") as error:

@@ -6,7 +6,8 @@ does not move backwards, friction rises by no more than K times the path of the 
     K >= (f_2 - f_1)/(x_m2 - x_m1)
 
 A step to a higher speed shows it best: friction rises by the direct effect while the spring is
-drawn out. Taken is half of that rise, which noise of the rows blurs least.
+drawn out. Taken is half of that rise, which noise of the rows blurs least; a row that stands out
+alone is none.
 """
 
 from typing import NamedTuple
@@ -56,15 +57,20 @@ def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loadi
         long = max(0.75 * (steps.times[k] - steps.times[k - 1]), 0.0) + steps.times[k - 1]
         level = friction[(time >= long) & (time < steps.times[k])]
         here = np.flatnonzero((data.rows > 0) & (data.end > steps.times[k]) & (data.end <= ends[k]))
-        if len(level) < 3 or len(here) == 0:
+        if len(level) < 3 or len(here) < 2:
             continue
-        rise = data.friction[here] - np.mean(level)
+        rise = _held(data.friction[here] - np.mean(level))
         half = 0.5 * float(np.max(rise))
         if 2 * half < max(_CLEAR * float(np.std(level)), _LARGE * size):
             continue
         at = data.end[here[np.argmax(rise >= half)]] - steps.times[k]
         found.append(Loading(float(steps.times[k]), half, float(V * (at + errors[k]))))
     return max(found, key=lambda one: one.stiffness, default=None)
+
+
+def _held(rise: np.ndarray) -> np.ndarray:
+    """What of a rise the next row still has; of the last row nothing is known."""
+    return np.append(np.minimum(rise[:-1], rise[1:]), -np.inf)
 
 
 def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -> None:
