@@ -37,6 +37,14 @@ _FAR = 3.0
 _OTHER, _ROWS = 1.5, 20
 
 
+def correlation_of(covariance: np.ndarray) -> np.ndarray:
+    """Correlations, shape (p, p); NaN for a parameter whose error is 0, or beyond all numbers."""
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    known = (deviations > 0) & np.isfinite(deviations)
+    units = np.where(known, deviations, 1.0)
+    return np.where(np.outer(known, known), covariance / units[:, None] / units, np.nan)
+
+
 def assemble(
     record: Record,
     steps: VelocitySteps,
@@ -57,8 +65,6 @@ def assemble(
     plausible = _plausible(record, steps, sign, problem, solution)
     estimates, matrix = _estimates(record, problem, solution, spread, ended, plausible, profile)
     names, unit = problem.model.names(), record.friction_unit
-    deviations = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    product = np.outer(deviations, deviations)
     for name, value in (("K", problem.stiffness), ("V0", problem.V0)):
         if name not in estimates:
             v = float(value)
@@ -71,7 +77,7 @@ def assemble(
         parameters=estimates,
         free=names,
         covariance=matrix,
-        correlation=np.divide(matrix, product, out=np.full_like(matrix, np.nan), where=product > 0),
+        correlation=correlation_of(matrix),
         predicted=record.friction + sign * misfit,
         sum_of_squares=float(np.sum(counted**2)),
         rms=float(np.sqrt(np.mean(counted**2))),
