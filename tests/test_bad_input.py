@@ -1,6 +1,7 @@
 """Bad input ends in one clear line and exit code 2, whatever it is, and leaves nothing behind."""
 
 import os
+import re
 import struct
 import tempfile
 from pathlib import Path
@@ -303,6 +304,7 @@ MUTATION = settings(
 @settings(MUTATION, max_examples=40)
 @given(mutated_files(), st.booleans())
 @example(record_text().encode(), False)
+@example(re.sub(r"(?m)^[0-9.]+,", "inf,", record_text()).encode(), True)
 def test_no_file_breaks_record(content: bytes, drop_bad: bool) -> None:
     survives(content, "record", *["--drop-bad"] * drop_bad)
 

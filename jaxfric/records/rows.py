@@ -89,7 +89,8 @@ def whole_rows(
 
 def clock_doubt(time: np.ndarray, path: str, rows: FileRows) -> str | None:
     """A sentence on a clock that stands still over many rows, else None."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], np.diff(time) != 0, [True]])))
+    moved = (time[1:] != time[:-1]) | ~np.isfinite(time[1:])
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], moved, [True]])))
     still = edges.reshape(-1, 2) if len(edges) else np.zeros((0, 2), int)
     if not len(still) or (longest := int(np.ptp(still, axis=1).max())) < _STILL:
         return None
