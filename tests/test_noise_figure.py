@@ -77,6 +77,14 @@ def test_a_noise_model_that_is_too_short_or_too_long_is_said_to_be(memory, more)
         axis.clear()
 
 
+def test_too_few_rows_for_an_autocorrelation_leave_the_axis_empty():
+    x, clock = ar1(0.5, 40, 3)
+    x[3:] = np.nan
+    figure = new_figure(5, 3)
+    draw_autocorrelation(figure.subplots(), clock, x, noise(2.0))
+    figure.canvas.draw()
+
+
 def made(z):
     one = np.ones(len(z))
     return Autocorrelation(1 + np.arange(len(z)), np.asarray(z, float), 0 * one, one)

@@ -153,7 +153,8 @@ def draw_autocorrelation(
         if words := beyond_text(found.beyond()):
             axis.plot([], [], " ", label=textwrap.fill(words, _LETTERS))
     axis.axhline(0, color="0.3", lw=0.6)
-    plain_log(axis, "x")
+    if np.any(lag > 0):  # none where all rows but a few are passed over
+        plain_log(axis, "x")
     both = np.concatenate([value, modelled, [-0.25]])
     axis.set_ylim(1.15 * float(both[np.isfinite(both)].min()), 1.02)
     axis.set_xlabel("distance between rows [rows]")
