@@ -153,14 +153,6 @@ class _Wrong:
             raise InputError("; and ".join(self.texts))
 
 
-def _given(text: str | None, unit: str, option: str) -> float:
-    """A quantity of an option that is required."""
-    value = optional_quantity(text, unit, option)
-    if value is None:
-        raise InputError(f"{option} is missing; give one, as in {option} {EXAMPLES[option]}")
-    return value
-
-
 def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
     """The two ids of --tell."""
     ids = effect_ids(texts, "--tell")
@@ -218,14 +210,19 @@ def read_velocities(text: str) -> list[float]:
     return out
 
 
-def _size(text: str | None, unit: str, option: str, known: float | None) -> float:
-    """A quantity in a unit such as "1/m" or "N", of an option or known from a file."""
-    if text is None:
-        if known is None:
-            raise InputError(f"{option} is missing; give one, as in {option} {EXAMPLES[option]}")
-        return known
+def _given(text: str | None, unit: str, option: str) -> float:
+    """A quantity of an option that is required."""
     value = optional_quantity(text, unit, option)
-    assert value is not None
+    if value is None:
+        raise InputError(f"{option} is missing; give one, as in {option} {EXAMPLES[option]}")
+    return value
+
+
+def _size(text: str | None, unit: str, option: str, known: float | None) -> float:
+    """A positive quantity in a unit such as "1/m" or "N", of an option or known from a file."""
+    if text is None and known is not None:
+        return known
+    value = _given(text, unit, option)
     if not value > 0:
         raise InputError(f"{option}: '{text}' is not positive")
     return value

@@ -122,7 +122,9 @@ def run(
 def _head(warning: str) -> str:
     """The begin of a warning that a step contradicts the record, which numbers tell from another;
     all of another warning."""
-    return warning.partition(", but the load point")[0]
+    from ..fitting.assemble import OTHERWISE
+
+    return warning.partition(OTHERWISE)[0]
 
 
 def _fitted(
@@ -311,15 +313,16 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
 
 def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     """What the fits warn of, with the numbers of the steps of each warning."""
-    told: dict[str, list[int]] = {}
-    for step in result.steps:
-        for text in step.fit.warnings if step.fit is not None else (step.failed,):
-            told.setdefault(text, []).append(step.number)
+    from ..runs.fits import by_step
+
+    told = by_step(
+        (step.number, text)
+        for step in result.steps
+        for text in (step.fit.warnings if step.fit is not None else (step.failed,))
+    )
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]
     friction = result.record.friction_unit == "1"
     doubt = how.stiffness.doubt(stresses) if friction and how.stiffness is not None else None
     first = [] if doubt is None else [doubt]
-    return first + [
-        f"step {', '.join(map(str, numbers))}: {text}" for text, numbers in told.items()
-    ]
+    return [*first, *told]

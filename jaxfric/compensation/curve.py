@@ -48,14 +48,7 @@ class FrictionCurve:
         """Friction with s = tanh(v/fade); None: with a sign that jumps."""
         width = _SHARP if fade is None else fade
         force, by, slope = self._numbers(velocity, width)
-        index = [self.names.index(name) for name in self.about.free]
-        # sums of very large and very small entries: of correlations, which are neither
-        size = np.sqrt(np.maximum(np.diag(self.about.covariance), 0.0))
-        scale = np.where(size > 0, size, 1.0)
-        correlation = self.about.covariance / scale[:, None] / scale
-        g = by[:, index] * scale
-        variance = np.einsum("ni,ij,nj->n", g, correlation, g)
-        return FrictionValues(force, np.sqrt(np.maximum(variance, 0.0)), slope)
+        return FrictionValues(force, self._error(by), slope)
 
     def level(self, velocity: np.ndarray) -> np.ndarray:
         """G, the mean of both directions [F]."""
@@ -67,12 +60,18 @@ class FrictionCurve:
         """(F(v) - F(-v))/2 of both directions, without fade, with its error."""
         v = np.abs(np.asarray(velocity, float))
         (f, by, slope), (g, other, back) = (self._numbers(s * v, _SHARP) for s in (1, -1))
+        return FrictionValues(0.5 * (f - g), self._error(0.5 * (by - other)), 0.5 * (slope + back))
+
+    def _error(self, by: np.ndarray) -> np.ndarray:
+        """Standard errors (n) of sums whose derivatives by the parameters are `by` (n, p)."""
         index = [self.names.index(name) for name in self.about.free]
-        weights = 0.5 * (by - other)[:, index]
-        variance = np.einsum("ni,ij,nj->n", weights, self.about.covariance, weights)
-        return FrictionValues(
-            0.5 * (f - g), np.sqrt(np.maximum(variance, 0.0)), 0.5 * (slope + back)
-        )
+        # sums of very large and very small entries: of correlations, which are neither
+        size = np.sqrt(np.maximum(np.diag(self.about.covariance), 0.0))
+        scale = np.where(size > 0, size, 1.0)
+        correlation = self.about.covariance / scale[:, None] / scale
+        g = by[:, index] * scale
+        variance = np.einsum("ni,ij,nj->n", g, correlation, g)
+        return np.sqrt(np.maximum(variance, 0.0))
 
     def _numbers(self, velocity: np.ndarray, width: float) -> tuple[np.ndarray, ...]:
         """Force (n), its derivatives by the parameters (n, p) and by the velocity (n)."""

@@ -117,24 +117,18 @@ def fade_speed(
         )
     ]
     alpha = math.nan if acceleration is None else acceleration
-    needed = f"needs the acceleration of the reference where it turns, in {unit}/s^2"
+    rest = f"the reference has that speed then, at {alpha:.3g} {unit}/s^2"
+    if math.isnan(alpha):
+        rest = f"needs the acceleration of the reference where it turns, in {unit}/s^2"
     for one in memories:
         x = return_distance(one, level)
         if x == 0:
             continue
         told = f"after a reversal friction comes back over {x:.3g} {unit} ({one.effect},"
         told += f" {one.symbol} = {one.length:.3g} {unit}); "
-        rest = f"the reference has that speed then, at {alpha:.3g} {unit}/s^2"
-        reasons.append(
-            FadeReason(
-                "memory", math.sqrt(2 * alpha * x), told + (needed if math.isnan(alpha) else rest)
-            )
-        )
+        reasons.append(FadeReason("memory", math.sqrt(2 * alpha * x), told + rest))
     if lag:
         told = f"the axis turns {lag:.3g} s after its reference; "
-        rest = f"the reference has that speed then, at {alpha:.3g} {unit}/s^2"
-        reasons.append(
-            FadeReason("lag", alpha * lag, told + (needed if math.isnan(alpha) else rest))
-        )
+        reasons.append(FadeReason("lag", alpha * lag, told + rest))
     known = [one.speed for one in reasons if not math.isnan(one.speed)]
     return Fade(max(known), tuple(reasons))

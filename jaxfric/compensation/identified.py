@@ -85,6 +85,11 @@ class Identified:
         """The unit of the position, "m" or "rad"."""
         return "rad" if self.coordinate == "rotary" else "m"
 
+    def supports(self, velocity: np.ndarray) -> np.ndarray:
+        """Whether the record supports the curve at velocities (n)."""
+        speed, near = np.abs(velocity), 1e-9 * self.fastest
+        return (speed >= self.slowest - near) & (speed <= self.fastest + near)
+
     def quantity(self, name: str) -> Quantity:
         """Symbol, unit and bounds of a parameter."""
         effect, _, field = name.rpartition(".")

@@ -26,7 +26,6 @@ from ..effects.axis import (
     RateAndState,
 )
 from ..errors import InputError
-from ..quantity import quantities
 from ..rig.axis import AxisRig
 from .identified import Identified
 
@@ -230,12 +229,8 @@ def uses_position(pieces: Sequence[Piece], *, ripple: bool = True) -> bool:
 
 def shape_units(about: Identified, name: str) -> str:
     """The unit of a constant of a factor, by its name in C."""
-    for full in about.values:
-        if full.replace(".", "_") == name:
-            effect, _, field = full.rpartition(".")
-            quantity = quantities(effect_of(effect, AxisRig))[field]
-            return about.unit(full) if quantity.unit != "1" else "1"
-    return "1"
+    full = next((full for full in about.values if full.replace(".", "_") == name), None)
+    return "1" if full is None else about.unit(full)
 
 
 def _n(value: float) -> str:

@@ -57,9 +57,7 @@ class Feedforward(Described, Drawable, Tabular):
 
     def seen(self) -> np.ndarray:
         """Whether the record supports the friction at the velocities of the table (n)."""
-        near = 1e-9 * self.about.fastest
-        speed = np.abs(self.velocity)
-        return (speed >= self.about.slowest - near) & (speed <= self.about.fastest + near)
+        return self.about.supports(self.velocity)
 
     def c(self, name: str = "axis", *, made_by: Sequence[str] = ()) -> str:
         """The source of `NAME_friction` and `NAME_feedforward` in C99, see `compensation.code`.

@@ -35,6 +35,8 @@ from .uncertainty import (
 _NEAR_EDGE = 2.0
 _FAR = 3.0
 _OTHER, _ROWS = 1.5, 20
+OTHERWISE = ", but the load point moves at"
+"""Of a warning that steps contradict their record: what stands between what they say and it."""
 
 
 def correlation_of(covariance: np.ndarray) -> np.ndarray:
@@ -204,9 +206,8 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
         found = np.polyfit(time[rows] - time[rows[0]], motion[rows], 1)[0]
         if stated and not 1 / _OTHER < found / stated < _OTHER:
             return [
-                f"from {steps.times[k]:.4g} s on the steps say {format_si(stated, 'm/s', 'um/s')},"
-                f" but the load point moves at {format_si(found, 'm/s', 'um/s')}: are they those of"
-                " this record?"
+                f"from {steps.times[k]:.4g} s on the steps say {format_si(stated, 'm/s', 'um/s')}"
+                f"{OTHERWISE} {format_si(found, 'm/s', 'um/s')}: are they those of this record?"
             ]
     return []
 

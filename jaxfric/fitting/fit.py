@@ -26,8 +26,8 @@ from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
 from .glitches import NO_GLITCHES, ROUNDS, find_glitches
+from .loading import UNIT_RIGHT, refuse_contradicted, steepest_loading
 from .loading import doubts as loading_doubts
-from .loading import refuse_contradicted, steepest_loading
 from .noise import Noise
 from .noise_search import estimate_noise, longest_memory, noise_rows
 from .problem import (
@@ -276,7 +276,7 @@ def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
         raise InputError(
             f"stiffness is {K:.3g} {unit}: over the whole path of the load point,"
             f" {1e6 * path:.4g} um, the spring force would change by {K * path:.2g}, less than the"
-            f" noise ({noise:.2g}); is its unit right? It is friction per length, as in 1.6e-3/um"
+            f" noise ({noise:.2g}); {UNIT_RIGHT}"
         )
 
 

@@ -19,6 +19,8 @@ from ..records import Record, VelocitySteps
 from ..units import format_si
 from .start import average
 
+UNIT_RIGHT = "is its unit right? It is friction per length, as in 1.6e-3/um"
+"""What is asked where a stiffness is refused."""
 _CLEAR = 5.0
 """Scatter of the rows before a step above which a rise counts, and"""
 _LARGE = 0.1
@@ -78,8 +80,7 @@ def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -
     if loading is not None and loading.stiffness > _IMPOSSIBLE * K:
         raise InputError(
             f"stiffness is {_number(K, friction_unit)}, and the rows contradict it:"
-            f" {_seen(loading, friction_unit)}; is its unit right? It is friction per length, as in"
-            " 1.6e-3/um"
+            f" {_seen(loading, friction_unit)}; {UNIT_RIGHT}"
         )
 
 

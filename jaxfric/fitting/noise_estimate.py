@@ -136,14 +136,20 @@ class NoiseEstimate:
         found += [f"the recorder's steps of {self.steps:.2g}"] * self.written
         return tuple(dict.fromkeys(found))
 
+    @property
+    def kind(self) -> str:
+        """The noise in a word: "white", "correlated" or "alternating"."""
+        if any(part.share < -_WHITE for part in self.parts):
+            return "alternating"
+        return "correlated" if any(part.share >= _WHITE for part in self.parts) else "white"
+
     def text(self) -> str:
         """The noise in words: "white", or "40 % of its variance correlated over 3 rows"."""
-        if any(part.share < -_WHITE for part in self.parts):
+        if self.kind == "alternating":
             return "alternating: neighbouring rows differ by more than chance"
-        told = [p for p in self.parts if p.share >= _WHITE]
-        if not told:
+        if self.kind == "white":
             return "white"
-        told = [self._in_rows(p) for p in told]
+        told = [self._in_rows(p) for p in self.parts if p.share >= _WHITE]
         first, *more = [f"{100 * p.share:.0f} %" for p in told]
         words = f"{first} of its variance correlated over {told[0].text()}"
         rest = zip(more, told[1:], strict=True)

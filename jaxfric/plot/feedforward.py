@@ -56,11 +56,10 @@ def _panel(axis: Axes, found: Feedforward, largest: float) -> None:
         label = "friction of the model" if sign > 0 else None
         sharp = size * found.curve.at(side, None).force
         axis.plot(factor * side, sharp, color=ORANGE, lw=1.2, ls=":", label=label)
-    seen = (np.abs(v) >= about.slowest) & (np.abs(v) <= about.fastest)
     force = size * curve.force
     axis.plot(factor * v, force, color=BLUE, lw=1.0, ls="--", label="feedforward, extrapolated")
     axis.plot(
-        factor * v, np.where(seen, force, np.nan), color=BLUE, lw=2.0,
+        factor * v, np.where(about.supports(v), force, np.nan), color=BLUE, lw=2.0,
         label="feedforward, supported by the record",
     )  # fmt: skip
     if about.points is not None:

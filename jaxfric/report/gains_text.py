@@ -5,6 +5,9 @@ import math
 from ..gains.result import Gains, LocalOptimum
 from ..units import between
 
+_UNITS = ("N/m", "N s/m")
+"""Of stiffness and of damping."""
+
 
 def describe(gains: Gains) -> list[str]:
     """Lines on what was asked, what was found, and why it is believed."""
@@ -73,12 +76,11 @@ def _edge(gains: Gains, which: int) -> str:
         return ""
     edge = gains.alone.edge[which]
     late = "" if gains.delay is None else " and delay"
-    unit = ("N/m", "N s/m")[which]
     if math.isinf(edge):
         return "without margins none does either"
     if edge == 0:
         return f"without margins{late} any does"
-    return f"without margins{late} {edge:.6g} {unit} is enough"
+    return f"without margins{late} {edge:.6g} {_UNITS[which]} is enough"
 
 
 def _neither(gains: Gains) -> list[str]:
@@ -88,7 +90,7 @@ def _neither(gains: Gains) -> list[str]:
     lines = []
     for which, (name, how) in enumerate((("stiff", "stiffness"), ("damped", "damping"))):
         if not gains.alone.meets[which]:
-            most = f"{gains.alone.tried[which]:.3g} {('N/m', 'N s/m')[which]}"
+            most = f"{gains.alone.tried[which]:.3g} {_UNITS[which]}"
             late = "" if gains.delay is None else ", with the controller's delay"
             edge = _edge(gains, which)
             lines.append(

@@ -170,10 +170,7 @@ def _cards(loop: Loop) -> str:
     error = f"{loop.heldout(loop.before) / sigma:.2f} σ"
     if loop.effects:
         error += f" → {loop.heldout(loop.after) / sigma:.2f} σ"
-    noise = noise_text(loop.after.noise)
-    short = next(
-        (word for word in ("white", "alternating") if noise.startswith(word)), "correlated"
-    )
+    short, noise = loop.after.noise.kind, noise_text(loop.after.noise)
     cards = [
         (error, "error on rows that no fit saw; the noise alone is 1 σ"),
         (" + ".join(loop.effects) or "none", "effects added"),

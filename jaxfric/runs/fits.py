@@ -1,7 +1,7 @@
 """The velocity steps of a run, each fitted in its window."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -87,14 +87,21 @@ def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:
 def contradictions(record: Record, events: Sequence[Event]) -> list[str]:
     """Warnings for events whose speeds are not those of the recorded load point: what the fits of
     these steps would warn of, before any is fitted."""
-    told: dict[str, list[int]] = {}
+    said: list[tuple[int, str]] = []
     for number, event in enumerate((event for event in events if event.fitted), 1):
         try:
             texts = contradicted(*window_of(record, event))
         except InputError:  # the step keeps this as the reason why it is not fitted
             continue
-        for text in texts:
-            told.setdefault(text, []).append(number)
+        said += [(number, text) for text in texts]
+    return by_step(said)
+
+
+def by_step(said: Iterable[tuple[int, str]]) -> list[str]:
+    """What is said of steps, by number and text: a line for each text, with the numbers."""
+    told: dict[str, list[int]] = {}
+    for number, text in said:
+        told.setdefault(text, []).append(number)
     return [f"step {', '.join(map(str, numbers))}: {text}" for text, numbers in told.items()]
 
 

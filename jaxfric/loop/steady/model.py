@@ -89,7 +89,7 @@ def fit_model(curve: SteadyCurve, effects: tuple[str, ...]) -> SteadyModel:
     speed, force, error = (np.asarray(x) for x in (curve.speed, curve.force, curve.error))
     shape = _likeliest_shape(speed, force, error, effects) if "stribeck" in effects else None
     matrix = _matrix(speed, effects, shape)
-    values, _, spread, deviance = _weighted(matrix, force, error)
+    values, spread, deviance = _weighted(matrix, force, error)
     predicted = matrix @ values
     names, count = _names(effects), len(values) + 1 + (0 if shape is None else 2)
     shown = dict(zip(names, values.tolist(), strict=True))
@@ -143,7 +143,7 @@ def _likeliest_shape(
 
     def deviance(log_vs: float, n: float) -> float:
         found = _weighted(_matrix(speed, effects, (float(np.exp(log_vs)), n)), force, error)
-        return found[3] if found[0][place] > 0 else np.inf
+        return found[2] if found[0][place] > 0 else np.inf
 
     slow, fast = np.min(np.abs(speed)), np.max(np.abs(speed))
     grid = np.linspace(np.log(0.5 * slow), np.log(fast), _SPEEDS)
@@ -163,23 +163,22 @@ def _likeliest_shape(
 
 def _weighted(
     matrix: np.ndarray, force: np.ndarray, error: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Least squares with variances error^2 + tau^2, tau by likelihood: values, variances, tau, -2
-    ln L."""
+) -> tuple[np.ndarray, float, float]:
+    """Least squares with variances error^2 + tau^2, tau by likelihood: values, tau, -2 ln L."""
 
     def at(log_tau: float):
         variance = error**2 + np.exp(2 * log_tau)
         root = np.sqrt(variance)
         values, *_ = np.linalg.lstsq(matrix / root[:, None], force / root, rcond=None)
         left = (force - matrix @ values) / root
-        return values, variance, float(left @ left + np.sum(np.log(variance)))
+        return values, float(left @ left + np.sum(np.log(variance)))
 
     scale = max(float(np.std(force)), 1e-300)
     low, high = np.log(1e-6 * scale), np.log(2 * scale)
-    found = minimize_scalar(lambda u: at(u)[2], bounds=(low, high), method="bounded")
+    found = minimize_scalar(lambda u: at(u)[1], bounds=(low, high), method="bounded")
     log_tau = float(found.x)  # pyright: ignore[reportAttributeAccessIssue]
-    values, variance, deviance = at(log_tau)
-    return values, variance, float(np.exp(log_tau)), deviance
+    values, deviance = at(log_tau)
+    return values, float(np.exp(log_tau)), deviance
 
 
 def _heldout(
