@@ -603,9 +603,23 @@ def _profiled(
     ridge = jnp.where(used, 1e-12, 1.0)[:, :, None] * jnp.eye(design.shape[1])
     scaled = design * size[:, :, None] * size[:, None, :] + ridge
     projection = gram[:, 1:, 0] * size
-    solved = jnp.linalg.solve(scaled, projection[..., None])[..., 0]
+    solved, log_size = jax.lax.map(_solved, (scaled, projection))
     left = jnp.maximum(gram[:, 0, 0] - jnp.sum(projection * solved, axis=1), 1e-300)
     variance = left / (n - p)
-    log_det = jnp.linalg.slogdet(scaled)[1] - 2 * jnp.sum(jnp.log(size), axis=1)
+    log_det = log_size - 2 * jnp.sum(jnp.log(size), axis=1)
     deviance = (n - p) * (jnp.log(variance) + 1) + log_det + log_determinant
     return -0.5 * deviance, jnp.sqrt(variance)
+
+
+def _solved(
+    system: tuple[Float[Array, "m m"], Float[Array, " m"]],
+) -> tuple[Float[Array, " m"], Float[Array, ""]]:
+    """Solution of one system, and the logarithm of its determinant.
+
+    One after the other: a batch of LAPACK's calls waits for the threads that XLA computes on, and
+    two of them at once, of fits side by side, wait for each other without end.
+    """
+    matrix, side = system
+    factors, pivots = jax.scipy.linalg.lu_factor(matrix)
+    solved = jax.scipy.linalg.lu_solve((factors, pivots), side)
+    return solved, jnp.sum(jnp.log(jnp.abs(jnp.diagonal(factors))))

@@ -21,6 +21,7 @@ from ..rig import Inertial, Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact, ExtendedLaw
 from ..simulation import simulate
 from ..simulation.ode import SliderEquation
+from ..simulation.rodas import inverted
 from ..simulation.trajectory import Trajectory
 from ..traced import traced
 
@@ -151,7 +152,7 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
     slips = jax.vmap(jax.grad(lambda y, t: equation.physical(t, back(y)).slip))(rows, middle)
     eye = jnp.eye(len(flat))
     half = 0.5 * h[:, None, None] * A
-    inverse = jnp.linalg.inv(eye - half)
+    inverse = jax.vmap(inverted)(eye - half)
     return Response(
         rig=rig,
         time=time,
@@ -203,7 +204,7 @@ def _term_force(response: Response, term: AbstractTerm) -> Float[Array, " k+1"]:
     h = jnp.diff(times)[:, None, None]
     half = 0.25 * h * (A[1:] + A[:-1])
     eye = jnp.eye(term.states)
-    inverse = jnp.linalg.inv(eye - half)
+    inverse = jax.vmap(inverted)(eye - half)
     source = 0.5 * jnp.diff(times)[:, None] * (driven[1:] + driven[:-1])
 
     def step(y: Array, now: tuple[Array, ...]) -> tuple[Array, Array]:

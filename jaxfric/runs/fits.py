@@ -1,12 +1,9 @@
 """The velocity steps of a run, each fitted in its window."""
 
-import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -20,12 +17,11 @@ from ..records.record import frozen
 from ..records.run_motion import run_motion
 from ..records.thin import refuse_few_means
 from ..silent import silent
+from ..threads import side_by_side
 from .decisions import read_decisions
 from .events import Event, find_events
 from .stick_slip import is_stretch
 from .stiffness import MachineStiffness
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,14 +133,6 @@ class HowFitted:
         )
 
 
-def side_by_side(one: Callable[[int, Event], T], events: Sequence[Event]) -> list[T]:
-    """`one(number, event)` of all events, from 1, on as many threads as there are cores (`NPROC`,
-    as XLA has it, where that is set)."""
-    cores = int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1
-    with ThreadPoolExecutor(min(cores, max(len(events), 1))) as pool:
-        return list(pool.map(one, range(1, len(events) + 1), events))
-
-
 def _moves_on(events: Sequence[Event]) -> bool:
     """Whether the load point moves on after a hold."""
     joints = [event for event in events if event.before != event.after]
@@ -192,7 +180,7 @@ def fit_run(
         except InputError as error:
             return StepFit(number, event, at, None, str(error))
 
-    done = side_by_side(fitted, chosen)
+    done = side_by_side(fitted, range(1, len(chosen) + 1), chosen)
     if all(step.fit is None for step in done):
         raise InputError(f"no step of the run could be fitted: {done[0].failed}")
     return RunFit(record, tuple(events), tuple(done))

@@ -27,12 +27,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
 from .steps import RealScalar
 
 _CLOSED_FORM = 6
-"""Systems of up to so many equations are inverted in closed form."""
+"""The inverse of a system of up to so many equations is written out."""
 
 _LEAST = 8
 """Length of the shortest steps, in units of the rounding of time."""
@@ -267,11 +267,13 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
 def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
     """Inverse of a matrix whose diagonal leads, as that of an implicit method does.
 
-    A small one by elimination without pivots, in operations that a batch shares.
+    By elimination without pivots (Gauss and Jordan), in operations that a batch shares: written
+    out for a small one, in a loop for others. Not by LAPACK: a batch of its calls waits for the
+    threads that XLA computes on, and two of them at once wait for each other without end.
     """
     n = matrix.shape[0]
     if n > _CLOSED_FORM:
-        return jnp.linalg.inv(matrix)
+        return jax.lax.scan(_eliminated, matrix, jnp.arange(n))[0]
     eye = np.eye(n)
     rows = [jnp.concatenate([matrix[i], jnp.asarray(eye[i], matrix.dtype)]) for i in range(n)]
     for i in range(n):
@@ -280,3 +282,13 @@ def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
             if j != i:
                 rows[j] = rows[j] - rows[j][i] * rows[i]
     return jnp.stack([row[n:] for row in rows])
+
+
+def _eliminated(matrix: Float[Array, "n n"], i: Int[Array, ""]) -> tuple[Float[Array, "n n"], None]:
+    """Unknown `i` exchanged with its right-hand side; all exchanged, it is the inverse."""
+    own = np.arange(matrix.shape[0]) == i
+    pivot = 1 / matrix[i, i]
+    row = jnp.where(own, pivot, matrix[i] * pivot)
+    column = jnp.where(own, 0.0, matrix[:, i])
+    others = jnp.where(own[:, None] | own, 0.0, matrix) - column[:, None] * row
+    return jnp.where(own[:, None], row, others), None

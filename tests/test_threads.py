@@ -1,0 +1,96 @@
+"""Work on several threads: its order, its errors, and that it cannot wait for itself.
+
+XLA computes on a pool of threads. A batch of LAPACK's calls is divided among them and waits there
+for its parts; where all threads of the pool wait, none is left to compute. So nothing that may be
+computed side by side has such a batch.
+"""
+
+import re
+import threading
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.extend.core import jaxprs_in_params
+
+import jaxfric
+from jaxfric.fitting.noise_search import restricted
+from jaxfric.simulation.rodas import inverted
+from jaxfric.threads import side_by_side
+
+LAPACK = {"lu", "triangular_solve", "cholesky", "qr", "geqrf", "eigh", "svd"}
+KNOWN = {
+    "fitting/noise_search.py": "one system after the other",
+    "simulation/method_of_steps.py": "on one thread only, one after the other",
+    "stability/linear.py": "the exponential of one matrix",
+}
+
+
+@pytest.mark.parametrize("cores", ["1", "2", "3"])
+def test_results_come_in_the_order_of_what_was_asked(cores, monkeypatch):
+    monkeypatch.setenv("NPROC", cores)
+    seen = set()
+
+    def one(a, b):
+        seen.add(threading.get_ident())
+        return a * b
+
+    assert side_by_side(one, range(10, 20), range(10)) == [k * (k + 10) for k in range(10)]
+    assert (seen == {threading.get_ident()}) == (cores == "1")
+    assert side_by_side(one, [], []) == []
+
+
+def test_two_are_at_work_at_once(monkeypatch):
+    monkeypatch.setenv("NPROC", "2")
+    both = threading.Barrier(2, timeout=20)
+    assert sorted(side_by_side(lambda k: both.wait() * 0 + k, range(2))) == [0, 1]
+
+
+def test_the_error_of_one_is_that_of_all(monkeypatch):
+    monkeypatch.setenv("NPROC", "2")
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(lambda k: 1 / k, [1, 0, 2])
+
+
+def batches(jaxpr):
+    """Names of LAPACK's operations on more than one matrix, within all of a program."""
+    found = []
+    for eqn in jaxpr.eqns:
+        if eqn.primitive.name in LAPACK and any(v.aval.ndim > 2 for v in eqn.invars):
+            found.append(eqn.primitive.name)
+        for inner in jaxprs_in_params(eqn.params):
+            found += batches(inner)
+    return found
+
+
+def test_no_batch_of_lapack_is_computed_side_by_side():
+    rows, columns, noises, clocks = 12, 3, 5, 1
+    given = (
+        jnp.arange(float(rows))[:, None],
+        jnp.ones(rows),
+        jnp.asarray(np.random.default_rng(0).standard_normal((rows, columns))),
+        jnp.ones(rows),
+        jnp.zeros((noises, 2)),
+        jnp.ones((noises, 2, clocks)),
+        jnp.ones(noises),
+    )
+    assert batches(jax.make_jaxpr(jnp.linalg.inv)(jnp.ones((4, 9, 9))).jaxpr)  # it can be found
+    assert not batches(jax.make_jaxpr(restricted.function)(*given).jaxpr)
+    for n in (2, 9):
+        assert not batches(jax.make_jaxpr(jax.vmap(inverted))(jnp.ones((4, n, n))).jaxpr)
+
+
+def test_where_lapack_is_called_from_compiled_code():
+    """A new place must be one that is never batched, or never computed side by side."""
+    package = Path(jaxfric.__file__).parent
+    call = re.compile(
+        r"\b(jnp\.linalg|jax\.scipy\.linalg|jax\.numpy\.linalg|lax\.linalg)\.(?!norm)"
+    )
+    found = {
+        str(file.relative_to(package))
+        for file in package.rglob("*.py")
+        if call.search(file.read_text())
+    }
+    assert found == set(KNOWN)
