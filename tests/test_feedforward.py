@@ -231,6 +231,14 @@ def test_the_fade_speed_of_small_cases(slowest, memories, acceleration, lag, spe
     assert any(math.isnan(one.speed) for one in found.reasons) == bool(unknown)
 
 
+def test_a_memory_that_lacks_little_is_told_and_asks_for_nothing():
+    memory = Memory("presliding", "x_c", 1.0, 5.0)
+    found = fade_speed(0.02, 10.0, memories=[memory], acceleration=2.0)
+    (told,) = (one for one in found.reasons if one.name == "memory")
+    assert told.speed == 0.0 and "lacks 5 of 2 x 10 (presliding)" in told.text
+    assert found.decided_by == "rows" and found.speed == 0.01
+
+
 @pytest.mark.parametrize(
     ("effects", "options", "speed"),
     [

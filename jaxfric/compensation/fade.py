@@ -113,7 +113,8 @@ def fade_speed(
         FadeReason(
             "rows",
             slowest / 2,
-            f"half of {slowest:.3g} {unit}/s, at which 96 % are compensated: {why}",
+            f"half of {slowest:.3g} {unit}/s, the slowest motion fitted, at which 96 % of friction"
+            f" are compensated then: {why}",
         )
     ]
     alpha = math.nan if acceleration is None else acceleration
@@ -123,6 +124,9 @@ def fade_speed(
     for one in memories:
         x = return_distance(one, level)
         if x == 0:
+            told = f"after a reversal friction lacks {one.missing:.3g} of 2 x {level:.3g}"
+            told += f" ({one.effect}), too little to wait for"
+            reasons.append(FadeReason("memory", 0.0, told))
             continue
         told = f"after a reversal friction comes back over {x:.3g} {unit} ({one.effect},"
         told += f" {one.symbol} = {one.length:.3g} {unit}); "

@@ -23,7 +23,7 @@ _FEWEST_DRAWS, _FEWEST_CHAINS = 4, 2
 
 def find_posterior(
     fit: Fit,
-    priors: Mapping[str, object] | str | Path,
+    priors: Mapping[str, object] | str | Path | None = None,
     *,
     draws: int | None = None,
     chains: int = 4,
@@ -39,7 +39,7 @@ def find_posterior(
     ----------
     fit : of `jaxfric.fit`, in this process (a fit.json does not hold the record).
     priors : by name, {"A": {"normal": [0.006, 0.001]}, "L": {"lognormal": [20, 0.5], "unit":
-        "um"}}, see `posterior.priors`, or their TOML file; flat where none is given.
+        "um"}}, see `posterior.priors`, or their TOML file; flat where none is given, all if None.
     draws : of each chain, by NUTS; None: none. Needs `pip install "jaxfric[posterior]"`.
     chains, seed : number of chains, at least 2, and what their chance follows from.
     noise : in units of the fit's `solved.problem.noise_scale`, where it is known; default, as found
@@ -56,7 +56,7 @@ def find_posterior(
 
     Not tried: priors that are correlated, a prior of the noise.
     """
-    target, start = target_of(fit, priors, noise=noise)
+    target, start = target_of(fit, {} if priors is None else priors, noise=noise)
     if draws is not None:
         refuse_few(draws, chains)
     progress("the maximum of the posterior")
