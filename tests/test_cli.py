@@ -31,7 +31,7 @@ from jaxfric.cli.call import Call
 from jaxfric.cli.fit import _complain_and_keep, _not_converged
 from jaxfric.cli.folder import NOTES, Folder
 from jaxfric.cli.told import doing, told
-from jaxfric.fitting.misfit import misfit_warning
+from jaxfric.fitting.misfit import is_of_misfit, misfit_warning
 
 FILES = ["fit.json", "fit.png", "fit.svg"]
 
@@ -345,9 +345,12 @@ def test_ids_of_effects_in_help_are_those_of_the_catalogues() -> None:
 def test_a_gross_misfit_points_to_the_loop() -> None:
     friction = np.random.default_rng(0).standard_normal(4000)
     of = {"record": SimpleNamespace(friction=friction), "converged": True}
-    assert misfit_warning(SimpleNamespace(rms=1.5, **of)) == []
-    (text,) = misfit_warning(SimpleNamespace(rms=7.0, **of))
-    assert text.startswith("the fit leaves 7") and "jaxfric loop" in text
+    for fitted in (False, True):
+        of["model"] = SimpleNamespace(fit_stiffness=fitted)
+        assert misfit_warning(SimpleNamespace(rms=1.5, **of)) == ()
+        (text,) = misfit_warning(SimpleNamespace(rms=7.0, **of))
+        assert text.startswith("the fit leaves 7") and "jaxfric loop" in text
+        assert is_of_misfit(text) and ("--fit-stiffness" in text) != fitted
 
 
 def test_steps_after_the_end_are_refused_by_record_too() -> None:

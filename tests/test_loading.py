@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import jaxfric
-from jaxfric import InputError
+from jaxfric import InputError, VelocitySteps
 from jaxfric.fitting.fit import forward_steps, steps_of
-from jaxfric.fitting.loading import doubts, refuse_contradicted, steepest_loading
+from jaxfric.fitting.loading import Loading, doubts, refuse_contradicted, steepest_loading
+from jaxfric.fitting.misfit import is_of_misfit
 
 DATA = Path(__file__).parents[1] / "data"
 K = 5e3  # of data/velocity_step.csv, 1/m
@@ -80,6 +82,52 @@ def test_the_limits_of_refusal_and_doubt(record):
     (line,) = doubts(found, found.stiffness / 1.6, "N")
     assert line.startswith("the stiffness 2.3e+03 N/m contradicts the rows: after the step")
     assert "friction rises by 0.0096 N within 2.65 um" in line
+
+
+@pytest.mark.parametrize(
+    ("times", "rows", "said"), [(10.1, 3, True), (9.9, 3, False), (1e3, 2, False), (1e3, 3, True)]
+)
+def test_a_stiffness_far_too_large_is_doubted_where_rows_resolve_the_rise(times, rows, said):
+    found = Loading(40.0, 0.01, 2.5e-6, rows)
+    told = doubts(found, times * 4e3, "1")
+    assert bool(told) == said
+    if said:
+        assert told[0].startswith("friction rises as on a spring of about 0.004/um, not of ")
+        assert "is the unit of the stiffness right? --fit-stiffness" in told[0]
+
+
+@pytest.mark.parametrize(("ratio", "L"), [(2.0, 1e-6), (2.0, 1e-4), (10.0, 2e-6), (100.0, 2e-5)])
+def test_no_true_stiffness_is_called_too_large(ratio, L):
+    """Of sliders by SciPy whose rows resolve the rise well."""
+    A, B, f0, V0 = 0.01, 0.012, 0.6, 1e-6
+
+    def rate(t, y):  # friction and state; the spring is driven at V0, then at ratio V0
+        f, state = y
+        V = V0 * np.exp((f - f0 - state) / A)
+        drive = V0 if t < 10 else ratio * V0
+        return [K * (drive - V), -V / L * (state + B * np.log(V / V0))]
+
+    time = np.arange(0.0, 10 + 100 / ratio, 0.02)
+    moved = solve_ivp(
+        rate, (0, time[-1]), [f0, 0.0], "LSODA", time, rtol=1e-8, atol=1e-12, max_step=0.02
+    )
+    rng = np.random.default_rng(1)
+    drive = 1e-6 * np.where(time < 10, time, 10 + ratio * (time - 10))
+    friction = moved.y[0] + 1e-5 * rng.standard_normal(len(time))
+    record = jaxfric.from_arrays(time, friction, load_point_displacement=drive)
+    found = steepest_loading(record, 1.0, VelocitySteps([0.0, 10.0], [V0, ratio * V0]))
+    assert found is not None and found.stiffness < K
+    assert doubts(found, K, "1") == ()
+    if found.rows >= 3:
+        assert len(doubts(found, 100 * K, "1")) == 1
+
+
+def test_a_fit_with_a_stiffness_too_large_is_warned_of_in_its_file_too(record):
+    told = jaxfric.fit(record, stiffness="5e-2/um").to_json()["warnings"]
+    (line,) = (x for x in told if "as on a spring" in x)
+    assert "0.0036/um, not of 0.05/um: after the step at 40" in line
+    assert sum(map(is_of_misfit, told)) == 1
+    assert not any(map(is_of_misfit, jaxfric.fit(record, stiffness=K).warnings))
 
 
 def test_a_fit_with_a_stiffness_too_small_is_warned_of(record):

@@ -155,14 +155,13 @@ def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Fo
 
 def _tell(result: "Fit", posterior: "Posterior | None", folder: Folder, *, tables: bool) -> int:
     """Print the tables where asked, and what there is to be warned of; the exit code."""
-    from ..fitting.misfit import misfit_warning
 
     if tables:
         _print_fit(result)
         print_posterior(posterior)
         print(folder.written)
     doubts = () if posterior is None else posterior.warnings
-    warn((*result.warnings, *misfit_warning(result), *doubts))
+    warn((*result.warnings, *doubts))
     code = folder.close()
     if result.converged:
         return 1 if doubts else code

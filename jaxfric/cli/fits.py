@@ -123,12 +123,10 @@ def _draw(fit: "Fit", name: str, folder: Folder) -> None:
 
 def _warnings(found: "Sequence[TabledFit]") -> list[str]:
     """What the fits warn of, with the files of each warning."""
-    from ..fitting.misfit import misfit_warning
-
     files: dict[str, list[str]] = {}
     for one in found:
         if one.fit is not None:
-            for text in (*one.fit.warnings, *misfit_warning(one.fit)):
+            for text in one.fit.warnings:
                 files.setdefault(text, []).append(one.name)
     return [f"{', '.join(names)}: {text}" for text, names in files.items()]
 

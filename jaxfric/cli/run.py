@@ -313,12 +313,14 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
 
 def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     """What the fits warn of, with the numbers of the steps of each warning."""
+    from ..fitting.misfit import is_of_misfit
     from ..runs.fits import by_step
 
-    told = by_step(
+    told = by_step(  # a misfit is a column of the table
         (step.number, text)
         for step in result.steps
         for text in (step.fit.warnings if step.fit is not None else (step.failed,))
+        if not is_of_misfit(text)
     )
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]

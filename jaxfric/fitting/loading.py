@@ -7,7 +7,9 @@ does not move backwards, friction rises by no more than K times the path of the 
 
 A step to a higher speed shows it best: friction rises by the direct effect while the spring is
 drawn out. Taken is half of that rise, which noise of the rows blurs least; a row that stands out
-alone is none.
+alone is none. Where rows resolve the rise, the least stiffness is not far below that of the spring
+either: until half of the direct effect the slider is slower than the load point, at most by
+1/r^(1/2) of it for a step by the factor r.
 """
 
 from typing import NamedTuple
@@ -27,6 +29,9 @@ _LARGE = 0.1
 """the part of the range of friction that it must be."""
 _IMPOSSIBLE, _DOUBTFUL = 10.0, 1.5
 """Times that the least stiffness is over the stated one: refused from, warned of from."""
+_STIFF, _RESOLVED = 10.0, 3
+"""Times that the stated stiffness is over the least one, and rows within the rise, to be warned of:
+steps by a factor of 2 rise to their half over some 3 times the path that the spring takes."""
 
 
 class Loading(NamedTuple):
@@ -35,6 +40,8 @@ class Loading(NamedTuple):
     time: float
     rise: float
     path: float
+    rows: int = 0
+    """Rows, or means of rows, between the step and the end of the rise."""
 
     @property
     def stiffness(self) -> float:
@@ -65,8 +72,9 @@ def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loadi
         half = 0.5 * float(np.max(rise))
         if 2 * half < max(_CLEAR * float(np.std(level)), _LARGE * size):
             continue
-        at = data.end[here[np.argmax(rise >= half)]] - steps.times[k]
-        found.append(Loading(float(steps.times[k]), half, float(V * (at + errors[k]))))
+        rows = int(np.argmax(rise >= half))
+        path = float(V * (data.end[here[rows]] - steps.times[k] + errors[k]))
+        found.append(Loading(float(steps.times[k]), half, path, rows))
     return max(found, key=lambda one: one.stiffness, default=None)
 
 
@@ -85,8 +93,18 @@ def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -
 
 
 def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, ...]:
-    """A warning for a stiffness that is below what the rows allow."""
-    if loading is None or not loading.stiffness > _DOUBTFUL * K:
+    """A warning for a stiffness that is below what the rows allow, or far above what they show."""
+    if loading is None:
+        return ()
+    if _STIFF * loading.stiffness < K and loading.rows >= _RESOLVED:
+        return (
+            f"friction rises as on a spring of about {_number(loading.stiffness, friction_unit)},"
+            f" not of {_number(K, friction_unit)}: after the step at {loading.time:.4g} s by"
+            f" {_rise(loading, friction_unit)} within"
+            f" {format_si(loading.path, 'm', 'um', 3)} of load-point motion; is the unit of the"
+            " stiffness right? --fit-stiffness finds the one of the record",
+        )
+    if not loading.stiffness > _DOUBTFUL * K:
         return ()
     return (
         f"the stiffness {_number(K, friction_unit)} contradicts the rows:"
@@ -95,12 +113,15 @@ def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, 
 
 
 def _seen(loading: Loading, friction_unit: str) -> str:
-    friction = "" if friction_unit == "1" else f" {friction_unit}"
     return (
-        f"after the step at {loading.time:.4g} s friction rises by {loading.rise:.2g}{friction}"
+        f"after the step at {loading.time:.4g} s friction rises by {_rise(loading, friction_unit)}"
         f" within {format_si(loading.path, 'm', 'um', 3)} of load-point motion, which takes"
         f" {_number(loading.stiffness, friction_unit)} or more"
     )
+
+
+def _rise(loading: Loading, friction_unit: str) -> str:
+    return f"{loading.rise:.2g}" + ("" if friction_unit == "1" else f" {friction_unit}")
 
 
 def _number(K: float, friction_unit: str) -> str:

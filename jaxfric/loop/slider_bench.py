@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..fitting import Estimate, Fit
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import prepare
+from ..fitting.misfit import is_of_misfit
 from ..fitting.noise_estimate import noise_words
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem
 from ..fitting.start import noise_from_differences
@@ -120,7 +121,8 @@ class AbstractSliderBench(AbstractBench):
     def warnings(self, engine: Engine[Problem], found: Search) -> tuple[str, ...]:
         """Warnings of the base fit except on its noise, and those of the loop itself."""
         own = noise_words(self.base_fit.noise, self.record)
-        warnings = [text for text in self.base_fit.warnings if text not in own]
+        told = [text for text in self.base_fit.warnings if text not in own]
+        warnings = [text for text in told if not is_of_misfit(text)]  # which the loop asks itself
         edge = self.edge()
         if edge is not None and edge < _NEAR:
             warnings.append(

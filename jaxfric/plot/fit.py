@@ -8,12 +8,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..fitting import Fit
+from ..fitting.misfit import excess, is_of_misfit, scatter
 from ..fitting.table import rows
 from .label import printable
 from .noise import clocks, draw_autocorrelation, mark_glitches
 from .palette import BLUE, GREY, ORANGE
 
-_DATA, _FIT, _STEP, _BAND = BLUE, ORANGE, GREY, "0.85"
+_DATA, _FIT, _STEP, _BAND, _WIDE = BLUE, ORANGE, GREY, "0.82", "0.93"
+_ALIKE = 1.1
+"""Up to such a ratio two bands are drawn as one."""
 
 
 def draw_fit(fit: Fit, *paths: str | Path) -> None:
@@ -92,10 +95,18 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
 
 
 def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
-    sigma = fit.noise.sigma
     if fit.converged:
-        text = "±1.96 σ of noise"
-        axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=_BAND, lw=0, zorder=0, label=text)
+        near, all_of_it = scatter(fit), fit.noise.sigma
+        if all_of_it > _ALIKE * near:
+            text = "±1.96 σ of all that is\nleft, structure too"
+            axis.axhspan(-1.96 * all_of_it, 1.96 * all_of_it, color=_WIDE, lw=0, label=text)
+            text = "±1.96 σ of neighbouring\nrows"
+        else:
+            near, text = all_of_it, "±1.96 σ of noise"
+        axis.axhspan(-1.96 * near, 1.96 * near, color=_BAND, lw=0, label=text)
+        if any(map(is_of_misfit, fit.warnings)):
+            said = f"it leaves {excess(fit):.2g} times the scatter of neighbouring rows"
+            axis.set_title(said, loc="left", fontsize=9, color=_FIT)
     axis.plot(along, _counted(fit), color=_DATA, lw=0.7)
     mark_glitches(axis, along, fit.noise.glitches)
     axis.axhline(0, color="0.3", lw=0.6)

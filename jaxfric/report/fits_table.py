@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from ..fitting import Fit
-from ..fitting.misfit import EXCESS, excess, misfit_warning
+from ..fitting.misfit import EXCESS, excess, is_of_misfit
 from ..loop.result import TextTable
 from ..runs.table import Cell, difference, fit_cells, measured
 
@@ -44,7 +44,7 @@ def csv_rows(fits: Sequence[TabledFit], head: str) -> list[dict[str, Cell]]:
         cells = {} if one.fit is None else fit_cells(one.fit)
         if one.fit is not None:
             cells |= {"states": one.fit.model.states, "misfit": float(f"{excess(one.fit):.4g}")}
-            cells["warnings"] = "; ".join((*one.fit.warnings, *misfit_warning(one.fit)))
+            cells["warnings"] = "; ".join(one.fit.warnings)
         out.append({head: one.name} | cells | dict(one.more) | _said(one))
     return out
 
@@ -136,7 +136,7 @@ def latex_text(fits: Sequence[TabledFit], head: str) -> str:
 
 def _mark(one: TabledFit) -> str:
     """A dagger where what a fit leaves is more than noise: its errors are not those of the law."""
-    return r"$^\dagger$" if one.fit is not None and misfit_warning(one.fit) else ""
+    return r"$^\dagger$" if one.fit is not None and any(map(is_of_misfit, one.fit.warnings)) else ""
 
 
 def _escaped(text: str) -> str:
