@@ -897,6 +897,18 @@ def test_the_answer_on_an_axis_comes_first(verdict: str, friction: str) -> None:
     assert answer(plain) == []
 
 
+def test_what_helps_is_named_where_it_is_not_all():
+    found = make_loop("effects")
+    loop = dataclasses.replace(found, verdict="outside_catalogue")
+    names = " and ".join(loop.effects)
+    assert loop.heldout(loop.after) < loop.heldout(loop.before)
+    assert headline(loop) == (
+        f"Beyond {names} something is missing that the catalogue does not explain"
+    )
+    worse = dataclasses.replace(loop, before=loop.after, after=loop.before)
+    assert headline(worse) == "Something is missing that the catalogue does not explain"
+
+
 def test_a_curve_whose_shape_is_not_told_is_said_to_be_so():
     """In the headline, in what can be told apart, on the page and in the file for programs."""
     loop = make_loop("ambiguous")

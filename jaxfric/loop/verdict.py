@@ -303,7 +303,9 @@ def sentence_of(
             what = f"Something is left ({p_text(told.p_value)}), but too little to be named"
         return f"{what}: no effect is supported by more than {ACCEPT:g} of BIC ({before})."
     if verdict == "outside_catalogue":
-        what = "What is missing is not in the catalogue."
+        helped = named and float(f"{told.after:.2f}") < float(f"{told.before:.2f}")
+        what = "Not all that is missing is" if helped else "What is missing is not"
+        what += " in the catalogue."
         if told.after <= told.most:
             what = (
                 "What is left is as small as the noise"
@@ -336,7 +338,7 @@ def _in_vain(search: Search, named: str, told: Told) -> str:
     one = len(search.final.effects) == 1
     if float(f"{told.after:.2f}") < float(f"{told.before:.2f}"):
         verb, but = ("helps", "does") if one else ("help", "do")
-        return f"{named} {verb} ({told.change()}) but {but} not explain it."
+        return f"{named} {verb} ({told.change()}) but {but} not explain all of it."
     if told.after <= told.most:
         verb = "changes" if one else "change"
         return f"{named} {verb} little: {told.change()}."

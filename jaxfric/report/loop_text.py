@@ -43,6 +43,12 @@ def headline(loop: Loop) -> str:
         others = [id for id in loop.effects if not any(id in f.effects for f in loop.families)]
         return "Missing: " + listed([*others, "a curve of velocity whose shape is not told"])
     text = HEADLINES.get(loop.verdict, loop.verdict)
+    if (
+        loop.verdict == "outside_catalogue"
+        and loop.effects
+        and loop.heldout(loop.after) < loop.heldout(loop.before)
+    ):
+        text = f"Beyond {{effects}} {text[0].lower()}{text[1:]}"
     return text.format(effects=listed(loop.effects) or "an effect")
 
 
