@@ -270,3 +270,22 @@ def test_two_lags_are_in_one_model_where_both_are_asked_for(monkeypatch):
         both = ("servo_lag", "sensor_lag")
         assert begun.apart(both) and searched.apart(both) == beside
         assert not searched.apart((*both, "sensor_delay"))
+
+
+@pytest.mark.parametrize("torque", ["tau_Nm", "torque_Nm", "tau [N m]", "tau(Nm)"])
+def test_newton_metres_at_the_end_of_a_name_are_no_nanometres(torque, tmp_path):
+    t, q, v, a = motion()
+    tau = 0.02 * a + 0.1 * v + 0.05 * np.sign(v)
+    text = "\n".join(
+        [f"time_s,q_rad,{torque}", *(f"{x},{y},{z}" for x, y, z in zip(t, q, tau, strict=True))]
+    )
+    (tmp_path / "joint.csv").write_text(text)
+    record = read_axis(tmp_path / "joint.csv")
+    assert record.coordinate == "rotary"
+    assert record.motor_force == pytest.approx(tau)
+
+
+def test_an_archive_of_numpy_is_refused_with_the_way_out(tmp_path):
+    np.savez(tmp_path / "joint.npz", q=np.zeros(3))
+    with pytest.raises(jaxfric.InputError, match=r"archive of NumPy.*as CSV.*numpy\.savetxt"):
+        read_axis(tmp_path / "joint.npz")

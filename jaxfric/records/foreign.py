@@ -18,6 +18,11 @@ def refuse_foreign(data: bytes, path: str) -> None:
 
     Raises `InputError`, with the fields of the records of a log where there are some.
     """
+    if data.startswith(b"PK") and Path(path).suffix.lower() == ".npz":
+        raise InputError(
+            f"{path} is an archive of NumPy: write the columns of one axis or record as CSV, with"
+            " numpy.savetxt(FILE, columns, delimiter=',', header='time [s],...', comments='')"
+        )
     for magic, what in _MAGIC.items():
         if data.startswith(magic):
             raise InputError(f"{path} is {what}")

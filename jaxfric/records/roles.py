@@ -71,10 +71,16 @@ class Schema:
         for parts in (3, 2, 1):
             suffix = "_".join(pieces[-parts:]).replace("µ", "u").replace("μ", "u")
             name = cell[: len(cell) - len(suffix)].rstrip("_ ,")
-            unit = self._suffixes.get(suffix) or self._suffixes.get(suffix.lower())
+            unit = self._suffixes.get(suffix)
+            if unit is None and suffix not in _TORQUE:
+                unit = self._suffixes.get(suffix.lower())
             if len(pieces) > parts and unit and self.role_of(name):
                 return name, unit
         return cell, None
+
+
+_TORQUE = ("Nm", "NM")
+"""Suffixes that are a torque, where they are known, and never nanometres."""
 
 
 def _per_second(*lengths: str) -> dict[str, str]:
