@@ -170,9 +170,10 @@ class Feedforward(Described, Drawable, Tabular):
         )
         if self.share > 0:
             measured += (
-                f", and more than a share of {self.share:.3g} of it may be more than the friction,"
-                " which makes limit cycles: that is 1 less two standard errors. They are of this"
-                " record; by temperature and load friction changes more"
+                f", and of the friction no more than {100 * self.share:.3g} % may be fed: the"
+                " true one may be less by two standard errors, and what is fed beyond it makes"
+                " limit cycles. The errors are of this record; by temperature and load friction"
+                " changes more"
             )
         else:
             measured += (
