@@ -1,6 +1,7 @@
 """Results in a notebook: short, whole, and with the methods that make sense for them."""
 
 import builtins
+import dataclasses
 import html.parser
 import importlib
 import subprocess
@@ -84,6 +85,13 @@ def axis_fit():
     )
 
 
+def axis_record():
+    t = np.linspace(0.0, 4.0, 400)
+    force = 0.1 * np.sign(np.cos(2 * t)) + 0.01 * np.random.default_rng(0).standard_normal(400)
+    made = jf.records.axis_from_arrays(t, force, position=np.sin(2 * t), coordinate="rotary")
+    return dataclasses.replace(made, provenance=Provenance(HOSTILE))
+
+
 def schedule():
     points = SetPoint(1e-6, 3e3, 0.5, 2.0, 2.5), SetPoint(3e-6, 3e3, 0.7, 2.0, 2.5)
     return Schedule(points, False, (1e-6, 3e-6), ("the law is a guess",))
@@ -99,6 +107,7 @@ MADE = {
     "AxisFit": axis_fit,
     "Schedule": schedule,
     "Trajectory": trajectory,
+    "AxisRecord": axis_record,
 }
 
 
@@ -292,6 +301,15 @@ def test_a_run_as_a_table_and_in_a_line():
     table = found.to_pandas()
     assert table.loc[1, "A-B"] == pytest.approx(-0.004) and table.loc[2, "result"] == "too few rows"
     assert "warning: step 2: too few rows" in found.summary()
+
+
+def test_the_record_of_an_axis_as_tables():
+    record = axis_record()
+    assert repr(record).endswith(": 400 rows over 4 s; time, motor_force, position)")
+    table, data = record.to_pandas(), record.to_xarray()
+    np.testing.assert_array_equal(table["position"], record.position)
+    assert table.attrs["units"] == {"time": "s", "motor_force": "N m", "position": "rad"}
+    assert data["motor_force"].attrs["units"] == "N m" and data["time"].attrs["units"] == "s"
 
 
 def test_an_axis_fit_does_not_tell_what_is_loose():

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..records import AxisRecord, SteadyCurve
 from ..records.axis_units import shown_units
@@ -17,7 +18,12 @@ _WINDOW = 200
 
 
 def draw_axis_record(record: AxisRecord, strokes: Strokes, path: str | Path) -> None:
-    """Write a figure of a record to `path`.
+    """Write the figure of a record to `path`."""
+    axis_record_figure(record, strokes).savefig(str(path), dpi=150)
+
+
+def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
+    """Figure of a record and its strokes.
 
     Panels: motor force, with the disturbance where there is one; position and reference, the
     strokes shaded; the distance from the reference; the speed; and force against speed.
@@ -60,7 +66,7 @@ def draw_axis_record(record: AxisRecord, strokes: Strokes, path: str | Path) -> 
     text = f"{printable(record.provenance.path)}: {record.sampling()}; {len(strokes)} strokes"
     figure.suptitle(text, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(panels)
-    figure.savefig(str(path), dpi=150)
+    return figure
 
 
 def draw_curve(curve: SteadyCurve, path: str | Path) -> None:

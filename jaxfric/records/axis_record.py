@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..described import Described, Drawable, Gridded, Tabular
 from ..errors import InputError
 from .axis_units import FORCE_UNITS, si_units
 from .record import Provenance, Sampling, cut, frozen, vector
@@ -70,8 +71,8 @@ class AxisKind(NamedTuple):
     drive: Drive | None
 
 
-@dataclass(frozen=True, eq=False)
-class AxisRecord:
+@dataclass(frozen=True, eq=False, repr=False)
+class AxisRecord(Described, Drawable, Gridded, Tabular):
     """Columns of equal length, read-only, in SI; time increases from row to row.
 
     - `time` [s], as in the file; `relative_time` starts at 0.

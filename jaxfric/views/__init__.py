@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 HOMES = {
     "AxisFit": "axis_fit",
+    "AxisRecord": "axis_record",
     "Feedforward": "feedforward",
     "Fit": "fit",
     "Gains": "gains",

@@ -1,7 +1,9 @@
 """A record in a line, a page, a figure and tables."""
 
+from collections.abc import Mapping
+
 from ..plot.label import printable
-from ..records import Record, record_steps
+from ..records import AxisRecord, Record, record_steps
 from ..records.record import ROLES
 from ..report.record_text import describe
 from .view import Arrays, Frame, Page, Variable, View
@@ -20,9 +22,12 @@ def page(record: Record) -> Page:
 
 def frame(record: Record) -> Frame:
     """A row for every row, SI; units stand in `attrs`."""
-    return Frame(
-        record.columns, "time", {"units": _units(record), "record": record.provenance.path}
-    )
+    return rows_of(record, _units(record))
+
+
+def rows_of(record: Record | AxisRecord, units: Mapping[str, str]) -> Frame:
+    """The columns of a record as a table, with the units of its roles."""
+    return Frame(record.columns, "time", {"units": units, "record": record.provenance.path})
 
 
 def _units(record: Record) -> dict[str, str]:
@@ -31,7 +36,12 @@ def _units(record: Record) -> dict[str, str]:
 
 def arrays(record: Record) -> Arrays:
     """The columns over time."""
-    units, rows = _units(record), ("time",)
+    return over_time(record, _units(record))
+
+
+def over_time(record: Record | AxisRecord, units: Mapping[str, str]) -> Arrays:
+    """The columns of a record over time, with the units of its roles."""
+    rows = ("time",)
     made = {r: Variable(rows, v, units[r], r.replace("_", " ")) for r, v in record.columns.items()}
     time = made.pop("time")
     return Arrays(made, {"time": time}, {"record": record.provenance.path})

@@ -1,0 +1,47 @@
+"""A record of an axis in a line, a page, a figure and tables."""
+
+from ..plot.label import printable
+from ..records import AxisRecord
+from ..records.axis_units import si_units
+from ..records.strokes import find_strokes
+from ..report.axis_record_text import describe_axis
+from .record import over_time, rows_of
+from .view import Arrays, Frame, Page, View
+
+
+def line(record: AxisRecord) -> str:
+    """Rows, duration and columns."""
+    name, columns = printable(record.provenance.path), ", ".join(record.columns)
+    return (
+        f"AxisRecord({name}: {len(record)} rows over {record.relative_time[-1]:.6g} s; {columns})"
+    )
+
+
+def page(record: AxisRecord) -> Page:
+    """Columns, sampling and strokes, as `jaxfric record` prints them."""
+    return Page(describe_axis(record, find_strokes(record)), warnings=record.provenance.doubts)
+
+
+def frame(record: AxisRecord) -> Frame:
+    """A row for every row, SI; units stand in `attrs`."""
+    return rows_of(record, _units(record))
+
+
+def arrays(record: AxisRecord) -> Arrays:
+    """The columns over time."""
+    return over_time(record, _units(record))
+
+
+def _units(record: AxisRecord) -> dict[str, str]:
+    known = si_units(record.coordinate)
+    return {r: record.force_unit if r.endswith("_force") else known[r] for r in record.columns}
+
+
+def figure(record: AxisRecord):
+    """The figure record.png."""
+    from ..plot.axis_record import axis_record_figure
+
+    return axis_record_figure(record, find_strokes(record))
+
+
+VIEW = View(line, page, figure, frame, arrays)
