@@ -41,6 +41,7 @@ REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
 )
+TREND, TREND_OF_STUDIES = (f"tests/test_{name}.py -k trend" for name in ("gains", "study_toml"))
 WORDS_OF_A_RIG, SPELLINGS = (
     f"tests/test_loop_report.py -k {word}" for word in ("own_words", "spelling")
 )
@@ -534,7 +535,19 @@ FAULTS = (
           "share = jnp.where(z == 0, 1.0, ", "share = jnp.where(z == z, 1.0, ",
           OWN_LAW + " -k held"),
     Fault("a law forgets what its fit warned of", "laws/source.py",
-          "return (*own_warnings(content), *_doubts(", "return (*(), *_doubts(", WARNED),
+          "return (*own_warnings(content), *doubts,", "return (*doubts,", WARNED),
+    Fault("a law of a fit has its slip trend", "laws/source.py",
+          """*numbered_names(states), "V0")}""",
+          """*numbered_names(states), "V0", "slip_trend") if name in values}""", TREND),
+    Fault("a slip trend is left out unsaid", "laws/source.py",
+          "*doubts, *trend_words(trend, scale))", "*doubts)", TREND),
+    Fault("the trend of a coefficient is taken for one of a force", "members/axes.py",
+          "fit_warnings(fit, scale)", "fit_warnings(fit, 1.0)", TREND_OF_STUDIES),
+    Fault("a law of a posterior has its slip trend", "laws/posterior_file.py",
+          """names = ["f0", "A", *numbered_names(states)]\n""",
+          """names = ["f0", "A", *numbered_names(states)]\n"""
+          """    names += [n for n in ("slip_trend",) if n in draws]\n""",
+          "tests/test_posterior_files.py -k trend"),
     Fault("a law forgets what its loop warned of", "laws/loop_source.py",
           "(*own_warnings(content), *verdict_words(content),", "(*verdict_words(content),",
           "tests/test_loop_source.py -k warned_of"),
@@ -551,7 +564,7 @@ FAULTS = (
           'attributes |= {"warnings": list(label.warnings)} if label.warnings else {}', "pass",
           STUDY_WARNS),
     Fault("posterior draws forget what their fit warned of", "members/axes.py",
-          "{**kept, **fixed}, fit_warnings(fit)", "{**kept, **fixed}, ()", STUDY_WARNS),
+          "{**kept, **fixed}, fit_warnings(fit, scale)", "{**kept, **fixed}, ()", STUDY_WARNS),
     Fault("a prediction forgets what its fit warned of", "prediction/model.py",
           "return (*own_warnings(self.content), *(", "return (*(), *(",
           "tests/test_predict.py -k through_the_command"),

@@ -382,6 +382,26 @@ def test_what_a_fit_warned_of_goes_on_to_law_and_gains(tmp_path):
     assert source.warnings[:2] == said and "nothing of stability" in source.warnings[2]
 
 
+@pytest.mark.parametrize(
+    ("trend", "words"),
+    [(-3.0, "add 1.5e+03 N/m to k_p"), (3.0, "leaving it out is safe"), (0.0, "")],
+)
+def test_a_slip_trend_of_a_fit_is_no_part_of_the_law(tmp_path, trend, words):
+    """Law and samples are those of the same fit without it: no motion is steady with a trend."""
+    plain = law_from_fit(written(tmp_path, fit_content()), normal_force=500.0, samples=3)
+    content = fit_content(free=["A", "slip_trend", "B", "L"])
+    content["parameters"]["slip_trend"] = {"value": trend, "determined": True}
+    covariance = np.asarray(fit_content()["covariance"])
+    wider = np.insert(np.insert(covariance, 1, 0.9 * covariance[0], axis=0), 1, 1.0, axis=1)
+    content["covariance"] = wider.tolist()
+    source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=3)
+    assert float(source.law.slip_trend) == 0 and not np.any(source.samples.slip_trend)
+    for name in ("f0", "A", "B", "L"):
+        np.testing.assert_allclose(getattr(source.samples, name), getattr(plain.samples, name))
+    assert len(source.warnings) == bool(trend)
+    assert words in "".join(source.warnings)
+
+
 def test_a_fit_that_does_not_say_whether_it_converged_is_told(tmp_path):
     content = fit_content()
     del content["converged"]

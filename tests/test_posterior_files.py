@@ -128,6 +128,18 @@ def test_gains_take_its_draws_as_samples(folder, tmp_path):
     assert "posterior (NUTS)" in text and "6 samples of the law" in text
 
 
+def test_a_slip_trend_among_the_draws_is_no_part_of_the_law(folder, tmp_path):
+    copy = altered(folder[0], tmp_path)
+    with h5py.File(copy, "a") as file:
+        draws = np.full(file["posterior"]["A"].shape, -3e-6)
+        trend = file["posterior"].create_dataset("slip_trend", data=draws)
+        trend.attrs["unit"], trend.attrs["map"] = "1/um", -3e-6
+    source = law_from_file(copy, normal_force=500.0, samples=3)
+    assert float(source.law.slip_trend) == 0 and not np.any(source.samples.slip_trend)
+    assert "slip_trend is left out" in source.warnings[-1]
+    assert source.warnings[-1].endswith("add 1.5e+03 N/m to k_p")
+
+
 def altered(at, to, **attributes):
     """A copy of the posterior with other attributes; None takes one away."""
     copy = to / "posterior.nc"

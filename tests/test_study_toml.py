@@ -449,6 +449,23 @@ def test_what_a_fit_warned_of_is_told_and_kept(where: str) -> None:
     assert drawn.code == 0 and drawn.err.count(own) == 1, drawn.err
 
 
+def test_a_study_is_of_the_law_without_its_slip_trend() -> None:
+    """The same law and the same words whichever table names the fit; 500 N times -3/m."""
+    content = fit_content()
+    content["parameters"]["slip_trend"] = {"value": -3.0, "determined": True}
+    written(Path("fit.json"), json.dumps(content))
+    axis = 'k_p = { values = ["1 MN/m", "9 MN/m"] }\n'
+    law = 'from = "fit.json"\nnormal_force = "500 N"\n'
+    rig = f'compute = ["simulate"]\n[rig]\nV0 = "5 um/s"\n{law}[axes]\n{axis}'
+    law = 'law = { from = "fit.json", normal_force = "500 N" }\n[samples]\nnumber = 2\n'
+    axes_ = f'compute = ["simulate"]\n[rig]\nV0 = "5 um/s"\n[axes]\n{axis}{law}'
+    first, second = (make(written(Path("study.toml"), text)).spec for text in (rig, axes_))
+    assert first.law == second.law == "slip" and first.warnings == second.warnings
+    assert first.fixed["f0"] == second.fixed["f0"] == 300.0
+    (line,) = first.warnings
+    assert line.startswith("slip_trend is left out of the law") and "add 1.5e+03 N/m" in line
+
+
 def test_the_law_of_a_file_stays_regularised() -> None:
     """Near rest f = A asinh(x), x = V/(2 V_ref) exp((f0 + theta)/A): every slope has the factor
     x/sqrt(1 + x^2). Where massless motions have another law, one line says so."""

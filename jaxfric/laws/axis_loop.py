@@ -27,7 +27,7 @@ from ..errors import InputError
 from ..quantity import quantities
 from ..rig.axis import LAW, AxisRig, BaseLaw
 from ..rig.axis_law import AxisLaw, axis_law
-from .loop_source import effects_in, loop_damage, spring_words, verdict_words
+from .loop_source import effects_in, loop_damage, verdict_words
 from .saved import (
     LOOP,
     own_warnings,
@@ -37,7 +37,7 @@ from .saved import (
     table_damage,
     values_of,
 )
-from .source import LawSource, first_of, force_of_unit, seen_velocities
+from .source import LawSource, first_of, force_of_unit, left_out_words, seen_velocities
 
 Effects = Sequence[type[AbstractEffect]]
 
@@ -202,10 +202,7 @@ def _told(effects: Effects, values: Mapping[str, float]) -> list[str]:
         if issubclass(effect, AbstractPlaceEffect):
             own = {name: values[f"{id}.{name}"] for name in quantities(effect)}
             spring = float(made(effect, own).softest_spring())
-            lines.append(
-                f"{id} is left out of the law: it depends on where the axis is, so no steady"
-                f" motion exists with it. {spring_words(spring)}"
-            )
+            lines.append(left_out_words(id, spring, moves="axis", motion="motion"))
         elif id == AxisTimeDrift.id:
             lines.append(f"{id} is left out of the law: it is of the time of the record")
         elif effect.room != "friction":

@@ -50,7 +50,7 @@ from .saved import (
     table_damage,
     values_of,
 )
-from .source import LawSource, first_of, force_of_unit, seen_velocities
+from .source import LawSource, first_of, force_of_unit, left_out_words, seen_velocities
 
 CERTAIN = ("no_missing_effect", "effects", "ambiguous")
 """Verdicts whose model describes the record."""
@@ -243,10 +243,7 @@ def _left_out(
         if issubclass(effect, AbstractPlaceEffect):
             own = {name: values[f"{id}.{name}"] for name in parameters(effect)}
             spring = scale * float(made(effect, own).softest_spring())
-            lines.append(
-                f"{id} is left out of the law: it depends on where the slider is, so no steady"
-                f" sliding exists with it. {spring_words(spring)}"
-            )
+            lines.append(left_out_words(id, spring))
         elif id == _STRESS:
             lines.append(
                 f"{id} is left out of the law: it acts only while the normal force changes"
@@ -257,10 +254,3 @@ def _left_out(
                 " record; the law was fitted together with it"
             )
     return lines
-
-
-def spring_words(stiffness: float) -> str:
-    """Advice for an effect that acts as a spring [N/m] beside k_p."""
-    if stiffness >= 0:
-        return "It acts as a spring that stiffens k_p, so leaving it out is safe"
-    return f"It acts as a spring of {stiffness:.3g} N/m beside k_p: add {-stiffness:.3g} N/m to k_p"

@@ -16,7 +16,7 @@ from ..quantity import numbered_names
 from ..stability.claims import rate_state_claim
 from ..units import factor
 from .registry import fixed_states, is_rate_state, law_quantity, rate_state
-from .source import LawSource, force_of_unit, seen_velocities
+from .source import LawSource, force_of_unit, seen_velocities, trend_words
 
 if TYPE_CHECKING:
     import h5py  # pyright: ignore[reportMissingImports]
@@ -51,7 +51,7 @@ def law_from_posterior(
 
     The draws are thinned to `samples` of them: whole ones, so that parameters stay correlated as
     they are, and each only once. The direct effect is the regularised one, so that the law can be
-    carried through rest.
+    carried through rest; a slip trend is left out, as by `law_from_fit`.
 
     Parameters
     ----------
@@ -68,14 +68,15 @@ def law_from_posterior(
     scale = force_of_unit(str(about["friction_unit"]), normal_force, path)
     kind, states = str(about["law"]), int(str(about["states"]))
     V0 = float(str(about["reference_velocity"]))
-    names = [n for n in ("f0", "A", *numbered_names(states), "slip_trend") if n in draws]
+    names = ["f0", "A", *numbered_names(states)]
     chosen = _chosen(path, len(draws["A"]), samples, seed)
     columns = {n: np.concatenate([[maximum[n]], draws[n][chosen]]) for n in names}
     columns["V0"] = np.full(samples + 1, V0)
     values = {**{name: maximum[name] for name in names}, "V0": V0}
     law = rate_state(kind, values, states, scale=scale)
     text = f"{kind} law, {states} state(s), posterior ({about.get('method', '')}): {path}"
-    warnings = (*_warnings(path, about), *_doubts(draws, maximum, states))
+    trend = trend_words(maximum.get("slip_trend"), scale)
+    warnings = (*_warnings(path, about), *_doubts(draws, maximum, states), *trend)
     seen = seen_velocities(_json(path, about, "velocities"))
     return LawSource(law, rate_state(kind, columns, states, scale=scale), text, V0, warnings, seen)
 

@@ -85,8 +85,9 @@ def law_from_fit(
     """The law of a `fit.json` in newtons, and samples from the fit's covariance.
 
     Parameters with a lower bound (A, L) are sampled by their logarithms, the others as they are.
-    The direct effect is the regularised one, so that the law can be carried through rest. What the
-    fit itself warned of is in `warnings`.
+    The direct effect is the regularised one, so that the law can be carried through rest. A slip
+    trend is left out, as by `law_from_loop`: it is of the run-in of the record, and with it no
+    motion is steady. That, and what the fit itself warned of, is in `warnings`.
 
     Parameters
     ----------
@@ -110,21 +111,40 @@ def law_from_fit(
     scale = force_of_unit(content["friction_unit"], normal_force, path)
     kind, states = content["law"], int(content["states"])
     values = values_of(content)
-    names = [n for n in ("f0", "A", *numbered_names(states), "V0", "slip_trend") if n in values]
-    positive = {name: law_quantity(name).lower == 0.0 for name in names}
+    own = {name: values[name] for name in ("f0", "A", *numbered_names(states), "V0")}
+    positive = {name: law_quantity(name).lower == 0.0 for name in own}
     columns = sampled(content, positive, samples, seed, path)
-    law = rate_state(kind, values, states, scale=scale)
+    law = rate_state(kind, own, states, scale=scale)
     text = f"{kind} law, {states} state(s), fitted: {path}"
     samples_of = rate_state(kind, columns, states, scale=scale)
     steps = content.get("steps")
     seen = seen_velocities(steps.get("velocities") if isinstance(steps, dict) else None)
-    return LawSource(law, samples_of, text, values["V0"], fit_warnings(content), seen)
+    return LawSource(law, samples_of, text, values["V0"], fit_warnings(content, scale), seen)
 
 
-def fit_warnings(content: Mapping) -> tuple[str, ...]:
-    """Warnings of a fit.json: those that it holds, and a line where it says nothing of
-    stability."""
-    return (*own_warnings(content), *_doubts(content, int(content["states"])))
+def fit_warnings(content: Mapping, scale: float) -> tuple[str, ...]:
+    """Warnings of a fit.json, whose forces are in `scale` newtons: those that it holds, a line
+    where it says nothing of stability, and one where its slip trend is left out."""
+    doubts = _doubts(content, int(content["states"]))
+    trend = values_of(content).get("slip_trend")
+    return (*own_warnings(content), *doubts, *trend_words(trend, scale))
+
+
+def trend_words(trend: float | None, scale: float) -> tuple[str, ...]:
+    """A line where a file has a slip trend [its force/m], which its law is without."""
+    return () if not trend else (left_out_words("slip_trend", scale * trend),)
+
+
+def left_out_words(
+    id: str, stiffness: float, *, moves: str = "slider", motion: str = "sliding"
+) -> str:
+    """That the law is without an effect that acts as a spring [N/m] beside k_p, and what to do."""
+    why = f"it depends on where the {moves} is, so no steady {motion} exists with it"
+    acts = "It acts as a spring that stiffens k_p, so leaving it out is safe"
+    if stiffness < 0:
+        acts = f"It acts as a spring of {stiffness:.3g} N/m beside k_p: add {-stiffness:.3g} N/m"
+        acts += " to k_p"
+    return f"{id} is left out of the law: {why}. {acts}"
 
 
 def seen_velocities(velocities: object) -> tuple[float, float] | None:

@@ -156,7 +156,7 @@ def posterior(
         elif name[0] == "L":
             own[name] = value
     kept = {name: value for name, value in own.items() if name not in grid.names}
-    return law or fit["law"], {**kept, **fixed}, fit_warnings(fit)
+    return law or fit["law"], {**kept, **fixed}, fit_warnings(fit, scale)
 
 
 def _fitted(axis: Table, source: Path, where: str):

@@ -275,7 +275,7 @@ def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], whe
 
     read = law_from_file(source, normal_force=force, samples=0)
     found, kind = read.law, name_of(read.law)
-    if kind is None or not isinstance(found, AbstractRateState) or float(found.slip_trend) != 0:
+    if kind is None or not isinstance(found, AbstractRateState):
         given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
         if given:
             raise InputError(f"{where}: {given[0]} cannot be set: the law of {source} is whole")
