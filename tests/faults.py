@@ -560,6 +560,8 @@ FAULTS = (
           "for line in (*source.warnings, *unseen)", "for line in unseen", VERBS_WARN),
     Fault("a study does not tell what its fit warned of", "members/make.py",
           "for line in made.spec.warnings:", "for line in ():", STUDY_WARNS),
+    Fault("--quiet keeps a study from its warnings", "cli/study.py",
+          "if text.startswith(_WARNING):", "if False:", STUDY_WARNS),
     Fault("a store forgets what its fit warned of", "study/layout.py",
           'attributes |= {"warnings": list(label.warnings)} if label.warnings else {}', "pass",
           STUDY_WARNS),

@@ -443,7 +443,7 @@ def test_what_a_fit_warned_of_is_told_and_kept(where: str) -> None:
     assert outcome.err.count(f"jaxfric: warning: the fit warned: {own}\n") == 1
     assert outcome.err.count(own) == 1 and own not in outcome.out
     assert study.load("a.zarr").attrs["warnings"] == [f"the fit warned: {own}"]
-    again = run("study", "study.toml", "--out", "a.zarr")
+    again = run("study", "study.toml", "--out", "a.zarr", "--quiet")
     assert again.code == 0 and again.err.count(own) == 1, again.err
     drawn = run("study", "--plot", "a.zarr")
     assert drawn.code == 0 and drawn.err.count(own) == 1, drawn.err

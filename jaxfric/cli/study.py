@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 _EVERY = 10.0
 # Texts of errors in the summary.
 _SHOWN = 5
+# What a message of a study that is a warning begins with.
+_WARNING = "warning: "
 
 
 def study(
@@ -192,6 +194,9 @@ class _Teller:
         self.state = "no chunk is written yet"
 
     def note(self, text: str) -> None:
+        if text.startswith(_WARNING):  # with --quiet too, and on a terminal not for a moment only
+            warn([text.removeprefix(_WARNING)])
+            return
         if "chunks are written" in text:
             self.state = text
         self.say(text)
