@@ -37,6 +37,7 @@ FADE, COMES_BACK, COMPILED, ALONE, NO_MODEL = (
     f"tests/test_feedforward.py -k {word}"
     for word in ("small_cases", "comes_back", "c_source", "model_alone", "rely_on")
 )
+FIGURES = "tests/test_figures.py"
 REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
@@ -562,6 +563,15 @@ FAULTS = (
           "for line in made.spec.warnings:", "for line in ():", STUDY_WARNS),
     Fault("--quiet keeps a study from its warnings", "cli/study.py",
           "if text.startswith(_WARNING):", "if False:", STUDY_WARNS),
+    Fault("a sample that is not computed counts as unstable", "plot/study.py",
+          "/ np.maximum(known, 1)", "/ codes.shape[over]", FIGURES + " -k shares"),
+    Fault("a share is that of the unstable", "plot/study.py",
+          "np.sum(codes == 0, axis=over)", "np.sum(codes == 1, axis=over)", FIGURES + " -k shares"),
+    Fault("the noise of the solver has a map", "plot/study.py",
+          "spread < _REGULAR * np.abs(period)", "spread < 1e-9 * np.abs(period)",
+          FIGURES + " -k spread"),
+    Fault("an irregular cycle is called regular", "plot/study.py",
+          "_REGULAR = 3e-3", "_REGULAR = 0.3", FIGURES + " -k spread"),
     Fault("a store forgets what its fit warned of", "study/layout.py",
           'attributes |= {"warnings": list(label.warnings)} if label.warnings else {}', "pass",
           STUDY_WARNS),

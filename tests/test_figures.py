@@ -12,7 +12,8 @@ from jaxfric.plot.loop import _cell
 from jaxfric.plot.marginals import draw_marginals
 from jaxfric.plot.side import by_factors
 from jaxfric.plot.stability import new_figure
-from jaxfric.plot.ticks import plain_log
+from jaxfric.plot.study import _map, _shares, _without_noise, draw_study
+from jaxfric.plot.ticks import plain_log, whole_numbers
 from jaxfric.records.steady import SteadyCurve
 
 
@@ -128,13 +129,93 @@ def test_of_many_curves_those_that_move_are_drawn() -> None:
     figure = draw_marginals(found, list(found.data_vars)[:-1], [])
     assert isinstance(figure, matplotlib.figure.Figure)
     drawn = [axis for axis in figure.axes if axis.axison]
-    assert [axis.get_xlabel().split("\n")[0] for axis in drawn] == ["k_p", "V0", "k_p", "V0"]
+    assert [axis.get_xlabel().split(" ")[0] for axis in drawn] == ["k_p", "V0", "k_p", "V0"]
     assert [axis.get_ylabel() for axis in drawn if axis.get_ylabel()] == ["gain", "speed", "both"]
     told = figure.get_suptitle().replace("\n", " ")
-    assert all(f"what stays {i}" in told for i in range(12)) and "gain" not in told
+    assert all(f"what stays {i}" in told for i in range(12))
+    assert "there: speed over k_p; gain over V0" in told
     figure = draw_marginals(found, ["n0", "n1", "n2", "gain"], [])  # a few: all of them
     assert isinstance(figure, matplotlib.figure.Figure)
     assert len(figure.axes) == 8 and "Left out" not in figure.get_suptitle()
+
+
+def test_the_curves_of_a_large_study_stay_of_a_size_that_can_be_read() -> None:
+    """60 panels in all of which something moves: those that move most, one or more of every output;
+    and no number of an axis stands beside it, as in 0.05 "+3.036e2"."""
+    many = {
+        f"n{i}": ((lambda k, v, i=i: 300 + np.log(k) * 1e-3 + i * np.log(v)), f"output {i}")
+        for i in range(30)
+    }
+    found = study_of(**many)
+    figure = draw_marginals(found, list(many), [])
+    assert isinstance(figure, matplotlib.figure.Figure)
+    figure.draw_without_rendering()
+    assert len(figure.axes) == 24 and max(figure.get_size_inches()) < 17
+    assert figure._suptitle.get_window_extent().x1 <= figure.bbox.x1  # pyright: ignore
+    every = [side for axis in figure.axes for side in (axis.xaxis, axis.yaxis)]
+    assert all(side.get_offset_text().get_text() == "" for side in every)
+    assert all(len(side.get_ticklocs()) < 9 for side in every if side.get_scale() == "linear")
+    assert all(len({y for y in axis.get_ylim()}) == 2 for axis in figure.axes)
+
+
+def test_a_constant_looks_constant() -> None:
+    """Rounding of 1e-13 about 99.9 fills no axis, and an axis about it bears whole numbers."""
+    axes = new_figure(4, 3).subplots()
+    axes.plot([0, 1], [99.9, 99.9 * (1 + 1e-13)])
+    whole_numbers(axes, "y", least=0.01)
+    low, high = axes.get_ylim()
+    assert high - low == pytest.approx(0.999) and low + high == pytest.approx(199.8)
+    axes.figure.draw_without_rendering()
+    assert axes.yaxis.get_offset_text().get_text() == ""
+    axes.set_ylim(10, 20)
+    whole_numbers(axes, "y", least=0.01)
+    assert axes.get_ylim() == (10, 20)
+
+
+def test_samples_over_a_grid_have_maps_of_shares(tmp_path) -> None:
+    """Of five samples k of them are stable at the k-th stiffness, and one is not computed."""
+    xarray = pytest.importorskip("xarray")
+    codes = np.asarray([[[0 if s < k else 1] * 2 for k in range(6)] for s in range(5)])
+    codes[0, 5, :] = -1
+    about = {"flag_values": [0, 1], "flag_meanings": "stable unstable", "long_name": "stability"}
+    dims = ("sample", "k_p", "V0")
+    found = xarray.Dataset(
+        {"stability": (dims, codes, about), "outcome": (dims, 0 * codes)},
+        coords={"k_p": np.geomspace(1e3, 1e5, 6), "V0": np.asarray([1e-6, 1e-5])},
+    )
+    shares = _shares(found, "stability", dims)["share_of_stability"]
+    expected = 100 * np.arange(6) / 5
+    np.testing.assert_allclose(shares.values, np.stack([expected, expected], axis=1))
+    assert shares.dims == ("k_p", "V0") and "5 samples whose steady sliding" in shares.long_name
+    figure = _map(_shares(found, "stability", dims), "share_of_stability", dims[1:], coded=False)
+    assert isinstance(figure, matplotlib.figure.Figure)
+    (mesh,) = figure.axes[0].collections
+    assert (mesh.norm.vmin, mesh.norm.vmax) == (0, 100) and mesh.get_cmap().name == "cividis"
+    assert figure.axes[1].get_ylabel() == "share of samples [%]"
+    assert "map_share_of_stability.png" in draw_study(found, tmp_path)
+
+
+def test_a_spread_of_periods_is_drawn_where_it_is_more_than_the_solver_s() -> None:
+    """Regular cycles of 10 s, but for 1 ms: no map; one that differs by 1 s: the others are 0."""
+    coded = {"flag_values": [0, 1], "flag_meanings": "steady limit_cycle", "units": "1"}
+    found = study_of(
+        end=(lambda k, v: (k > 2e3).astype(int), "end"),
+        period=(lambda k, v: np.where(k > 2e3, 10.0, np.inf), "period"),
+        period_spread=(lambda k, v: np.where(k > 2e3, 1e-3, np.inf), "spread"),
+    )
+    found["end"].attrs |= coded
+    quiet = _without_noise(found)
+    assert set(np.unique(quiet["period_spread"])) == {0.0, np.inf}
+    assert _map(quiet, "period_spread", ("k_p", "V0"), coded=False) is None
+    figure = _map(quiet, "period", ("k_p", "V0"), coded=False)
+    assert isinstance(figure, matplotlib.figure.Figure)
+    assert figure.axes[1].get_ylabel().endswith("grey: no cycle")
+    found["period_spread"].values[-1, 0] = 1.0
+    figure = _map(_without_noise(found), "period_spread", ("k_p", "V0"), coded=False)
+    assert isinstance(figure, matplotlib.figure.Figure)
+    assert figure.get_suptitle() == "Spread; 0: regular"
+    (mesh,) = figure.axes[0].collections
+    assert sorted(set(np.ma.compressed(mesh.get_array()))) == [0.0, 1.0]
 
 
 def test_a_study_of_one_member_has_no_curves() -> None:

@@ -306,6 +306,12 @@ def _draw(store: str, out: str | None, *, json: bool) -> int:
     if names:
         pictures = [name for name in names if name.endswith(".png")]
         print(f"written: {folder.path}/{', '.join(pictures)} (and .svg)")
+    if any(name.startswith("map_share_of_") for name in names):
+        print(
+            "map_share_of_*: the share of the samples at each point of the grid with the first code"
+        )
     if names and not any(name.startswith("map_") for name in names):
-        print("no map: these are of two grid axes or more, without samples")
+        print(
+            "no map: these are over two grid axes or more; of samples over them, of shares of codes"
+        )
     return folder.close()

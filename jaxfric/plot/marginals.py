@@ -12,16 +12,22 @@ from matplotlib.patches import Patch
 from .palette import BLUE
 from .side import Side, code_colour, side_of
 from .stability import new_figure, prefixed
-from .ticks import plain_log
+from .ticks import plain_log, whole_numbers
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-_BINS, _MOST = 16, 400_000
-_WIDE, _LETTERS = 22, 11
+_BINS, _FEW_BINS, _IN_A_BIN = 16, 4, 8
+"""Bins of a sampled parameter: no more, no fewer, and with so many samples in each if it can be."""
+_MOST = 400_000
+_WIDE, _LETTERS = 24, 11
 _MANY, _LEAST = 12, 0.05
 """Panels of which all are drawn; of more those that move: the median changes over the parameter by
-so much of the range of its row, or a share of a code by so much."""
+so much of the range of its output, or a share of a code by so much."""
+_ACROSS, _PANELS = 4, 24
+"""Of those that move: panels side by side, and how many are drawn, so that each can be read."""
+_ROUNDING = 1e-6
+"""An output that varies by no more than this part of its size is constant."""
 
 
 Columns: TypeAlias = dict[str, tuple[Side, np.ndarray]]
@@ -40,10 +46,10 @@ class _Band(NamedTuple):
 def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str]) -> Figure | None:
     """Every output over every parameter: the median and the range of nine in ten, or shares.
 
-    Outputs `coded` are codes, whose shares are drawn. All panels of a row share one scale. An
-    output that has no number anywhere has no row; the title names it. Of more than `_MANY` panels
-    those that do not move are left out, and outputs and parameters of which none moves are named.
-    None where no parameter varies, or nothing has a number.
+    Outputs `coded` are codes, whose shares are drawn. All panels of an output share one scale. An
+    output that has no number anywhere has no panel; the title names it. Of more than `_MANY` panels
+    those that do not move are left out, and of those that move all but the `_PANELS` that move
+    most; the title names what is left out. None where no parameter varies, or nothing has a number.
     """
     members, columns = _thinned(found)
     values = {name: np.asarray(found[name].isel(members).values).ravel() for name in outputs}
@@ -51,49 +57,78 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     shown = {n: columns for n in outputs if n not in empty}
     if not (shown and columns):
         return None
-    moving = {n: _moving(columns, values[n], n in coded) for n in shown}
-    moving = {n: some for n, some in moving.items() if some}
-    cut = len(shown) * len(columns) > _MANY and bool(moving)
-    still = []
-    if cut:
-        seen = {name for some in moving.values() for name in some}
-        still = [n for n in shown if n not in moving] + [n for n in columns if n not in seen]
-        shown = moving
-    across = max(map(len, shown.values()))
-    height = (2.6 if cut else 2.1) * len(shown) + 0.8
-    figure = new_figure(2.9 * across + 1.6, height)
-    shared = False if cut else "col"
-    axes = figure.subplots(len(shown), across, sharex=shared, sharey="row", squeeze=False)
-    for k, (row, name) in enumerate(zip(axes, shown, strict=True)):
-        some = list(row[: len(shown[name])])
-        _row(some, shown[name], values[name], found[name].attrs, name)
-        if cut or k == len(shown) - 1:
-            _below(some, shown[name])
-        for axis in row[len(some) :]:
-            axis.set_axis_off()
-    title = _title(found, empty, still, round(_LETTERS * figure.get_figwidth()))
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5)
+    cut = _moving(columns, {n: values[n] for n in shown}, coded) if _many(shown) else {}
+    shown = cut or shown
+    count = sum(map(len, shown.values()))
+    several = _ACROSS if cut else max(1, _ACROSS // len(columns)) * len(columns)
+    across = min(several, count)
+    figure = new_figure(3.2 * across + 0.8, 2.5 * -(-count // across) + 0.9)
+    grid = figure.add_gridspec(-(-count // across), across)
+    place = 0
+    for name, some in shown.items():
+        spots = [divmod(place + k, across) for k in range(len(some))]
+        row = [figure.add_subplot(grid[spots[0]])]
+        row += [figure.add_subplot(grid[spot], sharey=row[0]) for spot in spots[1:]]
+        _row(row, some, values[name], found[name].attrs, name)
+        for axis, (_, column) in zip(row[1:], spots[1:], strict=True):
+            if column:
+                axis.tick_params(which="both", labelleft=False)
+            else:
+                axis.set_ylabel(row[0].get_ylabel(), fontsize=9)
+        place += len(some)
+    title = _title(found, empty, _still(cut, values, columns, empty) if cut else {}, across)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
     return figure
 
 
-def _moving(columns: Columns, values: np.ndarray, coded: bool) -> Columns:
-    """The parameters over which an output moves."""
-    found, spread = {}, np.inf
-    if not coded:
-        known = values[np.isfinite(values)]
-        spread = float(np.subtract(*np.percentile(known, [95, 5])))
-    for name, (side, at) in columns.items():
-        if coded:
-            places = np.unique(at)
-            shares = [[np.mean(values[at == x] == c) for x in places] for c in np.unique(values)]
-            moves = np.ptp(np.asarray(shares), axis=1).max() > _LEAST
-        else:
-            middle = _band(at, values).middle
-            some = np.isfinite(middle)
-            moves = bool(np.any(some != some[0])) or np.ptp(middle[some]) > _LEAST * spread
-        if moves:
-            found[name] = side, at
-    return found
+def _many(shown: Mapping[str, Columns]) -> bool:
+    return sum(map(len, shown.values())) > _MANY
+
+
+def _moving(
+    columns: Columns, values: Mapping[str, np.ndarray], coded: Sequence[str]
+) -> dict[str, Columns]:
+    """The parameters over which each output moves, up to `_PANELS` of them: of every output the one
+    over which it moves most, and then those that move most."""
+    moves = {
+        (output, name): _movement(at, values[output], output in coded)
+        for output in values
+        for name, (_, at) in columns.items()
+    }
+    order = sorted((pair for pair in moves if moves[pair] > _LEAST), key=lambda p: -moves[p])
+    first = list({output: (output, name) for output, name in reversed(order)}.values())
+    first.sort(key=order.index)
+    kept = [*first, *(pair for pair in order if pair not in first)][:_PANELS]
+    found = {o: {n: columns[n] for n in columns if (o, n) in kept} for o in values}
+    return {output: some for output, some in found.items() if some}
+
+
+def _movement(at: np.ndarray, values: np.ndarray, coded: bool) -> float:
+    """By how much of its range the median of an output changes over a parameter, or a share."""
+    if coded:
+        places = np.unique(at)
+        shares = [[np.mean(values[at == x] == c) for x in places] for c in np.unique(values)]
+        return float(np.ptp(np.asarray(shares), axis=1).max())
+    known = values[np.isfinite(values)]
+    spread = float(np.subtract(*np.percentile(known, [95, 5])))
+    if not spread > _ROUNDING * np.abs(known).max():
+        return 0.0
+    middle = _band(at, values).middle
+    return float(np.ptp(middle[np.isfinite(middle)])) / spread
+
+
+def _still(
+    cut: Mapping[str, Columns],
+    values: Mapping[str, np.ndarray],
+    columns: Columns,
+    empty: Sequence[str],
+) -> dict[str, list[str]]:
+    """Outputs that are not drawn over a parameter, by parameter; under "": those never drawn."""
+    never = [name for name in values if name not in cut and name not in empty]
+    still = {n: [output for output, some in cut.items() if n not in some] for n in columns}
+    return {"": never} | {
+        n: ["all"] if len(some) == len(cut) else some for n, some in still.items()
+    }
 
 
 def _row(
@@ -106,27 +141,29 @@ def _row(
         _codes(row, columns, values, about["flag_meanings"].split())
     else:
         unit = _numbers(row, columns, values, about.get("units", "1"))
-    row[0].set_ylabel(f"{label}\n[{unit}]" if unit else label, fontsize=8.5)
-    for axis in row:
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.tick_params(which="both", labelsize=8)
-
-
-def _below(row: Sequence[Axes], columns: Columns) -> None:
-    """Name the parameters under their panels."""
+    row[0].set_ylabel(f"{label}\n[{unit}]" if unit else label, fontsize=9)
     for axis, (side, _) in zip(row, columns.values(), strict=True):
-        axis.set_xlabel(side.label.replace(" [", "\n["), fontsize=8.5)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(which="both", labelsize=8.5)
+        axis.set_xlabel(side.label, fontsize=9)
         if side.log:
             plain_log(axis, "x")
+        else:
+            whole_numbers(axis, "x", most=4)
 
 
-def _title(found: "Dataset", empty: Sequence[str], still: Sequence[str], width: int) -> str:
-    """Title: what is drawn, and what is not; lines of no more than `width` letters."""
+def _title(
+    found: "Dataset", empty: Sequence[str], still: Mapping[str, Sequence[str]], across: int
+) -> str:
+    """Title: what is drawn, and what is not; lines no longer than the figure."""
     lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
     names = ", ".join(found[name].attrs.get("long_name", name) for name in empty)
     lines += [f"No number anywhere: {names}"] if names else []
-    names = ", ".join(found[name].attrs.get("long_name", name) for name in still)
-    lines += [f"Left out, for nothing moves there: {names}"] if names else []
+    names = ", ".join(found[name].attrs.get("long_name", name) for name in still.get("", ()))
+    lines += [f"Left out, for nothing moves: {names}"] if names else []
+    over = [f"{', '.join(some)} over {name}" for name, some in still.items() if name and some]
+    lines += [f"Left out, for little or nothing moves there: {'; '.join(over)}"] if over else []
+    width = round(_LETTERS * (3.2 * across + 0.8))
     return "\n".join(textwrap.fill(line, width) for line in lines)
 
 
@@ -158,7 +195,8 @@ def _thinned(found: "Dataset") -> tuple[dict[str, slice], dict[str, tuple[Side, 
 
 
 def _binned(side: Side, values: np.ndarray) -> tuple[Side, np.ndarray]:
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, _BINS + 1)))
+    bins = min(max(len(values) // _IN_A_BIN, _FEW_BINS), _BINS)
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)))
     place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     middle = 0.5 * (edges[1:] + edges[:-1])
     log = bool(values.min() > 0 and values.max() > 20 * values.min())
@@ -181,7 +219,9 @@ def _numbers(row: Sequence[Axes], columns: Columns, values: np.ndarray, unit: st
     low = np.concatenate([band.low for band in bands])
     high = np.concatenate([band.high for band in bands])
     if np.nanmin(low) > 0 and np.nanmax(high) > 50 * np.nanmin(low):
-        plain_log(row[0], "y")  # all panels of the row share it
+        plain_log(row[0], "y")  # all panels of the output share it
+    else:
+        whole_numbers(row[0], "y", least=0.01)
     return text.replace("*", " ")
 
 
@@ -206,6 +246,14 @@ def _codes(row: Sequence[Axes], columns: Columns, values: np.ndarray, names: lis
         for i, name in enumerate(names)
         if (values == i).any()
     ]
-    row[-1].legend(
-        handles=handles, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8
+    row[0].legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(-0.02, 1.0),
+        ncol=min(len(handles), 3),
+        frameon=False,
+        fontsize=8.5,
+        borderpad=0.2,
+        handlelength=1.0,
+        columnspacing=0.9,
     )

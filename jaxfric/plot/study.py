@@ -4,6 +4,7 @@ From the Dataset of a store alone: names, units, codes and their texts are in it
 Outputs with further dimensions (motions in time) are not drawn.
 """
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,14 +33,30 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 _PANELS = 4
+_LETTERS = 10.5
+"""Of a title, in an inch."""
+_REGULAR = 3e-3
+"""A spread of the periods below this part of the period is that of the solver: cycles that repeat
+show up to 1.4e-3 at an rtol of 1e-6, as crossings are interpolated within its steps."""
+_SHARE = "share_of_"
+_GOOD = {"stability": "whose steady sliding is stable", "end": "that end steady"}
+"""Of coded outputs in words: the members with their first code."""
+_INFINITE = {"period": "no cycle", "period_spread": "no cycle"} | dict.fromkeys(
+    ("velocity_amplitude", "slip_amplitude", "least_velocity"), "ran away"
+)
+"""Of outputs of how a slider ends: what an infinite number says."""
 
 
 def draw_study(found: "Dataset", folder: Path) -> list[str]:
     """Write a map of every output over the two longest dimensions, and all marginal curves.
 
     `found` is the Dataset of a store (`study.load`). Further dimensions are shown in up to four
-    panels, or at the middle of what is left. Returns the names written; none where nothing varies.
+    panels, or at the middle of what is left. Of samples over a grid of two dimensions or more there
+    are maps of codes: the share of the samples with the first of them. No map is drawn of what has
+    no number anywhere, and none of the spread of periods where all cycles are regular. Returns the
+    names written; none where nothing varies.
     """
+    found = _without_noise(found)
     known, dims = list(map(str, found.data_vars)), _dimensions(found)
     coded = [n for n in known if "flag_values" in found[n].attrs]
     outputs = [n for n in known if n != "done" and found[n].dims == dims]
@@ -48,9 +65,15 @@ def draw_study(found: "Dataset", folder: Path) -> list[str]:
     for name in outputs:
         if name == "outcome" and not np.any(found[name].values):
             continue  # all were computed
-        figure = _map(found, name, dims, name in coded)
+        if "sample" in dims:
+            shares = _shares(found, name, dims) if name in coded and name != "outcome" else None
+            figure = (
+                None if shares is None else _map(shares, _SHARE + name, _rest(dims), coded=False)
+            )
+        else:
+            figure = _map(found, name, dims, coded=name in coded)
         if figure is not None:
-            names += save(figure, folder, f"map_{name}")
+            names += save(figure, folder, f"map_{_SHARE if 'sample' in dims else ''}{name}")
     shown = sorted((n for n in outputs if n != "outcome"), key=lambda n: n not in coded)
     figure = draw_marginals(found, shown, coded)
     return names if figure is None else names + save(figure, folder, "marginals")
@@ -58,6 +81,10 @@ def draw_study(found: "Dataset", folder: Path) -> list[str]:
 
 def _dimensions(found: "Dataset") -> tuple[str, ...]:
     return tuple(map(str, found["outcome"].dims))
+
+
+def _rest(dims: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(d for d in dims if d != "sample")
 
 
 def _shown_at(found: "Dataset", name: str, index: int) -> str:
@@ -68,11 +95,41 @@ def _shown_at(found: "Dataset", name: str, index: int) -> str:
     return f"{name} = {size * value:.3g} {text.replace('*', ' ')}"
 
 
-def _map(found: "Dataset", name: str, dims: tuple[str, ...], coded: bool) -> Figure | None:
+def _without_noise(found: "Dataset") -> "Dataset":
+    """The study with a spread of periods of 0 where it is no more than that of the solver."""
+    if not {"end", "period", "period_spread"} <= set(found.data_vars):
+        return found
+    spread, period = found["period_spread"].values, found["period"].values
+    regular = np.isfinite(spread) & (spread < _REGULAR * np.abs(period))
+    label = {"long_name": found["period_spread"].attrs.get("long_name", "") + "; 0: regular"}
+    kept = found["period_spread"].copy(data=np.where(regular, 0.0, spread))
+    kept.attrs |= label if regular.any() else {}
+    return found.assign(period_spread=kept)
+
+
+def _shares(found: "Dataset", name: str, dims: tuple[str, ...]) -> "Dataset":
+    """The share [%] of the samples that have the first code of an output, of those computed."""
+    codes, over = found[name].values, dims.index("sample")
+    known = np.sum(codes >= 0, axis=over)
+    share = np.where(known, 100 * np.sum(codes == 0, axis=over) / np.maximum(known, 1), np.nan)
+    about = found[name].attrs
+    first = about["flag_meanings"].split()[0].replace("_", " ")
+    words = _GOOD.get(name, f"with the code {first}")
+    text = f"share of the {found.sizes['sample']} samples {words}"
+    text += f"; {about['long_name']}" if name != "stability" else ""
+    return found.isel(sample=0).assign(
+        {_SHARE + name: (_rest(dims), share, {"units": "%", "long_name": text})}
+    )
+
+
+def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> Figure | None:
     """Maps over the two longest dimensions of a grid, in panels over the next one."""
-    grid = [d for d in dims if d != "sample" and found.sizes[d] > 1]
-    if len(grid) < 2 or "sample" in dims:
+    grid = [d for d in dims if found.sizes[d] > 1]
+    every = np.asarray(found[name].values)
+    if len(grid) < 2 or not (coded or np.isfinite(every).any()):
         return None
+    if name == "period_spread" and "end" in found and not every[np.isfinite(every)].any():
+        return None  # all cycles are regular
     longest = sorted(grid, key=lambda d: -found.sizes[d])
     x, y = sorted(longest[:2], key=dims.index)
     rest = longest[2:]
@@ -98,10 +155,12 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], coded: bool) -> Fig
     if coded:
         _codes(figure, used, sides, values, about)
     else:
-        _numbers(figure, used, sides, values, name, about)
+        infinite = _INFINITE.get(name, "infinite") if "end" in found else "infinite"
+        _numbers(figure, used, sides, values, name, about, infinite)
     fixed = [_shown_at(found, d, 0) for d in dims if found.sizes[d] == 1]
     title = about.get("long_name", name) + (f"; {', '.join(fixed)}" if fixed else "")
-    figure.suptitle(_capital(title), x=0.01, ha="left", fontsize=11.5)
+    title = textwrap.fill(_capital(title), round(_LETTERS * width))
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11.5)
     figure.supxlabel(sides[0].label, fontsize=10)
     figure.supylabel(sides[1].label, fontsize=10)
     return figure
@@ -164,27 +223,31 @@ def _numbers(
     values: Sequence[np.ndarray],
     name: str,
     about: Mapping[str, str],
+    infinite: str,
 ) -> None:
     every = np.concatenate([part.ravel() for part in values])
     finite = every[np.isfinite(every)]
     unit = about.get("units", "1")
-    if finite.size == 0:
-        for axis in axes:
-            axis.text(0.5, 0.5, "no number here", transform=axis.transAxes, ha="center")
-        return
     low, high = np.percentile(finite, [1, 99])
     size, text = (1.0, "") if unit == "1" else prefixed(float(max(abs(low), abs(high))), unit)
-    low, high = size * low, size * high
-    norm, cmap = _scale(low, high, name, size * finite)
+    share = unit == "%"
+    if share:
+        size, text, norm, cmap = 1.0, "%", Normalize(0, 100), "cividis"
+    else:
+        norm, cmap = _scale(size * low, size * high, name, size * finite)
     meshes = []
     for axis, part in zip(axes, values, strict=True):
         shown = np.where(np.isfinite(part), size * part, np.nan)
         meshes.append(_mesh(axis, sides, shown, cmap, norm))
         axis.set_facecolor("0.87")
-    bar = figure.colorbar(meshes[-1], ax=list(axes), extend="both", shrink=0.9, pad=0.02)
-    label = _symbol(name) + (f" [{text.replace('*', ' ')}]" if text else "")
+    extend = "neither" if share else "both"
+    bar = figure.colorbar(meshes[-1], ax=list(axes), extend=extend, shrink=0.9, pad=0.02)
+    label = ("share of samples" if share else _symbol(name)) + (
+        f" [{text.replace('*', ' ')}]" if text else ""
+    )
     if not np.all(np.isfinite(every)):
-        kinds = [("infinite", np.isinf(every)), ("no number", np.isnan(every))]
+        nothing = "not computed yet" if share else "no number"
+        kinds = [(infinite, np.isinf(every)), (nothing, np.isnan(every))]
         label += "; grey: " + " or ".join(kind for kind, mask in kinds if mask.any())
     bar.set_label(label, fontsize=9.5)
 

@@ -3,9 +3,25 @@
 import math
 
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, ScalarFormatter
 
 _MANY_DECADES = 1.6
+
+
+def whole_numbers(axes: Axes, which: str, *, most: int = 5, least: float = 0.0) -> None:
+    """A linear axis, "x" or "y", whose numbers stand there whole: no "+3.036e2" beside it.
+
+    It has no more than `most` + 1 of them. Where its limits lie closer together than the part
+    `least` of what they are about, they move apart, so that what is constant looks so.
+    """
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
+    axis.set_major_formatter(ScalarFormatter(useOffset=False))
+    low, high = sorted(axis.get_view_interval())
+    middle = 0.5 * (low + high)
+    wanted = least * abs(middle)
+    if high - low < wanted:
+        axes.set(**{f"{which}lim": (middle - 0.5 * wanted, middle + 0.5 * wanted)})
 
 
 def plain_log(axes: Axes, which: str) -> None:
