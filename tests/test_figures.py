@@ -1,11 +1,14 @@
 """What figures show: ticks, scales and panels, read from the artists that are drawn."""
 
+from types import SimpleNamespace
+
 import matplotlib.figure
 import numpy as np
 import pytest
 
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.steady.loop import close_steady_loop
+from jaxfric.plot import run as plot_run
 from jaxfric.plot import steady
 from jaxfric.plot.location import _share_and_p
 from jaxfric.plot.loop import _cell
@@ -216,6 +219,33 @@ def test_a_spread_of_periods_is_drawn_where_it_is_more_than_the_solver_s() -> No
     assert figure.get_suptitle() == "Spread; 0: regular"
     (mesh,) = figure.axes[0].collections
     assert sorted(set(np.ma.compressed(mesh.get_array()))) == [0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("middle", "words"),
+    [
+        (-0.01, "all below 0: velocity weakening"),
+        (0.01, "all above 0: velocity strengthening"),
+        (0.0, "below 0: velocity weakening"),
+    ],
+)
+def test_rates_of_a_run_fill_their_panels(monkeypatch, middle, words) -> None:
+    """Bars within 4e-4 about one value, at 99.9 MPa: 0 need not be there, and a servo's 0.01 MPa
+    fills no axis."""
+    steps = []
+    for i in range(5):
+        event = SimpleNamespace(before=1e-6, after=1e-5, normal_stress=99.9e6 + 2e3 * i)
+        fit = SimpleNamespace(converged=True, pair=(middle + 4e-5 * i, 1e-4))
+        steps.append(SimpleNamespace(fit=fit, event=event, position=1e-3 * i))
+    monkeypatch.setattr(plot_run, "difference", lambda fit: fit.pair)
+    figure = plot_run.rates_figure(SimpleNamespace(steps=steps))  # pyright: ignore
+    figure.draw_without_rendering()
+    low, high = figure.axes[0].get_ylim()
+    assert 0.7 * (high - low) < 1.6e-4 + 2 * 1.96e-4 < high - low
+    assert [text.get_text() for text in figure.axes[0].texts] == [words]
+    left, right = figure.axes[2].get_xlim()
+    assert right - left == pytest.approx(0.999, rel=1e-3)
+    assert all(axis.xaxis.get_offset_text().get_text() == "" for axis in figure.axes)
 
 
 def test_a_study_of_one_member_has_no_curves() -> None:

@@ -17,7 +17,7 @@ from ..runs.stick_slip import is_stretch
 from ..runs.table import difference
 from .label import printable
 from .palette import BLACK, BLUE, GOLD, MAGENTA, MINT, ORANGE, SKY, SLATE
-from .ticks import plain_log
+from .ticks import plain_log, whole_numbers
 
 _DATA = BLUE
 _COLOURS = {
@@ -31,6 +31,8 @@ _COLOURS = {
 }
 _LONG = 4.0
 """Bars so many times as long as the usual one may leave the panel."""
+_LEAST = 0.01
+"""An axis of normal stress spans so much of it or more: less is the servo's."""
 _WORDS = {"stress": "normal stress", "stick_slip": "stick-slip"}
 
 
@@ -52,6 +54,7 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
         assert record.normal_stress is not None
         axes[2].plot(rows, record.normal_stress / 1e6, color=_DATA, lw=0.7)
         axes[2].set_ylabel("normal stress [MPa]")
+        whole_numbers(axes[2], "y", most=4, least=_LEAST)
     for axis in axes:
         _mark(axis, record, events)
         axis.margins(x=0.005)
@@ -165,18 +168,24 @@ def rates_figure(run: RunFit) -> Figure:
         axis.set_xlabel(label)
         if log:
             plain_log(axis, "x")
+        else:
+            whole_numbers(axis, "x", most=4, least=_LEAST)
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].set_ylabel("A − B (bars: 95 %)")
     if len(pairs):  # a step that tells little must not hide what others tell
         bars = 1.96 * pairs[:, 1]
         told = bars <= _LONG * np.median(bars)
-        ends = np.concatenate([(pairs[:, 0] - bars)[told], (pairs[:, 0] + bars)[told], [0.0]])
-        room = 0.08 * np.ptp(ends)
-        axes[0].set_ylim(ends.min() - room, ends.max() + room)
+        ends = np.concatenate([(pairs[:, 0] - bars)[told], (pairs[:, 0] + bars)[told]])
+        room = 0.08 * np.ptp(ends) + 1e-12
+        axes[0].set_ylim(ends.min() - room, ends.max() + 2 * room)
+        whole_numbers(axes[0], "y", least=_LEAST)
     figure.legend(
         *axes[0].get_legend_handles_labels(), loc="outside upper right", ncol=2, frameon=False
     )
-    axes[0].text(0.02, 0.02, "below 0: velocity weakening", transform=axes[0].transAxes, fontsize=8)
+    low, high = axes[0].get_ylim()
+    words = "all below 0: velocity weakening" if high < 0 else "below 0: velocity weakening"
+    words = "all above 0: velocity strengthening" if low > 0 else words
+    axes[0].text(0.02, 0.02, words, transform=axes[0].transAxes, fontsize=8)
     return figure
 
 
