@@ -9,7 +9,8 @@ from command import assert_refused, run
 from test_gains import fit_content, written
 
 from jaxfric import find_gains, law_from_parameters
-from jaxfric.report.gains_text import describe
+from jaxfric.gains.requirement import Requirement
+from jaxfric.report.gains_text import describe, required
 
 LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
 MACHINE = ("--mass", "2", "--velocity", "2 mm/s")
@@ -43,6 +44,33 @@ def test_gains_json_has_the_keys_of_its_schema():
     simulation = content["simulation"]
     assert simulation["checked"] == 5 == simulation["steady"]
     assert simulation["limit_cycle"] == simulation["escaped"] == 0 and simulation["basin"] >= 1
+
+
+DEFAULT = "modulus >= 0.5 (the default)"
+BESIDE = "(modulus=0.5 is the default, kept as {} alone allows no error of the model)"
+
+
+@pytest.mark.parametrize(
+    ("margins", "words"),
+    [
+        ([], DEFAULT),
+        (["delay=1e-3"], "modulus >= 0.5, delay >= 0.001 " + BESIDE.format("delay")),
+        (["decay=0"], "modulus >= 0.5, decay >= 0 " + BESIDE.format("decay")),
+        (
+            ["delay=1e-3", "decay=2"],
+            "modulus >= 0.5, delay >= 0.001, decay >= 2 " + BESIDE.format("delay or decay"),
+        ),
+        (["delay=1e-3", "modulus=0.3"], "delay >= 0.001, modulus >= 0.3"),
+        (["delay=1e-3", "gain=2"], "delay >= 0.001, gain >= 2"),
+        (["phase=0.5"], "phase >= 0.5"),
+        (["damping=0.2"], "damping >= 0.2"),
+        (["stiffness=1.2"], "stiffness >= 1.2"),
+        (["modulus=0.5"], "modulus >= 0.5"),
+    ],
+)
+def test_the_default_requirement_stays_beside_what_allows_no_error(margins, words):
+    """A delay of 1 ms alone was met by a loop with the gain margin 1.0003."""
+    assert required(Requirement.with_default(margins)) == words
 
 
 def test_either_alone_without_margins_is_the_number_of_stability():

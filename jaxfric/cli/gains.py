@@ -34,8 +34,9 @@ def gains(
         list[str] | None,
         Parameter(
             negative=(),
-            help="A margin that every scenario must have, NAME=NUMBER, as in modulus=0.5 (the "
-            f"default). Names: {named_with_units()}. May be repeated.",
+            help="A margin that every scenario must have, NAME=NUMBER. Names:"
+            f" {named_with_units()}. May be repeated. modulus=0.5 is the default, and stays beside"
+            " delay and decay, which a loop on the edge of instability may have.",
         ),
     ] = None,
     samples: Annotated[
@@ -99,7 +100,7 @@ def gains(
     if velocity is None:
         raise InputError("--velocity is missing; give the velocities of the machine: '1..100 um/s'")
     prepare_jax()
-    required = Requirement.parse(margin or ["modulus=0.5"])
+    required = Requirement.with_default(margin or ())
     velocities = np.asarray(parse_values(velocity, "m/s", "--velocity"))
     masses = read_masses(mass)
     if samples < 0:

@@ -1,7 +1,7 @@
 """Required margins, as functions that must not be negative."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..pairs import read_pairs
 from ..stability.kernel import DelayKernel
 from ..stability.linear import LinearFriction, LinearSlider
-from ..stability.margin_table import known_margin
+from ..stability.margin_table import MARGINS, known_margin
 from ..stability.margins import margin
 from ..stability.theorem import apply_theorem
 
@@ -20,6 +20,8 @@ from ..stability.theorem import apply_theorem
 _ENOUGH = 10.0
 # What stands for "greater than zero", in natural units.
 _POSITIVE = 1e-9
+DEFAULT = "modulus=0.5"
+"""What the command requires where no margin against a model that differs is named."""
 
 
 class Requirement(eqx.Module):
@@ -27,12 +29,15 @@ class Requirement(eqx.Module):
 
     names: tuple[str, ...] = eqx.field(static=True)
     values: tuple[float, ...]
+    kept: bool = eqx.field(static=True)
+    """Whether `DEFAULT` is among them without having been named."""
 
-    def __init__(self, margins: Mapping[str, float]):
+    def __init__(self, margins: Mapping[str, float], *, kept: bool = False):
         if not margins:
-            raise InputError("margin: none is required; give one, as in modulus=0.5")
+            raise InputError(f"margin: none is required; give one, as in {DEFAULT}")
         for name, value in margins.items():
             _check(name, value)
+        self.kept = kept
         self.names = tuple(margins)
         # NumPy's numbers are traced by jit, Python's are not: one compilation for all values
         self.values = tuple(np.float64(value) for value in margins.values())
@@ -48,7 +53,7 @@ class Requirement(eqx.Module):
         for text in texts:
             known_margin(text.partition("=")[0].strip())
         margins = {}
-        example, form = "modulus=0.5", "NAME=NUMBER"
+        example, form = DEFAULT, "NAME=NUMBER"
         for name, value in read_pairs(texts, "margin", example, form=form).items():
             try:
                 margins[name] = float(value)
@@ -57,6 +62,16 @@ class Requirement(eqx.Module):
                     f"margin '{name}={value}' is not {form}, as in {example}"
                 ) from None
         return Requirement(margins)
+
+    @staticmethod
+    def with_default(texts: Sequence[str]) -> "Requirement":
+        """That of the texts and, where these name no margin against a model that differs (a delay
+        or a decay alone may be met on the edge of instability), of `DEFAULT`."""
+        asked = Requirement.parse(list(texts)) if texts else None
+        if asked is not None and any(MARGINS[name].robust for name in asked.names):
+            return asked
+        both = Requirement.parse([DEFAULT, *texts])
+        return Requirement(dict(zip(both.names, both.values, strict=True)), kept=True)
 
     def slack(
         self,

@@ -2,7 +2,9 @@
 
 import math
 
+from ..gains.requirement import DEFAULT, Requirement
 from ..gains.result import Gains, LocalOptimum
+from ..stability.margin_table import MARGINS
 from ..units import between
 
 _UNITS = ("N/m", "N s/m")
@@ -11,11 +13,11 @@ _UNITS = ("N/m", "N s/m")
 
 def describe(gains: Gains) -> list[str]:
     """Lines on what was asked, what was found, and why it is believed."""
-    required = ", ".join(
-        f"{name} >= {value:g}"
-        for name, value in zip(gains.requirement.names, gains.requirement.values, strict=True)
-    )
-    lines = [gains.law, f"required: {required}", f"scenarios: {_scenarios(gains)}"]
+    lines = [
+        gains.law,
+        f"required: {required(gains.requirement)}",
+        f"scenarios: {_scenarios(gains)}",
+    ]
     if gains.delay is not None:
         lines.append(f"controller: answers {_time(gains.delay)} late (1.5 samples), in all margins")
     lines.append("")
@@ -36,6 +38,18 @@ def describe(gains: Gains) -> list[str]:
         f"{found} meets the requirement",
     ]
     return lines + _simulation(gains)
+
+
+def required(what: Requirement) -> str:
+    """The margins that are required, and why there is one that was not named."""
+    pairs = zip(what.names, what.values, strict=True)
+    text = ", ".join(f"{name} >= {value:g}" for name, value in pairs)
+    if not what.kept:
+        return text
+    others = " or ".join(name for name in what.names if not MARGINS[name].robust)
+    if not others:
+        return f"{text} (the default)"
+    return f"{text} ({DEFAULT} is the default, kept as {others} alone allows no error of the model)"
 
 
 def _smallest(gains: Gains) -> str:

@@ -30,6 +30,9 @@ class Margin:
     """Whether it needs the poles, which a slider whose kernel is only a table lacks."""
     unless_late: str = ""
     """Reason why it has no meaning where the controller answers late; empty where it has one."""
+    robust: bool = True
+    """Whether it keeps a distance from every model that is a little different: where none such is
+    asked for, `jaxfric gains` keeps its default beside what is."""
     unlimited: str = "no crossing"
     """Reason why it is inf, where it is."""
 
@@ -51,7 +54,13 @@ MARGINS: dict[str, Margin] = {
         unlimited="no critical stiffness: damping suffices",
     ),
     "decay": Margin(
-        "1/s", 0.0, "decay rate of the slowest pole", _HERE + "decay", zero=True, needs_poles=True
+        "1/s",
+        0.0,
+        "decay rate of the slowest pole",
+        _HERE + "decay",
+        zero=True,
+        needs_poles=True,
+        robust=False,
     ),
     "damping": Margin(
         "1", 0.0, "smallest damping ratio of a pole", _HERE + "damping", 1.0, needs_poles=True
@@ -65,7 +74,9 @@ MARGINS: dict[str, Margin] = {
         unlimited="none: no gain factor reaches instability",
     ),
     "phase": Margin("rad", 0.0, "phase margin", _HERE + "phase", math.pi, unlimited=_CROSSES_NOT),
-    "delay": Margin("s", 0.0, "delay margin", _HERE + "delay", unlimited=_CROSSES_NOT),
+    "delay": Margin(
+        "s", 0.0, "delay margin", _HERE + "delay", unlimited=_CROSSES_NOT, robust=False
+    ),
 }
 
 
