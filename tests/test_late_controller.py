@@ -12,8 +12,16 @@ from jaxfric import InputError, find_gains, law_from_parameters
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.slack import slacks
+from jaxfric.report.gains_text import late_text
+from jaxfric.report.stability_text import describe
+from jaxfric.stability.analysis import study
 from jaxfric.stability.kernel import DelayKernel, StateSpaceKernel
-from jaxfric.stability.linear import LinearFriction, LinearSlider, sampling_delay
+from jaxfric.stability.linear import (
+    LinearFriction,
+    LinearSlider,
+    controller_delay,
+    sampling_delay,
+)
 from jaxfric.stability.margins import is_stable, margin, poles, several
 
 NAMES = ("decay", "modulus", "phase", "delay")
@@ -185,7 +193,10 @@ def test_what_a_late_controller_cannot_be_asked():
     for changed, words in (
         ({"sample_time": 0.0}, "sample time is 0 s"),
         ({"sample_time": np.nan}, "sample time is nan"),
-        ({"mass": None}, "needs a mass"),
+        ({"mass": None}, "a sample time needs a mass"),
+        ({"mass": None, "sample_time": None, "delay": 1e-3}, "a delay of the controller needs"),
+        ({"delay": 1e-3}, "exclude each other"),
+        ({"sample_time": None, "delay": 0.0}, "delay of the controller is 0 s"),
         ({"margin": {"stiffness": 1.5}}, "margin stiffness"),
     ):
         with pytest.raises(InputError, match=words):
@@ -203,3 +214,37 @@ def test_what_a_late_controller_cannot_be_asked():
     assert_refused(run(*common, "1 ms"), "needs a mass")
     assert_refused(run(*common, "0 ms", "--mass", "2"), "sample time is 0 s")
     assert_refused(run(*common, "1", "--mass", "2"), "--sample-time", "no unit")
+    both = (*common[1:], "1 ms", "--delay", "1 ms", "--mass", "2")
+    for verb in ("gains", "stability"):
+        assert_refused(run(verb, *both), "a sample time and a delay exclude each other")
+    assert_refused(run("gains", *common[1:-1], "--delay", "1"), "--delay", "no unit")
+    late = (*law, "--velocity", "2 mm/s", "--delay", "1 ms")
+    assert_refused(run("stability", *late, "--mass", "2"), "give --kp and --kv")
+    assert_refused(run("stability", *late, "--kp", "3 kN/m"), "needs a mass")
+
+
+@pytest.mark.parametrize(
+    ("sample_time", "delay", "known"),
+    [(None, None, None), (1e-3, None, 1.5e-3), (None, 1e-3, 1e-3)],
+)
+def test_a_delay_is_the_whole_and_a_sample_time_two_thirds_of_it(sample_time, delay, known):
+    assert controller_delay(sample_time, delay) == known
+    if known is not None:
+        whole = " (1.5 samples)" if sample_time else ""
+        assert late_text(known, sample_time) == f"answers {1e3 * known:.4g} ms late{whole}"
+
+
+def test_given_gains_are_looked_at_with_a_delay():
+    """At the velocity with the least modulus margin, which is not that of the theorem: that of a
+    late controller is the fastest here, where friction damps least. Against the scan."""
+    V, gains = np.array([0.02, 0.035]), {"k_p": 1e3, "k_v": 300.0}
+    found = study(LAW.law, V, mass=1.0, **gains, delay=3e-3)
+    slopes = np.asarray(found.points.slope)
+    p = [np.array([1.0, 1e3, 300.0, f_v, 0.0, 1.0, 3e-3]) for f_v in slopes]
+    signed = [scanned(q)[0] * (1 if unstable_roots(q) == 0 else -1) for q in p]
+    assert found.worst == int(np.argmin(signed)) and found.late == 3e-3
+    assert float(found.margins["modulus"]) == pytest.approx(min(signed), rel=1e-3)
+    assert bool(found.stable) == (min(signed) > 0) and "stiffness" not in found.margins
+    told = "\n".join(describe(found, "law"))
+    assert "a controller that answers 3 ms late: " + ("" if found.stable else "UN") in told
+    assert "Pade" in told

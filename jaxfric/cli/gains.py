@@ -58,13 +58,8 @@ def gains(
     scale_kv: Annotated[
         options.Text, Parameter(help="Unit of k_v in the norm, '10 N*s/m'.")
     ] = None,
-    sample_time: Annotated[
-        options.Text,
-        Parameter(
-            help="How often the controller samples, '1 ms': its delay of 1.5 samples (hold and "
-            "computing) is then in the loop."
-        ),
-    ] = None,
+    sample_time: options.SampleTime = None,
+    delay: options.Delay = None,
     basin: Annotated[
         float | None,
         Parameter(
@@ -103,6 +98,8 @@ def gains(
     required = Requirement.with_default(margin or ())
     velocities = np.asarray(parse_values(velocity, "m/s", "--velocity"))
     masses = read_masses(mass)
+    sampled = optional_quantity(sample_time, "s", "--sample-time")
+    late = optional_quantity(delay, "s", "--delay")
     if samples < 0:
         raise InputError(f"--samples is {samples}; it must be 0 or more")
     source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
@@ -127,7 +124,8 @@ def gains(
                 optional_quantity(max_kp, "N/m", "--max-kp"),
                 optional_quantity(max_kv, "N*s/m", "--max-kv"),
             ),
-            sample_time=optional_quantity(sample_time, "s", "--sample-time"),
+            sample_time=sampled,
+            delay=late,
             progress=lambda text: progress(f"{text} (1 of 3)"),
         )
         if check:

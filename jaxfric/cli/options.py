@@ -200,4 +200,20 @@ Mass = Annotated[
         " is from the loop.json of an axis, its own.",
     ),
 ]
+SampleTime = Annotated[
+    str | None,
+    Parameter(
+        allow_leading_hyphen=True,
+        help="How often the controller samples, '1 ms': its delay of 1.5 samples (hold and"
+        " computing) is then in the loop.",
+    ),
+]
+Delay = Annotated[
+    str | None,
+    Parameter(
+        allow_leading_hyphen=True,
+        help="Instead of --sample-time: the loop's whole delay, '1 ms', which is then in it. (The"
+        " margin delay is what is survived beyond it.)",
+    ),
+]
 Damping = Annotated[Text, Parameter(help="Damping or velocity gain, '0.5 N*s/m' (none: 0).")]

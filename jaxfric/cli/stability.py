@@ -37,6 +37,8 @@ def stability(
         Parameter(help="Stiffness or position gain, '3 kN/m': gives poles and margins."),
     ] = None,
     kv: options.Damping = None,
+    sample_time: options.SampleTime = None,
+    delay: options.Delay = None,
     out: options.Out = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -54,6 +56,8 @@ def stability(
     one_mass = read_one_mass(mass)
     k_p = read_positive(kp, "N/m", "--kp")
     k_v = read_damping(kv)
+    sampled = optional_quantity(sample_time, "s", "--sample-time")
+    told_late = optional_quantity(delay, "s", "--delay")
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
     one_mass = source.mass if one_mass is None else one_mass
@@ -61,10 +65,12 @@ def stability(
     warn(unseen)
     folder = choose_law_folder(out, from_, law)
     from ..stability.analysis import study, with_samples
+    from ..stability.linear import controller_delay
 
+    late = controller_delay(sampled, told_late)
     with told(quiet=True) as progress:
         progress("linear theory (1 of 2; then figures)")
-        found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v)
+        found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v, delay=late)
         if (samples := read_samples(from_, normal_force)) is not None:
             found = with_samples(found, samples)
         from ..plot.delay import draw_delay

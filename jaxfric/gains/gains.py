@@ -12,7 +12,7 @@ from ..laws import LawSource
 from ..laws.registry import Law
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..silent import silent
-from ..stability.linear import sampling_delay
+from ..stability.linear import controller_delay
 from ..stability.margin_table import MARGINS
 from ..units import parse_values
 from .frontier import FrontierPoint, Region, alone_of
@@ -45,6 +45,7 @@ def find_gains(
     lower: Pair = (None, None),
     upper: Pair = (None, None),
     sample_time: float | None = None,
+    delay: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Gains:
     """Smallest gains (k_p, k_v) whose margins hold in every scenario.
@@ -71,6 +72,7 @@ def find_gains(
     sample_time : h [s] of the controller; it then answers late by 1.5 h (half a sample of the
         zero-order hold and one of computing), in all margins, in the search and in its certificate,
         but not in the simulations of `check_gains`. None: a controller without delay.
+    delay : instead, the whole delay of the controller [s], where it is known.
     progress : told what is being done.
 
     Raises
@@ -78,7 +80,7 @@ def find_gains(
     InputError : a bad argument; of the kind `NoGains` where no gains within the limits meet the
         requirement.
     """
-    machine = Machine(velocity, mass, sample_time)
+    machine = Machine(velocity, mass, sample_time, delay)
     measure = Measure(scale, lower, upper)
     found = seek_gains(law, machine, margin, measure, confidence=confidence, progress=progress)
     if isinstance(found, Infeasible):
@@ -92,6 +94,7 @@ class Machine(NamedTuple):
     velocity: ArrayLike | str
     mass: ArrayLike | str | None
     sample_time: float | None = None
+    delay: float | None = None
 
 
 class Measure(NamedTuple):
@@ -123,8 +126,8 @@ def seek_gains(
             " jaxfric.law_from_parameters(...), or a law itself, as RateState(...)"
         )
     source = law if isinstance(law, LawSource) else LawSource(law, one_sample(law), "law", None)
-    velocity, mass, sample_time = machine
-    mass = source.mass if mass is None else mass
+    velocity = machine.velocity
+    mass = source.mass if machine.mass is None else machine.mass
     if isinstance(velocity, str):
         velocity = np.asarray(parse_values(velocity, "m/s", "velocity"))
     if isinstance(mass, str):
@@ -135,7 +138,7 @@ def seek_gains(
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
     _check_pairs(*measure)
-    delay = _checked_delay(sample_time, mass, requirement, source.law)
+    delay = _checked_delay(machine, mass, requirement, source.law)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay)
     region = make_region(scenarios, *measure)
     tell = progress or silent
@@ -156,30 +159,29 @@ def seek_gains(
         solution = solve(requirement, drop_samples(scenarios, kept), region)
     if isinstance(solution, Infeasible):
         return solution
-    return _result(source, requirement, solution, confidence, kept.size)
+    found = _result(source, requirement, solution, confidence, kept.size)
+    return replace(found, sample_time=machine.sample_time)
 
 
 def _checked_delay(
-    sample_time: float | None, mass: ArrayLike | None, requirement: Requirement, law: Law
+    machine: Machine, mass: ArrayLike | None, requirement: Requirement, law: Law
 ) -> float | None:
-    """The delay of a sampled controller [s]."""
-    if sample_time is None:
+    """The delay of the controller [s]."""
+    delay = controller_delay(machine.sample_time, machine.delay)
+    if delay is None:
         return None
-    if not 0 < sample_time < np.inf:
-        raise InputError(f"sample time is {sample_time:g} s; it must be positive")
+    what = "a sample time" if machine.delay is None else "a delay of the controller"
     if mass is None:
-        raise InputError(
-            "a sample time needs a mass: without one no delay of the controller is survived"
-        )
+        raise InputError(f"{what} needs a mass: without one no delay of the controller is survived")
     for name in requirement.names:
         if MARGINS[name].unless_late:
             raise InputError(
-                f"margin {name} has no meaning with a sample time: {MARGINS[name].unless_late}."
+                f"margin {name} has no meaning with {what}: {MARGINS[name].unless_late}."
                 " Require modulus=0.5, gain, phase or delay"
             )
     if isinstance(law, AbstractDelayLaw):
-        raise InputError("a sample time under a delay law is not analysed; take another law")
-    return float(sampling_delay(sample_time))
+        raise InputError(f"{what} under a delay law is not analysed; take another law")
+    return delay
 
 
 def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
@@ -283,7 +285,7 @@ def _warnings(
             f"these gains survive a delay of {1e6 * worst['delay'].value:.2g} us in the controller:"
             f" less than any has ({1e6 * SHORTEST_DELAY:.0f} us is that of one that samples at 30"
             " kHz). Say how often yours samples, and find gains with that delay in the loop:"
-            " --sample-time '1 ms' (in Python sample_time=1e-3)"
+            " --sample-time '1 ms' (in Python sample_time=1e-3), or --delay where it is known"
         )
     if best.kp <= region.lower[0] * (1 + 1e-6):
         which = "any positive" if delay is None else "any small"

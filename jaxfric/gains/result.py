@@ -80,6 +80,8 @@ class Gains(Described, Drawable, Tabular):
     """Delay of the controller in every margin [s]; None: it has none."""
     alone: Alone | None = None
     """What stiffness alone and damping alone would do, with the margins and without."""
+    sample_time: float | None = None
+    """That of the controller [s], where `delay` was told by it."""
 
     @property
     def basins(self) -> tuple[LocalOptimum, ...]:

@@ -246,7 +246,7 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     limits = f"k_p up to {region.upper[0]:g} N/m, k_v up to {region.upper[1]:g} N s/m"
     which = f"within the limits ({limits})" if limited else "of any size"
     advice = ["lower the margin", *(["widen the limits"] if limited else [])]
-    advice += [] if scenarios.delay is None else ["sample faster"]
+    advice += [] if scenarios.delay is None else ["let the controller answer sooner"]
     return Infeasible(
         f"no gains {which} meet the requirement: {name}={required:g} is missed"
         f" at velocity {where['velocity']:.3g} m/s{mass} (sample {where['sample']}), where the best"

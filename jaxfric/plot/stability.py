@@ -188,7 +188,7 @@ def draw_boundaries(
 def _save_map(found: Study, folder: Path) -> list[str]:
     at, needed = found.here, float(found.here.needed_damping)
     k_p, k_v = gain_axes(found)
-    stable = np.asarray(stability_map(at.friction, found.mass, k_p, k_v))
+    stable = np.asarray(stability_map(at.friction, found.mass, k_p, k_v, found.late))
     k_cr = np.asarray(theorem_over_damping(at.friction, k_v, found.mass).critical_stiffness)
     sizes, units = gain_units(k_p, k_v)
     figure = new_figure(7.2, 5.6)
@@ -197,7 +197,8 @@ def _save_map(found: Study, folder: Path) -> list[str]:
     axis.plot([], [], "s", color=STABLE, ms=9, label="stable")
     if not stable.all():
         axis.plot([], [], "s", color=UNSTABLE, ms=9, label="unstable")
-    draw_boundaries(axis, k_v, k_cr, needed, sizes)
+    if found.late is None:  # the theorem's boundaries are of a spring, which answers at once
+        draw_boundaries(axis, k_v, k_cr, needed, sizes)
     if found.k_p is not None:
         axis.plot(
             sizes[0] * found.k_p,
@@ -213,7 +214,7 @@ def _save_map(found: Study, folder: Path) -> list[str]:
     axis.set_ylabel(f"damping or velocity gain k_v [{units[1]}]")
     axis.set_xlim(0, sizes[0] * k_p[-1])
     axis.set_ylim(0, sizes[1] * k_v[-1])
-    tidy(axis, f"Linear stability at {speed(float(at.velocity))}, {mass_text(found.mass)}")
+    tidy(axis, f"Linear stability at {speed(float(at.velocity))}, {_rig_text(found)}")
     axis.grid(False)
     legend_below(axis, columns=3)
     return save(figure, folder, "gain_map")
@@ -274,6 +275,14 @@ def law_name(law: Law) -> str:
 def mass_text(mass: float | None) -> str:
     """The mass in words, or that there is none."""
     return "no mass" if mass is None else f"m = {mass:g} kg"
+
+
+def _rig_text(found: Study) -> str:
+    """The mass, and how late the controller answers, in words."""
+    if found.late is None:
+        return mass_text(found.mass)
+    size, unit = prefixed(found.late, "s")
+    return f"{mass_text(found.mass)}, controller {size * found.late:.4g} {unit} late"
 
 
 def _save_sweep(found: Study, folder: Path) -> list[str]:
@@ -357,7 +366,7 @@ def _save_locus(found: Study, folder: Path) -> list[str]:
     """Poles in the complex plane, coloured by k_p, and the rightmost one's real part."""
     k_p, centre = _locus_stiffness(found)
     both = k_p if centre is None else np.append(k_p, centre)
-    locus = np.asarray(root_locus(found.here.friction, found.mass, both, found.k_v))
+    locus = np.asarray(root_locus(found.here.friction, found.mass, both, found.k_v, found.late))
     critical, locus = locus[len(k_p) :], locus[: len(k_p)]
     locus = np.where(np.abs(np.imag(locus)) <= 1e-9 * np.abs(locus), np.real(locus), locus)
     figure = new_figure(10.5, 5.0)
@@ -383,7 +392,7 @@ def _save_locus(found: Study, folder: Path) -> list[str]:
     tidy(axes[0], f"Root locus in k_p: poles near the axis{rest}")
     legend_below(axes[0])
     legend_below(axes[1])
-    where = f"{speed(float(found.here.velocity))}, {mass_text(found.mass)}"
+    where = f"{speed(float(found.here.velocity))}, {_rig_text(found)}"
     figure.suptitle(f"{where}, k_v = {found.k_v:g} N s/m", x=0.01, ha="left", fontsize=10)
     return save(figure, folder, "root_locus")
 
@@ -404,10 +413,10 @@ def _growth(axis: Axes, k_p: np.ndarray, rightmost: np.ndarray) -> None:
 
 
 def _locus_stiffness(found: Study) -> tuple[np.ndarray, float | None]:
-    """Values of k_p, and k_cr where there is one to mark."""
+    """Values of k_p, and k_cr where there is one to mark: of a controller that is not late."""
     k_cr = float(found.theorem.critical_stiffness)
     if not found.delayed and 0 < k_cr < math.inf:
-        return np.geomspace(k_cr / 30, k_cr * 30, _LOCUS), k_cr
+        return np.geomspace(k_cr / 30, k_cr * 30, _LOCUS), k_cr if found.late is None else None
     if found.delayed:
         most = delay_stiffness(found)
         return np.geomspace(most / 1e3, most, _LOCUS), None

@@ -19,7 +19,7 @@ def describe(gains: Gains) -> list[str]:
         f"scenarios: {_scenarios(gains)}",
     ]
     if gains.delay is not None:
-        lines.append(f"controller: answers {_time(gains.delay)} late (1.5 samples), in all margins")
+        lines.append(f"controller: {late_text(gains.delay, gains.sample_time)}, in all margins")
     lines.append("")
     kp = _smallest(gains) if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
     lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {gains.norm:.5g})")
@@ -124,6 +124,11 @@ def _margin(gains: Gains, name: str) -> str:
         f"{worst.value:.5g}{unit}{more}  at {where['velocity']:.3g} m/s{mass},"
         f" sample {where['sample']}"
     )
+
+
+def late_text(delay: float, sample_time: float | None = None) -> str:
+    """How late a controller answers, and where that is from."""
+    return f"answers {_time(delay)} late{'' if sample_time is None else ' (1.5 samples)'}"
 
 
 def _time(seconds: float) -> str:

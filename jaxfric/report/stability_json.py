@@ -28,6 +28,7 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
         "mass": study.mass,
         "kp": study.k_p,
         "kv": study.k_v,
+        "controller_delay": study.late,
         "velocity": here.velocity,
         "friction": {
             "steady": here.force,

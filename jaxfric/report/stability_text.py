@@ -9,6 +9,7 @@ from ..rig.friction import AbstractStribeck, Dahl, critical_velocity, worst_slop
 from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary, intervals_over_velocity
 from ..stability.margin_table import MARGINS
+from .gains_text import late_text
 from .stability_json import INTERVALS, intervals, solutions
 
 _ROWS = 9
@@ -20,7 +21,8 @@ def describe(study: Study, law: str) -> list[str]:
     lines = [law, f"mass: {mass}; damping k_v: {study.k_v:g} N s/m"]
     if len(study.points.velocity) > 1:
         lines += ["", *_table(study)]
-        lines += ["", f"hardest velocity: {_number(study.here.velocity)} m/s; there"]
+        why = "" if study.late is None else " (the least modulus margin)"
+        lines += ["", f"hardest velocity{why}: {_number(study.here.velocity)} m/s; there"]
     else:
         lines += ["", f"steady sliding at {_number(study.here.velocity)} m/s:"]
     lines += [f"  {line}" for line in _friction(study)]
@@ -50,11 +52,16 @@ def _friction(study: Study) -> list[str]:
         lines[0] += "   (not positive: f0 is too small for this velocity)"
     needed = float(at.needed_damping)
     text = (
-        f"k_v >= {needed:.6g} N s/m, without margins"
+        f"k_v >= {needed:.6g} N s/m, {_without(study)}"
         if needed > 0
         else "none needed (k_v > 0 keeps it so)"
     )
     return [*lines, f"damping that needs no stiffness: {text}"]
+
+
+def _without(study: Study) -> str:
+    """What is not in the numbers of the theorem."""
+    return "without margins" if study.late is None else "without margins and delay"
 
 
 def _theorem(study: Study) -> list[str]:
@@ -66,7 +73,7 @@ def _theorem(study: Study) -> list[str]:
     k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
     if 0 < k_cr < math.inf:
         at = f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s"
-        conclusion = f"{at}: stable for k_p above k_cr, without margins"
+        conclusion = f"{at}: stable for k_p above k_cr, {_without(study)}"
     return [*lines, conclusion, *_spread(study)]
 
 
@@ -137,13 +144,19 @@ def _gains(study: Study) -> list[str]:
             "give --kp for poles and margins; 'jaxfric gains' finds the gains that have margins",
         ]
     word = "STABLE" if bool(study.stable) else "UNSTABLE"
-    lines = ["", f"k_p = {study.k_p:g} N/m, k_v = {study.k_v:g} N s/m: {word}"]
-    lines.append("rightmost pole [1/s]:" if study.delayed else "poles [1/s]:")
+    late = "" if study.late is None else f", a controller that {late_text(study.late)}"
+    lines = ["", f"k_p = {study.k_p:g} N/m, k_v = {study.k_v:g} N s/m{late}: {word}"]
+    what = "rightmost pole" if study.delayed else "poles"
+    if study.late is not None:
+        what += f", with Pade's approximant of the delay: rough beyond |s| = {3 / study.late:.3g}"
+    lines.append(f"{what} [1/s]:")
     for s in sorted(np.asarray(study.poles), key=lambda s: (-s.real, s.imag)):
         lines.append(f"  {_pole(s)}")
     lines.append("margins:")
     for name in (name for name in MARGINS if name in study.margins):
         text = _margin(name, float(study.margins[name]))
+        if name == "delay" and study.late is not None and not text.startswith("inf"):
+            text += " more"
         if name == "stiffness" and study.delayed and not text.startswith("inf"):
             text = "not defined: there is no critical stiffness"
         lines.append(f"  {name:<10}{text}")

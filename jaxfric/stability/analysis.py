@@ -127,11 +127,13 @@ def stability_map(
     mass: Float[ArrayLike, ""] | None,
     stiffness: Float[ArrayLike, " p"],
     damping: Float[ArrayLike, " v"],
+    delay: float | None = None,
 ) -> Bool[Array, "v p"]:
-    """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p."""
+    """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p; with a
+    controller that answers late by `delay` [s]."""
 
     def one(k_v: Float[Array, ""], k_p: Float[Array, ""]):
-        return is_stable(_slider(friction, mass, k_p, k_v))
+        return is_stable(_slider(friction, mass, k_p, k_v, delay))
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(
         jnp.asarray(damping), jnp.asarray(stiffness)
@@ -144,11 +146,13 @@ def root_locus(
     mass: Float[ArrayLike, ""] | None,
     stiffness: Float[ArrayLike, " p"],
     damping: Float[ArrayLike, ""],
+    late: float | None = None,
 ) -> Complex[Array, "p n"]:
-    """Poles of the slider [1/s] at every k_p [force/m]; of a delay the rightmost ones."""
+    """Poles of the slider [1/s] at every k_p [force/m]; of a delay law the rightmost ones, of a
+    controller that is `late` [s] those with Pade's approximant."""
 
     def one(k_p: Float[Array, ""]):
-        slider = _slider(friction, mass, k_p, damping)
+        slider = _slider(friction, mass, k_p, damping, late)
         kernel = friction.kernel
         if not isinstance(kernel, DelayKernel):
             return poles(slider)
@@ -169,9 +173,10 @@ def _slider(
     mass: Float[ArrayLike, ""] | None,
     k_p: Float[ArrayLike, ""],
     k_v: Float[ArrayLike, ""],
+    delay: float | None = None,
 ) -> LinearSlider:
-    inertia = None if mass is None else jnp.asarray(mass)
-    return LinearSlider(inertia, jnp.asarray(k_p), jnp.asarray(k_v), friction)
+    inertia, late = (None if x is None else jnp.asarray(x) for x in (mass, delay))
+    return LinearSlider(inertia, jnp.asarray(k_p), jnp.asarray(k_v), friction, late)
 
 
 class Study(eqx.Module):
@@ -187,13 +192,17 @@ class Study(eqx.Module):
     k_v: float = eqx.field(static=True)
     """k_v [N s/m]."""
     worst: int = eqx.field(static=True)
-    """The velocity that asks for the largest k_p, or else for the largest k_v."""
+    """The velocity that asks for the largest k_p, or else for the largest k_v; where the controller
+    answers late, the one with the least modulus margin."""
     poles: Complex[Array, " n"] | None
     """Poles at `worst` with the gains (k_p, k_v); as the next two None without a k_p."""
     margins: dict[str, Float[Array, ""]] | None
     stable: Bool[Array, ""] | None
     sampled: Float[Array, " samples"] | None = None
     """k_cr [N/m] at `worst` of samples of the law; None where there are none."""
+    late: float | None = eqx.field(static=True, default=None)
+    """By which the controller answers late [s], in poles, margins and `stable` and nothing else;
+    None: it does not."""
 
     @property
     def critical_interval(self) -> tuple[float, float] | None:
@@ -226,22 +235,29 @@ def study(
     mass: float | None = None,
     k_p: float | None = None,
     k_v: float = 0.0,
+    delay: float | None = None,
 ) -> Study:
     """Everything that the linear theory says of a law at `velocities` [m/s]. SI units.
 
     A regularised direct effect is replaced by ln(V/V0), equation (3): the two differ near rest,
-    and where steady friction is no more than a few A.
+    and where steady friction is no more than a few A. `delay` [s] is that by which the controller
+    with the gains (k_p, k_v) answers late.
 
     Raises
     ------
-    InputError : no steady state at a velocity, a delay law without mass, gains or mass that
-        are not positive (k_v may be 0).
+    InputError : no steady state at a velocity, a delay law without mass, gains, mass or delay that
+        are not positive (k_v may be 0), a delay without k_p or mass or of a delay law.
     """
-    for name, value, unit in (("mass", mass, "kg"), ("k_p", k_p, "N/m")):
+    for name, value, unit in (("mass", mass, "kg"), ("k_p", k_p, "N/m"), ("delay", delay, "s")):
         if value is not None and not value > 0:
             raise InputError(f"{name} is {value:g} {unit}; it must be positive")
     if not k_v >= 0:
         raise InputError(f"k_v is {k_v:g} N s/m; it must not be negative")
+    if delay is not None and k_p is None:
+        raise InputError(
+            "the delay of a controller is looked at with its gains: give --kp and --kv ('jaxfric"
+            " gains' finds gains with that delay in the loop)"
+        )
     if isinstance(law, AbstractDelayLaw) and mass is None:
         raise InputError(
             "a delay law has no stability theory without mass; give one: --mass '2 kg'"
@@ -253,6 +269,11 @@ def study(
     worst = _hardest(points, theorems, isinstance(law, AbstractDelayLaw))
     if k_p is None:
         return Study(law, points, theorems, mass, k_p, k_v, worst, None, None, None)
+    if delay is not None:
+        every = _late_numbers(points.friction, mass, k_p, k_v, delay)
+        worst = int(jnp.argmin(every[1]["modulus"]))
+        found = jax.tree.map(lambda leaf: leaf[worst], every)
+        return Study(law, points, theorems, mass, k_p, k_v, worst, *found, late=delay)
     slider = _slider(at_index(points, worst).friction, mass, k_p, k_v)
     return Study(law, points, theorems, mass, k_p, k_v, worst, *_numbers(slider, available(slider)))
 
@@ -280,12 +301,26 @@ def _critical_of_each(
     return eqx.filter_vmap(one)(laws)
 
 
+_Numbers = tuple[Complex[Array, "*v n"], dict[str, Float[Array, "*v"]], Bool[Array, "*v"]]
+"""Poles, margins by their names, and whether it is stable."""
+
+
 @eqx.filter_jit
-def _numbers(
-    slider: LinearSlider, names: tuple[str, ...]
-) -> tuple[Complex[Array, " n"], dict[str, Float[Array, ""]], Bool[Array, ""]]:
-    """Poles, the margins called `names`, and whether it is stable."""
+def _numbers(slider: LinearSlider, names: tuple[str, ...]) -> _Numbers:
     return poles(slider), several(names, slider), is_stable(slider)
+
+
+@eqx.filter_jit
+def _late_numbers(
+    friction: LinearFriction, mass: float | None, k_p: float, k_v: float, delay: float
+) -> _Numbers:
+    """At every velocity, with a controller that answers late."""
+
+    def one(friction: LinearFriction) -> _Numbers:
+        slider = _slider(friction, mass, k_p, k_v, delay)
+        return _numbers(slider, available(slider))
+
+    return jax.vmap(one)(friction)
 
 
 def _hardest(points: SteadyPoint, theorems: Theorem, delayed: bool) -> int:

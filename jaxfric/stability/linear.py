@@ -119,6 +119,24 @@ def sampling_delay(sample_time: ArrayLike) -> Float[Array, ""]:
     return 1.5 * jnp.asarray(sample_time, float)
 
 
+def controller_delay(sample_time: float | None, delay: float | None) -> float | None:
+    """T [s] of a controller of which one of the two is known [s]; None where neither is.
+
+    Raises
+    ------
+    InputError : both are given, or one that is not positive.
+    """
+    if sample_time is not None and delay is not None:
+        raise InputError(
+            "a sample time and a delay exclude each other: a sampled controller answers 1.5"
+            " samples late, and the delay is the whole of it; give one"
+        )
+    for what, value in (("sample time", sample_time), ("delay of the controller", delay)):
+        if value is not None and not 0 < value < math.inf:
+            raise InputError(f"{what} is {value:g} s; it must be positive")
+    return delay if sample_time is None else float(sampling_delay(sample_time))
+
+
 def _pade(delay: Float[Array, ""]) -> tuple[Array, Array]:
     """Ascending coefficients of numerator and denominator of exp(-T s), order 4."""
     n = _PADE
