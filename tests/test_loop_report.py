@@ -53,6 +53,7 @@ from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.loop_html import page
 from jaxfric.report.loop_next import next_steps, takes_gains
+from jaxfric.report.loop_plan import CHANGES, PlannedRun, deciding_run
 from jaxfric.report.loop_text import (
     answer,
     apart,
@@ -380,6 +381,53 @@ def test_the_page_opens_with_what_it_means_and_what_to_do_next(verdict: str) -> 
         words = shlex.split(line)
         assert words[0] == "jaxfric" and parsed(words[1:])
     assert not parsed(["gains", "--of", "loop.json"])  # a planted fault
+
+
+THREE = PlannedRun((2.0, 20.0, 2.0), 100.0, "um/s")
+RISE = PlannedRun((2.0, 20.0), 100.0, "um/s", second_length=50.0)
+
+
+@pytest.mark.parametrize(
+    ("run", "wanted", "options", "words"),
+    [
+        (RISE, "the first velocity repeated at the end", '"2, 20, 2 um/s" --slip-per-step "100 um"',
+         "with the first repeated at the end"),
+        (THREE, "the first velocity repeated at the end", '"2, 20, 2 um/s"', "are such a run"),
+        (RISE, "up and down steps, longer than 3 L2",
+         '"2, 20, 2 um/s" --slip-per-step "200 um"', "repeated at the end and steps of 4 L2"),
+        (THREE, "up and down steps, longer than 3 L2", '"2, 20, 2 um/s" --slip-per-step "100 um"',
+         "are such a run"),
+        (RISE, "a dwell, a zero-load baseline", '"2, 20, 0.6667 um/s"', "dwell at 0.6667 um/s"),
+        (THREE, "elastic loading, a slip channel",
+         '"2, 20, 2 um/s" --slip-per-step "100 um" --slip-channel "0.1 um"', "channel of slip"),
+        (RISE, "three velocities over two decades", '"2, 20, 200 um/s"', "over two decades"),
+        (RISE, "a known load", '"2, 20 um/s" --slip-per-step "100 um"', "change to that run"),
+    ],
+)  # fmt: skip
+def test_the_run_that_would_decide_is_the_one_planned(run, wanted, options, words) -> None:
+    planned = deciding_run(run, wanted)
+    assert planned.options().startswith(options) and words in planned.words()
+    assert parsed(["protocol", *shlex.split(planned.options())])
+
+
+def test_every_planned_change_is_in_the_catalogue() -> None:
+    said = {part for e in CATALOGUE.values() for part in e.separated_by.split(", ")}
+    assert set(CHANGES) <= said
+
+
+def test_a_plan_asks_for_the_effect_and_its_likeliest_rival() -> None:
+    """The best refit in its place, else the most alike; none that no plan can be asked for."""
+    loop = make_loop("ambiguous")
+    ((id, *_),) = loop.alias_groups
+    sizes = ((id, 50.0), ("gain", 45.0), ("run_in", 48.0))
+    fits = [CandidateScore((e,), gain, 1, 1, {}, True, True, e == id) for e, gain in sizes]
+    groups = ((id, "normal_stress", "slip_trend", "gain", "run_in"),)
+    loop = dataclasses.replace(loop, alias_groups=groups, candidates=fits)
+    lines = [s.command for s in next_steps(loop) if "--tell" in s.command]
+    assert len(lines) == 1 and lines[0].endswith(f"--from loop.json --tell {id},run_in")
+    assert lines[0].startswith('jaxfric protocol "1, 10, 1, 3, 10, ')
+    none = dataclasses.replace(loop, alias_groups=((id, "normal_stress"),))
+    assert not any("protocol" in s.command for s in next_steps(none))
 
 
 def parsed(words: list[str]) -> bool:

@@ -1,6 +1,7 @@
 """What a closed loop means, and what to do next: the command that goes on, the run that decides."""
 
 import shlex
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,9 @@ from ..loop.family import listed
 from ..loop.result import Loop
 from ..loop.words import AXIS
 from ..units import factor
+from .loop_plan import deciding_run, own_run, plannable
 
 _MEMORY = "rate_and_state"
-_MOST_STEPS = 12
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
 
 
@@ -92,7 +93,7 @@ def _gains_line(loop: Loop, file: str) -> str:
 
 
 def _deciding(loop: Loop, file: str) -> list[NextStep]:
-    """The runs that would tell what this record leaves open."""
+    """The runs that would tell what this record leaves open, and the plans of them."""
     from .loop_text import confused
 
     found = []
@@ -101,28 +102,28 @@ def _deciding(loop: Loop, file: str) -> list[NextStep]:
         if wanted:
             told = f"This record cannot tell {id} from {listed(others, 'or')}."
             found.append(NextStep(f"{told} A run that would decide: {wanted}."))
+            found += _plan(loop, file, wanted, id, others)
     for family in loop.families:
         if family.decided_by:
             told = f"The shape of {listed(family.effects)} is not told."
             found.append(NextStep(f"{told} A run that would decide: {family.wanted()}."))
-    if found and loop.words is not AXIS:
-        text = "Whether a plan of velocities tells them apart is known before the run:"
-        found.append(NextStep(text, _protocol_line(loop, file)))
     return found
 
 
-def _protocol_line(loop: Loop, file: str) -> str:
-    """The command that asks what the record's own velocities tell apart, to be changed."""
-    steps, unit = loop.base_fit.steps, loop.words.speed
-    size = factor(unit, "m/s", "velocity")
-    speeds = steps.velocities[steps.velocities != 0][:_MOST_STEPS] / size
-    moved = np.diff(steps.displacement(np.append(steps.times, loop.record.relative_time[-1])))
-    slip = float(np.median(np.abs(moved))) / size
-    length = unit.removesuffix("/s")
-    return (
-        f'jaxfric protocol "{", ".join(f"{v:.4g}" for v in speeds)} {unit}"'
-        f' --slip-per-step "{slip:.4g} {length}" --from {file}'
+def _plan(loop: Loop, file: str, wanted: str, id: str, others: Sequence[str]) -> list[NextStep]:
+    """The command that asks whether the run that is wanted tells an effect from its likeliest
+    rival, before it is made; none of an axis, and where no plan can be asked for the two."""
+    from .loop_text import likeliest
+
+    rivals = [other for other in likeliest(loop, id, others) if plannable(other)]
+    if loop.words is AXIS or not (plannable(id) and rivals):
+        return []
+    run = deciding_run(own_run(loop), wanted)
+    text = (
+        f"Whether it tells {id} from {rivals[0]} is known before the run (planned: {run.words()}):"
     )
+    line = f"jaxfric protocol {run.options()} --from {file} --tell {id},{rivals[0]}"
+    return [NextStep(text, line)]
 
 
 def _where_none(loop: Loop) -> list[NextStep]:

@@ -373,6 +373,13 @@ def confused(loop: Loop) -> list[tuple[str, list[str]]]:
     return found
 
 
+def likeliest(loop: Loop, id: str, others: Sequence[str]) -> list[str]:
+    """What may stand for the effect `id`, the best refit in its place first; then those that were
+    not fitted so, the most alike first."""
+    worse = {other: _worse(loop, id, other) for other in others}
+    return sorted(others, key=lambda other: math.inf if math.isnan(worse[other]) else worse[other])
+
+
 def _of_family(id: str, family: CurveFamily) -> str:
     """Words on effects easily taken for one, where the shape of its curve is not told."""
     text = f"{id}: this record does not tell it from a steady curve of another shape"

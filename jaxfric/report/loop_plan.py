@@ -1,0 +1,140 @@
+"""The run that would decide what a record leaves open, as a plan for `jaxfric protocol`.
+
+The catalogue says in words what tells an effect from its likes (`separated_by`). Where these words
+are a change of the sequence of velocities, or a channel, the plan is the record's own velocities
+with that change; else it is those velocities as they were, and says so.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effects import CATALOGUE
+from ..loop.family import listed
+from ..loop.result import Loop
+from ..units import factor
+
+_MOST_STEPS = 12
+_CHANNEL = "0.1 um"
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """Velocities in the unit of speed of the record, each over `slip` in its unit of length."""
+
+    speeds: tuple[float, ...]
+    slip: float
+    unit: str
+    """Of speed."""
+    second_length: float = 0.0
+    """L2 of a second state that the loop found, in the unit of length; 0 where there is none."""
+    channel: bool = False
+    """Whether slip is recorded too."""
+    changes: tuple[str, ...] = ()
+    """How it differs from the record, in words."""
+    told: bool = False
+    """Whether the run that would decide is a plan at all."""
+
+    @property
+    def length(self) -> str:
+        """The unit of length."""
+        return self.unit.removesuffix("/s")
+
+    def options(self) -> str:
+        """What `jaxfric protocol` is told of it."""
+        speeds = ", ".join(f"{v:.4g}" for v in self.speeds)
+        text = f'"{speeds} {self.unit}" --slip-per-step "{self.slip:.4g} {self.length}"'
+        return f'{text} --slip-channel "{_CHANNEL}"' if self.channel else text
+
+    def words(self) -> str:
+        """What is planned, beside the run that would decide."""
+        if self.changes:
+            return f"the record's velocities with {listed(self.changes)}"
+        which = "which are such a run" if self.told else "for you to change to that run"
+        return f"the record's own velocities, {which}"
+
+
+def own_run(loop: Loop) -> PlannedRun:
+    """The record's own velocities, as far as a plan takes them."""
+    steps, unit = loop.base_fit.steps, loop.words.speed
+    size = factor(unit, "m/s", "velocity")
+    speeds = steps.velocities[steps.velocities != 0][:_MOST_STEPS] / size
+    moved = np.diff(steps.displacement(np.append(steps.times, loop.record.relative_time[-1])))
+    second = loop.after.parameters.get("second_state.L2")
+    return PlannedRun(
+        tuple(float(f"{speed:.4g}") for speed in speeds),
+        float(np.median(np.abs(moved))) / size,
+        unit,
+        0.0 if second is None else second.value / size,
+    )
+
+
+def deciding_run(run: PlannedRun, wanted: str) -> PlannedRun:
+    """The run with every part of `wanted` that is a change of it."""
+    known = [CHANGES[part] for part in wanted.split(", ") if part in CHANGES]
+    for change in known:
+        run = change(run)
+    return dataclasses.replace(run, told=bool(known))
+
+
+def plannable(id: str) -> bool:
+    """Whether a plan can be asked for an effect: one of the catalogue that needs no channel."""
+    return id in CATALOGUE and CATALOGUE[id].channel is None
+
+
+def _changed(run: PlannedRun, words: str, speeds: tuple[float, ...] | None = None) -> PlannedRun:
+    """The run with the words of a change, and other speeds where these are the change."""
+    return dataclasses.replace(
+        run, changes=(*run.changes, words), speeds=run.speeds if speeds is None else speeds
+    )
+
+
+def _repeat(run: PlannedRun) -> PlannedRun:
+    first = run.speeds[0]
+    if run.speeds[-1] == first:
+        return run
+    return _changed(run, "the first repeated at the end", (*run.speeds, first))
+
+
+def _dwell(run: PlannedRun) -> PlannedRun:
+    slow = min(run.speeds) / 3
+    return _changed(run, f"a slow dwell at {slow:.4g} {run.unit} appended", (*run.speeds, slow))
+
+
+def _up_and_down(run: PlannedRun) -> PlannedRun:
+    jumps = np.diff(run.speeds)
+    if not (np.any(jumps > 0) and np.any(jumps < 0)):
+        run = _repeat(run)
+    return run
+
+
+def _longer(run: PlannedRun) -> PlannedRun:
+    if run.slip > 3 * run.second_length:
+        return run
+    return dataclasses.replace(_changed(run, "steps of 4 L2"), slip=4 * run.second_length)
+
+
+def _channel(run: PlannedRun) -> PlannedRun:
+    return dataclasses.replace(_changed(run, "a channel of slip recorded too"), channel=True)
+
+
+def _decades(run: PlannedRun) -> PlannedRun:
+    slow = min(run.speeds)
+    if max(run.speeds) >= 100 * slow and len(set(run.speeds)) > 2:
+        return run
+    speeds = tuple(slow * 10.0**k for k in range(3))
+    return _changed(run, "three over two decades in their place", speeds)
+
+
+CHANGES: dict[str, Callable[[PlannedRun], PlannedRun]] = {
+    "the first velocity repeated at the end": _repeat,
+    "a slow dwell": _dwell,
+    "a dwell": _dwell,
+    "up and down steps": _up_and_down,
+    "longer than 3 L2": _longer,
+    "a slip channel": _channel,
+    "three velocities over two decades": _decades,
+}
+"""Parts of the catalogue's `separated_by` that change a plan, and how."""
