@@ -15,6 +15,7 @@ from command import assert_refused, run
 
 import jaxfric as jf
 from fits.blind import plants
+from jaxfric.cli.protocol import _without_asked
 from jaxfric.effects import CATALOGUE
 from jaxfric.protocol.design import Change, Design, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
@@ -349,6 +350,49 @@ YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing
 )  # fmt: skip
 def test_the_answer_on_a_pair(plan, ids, line):
     assert answer(plan, plan.design.pair(*ids)) == line
+
+
+def chained(*links):
+    """A plan of three effects of which the linked pairs are alike."""
+    ids = ("ageing", "second_state", "thermal")
+    alike = [[1.0 if a == b else 0.97 if {a, b} in links else 0.6 for a in ids] for b in ids]
+    smallest = tuple(Smallest(id, ("q",), "1", 0.01, {}, 0.01, 0.01) for id in ids)
+    plan = designed(0.6)
+    design = Design(ids, np.asarray(alike), smallest, np.zeros(1), np.zeros(1))
+    return dataclasses.replace(plan, design=design)
+
+
+def test_a_chain_of_likes_does_not_contradict_the_answer():
+    """Of effects that are alike one to the next, the ends are told apart."""
+    ids = ("ageing", "second_state", "thermal")
+    chain = chained({"ageing", "second_state"}, {"second_state", "thermal"})
+    text = "ageing/second_state 0.970, second_state/thermal 0.970)"
+    pairs = f"in pairs, all others are told apart  (|cosine|: {text}"
+    ends = "not among these pairs: ageing and thermal, which are told apart"
+    assert apart(chain) == [pairs]
+    assert apart(chain, chain.design.pair("ageing", "thermal")) == [pairs, ends]
+    assert apart(chain, chain.design.pair("ageing", "second_state")) == [pairs]
+    assert apart(chain, chain.design.pair("base", "thermal")) == [pairs]
+    every = chained(*({a, b} for a in ids for b in ids if a < b))
+    assert apart(every)[0].startswith("ageing or second_state or thermal  (|cosine|: ")
+    two = chained({"ageing", "second_state"})
+    assert apart(two) == ["ageing or second_state  (|cosine|: ageing/second_state 0.970)"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "typed", "left", "names"),
+    [
+        (("second_state", "thermal"), (), ("gain",), {"A", "gain.g"}),
+        (("second_state", "thermal"), ("second_state",), ("second_state", "gain"), None),
+        (("ageing", "thermal"), (), ("second_state", "gain"), None),
+        (("base", "second_state"), (), ("gain",), {"A", "gain.g"}),
+        (("gain", "second_state"), (), (), {"A"}),
+    ],
+)
+def test_what_a_loop_found_and_is_asked_for_is_not_in_the_base(asked, typed, left, names):
+    values = {"A": 0.01, "second_state.B2": 0.002, "second_state.L2": 1e-4, "gain.g": 1.0}
+    kept, base = _without_asked(values, ("second_state", "gain"), asked, typed)
+    assert base == left and set(kept) == (names or set(values))
 
 
 def test_the_size_of_an_answer_is_what_the_other_effect_leaves():

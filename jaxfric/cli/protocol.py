@@ -1,7 +1,7 @@
 """`jaxfric protocol`: what will a planned sequence of velocity steps be able to tell apart?"""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -65,7 +65,8 @@ def protocol(
         Parameter(
             negative=(),
             help="Two effects, 'ageing,second_state', or an effect and base (the law without any):"
-            " whether the plan tells these two apart is the first line.",
+            " whether the plan tells these two apart is the first line. The base is then without"
+            " those that the file of --from has.",
         ),
     ] = None,
     with_: options.With = None,
@@ -100,6 +101,7 @@ def protocol(
         from ..protocol.plan import Planned, plan
 
         if asked is not None:
+            values, more = _without_asked(values, more, asked, declared)
             asked = _known_pair(asked, found_law, (*more, *declared), excluded)
         folder = choose_folder(out, source_name(from_), from_) if from_ else choose_folder(out, "")
         found = plan(
@@ -164,6 +166,16 @@ def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
             " ageing,second_state, or --tell base,ageing"
         )
     return ids[0], ids[1]
+
+
+def _without_asked(
+    values: Mapping[str, float], of_file: Sequence[str], asked: Sequence[str], typed: Sequence[str]
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Parameters, and effects of the base that a file has, without the effects that are asked for:
+    a loop found them, and whether they would be told is the question. Those of --with stay."""
+    gone = {id for id in asked if id in of_file and id not in typed}
+    kept = {name: value for name, value in values.items() if name.split(".")[0] not in gone}
+    return kept, tuple(id for id in of_file if id not in gone)
 
 
 def _known_pair(

@@ -79,13 +79,22 @@ def answer(plan: Protocol, pair: Pair) -> str:
     )
 
 
-def apart(plan: Protocol) -> list[str]:
-    """Sentences on the effects that the plan cannot tell apart, and on what would, in general."""
+def apart(plan: Protocol, asked: Pair | None = None) -> list[str]:
+    """Lines on the effects that the plan cannot tell apart, and on the pair that was asked for.
+
+    Effects that are linked by such pairs are one line: a chain, whose neighbours alone are alike,
+    unless any two of them are.
+    """
     design, out = plan.design, []
     for group in design.groups():
         pairs = [(a, b, v) for a, b, v in design.pairs() if a in group]
         text = ", ".join(f"{a}/{b} {_cosine(v)}" for a, b, v in pairs)
-        out.append(f"{' or '.join(group)}  (|cosine|: {text})")
+        if 2 * len(pairs) == len(group) * (len(group) - 1):
+            out.append(f"{' or '.join(group)}  (|cosine|: {text})")
+        else:
+            out.append(f"in pairs, all others are told apart  (|cosine|: {text})")
+        if asked is not None and asked.apart and set(asked.ids) <= set(group):
+            out.append(f"not among these pairs: {' and '.join(asked.ids)}, which are told apart")
     if not out:
         out.append("every pair of effects is told apart (|cosine| at most 0.95)")
     unseen = design.unseen()
@@ -138,7 +147,7 @@ def print_protocol(
     for line in headline(plan, typical=typical):
         console.print(line, markup=False)
     console.print("\nWhat this plan cannot tell apart", markup=False)
-    for line in apart(plan):
+    for line in apart(plan, pair):
         console.print(f"  {line}", markup=False)
     print_tables(console, [table for table in (effects(plan), changes(plan)) if table.rows])
     if plan.changes:
