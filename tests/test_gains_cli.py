@@ -9,8 +9,11 @@ from command import assert_refused, run
 from test_gains import fit_content, written
 
 from jaxfric import find_gains, law_from_parameters
+from jaxfric.gains.gains import unresolved_warnings
 from jaxfric.gains.requirement import Requirement
-from jaxfric.report.gains_text import describe, required
+from jaxfric.gains.result import Certificate, WorstCase
+from jaxfric.gains.verify import CheckReport
+from jaxfric.report.gains_text import certified, describe, required
 
 LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
 MACHINE = ("--mass", "2", "--velocity", "2 mm/s")
@@ -73,6 +76,50 @@ def test_the_default_requirement_stays_beside_what_allows_no_error(margins, word
     assert required(Requirement.with_default(margins)) == words
 
 
+@pytest.mark.parametrize(
+    ("known", "line"),
+    [
+        ((4.8e-15, 900, 0, 2), "met to 4.8e-15; of 900 smaller gains tried, none meets the"),
+        ((4.8e-15, 900, 1, 2), "of 900 smaller gains tried, 1 meets the requirement"),
+        ((4.8e-15, 900, 2, 2), "of 900 smaller gains tried, 2 meet the requirement"),
+        ((0.0, 0, 0, 2), "met exactly; no smaller gains were tried: the limits leave none"),
+    ],
+)
+def test_the_certificate_in_words(known, line):
+    assert line in certified(Certificate(*known))
+
+
+@pytest.mark.parametrize(
+    ("counts", "warned"),
+    [((15, 15, 0, 0, 0), 0), ((15, 0, 0, 7, 8), 1), ((4, 2, 0, 0, 2), 0), ((0, 0, 0, 0, 0), 0)],
+)
+def test_simulations_that_say_nothing_are_warned_of(counts, warned):
+    found = unresolved_warnings(CheckReport(*counts, None, None, ()))
+    assert len(found) == warned
+    assert all("8 of 15 simulated starts end unresolved" in text for text in found)
+
+
+def test_where_friction_itself_holds_it_the_words_are_plain():
+    """A > B and no limits: any stiffness does, and its margins are those of the least one tried."""
+    falls = law_from_parameters("slip", "A=3 N, B=1 N, L=1 mm, V0=2 mm/s")
+    found = find_gains(falls, velocity=2e-3, mass=2.0, margin={"modulus": 0.5})
+    assert found.any_stiffness
+    told = "\n".join(describe(found))
+    for words in (
+        "any k_p > 0, k_v = 0 N s/m   (norm 0)",
+        "held by friction itself; without margins any does",
+        "stiffness inf (no critical stiffness",
+        "decay     towards 0 1/s as k_p is",
+        "delay     any delay",
+        "no smaller gains were tried",
+    ):
+        assert words in told, told
+    assert "e-" not in told.split("margins at")[1] and "sample" not in told
+    huge = WorstCase(1.0379e10, "1", found.margins["gain"].scenario)
+    many = dataclasses.replace(found, margins={**found.margins, "gain": huge})
+    assert "  gain      any gain" in describe(many)
+
+
 def test_either_alone_without_margins_is_the_number_of_stability():
     """(B - A)/V and k_cr of (25); `gains` says with margins and without, `stability` without."""
     code, out, err = run("gains", *LAW, *MACHINE, "--no-check", "--out", "g")
@@ -84,6 +131,8 @@ def test_either_alone_without_margins_is_the_number_of_stability():
     assert "k_v >= 1000 N s/m, without margins" in told
     assert "stable for k_p above k_cr, without margins" in told
     stiff, damped = (line for line in out.splitlines() if " alone (more than" in line)
+    assert stiff.startswith("  alone ") and damped.startswith("  alone ")
+    assert ", sample" not in out and "sample of" not in out
     assert "k_p = 3431.34" in stiff and stiff.endswith("without margins 2016 N/m is enough")
     assert "k_v = 1500 " in damped and damped.endswith("without margins 1000 N s/m is enough")
     alone = json.loads(Path("g/gains.json").read_text())["alone"]
@@ -105,6 +154,7 @@ def test_where_damping_alone_does_not_do_it_is_told():
         (late, ", with the controller's delay", " and delay"),
     ):
         (line,) = (line for line in describe(gains) if "damping alone" in line)
+        assert line.startswith("  alone   ")
         assert f"no damping alone meets the requirement{why} (tried: up to 100 N s/m)" in line
         assert line.endswith(f"without margins{bare} 1000 N s/m is enough")
 

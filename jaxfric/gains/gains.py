@@ -23,7 +23,7 @@ from .result import Certificate, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios, one_sample
 from .slack import slacks
 from .solve import Infeasible, NoGains, Optima, Pair, drop_samples, make_region, solve
-from .verify import choose, verify
+from .verify import CheckReport, choose, verify
 
 _CONFIDENCE_ROUNDS = 6
 _MOST_RAISED = 30.0
@@ -331,7 +331,8 @@ def check_gains(
     largest = 10.0 if basin is None else max(10.0, 2 * basin)
     report = verify(few, values, largest=largest)
     if basin is None or (report.basin or 0) >= basin:
-        return replace(gains, simulation=report)
+        warnings = (*gains.warnings, *unresolved_warnings(report))
+        return replace(gains, simulation=report, warnings=warnings)
     tell(f"raising the gains until the basin is {basin:g}")
     factor = _raise(few, values, basin, largest)
     report = verify(few, factor * values, largest=largest)
@@ -339,7 +340,7 @@ def check_gains(
     worst = _worst(gains.scenarios, raised)
     text = f"the gains were raised by a factor {factor:.4g} for a basin of {basin:g}"
     missed = float(np.min(_least_slack(gains, raised)))
-    warnings = [*gains.warnings, text]
+    warnings = [*gains.warnings, text, *unresolved_warnings(report)]
     if missed < -1e-6:
         warnings.append(f"the raised gains miss a required margin by {-missed:.2g} of it")
     return replace(
@@ -350,6 +351,17 @@ def check_gains(
         margins=worst,
         simulation=report,
         warnings=tuple(warnings),
+    )
+
+
+def unresolved_warnings(report: CheckReport) -> tuple[str, ...]:
+    """A line where the simulations say next to nothing: more than half of them end unresolved."""
+    if 2 * report.unresolved <= report.checked:
+        return ()
+    return (
+        f"{report.unresolved} of {report.checked} simulated starts end unresolved: the simulation"
+        " stopped before it could be seen whether they settle. They speak neither for these gains"
+        " nor against them; look at one of them with 'jaxfric simulate'",
     )
 
 

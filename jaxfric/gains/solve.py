@@ -24,7 +24,7 @@ from .frontier import FrontierPoint, Region, alone, minima, natural_units, zoom
 from .kkt import Optimum, polish
 from .margins import margin_values
 from .requirement import Requirement
-from .scenarios import Scenarios
+from .scenarios import Scenarios, number_of_samples
 from .slack import slacks
 
 Pair = tuple[float | None, float | None]
@@ -242,6 +242,7 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     name, required, reached = _missed(requirement, scenarios.take([worst]), region, grid[best])
     where = scenarios.describe(worst)
     mass = "" if where["mass"] is None else f", mass {where['mass']:g} kg"
+    sample = f" (sample {where['sample']})" if number_of_samples(scenarios.laws) > 1 else ""
     limited = bool(np.any(np.isfinite(region.upper)))
     limits = f"k_p up to {region.upper[0]:g} N/m, k_v up to {region.upper[1]:g} N s/m"
     which = f"within the limits ({limits})" if limited else "of any size"
@@ -249,7 +250,7 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     advice += [] if scenarios.delay is None else ["let the controller answer sooner"]
     return Infeasible(
         f"no gains {which} meet the requirement: {name}={required:g} is missed"
-        f" at velocity {where['velocity']:.3g} m/s{mass} (sample {where['sample']}), where the best"
+        f" at velocity {where['velocity']:.3g} m/s{mass}{sample}, where the best"
         f" compromise, k_p = {grid[best][0]:.3g} N/m and k_v = {grid[best][1]:.3g} N s/m, reaches"
         f" {reached:.3g}; {', '.join(advice)} or leave that scenario out"
     )

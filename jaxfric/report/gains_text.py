@@ -3,12 +3,17 @@
 import math
 
 from ..gains.requirement import DEFAULT, Requirement
-from ..gains.result import Gains, LocalOptimum
+from ..gains.result import Certificate, Gains, LocalOptimum
+from ..gains.scenarios import number_of_samples
 from ..stability.margin_table import MARGINS
 from ..units import between
 
 _UNITS = ("N/m", "N s/m")
 """Of stiffness and of damping."""
+_ANY = {"gain": 1e6, "delay": 1e4}
+"""Margins above which a loop has as much as anybody asks for: a factor, and seconds."""
+_NOTHING = 1e-7
+"""Norm, or decay [1/s], of a k_p that stands for any k_p > 0."""
 
 
 def describe(gains: Gains) -> list[str]:
@@ -22,7 +27,7 @@ def describe(gains: Gains) -> list[str]:
         lines.append(f"controller: {late_text(gains.delay, gains.sample_time)}, in all margins")
     lines.append("")
     kp = _smallest(gains) if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
-    lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {gains.norm:.5g})")
+    lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {_norm(gains.norm)})")
     lines.append("of a controller with force = k_p (x_ref - x) + k_v (v_ref - v)")
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
@@ -30,14 +35,18 @@ def describe(gains: Gains) -> list[str]:
     lines += [f"  {text}" for text in _neither(gains)]
     lines += ["", "margins at these gains, worst scenario:"]
     lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
-    grid = gains.certificate
-    found = "none" if not grid.smaller_found else str(grid.smaller_found)
-    lines += [
-        "",
-        f"optimality conditions to {grid.kkt:.1e}; of {grid.grid_points} smaller gains tried, "
-        f"{found} meets the requirement",
-    ]
-    return lines + _simulation(gains)
+    return [*lines, "", certified(gains.certificate), *_simulation(gains)]
+
+
+def certified(known: Certificate) -> str:
+    """How well the conditions of an optimum are met, and that no smaller gains would do."""
+    how = "exactly" if known.kkt == 0 else f"to {known.kkt:.1e}"
+    text = f"optimality conditions met {how}; "
+    if not known.grid_points:
+        return text + "no smaller gains were tried: the limits leave none"
+    found = str(known.smaller_found) if known.smaller_found else "none"
+    verb = "meet" if known.smaller_found > 1 else "meets"
+    return f"{text}of {known.grid_points} smaller gains tried, {found} {verb} the requirement"
 
 
 def required(what: Requirement) -> str:
@@ -66,10 +75,15 @@ def _scenarios(gains: Gains) -> str:
     else:
         text += f", mass {between(scenarios.mass.min(), scenarios.mass.max(), 'kg')}"
     count = len(set(scenarios.sample.tolist()))
-    text += f", {count} sample{'s' if count > 1 else ''} of the law"
+    text += f", {count} samples of the law" if count > 1 else ""
     if gains.confidence < 1:
         text += f" ({gains.kept_samples} kept, confidence {gains.confidence:g})"
     return text
+
+
+def _norm(norm: float) -> str:
+    """A norm; that of the least k_p that is tried, which stands for any, is none."""
+    return "0" if norm < _NOTHING else f"{norm:.5g}"
 
 
 def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
@@ -78,9 +92,12 @@ def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
     if not optimum.minimum or tiny or optimum.kv == 0:
         more = "" if optimum.minimum else " (more than both together)"
         edge = _edge(gains, 0 if optimum.name == "stiff" else 1)
-        how += f" alone{more}{'; ' + edge if edge else ''}"
+        how = "held by friction itself" if tiny and optimum.kv == 0 else f"{how} alone{more}"
+        how += f"; {edge}" if edge else ""
     kp = _smallest(gains) if tiny else f"k_p = {optimum.kp:.6g} N/m"
-    return f"{optimum.name:<7} {kp}, k_v = {optimum.kv:.6g} N s/m, norm {optimum.norm:.5g}: {how}"
+    name = optimum.name if optimum.minimum else "alone"
+    norm = _norm(optimum.norm)
+    return f"{name:<7} {kp}, k_v = {optimum.kv:.6g} N s/m, norm {norm}: {how}"
 
 
 def _edge(gains: Gains, which: int) -> str:
@@ -102,13 +119,13 @@ def _neither(gains: Gains) -> list[str]:
     if gains.alone is None:
         return []
     lines = []
-    for which, (name, how) in enumerate((("stiff", "stiffness"), ("damped", "damping"))):
+    for which, how in enumerate(("stiffness", "damping")):
         if not gains.alone.meets[which]:
             most = f"{gains.alone.tried[which]:.3g} {_UNITS[which]}"
             late = "" if gains.delay is None else ", with the controller's delay"
             edge = _edge(gains, which)
             lines.append(
-                f"{name:<7} no {how} alone meets the requirement{late} (tried: up to {most})"
+                f"{'alone':<7} no {how} alone meets the requirement{late} (tried: up to {most})"
                 f"{'; ' + edge if edge else ''}"
             )
     return lines
@@ -116,14 +133,20 @@ def _neither(gains: Gains) -> list[str]:
 
 def _margin(gains: Gains, name: str) -> str:
     worst = gains.margins[name]
+    about = MARGINS.get(name)
+    if worst.value > _ANY.get(name, math.inf):
+        return f"any {name}"
+    if math.isinf(worst.value) and about is not None:
+        return f"inf ({about.unlimited})"
+    if gains.any_stiffness and name == "decay" and 0 < worst.value < _NOTHING:
+        return "towards 0 1/s as k_p is"
     unit = "" if worst.unit == "1" else f" {worst.unit}"
     where = worst.scenario
     mass = "" if where["mass"] is None else f", {where['mass']:.3g} kg"
     more = " more" if name == "delay" and gains.delay is not None else ""
-    return (
-        f"{worst.value:.5g}{unit}{more}  at {where['velocity']:.3g} m/s{mass},"
-        f" sample {where['sample']}"
-    )
+    sampled = number_of_samples(gains.scenarios.laws) > 1
+    sample = f", sample {where['sample']}" if sampled else ""
+    return f"{worst.value:.5g}{unit}{more}  at {where['velocity']:.3g} m/s{mass}{sample}"
 
 
 def late_text(delay: float, sample_time: float | None = None) -> str:
