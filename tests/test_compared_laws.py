@@ -263,6 +263,14 @@ def test_a_table_of_fits(of_slip) -> None:
     lines = latex_text(fits, "file").splitlines()
     assert r"a\_b.csv" in lines[5] and lines[5].count("&") == lines[2].count("&") == 5
     assert "no fit" in lines[6] and "dagger" not in lines[5]
+    other = dataclasses.replace(good, model=good.model._replace(law="ageing"))
+    fits[1] = TabledFit("c.csv", other)
+    shown = text_table(fits, "file", "fits", records=True)
+    assert shown.head[1:3] == ("law", "K [1/µm]")
+    assert [row[1:3] for row in shown.rows] == [("slip", "0.005"), ("ageing", "0.005")]
+    lines = latex_text(fits, "file", records=True).splitlines()
+    assert lines[2].startswith("file & law & $K$ & $a-b$") and r"[1/$\mu$m]" in lines[3]
+    assert r"c.csv & ageing & $0.005$ & $" in lines[6]
 
 
 def test_what_a_law_does_not_explain_is_marked_in_every_table(of_slip) -> None:

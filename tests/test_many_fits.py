@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 from command import STEPS, STIFFNESS, assert_refused, record_text, run, written
 
+from jaxfric.cli.fits import for_each
+from jaxfric.errors import InputError
+
 FILES = ("one.csv", "sub/one.csv", "bad.csv")
 
 
@@ -20,7 +23,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     written(folder / "bad.csv", "a,b\n1,2\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        found = run("fit", *FILES, *STIFFNESS, *STEPS, "--out", "many")
+        each = (word for K in ("5e-3/um", "4e-3/um", "4e-3/um") for word in ("--stiffness", K))
+        found = run("fit", *FILES, *each, *STEPS, "--out", "many")
         same = run("fit", "one.csv", *STIFFNESS, *STEPS, "--out", "single")
     written(folder / "out.txt", found.out)
     written(folder / "err.txt", found.err)
@@ -33,7 +37,9 @@ def test_a_row_for_every_file(folder: Path) -> None:
         rows = list(csv.DictReader(stream))
     assert [row["file"] for row in rows] == list(FILES)
     single = json.loads((folder / "single" / "fit.json").read_text())["parameters"]
-    for row in rows[:2]:
+    assert [row["K [1/um]"] for row in rows] == ["0.005", "0.004", ""]
+    assert float(rows[1]["A"]) != float(rows[0]["A"])
+    for row in rows[:1]:
         for name, scale in (("A", 1), ("B", 1), ("L", 1e6)):
             label = f"{name} [um]" if name == "L" else name
             assert float(row[label]) == pytest.approx(scale * single[name]["value"], rel=1e-6)
@@ -58,9 +64,24 @@ def test_what_is_written_for_each(folder: Path) -> None:
     assert [one["fit"] is None for one in fits["fits"]] == [False, False, True]
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_a_value_for_all_files_or_one_for_each(count: int) -> None:
+    files, values = [Path(name) for name in FILES], [f"{k}e-3/um" for k in range(count)]
+    if count in (1, 3):
+        assert for_each(files, values, "--stiffness") == (values * 3)[:3]
+    else:
+        with pytest.raises(InputError, match=f"{count} values .* for 3 files; .* once for each"):
+            for_each(files, values, "--stiffness")
+    with pytest.raises(InputError, match=r"law has 2 values \(slip, ageing\) for one file"):
+        for_each(files[:1], ["slip", "ageing"], "--law")
+
+
 def test_what_is_told(folder: Path) -> None:
     out, err = ((folder / name).read_text() for name in ("out.txt", "err.txt"))
-    assert "A-B" in out and "no fit" in out and "written: many/" in out
+    heads, first, second = out.split("3 records")[1].splitlines()[1:4]
+    assert heads.split()[:4] == ["file", "K", "[1/µm]", "A-B"]
+    assert (first.split()[1], second.split()[1]) == ("0.005", "0.004")
+    assert "no fit" in out and "written: many/" in out
     assert "jaxfric: error: bad.csv has no column" in err and err.count("bad.csv") == 1
 
 
@@ -73,3 +94,5 @@ def test_none_that_can_be_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     assert_refused(outcome, "no.csv: there is no such file; none was fitted")
     assert not Path("o").exists()
     assert_refused(run("fit", "one.csv", "sub/one.csv", "--prior", "p.toml"), "--prior is of one")
+    twice = run("fit", *FILES, *STIFFNESS, *STIFFNESS)
+    assert_refused(twice, "--stiffness has 2 values (5e-3/um, 5e-3/um) for 3 files")

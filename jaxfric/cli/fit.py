@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from . import options
 from .common import doing, prepare_jax, read_record, stdout_console, told, warn
-from .fits import fit_files, refuse_for_several
+from .fits import fit_files, for_each, refuse_for_several
 from .folder import Folder, choose_folder, json_text
 from .posterior import asked, draw, print_posterior, write_posterior
 
@@ -25,13 +25,20 @@ def fit(
     /,
     *more: Annotated[Path, Parameter(help="Further records: then there is one table of all.")],
     stiffness: Annotated[
-        str | None,
+        list[str] | None,
         Parameter(
+            negative=(),
             allow_leading_hyphen=True,
-            help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m for a force.",
+            help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m for a force. Of several files once for"
+            " all, or once for each in their order.",
         ),
     ] = None,
-    law: Annotated[str, Parameter(help="Evolution law, slip or ageing.")] = "slip",
+    law: Annotated[
+        tuple[str, ...],
+        Parameter(
+            negative=(), help="Evolution law, slip or ageing; of several files as --stiffness."
+        ),
+    ] = ("slip",),
     states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
     fit_stiffness: Annotated[
         bool, Parameter(negative=(), help="Fit the stiffness too (then it need not be given).")
@@ -90,19 +97,21 @@ def fit(
     several files (jaxfric fit *.csv) one table is printed and written, table.csv and table.tex,
     with a row for each; one that cannot be fitted says why in its row, and the exit code is 1.
     """
-    wanted = asked(prior, draws, chains, seed)
+    wanted, every = asked(prior, draws, chains, seed), (file, *more)
+    stiffnesses = for_each(every, stiffness or [None], "--stiffness")
+    laws = for_each(every, law, "--law")
 
     def reading(path: Path) -> "Record":
         return read_record(path, column, drop_bad, since, until, reduce=reduce)
 
-    def fitting(measured: "Record", say: "Callable[[str], None]") -> "Fit":
+    def fitting(number: int, measured: "Record", say: "Callable[[str], None]") -> "Fit":
         from ..fitting import fit as run
         from ..fitting.start_text import parse_start
 
         return run(
             measured,
-            stiffness=stiffness,
-            law=law,
+            stiffness=stiffnesses[number],
+            law=laws[number],
             states=int(states),
             fit_stiffness=fit_stiffness,
             slip_trend=slip_trend,
@@ -118,18 +127,17 @@ def fit(
     if more:
         refuse_for_several({"--prior": prior is not None})
         prepare_jax()
-        every = (file, *more)
-        return fit_files(every, out, lambda p, say: fitting(reading(p), say), json=json)
+        return fit_files(every, out, lambda k, say: fitting(k, reading(every[k]), say), json=json)
     doing(f"reading {file.name}")
     measured = reading(file)
     prepare_jax()
     if wanted is not None:
         from ..fitting.problem import Model
 
-        wanted.check(Model(law, int(states), fit_stiffness, slip_trend), measured.friction_unit)
+        wanted.check(Model(laws[0], int(states), fit_stiffness, slip_trend), measured.friction_unit)
     folder = choose_folder(out, file.stem, file, *([] if prior is None else [prior]))
     with told(quiet=True) as progress:
-        result = fitting(measured, progress)
+        result = fitting(0, measured, progress)
         content = json_text(result.to_json())
         keeps = not result.converged and _has_converged(folder.path / "fit.json")
         posterior = None if wanted is None else wanted.of(result, progress)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InputError
 from .common import stdout_console, told, warn
@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from ..report.fits_table import TabledFit
 
 SCHEMA = "jaxfric.fits/1"
-Fitting = Callable[[Path, Callable[[str], None]], "Fit"]
-"""Reads one file and fits it; is told what is being done."""
+Fitting = Callable[[int, Callable[[str], None]], "Fit"]
+"""Reads the file of this number, from 0, and fits it; is told what is being done."""
+_Value = TypeVar("_Value")
 
 
 def refuse_for_several(options: Mapping[str, bool]) -> None:
@@ -22,6 +23,20 @@ def refuse_for_several(options: Mapping[str, bool]) -> None:
     given = [name for name, is_given in options.items() if is_given]
     if given:
         raise InputError(f"{given[0]} is of one record; give one file, or leave it out")
+
+
+def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Sequence[_Value]:
+    """The value of an option for every file: given once for all, or for each in their order."""
+    if len(values) == 1:
+        return [values[0]] * len(files)
+    if len(values) == len(files):
+        return values
+    count = f"{len(files)} files" if len(files) > 1 else "one file"
+    each = ", or once for each in their order" if len(files) > 1 else ""
+    raise InputError(
+        f"{option} has {len(values)} values ({', '.join(map(str, values))}) for {count}; give it"
+        f" once{' for all' if each else ''}{each}"
+    )
 
 
 def fit_files(files: Sequence[Path], out: Path | None, fitted: Fitting, *, json: bool) -> int:
@@ -44,7 +59,7 @@ def fit_files(files: Sequence[Path], out: Path | None, fitted: Fitting, *, json:
             of = f"file {number} of {len(files)}, {file.name}"
             progress(f"{of}: reading")
             try:
-                fit = fitted(file, lambda text, of=of: progress(f"{of}: {text}"))
+                fit = fitted(number - 1, lambda text, of=of: progress(f"{of}: {text}"))
                 found.append(TabledFit(str(file), fit))
             except InputError as error:
                 found.append(TabledFit(str(file), None, str(error)))
@@ -105,7 +120,7 @@ def _write(found: "Sequence[TabledFit]", names: Sequence[str], content: str, to:
 
     texts = {
         "table.csv": csv_text(csv_rows(found, "file")),
-        "table.tex": latex_text(found, "file"),
+        "table.tex": latex_text(found, "file", records=True),
         "fits.json": content + "\n",
     }
     for one, name in zip(found, names, strict=True):
@@ -135,5 +150,6 @@ def _print(found: "Sequence[TabledFit]", folder: Folder) -> None:
     from ..report.fits_table import text_table
     from ..report.loop_text import print_tables
 
-    print_tables(stdout_console(), [text_table(found, "file", f"{len(found)} records")])
+    table = text_table(found, "file", f"{len(found)} records", records=True)
+    print_tables(stdout_console(), [table])
     print(folder.written)

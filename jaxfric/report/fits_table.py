@@ -4,7 +4,7 @@ A-B stands first: it says whether steady sliding is stable. A fit that failed ke
 the reason in place of numbers.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from ..loop.result import TextTable
 from ..runs.table import Cell, difference, fit_cells, measured
 
 _BRACKETS = "in brackets: one standard error, in the last two digits; -: not determined"
+_LATEX_K = {"K [N/µm]": r"[N/$\mu$m]", "K [1/µm]": r"[1/$\mu$m]"}
 
 
 class TabledFit(NamedTuple):
@@ -53,19 +54,24 @@ def _said(one: TabledFit) -> dict[str, Cell]:
     return {"result": one.result or "converged"}
 
 
-def text_table(fits: Sequence[TabledFit], head: str, title: str) -> TextTable:
-    """The table for a terminal or a page."""
+def text_table(
+    fits: Sequence[TabledFit], head: str, title: str, *, records: bool = False
+) -> TextTable:
+    """The table for a terminal or a page; of several `records` with what was given for each."""
     force = _force(fits)
     more = list(dict.fromkeys(name for one in fits for name in one.more))
     names = short_names([one.name for one in fits])
     unit = " [N]" if force else ""
-    heads = (head, f"A-B{unit}", f"A{unit}", f"B{unit}", "L [µm]", "misfit", *more, "")
+    given = _given(fits, records)
+    own = (f"A-B{unit}", f"A{unit}", f"B{unit}", "L [µm]")
+    heads = (head, *given, *own, "misfit", *more, "")
     rows = []
     for one in fits:
         cells = [_shown(one.more.get(name)) for name in more]
         misfit = "" if one.fit is None else f"{excess(one.fit):.2f}"
         ended = "" if one.known else "no fit" if one.fit is None else "did not converge"
-        rows.append((names[one.name], *_parameters(one), misfit, *cells, ended))
+        setup = (of(one) for of in given.values())
+        rows.append((names[one.name], *setup, *_parameters(one), misfit, *cells, ended))
     note = f"{_BRACKETS}; misfit: what the fit leaves over the scatter of neighbouring rows"
     return TextTable(title, heads, rows, note)
 
@@ -82,6 +88,27 @@ def _shown(value: Cell) -> str:
     if not isinstance(value, float):
         return str(value)
     return f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
+
+
+def _given(fits: Sequence[TabledFit], records: bool) -> dict[str, Callable[[TabledFit], str]]:
+    """Columns of what fits were given: K of records, or where it was fitted; laws that differ."""
+    known = [one.fit for one in fits if one.fit is not None]
+    columns: dict[str, Callable[[TabledFit], str]] = {}
+    if records and len({fit.model.law for fit in known}) > 1:
+        columns["law"] = lambda one: "" if one.fit is None else one.fit.model.law
+    if records or any(fit.parameters["K"].free for fit in known):
+        columns["K [N/µm]" if _force(fits) else "K [1/µm]"] = _stiffness
+    return columns
+
+
+def _stiffness(one: TabledFit) -> str:
+    """K with its error where it was fitted, else as it was given."""
+    if one.fit is None:
+        return ""
+    K = one.fit.parameters["K"]
+    if not K.free:
+        return f"{1e-6 * K.value:.4g}"
+    return _estimate(one.fit, "K", 1e-6) if one.fit.converged else ""
 
 
 def _force(fits: Sequence[TabledFit]) -> bool:
@@ -102,23 +129,26 @@ def _parameters(one: TabledFit) -> tuple[str, str, str, str]:
     return measured(*difference(fit)) if known else "-", A, B, L
 
 
-def _estimate(fit: Fit, name: str) -> str:
+def _estimate(fit: Fit, name: str, scale: float = 1.0) -> str:
     estimate = fit.parameters[name]
     if not estimate.determined:
         return "-"
-    scale = 1e6 if estimate.unit == "m" else 1.0
+    scale = 1e6 if estimate.unit == "m" else scale
     return measured(scale * estimate.value, scale * estimate.std)
 
 
-def latex_text(fits: Sequence[TabledFit], head: str) -> str:
-    """A LaTeX table (booktabs): a-b, a, b and D_c with their errors."""
+def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -> str:
+    """A LaTeX table (booktabs): a-b, a, b and D_c with their errors; `records` as `text_table`."""
     more = list(dict.fromkeys(name for one in fits for name in one.more))
     unit = "[N]" if _force(fits) else ""
+    given = _given(fits, records)
+    heads = ["$K$" if name[0] == "K" else name for name in given]
+    units = [_LATEX_K[name] if name[0] == "K" else "" for name in given]
     lines = [
-        rf"\begin{{tabular}}{{lcccc{'r' * len(more)}}}",
+        rf"\begin{{tabular}}{{l{'c' * len(given)}cccc{'r' * len(more)}}}",
         r"\toprule",
-        " & ".join([head, "$a-b$", "$a$", "$b$", "$D_c$", *map(_escaped, more)]) + r" \\",
-        " & ".join(["", unit, unit, unit, r"[$\mu$m]", *[""] * len(more)]) + r" \\",
+        " & ".join([head, *heads, "$a-b$", "$a$", "$b$", "$D_c$", *map(_escaped, more)]) + r" \\",
+        " & ".join(["", *units, unit, unit, unit, r"[$\mu$m]", *[""] * len(more)]) + r" \\",
         r"\midrule",
     ]
     for one in fits:
@@ -126,11 +156,19 @@ def latex_text(fits: Sequence[TabledFit], head: str) -> str:
         if not one.known:
             numbers = [r"\multicolumn{4}{c}{no fit}"]
         cells = [_shown(one.more.get(name)) for name in more]
-        lines.append(" & ".join([_escaped(one.name) + _mark(one), *numbers, *cells]) + r" \\")
+        setup = [
+            f"${cell}$" if cell[:1].isdecimal() else cell
+            for cell in (of(one) for of in given.values())
+        ]
+        lines.append(
+            " & ".join([_escaped(one.name) + _mark(one), *setup, *numbers, *cells]) + r" \\"
+        )
     lines.append(r"\bottomrule")
     if any(map(_mark, fits)):
         words = rf"$^\dagger$ leaves {EXCESS:g} times the scatter of neighbouring rows or more"
-        lines.append(rf"\multicolumn{{{5 + len(more)}}}{{l}}{{\footnotesize {words}}} \\")
+        lines.append(
+            rf"\multicolumn{{{5 + len(given) + len(more)}}}{{l}}{{\footnotesize {words}}} \\"
+        )
     return "\n".join([*lines, r"\end{tabular}", ""])
 
 
