@@ -150,6 +150,10 @@ FILLED = {
     ("--column", "{role.name}={NO_COLUMN}"): ["disturbance=none"],
     ("--column", "{role.name}={name} [{example}]"): ["disturbance=u [N]", "velocity=v [mm/s]"],
     ("--column", "{role.name}={name} [0.01 {example}]"): ["position=x [0.01 rad]"],
+    ("--column", "friction={shear} [kN]"): ["friction=Scherkraft [kN]"],
+    ("--column", "normal_stress=NAME [-1 {unit}]"): ["normal_stress=NAME [-1 MPa]"],
+    ("--column", "{role}=none"): ["normal_stress=none"],
+    ("--column", "{role}={name} [0.4 MPa]"): ["normal_stress=Normalkraft [0.4 MPa]"],
     ("--column", "{text}"): [],  # what the user wrote
     ("--column", "{example}"): ["friction=mu", "motor_force=F"],
     ("--from", "{file}"): ["loop.json", "results/loop.json"],

@@ -189,6 +189,23 @@ def test_columns_named_by_the_user(tmp_path: Path) -> None:
         read(path, columns={"frition": "ratio"})
 
 
+@pytest.mark.parametrize("unit", ["kN", "N"])
+@pytest.mark.parametrize("role", ["shear_stress", "friction"])
+def test_shear_and_normal_force(tmp_path: Path, role: str, unit: str) -> None:
+    """Friction is their quotient, in whatever unit each is, and no stress is made of a force."""
+    path = written(tmp_path, table_text(f"time [s],displacement [um],Scherkraft [{unit}],F"))
+    mapped = {role: "Scherkraft", "normal_stress": "F [kN]"}
+    record, plain = read(path, columns=mapped), read(written(tmp_path, table_text()))
+    size = {"N": 1.0, "kN": 1e3}[unit]
+    assert record.friction_unit == "1" and record.normal_stress is None
+    normal = plain.normal_stress / 1e6
+    np.testing.assert_allclose(record.friction, plain.friction * size / (1e3 * normal), rtol=1e-12)
+    notes = record.provenance.notes
+    said = "friction is 'Scherkraft' over 'F', both forces; no normal stress is known of them"
+    assert said in notes
+    assert "column 'F' is normal_force" in notes
+
+
 @pytest.mark.parametrize(
     ("header", "words"),
     [
@@ -210,6 +227,15 @@ def test_columns_named_by_the_user(tmp_path: Path) -> None:
         ("time [s],displacement [umm],friction,x", ["'displacement'", "not a known unit", "'um'"]),
         ("time [s],displacement [MPa],friction,x", ["'displacement'", "not a unit of m"]),
         ("time [s],displacement [um],friction [MPa],x", ["is a stress", "normal_stress"]),
+        (
+            "time [s],displacement [um],friction,normal_stress [kN]",
+            ["is a force [kN]", "normal_stress [0.4 MPa]", '"normal_stress": "none"'],
+        ),
+        (
+            "time [s],displacement [um],tau [kN],normal_stress [MPa]",
+            ["'tau' (shear_stress) is a force", '"shear_stress": "tau [0.4 MPa]"', "both forces"],
+        ),
+        ("time [s],displacement [um],tau [kN],x", ["normal_stress", '"friction": "tau [kN]"']),
         ("time [s],displacement [um],friction [m],x", ["not dimensionless"]),
         ("time [s],displacement [um],friction [deg],x", ["is an angle", "tangent"]),
         (

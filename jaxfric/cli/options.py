@@ -15,8 +15,8 @@ Columns = Annotated[
         name="--column",
         help="Say which column is what, as ROLE=NAME or 'ROLE=NAME [UNIT]'. Roles: time, friction, "
         "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress, "
-        "shear_stress (over normal_stress it is friction); of an axis time, position, "
-        "motor_force, control_signal, motor_current, reference_position, velocity, "
+        "shear_stress (over normal_stress it is friction; both may be forces); of an axis time, "
+        "position, motor_force, control_signal, motor_current, reference_position, velocity, "
         "disturbance (added to the controller's output). ROLE=none: no column has it; "
         "#3 is the third column. time=1kHz: no column has it, rows come at that rate. May be"
         " repeated.",

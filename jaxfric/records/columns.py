@@ -119,13 +119,18 @@ def assign(
         if name in found
     }
     notes += [
-        f"column '{table.names[use.column]}' is {role}"
+        f"column '{table.names[use.column]}' is {_called(role, use)}"
         for role, use in uses.items()
         if folded(table.names[use.column]) != folded(role)
     ]
     used = {use.column for use in uses.values()}
     ignored = [name for i, name in enumerate(table.names) if i not in used]
     return uses, notes + ([f"ignored columns: {', '.join(ignored)}"] if ignored else [])
+
+
+def _called(role: str, use: Use) -> str:
+    """A role in a note: a stress that is recorded as a force is called one."""
+    return role.replace("_stress", "_force") if use.si_unit == "N" else role
 
 
 def spelt(unit: str | None) -> str:

@@ -32,7 +32,7 @@ def read(
       headers as laboratories write them (`Time(s)`, `Displ(microns)`) are understood, and so are
       decimal commas and clock times; a file of xlook's, binary or text; or a MATLAB file, whose
       vectors have a name but no unit. Where there is a shear stress and a normal stress but no
-      friction, friction is their quotient.
+      friction, friction is their quotient; both may be forces.
     - `columns`: names of columns for roles that the header does not give away, such as
       `{"friction": "mu_corrected"}`; `NAME [unit]` sets the unit, which may carry a factor:
       `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`. `#3` is the third column, also of a
@@ -60,9 +60,12 @@ def to_record(
     units = {role: use.unit for role, use in found.uses.items()}
     friction_unit = "1"
     if "shear_stress" in values:
-        stress = values.pop("shear_stress")
-        values["friction"] = _quotient(table, stress, values["normal_stress"], found.rows.lines)
+        stress, of_forces = values.pop("shear_stress"), found.uses["normal_stress"].si_unit == "N"
+        normal = values["normal_stress"]
+        values["friction"] = _quotient(table, stress, normal, found.rows.lines, of_forces)
         units["friction"] = "1"
+        if of_forces:  # over an area that is not known
+            del values["normal_stress"], units["normal_stress"]
     else:
         friction_unit = found.uses["friction"].si_unit
     return build(values, friction_unit, units, found.origin, found.rows, drop_bad)
@@ -75,21 +78,48 @@ def _stresses(table: Table, found: Found, named: set[str]) -> list[str]:
     """
     unit = spelt(found["friction"][1]) if "friction" in found else ""
     is_stress = has_dimension(unit, "Pa")
-    if is_stress and "normal_stress" in found and "shear_stress" not in found:
+    is_force = _is_force(found, "friction") and _is_force(found, "normal_stress")
+    if (is_stress or is_force) and "normal_stress" in found and "shear_stress" not in found:
         found["shear_stress"] = found.pop("friction")
     if "shear_stress" in found and "friction" in found:
         found.pop("friction" if "shear_stress" in named - {"friction"} else "shear_stress")
     if "friction" in found:
         _refuse_friction(table, *found["friction"], is_stress)
     if "shear_stress" not in found:
+        _refuse_force(table, found, "normal_stress")
         return []
     shear = table.names[found["shear_stress"][0]]
+    forced = _is_force(found, "shear_stress")
     if "normal_stress" not in found:
         raise InputError(
             f"{table.path} has a shear stress, '{shear}', and neither friction nor a normal stress;"
             f" it has: {table.describe()}; map one, as in --column 'normal_stress=NAME [MPa]'"
+            + (f", or --column 'friction={shear} [kN]' of a force" if forced else "")
         )
-    return [f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"]
+    note = f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"
+    if forced and _is_force(found, "normal_stress"):
+        return [f"{note}, both forces; no normal stress is known of them"]
+    _refuse_force(table, found, "shear_stress")
+    _refuse_force(table, found, "normal_stress")
+    return [note]
+
+
+def _is_force(found: Found, role: str) -> bool:
+    return role in found and has_dimension(spelt(found[role][1]), "N")
+
+
+def _refuse_force(table: Table, found: Found, role: str) -> None:
+    """Refuse a force in place of a stress where the other of shear and normal is none."""
+    if not _is_force(found, role):
+        return
+    index, unit = found[role]
+    name = table.names[index]
+    raise InputError(
+        f"{table.path}, column '{name}' ({role}) is a force [{unit}] and not a stress; say what one"
+        f" of it is over the area, as in --column '{role}={name} [0.4 MPa]' for kN over 2500 mm^2."
+        " Where shear and normal are both forces, map both: friction is their quotient"
+        + (f"; or leave it out: --column {role}=none" if role == "normal_stress" else "")
+    )
 
 
 def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool) -> None:
@@ -106,18 +136,21 @@ def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool
         )
 
 
-def _quotient(table: Table, shear: np.ndarray, normal: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Friction where shear and normal stress were recorded.
+def _quotient(
+    table: Table, shear: np.ndarray, normal: np.ndarray, lines: np.ndarray, of_forces: bool
+) -> np.ndarray:
+    """Friction where shear and normal stress, or force, were recorded.
 
     Raises `InputError` where the normal stress is not positive, or recorded as negative in all.
     """
     wrong = np.isfinite(normal) & ~(normal > 0)
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
+        what, unit, size = ("force", "kN", 1e3) if of_forces else ("stress", "MPa", 1e6)
+        turned = f", or turn its sign: --column 'normal_stress=NAME [-1 {unit}]'"
         raise InputError(
-            f"{table.path}: friction is shear stress over normal stress, and the normal stress is"
-            f" {normal[first] / 1e6:.6g} MPa in row {lines[first]} ({wrong.sum()} rows); cut the"
-            " rows without load out"
-            + (", or turn its sign: --column 'normal_stress=NAME [-1 MPa]'" if wrong.all() else "")
+            f"{table.path}: friction is shear {what} over normal {what}, and the normal {what} is"
+            f" {normal[first] / size:.6g} {unit} in row {lines[first]} ({wrong.sum()} rows); cut"
+            f" the rows without load out{turned if wrong.all() else ''}"
         )
     return shear / normal

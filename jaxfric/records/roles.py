@@ -147,6 +147,7 @@ SLIDER = Schema(
             "MPa",
             "effectivenormalstress effnormalstress effectivestress normstress norstress sigman sign"
             " σn",
+            others=("N",),
         ),
         Role(
             "shear_stress",
@@ -154,6 +155,7 @@ SLIDER = Schema(
             "MPa",
             "shearstressonfault shearstr shrstress tau τ",
             need="friction",
+            others=("N",),
         ),
     ),
     {
@@ -162,8 +164,8 @@ SLIDER = Schema(
         **_per_second("m", "mm", "um", "nm"),
     },
 )
-"""Shear stress over normal stress is friction, which may also be a force; a friction in Pa is taken
-for a shear stress."""
+"""Shear stress over normal stress is friction, and so is a shear over a normal force; friction may
+also be a force, and a friction in Pa is taken for a shear stress."""
 
 AXIS = Schema(
     (
