@@ -50,6 +50,7 @@ PAIR = "tests/test_protocol.py -k answer"
 SHORT, FIRST = "tests/test_claims.py -k short", "tests/test_loop_report.py -k comes_first"
 MASSES, STEPPED = (f"tests/test_study_toml.py -k {word}" for word in ("mass", "the_step"))
 FORCES = "tests/test_records.py -k normal_force"
+HEADERS = "tests/test_reduction_toml.py -k header_says"
 FOR_EACH = "tests/test_many_fits.py -k one_for_each"
 CARDS = "tests/test_loop_report.py -k card"
 LOADING, ALONE = "tests/test_loading.py", "tests/test_gains_cli.py -k alone"
@@ -106,6 +107,9 @@ FAULTS = (
           "        return values\n", "        return [values[0]] * len(files)\n", FOR_EACH),
     Fault("a normal force counts as a stress", "records/read.py",
           "        if of_forces:", "        if False:", FORCES),
+    Fault("what a script makes is in the record twice", "records/reduction/toml_script.py",
+          "if number <= maker.given and need and not {need, role.name} & made:",
+          "if number <= maker.given and need:", HEADERS),
     Fault("BIC without its penalty", "loop/engine.py",
           "parameters * np.log(effective)", "0 * parameters * np.log(effective)", VERDICT),
     Fault("BIC counts correlated rows as independent", "loop/engine.py",

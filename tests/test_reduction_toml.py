@@ -7,7 +7,7 @@ import pytest
 from test_reduction import SCRIPT, H, S, X, run_file, table
 
 from jaxfric.errors import InputError
-from jaxfric.records import read
+from jaxfric.records import read, read_table
 from jaxfric.records.reduction import run_toml
 
 __all__ = ["run_file"]  # a fixture
@@ -28,6 +28,8 @@ def made(tmp_path: Path, text: str):
     [
         ('from = "s"', S, "MPa"),
         ('from = "#3"', H, "mm"),
+        ('from = "s [MPa]"', S, "MPa"),
+        ('from = "S [mpa]"', S, "MPa"),
         ('from = "s"\nfactor = "0.5 kPa"', S / 2, "kPa"),
         ('from = "s"\nfactor = "um/s"', S, "um/s"),
         ('from = "s"\nsum = true', np.cumsum(S), "MPa"),
@@ -152,6 +154,34 @@ def test_a_column_of_zeros_divides_nothing(tmp_path: Path) -> None:
         run_toml(table(), tmp_path / "none.toml")
     with pytest.raises(InputError, match="cannot be read"):
         run_toml(table(), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("head", "text", "names"),
+    [
+        ("Zeit [s],Weg [mm],mu", "[columns.disp]\nfrom = 'Weg [mm]'", ("Zeit", "mu", "disp")),
+        ("Zeit [s],Weg [mm],mu", "[columns.disp]\nfrom = 'Weg'\n[columns.t]\nfrom = 'Zeit'",
+         ("mu", "disp", "t")),
+        ("Zeit [s],tau [MPa],normal_stress [MPa],Weg [mm]", "[columns.disp]\nfrom = 'Weg'",
+         ("Zeit", "tau", "normal_stress", "disp")),
+        ("Zeit [s],disp [mm],normal_stress [MPa],tau [MPa]",
+         "[columns.friction]\nratio = ['tau', 'normal_stress']", ("Zeit", "disp", "friction")),
+    ],
+)  # fmt: skip
+def test_what_a_header_says_need_not_be_made(tmp_path: Path, head: str, text: str, names) -> None:
+    rows = "\n".join(",".join([f"{k}.5"] * len(head.split(","))) for k in range(30))
+    file, script = tmp_path / "run.csv", tmp_path / "run.toml"
+    file.write_text(f"{head}\n{rows}\n")
+    script.write_text(text)
+    found, done = run_toml(read_table(file, raw=True), script)
+    assert found.names == names
+    kept = [one for one in done if one.text.startswith("no [columns.")]
+    assert len(kept) == len(names) - text.count("[columns")
+    record = read(file, reduce=script)
+    assert record.load_point_displacement is not None and len(record) == 30
+    with pytest.raises(InputError, match=r"no column 'Weg \[m\]'"):
+        script.write_text("[columns.disp]\nfrom = 'Weg [m]'")
+        run_toml(read_table(file, raw=True), script)
 
 
 def test_the_same_record_as_by_xlooks_script(run_file: Path) -> None:

@@ -31,6 +31,11 @@ class BenchColumn:
     unit: str
     values: np.ndarray
 
+    @property
+    def shown(self) -> str:
+        """The name with its unit, where it has one."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
 
 @dataclass(eq=False)
 class Bench:
@@ -98,7 +103,7 @@ class Bench:
         full = np.zeros(len(self)) if before is None else before.values.copy()
         full[rows] = values
         self.columns[number] = BenchColumn(name, unit, full)
-        shown = f"{name} [{unit}]" if unit else name
+        shown = self.columns[number].shown
         if before is None:
             what = f"column {number} made, {shown}"
         elif (before.name, before.unit) == (name, unit):

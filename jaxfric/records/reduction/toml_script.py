@@ -16,7 +16,9 @@ Keys of a column, in the order in which they are carried out: `from`, `factor`, 
 (the column holds intervals: true), `jumps`, `zero`, `elastic` (`{stress = "shear_stress",
 stiffness = "0.1 MPa/um"}`: less what the frame is stretched by) and `smooth` (a mean over so many
 rows). Keys of `rows`: `from`, `to`, `remove` and `rising` (a column in which rows that do not rise
-go). Rows are those of the file, counted from 0. Only the columns made here are in the record.
+go). Rows are those of the file, counted from 0. A column of the file may be written with its unit,
+"Weg [mm]". The record has the columns made here; where none of them is its time, its motion or its
+friction, a column of the file whose header says so is.
 """
 
 import json
@@ -26,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import InputError, did_you_mean
+from ...errors import InputError, did_you_mean, folded
 from ...units import factor, parse_quantity
 from ..roles import SLIDER, Role
 from ..table import Table
@@ -50,13 +52,27 @@ class _Maker:
             if name.startswith("#") and name[1:].isdecimal() and int(name[1:]) <= self.given:
                 return int(name[1:])
             for number in sorted(columns, reverse=True):
-                if columns[number].name == name:
+                if name in (columns[number].name, columns[number].shown):
                     return number
-        known = [column.name for column in columns.values()]
+            wanted = tuple(map(folded, _parted(name)))
+            for number in sorted(columns, reverse=True):
+                column = columns[number]
+                own = tuple(map(folded, _parted(column.name, column.unit)))
+                if own[0] == wanted[0] and wanted[1] in ("", own[1]):
+                    return number
+        known = [column.shown for column in columns.values()]
         raise InputError(f"there is no column '{name}'{did_you_mean(str(name), known)}")
 
     def column(self, name: object) -> BenchColumn:
         return self.bench.columns[self.number(name)]
+
+
+def _parted(name: str, unit: str = "") -> tuple[str, str]:
+    """A name and its unit, which may stand in it; '' for none."""
+    if unit:
+        return name, unit
+    name, own = SLIDER.split(name)
+    return name, own or ""
 
 
 def run_toml(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
@@ -74,10 +90,33 @@ def run_toml(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
     for name, keys in columns.items():
         _make(maker, script, name, _table_of(script, f"columns.{name}", keys))
     bench = maker.bench
+    kept = _understood(maker)
     for number in range(1, maker.given + 1):
-        del bench.columns[number]
+        if number not in kept:
+            del bench.columns[number]
     _keep(maker, script, _table_of(script, "rows", rows))
     return bench.table(table), tuple(bench.done)
+
+
+def _understood(maker: _Maker) -> set[int]:
+    """Columns of the file whose header says that they are what a record needs and none is made."""
+    roles: dict[int, Role] = {}
+    for number, column in maker.bench.columns.items():
+        known = SLIDER.role_of(_parted(column.name, column.unit)[0])
+        if known is not None:
+            roles[number] = SLIDER.roles[known[0]]
+    made = {role.need or role.name for n, role in roles.items() if n > maker.given}
+    kept = {}
+    for number, role in roles.items():
+        # friction may be a quotient, for which a normal stress is needed too
+        need = "friction" if role.name == "normal_stress" else role.need
+        if number <= maker.given and need and not {need, role.name} & made:
+            kept[number] = role.name
+    for number, role in kept.items():
+        text = f"no [columns.{role}]"
+        said = f"{maker.bench.columns[number].shown} of the file, which its header says to be that"
+        maker.bench.done.append(Done(0, text, said))
+    return set(kept)
 
 
 def _loaded(script: Path) -> dict[str, object]:
