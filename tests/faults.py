@@ -51,6 +51,7 @@ SHORT, FIRST = "tests/test_claims.py -k short", "tests/test_loop_report.py -k co
 MASSES, STEPPED = (f"tests/test_study_toml.py -k {word}" for word in ("mass", "the_step"))
 FORCES = "tests/test_records.py -k normal_force"
 HEADERS = "tests/test_reduction_toml.py -k header_says"
+WHOLE = "tests/test_text_tables.py -k whole"
 FOR_EACH = "tests/test_many_fits.py -k one_for_each"
 CARDS = "tests/test_loop_report.py -k card"
 LOADING, ALONE = "tests/test_loading.py", "tests/test_gains_cli.py -k alone"
@@ -110,6 +111,8 @@ FAULTS = (
     Fault("what a script makes is in the record twice", "records/reduction/toml_script.py",
           "if number <= maker.given and need and not {need, role.name} & made:",
           "if number <= maker.given and need:", HEADERS),
+    Fault("a number is broken where it is narrow", "report/tables.py",
+          "max(longest, *map(len, cells)) if", "longest if", WHOLE),
     Fault("BIC without its penalty", "loop/engine.py",
           "parameters * np.log(effective)", "0 * parameters * np.log(effective)", VERDICT),
     Fault("BIC counts correlated rows as independent", "loop/engine.py",

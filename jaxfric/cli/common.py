@@ -126,9 +126,12 @@ def warn(lines: Iterable[str], kind: str = "warning") -> None:
 
 
 def stdout_console(width: int = 120) -> "Console":
-    """A console of rich for tables on stdout, so wide where stdout is no terminal."""
+    """A console of rich for tables on stdout, so wide, or as COLUMNS says if that is more, where
+    stdout is no terminal."""
     from rich.console import Console
 
+    told = os.environ.get("COLUMNS", "")
+    width = max(width, int(told)) if told.isdecimal() else width
     return Console(width=None if sys.stdout.isatty() else width, highlight=False)
 
 

@@ -107,7 +107,7 @@ def _write(fits: "list[TabledFit]", to: Path) -> None:
 
 def _print(found: "LawComparison") -> None:
     from ..report.comparison import table
-    from ..report.loop_text import print_tables
+    from ..report.tables import print_tables
 
     console = stdout_console()
     console.print(found.sentence, markup=False)

@@ -84,7 +84,7 @@ def feedforward(
 
 def _print(found: "Feedforward", folder: Folder) -> None:
     from ..report.feedforward_text import lines, tables
-    from ..report.loop_text import print_tables
+    from ..report.tables import print_tables
 
     console = stdout_console()
     console.print(found.sentence, markup=False)

@@ -148,7 +148,7 @@ def _warnings(found: "Sequence[TabledFit]") -> list[str]:
 
 def _print(found: "Sequence[TabledFit]", folder: Folder) -> None:
     from ..report.fits_table import text_table
-    from ..report.loop_text import print_tables
+    from ..report.tables import print_tables
 
     table = text_table(found, "file", f"{len(found)} records", records=True)
     print_tables(stdout_console(), [table])

@@ -108,8 +108,8 @@ def predict(
 
 
 def _print(result: "Prediction", folder: Folder) -> None:
-    from ..report.loop_text import print_tables
     from ..report.prediction_text import tables
+    from ..report.tables import print_tables
 
     console = stdout_console()
     console.print(result.sentence, markup=False)

@@ -66,8 +66,8 @@ def steady(
 
 
 def _print(result: "SteadyLoop", noise: "SteadyNoise | None", folder: Folder) -> None:
-    from ..report.loop_text import print_tables
     from ..report.steady_text import noise_text, sentence, tables
+    from ..report.tables import print_tables
 
     console = stdout_console()
     console.print(f"{result.verdict}: {result.sentence}", markup=False)

@@ -152,8 +152,8 @@ class LawComparison(Described, Drawable, Tabular):
             return ""
         return (
             f"; steps that it was not fitted to are predicted by the {first} law to"
-            f" {error / self.sigma:.2f} times the noise, by the {other} law to"
-            f" {larger / self.sigma:.2f} times"
+            f" {times(error / self.sigma)} times the noise, by the {other} law to"
+            f" {times(larger / self.sigma)} times"
         )
 
     def _states(self, first: LawScore) -> str:
@@ -225,6 +225,11 @@ class LawComparison(Described, Drawable, Tabular):
 
 def _bic(score: LawScore) -> float:
     return np.inf if score.bic is None else score.bic
+
+
+def times(ratio: float) -> str:
+    """An error over the noise as text."""
+    return f"{ratio:.2f}"
 
 
 def amount(difference: float) -> str:

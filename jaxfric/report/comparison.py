@@ -1,8 +1,15 @@
 """A comparison of laws as a table: a row for every law with a number of states."""
 
-from ..loop.law_comparison import LawComparison
+from collections.abc import Callable, Mapping
+
+from ..loop.law_comparison import LawComparison, amount, times
 from ..loop.result import TextTable
+from ..runs.table import short
 from .fits_table import TabledFit, text_table
+
+_BIC, _HELD_OUT = "BIC above least", "held-out error [σ]"
+_SHOWN: Mapping[str, Callable[[float], str]] = {_BIC: amount, _HELD_OUT: times}
+"""The digits of the sentence."""
 
 
 def tabled(found: LawComparison) -> list[TabledFit]:
@@ -12,12 +19,12 @@ def tabled(found: LawComparison) -> list[TabledFit]:
     rows = []
     for score in found.scores:
         more: dict[str, float | None] = {
-            "BIC above least": None if score.bic is None else round(score.bic - least, 2)
+            _BIC: None if score.bic is None else short(score.bic - least)
         }
         if not found.unasked:
             error = score.held_out
-            more["held-out error [σ]"] = None if error is None else round(error / found.sigma, 3)
-        rows.append(TabledFit(score.name, score.fit, more=more))
+            more[_HELD_OUT] = None if error is None else short(error / found.sigma)
+        rows.append(TabledFit(score.name, score.fit, more=more, shown=_SHOWN))
     return rows
 
 

@@ -18,12 +18,14 @@ _LATEX_K = {"K [N/µm]": r"[N/$\mu$m]", "K [1/µm]": r"[1/$\mu$m]"}
 
 
 class TabledFit(NamedTuple):
-    """A row: its name, the fit or why there is none, and further cells by their heads."""
+    """A row: its name, the fit or why there is none, further cells by their heads, and how numbers
+    of these are shown."""
 
     name: str
     fit: Fit | None
     failed: str = ""
     more: Mapping[str, Cell] = {}
+    shown: Mapping[str, Callable[[float], str]] = {}
 
     @property
     def known(self) -> bool:
@@ -67,7 +69,7 @@ def text_table(
     heads = (head, *given, *own, "misfit", *more, "")
     rows = []
     for one in fits:
-        cells = [_shown(one.more.get(name)) for name in more]
+        cells = [_shown(one, name) for name in more]
         misfit = "" if one.fit is None else f"{excess(one.fit):.2f}"
         ended = "" if one.known else "no fit" if one.fit is None else "did not converge"
         setup = (of(one) for of in given.values())
@@ -82,12 +84,13 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
     return last if len(set(last.values())) == len(set(names)) else {name: name for name in names}
 
 
-def _shown(value: Cell) -> str:
+def _shown(one: TabledFit, name: str) -> str:
+    value = one.more.get(name)
     if value is None:
         return ""
     if not isinstance(value, float):
         return str(value)
-    return f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
+    return one.shown[name](value) if name in one.shown else f"{value:.4g}"
 
 
 def _given(fits: Sequence[TabledFit], records: bool) -> dict[str, Callable[[TabledFit], str]]:
@@ -155,7 +158,7 @@ def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -
         numbers = [f"${cell}$" if cell else "" for cell in _parameters(one)]
         if not one.known:
             numbers = [r"\multicolumn{4}{c}{no fit}"]
-        cells = [_shown(one.more.get(name)) for name in more]
+        cells = [_shown(one, name) for name in more]
         setup = [
             f"${cell}$" if cell[:1].isdecimal() else cell
             for cell in (of(one) for of in given.values())

@@ -1,7 +1,6 @@
 """A closed loop as tables and lines of text, for the terminal and for the page."""
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +14,7 @@ from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
 from ..loop.thresholds import ALIAS, SIGNIFICANT
 from ..units import factor, format_si
+from .tables import print_tables
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,7 +33,6 @@ BLOCKS = {
 }
 _TOLD = 10.0
 _MOST_CANDIDATES = 10
-_WIDE = 105
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
 
 
@@ -117,39 +116,6 @@ def print_loop(loop: Loop, console: "Console") -> None:
     console.print("\nWhat can be told apart", markup=False)
     for line in apart(loop):
         console.print(f"  {line}", markup=False)
-
-
-def print_tables(console: "Console", shown_tables: Sequence[TextTable]) -> None:
-    """Tables one below the other; a narrow console leaves out meanings."""
-    from rich.table import Table as RichTable
-
-    for table in shown_tables:
-        shown = RichTable(title=table.title, title_justify="left", box=None, pad_edge=False)
-        narrow = console.width < _WIDE
-        columns = [k for k, head in enumerate(table.head) if not (narrow and head == "meaning")]
-        for k in columns:
-            shown.add_column(
-                _plain(table.head[k]), justify="right" if numeric(table, k) else "left"
-            )
-        for k, row in enumerate(table.rows):
-            bold = "bold" if k in table.marked else None
-            shown.add_row(*(_plain(row[column]) for column in columns), style=bold)
-        console.print()
-        console.print(shown)
-        if table.note:
-            console.print(table.note, markup=False)
-
-
-def _plain(text: str):
-    from rich.text import Text
-
-    return Text(text)
-
-
-def numeric(table: TextTable, column: int) -> bool:
-    """Whether a column is of numbers, which stand at the right."""
-    cells = [row[column] for row in table.rows if row[column]]
-    return bool(cells) and sum(cell[0] in "+−-<0123456789." for cell in cells) > 0.5 * len(cells)
 
 
 # ---- tables --------------------------------------------------------------------------------

@@ -4,7 +4,8 @@ import base64
 from collections.abc import Sequence
 from html import escape
 
-from .loop_text import TextTable, numeric
+from .loop_text import TextTable
+from .tables import numeric
 from .version import installed_version as installed_version
 
 _STYLE = """

@@ -11,7 +11,8 @@ from ..fitting import Estimate
 from ..loop.thresholds import ALIAS
 from ..protocol.design import BASE, Change, Design, Pair, Protocol, Smallest
 from ..units import format_si, speed_text
-from .loop_text import TextTable, print_tables, shown_unit
+from .loop_text import TextTable, shown_unit
+from .tables import print_tables
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..loop.result import TextTable
-from ..report.loop_text import print_tables
 from ..report.page import bullets, escaped, folded, html_table
+from ..report.tables import print_tables
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,0 +1,56 @@
+"""Tables on a terminal: no number is cut or broken, however narrow it is."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from jaxfric.cli.common import stdout_console
+from jaxfric.loop.result import TextTable
+from jaxfric.report.comparison import _BIC, _HELD_OUT, _SHOWN
+from jaxfric.report.fits_table import TabledFit, text_table
+from jaxfric.report.tables import print_tables
+
+HEAD = ("law", "A-B", "A", "B", "L [µm]", "misfit", "BIC above least", "held-out error [σ]", "")
+TWO = ("slip, 2 states", "-0.003996(30)", "0.00694(87)", "-0.00108(81), 0.012011(88)")
+TWO = (*TWO, "-, 15.02(17)", "1.83", "948", "14.82", "")
+ROWS = [TWO, ("slip", "-0.0039952(75)", *[""] * 6, "did not converge")]
+
+
+@pytest.mark.parametrize("width", [62, 80, 100, 120, 200])
+def test_numbers_stay_whole(width: int) -> None:
+    console = Console(file=io.StringIO(), width=width)
+    print_tables(console, [TextTable("records", HEAD, ROWS, "note")])
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert max(map(len, lines)) <= width
+    for row in ROWS:
+        for cell in filter(None, row[1:-1]):
+            assert any(cell in line for line in lines), cell
+    assert sum("records" in line for line in lines) == 1
+    assert sum("note" in line for line in lines) == 1
+
+
+def test_columns_without_anything_take_no_room() -> None:
+    console = Console(file=io.StringIO(), width=80)
+    print_tables(console, [TextTable("", ("a", "b", ""), [("x", "1", ""), ("y", "2", "")])])
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert [line.split() for line in lines] == [[], ["a", "b"], ["x", "1"], ["y", "2"]]
+
+
+def test_a_wide_terminal_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    for told, wide in (("200", 200), ("80", 120), ("", 120), ("many", 120)):
+        monkeypatch.setenv("COLUMNS", told)
+        assert stdout_console().width == wide
+
+
+@pytest.mark.parametrize(
+    ("bic", "error", "shown"),
+    [
+        (8.667, 14.8246, ("8.7", "14.82")),
+        (2402.1, 1.091, ("2402", "1.09")),
+        (0.0, None, ("0.0", "")),
+    ],
+)
+def test_a_comparison_has_the_digits_of_its_sentence(bic, error, shown) -> None:
+    row = TabledFit("slip", None, more={_BIC: bic, _HELD_OUT: error}, shown=_SHOWN)
+    assert text_table([row], "law", "").rows[0][-3:-1] == shown
