@@ -9,7 +9,7 @@ import pytest
 from command import assert_refused, record_text, run, written
 
 from jaxfric.cli.call import Call, calling
-from jaxfric.cli.folder import NOTES, Folder, choose_folder, folder_name, source_name
+from jaxfric.cli.folder import NOTES, Folder, choose_folder, folder_name, input_name, source_name
 from jaxfric.errors import InputError
 
 
@@ -74,6 +74,12 @@ def test_the_name_of_a_saved_result_is_its_folder() -> None:
     assert source_name(Path("a/run-fit/fit.json")) == "run-fit"
     assert source_name(Path("a/run-loop/loop.json")) == "run-loop"
     assert source_name(Path("mine.json")) == "mine" and source_name(Path("fit.json")) == "fit"
+
+
+def test_a_folder_keeps_the_dots_of_its_name() -> None:
+    Path("0.096kg").mkdir()
+    written(Path("0.5mm.csv"), "")
+    assert input_name(Path("0.096kg")) == "0.096kg" and input_name(Path("0.5mm.csv")) == "0.5mm"
 
 
 def test_nothing_stale_stays_and_files_of_others_do() -> None:

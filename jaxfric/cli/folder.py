@@ -94,6 +94,11 @@ def source_name(file: Path) -> str:
     return folder if folder and file.stem in ("fit", "loop", "posterior", "steady") else file.stem
 
 
+def input_name(path: Path) -> str:
+    """The name of an input: a file's without its ending, a folder's in whole, `0.096kg` too."""
+    return path.name if path.is_dir() else path.stem
+
+
 def choose_folder(
     out: Path | None, source: str, *inputs: Path, unnamed: Sequence[str] = ()
 ) -> "Folder":

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from . import options
 from .common import AxisColumns, doing, effect_ids, prepare_jax, stdout_console, told
-from .folder import Folder, choose_folder
+from .folder import Folder, choose_folder, input_name
 
 if TYPE_CHECKING:
     from ..loop.steady.loop import SteadyLoop
@@ -46,7 +46,7 @@ def steady(
     from ..report.steady_text import to_json
 
     curve = read_steady(file, **columns._asdict())
-    folder = choose_folder(out, file.stem, file)
+    folder = choose_folder(out, input_name(file), file)
     with told(quiet=json) as progress:
         progress("fitting the curve of friction over velocity")
         result = close_steady_loop(curve, with_=declared, without=excluded)
