@@ -1,6 +1,7 @@
 """Tables on a terminal: no number is cut or broken, however narrow it is."""
 
 import io
+import re
 
 import pytest
 from rich.console import Console
@@ -10,6 +11,7 @@ from jaxfric.loop.result import TextTable
 from jaxfric.report.comparison import _BIC, _HELD_OUT, _SHOWN
 from jaxfric.report.fits_table import TabledFit, text_table
 from jaxfric.report.tables import print_tables
+from jaxfric.runs.table import measured
 
 HEAD = ("law", "A-B", "A", "B", "L [µm]", "misfit", "BIC above least", "held-out error [σ]", "")
 TWO = ("slip, 2 states", "-0.003996(30)", "0.00694(87)", "-0.00108(81), 0.012011(88)")
@@ -54,3 +56,26 @@ def test_a_wide_terminal_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_comparison_has_the_digits_of_its_sentence(bic, error, shown) -> None:
     row = TabledFit("slip", None, more={_BIC: bic, _HELD_OUT: error}, shown=_SHOWN)
     assert text_table([row], "law", "").rows[0][-3:-1] == shown
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.005923, 0.000294, "0.00592(29)"),
+        (52.46, 9.96, "52(10)"),
+        (52.46, 9.94, "52.5(99)"),
+        (293.2, 117.4, "293(117)"),
+        (293.2, 11.74, "293(12)"),
+        (333648686.0, 36137588.0, "3.34(36)e8"),
+        (-2.0e3, 4.04e4, "-0.2(40)e4"),
+        (12345.0, 999.6, "1.23(10)e4"),
+        (0.6, 0.0, "0.6"),
+    ],
+)
+def test_an_error_in_brackets_is_in_units_of_the_last_digit(value, error, text) -> None:
+    assert measured(value, error) == text
+    found = re.fullmatch(r"(-?\d+)\.?(\d*)\((\d+)\)(?:e(\d+))?", text)
+    if found:
+        unit = 10.0 ** (int(found[4] or 0) - len(found[2]))
+        assert int(found[3]) * unit == pytest.approx(error, rel=0.05)
+        assert float(f"{found[1]}.{found[2]}e{found[4] or 0}") == pytest.approx(value, abs=unit)

@@ -292,7 +292,7 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
 
     from ..runs.holds import told as told_of_holds
     from ..runs.joint import told as told_of_all
-    from ..runs.table import text_lines
+    from ..runs.table import BRACKETS, text_lines
 
     kinds = Counter(event.kind for event in result.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
@@ -306,9 +306,7 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
         *others.told(),
     ):
         print(line)
-    print(
-        "in brackets: one standard error, in the last two digits; -: not determined by its window"
-    )
+    print(f"{BRACKETS}; -: not determined by its window")
 
 
 def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:

@@ -11,9 +11,9 @@ from typing import NamedTuple
 from ..fitting import Fit
 from ..fitting.misfit import EXCESS, excess, is_of_misfit
 from ..loop.result import TextTable
-from ..runs.table import Cell, difference, fit_cells, measured
+from ..runs.table import BRACKETS, Cell, difference, fit_cells, measured
 
-_BRACKETS = "in brackets: one standard error, in the last two digits; -: not determined"
+_BRACKETS = f"{BRACKETS}; -: not determined"
 _LATEX_K = {"K [N/µm]": r"[N/$\mu$m]", "K [1/µm]": r"[1/$\mu$m]"}
 
 

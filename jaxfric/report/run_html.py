@@ -13,7 +13,7 @@ from ..runs.fits import RunFit, StepFit
 from ..runs.holds import Hold
 from ..runs.joint import told as told_of_all
 from ..runs.stick_slip import is_stretch
-from ..runs.table import HEAD, Cell, text_cells
+from ..runs.table import BRACKETS, HEAD, Cell, text_cells
 from .page import (
     bullets,
     document,
@@ -68,8 +68,8 @@ _MEANING = (
     (
         "A, B, L",
         "Direct effect, evolution effect and evolution length of rate-and-state friction (a, b"
-        " and D_c). In brackets is one standard error, in the last two digits; it allows for noise"
-        " that is alike from row to row. A dash: the window does not determine it.",
+        " and D_c). In brackets is one standard error, in units of the last digit; it allows for"
+        " noise that is alike from row to row. A dash: the window does not determine it.",
     ),
     (
         "shared",
@@ -118,7 +118,7 @@ def page(
         "Velocity steps",
         HEAD,
         [(*cells, *[""] * (len(HEAD) - len(cells))) for cells in map(text_cells, run.steps)],
-        "in brackets: one standard error, in the last two digits; all parameters in table.csv",
+        f"{BRACKETS}; all parameters in table.csv",
     )
     parts = [
         f"<header>{head}{paragraph(shared[0], 'sentence') if shared else ''}</header>",

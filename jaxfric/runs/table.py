@@ -19,6 +19,11 @@ _SCALES = {"L": 1e6, "K": 1e-6, "slip_trend": 1e-3}
 """From SI to micrometres, but a slip trend to millimetres."""
 _UNITS = {"L": "um", "K": "1/um", "slip_trend": "1/mm"}
 
+BRACKETS = "in brackets: one standard error, in units of the last digit"
+"""What `measured` writes, for a note."""
+_LARGE = 3
+"""An error of 10 to this power or more, and its value, are written with an exponent."""
+
 Cell = float | int | str | bool | None
 
 
@@ -151,12 +156,16 @@ def _estimate(estimate: Estimate) -> str:
 
 
 def measured(value: float, error: float) -> str:
-    """A value with its standard error in brackets: 0.00592(29)."""
+    """A value with its standard error in brackets, as `BRACKETS` says: 0.00592(29), 3.34(36)e8."""
     if not np.isfinite(error) or error <= 0:
         return f"{value:.4g}"
-    places = int(np.clip(1 - np.floor(np.log10(error)), 0, 12))
-    digits = round(error * 10**places) if places else round(error)
-    return f"{value:.{places}f}({digits})"
+    power = int(f"{error:.1e}".partition("e")[2])  # of the error as it is rounded
+    if power < _LARGE:
+        places = int(np.clip(1 - power, 0, 12))
+        return f"{value:.{places}f}({round(error * 10**places)})"
+    whole = int(np.floor(np.log10(max(abs(value), error))))
+    places = whole + 1 - power
+    return f"{value / 10**whole:.{places}f}({round(error / 10 ** (power - 1))})e{whole}"
 
 
 HEAD = ("step", "time [s]", "V [um/s]", "MPa", "A-B (a-b)", "A (a)", "B (b)", "L (D_c) [um]")

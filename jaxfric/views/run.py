@@ -6,7 +6,7 @@ from ..loop.result import TextTable
 from ..plot.label import printable
 from ..runs.fits import RunFit
 from ..runs.joint import told
-from ..runs.table import HEAD, rows, text_cells
+from ..runs.table import BRACKETS, HEAD, rows, text_cells
 from .view import Frame, Page, View
 
 
@@ -26,7 +26,7 @@ def page(run: RunFit) -> Page:
     kinds = Counter(event.kind for event in run.events)
     events = f"{len(run.record)} rows: " + ", ".join(f"{n} {k}" for k, n in kinds.most_common())
     cells = [(*c, *[""] * (len(HEAD) - len(c))) for c in map(text_cells, run.steps)]
-    note = "in brackets: one standard error, in the last two digits; -: not determined"
+    note = f"{BRACKETS}; -: not determined"
     warnings = [
         f"step {step.number}: {text}"
         for step in run.steps
