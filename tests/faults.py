@@ -52,6 +52,8 @@ MASSES, STEPPED = (f"tests/test_study_toml.py -k {word}" for word in ("mass", "t
 FORCES = "tests/test_records.py -k normal_force"
 HEADERS = "tests/test_reduction_toml.py -k header_says"
 WHOLE = "tests/test_text_tables.py -k whole"
+MARKED = "tests/test_report_folder.py -k marked"
+BRACKETED = "tests/test_text_tables.py -k brackets"
 FOR_EACH = "tests/test_many_fits.py -k one_for_each"
 CARDS = "tests/test_loop_report.py -k card"
 LOADING, ALONE = "tests/test_loading.py", "tests/test_gains_cli.py -k alone"
@@ -113,6 +115,10 @@ FAULTS = (
           "if number <= maker.given and need:", HEADERS),
     Fault("a number is broken where it is narrow", "report/tables.py",
           "max(longest, *map(len, cells)) if", "longest if", WHOLE),
+    Fault("what a verdict leaves open is not marked", "report/found.py",
+          'left_open = _LEFT_OPEN.get(str(content.get("verdict")), "")', 'left_open = ""', MARKED),
+    Fault("an error is ten of the last digit", "runs/table.py",
+          "({round(error * 10**places)})", "({round(error * 10 ** (places - 1))})", BRACKETED),
     Fault("BIC without its penalty", "loop/engine.py",
           "parameters * np.log(effective)", "0 * parameters * np.log(effective)", VERDICT),
     Fault("BIC counts correlated rows as independent", "loop/engine.py",

@@ -53,7 +53,7 @@ def report(
         print(json_text({"schema": "jaxfric.report/1", "results": content}))
     else:
         for one in results:
-            print(f"{one.file}: {one.what}{' (it warns)' if one.warnings else ''}")
+            print(f"{one.file}: {one.what}{one.mark}")
         print(f"written: {target.path / 'report.html'} (open it in a browser)")
     warn(damaged)
     return target.close()

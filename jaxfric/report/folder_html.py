@@ -26,8 +26,7 @@ def page(
     head = f"{count} result{'s' * (count != 1)} in {printable(folder.resolve().name)}"
     names = _names(folder, results)
     items = [
-        f'<li><a href="#r{k}">{escaped(name)}</a>: {escaped(one.what)}'
-        f"{' (it warns)' if one.warnings else ''}</li>"
+        f'<li><a href="#r{k}">{escaped(name)}</a>: {escaped(one.what)}{one.mark}</li>'
         for k, (name, one) in enumerate(zip(names, results, strict=True), 1)
     ]
     parts = [
