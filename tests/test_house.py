@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-LIMITS = {"lines": 60000, "long": 0, "wide": 14, "unannotated": 15, "any": 11, "twice": 0}
+LIMITS = {"lines": 59800, "long": 0, "wide": 14, "unannotated": 15, "any": 11, "twice": 0}
 """What the package may have of each at most; lowered as it gets less."""
 
 TEN_LINES = "\n".join(f"    x = {k}" for k in range(10))
@@ -24,7 +24,7 @@ def number(counts, name):
 @pytest.mark.parametrize(
     ("file", "text", "expected"),
     [
-        ("a.py", "def f(x: int):\n" + TEN_LINES, {"lines": 60000}),
+        ("a.py", "def f(x: int):\n" + TEN_LINES, {"lines": 59800}),
         ("a.py", "def f():\n" + SIXTY, {"long": 1}),
         ("a.py", "def f():\n" + SIXTY.rsplit("\n", 1)[0], {"long": 0}),
         ("cli/f.py", "def f():\n" + SIXTY, {"long": 0}),

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from ..records import Record, VelocitySteps
 from ..units import format_si
+from .misfit import misfit_warning
 from .noise import Noise
 from .noise_estimate import noise_estimate, noise_words
 from .noise_search import longest_memory
@@ -237,7 +238,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
             "the stiffness may be wrong, the step not sharp, or something lags"
         )
     said += edge_warnings(fit.parameters["K"].value, fit.critical_stiffness())
-    return dataclasses.replace(fit, warnings=tuple(said))
+    return dataclasses.replace(fit, warnings=(*said, *misfit_warning(fit)))
 
 
 def edge_warnings(K: float, critical: float) -> list[str]:

@@ -28,7 +28,6 @@ from .assemble import assemble
 from .glitches import NO_GLITCHES, ROUNDS, find_glitches
 from .loading import UNIT_RIGHT, refuse_contradicted, steepest_loading
 from .loading import doubts as loading_doubts
-from .misfit import misfit_warning
 from .noise import Noise
 from .noise_search import estimate_noise, longest_memory, noise_rows
 from .problem import (
@@ -121,8 +120,7 @@ def fit(
     problem, solution = _solve_in_stages(task, start, progress)
     solved = _with_noise(task, problem, solution, whitened=weighting == "whitened")
     found = assemble(record, steps, task.sign, solved, profile=progress if profile else None)
-    said = (*warnings, *task.doubts, *found.warnings, *misfit_warning(found))
-    return dataclasses.replace(found, warnings=said)
+    return dataclasses.replace(found, warnings=(*warnings, *task.doubts, *found.warnings))
 
 
 class _Task(NamedTuple):

@@ -1,6 +1,7 @@
 """A closed loop as tables and lines of text, for the terminal and for the page."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
