@@ -24,7 +24,7 @@ def number(counts, name):
 @pytest.mark.parametrize(
     ("file", "text", "expected"),
     [
-        ("a.py", "def f(x: int):\n" + TEN_LINES, {"lines": 59800}),
+        ("a.py", "def f(x: int):\n" + TEN_LINES, {"lines": 11}),
         ("a.py", "def f():\n" + SIXTY, {"long": 1}),
         ("a.py", "def f():\n" + SIXTY.rsplit("\n", 1)[0], {"long": 0}),
         ("cli/f.py", "def f():\n" + SIXTY, {"long": 0}),
