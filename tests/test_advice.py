@@ -163,7 +163,7 @@ FILLED = {
         *(f"0.05 {force}/{unit}" for force in FORCE_UNITS.values() for unit in "VA"),
     ],
     ("--rated-torque", "{rated_torque}"): [],
-    ("--slip-per-step", "{slip} {length}"): ["150 um", "0.2 mm"],
+    ("--slip-per-step", "{self.slip} {self.length}"): ["150 um", "0.2 mm"],
     ("--velocity", "{'..'.join(ends)} {unit}"): ["1..10 um/s", "0.5..2 mm/s"],
     ("--rated-torque", "9.84 m{self.force}"): [f"9.84 m{f}" for f in FORCE_UNITS.values()],
 }
