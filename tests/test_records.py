@@ -13,6 +13,7 @@ from jaxfric.records import VelocitySteps, from_arrays, read, read_table
 from jaxfric.records.public import public_path
 from jaxfric.records.roles import SLIDER
 from jaxfric.records.thin import blur, thinned
+from jaxfric.report.record_text import describe
 
 HEADER = "time [s],load_point_displacement [um],friction [1],normal_stress [MPa]"
 
@@ -187,6 +188,24 @@ def test_columns_named_by_the_user(tmp_path: Path) -> None:
     assert "did you mean 'ratio'" in refusal(path, columns={"friction": "ratoi", "time": "clock"})
     with pytest.raises(InputError, match=r"'frition' is no role.*did you mean 'friction'"):
         read(path, columns={"frition": "ratio"})
+
+
+@pytest.mark.parametrize(
+    ("units", "told"),
+    [
+        (("um", "MPa"), ("0 to 58 um", "25 to 25 MPa")),
+        (("µm", "MPa"), ("0 to 58 um", "25 to 25 MPa")),
+        (("mm", "0.4 MPa"), ("0 to 58000 um (mm in the file)", "(0.4 MPa in the file)")),
+    ],
+)
+def test_a_column_is_told_in_one_unit(tmp_path: Path, units, told) -> None:
+    head = "time [s],displacement [{}],friction [1],normal_stress [{}]".format(*units)
+    record = read(written(tmp_path, table_text(head)))
+    steps = VelocitySteps(np.zeros(1), np.ones(1))
+    lines = {line.split(":")[0].strip(): line for line in describe(record, steps)}
+    assert lines["load_point_displacement"].endswith(told[0])
+    assert lines["normal_stress"].endswith(told[1])
+    assert "file" not in lines["friction"] + lines["time"]
 
 
 @pytest.mark.parametrize("unit", ["kN", "N"])

@@ -169,6 +169,7 @@ def test_a_step_that_cannot_be_fitted_keeps_its_row_and_its_reason(two_fits):
     bad, good = rows(result)
     assert bad["step"] == 1 and "rows" in str(bad["result"]) and "A" not in bad
     assert good["result"] == "converged" and good["A"] is not None
+    assert "normal stress [MPa]" in text_lines(result)[0]
     assert "holds" in text_lines(result)[1] and "no fit" in latex_text(result)
 
 

@@ -6,8 +6,15 @@ from ..records import Record, VelocitySteps
 from ..units import format_si
 
 
+def _folded(unit: str) -> str:
+    """A unit in one of its spellings: µm is um; none for no unit."""
+    unit = unit.replace("µ", "u").replace("μ", "u").replace("microns", "um").replace("micron", "um")
+    return "" if unit in ("1", "-") else unit
+
+
 def describe(record: Record, steps: VelocitySteps) -> list[str]:
-    """Columns with unit and range, rows dropped, sampling, and the velocity steps."""
+    """Columns with their range, and their unit in the file where that is another; rows dropped,
+    sampling, and the velocity steps."""
     origin = record.provenance
     dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
     lines = [
@@ -33,7 +40,10 @@ def describe(record: Record, steps: VelocitySteps) -> list[str]:
         low, high = (
             format_si(float(v), si[role], shown[role], 7) for v in (np.min(values), np.max(values))
         )
-        lines.append(f"  {role} [{record.units.get(role, si[role])}]: {low} to {high}")
+        in_file = record.units.get(role, si[role])
+        low = low.removesuffix(f" {shown[role]}")
+        same = _folded(in_file) in (_folded(shown[role]), "")
+        lines.append(f"  {role}: {low} to {high}{'' if same else f' ({in_file} in the file)'}")
     lines += [f"note: {note}" for note in origin.notes]
     lines += [f"  {step}" for step in origin.reduction]
     lines.append(f"velocity steps: {len(steps) - 1}" + ("" if len(steps) > 1 else " (none found)"))

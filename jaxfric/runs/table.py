@@ -168,7 +168,10 @@ def measured(value: float, error: float) -> str:
     return f"{value / 10**whole:.{places}f}({round(error / 10 ** (power - 1))})e{whole}"
 
 
-HEAD = ("step", "time [s]", "V [um/s]", "MPa", "A-B (a-b)", "A (a)", "B (b)", "L (D_c) [um]")
+HEAD = (
+    *("step", "time [s]", "V [um/s]", "normal stress [MPa]"),
+    *("A-B (a-b)", "A (a)", "B (b)", "L (D_c) [um]"),
+)
 """Heads of the columns of `text_cells`."""
 
 
@@ -191,7 +194,7 @@ def text_cells(step: StepFit) -> tuple[str, ...]:
 
 def text_lines(run: RunFit) -> list[str]:
     """The table for a terminal, a line a step."""
-    widths = (4, 11, 16, 7, 14, 14, 13, 14)
+    widths = (4, 11, 16, 21, 14, 14, 13, 14)
     lines = [HEAD, *(text_cells(step) for step in run.steps)]
     out = []
     for cells in lines:
