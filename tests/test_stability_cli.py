@@ -74,6 +74,7 @@ def test_the_golden_slider() -> None:
     assert code == 0 and err == ""
     for words in ("holds: f_v + k_v < int g dt (18)", "k_cr = 2014.976024 N/m", "STABLE", "phase"):
         assert words in out
+    assert out.split("\n")[-3].endswith("equations of the documentation's page 'theory'")
     content = report()
     found = content["theorem"]
     assert found["holds"] and len(found["solutions"]) == 1

@@ -34,7 +34,8 @@ def describe(study: Study, law: str) -> list[str]:
             "Dahl's steady curve has no falling part and no memory of velocity: friction is no"
             " reason for stick-slip, and every k_p > 0 is stable where f_v + k_v > 0"
         )
-    return lines + _gains(study)
+    lines += _gains(study)
+    return [*lines, "", "numbers such as (18) are equations of the documentation's page 'theory'"]
 
 
 def _friction(study: Study) -> list[str]:

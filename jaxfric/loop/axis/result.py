@@ -16,6 +16,7 @@ from ...rig.axis import LAW
 from ..result import TextTable
 
 _APART = 4.0
+_PAGE = "of the documentation's page 'theory'"
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,11 +211,13 @@ class AxisDetails:
             damped = _drive(drive.velocity_gain, drive.signal, unit)
             own = f"{drive.position_gain:.4g} 1/s times {damped}"
             rows.append(("k_p in force", f"{drive.K_p:.4g} {force}/{unit}", own))
-        note = f"{self._said()} By (16)-(17)"
-        if gains.stiff is not None:
+        note = f"{self._said()} By equations (16)-(17)"
+        if gains.stiff is None:
+            note += f" {_PAGE}"
+        else:
             note += (
-                ", (18)-(20) and (25): linear, and of an ideal drive; lags and sampling ask for"
-                " more. The critical k_p at the drive is in 1/s at its k_v"
+                f", (18)-(20) and (25) {_PAGE}: linear, and of an ideal drive; lags and sampling"
+                " ask for more. The critical k_p at the drive is in 1/s at its k_v"
             )
         head = ("", "in force", "at the drive")
         if not any(row[-1] for row in rows):  # a drive of which nothing is known
