@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from test_derived import VALUES, covariance_of, fit_of
 from test_loop_report import HOSTILE, make_loop
+from test_protocol import designed
 
 import jaxfric as jf
 from jaxfric import described, views
@@ -108,6 +109,7 @@ MADE = {
     "Schedule": schedule,
     "Trajectory": trajectory,
     "AxisRecord": axis_record,
+    "Protocol": lambda: dataclasses.replace(designed(0.96, after=0.5), warnings=("K is low",)),
 }
 
 
@@ -310,6 +312,18 @@ def test_the_record_of_an_axis_as_tables():
     np.testing.assert_array_equal(table["position"], record.position)
     assert table.attrs["units"] == {"time": "s", "motor_force": "N m", "position": "rad"}
     assert data["motor_force"].attrs["units"] == "N m" and data["time"].attrs["units"] == "s"
+
+
+def test_a_protocol_as_a_table_and_in_a_line():
+    plan = designed(0.96, sizes=(0.01, None))
+    assert repr(plan) == (
+        "Protocol(2 velocities over 110 s, slip law: 1 pairs of effects not told apart)"
+    )
+    table = plan.to_pandas()
+    assert list(table.index) == ["ageing", "velocity_dependent_L"]
+    assert table.loc["ageing", "smallest"] == 0.01
+    assert np.isnan(table.loc["velocity_dependent_L", "smallest"])
+    assert table.attrs["alike"] == [["ageing", "velocity_dependent_L", 0.96]]
 
 
 def test_an_axis_fit_does_not_tell_what_is_loose():

@@ -262,6 +262,14 @@ def save_aliasing(
     what: str = "this record",
 ) -> list[str]:
     """Draw |cosine| between effects, as `what` shows them; the names of the files written."""
+    figure = aliasing_figure(ids, cosines, added=added, what=what)
+    return save(figure, folder, "aliasing")
+
+
+def aliasing_figure(
+    ids: Sequence[str], cosines: np.ndarray, *, added: Sequence[str] = (), what: str = "this record"
+) -> Figure:
+    """Figure of the |cosine| between effects, as `what` shows them; those `added` are marked."""
     cosines, number = np.asarray(cosines, float), len(ids)
     side = 3.2 + 0.4 * max(number, 5)
     figure = new_figure(side, side - 0.6)
@@ -292,7 +300,7 @@ def save_aliasing(
         " (|cosine|, after what the fitted model can absorb)",
         x=0.01, ha="left", fontsize=11,
     )  # fmt: skip
-    return save(figure, folder, "aliasing")
+    return figure
 
 
 def _cell(axis: Axes, i: int, j: int, value: float) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..described import Described, Drawable, Tabular
 from ..loop.thresholds import ALIAS
 
 SCHEMA = "jaxfric.protocol/1"
@@ -116,8 +117,8 @@ class Change:
     design: Design | None
 
 
-@dataclass(frozen=True, eq=False)
-class Protocol:
+@dataclass(frozen=True, eq=False, repr=False)
+class Protocol(Described, Drawable, Tabular):
     """A planned sequence of velocity steps, and what it will be able to tell. SI."""
 
     velocities: tuple[float, ...]

@@ -26,6 +26,7 @@ HOMES = {
     "Loop": "loop",
     "Posterior": "posterior",
     "Prediction": "prediction",
+    "Protocol": "protocol",
     "Record": "record",
     "RunFit": "run",
     "Schedule": "schedule",

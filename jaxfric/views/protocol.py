@@ -1,0 +1,46 @@
+"""A planned protocol in a line, a page, a figure and a table."""
+
+from ..protocol.design import Protocol
+from ..report.protocol_text import advice, apart, changes, effects, headline
+from .view import Frame, Page, View
+
+
+def line(plan: Protocol) -> str:
+    """How many velocities and pairs that are not told apart."""
+    pairs = len(plan.design.pairs())
+    return (
+        f"Protocol({len(plan.velocities)} velocities over {plan.duration:.6g} s, {plan.law} law:"
+        f" {pairs} pairs of effects not told apart)"
+    )
+
+
+def page(plan: Protocol) -> Page:
+    """The plan, what it cannot tell apart, and what would separate more, as the command prints."""
+    lines = [*headline(plan), "", "What this plan cannot tell apart", *apart(plan)]
+    notes = [advice(plan)] if plan.changes else []
+    return Page(lines, (effects(plan), changes(plan)), notes, plan.warnings)
+
+
+def frame(plan: Protocol) -> Frame:
+    """A row for every effect: the amplitude [unit] from which on it is named, nan where none is."""
+    rows = [
+        {
+            "effect": s.id,
+            "smallest": float("nan") if s.amplitude is None else s.amplitude,
+            "worst": float("nan") if s.worst is None else s.worst,
+            "unit": s.unit,
+        }
+        for s in plan.design.smallest
+    ]
+    alike = [list(pair) for pair in plan.design.pairs()]
+    return Frame(rows, "effect", {"alike": alike, "warnings": list(plan.warnings)})
+
+
+def figure(plan: Protocol):
+    """The figure aliasing.png."""
+    from ..plot.loop import aliasing_figure
+
+    return aliasing_figure(plan.design.ids, plan.design.cosines, what="this plan")
+
+
+VIEW = View(line, page, figure, frame)
