@@ -583,6 +583,8 @@ FAULTS = (
           "for line in made.spec.warnings:", "for line in ():", STUDY_WARNS),
     Fault("--quiet keeps a study from its warnings", "cli/study.py",
           "if text.startswith(_WARNING):", "if False:", STUDY_WARNS),
+    Fault("the border of stability is that of the best scenario", "plot/gain_map.py",
+          "np.logical_and.at(cells, np", "np.logical_or.at(cells, np", FIGURES + " -k border"),
     Fault("a rate above 0 is called weakening", "plot/run.py",
           "if low > 0 else words", "if low > 1 else words", FIGURES + " -k rates"),
     Fault("a sample that is not computed counts as unstable", "plot/study.py",

@@ -6,10 +6,13 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
+import jaxfric as jf
+from jaxfric.gains.scenarios import Scenarios
+from jaxfric.laws.source import stack
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.steady.loop import close_steady_loop
+from jaxfric.plot import gain_map, steady
 from jaxfric.plot import run as plot_run
-from jaxfric.plot import steady
 from jaxfric.plot.location import _share_and_p
 from jaxfric.plot.loop import _cell
 from jaxfric.plot.marginals import draw_marginals
@@ -246,6 +249,27 @@ def test_rates_of_a_run_fill_their_panels(monkeypatch, middle, words) -> None:
     left, right = figure.axes[2].get_xlim()
     assert right - left == pytest.approx(0.999, rel=1e-3)
     assert all(axis.xaxis.get_offset_text().get_text() == "" for axis in figure.axes)
+
+
+def test_the_border_of_stability_is_drawn_finer_than_the_map() -> None:
+    """Without mass it is k_p = (B - A - k_v V)/L (25): right in every part of a cell, of the worse
+    of two velocities, and only cells at the border are looked at."""
+    A, B, L = 5.0, 9.0, 2e-5
+    law = jf.RateState(300.0, A, [B], [L], 1e-6)
+    velocities = np.asarray([1e-6, 1e-4])
+    scenarios = Scenarios.at(stack([law]), velocities, None, np.zeros(2, int))
+    k_p, k_v = np.linspace(1.0, 3e5, 121), np.linspace(0.0, 3e6, 121)
+
+    def stable(k_p, k_v):
+        return k_p[None, :] > (B - A - k_v[:, None] * velocities[0]) / L
+
+    coarse = stable(k_p, k_v)
+    pairs = np.divmod(np.arange(2 * 121**2), 2)
+    result = SimpleNamespace(scenarios=scenarios)
+    finer = gain_map._finer(result, (k_p, k_v), coarse, pairs)  # pyright: ignore
+    expected = stable(gain_map._centres(k_p), gain_map._centres(k_v))
+    np.testing.assert_array_equal(finer, expected)
+    assert not np.array_equal(np.kron(coarse[:-1, :-1], np.ones((5, 5), bool)), expected)
 
 
 def test_a_study_of_one_member_has_no_curves() -> None:

@@ -18,7 +18,7 @@ from ..stability.theorem import theorem
 from .palette import BLACK, MEETS, STABLE, UNSTABLE
 from .stability import draw_boundaries, from_zero, gain_units, legend_below, shade, tidy
 
-_GRID, _CELLS, _DAMPINGS = 121, 12, 64
+_GRID, _CELLS, _DAMPINGS, _FINER = 121, 12, 64, 5
 _ALONE = {"stiff": ">", "damped": "^"}
 _MEANS = {"stiff": "stiffness", "damped": "damping"}
 
@@ -32,12 +32,13 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
     k_cr_at, needed = _boundary(result.scenarios)
     k_p, k_v = _map_axes(result, k_cr_at, needed)
     gains = np.stack(np.meshgrid(k_p, k_v), axis=-1).reshape(-1, 2)
-    shape = len(k_v), len(k_p)
-    slack, stable = (x.reshape(shape) for x in _over_scenarios(result, gains))
+    pairs = _deciding_pairs(result, gains)
+    slack, stable = (x.reshape(_GRID, _GRID) for x in _over_scenarios(result, gains, pairs))
     level = np.where(slack >= 0, 2, np.where(stable, 1, 0))
     sizes, units = gain_units(k_p, k_v)
     x, y = sizes[0] * k_p, sizes[1] * k_v
-    shade(axis, x, y, np.minimum(level, 1), [UNSTABLE, STABLE])
+    finer = _finer(result, (k_p, k_v), stable, pairs)
+    shade(axis, _centres(x), _centres(y), finer.astype(int), [UNSTABLE, STABLE])
     if (level == 2).any():
         axis.contourf(x, y, np.clip(slack, -1.0, 1.0), levels=[0.0, 2.0], colors=[MEETS])
     for colour, text, code in (
@@ -157,19 +158,65 @@ def _most_damping(result: Gains) -> float:
     return float(gains[held, 1].max(initial=0.0))
 
 
-def _over_scenarios(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _deciding_pairs(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the gains, ascending, and with each a scenario that may decide there."""
+    many = len(result.scenarios)
+    if many > 2 * _CELLS:
+        return _deciding(result, gains)
+    row, column = np.divmod(np.arange(len(gains) * many), many)
+    return row, column
+
+
+def _over_scenarios(
+    result: Gains, gains: np.ndarray, pairs: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """Least slack over the scenarios, and mask of stability, at every pair of gains."""
-    scenarios, number = result.scenarios, len(gains)
-    if len(scenarios) <= 2 * _CELLS:
-        row, column = np.divmod(np.arange(number * len(scenarios)), len(scenarios))
-    else:
-        row, column = _deciding(result, gains)
+    scenarios, number, (row, column) = result.scenarios, len(gains), pairs
     slack = np.full(number, np.inf)
     values = paired_slacks(result.requirement, scenarios, result.region.unit, gains[row], column)
     np.minimum.at(slack, row, values)
     stable = np.ones(number, bool)
     np.logical_and.at(stable, row, _stable(scenarios.take(column), gains[row]))
     return slack, stable
+
+
+def _centres(values: np.ndarray) -> np.ndarray:
+    """Centres of the `_FINER` parts of every cell between two of the values."""
+    parts = (np.arange(_FINER) + 0.5) / _FINER
+    return (values[:-1, None] + np.diff(values)[:, None] * parts).ravel()
+
+
+def _finer(
+    result: Gains,
+    axes: tuple[np.ndarray, np.ndarray],
+    stable: np.ndarray,
+    pairs: tuple[np.ndarray, np.ndarray],
+) -> np.ndarray:
+    """Mask of stability at the centres of `_centres` of both axes: where the corners of a cell of
+    the map differ, by the scenarios that may decide at one of them."""
+    corners = [stable[i : _GRID - 1 + i, j : _GRID - 1 + j] for i in (0, 1) for j in (0, 1)]
+    found = np.kron(corners[0], np.ones((_FINER, _FINER), bool))
+    mixed = np.argwhere(np.any(corners, axis=0) & ~np.all(corners, axis=0))
+    row, column = pairs
+    x, y = (_centres(values).reshape(-1, _FINER) for values in axes)
+    at, scenario = [], []
+    for number, (i, j) in enumerate(mixed):
+        around = [(i + up) * _GRID + j + right for up in (0, 1) for right in (0, 1)]
+        spans = [slice(*np.searchsorted(row, [one, one + 1])) for one in around]
+        known = np.unique(np.concatenate([column[span] for span in spans]))
+        at += [number] * len(known)
+        scenario += known.tolist()
+    if not at:
+        return found
+    inside = _FINER * _FINER
+    gains = np.stack([np.stack(np.meshgrid(x[j], y[i]), axis=-1) for i, j in mixed])
+    gains = gains.reshape(len(mixed), inside, 2)[at].reshape(-1, 2)
+    held = _stable(result.scenarios.take(np.repeat(scenario, inside)), gains)
+    cells = np.ones((len(mixed), inside), bool)
+    np.logical_and.at(cells, np.asarray(at), held.reshape(-1, inside))
+    for (i, j), cell in zip(mixed, cells.reshape(-1, _FINER, _FINER), strict=True):
+        found[i * _FINER : (i + 1) * _FINER, j * _FINER : (j + 1) * _FINER] = cell
+    return found
 
 
 def _deciding(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

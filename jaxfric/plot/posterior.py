@@ -15,6 +15,8 @@ from .palette import BLUE, GREY, ORANGE
 
 _DRAWS, _LAPLACE, _PRIOR = BLUE, ORANGE, GREY
 _BINS, _MOST = 30, 2000
+_LOW = 0.04
+"""A prior of less than this part of the height of a panel is told in words."""
 _REACH = 3.6
 """Half width of a panel in standard deviations."""
 
@@ -83,7 +85,10 @@ def _density(
     axis.stairs(heights, edges, color=_LAPLACE, lw=1.3, label="Laplace approximation")
     if name in posterior.names:
         x, density = _prior(posterior, name, low, high)
-        axis.plot(x, density, color=_PRIOR, lw=1.2, ls="--", label="prior")
+        axis.plot(x, density, color=_PRIOR, lw=1.8, ls="--", label="prior", zorder=4, clip_on=False)
+        if np.max(density, initial=0.0) < _LOW * heights.max():
+            words = "prior: flat" if not len(x) else "prior: far wider, a line near 0"
+            axis.text(0.02, 1.0, words, transform=axis.transAxes, fontsize=7, va="bottom")
     axis.set_yticks([])
     axis.set_ylim(bottom=0.0)
     axis.spines[["top", "right", "left"]].set_visible(False)
@@ -113,7 +118,7 @@ def _pair(
     values, vectors = np.linalg.eigh(np.cov(both))
     root = vectors * np.sqrt(np.maximum(values, 0.0) * _CONTOUR)
     ellipse = both.mean(axis=1)[:, None] + root @ np.stack([np.cos(angle), np.sin(angle)])
-    axis.plot(*ellipse, color=_LAPLACE, lw=1.1, label="its 95 % ellipse")
+    axis.plot(*ellipse, color=_LAPLACE, lw=1.3, ls=(0, (4, 2)), label="its 95 % ellipse")
     axis.spines[["top", "right"]].set_visible(False)
 
 

@@ -136,7 +136,9 @@ def draw_curve(axis: Axes, law: Law, velocities: np.ndarray, *, title: str | Non
             size * V,
             np.where(falling, f_size * force, np.nan),
             color=ORANGE,
-            lw=3.2,
+            lw=6.0,
+            alpha=0.6,
+            zorder=1.9,  # a band under the curve, so that both are seen
             label="falling part: promotes stick-slip",
         )
     if np.ptp(force) < 1e-3 * np.max(np.abs(force)):
