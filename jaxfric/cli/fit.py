@@ -163,7 +163,6 @@ def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Fo
 
 def _tell(result: "Fit", posterior: "Posterior | None", folder: Folder, *, tables: bool) -> int:
     """Print the tables where asked, and what there is to be warned of; the exit code."""
-
     if tables:
         _print_fit(result)
         print_posterior(posterior)
