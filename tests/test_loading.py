@@ -85,15 +85,26 @@ def test_the_limits_of_refusal_and_doubt(record):
 
 
 @pytest.mark.parametrize(
-    ("times", "rows", "said"), [(10.1, 3, True), (9.9, 3, False), (1e3, 2, False), (1e3, 3, True)]
-)
-def test_a_stiffness_far_too_large_is_doubted_where_rows_resolve_the_rise(times, rows, said):
-    found = Loading(40.0, 0.01, 2.5e-6, rows)
-    told = doubts(found, times * 4e3, "1")
+    ("earlier", "times", "said"), [(1.0, 10.1, True), (1.0, 9.9, False), (2.0, 10.1, False),
+                                   (np.inf, 1e6, False)],
+)  # fmt: skip
+def test_a_stiffness_far_too_large_is_doubted_where_rows_resolve_the_rise(earlier, times, said):
+    found = Loading(40.0, 0.01, 2.5e-6, earlier * 6e3)
+    told = doubts(found, times * 6e3, "1")
     assert bool(told) == said
     if said:
         assert told[0].startswith("friction rises as on a spring of about 0.004/um, not of ")
         assert "is the unit of the stiffness right? --fit-stiffness" in told[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "K"), [("ageing_steps", 6e3), ("hidden_state", 9.4e2), ("undeclared", 5e3),
+                    ("velocity_step", 5e3), ("velocity_steps", 4e3)],
+)  # fmt: skip
+def test_a_stiffness_in_the_wrong_unit_is_doubted(name, K):
+    found = seen(jaxfric.read(DATA / f"{name}.csv"))
+    assert found.stiffness < K < found.earlier * 4
+    assert len(doubts(found, 1e3 * K, "1")) == 1
 
 
 @pytest.mark.parametrize(("ratio", "L"), [(2.0, 1e-6), (2.0, 1e-4), (10.0, 2e-6), (100.0, 2e-5)])
@@ -118,8 +129,7 @@ def test_no_true_stiffness_is_called_too_large(ratio, L):
     found = steepest_loading(record, 1.0, VelocitySteps([0.0, 10.0], [V0, ratio * V0]))
     assert found is not None and found.stiffness < K
     assert doubts(found, K, "1") == ()
-    if found.rows >= 3:
-        assert len(doubts(found, 100 * K, "1")) == 1
+    assert len(doubts(found, 100 * K, "1")) == 1
 
 
 def test_a_fit_with_a_stiffness_too_large_is_warned_of_in_its_file_too(record):

@@ -7,8 +7,8 @@ does not move backwards, friction rises by no more than K times the path of the 
 
 A step to a higher speed shows it best: friction rises by the direct effect while the spring is
 drawn out. Taken is half of that rise, which noise of the rows blurs least; a row that stands out
-alone is none. Where rows resolve the rise, the least stiffness is not far below that of the spring
-either: until half of the direct effect the slider is slower than the load point, at most by
+alone is none. A spring is not much stiffer either than one that would have risen so far a row
+earlier: until half of the direct effect the slider is slower than the load point, at most by
 1/r^(1/2) of it for a step by the factor r.
 """
 
@@ -29,8 +29,8 @@ _LARGE = 0.1
 """the part of the range of friction that it must be."""
 _IMPOSSIBLE, _DOUBTFUL = 10.0, 1.5
 """Times that the least stiffness is over the stated one: refused from, warned of from."""
-_STIFF, _RESOLVED = 10.0, 3
-"""Times that the stated stiffness is over the least one, and rows within the rise, to be warned of:
+_STIFF = 10.0
+"""Times that the stated stiffness is over one that would have risen a row earlier, to be warned of:
 steps by a factor of 2 rise to their half over some 3 times the path that the spring takes."""
 
 
@@ -40,8 +40,9 @@ class Loading(NamedTuple):
     time: float
     rise: float
     path: float
-    rows: int = 0
-    """Rows, or means of rows, between the step and the end of the rise."""
+    earlier: float = np.inf
+    """Stiffness that would have allowed it a row, or a mean of rows, earlier: the largest of all
+    steps where it is known [friction/m]; inf where every rise is within the first row."""
 
     @property
     def stiffness(self) -> float:
@@ -55,7 +56,7 @@ def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loadi
     `steps` are those of a record that begins forwards, and `sign` its friction's.
     """
     time, friction = record.relative_time, sign * record.friction
-    size, found = float(np.ptp(friction)), []
+    size, found, earlier = float(np.ptp(friction)), [], []
     ends = np.append(steps.times[1:], time[-1])
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
     data = average(time, friction, steps)
@@ -72,10 +73,14 @@ def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loadi
         half = 0.5 * float(np.max(rise))
         if 2 * half < max(_CLEAR * float(np.std(level)), _LARGE * size):
             continue
-        rows = int(np.argmax(rise >= half))
-        path = float(V * (data.end[here[rows]] - steps.times[k] + errors[k]))
-        found.append(Loading(float(steps.times[k]), half, path, rows))
-    return max(found, key=lambda one: one.stiffness, default=None)
+        at = int(np.argmax(rise >= half))
+        since = data.end[here] - steps.times[k]
+        if at:
+            before = 0.5 * (since[at - 1] + (since[at - 2] if at > 1 else 0.0)) - errors[k]
+            earlier += [half / (V * before)] if before > 0 else []
+        found.append(Loading(float(steps.times[k]), half, float(V * (since[at] + errors[k]))))
+    best = max(found, key=lambda one: one.stiffness, default=None)
+    return best if best is None or not earlier else best._replace(earlier=float(max(earlier)))
 
 
 def _held(rise: np.ndarray) -> np.ndarray:
@@ -96,7 +101,7 @@ def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, 
     """A warning for a stiffness that is below what the rows allow, or far above what they show."""
     if loading is None:
         return ()
-    if _STIFF * loading.stiffness < K and loading.rows >= _RESOLVED:
+    if _STIFF * loading.earlier < K:
         return (
             f"friction rises as on a spring of about {_number(loading.stiffness, friction_unit)},"
             f" not of {_number(K, friction_unit)}: after the step at {loading.time:.4g} s by"
