@@ -30,6 +30,7 @@ from jaxfric.gains.requirement import Requirement
 from jaxfric.laws.source import law_from_parameters
 from jaxfric.records import VelocitySteps, read, read_axis
 from jaxfric.records.axis_units import FORCE_UNITS, quantity_of, spelling
+from jaxfric.records.columns import FORCES
 from jaxfric.records.roles import AXIS, SLIDER
 from jaxfric.units import has_dimension, parse_values
 
@@ -72,7 +73,7 @@ def values(*units: str) -> Callable[[str], object]:
 def column(text: str) -> None:
     """ROLE=NAME [UNIT]: the role of a slider or axis, a unit of that role's."""
     (role, name), *_ = (axis_roles([text]) or {}).items()
-    assert role in SLIDER.roles or role in AXIS.roles, role
+    assert role in SLIDER.roles or role in AXIS.roles or role in FORCES, role
     unit = SLIDER.split(name)[1]
     if unit is None or unit == "UNIT":
         return

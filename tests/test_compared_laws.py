@@ -14,6 +14,7 @@ from command import STIFFNESS, assert_refused, record_text, run, written
 from reference import Law, Motion, solve
 
 import jaxfric
+from jaxfric.fitting.misfit import misfit_warning
 from jaxfric.loop import LawComparison, LawScore
 from jaxfric.loop.compared_laws import _blocks
 from jaxfric.records import VelocitySteps
@@ -277,6 +278,7 @@ def test_what_a_law_does_not_explain_is_marked_in_every_table(of_slip) -> None:
     """A residual of ten times the scatter beside a good one: a dagger, a footnote, a warning."""
     good = of_slip.scores[0].fit
     bad = dataclasses.replace(good, rms=10 * good.rms)
+    bad = dataclasses.replace(bad, warnings=(*good.warnings, *misfit_warning(bad)))
     fits = [TabledFit("a.csv", good), TabledFit("b.csv", bad)]
     lines = latex_text(fits, "file").splitlines()
     assert [r"$^\dagger$" in line for line in lines[5:7]] == [False, True]

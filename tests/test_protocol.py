@@ -19,7 +19,15 @@ from jaxfric.cli.protocol import _without_asked
 from jaxfric.effects import CATALOGUE
 from jaxfric.protocol.design import Change, Design, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
-from jaxfric.report.protocol_text import _stay, advice, answer, apart, changes, effects
+from jaxfric.report.protocol_text import (
+    _stay,
+    advice,
+    answer,
+    apart,
+    changes,
+    effects,
+    found_too_small,
+)
 
 UM = 1e-6
 NOISE = 3e-4
@@ -350,6 +358,20 @@ YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing
 )  # fmt: skip
 def test_the_answer_on_a_pair(plan, ids, line):
     assert answer(plan, plan.design.pair(*ids)) == line
+
+
+@pytest.mark.parametrize(
+    ("known", "told"),
+    [({}, []), ({"ageing.q": 0.013}, []), ({"ageing.q": -0.011}, ["ageing"]),
+     ({"ageing.q": 0.011, "velocity_dependent_L.n": 0.02}, ["ageing", "velocity_dependent_L"])],
+)  # fmt: skip
+def test_an_effect_of_the_file_too_small_to_be_told_is_named(known, told):
+    plan = designed(0.6)  # from q = 0.0125 or n = 0.025 on
+    lines = found_too_small(plan, plan.design.pair(*TWO), known)
+    assert [line.split()[1] for line in lines] == told
+    assert all("of that size the answer is no" in line for line in lines)
+    alike = designed(0.96)
+    assert found_too_small(alike, alike.design.pair(*TWO), known) == []
 
 
 def chained(*links):

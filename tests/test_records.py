@@ -209,11 +209,12 @@ def test_a_column_is_told_in_one_unit(tmp_path: Path, units, told) -> None:
 
 
 @pytest.mark.parametrize("unit", ["kN", "N"])
-@pytest.mark.parametrize("role", ["shear_stress", "friction"])
+@pytest.mark.parametrize("role", ["shear_stress", "friction", "shear_force"])
 def test_shear_and_normal_force(tmp_path: Path, role: str, unit: str) -> None:
     """Friction is their quotient, in whatever unit each is, and no stress is made of a force."""
     path = written(tmp_path, table_text(f"time [s],displacement [um],Scherkraft [{unit}],F"))
-    mapped = {role: "Scherkraft", "normal_stress": "F [kN]"}
+    normal = "normal_force" if role == "shear_force" else "normal_stress"
+    mapped = {role: "Scherkraft", normal: "F [kN]"}
     record, plain = read(path, columns=mapped), read(written(tmp_path, table_text()))
     size = {"N": 1.0, "kN": 1e3}[unit]
     assert record.friction_unit == "1" and record.normal_stress is None

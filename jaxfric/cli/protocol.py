@@ -99,7 +99,9 @@ def protocol(
         prepare_jax()
         from ..plot.loop import save_aliasing
         from ..protocol.plan import Planned, plan
+        from ..report.protocol_text import found_too_small
 
+        known = values
         if asked is not None:
             values, more = _without_asked(values, more, asked, declared)
             asked = _known_pair(asked, found_law, (*more, *declared), excluded)
@@ -120,11 +122,11 @@ def protocol(
             without=excluded,
             progress=progress,
         )
-        found = dataclasses.replace(found, warnings=(*warned, *found.warnings))
         pair = None if asked is None else found.design.pair(*asked)
+        small = [] if pair is None else found_too_small(found, pair, known)
+        found = dataclasses.replace(found, warnings=(*small, *warned, *found.warnings))
         progress("drawing figures")
-        answer = {} if pair is None else {"asked": pair.to_json()}
-        content = folder.save_json("protocol.json", {**found.to_json(), **answer})
+        content = folder.save_json("protocol.json", found.to_json() | _answer(pair))
         ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     if json:
@@ -133,6 +135,10 @@ def protocol(
         _print(found, folder, pair, typical=from_ is None and parameters is None)
     warn(found.warnings)
     return folder.close()
+
+
+def _answer(pair: "Pair | None") -> dict[str, object]:
+    return {} if pair is None else {"asked": pair.to_json()}
 
 
 class _Wrong:

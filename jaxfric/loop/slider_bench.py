@@ -130,7 +130,10 @@ class AbstractSliderBench(AbstractBench):
                 " basin"
             )
         if not found.starts_agree and not found.base.failed:
-            warnings.append("base fits from different starts end at different parameters")
+            warnings.append(
+                "base fits from different starts end at different parameters: the likeliest is"
+                " taken, and what is added to it decides"
+            )
         change = _finer(engine, found.base)
         if np.isinf(change):
             warnings.append("a finer solver did not reach the end: how exact this is stays unknown")

@@ -92,6 +92,8 @@ def assign(
     a column, and a unit that is missing, unknown or of another dimension.
     """
     roles = schema.roles
+    if schema is SLIDER:
+        columns = {FORCES.get(role, role): text for role, text in columns.items()}
     for role in columns:
         if role not in roles:
             raise InputError(f"'{role}' is no role of a column{did_you_mean(role, roles)}")
@@ -126,6 +128,10 @@ def assign(
     used = {use.column for use in uses.values()}
     ignored = [name for i, name in enumerate(table.names) if i not in used]
     return uses, notes + ([f"ignored columns: {', '.join(ignored)}"] if ignored else [])
+
+
+FORCES = {"shear_force": "shear_stress", "normal_force": "normal_stress"}
+"""Roles by which a user may name the forces that stand for stresses."""
 
 
 def _called(role: str, use: Use) -> str:
@@ -238,7 +244,13 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
     if machine is not None:
         unit = unit if unit in ("s", "1") else f"0.01 {unit}"
         hint = f" ({machine} are machine units: give what one is);"
-    raise InputError(f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}")
+    text = f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}"
+    if "friction" in missing:
+        text += (
+            "; of shear and normal force, or stress: --column 'shear_force=NAME [kN]' and"
+            " 'normal_force=NAME [kN]'"
+        )
+    raise InputError(text)
 
 
 def _of_an_axis(table: Table) -> bool:

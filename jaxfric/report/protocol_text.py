@@ -1,7 +1,7 @@
 """A planned protocol as tables and lines of text, for the terminal."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,6 +78,21 @@ def answer(plan: Protocol, pair: Pair) -> str:
         f"no: this plan cannot tell {a} from {b}: |cosine| {_cosine(pair.cosine)}, above"
         f" {ALIAS:g}{advice}"
     )
+
+
+def found_too_small(plan: Protocol, pair: Pair, known: Mapping[str, float]) -> list[str]:
+    """A line for each effect of a pair that is told apart whose size in `known` (SI, by name) is
+    less than that from which on it is told."""
+    out = []
+    for s in plan.design.smallest:
+        found = [known.get(f"{s.id}.{name}") for name in s.names]
+        size = math.hypot(*(value for value in found if value is not None))
+        if s.id in pair.sizes and None not in found and size < pair.sizes[s.id]:
+            out.append(
+                f"the {s.id} of the file, {_size(s, size)}, is smaller than what this plan tells"
+                f" ({_size(s, pair.sizes[s.id])}): of that size the answer is no"
+            )
+    return out
 
 
 def apart(plan: Protocol, asked: Pair | None = None) -> list[str]:
