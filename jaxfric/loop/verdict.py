@@ -303,7 +303,7 @@ def sentence_of(
             what = f"Something is left ({p_text(told.p_value)}), but too little to be named"
         return f"{what}: no effect is supported by more than {ACCEPT:g} of BIC ({before})."
     if verdict == "outside_catalogue":
-        helped = named and float(f"{told.after:.2f}") < float(f"{told.before:.2f}")
+        helped = named and _helped(told)
         what = "Not all that is missing is" if helped else "What is missing is not"
         what += " in the catalogue."
         if told.after <= told.most:
@@ -331,12 +331,17 @@ def _upper(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def _helped(told: Told) -> bool:
+    """Whether the held-out error falls, as it is written."""
+    return float(f"{told.after:.2f}") < float(f"{told.before:.2f}")
+
+
 def _in_vain(search: Search, named: str, told: Told) -> str:
     """A sentence on effects that were added but explain too little."""
     if not named:
         return ""
     one = len(search.final.effects) == 1
-    if float(f"{told.after:.2f}") < float(f"{told.before:.2f}"):
+    if _helped(told):
         verb, but = ("helps", "does") if one else ("help", "do")
         return f"{named} {verb} ({told.change()}) but {but} not explain all of it."
     if told.after <= told.most:
