@@ -232,6 +232,9 @@ def test_flat_priors_have_the_fit_as_their_maximum(fitted):
         estimate = fitted.parameters[name]
         assert found.maximum()[name] == pytest.approx(estimate.value, abs=0.05 * estimate.std)
         assert one.std == pytest.approx(estimate.std, rel=0.05)
+    table, about = found.to_pandas(), found.parameters
+    assert table["std"].to_dict() == {name: one.std for name, one in about.items()}
+    assert table.loc[["A_minus_B", "L"], "unit"].tolist() == [fitted.A_minus_B.unit, "m"]
     data = inference_data(found)
     assert data.posterior.attrs["method"] == "Laplace" and "sample_stats" not in data
 

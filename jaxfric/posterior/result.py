@@ -63,6 +63,12 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         """Whether there is anything to show: not so where the maximum is not to be relied on."""
         return self.converged or self.draws is not None
 
+    @property
+    def parameters(self) -> dict[str, Spread]:
+        """Mean, std and 95 % interval of `A_minus_B` and every parameter, by name [SI]: of the
+        draws, without them of the Laplace approximation."""
+        return self.sampled() or self.approximation()
+
     def maximum(self) -> dict[str, float]:
         """Parameters of the largest posterior density of the variables y, by name [SI]."""
         return {k: float(v) for k, v in self.named(self.laplace.values).items()}

@@ -35,9 +35,10 @@ def page(posterior: Posterior) -> Page:
 
 def frame(posterior: Posterior) -> Frame:
     """A row for A-B and every parameter, SI: of the draws, without them of the normal law."""
-    spreads, maximum = posterior.sampled() or posterior.approximation(), posterior.maximum()
+    spreads, maximum = posterior.parameters, posterior.maximum()
+    of = {DIFFERENCE: posterior.fit.A_minus_B, **posterior.fit.parameters}
     rows: list[dict[str, object]] = [
-        {"name": name, "maximum": maximum[name], **spreads[name]._asdict()}
+        {"name": name, "maximum": maximum[name], **spreads[name]._asdict(), "unit": of[name].unit}
         | (posterior.chains[name]._asdict() if name in posterior.chains else {})
         for name in (DIFFERENCE, *posterior.names)
     ]

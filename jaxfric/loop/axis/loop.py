@@ -37,7 +37,7 @@ from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
 from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord
 from .rows import scales_of
-from .seen import doubts
+from .seen import doubts, held_command
 
 # What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.
@@ -100,7 +100,7 @@ def close_axis_loop(
         width=rows.width,
         noise_scale=unit_of_residuals(prepared.force[: prepared.rows][rows.used]),
     )
-    bench = AxisBench(record, reading, problem, rows)
+    bench = AxisBench(record, reading, problem, rows, held)
     return run(bench, asked, begun=begun, progress=progress)
 
 
@@ -117,6 +117,8 @@ class AxisBench(AbstractBench):
     problem: AxisProblem
     counted: AxisRows
     """Rows of the reading, but for those that are glitches."""
+    held: bool
+    """Whether the force is a command held until the next row."""
 
     def engine(self, with_: tuple[str, ...] | None) -> Engine[AxisProblem]:
         """Effects that move force and motion in time are one group, but where a base starts."""
@@ -194,7 +196,11 @@ class AxisBench(AbstractBench):
 
     def warnings(self, engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
         """Warnings of the record, of its rows, and of what was seen at low speed."""
-        seen = doubts(engine, found.final, self.counted)
+        final = found.final
+        seen = doubts(engine, final, self.counted)
+        if not self.held:
+            interval = float(np.median(np.diff(self.record.time)))
+            seen += held_command(engine.values(final.z), final.effects, interval)
         return (*self.reading.warnings, *self.counted.warnings(), *seen)
 
     def words(self) -> LoopWords:

@@ -5,7 +5,7 @@ of the fitted friction, rows at low speed that lie above it, and speeds at which
 its way, or the low-pass took away stairs of its motion.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import jax
@@ -101,6 +101,22 @@ def doubts(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> lis
     if share > _UNEXPLAINED:
         why.append(f"the model leaves {100 * share:.0f} % of the force unexplained")
     return why
+
+
+def held_command(values: Mapping[str, float], effects: Sequence[str], interval: float) -> list[str]:
+    """A hint where a lag found is what a held command shows: half a row of `interval` [s].
+
+    values : of all parameters, by name. effects : those of the model that was found.
+    """
+    lags = {f"{id}.{name}": id for id, name in (("servo_lag", "tau"), ("sensor_delay", "d"))}
+    return [
+        f"the {1e3 * values[name]:.2g} ms of {id} are about half of the {1e3 * interval:.2g} ms"
+        " from row to row: so late acts a command that its controller holds until the next row."
+        " If the force is such a command, say so (--held; held=True in Python): it is taken along"
+        " then"
+        for name, id in lags.items()
+        if id in effects and abs(values[name] - interval / 2) < interval / 4
+    ]
 
 
 def slope_error(
