@@ -9,7 +9,8 @@ from command import assert_refused, run
 from test_gains import fit_content, written
 
 from jaxfric import find_gains, law_from_parameters
-from jaxfric.gains.gains import unresolved_warnings
+from jaxfric.gains import gains as gains_module
+from jaxfric.gains.gains import _bounded, unresolved_warnings
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.result import Certificate, WorstCase
 from jaxfric.gains.verify import CheckReport
@@ -141,7 +142,7 @@ def test_either_alone_without_margins_is_the_number_of_stability():
     assert alone["damping"]["meets"] and alone["stiffness"]["meets"]
 
 
-def test_where_damping_alone_does_not_do_it_is_told():
+def test_where_damping_alone_does_not_do_it_is_told(monkeypatch):
     """Where a limit forbids it; and the words where the delay of a controller does."""
     found = find_gains(
         law_from_parameters(*LAW[1::2]), velocity=2e-3, mass=2.0, margin={"modulus": 0.5},
@@ -157,6 +158,23 @@ def test_where_damping_alone_does_not_do_it_is_told():
         assert line.startswith("  alone   ")
         assert f"no damping alone meets the requirement{why} (tried: up to 100 N s/m)" in line
         assert line.endswith(f"without margins{bare} 1000 N s/m is enough")
+    inf = float("inf")
+    for largest, said in (
+        (
+            (6.264e4, 1531.0),
+            "k_p up to 6.26e+04 N/m with k_v = 0 and k_v up to 1.53e+03 N s/m with",
+        ),
+        ((inf, 1531.0), "  larger  k_v up to 1.53e+03 N s/m with k_p near 0 meet"),
+    ):
+        (line,) = (x for x in describe(dataclasses.replace(late, largest=largest)) if "larger" in x)
+        assert said in line
+    assert not any("larger" in x for x in describe(late))
+    monkeypatch.setattr(gains_module, "largest_alone", lambda *_: (3.0, inf))
+    none = dataclasses.replace(late, kp=float(late.region.lower[0]), kv=0.0)
+    assert _bounded(none).largest == (3.0, inf)
+    assert _bounded(none).to_json()["largest"] == {"kp": 3.0, "kv": None}
+    for other in (late, dataclasses.replace(none, kv=1.0), dataclasses.replace(none, delay=None)):
+        assert _bounded(other).largest is None and other.to_json()["largest"] is None
 
 
 @pytest.mark.long

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from jaxfric.gains import frontier, kkt
 from jaxfric.gains import solve as solve_module
-from jaxfric.gains.frontier import FrontierPoint, Region, alone, lowest
+from jaxfric.gains.frontier import FrontierPoint, Region, alone, largest_alone, lowest
 from jaxfric.gains.frontier import minima as on_frontier
 from jaxfric.gains.kkt import Optimum, _Model, _multipliers, polish
 from jaxfric.gains.solve import _dense, solve
@@ -115,6 +115,23 @@ def test_held_by_one_of_the_two_alone():
     assert damped.u == 1e-9 and damped.v == pytest.approx(np.log(1.5e9), rel=1e-6)
     (only,) = alone(lambda v: 1.0 - (v > 3.0), Scenario(), FREE._replace(upper=np.full(2, 2.0)))
     assert (only.u, only.v) == (pytest.approx(1.0, rel=1e-6), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("slack", "k_p", "k_v"),
+    [
+        (lambda u, v: 5.0 - u - 2.0 * v, 5.0, 2.5),
+        (lambda u, v: 5.0 - u + 0.0 * v, 5.0, np.inf),
+        (lambda u, v: np.where((u > 3) & (u < 9), -1.0, 1.0) + 0 * v, 3.0, np.inf),  # not the 2nd
+        (lambda u, v: u + v - 0.1, 0.0, 0.0),  # the least gains do not do
+    ],
+)
+def test_up_to_which_gains_a_requirement_is_met(monkeypatch, slack, k_p, k_v):
+    monkeypatch.setattr(
+        frontier, "slacks", lambda need, scenarios, unit, gains: slack(*gains.T)[:, None]
+    )
+    for found, true in zip(largest_alone(None, Scenario(), FREE), (k_p, k_v), strict=True):
+        assert found == true or 0.98 * true < found <= true
 
 
 # ---- the equations of an optimum ---------------------------------------------------------------

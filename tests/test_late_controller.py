@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
 from jaxfric import InputError, find_gains, law_from_parameters
+from jaxfric.gains.frontier import Region, largest_alone
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.slack import slacks
@@ -169,6 +170,20 @@ def test_the_search_sees_the_delay():
     true = [scanned(q)[0] * (1 if unstable_roots(q) == 0 else -1) for q in p]
     np.testing.assert_allclose(found, (np.array(true) - 0.5) / 0.5, rtol=1e-3)
     assert found[0] > 0 > found[2]
+
+
+def test_the_largest_gains_of_a_late_controller():
+    """Where friction rises with speed: up to there the modulus is met by a scan, 3 % above not."""
+    late = Scenarios.product(LAW.samples, 0.2, 1.0, float(sampling_delay(2e-3)))
+    slope = float(late.friction.slope[0])
+    assert slope > 0
+    region = Region(np.ones(2), np.ones(2), np.array([1e-9, 0.0]), np.full(2, np.inf))
+    k_p, k_v = largest_alone(Requirement({"modulus": 0.5}), late, region)
+    for gains, most in (((k_p, 0.0), k_p), ((1e-9, k_v), k_v)):
+        assert most > 0
+        p, more = (np.array([1.0, *(g * np.asarray(gains)), slope, 0, 1, 3e-3]) for g in (1, 1.03))
+        assert unstable_roots(p) == 0 and scanned(p)[0] >= 0.5 * (1 - 1e-3)
+        assert unstable_roots(more) or scanned(more)[0] < 0.5
 
 
 @pytest.mark.long

@@ -192,6 +192,29 @@ def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> 
     return Alone(meets, (most[0], most[1]), edge)
 
 
+def largest_alone(
+    requirement: Requirement, scenarios: Scenarios, region: Region
+) -> tuple[float, float]:
+    """Stiffness with the least damping, and damping with the least stiffness, up to which all
+    gains meet the requirement: (k_p, k_v), SI, to 2 % from below.
+
+    0 where the least gains do not meet it; inf where all that are tried do.
+    """
+    most = []
+    for along, tried in enumerate(axes(region)):
+        for _ in range(2):
+            gains = np.tile(region.lower, (tried.size, 1))
+            gains[:, along] = tried * region.unit[along]
+            met = np.all(slacks(requirement, scenarios, region.unit, gains) >= 0, axis=1)
+            if met.all() or not met[0]:
+                break
+            first = int(np.argmin(met))
+            tried = np.linspace(tried[first - 1], tried[first], tried.size)
+        met_up_to = float(gains[first - 1, along]) if met[0] else 0.0
+        most.append(np.inf if met.all() else met_up_to)
+    return most[0], most[1]
+
+
 def zoom(
     requirement: Requirement,
     scenarios: Scenarios,

@@ -15,7 +15,7 @@ from ..silent import silent
 from ..stability.linear import controller_delay
 from ..stability.margin_table import MARGINS
 from ..units import parse_values
-from .frontier import FrontierPoint, Region, alone_of
+from .frontier import FrontierPoint, Region, alone_of, largest_alone
 from .kkt import Optimum
 from .margins import several_margins
 from .requirement import Requirement
@@ -215,27 +215,37 @@ def _result(
     certificate = Certificate(
         best.residual, solution.grid_points, solution.smaller_found, solution.rounds
     )
-    return Gains(
-        kp,
-        kv,
-        best.norm,
-        tuple(parts),
-        worst,
-        scenarios,
-        requirement,
-        region,
-        confidence,
-        kept,
-        certificate,
-        source.text,
-        warnings=(
-            *source.warnings,
-            *source.unseen(scenarios.velocity),
-            *_warnings(parts[0], region, worst, scenarios.delay),
-        ),
-        delay=None if scenarios.delay is None else float(scenarios.delay[0]),
-        alone=alone_of(solution.meets, scenarios, region),
+    return _bounded(
+        Gains(
+            kp,
+            kv,
+            best.norm,
+            tuple(parts),
+            worst,
+            scenarios,
+            requirement,
+            region,
+            confidence,
+            kept,
+            certificate,
+            source.text,
+            warnings=(
+                *source.warnings,
+                *source.unseen(scenarios.velocity),
+                *_warnings(parts[0], region, worst, scenarios.delay),
+            ),
+            delay=None if scenarios.delay is None else float(scenarios.delay[0]),
+            alone=alone_of(solution.meets, scenarios, region),
+        )
     )
+
+
+def _bounded(found: Gains) -> Gains:
+    """A copy that says up to which gains a late controller may go where none are needed."""
+    if not found.none_needed or found.delay is None:
+        return found
+    largest = largest_alone(found.requirement, found.scenarios, found.region)
+    return replace(found, largest=largest)
 
 
 def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:

@@ -80,6 +80,9 @@ class Gains(Described, Drawable, Tabular):
     """Delay of the controller in every margin [s]; None: it has none."""
     alone: Alone | None = None
     """What stiffness alone and damping alone would do, with the margins and without."""
+    largest: tuple[float, float] | None = None
+    """Where no gains at all would do, with a late controller: the k_p with the least k_v, and the
+    k_v with the least k_p, up to which the requirement is met. inf: up to all that were tried."""
     sample_time: float | None = None
     """That of the controller [s], where `delay` was told by it."""
 
@@ -92,6 +95,11 @@ class Gains(Described, Drawable, Tabular):
     def any_stiffness(self) -> bool:
         """Whether k_p is at its default lower limit, which stands for any positive stiffness."""
         return self.kp <= 1.000001 * self.region.lower[0] <= 1e-8 * self.region.unit[0]
+
+    @property
+    def none_needed(self) -> bool:
+        """Whether friction itself meets the requirement, so that the least gains are none."""
+        return self.any_stiffness and self.kv == 0
 
     def to_json(self) -> dict:
         """The content of `gains.json`, schema "jaxfric.gains/1"; SI, null for infinite."""
@@ -125,6 +133,8 @@ class Gains(Described, Drawable, Tabular):
                 for optimum in self.optima
             ],
             "alone": self._alone(),
+            "largest": self.largest
+            and dict(zip(("kp", "kv"), map(_number, self.largest), strict=True)),
             "margins": {
                 name: {
                     "value": _number(worst.value),

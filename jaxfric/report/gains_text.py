@@ -26,13 +26,13 @@ def describe(gains: Gains) -> list[str]:
     if gains.delay is not None:
         lines.append(f"controller: {late_text(gains.delay, gains.sample_time)}, in all margins")
     lines.append("")
-    kp = _smallest(gains) if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
+    kp = smallest(gains) if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
     lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {_norm(gains.norm)})")
     lines.append("of a controller with force = k_p (x_ref - x) + k_v (v_ref - v)")
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
     lines += [f"  {_optimum(optimum, gains)}" for optimum in gains.optima]
-    lines += [f"  {text}" for text in _neither(gains)]
+    lines += [f"  {text}" for text in (*_neither(gains), *_largest(gains))]
     lines += ["", "margins at these gains, worst scenario:"]
     lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
     return [*lines, "", certified(gains.certificate), *_simulation(gains)]
@@ -61,7 +61,7 @@ def required(what: Requirement) -> str:
     return f"{text} ({DEFAULT} is the default, kept as {others} alone allows no error of the model)"
 
 
-def _smallest(gains: Gains) -> str:
+def smallest(gains: Gains) -> str:
     """Words for k_p at its lower limit: with a late controller a large k_p is unstable."""
     return "any k_p > 0" if gains.delay is None else "any small k_p"
 
@@ -94,7 +94,7 @@ def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
         edge = _edge(gains, 0 if optimum.name == "stiff" else 1)
         how = "held by friction itself" if tiny and optimum.kv == 0 else f"{how} alone{more}"
         how += f"; {edge}" if edge else ""
-    kp = _smallest(gains) if tiny else f"k_p = {optimum.kp:.6g} N/m"
+    kp = smallest(gains) if tiny else f"k_p = {optimum.kp:.6g} N/m"
     name = optimum.name if optimum.minimum else "alone"
     norm = _norm(optimum.norm)
     return f"{name:<7} {kp}, k_v = {optimum.kv:.6g} N s/m, norm {norm}: {how}"
@@ -129,6 +129,19 @@ def _neither(gains: Gains) -> list[str]:
                 f"{'; ' + edge if edge else ''}"
             )
     return lines
+
+
+def _largest(gains: Gains) -> list[str]:
+    """A line on how large the gains may be where none are needed and the controller is late."""
+    if gains.largest is None:
+        return []
+    others = ("k_v = 0", "k_p near 0")
+    parts = [
+        f"k_{'pv'[i]} up to {most:.3g} {_UNITS[i]} with {other}"
+        for i, (most, other) in enumerate(zip(gains.largest, others, strict=True))
+        if math.isfinite(most)
+    ]
+    return [f"{'larger':<7} {' and '.join(parts)} meet the requirement, too"] if parts else []
 
 
 def _margin(gains: Gains, name: str) -> str:
