@@ -80,6 +80,10 @@ def test_a_folder_keeps_the_dots_of_its_name() -> None:
     Path("0.096kg").mkdir()
     written(Path("0.5mm.csv"), "")
     assert input_name(Path("0.096kg")) == "0.096kg" and input_name(Path("0.5mm.csv")) == "0.5mm"
+    assert (
+        input_name(Path(".")) == Path.cwd().name
+        and input_name(Path("..")) == Path.cwd().parent.name
+    )
 
 
 def test_nothing_stale_stays_and_files_of_others_do() -> None:

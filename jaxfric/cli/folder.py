@@ -95,7 +95,12 @@ def source_name(file: Path) -> str:
 
 
 def input_name(path: Path) -> str:
-    """The name of an input: a file's without its ending, a folder's in whole, `0.096kg` too."""
+    """The name of an input: a file's without its ending, a folder's in whole, `0.096kg` too.
+
+    Of a folder that is written "." its own name.
+    """
+    if path.name in ("", ".."):
+        return path.resolve().name
     return path.name if path.is_dir() else path.stem
 
 

@@ -38,7 +38,7 @@ def steady(
     """
     declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
     columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
-    doing(f"reading {file.name}")
+    doing(f"reading {input_name(file)}")
     from ..loop.steady.loop import close_steady_loop
     from ..loop.steady.noise import steady_noise
     from ..plot.steady import draw_noise, draw_steady

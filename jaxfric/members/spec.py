@@ -264,7 +264,10 @@ def _rig(
     if "from" in rig:
         source = file_of(rig["from"], path, f"{where} from", files)
     elif force is not None:
-        raise InputError(f"{where}: normal_force goes with from; give parameters in newtons")
+        raise InputError(
+            f"{where}: normal_force goes with from (that of an axis, law = {{ from = ... }}, stands"
+            " beside it in [axes]); give parameters in newtons"
+        )
     return law, source, force, fixed
 
 

@@ -19,7 +19,7 @@ from .steady_run import Run, SteadyRows, steady_run
 MIN_RUNS = 4
 """Least number of runs of a curve."""
 
-_MOST_LISTED = 20
+_MOST_LISTED = 5
 """Files that cannot be read are listed up to this number."""
 
 
