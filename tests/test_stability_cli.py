@@ -20,9 +20,17 @@ from jaxfric.gains.result import Certificate, Gains, LocalOptimum, WorstCase
 from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.slack import slacks
 from jaxfric.gains.solve import make_region
+from jaxfric.gains.verify import CheckReport
 from jaxfric.laws.source import law_from_parameters, stack
-from jaxfric.plot.gain_map import _deciding_pairs, _map_axes, _over_scenarios, draw_gain_map
-from jaxfric.plot.gains import draw_end_map, draw_gains
+from jaxfric.plot.gain_map import (
+    _deciding_pairs,
+    _map_axes,
+    _of,
+    _over_scenarios,
+    _simulated,
+    draw_gain_map,
+)
+from jaxfric.plot.gains import _stiffness, draw_end_map, draw_gains
 from jaxfric.plot.stability import new_figure
 from jaxfric.stability.analysis import steady_point
 
@@ -311,6 +319,20 @@ def test_the_optimum_is_no_second_mark_below_the_recommended_gains() -> None:
     marked = {line.get_marker(): line.get_label() for line in axis.lines}
     assert marked["*"].startswith("recommended, optimum: stiff")
     assert marked["D"].startswith("optimum: damped")
+
+
+def test_the_figure_says_what_the_least_gains_are_and_how_they_were_simulated() -> None:
+    least = LocalOptimum("stiff", 1e-9, 0.0, 1e-9, 0.0, 0.0, (), True)
+    checked = CheckReport(10, 9, 0, 0, 1, None, None, ())
+    some = dataclasses.replace(golden_gains(), kp=1e-9, optima=(least,), simulation=checked)
+    lower = some.region._replace(lower=np.array([1e-9, 0.0]))
+    at_once = dataclasses.replace(some, region=lower)
+    late = dataclasses.replace(at_once, delay=1e-3)
+    assert (_stiffness(at_once), _stiffness(late)) == ("any k_p > 0", "any small k_p")
+    assert _stiffness(golden_gains()) == "k_p = 3.1 kN/m"
+    assert _of(least) == "optimum: stiff (norm 0)"
+    assert _simulated(at_once) == ":\n9 of 10 simulated starts end steady"
+    assert _simulated(late).endswith("steady\n(simulated without the controller's delay)")
 
 
 def test_the_map_of_a_late_controller_shows_gains_of_its_size() -> None:

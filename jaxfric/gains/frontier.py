@@ -200,18 +200,22 @@ def largest_alone(
 
     0 where the least gains do not meet it; inf where all that are tried do.
     """
-    most = []
-    for along, tried in enumerate(axes(region)):
-        for _ in range(2):
-            gains = np.tile(region.lower, (tried.size, 1))
-            gains[:, along] = tried * region.unit[along]
-            met = np.all(slacks(requirement, scenarios, region.unit, gains) >= 0, axis=1)
-            if met.all() or not met[0]:
-                break
-            first = int(np.argmin(met))
-            tried = np.linspace(tried[first - 1], tried[first], tried.size)
-        met_up_to = float(gains[first - 1, along]) if met[0] else 0.0
-        most.append(np.inf if met.all() else met_up_to)
+
+    def met(along: int, tried: np.ndarray) -> np.ndarray:
+        gains = np.tile(region.lower, (tried.size, 1))
+        gains[:, along] = tried
+        return np.all(slacks(requirement, scenarios, region.unit, gains) >= 0, axis=1)
+
+    most = [0.0, 0.0]
+    for along, axis in enumerate(axes(region)):
+        tried = axis * region.unit[along]
+        held = met(along, tried)
+        if held.all():
+            most[along] = np.inf
+        elif held[0]:
+            first = int(np.argmin(held))
+            finer = np.linspace(tried[first - 1], tried[first], tried.size)
+            most[along] = float(finer[np.argmin(met(along, finer)) - 1])
     return most[0], most[1]
 
 

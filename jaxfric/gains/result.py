@@ -12,6 +12,8 @@ from .scenarios import Scenarios
 from .verify import CheckReport
 
 SCHEMA = "jaxfric.gains/1"
+NOTHING = 1e-7
+"""Norm, or decay [1/s], of a k_p that stands for any k_p > 0."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,11 @@ class Gains(Described, Drawable, Tabular):
         return self.kp <= 1.000001 * self.region.lower[0] <= 1e-8 * self.region.unit[0]
 
     @property
+    def smallest_kp(self) -> str:
+        """Words for k_p at its lower limit: with a late controller a large k_p is unstable."""
+        return "any k_p > 0" if self.delay is None else "any small k_p"
+
+    @property
     def none_needed(self) -> bool:
         """Whether friction itself meets the requirement, so that the least gains are none."""
         return self.any_stiffness and self.kv == 0
@@ -173,6 +180,11 @@ class Gains(Described, Drawable, Tabular):
             }
             for i, name in enumerate(("stiffness", "damping"))
         }
+
+
+def norm_text(norm: float, digits: int = 5) -> str:
+    """A norm; that of the least k_p that is tried, which stands for any, is none."""
+    return "0" if norm < NOTHING else f"{norm:.{digits}g}"
 
 
 def _number(value: float) -> float | None:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.axes import Axes
 
-from ..gains.result import Gains, LocalOptimum
+from ..gains.result import Gains, LocalOptimum, norm_text
 from ..gains.scenarios import Scenarios
 from ..gains.slack import paired_slacks
 from ..stability.linear import LinearFriction, LinearSlider
@@ -83,7 +83,7 @@ def _marker(optimum: LocalOptimum) -> str:
 def _of(optimum: LocalOptimum) -> str:
     """Name in the legend of an optimum, or of gains that are none."""
     what = f"optimum: {optimum.name}" if optimum.minimum else f"{_MEANS[optimum.name]} alone"
-    return f"{what} (norm {optimum.norm:.3g})"
+    return f"{what} (norm {norm_text(optimum.norm, 3)})"
 
 
 def _simulated(result: Gains) -> str:
@@ -91,7 +91,8 @@ def _simulated(result: Gains) -> str:
     checked = result.simulation
     if checked is None:
         return ""
-    text = f":\n{checked.steady} of {checked.checked} simulated starts end steady"
+    late = "" if result.delay is None else "\n(simulated without the controller's delay)"
+    text = f":\n{checked.steady} of {checked.checked} simulated starts end steady{late}"
     if checked.basin is None:
         return text
     more = "" if checked.basin_lost else " or more"

@@ -77,11 +77,8 @@ def gains_figure(result: Gains) -> Figure:
 
 def _stiffness(result: Gains) -> str:
     size, unit = prefixed(result.kp, "N/m")
-    if (
-        result.kp <= result.region.lower[0] * (1 + 1e-6)
-        and result.kp < 1e-6 * result.region.unit[0]
-    ):
-        return "any positive k_p"
+    if result.any_stiffness:
+        return result.smallest_kp
     return f"k_p = {size * result.kp:.4g} {unit}"
 
 

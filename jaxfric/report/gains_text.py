@@ -3,7 +3,7 @@
 import math
 
 from ..gains.requirement import DEFAULT, Requirement
-from ..gains.result import Certificate, Gains, LocalOptimum
+from ..gains.result import NOTHING, Certificate, Gains, LocalOptimum, norm_text
 from ..gains.scenarios import number_of_samples
 from ..stability.margin_table import MARGINS
 from ..units import between
@@ -12,8 +12,6 @@ _UNITS = ("N/m", "N s/m")
 """Of stiffness and of damping."""
 _ANY = {"gain": 1e6, "delay": 1e4}
 """Margins above which a loop has as much as anybody asks for: a factor, and seconds."""
-_NOTHING = 1e-7
-"""Norm, or decay [1/s], of a k_p that stands for any k_p > 0."""
 
 
 def describe(gains: Gains) -> list[str]:
@@ -26,8 +24,8 @@ def describe(gains: Gains) -> list[str]:
     if gains.delay is not None:
         lines.append(f"controller: {late_text(gains.delay, gains.sample_time)}, in all margins")
     lines.append("")
-    kp = smallest(gains) if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
-    lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {_norm(gains.norm)})")
+    kp = gains.smallest_kp if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
+    lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {norm_text(gains.norm)})")
     lines.append("of a controller with force = k_p (x_ref - x) + k_v (v_ref - v)")
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
@@ -61,11 +59,6 @@ def required(what: Requirement) -> str:
     return f"{text} ({DEFAULT} is the default, kept as {others} alone allows no error of the model)"
 
 
-def smallest(gains: Gains) -> str:
-    """Words for k_p at its lower limit: with a late controller a large k_p is unstable."""
-    return "any k_p > 0" if gains.delay is None else "any small k_p"
-
-
 def _scenarios(gains: Gains) -> str:
     scenarios = gains.scenarios
     low, high = scenarios.velocity.min(), scenarios.velocity.max()
@@ -81,11 +74,6 @@ def _scenarios(gains: Gains) -> str:
     return text
 
 
-def _norm(norm: float) -> str:
-    """A norm; that of the least k_p that is tried, which stands for any, is none."""
-    return "0" if norm < _NOTHING else f"{norm:.5g}"
-
-
 def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
     how = {"stiff": "held by stiffness", "damped": "held by damping"}[optimum.name]
     tiny = optimum.kp <= 1e-8 * gains.region.unit[0]
@@ -94,9 +82,9 @@ def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
         edge = _edge(gains, 0 if optimum.name == "stiff" else 1)
         how = "held by friction itself" if tiny and optimum.kv == 0 else f"{how} alone{more}"
         how += f"; {edge}" if edge else ""
-    kp = smallest(gains) if tiny else f"k_p = {optimum.kp:.6g} N/m"
+    kp = gains.smallest_kp if tiny else f"k_p = {optimum.kp:.6g} N/m"
     name = optimum.name if optimum.minimum else "alone"
-    norm = _norm(optimum.norm)
+    norm = norm_text(optimum.norm)
     return f"{name:<7} {kp}, k_v = {optimum.kv:.6g} N s/m, norm {norm}: {how}"
 
 
@@ -151,7 +139,7 @@ def _margin(gains: Gains, name: str) -> str:
         return f"any {name}"
     if math.isinf(worst.value) and about is not None:
         return f"inf ({about.unlimited})"
-    if gains.any_stiffness and name == "decay" and 0 < worst.value < _NOTHING:
+    if gains.any_stiffness and name == "decay" and 0 < worst.value < NOTHING:
         return "towards 0 1/s as k_p is"
     unit = "" if worst.unit == "1" else f" {worst.unit}"
     where = worst.scenario

@@ -1,13 +1,13 @@
 """Gains in a line, a page, a figure and a table."""
 
 from ..gains.result import Gains
-from ..report.gains_text import describe, smallest
+from ..report.gains_text import describe
 from .view import Frame, Page, View, number
 
 
 def line(gains: Gains) -> str:
     """The recommended gains, what holds the slider, and in how many scenarios."""
-    kp = smallest(gains) if gains.any_stiffness else f"k_p = {number(gains.kp)} N/m"
+    kp = gains.smallest_kp if gains.any_stiffness else f"k_p = {number(gains.kp)} N/m"
     how = {"stiff": "held by stiffness", "damped": "held by damping"}
     held = how.get(gains.optima[0].name, gains.optima[0].name) if gains.optima else "no optimum"
     required = ", ".join(
