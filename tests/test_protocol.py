@@ -443,6 +443,35 @@ def test_the_answer_is_the_first_line_of_the_command(monkeypatch, tmp_path):
     assert asked["effects"] == list(TWO) and set(asked["smallest"]) == set(TWO)
 
 
+@pytest.mark.parametrize(
+    ("typed", "noise", "words"),
+    [
+        ((), 0.25, "noise of a row 0.25 N, from fit.json\n"),
+        (("--noise", "0.5 N"), 0.5, "noise of a row 0.5 N, from --noise\n"),
+    ],
+)
+def test_a_plan_says_which_noise_it_took_and_from_where(typed, noise, words, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def made_up(what, **_):
+        own = {"noise": what.noise, "noise_from": what.noise_from, "friction_unit": "N"}
+        return dataclasses.replace(designed(0.6), **own)
+
+    monkeypatch.setattr(sys.modules["jaxfric.protocol.plan"], "plan", made_up)
+    parameters = PLANT | {"V0": UM, "K": 2e6}
+    saved = {
+        "schema": "jaxfric.fit/1", "law": "slip", "friction_unit": "N", "states": 1,
+        "parameters": {k: {"value": v} for k, v in parameters.items()},
+        "free": [], "covariance": [], "noise": {"sigma": 0.25}, "converged": True, "warnings": [],
+    }  # fmt: skip
+    Path("fit.json").write_text(json.dumps(saved))
+    plan = ("protocol", "1,10 um/s", "--slip-per-step", "1 mm", "--from", "fit.json")
+    code, out, err = run(*plan, *typed, "--out", "o")
+    assert code == 0 and words in out, err
+    content = json.loads(Path("o/protocol.json").read_text())
+    assert content["noise"] == noise and words.endswith(f"from {content['noise_from']}\n")
+
+
 def test_help_says_what_is_required():
     told = run("protocol", "--help").out
     for option in ("--slip-per-step", "--stiffness", "--noise"):

@@ -88,8 +88,8 @@ def protocol(
     asked = wrong.of(lambda: _pair_of(tell))
     with told(quiet=json) as progress:
         base = wrong.of(lambda: _base(from_, parameters, law, stiffness))
-        values, found_law, unit, more, warned = base or ({}, "", "1", (), ())
-        K, sigma = values.pop("K", None), values.pop("noise", None)
+        known, found_law, unit, more, warned = base or ({}, "", "1", (), ())
+        K, sigma = known.pop("K", None), known.pop("noise", None)
         if base or stiffness is None:
             K = wrong.of(lambda: _size(stiffness, f"{unit}/m", "--stiffness", K))
         if base or noise is None:
@@ -101,9 +101,8 @@ def protocol(
         from ..protocol.plan import Planned, plan
         from ..report.protocol_text import found_too_small
 
-        known = values
+        values, more = _without_asked(known, more, asked or (), declared)
         if asked is not None:
-            values, more = _without_asked(values, more, asked, declared)
             asked = _known_pair(asked, found_law, (*more, *declared), excluded)
         folder = choose_folder(out, source_name(from_), from_) if from_ else choose_folder(out, "")
         found = plan(
@@ -117,6 +116,7 @@ def protocol(
                 friction_unit=unit,
                 rows=rows,
                 slip_noise=slip_noise,
+                noise_from=str(from_) if noise is None else "--noise",
             ),
             with_=tuple(dict.fromkeys((*more, *declared))),
             without=excluded,

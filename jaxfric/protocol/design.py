@@ -139,6 +139,7 @@ class Protocol(Described, Drawable, Tabular):
     """Changes of the plan, the cheapest first."""
     warnings: tuple[str, ...]
     seconds: float
+    noise_from: str = ""
 
     @property
     def duration(self) -> float:
@@ -171,6 +172,7 @@ class Protocol(Described, Drawable, Tabular):
             "critical_stiffness": self.critical_stiffness if self.ratio is not None else None,
             "stiffness_ratio": self.ratio,
             "noise": self.noise,
+            "noise_from": self.noise_from,
             "slip_noise": self.slip_noise,
             "rows_per_step": self.rows,
             "friction_unit": self.friction_unit,

@@ -100,6 +100,8 @@ class Planned:
     """Samples of each velocity, evenly spaced in time."""
     slip_noise: float | None = None
     """Standard deviation of a channel of slip [m]; None where there is none."""
+    noise_from: str = ""
+    """Where the noise is from, in words: a file, an option."""
 
 
 @dataclass(frozen=True)

@@ -49,8 +49,9 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
         f"plan: {len(V)} velocities, {_speeds(V)},"
         f" {format_si(plan.slip_per_step, 'm', 'um', 4)} each: {_duration(plan.duration)},"
         f" {total} rows",
-        f"machine: K = {K * 1e-6:.4g} {unit}, {edge}; noise {_number(plan.noise)}"
+        f"machine: K = {K * 1e-6:.4g} {unit}, {edge}; noise of a row {_number(plan.noise)}"
         f"{'' if plan.friction_unit == '1' else ' ' + plan.friction_unit}"
+        + (f", from {plan.noise_from}" if plan.noise_from else "")
         + (f"; slip channel, noise {_length(plan.slip_noise)}" if plan.slip_noise else ""),
         f"base: {plan.law} law, {base}"
         + (f"; with {', '.join(plan.with_)}" if plan.with_ else "")
