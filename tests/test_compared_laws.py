@@ -233,6 +233,24 @@ def test_a_second_state_that_did_not_converge_is_not_fixed() -> None:
     assert words in made_up(*laws, loose=2).sentence and words not in made_up(*laws).sentence
 
 
+@pytest.mark.parametrize(
+    ("laws", "command"),
+    [
+        ([("slip", 1, 12, 1, 50), ("slip", 2, 0, 1, 50)], "jaxfric loop on this record may"),
+        ([("ageing", 1, 12, 1, 50), ("ageing", 2, 0, 1, 50), ("slip", 1, 90, 1, 50)],
+         "jaxfric loop --law ageing on this record may"),
+        ([("slip", 1, 8, 1, 50), ("slip", 2, 0, 1, 50)], ""),
+        ([("slip", 1, 0, 1, 50), ("ageing", 1, 99, 1, 50), ("ageing", 2, 44, 1, 50)], ""),
+        ([("mine", 2, 0, 1, 50), ("slip", 1, 99, 1, 50)], ""),
+    ],
+)  # fmt: skip
+def test_a_second_state_is_asked_of_the_loop_too(laws, command) -> None:
+    """It may answer otherwise, and the output says so where a second state is asked for."""
+    told = made_up(*laws).next_step
+    assert told.startswith(command) and bool(told) == bool(command)
+    assert ("longer steps, up and down, decide" in told) == bool(command)
+
+
 def test_two_steps_are_too_few_to_hold_one_out() -> None:
     record, _ = record_of("slip", SMALL, 1e-3)
     blocks, why = _blocks(record, VelocitySteps(np.array([0.0, 20.0]), np.array([UM, 2 * UM])))

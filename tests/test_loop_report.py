@@ -425,9 +425,44 @@ def test_a_plan_asks_for_the_effect_and_its_likeliest_rival() -> None:
     loop = dataclasses.replace(loop, alias_groups=groups, candidates=fits)
     lines = [s.command for s in next_steps(loop) if "--tell" in s.command]
     assert len(lines) == 1 and lines[0].endswith(f"--from loop.json --tell {id},run_in")
+    (text,) = [s.text for s in next_steps(loop) if "--tell" in s.command]
+    assert "; then the same with gain or slip_trend for run_in; no plan can be asked of" in text
+    assert text.endswith("no plan can be asked of normal_stress):")
+    two = dataclasses.replace(loop, alias_groups=((id, "run_in"),))
+    (text,) = [s.text for s in next_steps(two) if "--tell" in s.command]
+    assert "then the same" not in text and "no plan can" not in text
     assert lines[0].startswith('jaxfric protocol "1, 10, 1, 3, 10, ')
     none = dataclasses.replace(loop, alias_groups=((id, "normal_stress"),))
     assert not any("protocol" in s.command for s in next_steps(none))
+
+
+@pytest.mark.parametrize(
+    ("group", "second", "words"),
+    [
+        (("time_drift", "slip_trend"), (1490.0, "second_state.L2 not fixed"), None),
+        (("time_drift", "slip_trend"), (1500.0, "second_state.L2 not fixed"),
+         "This loop does not take one (BIC 20 lower, but second_state.L2 not fixed). What would"),
+        (("time_drift", "slip_trend"), (1500.0, "predicts the select block worse"),
+         "This loop does not take one (BIC 20 lower, but predicts the select block worse)."),
+        (("time_drift", "slip_trend"), (1500.0, ""), None),
+        (("time_drift", "thermal", "second_state"), (0.0, ""),
+         "This loop cannot tell one from thermal or time_drift. What would decide: up and down"),
+        (("time_drift", "thermal", "second_state"), (1500.0, "second_state.L2 not fixed"),
+         "(BIC 20 lower, but second_state.L2 not fixed) and cannot tell one from thermal or time_"),
+    ],
+)  # fmt: skip
+def test_a_loop_says_why_a_comparison_of_laws_may_say_otherwise(group, second, words) -> None:
+    """Where it refused a second state that BIC asks for, or cannot tell one from other effects."""
+    gain, why = second
+    fits = [
+        CandidateScore(("time_drift",), 1480.0, 1, 1, {}, True, True, True),
+        CandidateScore(("time_drift", "second_state"), gain, 1, 1, {}, True, True, False, why),
+    ]
+    loop = dataclasses.replace(make_loop("ambiguous"), alias_groups=(group,), candidates=fits)
+    told = [s.text for s in next_steps(loop) if "jaxfric compare may" in s.text]
+    assert [words in text for text in told] == ([] if words is None else [True])
+    assert all(("What would decide" in text) == ("worse" not in text) for text in told)
+    assert not any("jaxfric compare" in s.text for s in next_steps(make_loop("effects")))
 
 
 def parsed(words: list[str]) -> bool:

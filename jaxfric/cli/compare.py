@@ -112,3 +112,5 @@ def _print(found: "LawComparison") -> None:
     console = stdout_console()
     console.print(found.sentence, markup=False)
     print_tables(console, [table(found)])
+    if found.next_step:
+        console.print(f"next: {found.next_step}", markup=False)

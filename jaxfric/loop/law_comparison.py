@@ -115,6 +115,21 @@ class LawComparison(Described, Drawable, Tabular):
             f" {self._states(first)}"
         )
 
+    @property
+    def next_step(self) -> str:
+        """Why the loop may say otherwise of a second state, and what decides; '' where none is
+        asked for."""
+        first = self.of_laws[0]
+        tried = {score.states for score in self.ranked if score.fit.law == first.fit.law}
+        if first.states == 1 or 1 not in tried:
+            return ""
+        law = "" if first.fit.law == "slip" else f" --law {first.fit.law}"
+        return (
+            f"jaxfric loop{law} on this record may say otherwise of the second state: it fits a"
+            " part of the rows, which must fix what it adds, and asks effects besides these laws."
+            " Where it does not name second_state alone, longer steps, up and down, decide."
+        )
+
     def _below(self, found: LawScore, law: str) -> str:
         """How far BIC is below that of another law: with as many states, and with more of them
         where these do better."""
@@ -203,6 +218,7 @@ class LawComparison(Described, Drawable, Tabular):
             "schema": SCHEMA,
             "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
             "sentence": self.sentence,
+            "next": self.next_step,
             "supported": None if found is None else {"law": found.fit.law, "states": found.states},
             "rivals": [{"law": s.fit.law, "states": s.states} for s in self.rivals],
             "noise": {"sigma": self.sigma, "independent_rows": self.independent_rows},

@@ -6,14 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..effects import CATALOGUE
 from ..laws.loop_source import CERTAIN
 from ..loop.family import listed
-from ..loop.result import Loop
+from ..loop.result import CandidateScore, Loop
+from ..loop.thresholds import ACCEPT
 from ..loop.words import AXIS
 from ..units import factor
 from .loop_plan import deciding_run, own_run, plannable
 
 _MEMORY = "rate_and_state"
+_SECOND, _LAW = "second_state", "ageing"
+"""What `jaxfric compare` asks of, by the ids of the loop."""
+_LOOSE = "not fixed"
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
 
 
@@ -45,7 +50,7 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     where the loop lies: beside loop.html where nothing else is said.
     """
     file = shlex.quote(file)
-    steps = [*_deciding(loop, file), *_where_none(loop)]
+    steps = [*_deciding(loop, file), *_beside_compare(loop), *_where_none(loop)]
     if takes_gains(loop):
         own = "--mass is yours to state"
         if loop.record.friction_unit == "1":
@@ -118,12 +123,56 @@ def _plan(loop: Loop, file: str, wanted: str, id: str, others: Sequence[str]) ->
     rivals = [other for other in likeliest(loop, id, others) if plannable(other)]
     if loop.words is AXIS or not (plannable(id) and rivals):
         return []
-    run = deciding_run(own_run(loop), wanted)
+    run, (first, *more) = deciding_run(own_run(loop), wanted), rivals
+    rest = f"; then the same with {listed(more, 'or')} for {first}" if more else ""
+    unasked = [other for other in others if not plannable(other)]
+    rest += f"; no plan can be asked of {listed(unasked, 'or')}" if unasked else ""
+    text = f"Whether it tells {id} from {first} is known before the run (planned: {run.words()}"
+    line = f"jaxfric protocol {run.options()} --from {file} --tell {id},{first}"
+    return [NextStep(f"{text}{rest}):", line)]
+
+
+def _beside_compare(loop: Loop) -> list[NextStep]:
+    """Why `jaxfric compare` may ask for a second state where this loop does not, in a line.
+
+    It knows laws alone, and all rows fit them. Nothing where the loop saw no sign of such a state.
+    """
+    from .loop_text import confused
+
+    if loop.words is AXIS:
+        return []
+    refused = _refused_second(loop)
+    told = []
+    if refused is not None:
+        gain, why = refused
+        told.append(f"does not take one (BIC {gain:.0f} lower, but {why})")
+    groups = [{id, *others} for id, others in confused(loop)]
+    alike = dict.fromkeys(e for g in groups if _SECOND in g for e in g - {_SECOND, _LAW})
+    if alike:
+        told.append(f"cannot tell one from {listed(sorted(alike), 'or')}")
+    if not told:
+        return []
     text = (
-        f"Whether it tells {id} from {rivals[0]} is known before the run (planned: {run.words()}):"
+        "jaxfric compare may ask for a second state of this record: it fits all rows, and four laws"
+        f" alone. This loop {' and '.join(told)}."
     )
-    line = f"jaxfric protocol {run.options()} --from {file} --tell {id},{rivals[0]}"
-    return [NextStep(text, line)]
+    decides = refused is None or refused[1].endswith(_LOOSE)
+    what = f" What would decide: {CATALOGUE[_SECOND].separated_by}." if decides else ""
+    return [NextStep(text + what)]
+
+
+def _refused_second(loop: Loop) -> tuple[float, str] | None:
+    """Of a second state that BIC asks for and the loop does not take: by how much BIC is lower than
+    without it, and why it is refused."""
+    known: dict[frozenset[str], CandidateScore] = {frozenset(c.effects): c for c in loop.ranked()}
+    for effects, one in known.items():
+        without = known.get(effects - {_SECOND})
+        if _SECOND not in effects or _SECOND in loop.after.effects or without is None:
+            continue
+        gain = one.delta_bic - without.delta_bic
+        if one.refused and one.converged and one.physical and gain > ACCEPT:
+            return gain, one.refused
+    return None
 
 
 def _where_none(loop: Loop) -> list[NextStep]:

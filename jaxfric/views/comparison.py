@@ -17,7 +17,8 @@ def line(found: LawComparison) -> str:
 
 def page(found: LawComparison) -> Page:
     """The sentence and the table, as `jaxfric compare` prints them."""
-    return Page((found.sentence,), [table(found)], warnings=found.warnings)
+    notes = [found.next_step] if found.next_step else []
+    return Page((found.sentence,), [table(found)], notes, found.warnings)
 
 
 def frame(found: LawComparison) -> Frame:
