@@ -635,6 +635,8 @@ FAULTS = (
     Fault("a plan with the noise of a file says that it was typed", "cli/protocol.py",
           'str(from_) if noise is None else "--noise"', '"--noise"',
           "tests/test_protocol.py -k noise_it_took"),
+    Fault("one step tells time from slip", "loop/where.py",
+          "least = 0.0 if one else _NEARLY", "least = _NEARLY", f"{WORDS} -k grow_together"),
     Fault("a comparison never sends to the loop", "loop/law_comparison.py",
           "if first.states == 1 or 1 not in tried:", "if first.states:",
           "tests/test_compared_laws.py -k loop_too"),

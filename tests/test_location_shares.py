@@ -104,3 +104,12 @@ def test_shares_in_words(location, shares, words):
     told = " ".join(shares_told(found))
     assert all(text in told for text in words)
     assert ("in its place" in told) == any("in its place" in text for text in words)
+
+
+@pytest.mark.parametrize(
+    ("velocities", "there"), [((1e-6, 1e-5), True), ((1e-6, 1e-5, 1e-6), False)]
+)
+def test_what_grows_together_with_the_first_bar_is_said(velocities, there):
+    found = profile("time", 0.99, 0.99), profile("slip", 0.85, 0.0)
+    told = " ".join(shares_told(found, velocities))
+    assert ("time and slip grow together" in told) == there and "Time carries 99 %" in told

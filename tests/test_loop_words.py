@@ -138,6 +138,32 @@ def test_where_structure_sits(profiles, words):
     assert words in text and (text == "") == (words == "")
 
 
+STEP = [profile("time", 0.99), profile("slip", 0.85), profile("time_since_step", 0.64)]
+GROW = "With one velocity step time, slip and the time since a step grow together: but for the"
+AS_MUCH = "Time and slip explain about as much: this record cannot tell them apart; steps at other"
+
+
+@pytest.mark.parametrize(
+    ("profiles", "velocities", "words"),
+    [
+        (STEP, (1e-6, 1e-5), GROW),
+        (STEP, (1e-6, 1e-5, 1e-6), None),
+        (STEP, (1e-6, -1e-5), None),
+        ([profile("velocity", 0.99), *STEP], (1e-6, 1e-5), None),
+        ([STEP[0], profile("slip", 0.85, 0.02), profile("state", 0.9)], (1e-6, 1e-5), None),
+        ([profile("time", np.nan), profile("slip", np.nan)], (1e-6, 1e-5), "time and slip grow"),
+        ([STEP[0], profile("slip", 0.9)], (1e-6, 1e-5, 1e-6), AS_MUCH),
+        ([STEP[0], profile("slip", 0.88)], (1e-6, 1e-5, 1e-6), None),
+    ],
+)
+def test_variables_that_grow_together_are_not_told_apart(profiles, velocities, words):
+    """After one step time, slip and what follows the step are functions of one another."""
+    text = where_it_sits(tuple(profiles), velocities)
+    assert ("cannot tell them apart" in text) == (words is not None)
+    if words is not None:
+        assert words in text and text.endswith("or a hold would.")
+
+
 @pytest.mark.parametrize(
     ("least", "most", "words"),
     [

@@ -176,9 +176,9 @@ def run(
         progress("what is left")
         _, tests, after = scored(found.final, all_rivals(found))
     curve = curve_family(engine, found.final, bench.curves(engine, found.final))
-    where = where_it_sits(location)
-    told = conclude(engine, found, floor, tests, edge=bench.edge(), located=where, curve=curve)
     record, base_fit = bench.shown()
+    where = where_it_sits(location, base_fit.steps.velocities)
+    told = conclude(engine, found, floor, tests, edge=bench.edge(), located=where, curve=curve)
     alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # everything smooth taken out
     return Loop(
         record=record,

@@ -1,5 +1,7 @@
 """Puts into words where the structure of a residual sits, and in shares that add up."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .family import listed
@@ -11,6 +13,9 @@ _NEARLY = 0.9
 _LEAST_SHOWN = 0.005
 _LEAST_BAR = 0.01
 _RIPPLE = "wavelength"
+_TOGETHER = ("time", "slip", "time_since_step", "relaxation_length")
+"""Variables that grow together after a step: where there is no second one, a function of one is a
+function of any, and their bumps differ by where they lie."""
 OTHERS = "all others together"
 """Stands for variables of small shares."""
 _VARIABLES = {
@@ -22,11 +27,21 @@ _VARIABLES = {
 }
 
 
-def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
-    """The most telling variables in words; nothing where that is no more than chance."""
+def where_it_sits(
+    location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float] = ()
+) -> str:
+    """The most telling variables in words; nothing where that is no more than chance.
+
+    `velocities` are those of the record in their order; none where they do not matter.
+    """
     best = next((p for p in location if p.p_value <= SIGNIFICANT), None)
     if best is None:
         return ""
+    told = _best_in_words(best, location)
+    return " ".join(filter(None, [told, _not_told(best, location, velocities)]))
+
+
+def _best_in_words(best: LocationProfile, location: tuple[LocationProfile, ...]) -> str:
     if not np.isfinite(best.explained):
         return f"What the base model leaves {_does([best.variable])} best ({p_text(best.p_value)})."
     names = [
@@ -39,6 +54,31 @@ def where_it_sits(location: tuple[LocationProfile, ...]) -> str:
         return f"Friction that {_does(names)} would explain {left}"
     alone = "either alone" if len(names) == 2 else "each alone"
     return f"Friction that {_does(names)}, {alone}, would explain about {left}"
+
+
+def _not_told(
+    best: LocationProfile,
+    location: tuple[LocationProfile, ...],
+    velocities: np.ndarray | Sequence[float],
+) -> str:
+    """A sentence where the record cannot tell the `best` variable from others that grow with it, of
+    which each explains something alone, and with several steps as much; '' where it can."""
+    one = len(velocities) == 2 and min(velocities) > 0
+    least = 0.0 if one else _NEARLY * best.explained
+    names = {p.variable for p in location if p.p_value <= SIGNIFICANT and not p.explained < least}
+    alike = [name for name in _TOGETHER if name in names]
+    if best.variable not in alike or len(alike) < 2:
+        return ""
+    words = listed([_subject(name) for name in alike])
+    if one:
+        return (
+            f"With one velocity step {words} grow together: but for the shape of a curve this"
+            " record cannot tell them apart; a second step or a hold would."
+        )
+    return (
+        f"{_capital(words)} explain about as much: this record cannot tell them apart; steps at"
+        " other velocities or a hold would."
+    )
 
 
 def added_shares(
@@ -59,8 +99,10 @@ def added_shares(
     return [*few, *([(OTHERS, small)] if small else []), (None, rest)]
 
 
-def shares_told(location: tuple[LocationProfile, ...]) -> list[str]:
-    """What `added_shares` say, a sentence a line."""
+def shares_told(
+    location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float] = ()
+) -> list[str]:
+    """What `added_shares` say, a sentence a line; `velocities` as of `where_it_sits`."""
     shares = added_shares(location)
     if not shares:
         return ["What the base model leaves is no more than noise: there is nothing to place."]
@@ -77,6 +119,7 @@ def shares_told(location: tuple[LocationProfile, ...]) -> list[str]:
     if rivals:
         text = listed([_subject(name) for name in rivals], "or")
         told.append(f"{_capital(text)} in its place would explain about as much.")
+    told += filter(None, [_not_told(best, location, velocities)])
     if len(more) > 1:
         told.append("Each bar below the first is what that variable explains beyond those above.")
     return told

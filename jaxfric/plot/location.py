@@ -56,7 +56,8 @@ def save_location(loop: Loop, folder: Path) -> list[str]:
         axis.set_axis_off()
     tidy(axis, "")
     axis.grid(False, axis="y")
-    told = "\n".join(textwrap.fill(line, _WIDE) for line in shares_told(loop.location))
+    lines = shares_told(loop.location, loop.base_fit.steps.velocities)
+    told = "\n".join(textwrap.fill(line, _WIDE) for line in lines)
     figure.suptitle(told, x=0.01, ha="left", fontsize=11)
     return save(figure, folder, "location")
 

@@ -121,7 +121,12 @@ def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str
         folded("Errors by block and by " + loop.words.part, blocks),
         f"<h2>What the model is now</h2>{_added(loop)}{html_table(parameters)}{html_table(tests)}"
         + "".join(html_table(table) for table in more),
-        _figure(loop, "location", figures, bullets(shares_told(loop.location))),
+        _figure(
+            loop,
+            "location",
+            figures,
+            bullets(shares_told(loop.location, loop.base_fit.steps.velocities)),
+        ),
         folded(FIGURES["profiles"][0], _drawing(loop, "profiles", figures)),
         _figure(loop, "noise", figures),
         _figure(loop, "aliasing", figures, bullets(apart(loop))),
