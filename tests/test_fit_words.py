@@ -17,15 +17,19 @@ def part(share, over="time", memory=2.0):
     [
         ((), "white"),
         ((part(0.004),), "white"),
-        ((part(0.04, "path", 15e-6),), "white, and 4 % of its variance correlated over 15 µm of"
-         " load-point motion"),
+        ((part(0.04, "path", 15e-6),), "white but for 4 % of its variance correlated over 15 µm of"
+         " load-point motion, too small to be given a cause"),
+        ((part(0.04), part(0.01, "rows", 3)), "white but for 4 % of its variance correlated over 2"
+         " s and 1 % of its variance correlated over 3 rows, too small to be given a cause"),
+        ((NoisePart(0.04, "time", 2.0, beta=9.0),), "white but for 4 % of its variance correlated"
+         " over 2 s, swinging every 4.19 s, too small to be given a cause"),
         ((part(-0.03),), "white, and 3 % by which neighbours differ more than by chance"),
         ((part(0.5), part(0.02, "rows", 3)), "50 % of its variance correlated over 2 s, and 2 % of"
          " its variance correlated over 3 rows"),
         ((part(0.5), part(0.3, "rows", 3)), "50 % of its variance correlated over 2 s, 30 % over 3"
          " rows"),
-        ((part(0.03, "pace", 2.0),), "white, and 3 % of its variance correlated over 8 rows of the"
-         " middle velocity, each its own"),
+        ((part(0.03, "pace", 2.0),), "white but for 3 % of its variance correlated over 8 rows of"
+         " the middle velocity, each its own, too small to be given a cause"),
     ],
 )  # fmt: skip
 def test_noise_is_told_with_its_small_parts(parts, words):

@@ -69,9 +69,9 @@ def test_of_many_waves_the_best_one_counts():
     assert further_shares([waves], steps, (float(steps @ steps), 900.0)) == [0.0]
 
 
-def profile(variable, explained, further):
+def profile(variable, explained, further, p=1e-9):
     one = np.ones(1)
-    return LocationProfile(variable, "m", one, one, one, explained, 1e-9, further)
+    return LocationProfile(variable, "m", one, one, one, explained, p, further)
 
 
 @pytest.mark.parametrize(
@@ -80,6 +80,13 @@ def profile(variable, explained, further):
         ((), [], ["no more than noise"]),
         ([("slip", np.nan, np.nan)], [], ["no more than noise"]),
         ([("slip", 0.0, 0.0)], [(None, 1.0)], ["No variable explains"]),
+        # of white noise: the best of 117 wavelengths always explains something
+        ([("wavelength", 0.04, 0.04, 0.3), ("slip", 0.01, 0.0, 0.9)], [], ["Over no variable"]),
+        (
+            [("slip", 0.9, 0.9), ("wavelength", 0.04, 0.04, 0.3)],
+            [("slip", 0.9), (None, 0.1)],
+            ["Slip carries 90 %"],
+        ),
         (
             [("slip", 0.9, 0.9), ("time", 0.4, 0.02), ("state", 0.5, 0.0)],
             [("slip", 0.9), ("time", 0.02), (None, 0.08)],

@@ -654,7 +654,7 @@ def test_the_title_of_a_model_with_many_effects_fits_its_panel() -> None:
 
 def test_a_small_part_of_the_noise_is_told_wherever_noise_is(tmp_path: Path) -> None:
     loop = make_loop("effects")
-    words = "white, and 4 % of its variance correlated over 0.8 s"
+    words = "white but for 4 % of its variance correlated over 0.8 s"
     noise = NoiseEstimate(loop.sigma, (NoisePart(0.04, "time", 0.8),))
     loop = dataclasses.replace(loop, after=dataclasses.replace(loop.after, noise=noise))
     assert words in " ".join(printed(loop).split()) and words in page_of(loop).text

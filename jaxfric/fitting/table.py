@@ -113,7 +113,7 @@ def summary(fit: Fit) -> list[str]:
 
 def noise_text(noise: NoiseEstimate) -> str:
     """`NoiseEstimate.text` with the parts that it leaves out as small, down to half a percent."""
-    told = noise.text()
+    told, small = noise.text(), []
     for part in noise.parts:
         if -_SMALL < part.share <= -_LEAST:
             told += (
@@ -122,8 +122,10 @@ def noise_text(noise: NoiseEstimate) -> str:
         if _LEAST <= part.share < _SMALL:
             alone = (dataclasses.replace(part, share=1.0),)
             words = dataclasses.replace(noise, parts=alone).text()  # "100 % of its variance ..."
-            told += f", and {100 * part.share:.0f} %{words.removeprefix('100 %')}"
-    return told
+            small.append(f"{100 * part.share:.0f} %{words.removeprefix('100 %')}")
+    if small and noise.kind == "white":
+        return f"{told} but for {' and '.join(small)}, too small to be given a cause"
+    return ", and ".join([told, *small])
 
 
 def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:

@@ -86,10 +86,12 @@ def added_shares(
 ) -> list[tuple[str | None, float]]:
     """Variables and their `further` shares, largest first, and None with what none explains.
 
-    They add up to 1. Those below `_LEAST_BAR`, but for the first, are one share, of `OTHERS`.
-    Nothing where there is no more structure than chance.
+    They add up to 1. Those below `_LEAST_BAR`, but for the first, are one share, of `OTHERS`. A
+    share that noise alone gives often enough is explained by nothing. Nothing where there is no
+    more structure than chance, in the whole or over any variable.
     """
-    known = [(p.variable, p.further) for p in location if np.isfinite(p.further)]
+    seen = [p for p in location if np.isfinite(p.further)]
+    known = [(p.variable, p.further) for p in seen if p.p_value <= SIGNIFICANT]
     if not known:
         return []
     rest = max(1.0 - sum(share for _, share in known), 0.0)
@@ -104,6 +106,8 @@ def shares_told(
 ) -> list[str]:
     """What `added_shares` say, a sentence a line; `velocities` as of `where_it_sits`."""
     shares = added_shares(location)
+    if not shares and any(np.isfinite(p.further) for p in location):
+        return ["Over no variable does the base model leave more than noise alone gives."]
     if not shares:
         return ["What the base model leaves is no more than noise: there is nothing to place."]
     (first, share), *more = shares
