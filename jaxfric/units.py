@@ -22,6 +22,7 @@ _NO_UNIT = {"", "1", "-", "--", ".", "none", "dimensionless", "unitless", "n/a",
 _NEWTON_PER_AMPERE = "N/A"
 """Not available, too, where a number without a unit is wanted."""
 _MACHINE = {"bit", "bits", "count", "counts", "cts", "ticks", "lsb", "adu", "raw"}
+_MICRO = re.compile(r"\bum\b")
 _ANGLE = re.compile(r"rad|deg|rev|turn|rpm")
 _EXAMPLES = {"s": "10 s", "m": "20 um", "m/s": "2 um/s", "1/m": "1.6e-3/um", "N": "5 N"}
 _EXAMPLES |= {"Pa": "25 MPa", "N/m": "1e6 N/m", "N*s/m": "10 N*s/m", "kg": "2 kg", "Hz": "100 Hz"}
@@ -148,6 +149,11 @@ def format_si(value: float, si_unit: str, shown_unit: str, digits: int = 4) -> s
     shown = value / factor(shown_unit, si_unit, "shown unit")
     text = f"{shown:.{digits}g}"
     return text if shown_unit in _NO_UNIT else f"{text} {shown_unit}"
+
+
+def read_as(text: str) -> str:
+    """Text with units as they are read, not typed: "2 um/s" is "2 µm/s"."""
+    return _MICRO.sub("µm", text)
 
 
 def _split(text: str, what: str = "unit") -> tuple[float | None, str]:

@@ -369,7 +369,7 @@ def test_steps_that_are_not_those_of_the_load_point_are_told() -> None:
     wrong = jaxfric.VelocitySteps.parse("0 s: 10 um/s, 20 s: 1 um/s")
     assert contradicted(record, right) == []
     (text,) = contradicted(record, wrong)
-    assert text.startswith("from 0 s on the steps say 10 um/s, but the load point moves at 1 um/s")
+    assert text.startswith("from 0 s on the steps say 10 µm/s, but the load point moves at 1 µm/s")
 
 
 def test_an_axis_without_memory_has_no_critical_stiffness() -> None:

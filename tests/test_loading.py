@@ -66,10 +66,10 @@ def test_a_stiffness_far_too_small_is_refused_in_one_sentence(record):
         jaxfric.fit(record, stiffness="5e-6/um")
     text = str(error.value)
     assert text.startswith(
-        "stiffness is 5e-06/um, and the rows contradict it: after the step at 40"
+        "stiffness is 5e-06/µm, and the rows contradict it: after the step at 40"
     )
-    assert "which takes 0.0036/um or more; is its unit right?" in text and "\n" not in text
-    with pytest.raises(InputError, match=r"takes 0\.0036/um or more"):
+    assert "which takes 0.0036/µm or more; is its unit right?" in text and "\n" not in text
+    with pytest.raises(InputError, match=r"takes 0\.0036/µm or more"):
         jaxfric.close_loop(record, stiffness="5e-6/um")
 
 
@@ -81,7 +81,7 @@ def test_the_limits_of_refusal_and_doubt(record):
     assert doubts(found, found.stiffness / 1.4, "1") == ()
     (line,) = doubts(found, found.stiffness / 1.6, "N")
     assert line.startswith("the stiffness 2.3e+03 N/m contradicts the rows: after the step")
-    assert "friction rises by 0.0096 N within 2.65 um" in line
+    assert "friction rises by 0.0096 N within 2.65 µm" in line
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_a_stiffness_far_too_large_is_doubted_where_rows_resolve_the_rise(earlie
     told = doubts(found, times * 6e3, "1")
     assert bool(told) == said
     if said:
-        assert told[0].startswith("friction rises as on a spring of about 0.004/um, not of ")
+        assert told[0].startswith("friction rises as on a spring of about 0.004/µm, not of ")
         assert "is the unit of the stiffness right? --fit-stiffness" in told[0]
 
 
@@ -135,7 +135,7 @@ def test_no_true_stiffness_is_called_too_large(ratio, L):
 def test_a_fit_with_a_stiffness_too_large_is_warned_of_in_its_file_too(record):
     told = jaxfric.fit(record, stiffness="5e-2/um").to_json()["warnings"]
     (line,) = (x for x in told if "as on a spring" in x)
-    assert "0.0036/um, not of 0.05/um: after the step at 40" in line
+    assert "0.0036/µm, not of 0.05/µm: after the step at 40" in line
     assert sum(map(is_of_misfit, told)) == 1
     assert not any(map(is_of_misfit, jaxfric.fit(record, stiffness=K).warnings))
 

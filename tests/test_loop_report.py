@@ -356,9 +356,19 @@ def test_each_rig_has_its_own_words(words, other) -> None:
     assert words.catalogue["stribeck"].equation in html
     assert other.catalogue["stribeck"].equation not in html
     assert ("what does the slip law lack?" in html) == slider
-    assert ("0 s: 1 um/s" in html) == slider and ("0 s: 0.001 mm/s" in html) != slider
+    assert ("0 s: 1 µm/s" in html) == slider and ("0 s: 0.001 mm/s" in html) != slider
     titles = [a.get_title(loc="left") for a in figure_of(loop, "residual").axes]
     assert titles[0].endswith(f"dashed lines: {words.marks}")
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_what_is_read_has_one_sign_for_micrometres(verdict: str) -> None:
+    """µm; commands, which are typed, have um."""
+    loop = make_loop(verdict)
+    html = re.sub(r"<pre.*?</pre>", "", html_of(loop), flags=re.DOTALL)
+    told = [printed(loop), html, *(step.text for step in next_steps(loop))]
+    assert all(re.search(r"\bum\b", text) is None for text in told)
+    assert "µm" in told[0] and "µm" in told[1]
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -397,7 +407,7 @@ RISE = PlannedRun((2.0, 20.0), 100.0, "um/s", second_length=50.0)
          '"2, 20, 2 um/s" --slip-per-step "200 um"', "repeated at the end and steps of 4 L2"),
         (THREE, "up and down steps, longer than 3 L2", '"2, 20, 2 um/s" --slip-per-step "100 um"',
          "are such a run"),
-        (RISE, "a dwell, a zero-load baseline", '"2, 20, 0.6667 um/s"', "dwell at 0.6667 um/s"),
+        (RISE, "a dwell, a zero-load baseline", '"2, 20, 0.6667 um/s"', "dwell at 0.6667 µm/s"),
         (THREE, "elastic loading, a slip channel",
          '"2, 20, 2 um/s" --slip-per-step "100 um" --slip-channel "0.1 um"', "channel of slip"),
         (RISE, "three velocities over two decades", '"2, 20, 200 um/s"', "over two decades"),
@@ -1004,7 +1014,7 @@ def test_a_curve_whose_shape_is_not_told_is_said_to_be_so():
     assert headline(told) == "Missing: a curve of velocity whose shape is not told"
     line = next(text for text in apart(told) if "steady curve" in text)
     assert line.startswith(f"{id}: ") and not any("steady curve" in text for text in apart(loop))
-    for words in ("3 velocities, 5 parameters", "a cubic in ln V: BIC 10.2 lower", "100 um/s"):
+    for words in ("3 velocities, 5 parameters", "a cubic in ln V: BIC 10.2 lower", "100 µm/s"):
         assert words in line
     assert "a line in ln V" not in line and "tells it from every other" not in line
     assert escape(line) in page(told, {}, version="0", command="jaxfric loop")

@@ -17,6 +17,7 @@ from jaxfric.units import (
     is_unit,
     parse_quantity,
     parse_values,
+    read_as,
     scale,
 )
 
@@ -217,3 +218,16 @@ def test_common_units_do_not_load_pint() -> None:
     asked = "from jaxfric.units import factor; import sys; factor('um/s', 'm/s', 'x')"
     command = [sys.executable, "-c", f"{asked}; sys.exit('pint' in sys.modules)"]
     assert subprocess.run(command, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("typed", "read"),
+    [
+        ("2 um/s", "2 µm/s"),
+        ("1.6e-3 1/um, 0.2 N/um", "1.6e-3 1/µm, 0.2 N/µm"),
+        ("maximum 5 mm", "maximum 5 mm"),
+        ("2 µm", "2 µm"),
+    ],
+)
+def test_units_that_are_read_have_one_sign_for_micro(typed, read):
+    assert read_as(typed) == read

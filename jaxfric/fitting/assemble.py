@@ -9,7 +9,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..records import Record, VelocitySteps
-from ..units import format_si
+from ..units import format_si, read_as
 from .misfit import misfit_warning
 from .noise import Noise
 from .noise_estimate import noise_estimate, noise_words
@@ -206,9 +206,10 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
             continue
         found = np.polyfit(time[rows] - time[rows[0]], motion[rows], 1)[0]
         if stated and not 1 / _OTHER < found / stated < _OTHER:
+            said, seen = (read_as(format_si(v, "m/s", "um/s")) for v in (stated, found))
             return [
-                f"from {steps.times[k]:.4g} s on the steps say {format_si(stated, 'm/s', 'um/s')}"
-                f"{OTHERWISE} {format_si(found, 'm/s', 'um/s')}: are they those of this record?"
+                f"from {steps.times[k]:.4g} s on the steps say {said}{OTHERWISE} {seen}: are they"
+                " those of this record?"
             ]
     return []
 

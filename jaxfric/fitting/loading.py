@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..records import Record, VelocitySteps
-from ..units import format_si
+from ..units import format_si, read_as
 from .start import average
 
 UNIT_RIGHT = "is its unit right? It is friction per length, as in 1.6e-3/um"
@@ -106,7 +106,7 @@ def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, 
             f"friction rises as on a spring of about {_number(loading.stiffness, friction_unit)},"
             f" not of {_number(K, friction_unit)}: after the step at {loading.time:.4g} s by"
             f" {_rise(loading, friction_unit)} within"
-            f" {format_si(loading.path, 'm', 'um', 3)} of load-point motion; is the unit of the"
+            f" {_path(loading)} of load-point motion; is the unit of the"
             " stiffness right? --fit-stiffness finds the one of the record",
         )
     if not loading.stiffness > _DOUBTFUL * K:
@@ -120,9 +120,13 @@ def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, 
 def _seen(loading: Loading, friction_unit: str) -> str:
     return (
         f"after the step at {loading.time:.4g} s friction rises by {_rise(loading, friction_unit)}"
-        f" within {format_si(loading.path, 'm', 'um', 3)} of load-point motion, which takes"
+        f" within {_path(loading)} of load-point motion, which takes"
         f" {_number(loading.stiffness, friction_unit)} or more"
     )
+
+
+def _path(loading: Loading) -> str:
+    return read_as(format_si(loading.path, "m", "um", 3))
 
 
 def _rise(loading: Loading, friction_unit: str) -> str:
@@ -130,5 +134,5 @@ def _rise(loading: Loading, friction_unit: str) -> str:
 
 
 def _number(K: float, friction_unit: str) -> str:
-    """A stiffness as it is stated: 0.005/um, 2e+06 N/m."""
-    return f"{1e-6 * K:.2g}/um" if friction_unit == "1" else f"{K:.2g} {friction_unit}/m"
+    """A stiffness as it is read: 0.005/µm, 2e+06 N/m."""
+    return f"{1e-6 * K:.2g}/µm" if friction_unit == "1" else f"{K:.2g} {friction_unit}/m"

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..units import factor, format_si
+from ..units import factor, format_si, read_as
 from .derived import SAMPLES
 from .estimate import Estimate
 from .noise_estimate import NoiseEstimate
@@ -64,7 +64,7 @@ def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
     unit = display_unit("A" if name == DIFFERENCE else name, fit)
     size = factor(unit, estimate.unit, name) if unit != estimate.unit else 1.0
     value, std = estimate.value / size, estimate.std / size
-    shown = "" if unit == "1" else unit.replace("um", "µm")
+    shown = "" if unit == "1" else read_as(unit)
     if not estimate.free:
         return Row(shown_name(name), meaning, f"{value:.6g}", "fixed", "", shown)
     if not estimate.determined:
@@ -152,7 +152,8 @@ def _stability(fit: Fit) -> list[str]:
         return _critical(fit)
     moving = np.abs(fit.steps.velocities[fit.steps.velocities != 0])
     length = fit.record.units.get("load_point_displacement", "um")
-    low, high = (format_si(V, "m/s", f"{length}/s", 3) for V in (moving.min(), moving.max()))
+    ends = (format_si(V, "m/s", f"{length}/s", 3) for V in (moving.min(), moving.max()))
+    low, high = map(read_as, ends)
     if claim.kind == "free":
         return [
             "velocity strengthening (A > B by more than two standard errors): steady sliding is"
@@ -172,6 +173,6 @@ def _critical(fit: Fit) -> list[str]:
     return [
         f"stiffness is {ratio.value:.2f} times critical (95 %: {ratio.lower:.2f} {upper};"
         " massless, undamped)",
-        f"critical stiffness {value} {unit.replace('um', 'µm')} (95 %: {low} to {high}; of"
+        f"critical stiffness {value} {read_as(unit)} (95 %: {low} to {high}; of"
         f" {SAMPLES} samples of the covariance)",
     ]

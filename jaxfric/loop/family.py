@@ -9,7 +9,7 @@ which it is. That a curve is missing is then certain; which one is not.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..units import speed_text
+from ..units import read_as, speed_text
 from .thresholds import ACCEPT
 
 _AND = 2
@@ -83,7 +83,7 @@ class CurveFamily(NamedTuple):
         if not self.decided_by:
             return ""
         rotary = self.unit == "rad/s"
-        told = [f"{d.velocity:.2g} rad/s" if rotary else speed_text(d.velocity, 2)
+        told = [f"{d.velocity:.2g} rad/s" if rotary else read_as(speed_text(d.velocity, 2))
                 for d in self.decided_by]  # fmt: skip
         return f"steady sliding at {listed(told, 'or')}"
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..units import format_si
+from ..units import format_si, read_as
 
 _RANGES = 2.0
 """Distance beyond both neighbours, in ranges of the rest, from which a cell stands out."""
@@ -58,7 +58,8 @@ def told(
         unit = units[role]
         shown = {"m": "um", "m/s": "um/s", "Pa": "MPa"}.get(unit, unit)
         cells = ", ".join(
-            f"{format_si(float(values[k]), unit, shown, 5)} in row {lines[k]}" for k in rows[:_TOLD]
+            f"{read_as(format_si(float(values[k]), unit, shown, 5))} in row {lines[k]}"
+            for k in rows[:_TOLD]
         )
         more = f" and {len(rows) - _TOLD} more" if len(rows) > _TOLD else ""
         found.append(

@@ -6,6 +6,7 @@ from ..fitting.table import noise_text
 from ..loop.family import listed
 from ..loop.result import Loop
 from ..loop.where import shares_told
+from ..units import read_as
 from .loop_next import meanings, next_steps
 from .loop_text import (
     answer,
@@ -221,7 +222,7 @@ def _steps(loop: Loop) -> str:
     """Times and velocities of the steps, in words."""
     steps = loop.base_fit.steps
     if loop.length_unit == "m":
-        return steps.text(loop.words.speed, 4)
+        return read_as(steps.text(loop.words.speed, 4))
     both = zip(steps.times, steps.velocities, strict=True)
     return ", ".join(f"{t:.4g} s: {v:.4g} {loop.length_unit}/s" for t, v in both)
 

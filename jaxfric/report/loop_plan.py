@@ -14,7 +14,7 @@ import numpy as np
 from ..effects import CATALOGUE
 from ..loop.family import listed
 from ..loop.result import Loop
-from ..units import factor
+from ..units import factor, read_as
 
 _MOST_STEPS = 12
 _CHANNEL = "0.1 um"
@@ -51,7 +51,7 @@ class PlannedRun:
     def words(self) -> str:
         """What is planned, beside the run that would decide."""
         if self.changes:
-            return f"the record's velocities with {listed(self.changes)}"
+            return f"the record's velocities with {read_as(listed(self.changes))}"
         which = "which are such a run" if self.told else "for you to change to that run"
         return f"the record's own velocities, {which}"
 

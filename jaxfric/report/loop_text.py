@@ -14,7 +14,7 @@ from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
 from ..loop.thresholds import ALIAS, SIGNIFICANT
-from ..units import factor, format_si
+from ..units import factor, format_si, read_as
 from .tables import print_tables
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ def by_velocity(loop: Loop) -> TextTable:
             continue
         blocks = ", ".join(name for name in NAMES if (loop.blocks.of(name) & here).any())
         shown = format_si(float(velocity), f"{loop.length_unit}/s", f"{length}/s", 4)
-        shown = shown.replace("um", "µm")
+        shown = read_as(shown)
         both = [s.per_step[k] / loop.sigma_of(here) for s in (loop.before, loop.after)]
         errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
         rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
@@ -450,7 +450,7 @@ def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
         shown, size = "ms", 1e-3
     else:
         shown, size = "" if unit == "1" else unit, 1.0
-    return shown.replace("um", "µm"), size
+    return read_as(shown), size
 
 
 def p_value(p: float) -> str:
