@@ -63,6 +63,7 @@ from jaxfric.report.loop_text import (
     headline,
     print_loop,
     splitting,
+    traded,
 )
 
 HOSTILE = "<b>&.csv"
@@ -660,6 +661,30 @@ def test_the_title_of_a_model_with_many_effects_fits_its_panel() -> None:
     tidy(axis, text)
     found = [t for t in figure.findobj(Text) if t.get_text() == text]
     assert [t.get_window_extent().x1 <= figure.bbox.x1 for t in found] == [True]
+
+
+@pytest.mark.parametrize(
+    ("before", "std", "r", "words"),
+    [
+        ((21.0, 0.2), 2.0, -0.99, "F_c is 1.5 ± 2 N (± 1 in this model alone), though it was known"
+         " before: it trades with log_viscous.c (correlation −0.99); known is F_c + 4.95 log_visc"
+         "ous.c = 21.30 ± 0.14 N"),
+        ((21.0, 0.2), 2.0, -0.69, "no parameter of an effect alone takes its place"),
+        ((21.0, 0.2), 1.4, -0.99, None),
+        ((0.3, 0.2), 2.0, -0.99, None),
+    ],
+)  # fmt: skip
+def test_what_takes_the_place_of_a_known_parameter_is_told(before, std, r, words) -> None:
+    """Coulomb friction that a logarithm of speed takes over; errors of the model alone."""
+    loop = make_loop("effects", unit="N")
+    parameters = {"F_c": _estimate(1.5, std, "N"), "log_viscous.c": _estimate(4.0, 0.2, "N")}
+    after = dataclasses.replace(loop.after, parameters=parameters, free=tuple(parameters))
+    first = dataclasses.replace(loop.before, parameters={"F_c": _estimate(*before, "N")})
+    details: Any = SimpleNamespace(covariance=np.array([[1.0, 0.2 * r], [0.2 * r, 0.04]]))
+    loop = dataclasses.replace(loop, before=first, after=after, details=details)
+    told = traded(loop)
+    assert [words in line for line in told if words] == ([] if words is None else [True])
+    assert bool(told) == (words is not None)
 
 
 def test_a_small_part_of_the_noise_is_told_wherever_noise_is(tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from .problem import quantity_of
 from .result import Fit
 
 _LEAST, _SMALL = 0.005, 0.05
+CORRELATED = 0.7
+"""|correlation| of the errors of two parameters from which it is told."""
 """Shares of a noise below which a part is not named, and is named as small."""
 _ABOVE = 1.1
 
@@ -81,7 +83,7 @@ def decimals(std: float) -> int:
     return int(np.clip(1 - np.floor(np.log10(std)), 0, 12))
 
 
-def correlations(fit: Fit, least: float = 0.7) -> list[str]:
+def correlations(fit: Fit, least: float = CORRELATED) -> list[str]:
     """Pairs of parameters whose errors are correlated by at least `least`."""
     names, out = fit.free, []
     for i in range(len(names)):

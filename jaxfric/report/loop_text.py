@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effects import parameters
 from ..fitting import Estimate
-from ..fitting.table import DIFFERENCE, decimals, noise_text, shown_name
+from ..fitting.table import CORRELATED, DIFFERENCE, decimals, noise_text, shown_name
 from ..loop.family import CurveFamily, listed
 from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
@@ -192,7 +192,8 @@ def moved(loop: Loop) -> TextTable:
     note = "shift: after minus before, in standard deviations of the fit after"
     if loop.verdict == "ambiguous" and loop.effects:
         note += "\n± and intervals cover what the fits with its rivals make of the same parameters"
-    return TextTable("Parameters", head, rows, note + _also_fitted(loop), marked)
+    note = "\n".join([note + _also_fitted(loop), *traded(loop)])
+    return TextTable("Parameters", head, rows, note, marked)
 
 
 def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> tuple[str, ...]:
@@ -205,6 +206,50 @@ def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> t
     if after.free and after.determined:
         value = f"{value} ± {std}"
     return shown_name(name), _meaning(loop, name), old, value, interval, shift, unit
+
+
+def traded(loop: Loop) -> list[str]:
+    """A line for each parameter of the base that was known before an effect was added and is not
+    after: what it trades with, and their sum that is known.
+
+    By the covariance S of this model alone: p - q S_pq/S_qq has the least error of all sums of p
+    and a multiple of q.
+    """
+    after, found = loop.after, []
+    own = getattr(loop.details, "covariance", None)
+    spread = np.asarray(after.covariance if own is None else own)
+    for name, before in loop.before.parameters.items():
+        one = after.parameters[name]
+        known = before.free and before.determined and before.lower * before.upper > 0
+        if known and one.free and one.determined and one.std > abs(one.value):
+            found.append(_traded(loop, name, spread))
+    return found
+
+
+def _traded(loop: Loop, name: str, spread: np.ndarray) -> str:
+    after, length = loop.after, _length(loop)
+    one, i = after.parameters[name], after.free.index(name)
+    unit, size = shown_unit(one, length)
+    own = f"{np.sqrt(spread[i, i]) / size:.2g}"
+    error = f"{one.std / size:.2g}"
+    told = f"{shown_name(name)} is {one.value / size:.2g} ± {error} {unit}".rstrip()
+    told += f" (± {own} in this model alone)" if own != error else ""
+    told = f"{told}, though it was known before"
+    others = [k for k, id in enumerate(after.free) if "." in id and after.parameters[id].determined]
+    likes = {k: spread[i, k] / np.sqrt(spread[i, i] * spread[k, k]) for k in others}
+    best = max(likes, key=lambda k: abs(likes[k]), default=None)
+    if best is None or not abs(likes[best]) >= CORRELATED:
+        return f"{told}: no parameter of an effect alone takes its place"
+    other, slope = after.free[best], spread[i, best] / spread[best, best]
+    times = -slope * shown_unit(after.parameters[other], length)[1] / size
+    value = (one.value - slope * after.parameters[other].value) / size
+    std = math.sqrt(spread[i, i] * (1 - likes[best] ** 2)) / size
+    sign = "+" if times > 0 else "-"
+    text = (
+        f"{told}: it trades with {other} (correlation {likes[best]:.2f}); known is {name} {sign}"
+        f" {abs(times):.3g} {other} = {value:.{decimals(std)}f} ± {std:.{decimals(std)}f} {unit}"
+    )
+    return text.rstrip().replace("-", "−")
 
 
 def _also_fitted(loop: Loop) -> str:
