@@ -447,6 +447,33 @@ def test_a_plan_asks_for_the_effect_and_its_likeliest_rival() -> None:
     assert not any("protocol" in s.command for s in next_steps(none))
 
 
+NEXT, AGAIN = "--from loop.json", "--from loop.json --tell base,second_state"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "effects", "words", "end"),
+    [
+        ("effects", ("second_state",), "shows second_state again", AGAIN),
+        ("effects", ("gain", "run_in"), "the same with run_in for gain):", "--tell base,gain"),
+        ("effects", ("gain", "normal_stress"), "", ""),
+        ("effects", ("mine",), "", ""),
+        ("no_missing_effect", (), "How large an effect must be to be named", NEXT),
+        ("ambiguous", ("time_drift",), "", ""),
+        ("too_weak", (), "", ""),
+        ("outside_catalogue", (), "", ""),
+    ],
+)  # fmt: skip
+def test_a_clear_verdict_says_what_the_next_run_would_show(verdict, effects, words, end) -> None:
+    loop = make_loop(verdict)
+    after = dataclasses.replace(loop.after, effects=effects)
+    loop = dataclasses.replace(loop, effects=effects, after=after)
+    found = [s for s in next_steps(loop) if "the next run" in s.text]
+    assert [words in s.text and s.command.endswith(end) for s in found] == ([True] if words else [])
+    assert all(parsed(shlex.split(s.command)[1:]) for s in found)
+    axis = next_steps(dataclasses.replace(loop, words=AXIS, effects=(), after=loop.before))
+    assert not any("the next run" in s.text for s in axis)
+
+
 @pytest.mark.parametrize(
     ("group", "second", "words"),
     [

@@ -63,7 +63,7 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     if loop.verdict in CERTAIN:
         text = "See whether the model is true on a record that it has not seen:"
         steps.append(NextStep(text, f"jaxfric predict {file} OTHER.csv"))
-    return steps
+    return [*steps, *_next_run(loop, file)]
 
 
 def takes_gains(loop: Loop) -> bool:
@@ -130,6 +130,28 @@ def _plan(loop: Loop, file: str, wanted: str, id: str, others: Sequence[str]) ->
     text = f"Whether it tells {id} from {first} is known before the run (planned: {run.words()}"
     line = f"jaxfric protocol {run.options()} --from {file} --tell {id},{first}"
     return [NextStep(f"{text}{rest}):", line)]
+
+
+def _next_run(loop: Loop, file: str) -> list[NextStep]:
+    """After a clear verdict on a slider: what the next run would show, by a plan of this one.
+
+    Of effects that were named, from which size on it shows them again; where none is missing, how
+    large one must be to be named. Nothing where the plan is none that can be asked for.
+    """
+    clear = loop.verdict in ("effects", "no_missing_effect") and loop.words is not AXIS
+    run, effects = own_run(loop), loop.after.effects
+    possible = len(set(run.speeds)) > 1 and min(run.speeds) > 0
+    if not (clear and possible and all(map(plannable, effects))):
+        return []
+    planned = "planned: the record's own velocities, for you to change"
+    line = f"jaxfric protocol {run.options()} --from {file}"
+    if not loop.effects:
+        text = f"How large an effect must be to be named by the next run is known before ({planned}"
+        return [NextStep(f"{text}):", line)]
+    first, *more = loop.effects
+    rest = f"; then the same with {listed(more, 'or')} for {first}" if more else ""
+    text = f"From which size on the next run shows {first} again is known before ({planned}{rest}):"
+    return [NextStep(text, f"{line} --tell base,{first}")]
 
 
 def _beside_compare(loop: Loop) -> list[NextStep]:
