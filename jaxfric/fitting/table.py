@@ -13,9 +13,9 @@ from .problem import quantity_of
 from .result import Fit
 
 _LEAST, _SMALL = 0.005, 0.05
+"""Shares of a noise below which a part is not named, and is named as small."""
 CORRELATED = 0.7
 """|correlation| of the errors of two parameters from which it is told."""
-"""Shares of a noise below which a part is not named, and is named as small."""
 _ABOVE = 1.1
 
 
