@@ -327,6 +327,33 @@ def test_an_epos_export(tmp_path: Path, quoted: bool) -> None:
     assert "signs" in notes and "recorded 2020-07-08" in notes
 
 
+def test_a_servo_export_without_units(tmp_path: Path) -> None:
+    """As MR Configurator writes one: lines above, names without units, the time named by its own;
+    a unit that is given may be one that no letter spells."""
+    m = motion(300)
+    rpm = m["v"] / 0.01 * 60
+    head = "Axis1\nSampling time interval(ms),10\nTime,Analog 1,Analog 2,Digital 1\n"
+    head += "ms,Servo motor speed,Torque,Not selected\n"
+    rows = zip(10 * np.arange(300), rpm, m["F"], strict=True)
+    path = written(
+        tmp_path / "a.csv", head + "".join(f"{t},{v:.4f},{f:.4f},0.0\n" for t, v, f in rows)
+    )
+    refusal(path, "column 'Servo motor speed' (velocity) has no unit")
+    columns = {"velocity": "Servo motor speed [rpm]"}
+    refusal(path, "column 'Torque' (motor_force) has no unit", columns=columns)
+    record = read_axis(
+        path, columns={**columns, "motor_force": "Torque [%]"}, rated_torque="1.3 N m"
+    )
+    assert record.force_unit == "N m" and record.coordinate == "rotary"
+    np.testing.assert_allclose(record.motor_force, 0.013 * np.round(m["F"], 4))
+    np.testing.assert_allclose(record.time, 1e-2 * np.arange(300))
+    np.testing.assert_allclose(record.velocity, np.round(rpm, 4) * 2 * np.pi / 60)
+    none = written(tmp_path / "b.csv", csv_text().replace("position", "a").replace("velocity", "b"))
+    refusal(
+        none, "no column for position", "a velocity will do", 'columns={"velocity": "NAME [rpm]"}'
+    )
+
+
 def test_epos_exports_refused(tmp_path: Path) -> None:
     v, f = np.full(40, -10.0), -30 - np.arange(40) / 10
     text = epos_text(v, f)

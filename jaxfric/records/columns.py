@@ -180,7 +180,8 @@ def _named(table: Table, schema: Schema, role: str, text: str) -> tuple[int, str
         index = int(number[1]) - 1
         return index, unit if unit is not None else table.units[index]
     dimension = () if unit is None else (unit.lstrip("+-.0123456789eE "),)
-    for wanted, override in ((text, None), (name, unit), (schema.split(name)[0], unit)):
+    spelled = [(text, None)] if folded(text) != folded(name) or unit is None else []  # not of a "%"
+    for wanted, override in (*spelled, (name, unit), (schema.split(name)[0], unit)):
         for same in (str.strip, folded):
             hits = [i for i, have in enumerate(table.names) if same(have) == same(wanted)]
             hits = _fitting(hits, table.units, () if override is None else dimension)
@@ -245,6 +246,8 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
         unit = unit if unit in ("s", "1") else f"0.01 {unit}"
         hint = f" ({machine} are machine units: give what one is);"
     text = f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}"
+    if "position" in missing:
+        text += "; a velocity will do: --column 'velocity=NAME [rpm]'"
     if "friction" in missing:
         text += (
             "; of shear and normal force, or stress: --column 'shear_force=NAME [kN]' and"

@@ -64,6 +64,8 @@ class Schema:
         A suffix counts as a unit only after a name that has a role, so that `layer_m` stays a name.
         """
         cell = cell.strip().strip("\"'").strip()
+        if cell.lower() in _MILLISECONDS:
+            return cell, "ms"
         match = re.fullmatch(r"(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]", cell)
         if match and match[1].strip():
             return match[1].strip(), match[2]
@@ -79,6 +81,8 @@ class Schema:
         return cell, None
 
 
+_MILLISECONDS = ("ms", "msec")
+"""Names of a column of times that are its unit, as drives export them."""
 _TORQUE = ("Nm", "NM")
 """Suffixes that are a torque, where they are known, and never nanometres."""
 
@@ -99,7 +103,7 @@ SLIDER = Schema(
             "s",
             "s",
             "t elapsedtime testtime timestamp exptime runtime seconds datetime dateandtime"
-            " dateandtimeofday timeofday clock clocktime zeit",
+            " dateandtimeofday timeofday clock clocktime zeit ms msec",
             need="time",
         ),
         Role(
@@ -174,7 +178,7 @@ AXIS = Schema(
             "s",
             "s",
             "t elapsedtime timestamp runtime seconds datetime dateandtime timeofday clock clocktime"
-            " zeit",
+            " zeit ms msec",
             need="time",
         ),
         Role(
@@ -182,8 +186,8 @@ AXIS = Schema(
             "m",
             "mm",
             "positionactualvalue actualposition positionactual measuredposition positionmeasured"
-            " encoderposition loadposition axisposition motorposition motorangle encoder angle pos"
-            " q qm theta x y displacement",
+            " encoderposition loadposition axisposition motorposition feedbackposition"
+            " positionfeedback motorangle encoder angle pos q qm theta x y displacement",
             need="motion",
             turning="rad",
         ),
@@ -203,7 +207,8 @@ AXIS = Schema(
             "mm/s",
             "velocityactualvalueaveraged velocityactualvalue actualvelocity velocityactual"
             " measuredvelocity motorvelocity axisvelocity angularvelocity speed actualspeed"
-            " measuredspeed motorspeed omega vel v",
+            " measuredspeed motorspeed servomotorspeed feedbackspeed speedfeedback velocityfeedback"
+            " feedbackvelocity omega vel v",
             need="motion",
             turning="rad/s",
         ),
@@ -212,7 +217,8 @@ AXIS = Schema(
             "N",
             "N",
             "motortorque torqueactualvalueaveraged torqueactualvalue actualtorque torqueactual"
-            " measuredtorque drivetorque actuatorforce driveforce drivingforce torque force tau f",
+            " measuredtorque drivetorque feedbacktorque torquefeedback actuatorforce driveforce"
+            " drivingforce torque force tau f",
             need="force",
             turning="N*m",
             others=("%",),
