@@ -17,6 +17,7 @@ import jaxfric
 from jaxfric.fitting.misfit import misfit_warning
 from jaxfric.loop import LawComparison, LawScore
 from jaxfric.loop.compared_laws import _blocks
+from jaxfric.plot.compared import comparison_figure
 from jaxfric.records import VelocitySteps
 from jaxfric.report.comparison import tabled
 from jaxfric.report.fits_table import TabledFit, csv_rows, latex_text, text_table
@@ -101,6 +102,24 @@ def test_bic_of_the_true_law_is_that_of_its_noise(of_slip) -> None:
     if of_slip.independent_rows > 0.95 * n:  # the noise was found to be white, as it is
         np.testing.assert_allclose(ageing.bic - slip.bic, plain(ageing) - plain(slip), rtol=0.02)
     assert of_slip.independent_rows > 0.95 * n
+
+
+def test_the_figure_says_which_law_and_what_did_not_converge(of_slip) -> None:
+    first, *others = of_slip.scores
+    stuck = dataclasses.replace(first, fit=dataclasses.replace(first.fit, converged=False))
+    scores = (stuck, *others)
+    figure = comparison_figure(dataclasses.replace(of_slip, scores=scores))
+    assert "the record supports the slip law\n" in figure.get_suptitle()
+    assert "dashed: velocity steps; σ = 0.000" in figure.get_suptitle()
+    words = [text.get_text() for axis in figure.axes[1:] for text in axis.texts]
+    ended = ["did not converge" not in text for text in words]
+    assert ended == [score.fit.converged for score in scores] and ended[:2] == [False, True]
+    assert figure.axes[1].get_ylabel() == "record − fit\n[σ]"
+
+
+def test_the_figure_of_a_tie_names_no_law() -> None:
+    figure = comparison_figure(compared("slip", SMALL, 1e-3))
+    assert "the record cannot tell which law, " in figure.get_suptitle()
 
 
 # ---- the command ---------------------------------------------------------------------------

@@ -29,29 +29,47 @@ def comparison_figure(found: LawComparison) -> Figure:
     axes = figure.subplots(
         1 + len(scores), 1, sharex=True, squeeze=False, height_ratios=[2.2, *[1] * len(scores)]
     )[:, 0]
-    figure.subplots_adjust(left=0.085, right=0.8, top=0.93, bottom=0.08, hspace=0.12)
+    figure.subplots_adjust(left=0.09, right=0.8, top=0.9, bottom=0.08, hspace=0.12)
     time = found.record.relative_time
     axes[0].plot(time, found.record.friction, color=_RECORD, lw=0.8, label="record")
     least = min(score.bic for score in scores if score.bic is not None)
-    limit = _limit(found, scores)
+    limit, cut = _limit(found, scores), False
     for k, (axis, score) in enumerate(zip(axes[1:], scores, strict=True)):
         colour = _COLOURS[k % len(_COLOURS)]
         axes[0].plot(time, score.fit.predicted, color=colour, lw=1.2, label=score.name)
         residual = np.clip(score.fit.residual / found.sigma, -limit, limit)
+        cut |= bool(np.any(np.abs(residual) == limit))
         axis.plot(time, residual, color=colour, lw=0.7)
         axis.axhline(0, color="0.3", lw=0.6)
         axis.set_ylim(-1.05 * limit, 1.05 * limit)
-        axis.set_ylabel("left [σ]")
+        axis.set_ylabel("record − fit\n[σ]")
         axis.text(1.015, 0.98, _words(found, score, least), transform=axis.transAxes, va="top",
                   fontsize=8.5)  # fmt: skip
-    unit = " [N]" if found.record.friction_unit == "N" else ""
-    axes[0].set_ylabel(f"friction{unit}")
+    force = found.record.friction_unit == "N"
+    axes[0].set_ylabel("friction force [N]" if force else "friction coefficient")
     axes[0].legend(loc="upper left", bbox_to_anchor=(1.005, 1.02), frameon=False, fontsize=9)
     axes[-1].set_xlabel("time since the first row [s]")
     _mark(found, axes)
-    name = printable(found.record.provenance.path)
-    figure.suptitle(f"{name}: which law?", x=0.01, ha="left", fontsize=11, parse_math=False)
+    figure.align_ylabels(list(axes))
+    name, unit = printable(found.record.provenance.path), " N" if force else ""
+    told = f"dashed: velocity steps; σ = {found.sigma:.3g}{unit}, the noise under the likeliest law"
+    told += f"; beyond ±{limit:.2g} σ lines are cut" if cut else ""
+    figure.suptitle(
+        f"{name}: {_answer(found)}\n{told}", x=0.01, ha="left", fontsize=11, parse_math=False
+    )
     return figure
+
+
+def _answer(found: LawComparison) -> str:
+    """Which law the record supports, in a few words."""
+    law = found.supported
+    if law is not None:
+        states = "" if law.states == 1 else f" with {law.states} states"
+        return f"the record supports the {law.fit.law} law{states}"
+    if not found.rivals:
+        return f"only the {found.of_laws[0].fit.law} law could be fitted"
+    names = " or ".join(score.fit.law for score in (found.of_laws[0], *found.rivals))
+    return f"the record cannot tell which law, {names}"
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:
@@ -64,6 +82,8 @@ def _words(found: LawComparison, score: LawScore, least: float) -> str:
     assert score.bic is not None
     above = score.bic - least
     lines = [score.name, "the least BIC" if above == 0 else f"BIC higher by {amount(above)}"]
+    if not score.fit.converged:
+        lines.append("did not converge")
     if score.held_out is not None:
         lines.append(f"held-out error {score.held_out / found.sigma:.2f} σ")
     return "\n".join(lines)
