@@ -27,6 +27,11 @@ h2 { font-size: 1.25rem; margin: 2.6rem 0 .6rem; padding-top: .9rem;
 .cards b { display: block; font-size: 1.35rem; font-variant-numeric: tabular-nums; }
 .cards span { color: var(--soft); font-size: .88rem; }
 .scroll { overflow-x: auto; margin: .8rem 0; }
+div.scroll { background:
+  linear-gradient(to right, #fff 50%, #fff0) 0 / 2rem 100% no-repeat local,
+  linear-gradient(to left, #fff 50%, #fff0) 100% / 2rem 100% no-repeat local,
+  linear-gradient(to right, #1d253055, #1d253000) 0 / .7rem 100% no-repeat scroll,
+  linear-gradient(to left, #1d253055, #1d253000) 100% / .7rem 100% no-repeat scroll; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
 th, td { padding: .28rem .6rem .28rem 0; border-bottom: 1px solid var(--line); text-align: left;
@@ -43,14 +48,19 @@ figcaption { margin-bottom: .6rem; }
 .warn { background: #fff6e0; border-radius: .4rem; padding: .6rem .9rem .6rem 2rem;
   margin: 1.2rem 0 0; }
 dt { font-weight: 600; margin-top: .6rem; } dd { margin: 0; overflow-wrap: anywhere; }
-code { font: .9em ui-monospace, "DejaVu Sans Mono", monospace; overflow-wrap: anywhere; }
+code { font-size: .9em; font-family: ui-monospace, "DejaVu Sans Mono", monospace;
+  overflow-wrap: anywhere; }
 summary { cursor: pointer; color: var(--soft); }
 @media (max-width: 40rem) {
   main { padding: 1rem .8rem 3rem; } h1 { font-size: 1.45rem; }
   figure img { width: 40rem; max-width: none; }
+  figcaption::after { content: " The figure is wider than the screen: move it sideways."; }
+  th, .w { white-space: normal; } .w { min-width: 7rem; }
 }
 @media print { main { max-width: none; padding: 0; } figure, table { break-inside: avoid; } }
 """
+_WORDY = 16
+"""Letters above which a cell of words may break."""
 
 
 def document(title: str, colour: str, parts: Sequence[str]) -> str:
@@ -95,12 +105,11 @@ def html_table(table: TextTable) -> str:
     """A table, numbers at the right, its remark below; nothing for one without rows."""
     if not table.rows:
         return ""
-    right = [numeric(table, k) for k in range(len(table.head))]
+    kinds = [_column(table, k) for k in range(len(table.head))]
 
     def cells(tag: str, row: Sequence[str]) -> str:
         return "".join(
-            f"<{tag}{' class=n' if n else ''}>{escaped(cell)}</{tag}>"
-            for cell, n in zip(row, right, strict=True)
+            f"<{tag}{kind}>{escaped(cell)}</{tag}>" for cell, kind in zip(row, kinds, strict=True)
         )
 
     body = "".join(
@@ -112,6 +121,13 @@ def html_table(table: TextTable) -> str:
         f'<div class="scroll"><table><caption>{escaped(table.title)}</caption><thead><tr>'
         f"{cells('th', table.head)}</tr></thead><tbody>{body}</tbody></table></div>{note}"
     )
+
+
+def _column(table: TextTable, k: int) -> str:
+    """The class of a column: n of numbers, w of words that may break in a narrow window."""
+    if numeric(table, k):
+        return " class=n"
+    return " class=w" if max(len(row[k]) for row in table.rows) > _WORDY else ""
 
 
 def picture(data: bytes, kind: str, title: str, caption: str) -> str:

@@ -39,9 +39,9 @@ _KINDS = {
 _FIGURES = {
     "events.png": (
         "What happened",
-        "Friction, load point and normal stress by time, and what was found in them: windows that"
-        " are fitted are shaded. A decision that is wrong can be changed in events.toml, which"
-        " --events takes.",
+        "Friction, speed of the load point and normal stress by row, with the time above, and what"
+        " was found in them: windows that are fitted are shaded. A decision that is wrong can be"
+        " changed in events.toml, which --events takes.",
     ),
     "rates.png": (
         "A-B",
