@@ -547,6 +547,11 @@ def test_a_page_fits_a_narrow_window() -> None:
     for tag in ("table", "img"):
         assert html.count(f'<div class="scroll"><{tag}') == html.count(f"<{tag}") > 3
     assert ".scroll { overflow-x: auto" in html and "max-width: 100%" in html
+    narrow = html[html.index("@media (max-width: 40rem)") : html.index("@media print")]
+    # words break, and what goes on beyond the edge is said or shaded: phones show no scroll bar
+    assert "th, .w { white-space: normal; }" in narrow and "move it sideways" in narrow
+    assert "<td class=w>characteristic slip length</td>" in html and "<td class=w>1/µm" not in html
+    assert re.search(r"div\.scroll \{ background:[^}]*local[^}]*scroll;", html)
 
 
 def test_every_effect_of_the_catalogue_has_a_meaning() -> None:
@@ -572,6 +577,28 @@ def test_no_number_of_the_candidates_lies_on_a_line() -> None:
         numbers = [t for t in axis.texts if t.get_text()]
         assert numbers and all(t.get_position()[0] > 1.0 for t in numbers)
         assert all(t.get_transform() == axis.get_yaxis_transform() for t in numbers)
+
+
+def test_an_effect_of_the_model_is_not_drawn_as_not_taken() -> None:
+    figure = figure_of(make_loop("effects"), "candidates")
+    colours = []
+    for axis in figure.axes[:3:2]:
+        names = [label.get_text() for label in axis.get_yticklabels()]
+        colours.append({n: bar.get_facecolor() for n, bar in zip(names, axis.patches, strict=True)})
+    fitted, screened = colours
+    assert screened["second_state"] == fitted["second_state"] != screened["ageing"]
+
+
+@pytest.mark.parametrize("number", [1, 7])
+def test_words_over_the_profiles_leave_them_room(number) -> None:
+    loop = make_loop("effects")
+    figure = figure_of(dataclasses.replace(loop, location=loop.location[:number]), "profiles")
+    figure.canvas.draw()
+    above = figure._suptitle.get_window_extent()
+    panel = figure.axes[0].get_window_extent()
+    assert above.x1 < figure.bbox.x1 and above.y0 > panel.y1
+    assert panel.height > 0.5 * 3.3 * figure.dpi
+    assert " × 10⁻³," in figure.get_suptitle()
 
 
 def test_shares_of_the_location_figure_add_up() -> None:

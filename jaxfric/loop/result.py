@@ -285,11 +285,14 @@ class Loop(Described, Drawable, Gridded, Tabular):
 
     def sigma_texts(self) -> tuple[str, ...]:
         """`sigma` as text, and the noise of the rows held out where that is another number."""
+        held = self.sigma_of(self.blocks.select | self.blocks.report)
+        return tuple(dict.fromkeys(map(self.in_words, (self.sigma, held))))
+
+    def in_words(self, friction: float) -> str:
+        """A size of friction as text: "0.301 × 10⁻³", "1.2 mN"."""
         size, unit = self.readable()
         times = " × " if unit.startswith("10") else " "
-        held = self.sigma_of(self.blocks.select | self.blocks.report)
-        texts = (f"{size * sigma:.3g}{times}{unit}".rstrip() for sigma in (self.sigma, held))
-        return tuple(dict.fromkeys(texts))
+        return f"{size * friction:.3g}{times}{unit}".rstrip()
 
     def to_json(self) -> dict:
         """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""

@@ -15,7 +15,8 @@ from .stability import new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
 _TINY = 0.01
-_WIDE = 92
+_WIDE, _WIDE_PANEL = 92, 50
+"""Letters in a line over the shares, and over each column of profiles."""
 _VARIABLES = {
     "slip": ("slip", "slip since the first row"),
     "log_velocity": ("velocity", "velocity"),
@@ -70,33 +71,34 @@ def save_profiles(loop: Loop, folder: Path) -> list[str]:
     number = len(loop.location)
     columns = min(3, max(number, 1))
     rows = max(1, -(-number // columns))
-    figure = new_figure(4.3 * columns, 3.3 * rows + 0.9)
+    told = "\n".join(textwrap.fill(line, _WIDE_PANEL * columns) for line in _how_to_read(loop))
+    figure = new_figure(4.3 * columns, 3.3 * rows + 0.18 * (1 + told.count("\n")))
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    size, unit = loop.readable()
-    left = loop.before.rms["train"]
     for axis, profile in zip(panels, loop.location, strict=False):
-        _profile(axis, profile, loop, size)
+        _profile(axis, profile, loop, loop.readable()[0])
     for axis in panels[::columns]:
         axis.set_ylabel("missing friction / rms left")
     for axis in panels[number:]:
         axis.set_axis_off()
     if number == 0:
         panels[0].text(0.5, 0.5, "no structure was searched for", ha="center", va="center")
-    figure.suptitle(
-        "Where friction differs from the base model. Each variable is asked alone: shares overlap"
-        " and do not add up to 100 %.\nIn units of the rms that the base leaves in its train block,"
-        f" {size * left:.3g} {unit}".rstrip()
-        + ", of which the noise of a row is the dotted"
-        f" {loop.sigma / left:.2g}.\nLeft out is what the base's own parameters take up. The"
-        " machine shows a part only, and neighbours of opposite sign cancel. Bars: standard error."
-        "\np: how often noise alone gains as much in likelihood by bumps over a variable, its size"
-        " and memory found anew. Each variable by itself; the\ntable of tests corrects for all"
-        " that is asked.",
-        x=0.01,
-        ha="left",
-        fontsize=10.5,
-    )
+    figure.suptitle(told, x=0.01, ha="left", fontsize=10.5)
     return save(figure, folder, "profiles")
+
+
+def _how_to_read(loop: Loop) -> list[str]:
+    left = loop.before.rms["train"]
+    return [
+        "Where friction differs from the base model. Each variable is asked alone: shares overlap"
+        " and do not add up to 100 %.",
+        f"In units of the rms that the base leaves in its train block, {loop.in_words(left)},"
+        f" of which the noise of a row is the dotted {loop.sigma / left:.2g}.",
+        "Left out is what the base's own parameters take up. The machine shows a part only, and"
+        " neighbours of opposite sign cancel. Bars: standard error.",
+        "p: how often noise alone gains as much in likelihood by bumps over a variable, its size"
+        " and memory found anew. Each variable by itself; the table of tests corrects for all that"
+        " is asked.",
+    ]
 
 
 def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> None:

@@ -31,7 +31,9 @@ _BLOCKS = {
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
 _TITLE_WIDTH = 105
-_NOISE_WIDTH = 88
+_NOISE_WIDTH = 118
+_LETTER, _SMALLEST = 0.0012, 5.5
+"""Part of a panel's width that a letter of one point takes; the smallest letters."""
 _ROLE_COLOURS = {
     "model": BLUE,
     "base": MIDDLE,
@@ -159,11 +161,14 @@ def _velocities(axis: Axes, loop: Loop, along: np.ndarray, marks: np.ndarray) ->
         plain_log(axis, "y")
     else:
         axis.margins(y=0.4)
-    wide = np.abs(np.diff(ends)) > 0.03 * np.ptp(along)
-    for k in np.flatnonzero(wide):
+    for k, share in enumerate(np.abs(np.diff(ends)) / np.ptp(along)):
         at = 0.5 * (ends[k] + ends[k + 1]), shown[k]
-        text = f"{float(f'{shown[k]:.3g}'):.15g}"  # 2000, not 2e+03
-        axis.annotate(text, at, (0, 3), textcoords="offset points", ha="center", fontsize=8)
+        text = f"{float(f'{shown[k]:.3g}'):.15g}".replace("-", "−")  # 2000, not 2e+03
+        points = min(8.0, share / _LETTER / len(text))
+        if points >= _SMALLEST:  # larger, it would lie on the line at its side
+            axis.annotate(
+                text, at, (0, 3), textcoords="offset points", ha="center", fontsize=points
+            )
     axis.set_ylabel(f"velocity\n[{unit}]")
     tidy(axis, f"{loop.words.velocity} [{unit}]; dashed lines: {loop.words.marks}")
 
@@ -340,7 +345,8 @@ def _save_candidates(loop: Loop, folder: Path) -> list[str]:
     beside.set_yticks(range(len(tried)), [""] * len(tried))
     beside.set_ylim(first.get_ylim())
     ids = [s.id for s in screened]
-    _bars(second, ids, [s.delta_bic for s in screened], [LIGHT] * len(ids))
+    chosen = [BLUE if id in loop.effects else LIGHT for id in ids]
+    _bars(second, ids, [s.delta_bic for s in screened], chosen)
     tidy(second, "Single effects, screened: ΔBIC to first order")
     for axis in (first, second):
         axis.set_xlabel("ΔBIC (above 0: better than the base)")
@@ -408,7 +414,7 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequ
 def _key(axis: Axes) -> None:
     axis.set_axis_off()
     colours = (
-        (BLUE, "the model that was chosen"),
+        (BLUE, "the model that was chosen; below, its effects"),
         (MIDDLE, "the base, and models on the way"),
         (LIGHT, "tried, not taken"),
         (PALE, "impossible, or not converged"),
