@@ -33,6 +33,8 @@ _LONG = 4.0
 """Bars so many times as long as the usual one may leave the panel."""
 _LEAST = 0.01
 """An axis of normal stress spans so much of it or more: less is the servo's."""
+_NUMBER = 0.008
+"""Room that a digit above a panel takes, of the panel's width."""
 _WORDS = {"stress": "normal stress", "stick_slip": "stick-slip"}
 
 
@@ -112,17 +114,22 @@ def _mark(axis: Axes, record: Record, events: Sequence[Event]) -> None:
 
 def _number(axis: Axes, record: Record, events: Sequence[Event]) -> None:
     """The numbers of the steps that are fitted, above their windows."""
-    t, top = record.relative_time, axis.get_ylim()[1]
-    for number, event in enumerate((e for e in events if e.fitted), 1):
-        row = int(np.searchsorted(t, event.time))
-        axis.text(
-            row, top, str(number), ha="center", va="bottom", fontsize=8, color=_COLOURS["step"]
-        )
+    fitted = [event.time for event in events if event.fitted]
+    rows = np.searchsorted(record.relative_time, fitted)
+    ends = [-np.inf, -np.inf]  # of the numbers in the lower and the upper line
+    for number, row in enumerate(rows, 1):
+        line = int(row < ends[0] and ends[1] < ends[0])
+        ends[line] = row + _NUMBER * len(str(number)) * len(record)
+        axis.annotate(
+            str(number), (row, 1.0), (0, 1 + 9 * line), xycoords=axis.get_xaxis_transform(),
+            textcoords="offset points", ha="center", va="bottom", fontsize=8,
+            color=_COLOURS["step"],
+        )  # fmt: skip
 
 
 def _times(axis: Axes, record: Record) -> None:
     """Times at the rows where the ticks are, written above them."""
-    second = axis.secondary_xaxis(1.1)
+    second = axis.secondary_xaxis(1.12)
     places = np.linspace(0, len(record) - 1, 8).astype(int)
     second.set_xticks(places, [f"{record.relative_time[p]:.0f} s" for p in places])
     second.spines["top"].set_visible(False)
@@ -185,7 +192,7 @@ def rates_figure(run: RunFit) -> Figure:
     low, high = axes[0].get_ylim()
     words = "all below 0: velocity weakening" if high < 0 else "below 0: velocity weakening"
     words = "all above 0: velocity strengthening" if low > 0 else words
-    axes[0].text(0.02, 0.02, words, transform=axes[0].transAxes, fontsize=8)
+    axes[0].set_title(words, loc="left", fontsize=8.5)  # within, it would lie on the line of 0
     return figure
 
 
@@ -226,7 +233,7 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
         )
     right.axhline(0, color="0.4", lw=0.7)
     right.set_xlabel("load point after the hold [\u00b5m]")
-    right.set_ylabel("friction less that before")
+    right.set_ylabel(f"friction less that before{force and ' [N]'}")
     right.legend(title="hold", frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
     for axis in (left, right):
         axis.spines[["top", "right"]].set_visible(False)
