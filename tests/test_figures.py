@@ -1,5 +1,6 @@
 """What figures show: ticks, scales and panels, read from the artists that are drawn."""
 
+import itertools
 from types import SimpleNamespace
 
 import matplotlib.figure
@@ -245,10 +246,44 @@ def test_rates_of_a_run_fill_their_panels(monkeypatch, middle, words) -> None:
     figure.draw_without_rendering()
     low, high = figure.axes[0].get_ylim()
     assert 0.7 * (high - low) < 1.6e-4 + 2 * 1.96e-4 < high - low
-    assert [text.get_text() for text in figure.axes[0].texts] == [words]
+    assert figure.axes[0].get_title(loc="left") == words and not figure.axes[0].texts
     left, right = figure.axes[2].get_xlim()
     assert right - left == pytest.approx(0.999, rel=1e-3)
     assert all(axis.xaxis.get_offset_text().get_text() == "" for axis in figure.axes)
+
+
+def test_numbers_of_steps_beside_each_other_stand_in_two_lines() -> None:
+    """Steps 60 rows apart of 30 000: their numbers would lie on each other."""
+    record = SimpleRecord()
+    at = (10000, 19000, 19060, 25000)
+    events = [SimpleNamespace(fitted=True, time=float(t)) for t in at]
+    figure = new_figure(13, 4)
+    axis = figure.subplots()
+    axis.set_xlim(0, 30000)
+    plot_run._number(axis, record, events)  # pyright: ignore
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in axis.texts]
+    assert [text.get_text() for text in axis.texts] == ["1", "2", "3", "4"]
+    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+    assert all(box.y0 >= axis.get_window_extent().y1 for box in boxes)
+
+
+class SimpleRecord:
+    relative_time = np.arange(30000.0)
+
+    def __len__(self) -> int:
+        return len(self.relative_time)
+
+
+def test_a_scale_of_colours_ends_where_its_values_do() -> None:
+    """No arrow below an amplitude of 0: it said that some are negative."""
+    for most, arrows in ((0.0, "neither"), (1e6, "max")):
+        top = np.zeros((9, 2))
+        top[-1, -1] = most  # one value beyond the last per cent, where the scale ends
+        found = study_of(slip_amplitude=(lambda k, V, top=top: np.maximum(k, 2e4) + top, "slip"))
+        figure = _map(found, "slip_amplitude", ("k_p", "V0"), coded=False)
+        assert isinstance(figure, matplotlib.figure.Figure)
+        assert figure.axes[-1]._colorbar.extend == arrows  # pyright: ignore
 
 
 def test_the_border_of_stability_is_drawn_finer_than_the_map() -> None:

@@ -193,7 +193,7 @@ def test_a_steady_loop_has_the_noise_of_its_runs(over_the_path, monkeypatch, tmp
     left, right = figure.axes
     assert (left.get_xlabel(), right.get_xlabel()) == (
         "distance between rows [rows]",
-        "speed [1/min]",
+        "speed [rpm]",
     )
     lines = {line.get_label(): line for line in right.get_lines()}
     model = next(line for label, line in lines.items() if label.startswith("by the noise"))

@@ -11,7 +11,7 @@ from ..records.axis_units import shown_units
 from ..records.strokes import Strokes, position_of
 from .label import legend_beside, printable
 from .palette import BLACK, BLUE, GREY, ORANGE
-from .stability import new_figure, tidy
+from .stability import new_figure, prefixed, tidy
 
 _WINDOW = 200
 """Part of the longest stroke's rows over which speeds are averaged."""
@@ -73,15 +73,15 @@ def draw_curve(curve: SteadyCurve, path: str | Path) -> None:
     """Write a figure of the force of steady runs against their speed to `path`."""
     rotary = curve.coordinate == "rotary"
     unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
+    factor, force_unit = prefixed(float(np.max(np.abs(curve.force))), curve.force_unit)
+    force, error = factor * curve.force, factor * curve.error
     figure = new_figure(8.0, 4.5)
     axes = figure.subplots()
-    axes.errorbar(
-        curve.speed / size, curve.force, curve.error, fmt="o", color=BLACK, ms=4, capsize=2
-    )
+    axes.errorbar(curve.speed / size, force, error, fmt="o", color=BLACK, ms=4, capsize=2)
     axes.axhline(0, color=GREY, lw=0.8)
     axes.axvline(0, color=GREY, lw=0.8)
     axes.set_xlabel(f"speed [{unit}]")
-    axes.set_ylabel(f"motor {'torque' if rotary else 'force'} [{curve.force_unit}]")
+    axes.set_ylabel(f"motor {'torque' if rotary else 'force'} [{force_unit}]")
     tidy(axes, f"{printable(curve.provenance.path)}: {len(curve)} steady runs, mean ± its error")
     figure.savefig(str(path), dpi=150)
 

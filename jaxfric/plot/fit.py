@@ -41,6 +41,7 @@ def fit_figure(fit: Fit) -> Figure:
     _autocorrelation(axes[2], fit)
     for axis in axes:
         axis.spines[["top", "right"]].set_visible(False)
+    _legend(axes[0], bool(len(marks)))
     for axis in axes[:2]:
         axis.margins(x=0.01)
         for mark in marks:
@@ -69,7 +70,6 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     axis.plot(along, fit.predicted, color=_FIT, lw=1.6, label="fit")
     force = fit.record.friction_unit == "N"
     axis.set_ylabel("friction force [N]" if force else "friction coefficient")
-    axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=2, frameon=False, fontsize=9)
     # beside the panel: within it the box would lie on some record
     lines = [
         f"{row.name} = {row.value}"
@@ -94,6 +94,12 @@ def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     box.set_fontsize(8.5 * min(1.0, room / extent.width))
 
 
+def _legend(axis: Axes, stepped: bool) -> None:
+    if stepped:
+        axis.plot([], [], color=_STEP, lw=0.8, ls="--", label="velocity step")
+    axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=3, frameon=False, fontsize=9)
+
+
 def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     if fit.converged:
         near, all_of_it = scatter(fit), fit.noise.sigma
@@ -110,7 +116,7 @@ def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     axis.plot(along, _counted(fit), color=_DATA, lw=0.7)
     mark_glitches(axis, along, fit.noise.glitches)
     axis.axhline(0, color="0.3", lw=0.6)
-    axis.set_ylabel("record − fit")
+    axis.set_ylabel("record − fit [N]" if fit.record.friction_unit == "N" else "record − fit")
     if fit.converged:
         axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
 

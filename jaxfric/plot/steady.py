@@ -31,7 +31,7 @@ def _with_outliers(curve: SteadyCurve) -> tuple[str, ...]:
 
 def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
     """Factor from SI and unit in which a speed is shown."""
-    return (60 / (2 * np.pi), "1/min") if curve.coordinate == "rotary" else (1.0, "m/s")
+    return (60 / (2 * np.pi), "rpm") if curve.coordinate == "rotary" else (1.0, "m/s")
 
 
 def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
@@ -78,7 +78,7 @@ def steady_figure(loop: SteadyLoop) -> Figure:
     top.set_ylabel(f"friction [{unit}]")
     bottom.set_ylabel(f"run − model [{unit}]")
     bottom.set_xlabel(f"speed [{shown}]")
-    rms = " -> ".join(f"{m.rms / size:.3g}" for m, _, _ in lines)
+    rms = " → ".join(f"{m.rms / size:.3g}" for m, _, _ in lines)
     tidy(top, f"{printable(curve.provenance.path)}: friction at steady speed")
     tidy(bottom, f"What the models leave: rms {rms} {unit}")
     entries: dict[str, Artist] = {}

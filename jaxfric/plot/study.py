@@ -240,7 +240,8 @@ def _numbers(
         shown = np.where(np.isfinite(part), size * part, np.nan)
         meshes.append(_mesh(axis, sides, shown, cmap, norm))
         axis.set_facecolor("0.87")
-    extend = "neither" if share else "both"
+    below, above = size * np.min(finite) < norm.vmin, size * np.max(finite) > norm.vmax
+    extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
     bar = figure.colorbar(meshes[-1], ax=list(axes), extend=extend, shrink=0.9, pad=0.02)
     label = ("share of samples" if share else _symbol(name)) + (
         f" [{text.replace('*', ' ')}]" if text else ""
