@@ -5,6 +5,7 @@ import importlib.util
 import re
 import sys
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -67,6 +68,18 @@ def test_every_effect_has_a_picture_and_an_entry():
         pictures = {path.stem for path in (ROOT / "fits" / "effects" / folder).glob("*.png")}
         assert pictures == set(effects)
         assert all(f"{{#{folder}-{id}}}" in text for id in effects)
+
+
+def test_a_long_equation_scrolls_by_itself(monkeypatch):
+    """Of the theory at 420 px the whole page scrolled sideways to 716 px."""
+    for name in ("latex2mathml", "mkdocs"):
+        pytest.importorskip(name)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    with mock.patch.dict(sys.modules):  # hooks.py names its neighbours as other tests name theirs
+        hooks = script("hooks")
+    html = hooks.equations("so\n\n$$ a = b $$\n\nand $c$")
+    (block,) = re.findall(r"<div[^>]*>.*?</div>", html)
+    assert "overflow-x: auto" in block.split(">")[0] and 'display="block"' in block
 
 
 def test_docstrings_become_markdown():

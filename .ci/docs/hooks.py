@@ -83,7 +83,9 @@ def _math(tex: str) -> str:
 
 
 def _block(tex: str) -> str:
-    return f'<div class="equation">{convert(" ".join(tex.split()), display="block")}</div>'
+    # a long one scrolls by itself: else the whole page does in a narrow window
+    inside = convert(" ".join(tex.split()), display="block")
+    return f'<div class="equation" style="overflow-x: auto">{inside}</div>'
 
 
 def sources() -> str:
