@@ -41,6 +41,10 @@ def test_a_page_of_a_fit(results: Path) -> None:
     text = Path("report.html").read_text()
     assert "a fit &amp; more" in text and "jaxfric report ." in text
     assert text.count("<figure>") == 1 and "http" not in text.split("base64")[0]
+    # a number that breaks within its digits is another number
+    assert not re.search(
+        r"\btd(?!:not\(\.n\))[^{}]*\{[^}]*(normal|anywhere)", text.split("base64")[0]
+    )
     links = _Links(text)
     assert {t[1:] for t in links.targets if t[0] == "#"} <= links.ids
     files = [t for t in links.targets if t[0] != "#"]

@@ -13,7 +13,7 @@ _COLOUR = "#1f4e79"
 _NARROW = """<style>
 figure { overflow-x: auto; } figure img { min-width: 34rem; } caption { display: none; }
 nav li, h2 { overflow-wrap: anywhere; } h2 small { color: var(--soft); font-weight: 400; }
-td { white-space: normal; overflow-wrap: anywhere; }
+td:not(.n) { white-space: normal; overflow-wrap: break-word; }
 </style>"""
 
 

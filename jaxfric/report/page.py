@@ -54,7 +54,7 @@ summary { cursor: pointer; color: var(--soft); }
 @media (max-width: 40rem) {
   main { padding: 1rem .8rem 3rem; } h1 { font-size: 1.45rem; }
   figure img { width: 40rem; max-width: none; }
-  figcaption::after { content: " The figure is wider than the screen: move it sideways."; }
+  figcaption::after { content: " (wider than the window: move it sideways)"; }
   th, .w { white-space: normal; } .w { min-width: 7rem; }
 }
 @media print { main { max-width: none; padding: 0; } figure, table { break-inside: avoid; } }
