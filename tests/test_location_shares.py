@@ -78,7 +78,12 @@ def profile(variable, explained, further, p=1e-9):
     ("location", "shares", "words"),
     [
         ((), [], ["no more than noise"]),
-        ([("slip", np.nan, np.nan)], [], ["no more than noise"]),
+        ([("slip", np.nan, np.nan, 0.3)], [], ["no more than noise"]),
+        (
+            [("slip", np.nan, np.nan)],
+            [],
+            ["follows slip best (p = 1e-09)", "too little beside the"],
+        ),
         ([("slip", 0.0, 0.0)], [(None, 1.0)], ["No variable explains"]),
         # of white noise: the best of 117 wavelengths always explains something
         ([("wavelength", 0.04, 0.04, 0.3), ("slip", 0.01, 0.0, 0.9)], [], ["Over no variable"]),

@@ -108,6 +108,8 @@ def shares_told(
     shares = added_shares(location)
     if not shares and any(np.isfinite(p.further) for p in location):
         return ["Over no variable does the base model leave more than noise alone gives."]
+    if not shares and (seen := where_it_sits(location, velocities)):
+        return [seen, "It is too little beside the noise to be parted into shares."]
     if not shares:
         return ["What the base model leaves is no more than noise: there is nothing to place."]
     (first, share), *more = shares
