@@ -42,10 +42,9 @@ LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
 too seldom for its size to be known, and a likelihood makes it as large as it likes."""
 _SHORTEST = 1e-6  # shortest gap that is searched, as a share of the record
-_FEW, _MANY = 8, 24  # noises that are whitened in one pass
-_WIDE = 660
-"""Columns of all noises of a pass up to which many cost little more than few: most of the time is
-that of going from row to row."""
+_TOGETHER = 8
+"""Noises that are whitened in one pass. Passes of more take as long for each, and every number of
+them is compiled for."""
 _DAMPINGS = 8
 _NEWTON = 12
 _STEP = 0.2
@@ -522,17 +521,13 @@ def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
     """Restricted log-likelihoods and sigmas (g,) of noises with some `parts` (as of `parts_at`)."""
     values, sigmas = [], []
     columns, count = record.columns.shape[1], len(parts[2])
-    many = _ALONE if columns == 1 else _MANY if _MANY * columns <= _WIDE else _FEW
-    few = min(many, _ALONE if columns == 1 else _FEW)
+    size = _ALONE if columns == 1 else _TOGETHER
     if record.rows > _SIZED * _STRETCH:  # memory
-        many = few = 1
+        size = 1
     # a pass without resonators, or without a swing, takes less time (`noise.moves_of`)
     order = np.argsort((parts[2] > EXPONENTIAL) + 1.0 * (parts[2] > 0), kind="stable")
-    begin = 0
-    while begin < count:
-        size = few if count - begin <= few else many
+    for begin in range(0, count, size):
         at = order[np.minimum(np.arange(begin, begin + size), count - 1)]  # few shapes are compiled
-        begin += size
         some = (x[at] for x in parts)
         found = restricted(record.clock, record.weight, record.columns, record.scale, *some)
         values.append(np.asarray(found[0]))
