@@ -7,6 +7,7 @@ import pytest
 from command import assert_refused, run
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
+from scipy.special import lambertw
 
 from jaxfric import InputError, find_gains, law_from_parameters
 from jaxfric.gains.frontier import Region, largest_alone
@@ -23,7 +24,7 @@ from jaxfric.stability.linear import (
     controller_delay,
     sampling_delay,
 )
-from jaxfric.stability.margins import is_stable, margin, poles, several
+from jaxfric.stability.margins import available, is_stable, margin, poles, several
 
 NAMES = ("decay", "modulus", "phase", "delay")
 
@@ -186,6 +187,19 @@ def test_the_largest_gains_of_a_late_controller():
         assert unstable_roots(more) or scanned(more)[0] < 0.5
 
 
+def test_poles_of_a_late_loop_are_the_less_damped_the_faster():
+    """m s + f_v + k_v exp(-T s) = 0, by Lambert's W: no number of them all is a distance from 0."""
+    m, f_v, k_v, T = 2.0, 1500.0, 0.1, 1e-3
+    s = (
+        np.array([lambertw(-k_v * T / m * np.exp(T * f_v / m), k) / T for k in (1, 10, 1000)])
+        - f_v / m
+    )
+    np.testing.assert_allclose(m * s + f_v + k_v * np.exp(-T * s), 0, atol=1e-4)
+    ratio = -s.real / np.abs(s)
+    assert np.all(np.diff(ratio) < 0) and ratio[-1] < 0.01
+    assert "damping" not in available(slider(jnp.asarray(typical(1, 0)[0])))
+
+
 @pytest.mark.long
 def test_gains_of_a_sampled_controller():
     """They meet the margin with the delay, in an independent scan, and smaller ones do not."""
@@ -213,12 +227,15 @@ def test_what_a_late_controller_cannot_be_asked():
         ({"delay": 1e-3}, "exclude each other"),
         ({"sample_time": None, "delay": 0.0}, "delay of the controller is 0 s"),
         ({"margin": {"stiffness": 1.5}}, "margin stiffness"),
+        ({"margin": {"damping": 0.5}}, "margin damping .* poles without end"),
     ):
         with pytest.raises(InputError, match=words):
             find_gains(LAW, **(given | changed))
     one = slider(jnp.asarray(typical(1, 0)[0]))
     with pytest.raises(InputError, match="no critical stiffness"):
         margin("stiffness", one)
+    with pytest.raises(InputError, match="the faster the less damped"):
+        margin("damping", one)
     delayed = LinearFriction(
         one.friction.slope, DelayKernel(one.friction.slope, one.mass), one.mass
     )
@@ -262,4 +279,5 @@ def test_given_gains_are_looked_at_with_a_delay():
     assert bool(found.stable) == (min(signed) > 0) and "stiffness" not in found.margins
     told = "\n".join(describe(found, "law"))
     assert "a controller that answers 3 ms late: " + ("" if found.stable else "UN") in told
-    assert "Pade" in told
+    assert "Pade" in told and "damping " not in told.partition("margins:")[2]
+    assert "(18)-(20), of a controller that answers at once:" in told

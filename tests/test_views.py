@@ -241,12 +241,15 @@ def test_a_fit_as_tables():
     assert list(table.index) == ["A_minus_B", "f0", "A", "B", "L", "K", "V0"]
     assert table.loc["L", "value"] == 2e-5 and table.loc["L", "unit"] == "m"
     assert table.loc["A_minus_B", "std"] == fit.A_minus_B.std
+    # of numbers in metres pandas shows one digit
+    assert table.columns[0] == "shown" and table.loc["L", "shown"] == "0.00002000 ± 0.00000040 m"
     assert table.attrs["converged"] is True and table.attrs["law"] == "slip"
     data = fit.to_xarray()
     np.testing.assert_array_equal(data["residual"], fit.record.friction - fit.predicted)
     assert data["time"].attrs["units"] == "s" and data["friction"].attrs["units"] == "1"
     loose = fit_of(VALUES, covariance_of(VALUES, 0.02), undetermined=("L",)).to_pandas()
     assert np.isnan(loose.loc["L", "std"]) and not loose.loc["L", "determined"]
+    assert loose.loc["L", "shown"] == "undetermined"
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

@@ -68,13 +68,16 @@ def _without(study: Study) -> str:
 def _theorem(study: Study) -> list[str]:
     found = study.theorem
     *checks, conclusion = found.describe()
-    lines = ["theorem of Rice and Ruina, (18)-(20):", *(f"  {line}" for line in checks)]
+    at_once = "" if study.late is None else ", of a controller that answers at once"
+    lines = [f"theorem of Rice and Ruina, (18)-(20){at_once}:", *(f"  {line}" for line in checks)]
     for w, k in solutions(study):
         lines.append(f"  w_n = {w:.8g} rad/s ({w / (2 * math.pi):.4g} Hz): k(w_n) = {k:.8g} N/m")
     k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
     if 0 < k_cr < math.inf:
         at = f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s"
         conclusion = f"{at}: stable for k_p above k_cr, {_without(study)}"
+    elif k_cr == 0 and study.late is not None:
+        conclusion += "; late as it is, it bounds k_p and k_v"
     return [*lines, conclusion, *_spread(study)]
 
 

@@ -50,7 +50,7 @@ MARGINS: dict[str, Margin] = {
         1.0,
         "stiffness margin, k_p over the critical stiffness",
         _HERE + "stiffness",
-        unless_late="a spring answers at once",
+        unless_late="it has no critical stiffness, as a spring answers at once",
         unlimited="no critical stiffness: damping suffices",
     ),
     "decay": Margin(
@@ -63,7 +63,13 @@ MARGINS: dict[str, Margin] = {
         robust=False,
     ),
     "damping": Margin(
-        "1", 0.0, "smallest damping ratio of a pole", _HERE + "damping", 1.0, needs_poles=True
+        "1",
+        0.0,
+        "smallest damping ratio of a pole",
+        _HERE + "damping",
+        1.0,
+        needs_poles=True,
+        unless_late="a late loop has poles without end, the faster the less damped",
     ),
     "modulus": Margin("1", 0.0, "modulus margin", _HERE + "modulus", 1.0),
     "gain": Margin(

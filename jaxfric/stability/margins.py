@@ -93,8 +93,14 @@ def available(slider: LinearSlider) -> tuple[str, ...]:
 
 def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array, ""]]:
     """Some margins by their names, from one analysis; raises as `margin` does."""
-    analysis = Analysis(slider)
-    return {name: _function(name)(analysis) for name in names}
+    analysis, asked = Analysis(slider), tuple(names)
+    for name in asked if slider.delay is not None else ():
+        if reason := MARGINS[name].unless_late:
+            raise InputError(
+                f"margin {name} has no meaning with a controller that answers late: {reason};"
+                " require modulus, gain, phase or delay"
+            )
+    return {name: _function(name)(analysis) for name in asked}
 
 
 def _function(name: str) -> Callable[["Analysis"], Float[Array, ""]]:
@@ -179,11 +185,6 @@ def _require_float64(slider: LinearSlider) -> None:
 
 def stiffness(of: Analysis) -> Float[Array, ""]:
     """(k_p + f_x)/k_cr, how far above the critical stiffness; inf where damping suffices."""
-    if of.slider.delay is not None:
-        raise InputError(
-            "margin stiffness: a controller that answers late has no critical stiffness; require"
-            " modulus, gain, phase or delay"
-        )
     k_cr = apply_theorem(of.slider).critical_stiffness
     k = of.slider.stiffness + of.slider.friction.trend
     some = (k_cr > 0) & jnp.isfinite(k_cr)

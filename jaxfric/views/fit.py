@@ -3,7 +3,7 @@
 import dataclasses
 
 from ..fitting.result import Estimate, Fit
-from ..fitting.table import DIFFERENCE, rows, summary
+from ..fitting.table import DIFFERENCE, Row, rows, summary
 from ..loop.result import TextTable
 from ..plot.label import printable
 from .view import Arrays, Frame, Page, Variable, View
@@ -12,14 +12,17 @@ from .view import Arrays, Frame, Page, Variable, View
 def line(fit: Fit) -> str:
     """The law, A-B, A, B and L with their errors, and how the fit ended."""
     shown = [row for row in rows(fit) if row.name[0] in "ABL" and row.value]
-    told = ", ".join(
-        f"{row.name.partition(' ')[0]} = {row.value}"
-        + (f" ± {row.std}" if row.std not in ("", "fixed") else "")
-        + (f" {row.unit}" if row.unit and row.value != "undetermined" else "")
-        for row in shown
-    )
+    told = ", ".join(f"{row.name.partition(' ')[0]} = {_with_error(row)}" for row in shown)
     name = printable(fit.record.provenance.path)
     return f"Fit({name}: {fit.law} law, {told}; {fit.result})"
+
+
+def _with_error(row: Row) -> str:
+    """A parameter in a record's own unit: "7.75 ± 0.69 µm"."""
+    error = f" ± {row.std}" if row.std not in ("", "fixed") else ""
+    return f"{row.value}{error}" + (
+        f" {row.unit}" if row.unit and row.value != "undetermined" else ""
+    )
 
 
 def page(fit: Fit) -> Page:
@@ -49,9 +52,13 @@ def attributes(fit: Fit) -> dict[str, object]:
 
 
 def frame(fit: Fit) -> Frame:
-    """A row for A-B and every parameter: value, std, 95 % interval, unit."""
-    of = {DIFFERENCE: fit.A_minus_B, **fit.parameters}
-    return Frame([estimated(name, e) for name, e in of.items()], "name", attributes(fit))
+    """A row for A-B and every parameter: in words, then value, std, 95 % interval and unit, SI."""
+    of, texts = {DIFFERENCE: fit.A_minus_B, **fit.parameters}, map(_with_error, rows(fit))
+    found = [
+        {"name": name, "shown": text} | estimated(name, e)
+        for (name, e), text in zip(of.items(), texts, strict=True)
+    ]
+    return Frame(found, "name", attributes(fit))
 
 
 def arrays(fit: Fit) -> Arrays:
