@@ -4,6 +4,7 @@ import dataclasses
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import assert_refused, run
 from test_gains import fit_content, written
@@ -149,6 +150,10 @@ def test_where_damping_alone_does_not_do_it_is_told(monkeypatch):
         upper=(None, 100.0),
     )  # fmt: skip
     assert found.alone.meets == (True, False) and found.alone.tried[1] == 100
+    assert "velocity 2 mm/s, mass 2 kg" in describe(found)[2]
+    wide = dataclasses.replace(found.scenarios, velocity=np.array([1e-6, 1e-5]))
+    (line,) = (x for x in describe(dataclasses.replace(found, scenarios=wide)) if "scenarios" in x)
+    assert "velocity 1 µm/s to 10 µm/s" in line
     late = dataclasses.replace(found, delay=1.5e-3)
     for gains, why, bare in (
         (found, "", ""),

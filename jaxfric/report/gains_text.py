@@ -6,7 +6,7 @@ from ..gains.requirement import DEFAULT, Requirement
 from ..gains.result import NOTHING, Certificate, Gains, LocalOptimum, norm_text
 from ..gains.scenarios import number_of_samples
 from ..stability.margin_table import MARGINS
-from ..units import between
+from ..units import between, read_as, speed_text
 
 _UNITS = ("N/m", "N s/m")
 """Of stiffness and of damping."""
@@ -59,10 +59,15 @@ def required(what: Requirement) -> str:
     return f"{text} ({DEFAULT} is the default, kept as {others} alone allows no error of the model)"
 
 
+def _speed(velocity: float) -> str:
+    return read_as(speed_text(velocity))
+
+
 def _scenarios(gains: Gains) -> str:
     scenarios = gains.scenarios
     low, high = scenarios.velocity.min(), scenarios.velocity.max()
-    text = f"{len(scenarios)}, velocity {between(low, high, 'm/s')}"
+    ends = dict.fromkeys(_speed(v) for v in (low, high))
+    text = f"{len(scenarios)}, velocity {' to '.join(ends)}"
     if scenarios.mass is None:
         text += ", no mass"
     else:
@@ -147,7 +152,7 @@ def _margin(gains: Gains, name: str) -> str:
     more = " more" if name == "delay" and gains.delay is not None else ""
     sampled = number_of_samples(gains.scenarios.laws) > 1
     sample = f", sample {where['sample']}" if sampled else ""
-    return f"{worst.value:.5g}{unit}{more}  at {where['velocity']:.3g} m/s{mass}{sample}"
+    return f"{worst.value:.5g}{unit}{more}  at {_speed(where['velocity'])}{mass}{sample}"
 
 
 def late_text(delay: float, sample_time: float | None = None) -> str:
@@ -175,7 +180,7 @@ def _simulation(gains: Gains) -> list[str]:
             text += f", {count} {name}"
     lines = [text]
     lines += [
-        f"  {start.start} at {start.scenario['velocity']:.3g} m/s: {start.end}"
+        f"  {start.start} at {_speed(start.scenario['velocity'])}: {start.end}"
         for start in checked.starts
         if start.end != "steady"
     ]
