@@ -346,11 +346,12 @@ def test_a_gross_misfit_points_to_the_loop() -> None:
     friction = np.random.default_rng(0).standard_normal(4000)
     of = {"record": SimpleNamespace(friction=friction), "converged": True}
     for fitted in (False, True):
-        of["model"] = SimpleNamespace(fit_stiffness=fitted)
+        of["model"] = SimpleNamespace(fit_stiffness=fitted, slip_trend=fitted)
         assert misfit_warning(SimpleNamespace(rms=1.5, **of)) == ()
         (text,) = misfit_warning(SimpleNamespace(rms=7.0, **of))
         assert text.startswith("the fit leaves 7") and "jaxfric loop" in text
         assert is_of_misfit(text) and ("--fit-stiffness" in text) != fitted
+        assert ("--slip-trend" in text) != fitted
 
 
 def test_steps_after_the_end_are_refused_by_record_too() -> None:

@@ -292,13 +292,13 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
 
     from ..runs.holds import told as told_of_holds
     from ..runs.joint import told as told_of_all
-    from ..runs.table import BRACKETS, text_lines
+    from ..runs.table import BRACKETS, MISFIT, headline, text_lines
 
     kinds = Counter(event.kind for event in result.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
     number = len(result.events)
     print(f"{len(result.record)} rows, {number} event{'' if number == 1 else 's'}: {words}")
-    for line in text_lines(result) if result.steps else (_NO_STEP,):
+    for line in (headline(result), *text_lines(result)) if result.steps else (_NO_STEP,):
         print(line)
     for line in (
         *told_of_all(result.steps),
@@ -306,20 +306,21 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
         *others.told(),
     ):
         print(line)
-    print(f"{BRACKETS}; -: not determined by its window")
+    print(f"{BRACKETS}; -: not determined by its window" + f"; {MISFIT}" * bool(result.steps))
 
 
 def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     """What the fits warn of, with the numbers of the steps of each warning."""
-    from ..fitting.misfit import is_of_misfit
+    from ..fitting.misfit import is_of_misfit, misfit_warning_of, missed_warning
     from ..runs.fits import by_step
 
-    told = by_step(  # a misfit is a column of the table
-        (step.number, text)
-        for step in result.steps
-        for text in (step.fit.warnings if step.fit is not None else (step.failed,))
-        if not is_of_misfit(text)
-    )
+    fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
+    said = [(n, text) for n, fit in fits for text in missed_warning(fit)]
+    said += [(step.number, step.failed) for step in result.steps if step.fit is None]
+    said += [(n, text) for n, fit in fits for text in fit.warnings if not is_of_misfit(text)]
+    left = [(n, fit) for n, fit in fits if any(map(is_of_misfit, fit.warnings))]
+    said += [(n, text) for n, _ in left for text in misfit_warning_of([fit for _, fit in left])]
+    told = by_step(said)
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]
     friction = result.record.friction_unit == "1"

@@ -46,7 +46,7 @@ def csv_rows(fits: Sequence[TabledFit], head: str) -> list[dict[str, Cell]]:
     for one in fits:
         cells = {} if one.fit is None else fit_cells(one.fit)
         if one.fit is not None:
-            cells |= {"states": one.fit.model.states, "misfit": float(f"{excess(one.fit):.4g}")}
+            cells["states"] = one.fit.model.states
             cells["warnings"] = "; ".join(one.fit.warnings)
         out.append({head: one.name} | cells | dict(one.more) | _said(one))
     return out

@@ -13,7 +13,8 @@ from ..runs.fits import RunFit, StepFit
 from ..runs.holds import Hold
 from ..runs.joint import told as told_of_all
 from ..runs.stick_slip import is_stretch
-from ..runs.table import BRACKETS, HEAD, Cell, text_cells
+from ..runs.table import BRACKETS, HEAD, MISFIT, Cell, text_cells
+from ..runs.table import headline as headline_of
 from .page import (
     bullets,
     document,
@@ -106,8 +107,7 @@ def page(
 ) -> str:
     """The page, with those PNG `figures` by file name that were drawn; `command` made it."""
     name = printable(run.record.provenance.path)
-    fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
-    headline = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
+    headline = headline_of(run)
     if not run.steps:
         kinds = _counts(run)
         seen = [f"{_KINDS[k]}: {kinds[k]}" for k in ("hold", "stick_slip") if kinds[k]]
@@ -118,7 +118,7 @@ def page(
         "Velocity steps",
         HEAD,
         [(*cells, *[""] * (len(HEAD) - len(cells))) for cells in map(text_cells, run.steps)],
-        f"{BRACKETS}; all parameters in table.csv",
+        f"{BRACKETS}; {MISFIT}; all parameters in table.csv",
     )
     parts = [
         f"<header>{head}{paragraph(shared[0], 'sentence') if shared else ''}</header>",

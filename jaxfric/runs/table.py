@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..fitting import Estimate, Fit
+from ..fitting.misfit import MISSED, excess, missed_warning
 from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
 
@@ -21,6 +22,11 @@ _UNITS = {"L": "um", "K": "1/um", "slip_trend": "1/mm"}
 
 BRACKETS = "in brackets: one standard error, in units of the last digit"
 """What `measured` writes, for a note."""
+MISFIT = (
+    "misfit: what the fit leaves over the scatter of neighbouring rows; *: it misses a part of its"
+    f" record by more than {MISSED:g} times the noise, so A, B and L need not be those of the step"
+)
+"""What the column of that name is, for a note."""
 _LARGE = 3
 """An error of 10 to this power or more, and its value, are written with an exponent."""
 
@@ -49,7 +55,8 @@ def _row(step: StepFit) -> dict[str, Cell]:
     }
     if fit is None:
         return row | {"result": step.failed}
-    return row | fit_cells(fit)
+    told = "; ".join((*missed_warning(fit), *fit.warnings))
+    return row | fit_cells(fit) | {"warnings": told}
 
 
 def fit_cells(fit: Fit) -> dict[str, Cell]:
@@ -73,6 +80,7 @@ def fit_cells(fit: Fit) -> dict[str, Cell]:
         if estimate.free:
             row[f"std {label}"] = short(scale * estimate.std, 4) if known else None
     row |= {"rms": short(fit.rms, 4), "noise": short(fit.noise.sigma, 4), "rows": len(fit.record)}
+    row["misfit"] = short(excess(fit), 4)
     return row | {"result": fit.result, "warnings": "; ".join(fit.warnings)}
 
 
@@ -135,7 +143,8 @@ def latex_text(run: RunFit) -> str:
     for step in run.steps:
         event, fit = step.event, step.fit
         stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
-        cells = [str(step.number), f"{1e6 * event.before:.4g}", f"{1e6 * event.after:.4g}", stress]
+        number = str(step.number) + (r"$^\dagger$" if _missed(step) else "")
+        cells = [number, f"{1e6 * event.before:.4g}", f"{1e6 * event.after:.4g}", stress]
         if fit is None or not fit.converged:
             cells += [r"\multicolumn{4}{c}{no fit}"]
         else:
@@ -144,7 +153,24 @@ def latex_text(run: RunFit) -> str:
             B, L = (", ".join(_estimate(p[x + n]) for n in numbers) for x in "BL")
             cells += [_estimate(fit.A_minus_B), _estimate(p["A"]), B, L]
         lines.append(" & ".join(cells) + r" \\")
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+    lines.append(r"\bottomrule")
+    if any(map(_missed, run.steps)):
+        words = rf"$^\dagger$ misses a part of its record by more than {MISSED:g} times the noise"
+        lines.append(rf"\multicolumn{{8}}{{l}}{{\footnotesize {words}}} \\")
+    return "\n".join([*lines, r"\end{tabular}", ""])
+
+
+def _missed(step: StepFit) -> bool:
+    """Whether a step has a fit that misses a part of its record."""
+    return step.fit is not None and bool(missed_warning(step.fit))
+
+
+def headline(run: RunFit) -> str:
+    """How many steps are fitted, and how many of these fits describe their record."""
+    fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
+    words = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
+    good = sum(not _missed(step) for step in fitted)
+    return words if good == len(fitted) else f"{words}, {good or 'none'} of them down to the noise"
 
 
 def _estimate(estimate: Estimate) -> str:
@@ -170,7 +196,7 @@ def measured(value: float, error: float) -> str:
 
 HEAD = (
     *("step", "time [s]", "V [um/s]", "normal stress [MPa]"),
-    *("A-B (a-b)", "A (a)", "B (b)", "L (D_c) [um]"),
+    *("A-B (a-b)", "A (a)", "B (b)", "L (D_c) [um]", "misfit"),
 )
 """Heads of the columns of `text_cells`."""
 
@@ -189,12 +215,13 @@ def text_cells(step: StepFit) -> tuple[str, ...]:
         " ".join(_estimate(p[x + n]).replace("$", "") for n in of)
         for x, of in (("A", [""]), ("B", numbers), ("L", numbers))
     )
-    return (*when, _estimate(fit.A_minus_B).replace("$", ""), A, B, L)
+    left = f"{excess(fit):.2g}{'*' if _missed(step) else ' '}"
+    return (*when, _estimate(fit.A_minus_B).replace("$", ""), A, B, L, left)
 
 
 def text_lines(run: RunFit) -> list[str]:
     """The table for a terminal, a line a step."""
-    widths = (4, 11, 16, 21, 14, 14, 13, 14)
+    widths = (4, 11, 16, 21, 14, 14, 13, 14, 9)
     lines = [HEAD, *(text_cells(step) for step in run.steps)]
     out = []
     for cells in lines:

@@ -6,7 +6,7 @@ from ..loop.result import TextTable
 from ..plot.label import printable
 from ..runs.fits import RunFit
 from ..runs.joint import told
-from ..runs.table import BRACKETS, HEAD, rows, text_cells
+from ..runs.table import BRACKETS, HEAD, MISFIT, headline, rows, text_cells
 from .view import Frame, Page, View
 
 
@@ -15,7 +15,7 @@ def line(run: RunFit) -> str:
     fits = [step.fit for step in run.steps if step.fit is not None and step.fit.converged]
     rates = [fit.A_minus_B.value for fit in fits if fit.A_minus_B.determined]
     text = f"RunFit({printable(run.record.provenance.path)}: {len(run.events)} events,"
-    text += f" {len(fits)} of {len(run.steps)} velocity steps fitted"
+    text += f" {headline(run)}"
     if rates:
         text += f"; A-B from {min(rates):.3g} to {max(rates):.3g}"
     return f"{text})"
@@ -26,7 +26,7 @@ def page(run: RunFit) -> Page:
     kinds = Counter(event.kind for event in run.events)
     events = f"{len(run.record)} rows: " + ", ".join(f"{n} {k}" for k, n in kinds.most_common())
     cells = [(*c, *[""] * (len(HEAD) - len(c))) for c in map(text_cells, run.steps)]
-    note = f"{BRACKETS}; -: not determined"
+    note = f"{BRACKETS}; -: not determined; {MISFIT}"
     warnings = [
         f"step {step.number}: {text}"
         for step in run.steps

@@ -1,0 +1,114 @@
+"""The tables of a run's steps, of fits that were never run: what is marked, and what is blank."""
+
+import csv
+import importlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_derived import VALUES, covariance_of, fit_of
+
+from jaxfric.fitting.glitches import Glitches
+from jaxfric.fitting.misfit import misfit_warning, misfit_warning_of, missed_warning, scatter
+from jaxfric.report.run_html import page
+from jaxfric.runs import Event
+from jaxfric.runs.findings import Findings
+from jaxfric.runs.fits import HowFitted, RunFit, StepFit
+from jaxfric.runs.table import (
+    HEAD,
+    csv_text,
+    headline,
+    latex_text,
+    rows,
+    text_cells,
+    text_lines,
+)
+
+
+def left(times=1.0, *, off=0.0, at=24.0, glitches=(), **model):
+    """A fit that leaves so many times the scatter of its record, and of five rows around a time
+    [s] misses so many times its noise; the step is at 20 s."""
+    fit = fit_of(VALUES, covariance_of(VALUES, 0.02))
+    about = np.argsort(np.abs(fit.record.relative_time - at))[:5]
+    predicted = fit.predicted.copy()
+    predicted[about] -= off * fit.noise.sigma
+    fit = replace(
+        fit,
+        rms=times * scatter(fit),
+        predicted=predicted,
+        noise=replace(fit.noise, glitches=Glitches(tuple(glitches))),
+        model=fit.model._replace(**model),
+    )
+    return replace(fit, warnings=("a drift", *misfit_warning(fit)))
+
+
+def run_of(*fits):
+    """A run whose steps have these fits, or none."""
+    event = Event("step", 20.0, 1e-6, 1e-5, 0.0, 50.0)
+    steps = [StepFit(k, event, 0.0, fit, "" if fit else "few") for k, fit in enumerate(fits, 1)]
+    record = next(fit for fit in fits if fit is not None).record
+    return RunFit(record, (event,) * len(steps), tuple(steps))
+
+
+@pytest.mark.parametrize(
+    ("off", "words"),
+    [
+        ((4.4, -4.4), "2 of 2 velocity steps fitted"),
+        ((4.4, -4.6), "2 of 2 velocity steps fitted, 1 of them down to the noise"),
+        ((5.5, 34.0, None), "2 of 3 velocity steps fitted, none of them down to the noise"),
+    ],
+)
+def test_the_headline_says_how_many_describe_their_record(off, words):
+    run = run_of(*(None if x is None else left(off=x) for x in off))
+    told = Findings((), (), None, ())
+    html = page(run, [], told, warnings=[], figures={}, command="jaxfric run")
+    assert headline(run) == words and f"<h1>{words}</h1>" in html and words in repr(run)
+
+
+def test_a_step_that_is_missed_is_marked_in_every_table():
+    run = run_of(left(1.23), left(5.5, off=-11.0), None)
+    assert HEAD[-1] == "misfit"
+    assert [text_cells(step)[-1] for step in run.steps] == ["1.2 ", "5.5*", "few"]
+    assert [line.endswith("5.5*") for line in text_lines(run)] == [False, False, True, False]
+    table = list(csv.DictReader(csv_text(rows(run)).splitlines()))
+    assert [row["misfit"] for row in table] == ["1.23", "5.5", ""]
+    assert ["misses its record" in row["warnings"] for row in table] == [False, True, False]
+    assert ["5.5 times the scatter" in row["warnings"] for row in table] == [False, True, False]
+    lines = latex_text(run).splitlines()
+    assert [r"$^\dagger$ &" in line for line in lines[5:8]] == [False, True, False]
+    assert "4.5 times the noise" in lines[-2]
+    assert "dagger" not in latex_text(run_of(left(1.23)))
+
+
+@pytest.mark.parametrize(
+    ("off", "at", "words"),
+    [
+        (
+            11.0,
+            24.0,
+            "by 0.0011, 11 times the noise that its errors count, 3.7 s after the",
+        ),
+        (-6.0, 10.0, "by 0.0006, 6 times the noise that its errors count, 9.8 s before the"),
+    ],
+)
+def test_what_is_missed_is_told_with_where_it_is(off, at, words):
+    (text,) = missed_warning(left(off=off, at=at))
+    assert words in text and "--slip-trend" in text
+    assert "--slip-trend" not in missed_warning(left(off=off, at=at, slip_trend=True))[0]
+    passed = range(30) if at < 20 else range(25, 60)
+    assert missed_warning(left(off=off, at=at, glitches=passed)) == ()
+    assert missed_warning(replace(left(off=off, at=at), converged=False)) == ()
+
+
+def test_the_misfit_of_all_steps_is_told_once_with_the_trend_that_may_be_it():
+    """A long evolution may take up a drift, so that what is left does not wander."""
+    told = importlib.import_module("jaxfric.cli.run")._warnings
+    run = run_of(left(1.0), left(2.24), left(10.0, off=7.0), None)
+    missed, failed, drift, text = told(run, HowFitted())
+    assert missed.startswith("step 3: the fit misses its record") and failed == "step 4: few"
+    assert drift == "step 1, 2, 3: a drift"
+    assert text.startswith("step 2, 3: the fit leaves 2.2 to 10 times the scatter")
+    assert "--slip-trend" in text and "--fit-stiffness" in text
+    assert "--slip-trend" not in misfit_warning_of([left(3.0, slip_trend=True)])[0]
+    assert misfit_warning_of([left(1.0)]) == ()
+    assert "leaves 2.2 times" in misfit_warning_of([left(2.24), left(1.0)])[0]
