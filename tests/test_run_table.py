@@ -22,6 +22,7 @@ from jaxfric.runs.table import (
     rows,
     text_cells,
     text_lines,
+    xlook_rows,
 )
 
 
@@ -112,3 +113,21 @@ def test_the_misfit_of_all_steps_is_told_once_with_the_trend_that_may_be_it():
     assert "--slip-trend" not in misfit_warning_of([left(3.0, slip_trend=True)])[0]
     assert misfit_warning_of([left(1.0)]) == ()
     assert "leaves 2.2 times" in misfit_warning_of([left(2.24), left(1.0)])[0]
+
+
+@pytest.mark.parametrize("unknown", [(), ("A",), ("B", "L"), ("L",), ("f0",)])
+def test_what_is_not_determined_is_blank_in_both_tables(unknown):
+    """In xlook's too, in columns that do not depend on which steps determine what."""
+    known = fit_of(VALUES, covariance_of(VALUES, 0.02), undetermined=unknown)
+    ours, theirs = (
+        list(csv.DictReader(csv_text(table(run_of(known, left()))).splitlines()))
+        for table in (rows, xlook_rows)
+    )
+    names = "step,mu_o,a,std a,b1,std b1,Dc1,std Dc1,a-b,std a-b,lin_term,wc"
+    assert ",".join(theirs[0]) == names
+    pairs = {"f0": "mu_o", "A": "a", "B": "b1", "L [um]": "Dc1", "A-B": "a-b"}
+    for name, other in pairs.items():
+        blank = name.split()[0] in unknown  # A-B may be known where A and B are not
+        assert (ours[0][name] == "") == (theirs[0][other] == "") == blank, name
+        assert (theirs[0].get(f"std {other}", "f0") == "") == (blank and name != "f0")
+        assert theirs[1][other] == ours[1][name] != ""

@@ -109,26 +109,36 @@ def csv_text(table: Sequence[Mapping[str, Cell]]) -> str:
 def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
     """Rows with the column names that xlook's fits print; Dc in um, lin_term in 1/um, wc 0.
 
-    wc is xlook's weight control: rows are not weighted here.
+    wc is xlook's weight control: rows are not weighted here. What a window does not determine is
+    None, a blank cell, as in `rows`.
     """
     out: list[dict[str, Cell]] = []
     for step in run.steps:
         row: dict[str, Cell] = {"step": step.number}
         if step.fit is not None and step.fit.converged:
             p = step.fit.parameters
-            row |= {"mu_o": p["f0"].value, "a": p["A"].value, "std a": p["A"].std}
-            numbers = [n[1:] for n in p if n[0] == "B"]
-            for number in numbers:
-                b, L, name = p[f"B{number}"], p[f"L{number}"], number or "1"
-                row |= {f"b{name}": b.value, f"std b{name}": b.std}
-                if L.determined:
-                    row |= {f"Dc{name}": 1e6 * L.value, f"std Dc{name}": 1e6 * L.std}
-            own, trend = step.fit.A_minus_B, p.get("slip_trend")
-            if own.determined:
-                row |= {"a-b": own.value, "std a-b": short(own.std, 4)}
-            row |= {"lin_term": 0.0 if trend is None else 1e-6 * trend.value, "wc": 0}
+            row |= {"mu_o": _known(p["f0"])[0]} | _pair("a", p["A"])
+            for number in (n[1:] for n in p if n[0] == "B"):
+                name = number or "1"
+                row |= _pair(f"b{name}", p[f"B{number}"]) | _pair(f"Dc{name}", p[f"L{number}"], 1e6)
+            value, error = _known(step.fit.A_minus_B)
+            row |= {"a-b": value, "std a-b": None if error is None else short(error, 4)}
+            trend = p.get("slip_trend")
+            row |= {"lin_term": 0.0 if trend is None else _known(trend, 1e-6)[0], "wc": 0}
         out.append({k: short(v) if isinstance(v, float) else v for k, v in row.items()})
     return out
+
+
+def _known(estimate: Estimate, scale: float = 1.0) -> tuple[float | None, float | None]:
+    """A value and its standard error in another unit; None where it is not determined."""
+    if not estimate.determined:
+        return None, None
+    return scale * estimate.value, scale * estimate.std
+
+
+def _pair(name: str, estimate: Estimate, scale: float = 1.0) -> dict[str, Cell]:
+    """The cells of a parameter and its error."""
+    return dict(zip((name, f"std {name}"), _known(estimate, scale), strict=True))
 
 
 def latex_text(run: RunFit) -> str:
