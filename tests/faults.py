@@ -84,6 +84,7 @@ TAKEN, REFUSED, LOOSE = (
 RUN_MOTION, RUN_EVENTS = "tests/test_run_motion.py", "tests/test_run_events.py"
 RUN_CLI, RUN_JOINT = "tests/test_run_cli.py -k difference", "tests/test_run_joint.py"
 RUN_HOLDS = "tests/test_run_holds.py -k hold_or_law"
+RUN_TABLE = "tests/test_run_table.py"
 RUN_LOOP = "tests/test_run_loop.py"
 RAMPS, ALPHA, STRESS_PRIOR, STRESS_WAY, STRESS_LAW = (
     f"tests/test_run_{name}"
@@ -798,6 +799,17 @@ FAULTS = (
           "birge = max(1.0, chi / max(len(x) - 2, 1))", "birge = 1.0", RUN_JOINT),
     Fault("many questions count as one", "runs/joint.py",
           "min(1.0, count * d.p)", "d.p", RUN_JOINT),
+    Fault("steps that differ along no line do not depend on anything", "runs/joint.py",
+          "if shared.p >= _DIFFER", "if True", RUN_JOINT),
+    Fault("the p of a line is that of all lines", "runs/joint.py",
+          "self.p / self.questions", "self.p", RUN_JOINT),
+    Fault("a step that is missed differs as any", "runs/joint.py", "    if missed:",
+          "    if False:", RUN_JOINT),
+    Fault("a fit misses nothing", "fitting/misfit.py", "MISSED = 4.5", "MISSED = 12.0", RUN_TABLE),
+    Fault("no drift is a misfit", "fitting/misfit.py",
+          '" friction drifts with slip (--slip-trend),"', '""', RUN_TABLE),
+    Fault("xlook is told what is not known", "runs/table.py",
+          "    if not estimate.determined:\n        return None, None\n", "", RUN_TABLE),
     Fault("what is not determined has a say", "runs/joint.py",
           "fit.parameters[n].determined for n", "True for n", RUN_JOINT),
     Fault("laws are exchanged", "runs/holds.py",

@@ -23,6 +23,9 @@ def step(number, values, covariance, after=1e-5, position=0.0, stress=None, dete
     }
     estimates["f0"] = SimpleNamespace(value=0.6, std=1e-4, determined=True, free=True, unit="1")
     fit = SimpleNamespace(free=FREE, parameters=estimates, covariance=full, converged=True)
+    fit.residual, fit.record = np.zeros(40), SimpleNamespace(relative_time=np.arange(40.0))
+    fit.noise = SimpleNamespace(sigma=1e-4, glitches=SimpleNamespace(rows=()))
+    fit.steps, fit.model = SimpleNamespace(times=[0.0, 9.0]), SimpleNamespace(slip_trend=False)
     event = SimpleNamespace(before=after / 10, after=after, normal_stress=stress)
     return SimpleNamespace(number=number, fit=fit, event=event, position=position, failed="")
 
@@ -118,3 +121,31 @@ def test_what_is_not_determined_has_no_say():
 def test_what_is_told(drift, words):
     text = " ".join(told(steps(np.random.default_rng(7), 8, drift=drift)))
     assert all(word in text for word in words), text
+    assert "misses" not in text
+
+
+def test_a_slope_is_told_with_what_its_error_and_its_p_are():
+    """Seven errors are no seven sigma of five steps, and less so among all questions."""
+    made = steps(np.random.default_rng(4), 5, drift=0.003)
+    found = next(d for d in dependences(made) if d.p < 0.05)
+    ratio = abs(found.slope) / found.error
+    alone = 2 * t.sf(ratio, 3)
+    assert found.freedom == 3 and found.questions == 3
+    assert found.p == pytest.approx(3 * alone)
+    words = f"{ratio:.2g} standard errors of a line with 3 degrees of freedom are p = {alone:.2g}"
+    assert f"{words}, and p = {found.p:.2g} among the 3 lines" in found.told()
+
+
+def test_steps_that_differ_on_no_line_are_not_told_to_depend_on_nothing():
+    """A changes to and fro, by fifty errors."""
+    made = steps(np.random.default_rng(9), 8, size=0.05)
+    for one in made:
+        one.fit.parameters["A"].value += 1e-3 * (-1) ** (one.number // 2)
+    first, second = told(made)
+    assert first.startswith("the steps do not share their parameters")
+    assert second.startswith("they differ by more than their errors, and neither A, A-B nor L")
+    assert "along a line with velocity (p > .05 among the 3 lines" in second
+    made[2].fit.residual[20:25] = -5e-4
+    assert "of these, step 3: the fit misses a part of the record" in told(made)[1]
+    (shared,) = [line for line in told(steps(np.random.default_rng(7), 8)) if "depend" in line]
+    assert shared == "no dependence of A, A-B or L on velocity is seen (p > .05)"

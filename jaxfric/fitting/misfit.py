@@ -61,7 +61,7 @@ def is_of_misfit(warning: str) -> bool:
 def stands_out(fit: Fit) -> tuple[float, float]:
     """The residual's largest mean over neighbouring rows, and its time after the last velocity
     step [s]. Rows that are passed over as glitches do not count."""
-    rows = np.delete(np.arange(len(fit.record)), list(fit.noise.glitches.rows))
+    rows = np.delete(np.arange(len(fit.residual)), list(fit.noise.glitches.rows))
     means = np.convolve(fit.residual[rows], np.full(_MEAN, 1 / _MEAN), mode="valid")
     k = int(np.argmax(np.abs(means)))
     when = fit.record.relative_time[rows[k + _MEAN // 2]] - fit.steps.times[-1]

@@ -11,22 +11,28 @@ and Q is distributed as chi-square with p (n - 1) degrees of freedom (Cochran 19
 f0, and a trend with slip, are each step's own.
 
 Whether a quantity depends on velocity, displacement or normal stress is asked by a weighted line
-through the steps (`weighted`). p-values are by Student's t, and times the number of questions
-(Bonferroni).
+through the n steps (`weighted`). The error of its slope is that of the fits, or larger by the
+scatter of the steps about the line, which few steps hardly tell: p-values are by Student's t with
+n - 2 degrees of freedom, and times the number of questions (Bonferroni). 7 errors of 5 steps are
+p = .005, and among 9 questions .05. Steps may differ by far more than the errors of their fits and
+lie on no line.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..fitting import Fit
+from ..fitting.misfit import missed_warning
 from .fits import StepFit
 from .table import difference, measured
 from .weighted import weighted_line
 
 _FEWEST = 4
 """Steps that a line through them needs."""
+_DIFFER = 0.01
+"""Below this p steps do not share their parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +51,8 @@ class Shared:
 @dataclass(frozen=True)
 class Dependence:
     """A line of `quantity` through the steps along `along`: its `slope` by one of `unit`, with its
-    standard error, and the probability `p` of as much by chance, among all questions."""
+    standard error, the `freedom` that is left, and the probability `p` of as much by chance among
+    all `questions`."""
 
     quantity: str
     along: str
@@ -53,13 +60,20 @@ class Dependence:
     slope: float
     error: float
     p: float
+    freedom: int
+    questions: int
 
     def told(self) -> str:
         """The dependence in words."""
         way = "rises" if self.slope > 0 else "falls"
         per = f"per {self.unit}"
         size = measured(abs(self.slope), self.error)
-        return f"{self.quantity} {way} by {size} {per} (p = {self.p:.2g})"
+        return (
+            f"{self.quantity} {way} by {size} {per}: {abs(self.slope) / self.error:.2g} standard"
+            f" errors of a line with {self.freedom} degrees of freedom are p ="
+            f" {self.p / self.questions:.2g}, and p = {self.p:.2g} among the {self.questions} lines"
+            " that are asked"
+        )
 
 
 def is_known(step: StepFit) -> bool:
@@ -139,19 +153,17 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
         levels = [stress / 1e6 for stress in stresses if stress is not None]
         sides.append(("normal stress", "10 MPa of normal stress", [x / 10 for x in levels], None))
     found = []
+    freedom = len(known) - 2
     for along, unit, places, least in sides:
         x = np.array(places)
         if np.ptp(x) <= (0.02 * np.abs(x).max() if least is None else least):
             continue
         for quantity, (y, error) in _quantities(known).items():
             line = weighted_line(x, y, error)
-            p = 2 * float(stdtr(len(known) - 2, -abs(line.slope) / line.error))
-            found.append(Dependence(quantity, along, unit, line.slope, line.error, p))
-    count = max(len(found), 1)
-    return [
-        Dependence(d.quantity, d.along, d.unit, d.slope, d.error, min(1.0, count * d.p))
-        for d in found
-    ]
+            p = 2 * float(stdtr(freedom, -abs(line.slope) / line.error))
+            found.append(Dependence(quantity, along, unit, line.slope, line.error, p, freedom, 1))
+    count = len(found)
+    return [replace(d, p=min(1.0, count * d.p), questions=count) for d in found]
 
 
 def _quantities(known: Sequence[StepFit]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -181,7 +193,7 @@ def told(steps: Sequence[StepFit]) -> list[str]:
         )
         parts.append(f"{name} {text}")
     lines = [f"shared by {len(shared.steps)} steps: {', '.join(parts)}"]
-    if shared.p < 0.01:
+    if shared.p < _DIFFER:
         lines[0] = (
             f"the steps do not share their parameters (p = {shared.p:.1g}: chi-square"
             f" {shared.chi_square:.4g} of {shared.freedom}); the most likely if they did:"
@@ -189,10 +201,23 @@ def told(steps: Sequence[StepFit]) -> list[str]:
         )
     else:
         lines[0] += f" (p = {shared.p:.2g} that they do)"
+    missed = [s for s in steps if s.number in shared.steps and s.fit and missed_warning(s.fit)]
+    if missed:
+        lines.append(
+            f"of these, step {', '.join(str(s.number) for s in missed)}: the fit misses a part of"
+            " the record (*), so what differs need not be friction"
+        )
     answers = dependences(steps)
     told_of = [d for d in answers if d.p < 0.05]
     lines += [d.told() for d in told_of]
     if answers and not told_of:
-        sides = list(dict.fromkeys(d.along for d in answers))
-        lines.append(f"no dependence of A, A-B or L on {', '.join(sides)} is seen (p > .05)")
+        *first, last = dict.fromkeys(d.along for d in answers)
+        sides = ", ".join([*first, last])
+        lines.append(
+            f"no dependence of A, A-B or L on {sides} is seen (p > .05)"
+            if shared.p >= _DIFFER
+            else "they differ by more than their errors, and neither A, A-B nor L does so along a"
+            f" line with {', '.join(first) + ' or ' if first else ''}{last} (p > .05 among the"
+            f" {len(answers)} lines that are asked)"
+        )
     return lines
