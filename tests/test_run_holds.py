@@ -8,6 +8,7 @@ from scipy.stats import linregress
 
 import jaxfric as jf
 from fits.runs.generate import generate
+from jaxfric.fitting.start import noise_from_differences
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.fits import HowFitted, without_resets_of
 from jaxfric.runs.holds import (
@@ -22,7 +23,9 @@ from jaxfric.runs.holds import (
     rows,
     told,
     warnings_of,
+    why_no_law,
 )
+from jaxfric.runs.left_out import left_out
 from jaxfric.runs.stiffness import MachineStiffness
 
 
@@ -78,6 +81,14 @@ def test_hold_or_law_that_follows_another(time, velocity, stop, same):
     last = HoldWindow(HOLD, 75.0, stop, BACK)
     window = HoldWindow(event("hold", time, velocity, 0.0), 250.0, 500.0, BACK)
     assert follows(last, window) == same
+
+
+def leaves(times, *warnings):
+    """A fit that leaves so many times the scatter of its record; A is known, B and L are not."""
+    record = SimpleNamespace(friction=np.random.default_rng(0).standard_normal(4000))
+    known = {n: SimpleNamespace(value=1.0, determined=n == "A") for n in "ABL"}
+    rms = times * noise_from_differences(record.friction)
+    return SimpleNamespace(record=record, rms=rms, warnings=warnings, parameters=known)
 
 
 def hold(lasts, healing, error=1e-3, preference=None, group=1, fits=None, time=0.0):
@@ -144,6 +155,63 @@ def test_hold_or_law_of_holds_that_are_fitted_apart_is_not_told(monkeypatch):
         fit_holds(record, [HOLD, BACK, *second], of_stress)
 
 
+@pytest.mark.parametrize(
+    ("slip", "ageing", "preference", "law"),
+    [
+        (4.0, 34.0, 5.0, "slip"),
+        (34.0, 9.9, -5.0, "ageing"),
+        (34.0, 10.1, -62.7, None),
+        (26.0, 34.0, 62.7, None),
+    ],
+)
+def test_hold_or_law_is_not_told_by_a_fit_that_leaves_many_times_the_scatter(
+    slip, ageing, preference, law
+):
+    """Nor is its number: what the better law leaves counts."""
+    fits = {"slip": leaves(slip), "ageing": leaves(ageing)}
+    made = [hold(47.39, 0.007, preference=preference, fits=fits, time=2636.46)]
+    text, row = " ".join(told(made)), rows(made)[0]
+    assert preferred(made)[0] == law and ("fits better" in text) == (law is not None)
+    assert row["ln L slip - ageing"] == (None if law is None else preference)
+    withheld = "no law is told, the" in text and "times the scatter" in text
+    assert withheld == ("times the scatter" in row["result"]) == (law is None)
+    good = hold(10.0, 0.01, preference=-4.0, fits={"slip": leaves(3), "ageing": leaves(1)}, group=2)
+    # +5 and -4 together tell nothing, and what has no say takes nothing from the other
+    assert preferred([*made, good])[0] == (None if law == "slip" else "ageing")
+
+
+def test_hold_or_law_why_no_law_is_told():
+    assert "no fit of the slip and the ageing law" in why_no_law(hold(10.0, 0.01))
+    assert "no fit of the ageing law" in why_no_law(hold(10.0, 0.01, fits={"slip": leaves(1)}))
+    both = dict.fromkeys(("slip", "ageing"), leaves(1))
+    assert "fitted together" in why_no_law(hold(10.0, 0.01, fits=both))
+    assert why_no_law(hold(10.0, 0.01, fits=both, preference=0.1)) == ""
+    made = [hold(10.0, 0.01, time=5.0), hold(20.0, 0.01, time=50.0, group=2)]
+    assert "hold at 5, 50 s: no law is told, there is no fit" in " ".join(told(made))
+
+
+@pytest.mark.parametrize(
+    ("events", "why"),
+    [
+        ([STEP, HOLD, BACK, NEXT], "too few rows"),
+        ([HOLD], "the run ends in it"),
+        ([HOLD, event("stress", 100, 0.0, 0.0), BACK], "the normal stress changes in it"),
+        ([HOLD, event("unload", 200, 0.0, -3e-6)], "moves back"),
+        ([HOLD, event("reload", 200, 0.0, 3e-5)], "at 3 um/s before it, at 30 um/s after it"),
+        ([event("hold", 100, 0.0, 0.0), BACK], "does not slide before it"),
+    ],
+)
+def test_hold_or_law_every_hold_is_fitted_or_has_a_reason(events, why):
+    (other,) = left_out(events, [])
+    assert why in other.why and left_out(events, [100]) == []
+    assert (find_holds(events, 400.0) == []) == ("too few" not in other.why)
+    made = [hold(10.0, 0.01, time=5.0)]
+    assert f"hold at 100 s: not fitted, {other.why}" in told(made, "1", [other])
+    assert told([], "1", [other]) == [f"hold at 100 s: not fitted, {other.why}"]
+    last = rows(made, "1", [other])[-1]
+    assert last == {"hold": 2, "time [s]": 100, "result": f"not fitted: {other.why}"}
+
+
 @pytest.fixture(scope="module", params=["slip", "ageing"])
 def healed(request):
     """The holds of a generated run under either law."""
@@ -200,7 +268,7 @@ def test_a_likelihood_falls_where_a_fit_is_spoilt(healed):
 )
 def test_warnings_of_holds_are_those_of_the_law_that_is_preferred(preference, expected):
     def warned(*texts):
-        return SimpleNamespace(warnings=texts)
+        return leaves(1.0, *texts)
 
     first = {"slip": warned("a", "c"), "ageing": warned("b")}
     made = [

@@ -164,12 +164,13 @@ def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -
 
 def _write_tables(result: "RunFit", holds: "Sequence[Hold]", others: "Findings", to: Path) -> None:
     from ..runs import holds as of_holds
+    from ..runs.left_out import left_out
     from ..runs.table import csv_text, latex_text, rows, xlook_rows
 
-    if holds:
-        text = csv_text(of_holds.rows(holds, result.record.friction_unit))
-        (to / "holds.csv").write_text(text, encoding="utf-8")
     texts = dict(others.tables())
+    rest = left_out(result.events, [hold.time for hold in holds])
+    if table := of_holds.rows(holds, result.record.friction_unit, rest):
+        texts["holds.csv"] = csv_text(table)
     if result.steps:
         texts["table.csv"] = csv_text(rows(result))
         texts["table_xlook.csv"] = csv_text(xlook_rows(result))
@@ -238,7 +239,9 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
     """A run as JSON: where it is from, its events, and the fit of every step."""
     from dataclasses import asdict
 
+    from ..runs.holds import why_no_law
     from ..runs.joint import dependences, share
+    from ..runs.left_out import left_out
 
     origin = result.record.provenance
     shared = share(result.steps)
@@ -278,10 +281,15 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
                 "healing": hold.healing,
                 "error": hold.error,
                 "preference": hold.preference,
+                "no_law": why_no_law(hold),
                 "group": hold.group,
                 "fits": {law: found.to_json() for law, found in hold.fits.items()},
             }
             for hold in holds
+        ],
+        "holds_not_fitted": [
+            {"time": other.event.time, "why": other.why}
+            for other in left_out(result.events, [hold.time for hold in holds])
         ],
         "dependences": [asdict(one) for one in dependences(result.steps)],
     }
@@ -292,6 +300,7 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
 
     from ..runs.holds import told as told_of_holds
     from ..runs.joint import told as told_of_all
+    from ..runs.left_out import left_out
     from ..runs.table import BRACKETS, MISFIT, headline, text_lines
 
     kinds = Counter(event.kind for event in result.events)
@@ -300,9 +309,10 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
     print(f"{len(result.record)} rows, {number} event{'' if number == 1 else 's'}: {words}")
     for line in (headline(result), *text_lines(result)) if result.steps else (_NO_STEP,):
         print(line)
+    rest = left_out(result.events, [hold.time for hold in holds])
     for line in (
         *told_of_all(result.steps),
-        *told_of_holds(holds, result.record.friction_unit),
+        *told_of_holds(holds, result.record.friction_unit, rest),
         *others.told(),
     ):
         print(line)

@@ -12,6 +12,7 @@ from ..runs.findings import Findings
 from ..runs.fits import RunFit, StepFit
 from ..runs.holds import Hold
 from ..runs.joint import told as told_of_all
+from ..runs.left_out import left_out
 from ..runs.stick_slip import is_stretch
 from ..runs.table import BRACKETS, HEAD, MISFIT, Cell, text_cells
 from ..runs.table import headline as headline_of
@@ -127,7 +128,7 @@ def page(
         _drawn("events.png", figures) + folded("All events", html_table(_events(run))),
         f"<h2>Steps</h2>{html_table(steps)}{bullets(shared)}" if run.steps else "",
         _drawn("rates.png", figures),
-        _holds(holds, figures, run.record.friction_unit),
+        _holds(run, holds, figures),
         _stress_steps(others, figures),
         _stick_slip(others, figures),
         _ramps(others),
@@ -187,12 +188,14 @@ def _cell(value: Cell) -> str:
     return f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _holds(holds: Sequence[Hold], figures: Mapping[str, bytes], unit: str) -> str:
-    if not holds:
+def _holds(run: RunFit, holds: Sequence[Hold], figures: Mapping[str, bytes]) -> str:
+    others = left_out(run.events, [hold.time for hold in holds])
+    if not holds and not others:
         return ""
-    table = html_table(_text_table("Holds", of_holds.rows(holds, unit)))
+    unit = run.record.friction_unit
+    table = html_table(_text_table("Holds", of_holds.rows(holds, unit, others)))
     found = _drawn("holds.png", figures) or "<h2>Holds</h2>"
-    return found + bullets(of_holds.told(holds, unit)) + folded("All holds", table)
+    return found + bullets(of_holds.told(holds, unit, others)) + folded("All holds", table)
 
 
 def _stress_steps(others: Findings, figures: Mapping[str, bytes]) -> str:

@@ -12,18 +12,21 @@ each by other ones.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
 from ..fitting import Fit
+from ..fitting.misfit import excess
 from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
 from ..fitting.problem import clock_of
 from ..records import Record, VelocitySteps
 from ..silent import silent
 from .events import Event
 from .fits import HowFitted
+from .left_out import SAME, LeftOut, joints_of, why_left_out
 from .stress import is_constant
 from .table import Cell, measured
 from .weighted import WeightedLine, weighted_line
@@ -31,13 +34,13 @@ from .weighted import WeightedLine, weighted_line
 LAWS = ("slip", "ageing")
 _LEVEL, _PEAK = 0.1, 5
 """Share of the window before a hold whose median is the level; rows in the mean at the peak."""
-_SAME = 1.2
-"""Velocities before and after a hold, and of holds that follow each other, are within this factor.
-"""
 _LATE = 0.2
 """The last row of a hold is no further from its end than this share of it."""
 _STRONG = 3.0
 """A law is preferred by so much of ln L, as odds of 20 to 1."""
+_MANY = 10.0
+"""No law is told by a fit that leaves more than this times the scatter of neighbouring rows; in the
+noise of measured records the true law leaves up to 4."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +92,9 @@ class _Healed(NamedTuple):
 def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
     """Holds between sliding at about one velocity."""
     out = []
-    joints = [e for e in events if e.before != e.after or e.kind in ("stress", "stick_slip")]
-    for k, event in enumerate(joints):
-        if event.kind != "hold" or k + 1 == len(joints) or not event.before:
-            continue
-        back = joints[k + 1]
-        if back.kind != "reload" or not 1 / _SAME < back.after / event.before < _SAME:
+    joints = joints_of(events)
+    for k, (event, back) in enumerate(pairwise(joints)):
+        if event.kind != "hold" or why_left_out(event, back):
             continue
         before = joints[k - 1].time if k else 0.0
         after = joints[k + 2].time if k + 2 < len(joints) else end
@@ -105,7 +105,7 @@ def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
 def follows(last: HoldWindow, window: HoldWindow) -> bool:
     """Whether a hold follows another one at its velocity, with nothing between them."""
     ratio = window.event.before / last.event.before
-    return window.event.time == last.stop and 1 / _SAME < ratio < _SAME
+    return window.event.time == last.stop and 1 / SAME < ratio < SAME
 
 
 def fit_holds(
@@ -241,8 +241,27 @@ def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
     return weighted_line(x, y, error)
 
 
+def why_no_law(hold: Hold) -> str:
+    """Why a hold has no say between the laws; '' where it has one."""
+    if hold.preference is None:
+        missing = [law for law in LAWS if law not in hold.fits]
+        if missing:
+            return f"there is no fit of the {' and the '.join(missing)} law that converged"
+        return "it could not be fitted together with those that it follows"
+    law = LAWS[hold.preference < 0]
+    times = excess(hold.fits[law]) if law in hold.fits else 0.0
+    if times > _MANY:
+        return (
+            f"the {law} law leaves {times:.2g} times the scatter of neighbouring rows and the other"
+            " fits worse, so neither describes it"
+        )
+    return ""
+
+
 def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
-    """The law that all holds together prefer (None: neither); ln L of slip less that of ageing."""
+    """The law that all holds which have a say prefer (None: neither); ln L of slip less that of
+    ageing."""
+    holds = [hold for hold in holds if not why_no_law(hold)]
     groups = {hold.group: hold.preference for hold in holds}
     total = float(sum(value for value in groups.values() if value is not None))
     if abs(total) < _STRONG:
@@ -250,9 +269,11 @@ def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
     return ("slip" if total > 0 else "ageing"), total
 
 
-def rows(holds: Sequence[Hold], unit: str = "1") -> list[dict[str, Cell]]:
-    """A row for every hold, units in the names; what is not known is None. `unit` is that of
-    friction, "1" or "N"."""
+def rows(
+    holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ()
+) -> list[dict[str, Cell]]:
+    """A row for every hold, units in the names, with the `others` that are not fitted at the end;
+    what is not known is None. `unit` is that of friction, "1" or "N"."""
     out: list[dict[str, Cell]] = []
     force = " [N]" if unit == "N" else ""
     for number, hold in enumerate(holds, 1):
@@ -277,15 +298,19 @@ def rows(holds: Sequence[Hold], unit: str = "1") -> list[dict[str, Cell]]:
         row["fitted with holds"] = " ".join(
             str(k) for k, other in enumerate(holds, 1) if other.group == hold.group
         )
-        row["ln L slip - ageing"] = None if hold.preference is None else round(hold.preference, 2)
+        why, by = why_no_law(hold), hold.preference
+        row["ln L slip - ageing"] = None if why or by is None else round(by, 2)
+        row["result"] = f"no law is told: {why}" if why else "compared"
         out.append(row)
+    for number, other in enumerate(others, len(holds) + 1):
+        place: dict[str, Cell] = {"hold": number, "time [s]": round(other.event.time, 4)}
+        out.append(place | {"result": f"not fitted: {other.why}"})
     return out
 
 
-def told(holds: Sequence[Hold], unit: str = "1") -> list[str]:
-    """Lines on the holds of a run, whose friction has a unit of "1" or "N"."""
-    if not holds:
-        return []
+def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ()) -> list[str]:
+    """Lines on the holds of a run and the `others`, that are not fitted; friction has a unit of
+    "1" or "N"."""
     force = " N" if unit == "N" else ""
     lines = [
         f"hold of {hold.lasts:.4g} s at {hold.time:.6g} s: friction"
@@ -293,9 +318,13 @@ def told(holds: Sequence[Hold], unit: str = "1") -> list[str]:
         + f" heals by {measured(hold.healing, hold.error)}{force}"
         for hold in holds
     ]
+    lines += [f"hold at {one.event.time:.6g} s: not fitted, {one.why}" for one in others]
     if rate := healing_rate(holds):
         lines.append(f"healing: {measured(rate.slope, rate.error)}{force} per decade of hold time")
-    compared = [hold for hold in holds if hold.preference is not None]
+    for why in dict.fromkeys(filter(None, map(why_no_law, holds))):
+        times = ", ".join(f"{hold.time:.6g}" for hold in holds if why_no_law(hold) == why)
+        lines.append(f"hold at {times} s: no law is told, {why}")
+    compared = [hold for hold in holds if not why_no_law(hold)]
     if compared:
         law, total = preferred(holds)
         count = f"{len(compared)} hold{'s' if len(compared) > 1 else ''}"
