@@ -173,6 +173,27 @@ def test_units_of_a_joint(tmp_path):
     assert "velocity [rad/s],force [N m]" in found.csv()
 
 
+# ---- friction at a speed -----------------------------------------------------------------------
+
+
+def test_the_friction_that_is_told_first_is_that_of_the_table(tmp_path):
+    """Forwards and backwards with the offset and what differs by direction, not the level alone."""
+    found = jf.feedforward(saved(tmp_path, "direction_asymmetry"))
+    rows = {float(row["velocity [m/s]"]): row for row in csv.DictReader(io.StringIO(found.csv()))}
+    here = found.at(SLOWEST)
+    p = parameters(tmp_path / "loop.json")
+    for side, v in ((here.forwards, SLOWEST), (here.backwards, -SLOWEST)):
+        assert side.force == pytest.approx(by_hand(p, v, found.fade.speed))
+        assert side.force == pytest.approx(float(rows[v]["force [N]"]), rel=1e-8)
+        assert side.std == pytest.approx(float(rows[v]["std [N]"]), rel=1e-8)
+        assert f"{side.force:+.4g} ± {side.std:.2g} N" in found.sentence
+    # F_0 and d v of both directions cancel: F_c + F_v v and their errors
+    assert here.mean.force == pytest.approx(10.3)
+    assert here.mean.std == pytest.approx(math.hypot(0.1, 0.003))
+    assert here.supported and not here.faded and here.forwards.force > -here.backwards.force
+    assert found.to_json()["at_the_slowest"]["backwards"]["force"] == here.backwards.force
+
+
 # ---- what is left out --------------------------------------------------------------------------
 
 

@@ -6,3 +6,4 @@ from .fade import fade_speed as fade_speed
 from .feedforward import feedforward as feedforward
 from .identified import NothingToCompensate as NothingToCompensate
 from .result import Feedforward as Feedforward
+from .spot import FrictionAt as FrictionAt

@@ -56,10 +56,11 @@ class FrictionCurve:
         ends = [self._numbers(s * v, _SHARP)[0] - self._numbers(s * v, _NONE)[0] for s in (1, -1)]
         return 0.5 * (ends[0] - ends[1])
 
-    def mean(self, velocity: np.ndarray) -> FrictionValues:
-        """(F(v) - F(-v))/2 of both directions, without fade, with its error."""
+    def mean(self, velocity: np.ndarray, fade: float | None = None) -> FrictionValues:
+        """(F(v) - F(-v))/2 of both directions, by default without fade, with its error."""
         v = np.abs(np.asarray(velocity, float))
-        (f, by, slope), (g, other, back) = (self._numbers(s * v, _SHARP) for s in (1, -1))
+        width = _SHARP if fade is None else fade
+        (f, by, slope), (g, other, back) = (self._numbers(s * v, width) for s in (1, -1))
         return FrictionValues(0.5 * (f - g), self._error(0.5 * (by - other)), 0.5 * (slope + back))
 
     def _error(self, by: np.ndarray) -> np.ndarray:

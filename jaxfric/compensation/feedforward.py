@@ -4,17 +4,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
 from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..stability.claims import SURE
-from ..units import parse_quantity
 from .curve import FrictionCurve
 from .fade import Fade, FadeReason, Memory, fade_speed
 from .identified import Identified, NothingToCompensate, identified
 from .pieces import Terms, terms_of
 from .result import Feedforward
 from .units import drive_gain as parse_gain
+from .units import positive
 
 _ROWS, _FINE = 33, 801
 _SLOWEST = 0.05
@@ -100,7 +99,6 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
         velocity,
         curve.at(velocity, fade.speed),
         level,
-        float(mean.std[0]),
         float(max(0.0, 1 - SURE * np.max(mean.std / mean.force))),
         _least_damping(curve, fade.speed, about.fastest),
         _warnings(about),
@@ -133,13 +131,7 @@ def _sound_level(curve: FrictionCurve) -> float:
 
 
 def _positive(value: float | str | None, unit: str, what: str) -> float | None:
-    """A quantity in SI, of a number or of a text with its unit."""
-    if value is None:
-        return None
-    size = parse_quantity(value, unit, what) if isinstance(value, str) else float(value)
-    if not (np.isfinite(size) and size > 0):
-        raise InputError(f"{what} is {value}; it must be above 0")
-    return size
+    return None if value is None else positive(value, unit, what)
 
 
 def _servo_lag(about: Identified) -> float | None:

@@ -15,6 +15,8 @@ from .fade import Fade
 from .formula import latex_formula, plain_formula
 from .identified import Identified
 from .pieces import INERTIA, PLAIN, SIGN, Piece
+from .spot import FrictionAt, friction_at
+from .units import positive
 
 SCHEMA = "jaxfric.feedforward/1"
 
@@ -36,8 +38,6 @@ class Feedforward(Described, Drawable, Tabular):
     """Friction with fade at the velocities of the table (n)."""
     level: float
     """Friction that changes sign, at the slowest speed that the record supports [F]."""
-    level_std: float
-    """Standard error of the friction at that speed, the mean of both directions [F]."""
     share: float
     """Largest share of the friction that its standard error allows to feed back from a measured
     velocity: 1 less twice its largest relative error over the speeds that the record supports."""
@@ -73,6 +73,18 @@ class Feedforward(Described, Drawable, Tabular):
         v = np.asarray(velocity, float)
         return self.curve.at(v.ravel(), self.fade.speed).force.reshape(v.shape)
 
+    def at(self, velocity: float | str) -> FrictionAt:
+        """Friction at a speed [m/s or rad/s], or a text as "50 mm/s", in both directions.
+
+        Its `supported` is whether the record knows it; where not, its errors are nan.
+
+        Raises
+        ------
+        InputError : no positive speed.
+        """
+        speed = positive(velocity, f"{self.about.length}/s", "--at")
+        return friction_at(self.curve, self.fade.speed, speed)
+
     def columns(self) -> dict[str, np.ndarray]:
         """The table by column: velocity, force, its standard error and 95 % band, and whether the
         record supports it; units in the names."""
@@ -94,9 +106,9 @@ class Feedforward(Described, Drawable, Tabular):
         lines = [",".join(x if isinstance(x, str) else f"{x:.9g}" for x in row) for row in rows]
         return "\n".join([",".join(columns), *lines]) + "\n"
 
-    def to_json(self) -> dict:
+    def to_json(self, asked: Sequence[FrictionAt] = ()) -> dict:
         """The content of `feedforward.json`, schema "jaxfric.feedforward/1"; SI, null for what is
-        not known."""
+        not known. `asked` is friction at speeds, its entry "at"."""
         about = self.about
         table = {
             "schema": SCHEMA,
@@ -126,8 +138,9 @@ class Feedforward(Described, Drawable, Tabular):
             },
             "supported": {"slowest": about.slowest, "fastest": about.fastest},
             "middle_of_travel": about.middle,
+            "at": [here.to_json() for here in asked],
+            "at_the_slowest": self.at(self.about.slowest).to_json(),
             "level": self.level,
-            "level_std": self.level_std,
             "of_a_measured_velocity": {
                 "share": self.share,
                 "least_damping": self.least_damping,
@@ -147,9 +160,11 @@ class Feedforward(Described, Drawable, Tabular):
         """What is compensated, and below what speed it fades."""
         about, speed = self.about, f"{self.about.length}/s"
         inertia = any(p.part == INERTIA for p in self.pieces)
+        here = self.at(about.slowest)
         return (
-            f"Friction of {self.level:.4g} ± {self.level_std:.2g} {about.force_unit} at"
-            f" {about.slowest:.3g} {speed}{' and inertia' if inertia else ''}; its sign fades below"
+            f"Friction of {here.forwards.text(about.force_unit)} forwards and"
+            f" {here.backwards.text(about.force_unit)} backwards at {about.slowest:.3g} {speed}"
+            f"{', and inertia' if inertia else ''}; its sign fades below"
             f" {self.fade.speed:.3g} {speed}. The record supports the map from"
             f" {about.slowest:.3g} to {about.fastest:.3g} {speed}."
         )

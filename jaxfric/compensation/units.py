@@ -1,10 +1,12 @@
 """Units of the parameters of an axis where its force is in newtons, in N m or in a drive's own."""
 
+import math
 import re
 
 from ..errors import InputError
 from ..quantity import Quantity
 from ..records.axis_units import quantity_of
+from ..units import parse_quantity
 
 _INERTIA = {"N": "kg", "N m": "kg m^2"}
 _SIGNALS = ("V", "A")
@@ -39,3 +41,16 @@ def drive_gain(text: str, force: str, what: str = "--drive-gain") -> tuple[float
         example = "35.15 N/V" if force == "N" else "0.05 N m/A"
         raise InputError(f"{what} '{text}' is no force per V or A; write '{example}'")
     return quantity_of(text, f"{force.replace(' ', '*')}/{signal}", what), signal
+
+
+def positive(value: float | str, unit: str, what: str) -> float:
+    """A quantity in SI, of a number or of a text with its unit.
+
+    Raises
+    ------
+    InputError : no such quantity, or one that is not above 0.
+    """
+    size = parse_quantity(value, unit, what) if isinstance(value, str) else float(value)
+    if not (math.isfinite(size) and size > 0):
+        raise InputError(f"{what} is {value}; it must be above 0")
+    return size

@@ -6,11 +6,13 @@ from .view import Frame, Page, View, number
 
 
 def line(found: Feedforward) -> str:
-    """The level of friction and the speed below which it fades."""
-    about = found.about
+    """Friction in both directions and the speed below which it fades."""
+    about, here = found.about, found.at(found.about.slowest)
+    unit = f"{about.length}/s"
     return (
-        f"Feedforward({about.source}: {number(found.level)} {about.force_unit}, fades below"
-        f" {number(found.fade.speed)} {about.length}/s)"
+        f"Feedforward({about.source}: {number(here.forwards.force)} and"
+        f" {number(here.backwards.force)} {about.force_unit} at {number(here.speed)} {unit}, fades"
+        f" below {number(found.fade.speed)} {unit})"
     )
 
 

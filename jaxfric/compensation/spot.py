@@ -1,0 +1,95 @@
+"""Friction at one speed, in both directions: what a user asks of a map of friction."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..units import parse_values
+from .curve import FrictionCurve
+
+_WHOLE = 0.995
+"""A sign of at least so much is told as one that has not faded."""
+
+
+class Side(NamedTuple):
+    """Friction in one direction, or a mean of both [F]."""
+
+    force: float
+    std: float
+    """Standard error; nan where the record does not support the force."""
+
+    def text(self, unit: str, digits: int = 4) -> str:
+        """Force and error in words."""
+        error = "" if math.isnan(self.std) else f" ± {self.std:.2g}"
+        return f"{self.force:+.{digits}g}{error} {unit}"
+
+
+class FrictionAt(NamedTuple):
+    """Friction of the map at one speed. SI; forces in the unit of the feedforward.
+
+    As the table and NAME_friction in C have it: in the middle of the travel, without ripples, with
+    the fade of its sign.
+    """
+
+    speed: float
+    """|v| [m/s or rad/s]."""
+    forwards: Side
+    """F(|v|)."""
+    backwards: Side
+    """F(-|v|), negative where it is against the motion."""
+    mean: Side
+    """(F(|v|) - F(-|v|))/2."""
+    sign: float
+    """s = tanh(|v|/v_f): how much of what has the sign of the velocity is not faded."""
+    unfaded: tuple[float, float]
+    """Friction forwards and backwards without the fade, as the model has it."""
+    supported: bool
+    """Whether the record supports the friction at this speed; else it is a guess."""
+
+    @property
+    def faded(self) -> bool:
+        """Whether the fade takes so much of the friction that it must be told."""
+        return self.sign < _WHOLE
+
+    def to_json(self) -> dict:
+        """An entry of `feedforward.json`."""
+        return {
+            "speed": self.speed,
+            "forwards": self.forwards._asdict(),
+            "backwards": self.backwards._asdict(),
+            "mean": self.mean._asdict(),
+            "sign": self.sign,
+            "without_fade": self.unfaded,
+            "supported": self.supported,
+        }
+
+
+def speeds(text: str, length: str) -> list[float]:
+    """Speeds of a text as "1, 5 mm/s", ascending; `length` is "m" or "rad".
+
+    Raises
+    ------
+    InputError : a text that is none, or a speed that is not positive.
+    """
+    return parse_values(text, f"{length}/s", "--at")
+
+
+def friction_at(curve: FrictionCurve, fade: float, speed: float) -> FrictionAt:
+    """The friction of a map at a speed [m/s or rad/s], its sign faded over `fade`."""
+    v = np.asarray([speed, -speed])
+    both, sharp, mean = curve.at(v, fade), curve.at(v, None).force, curve.mean(v[:1], fade)
+    supported = bool(curve.about.supports(v)[0])
+
+    def side(force: np.ndarray, std: np.ndarray, k: int = 0) -> Side:
+        return Side(float(force[k]), float(std[k]) if supported else math.nan)
+
+    return FrictionAt(
+        speed,
+        side(both.force, both.std),
+        side(both.force, both.std, 1),
+        side(mean.force, mean.std),
+        math.tanh(speed / fade),
+        (float(sharp[0]), float(sharp[1])),
+        supported,
+    )
