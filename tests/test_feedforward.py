@@ -18,6 +18,8 @@ from scipy.integrate import solve_ivp
 import jaxfric as jf
 from jaxfric.compensation import NothingToCompensate, fade_speed
 from jaxfric.compensation.fade import Memory, return_distance
+from jaxfric.errors import InputError
+from jaxfric.report.feedforward_text import spoken
 
 ROOT = Path(__file__).parents[1]
 STEADY = ROOT / "fits" / "screwdrive1" / "loop" / "steady.json"
@@ -192,6 +194,48 @@ def test_the_friction_that_is_told_first_is_that_of_the_table(tmp_path):
     assert here.mean.std == pytest.approx(math.hypot(0.1, 0.003))
     assert here.supported and not here.faded and here.forwards.force > -here.backwards.force
     assert found.to_json()["at_the_slowest"]["backwards"]["force"] == here.backwards.force
+
+
+def test_the_friction_at_a_speed(tmp_path):
+    found = jf.feedforward(saved(tmp_path), fade="20 mm/s")
+    for asked, speed, supported in (
+        ("50 mm/s", 0.05, True), (0.3, 0.3, True), ("9.9 mm/s", 0.0099, False), (0.31, 0.31, False),
+    ):  # fmt: skip
+        here = found.at(asked)
+        assert here.speed == pytest.approx(speed) and here.supported == supported
+        assert here.forwards.force == pytest.approx(10 * math.tanh(speed / 0.02) + 30 * speed + 1.5)
+        assert here.unfaded == pytest.approx((11.5 + 30 * speed, -8.5 - 30 * speed))
+        assert math.isnan(here.forwards.std) == math.isnan(here.mean.std) == (not supported)
+        said = spoken(found, here)
+        assert ("guess" in said and "from 0.01 to 0.3 m/s" in said) == (not supported)
+        assert ("without the fade" in said) == (speed < 0.055) and ("±" in said) == supported
+
+
+@pytest.mark.parametrize("asked", [0.0, -0.05, "-5 mm/s", math.nan, "5 mm", "fast"])
+def test_a_speed_that_is_none(asked, tmp_path):
+    with pytest.raises(InputError, match=r"^at\b"):
+        jf.feedforward(saved(tmp_path)).at(asked)
+
+
+def test_the_verb_tells_the_friction_at_a_speed_first(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    changes = {"friction_unit": "N m", "axis": {"coordinate": "rotary"}}
+    saved(tmp_path, **changes)
+    code, out, err = run("feedforward", "loop.json", "--at", "1 rpm, 0.1 rad/s", "--out", "ff")
+    assert code == 0, err
+    first, second = " ".join(out.split()).split("Friction of ")[0].split(" Friction at ")
+    assert first.startswith("Friction at 0.1 rad/s: +14.5 ± 0.11 N m forwards, -11.5 ± 0.11 N m")
+    assert second.startswith("0.1047 rad/s: +14.64")
+    told = json.loads(Path("ff/feedforward.json").read_text())["at"]
+    assert [here["speed"] for here in told] == pytest.approx([0.1, math.pi / 30])
+    assert told[0]["forwards"] == pytest.approx(
+        {"force": 14.5, "std": math.hypot(0.1, 0.03, 0.015)}
+    )
+    _, out, _ = run("feedforward", "loop.json", "--at", "1 rad/s", "--json")
+    assert json.loads(out)["at"][0]["forwards"] == {
+        "force": pytest.approx(41.5),
+        "std": None,
+    }
 
 
 # ---- what is left out --------------------------------------------------------------------------
@@ -419,6 +463,8 @@ def test_the_verb_writes_what_it_says(tmp_path, monkeypatch):
         ({}, ("--acceleration", "2 m"), ["--acceleration"]),
         ({}, ("--acceleration", "-2 m/s^2"), ["--acceleration", "above 0"]),
         ({}, ("--fade", "0 m/s"), ["--fade", "above 0"]),
+        ({}, ("--at", "5 mm"), ["--at"]),
+        ({}, ("--at", "-5 mm/s"), ["--at", "not positive"]),
         ({}, ("--lag", "3 mm"), ["--lag"]),
         ({}, ("--drive-gain", "3 N"), ["--drive-gain", "35.15 N/V"]),
         ({}, ("--drive-gain", "3 N m/V"), ["--drive-gain"]),

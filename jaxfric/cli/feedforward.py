@@ -1,6 +1,7 @@
 """`jaxfric feedforward`: the friction of an axis as a formula, a C function and a table."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,7 @@ from .common import doing, prepare_jax, stdout_console, told, warn
 from .folder import Folder, choose_folder, json_text, source_name
 
 if TYPE_CHECKING:
-    from ..compensation import Feedforward
+    from ..compensation import Feedforward, FrictionAt
 
 
 def feedforward(
@@ -22,6 +23,13 @@ def feedforward(
     ],
     /,
     *,
+    at: Annotated[
+        options.Text,
+        Parameter(
+            help='Tell the friction at these speeds first, forwards and backwards: "50 mm/s", or'
+            ' "1, 5 rad/s".'
+        ),
+    ] = None,
     acceleration: Annotated[
         options.Text,
         Parameter(
@@ -55,19 +63,21 @@ def feedforward(
     prepare_jax()
     from ..compensation import NothingToCompensate
     from ..compensation import feedforward as run
+    from ..compensation.spot import speeds
     from ..plot.feedforward import draw_feedforward
     from ..report.feedforward_text import made_by, tex
 
     doing("computing the feedforward")
     try:
         found = run(model, acceleration=acceleration, lag=lag, fade=fade, drive_gain=drive_gain)
+        asked = [] if at is None else [found.at(v) for v in speeds(at, found.about.length)]
     except NothingToCompensate as error:
         print(f"jaxfric: error: {error}", file=sys.stderr)
         return 1
     source = found.c(name, made_by=made_by(current_call().command))
     folder = choose_folder(out, source_name(model), model)
     with told(quiet=json) as progress:
-        content = json_text(found.to_json())
+        content = json_text(found.to_json(asked))
         texts = {"json": content + "\n", "c": source, "csv": found.csv(), "tex": tex(found)}
         with folder.results() as to:
             for kind, text in texts.items():
@@ -77,16 +87,18 @@ def feedforward(
     if json:
         print(content)
     else:
-        _print(found, folder)
+        _print(found, asked, folder)
     warn(found.warnings)
     return folder.close()
 
 
-def _print(found: "Feedforward", folder: Folder) -> None:
-    from ..report.feedforward_text import lines, tables
+def _print(found: "Feedforward", asked: Sequence["FrictionAt"], folder: Folder) -> None:
+    from ..report.feedforward_text import lines, spoken, tables
     from ..report.tables import print_tables
 
     console = stdout_console()
+    for here in asked:
+        console.print(f"{spoken(found, here)}.", markup=False)
     console.print(found.sentence, markup=False)
     console.print(found.formula, markup=False, soft_wrap=True)
     print_tables(console, tables(found))

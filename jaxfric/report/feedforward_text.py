@@ -4,6 +4,7 @@ import math
 
 from ..compensation.pieces import SIGN
 from ..compensation.result import Feedforward
+from ..compensation.spot import FrictionAt
 from ..loop.result import TextTable
 from .version import installed_version
 
@@ -33,6 +34,28 @@ def _error(std: float) -> str:
 
 def _times(part: str, factor: str) -> str:
     return " ".join(filter(None, ["s" if part == SIGN else "", factor])) or "1"
+
+
+def spoken(found: Feedforward, here: FrictionAt) -> str:
+    """Friction at a speed in words, with what it is worth."""
+    about, speed = found.about, f"{found.about.length}/s"
+    unit = about.force_unit
+    text = (
+        f"Friction at {here.speed:.4g} {speed}: {here.forwards.text(unit)} forwards,"
+        f" {here.backwards.text(unit)} backwards; the mean of both {here.mean.text(unit)}"
+    )
+    if here.faded:
+        ends = " and ".join(f"{force:+.4g}" for force in here.unfaded)
+        text += (
+            f". Its sign is faded to {100 * here.sign:.3g} % there, as the C function has it;"
+            f" without the fade {ends} {unit}"
+        )
+    if not here.supported:
+        text += (
+            f". This is a guess: the record supports the map from {about.slowest:.3g} to"
+            f" {about.fastest:.3g} {speed} alone"
+        )
+    return text
 
 
 def lines(found: Feedforward) -> list[str]:
