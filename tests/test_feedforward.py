@@ -323,6 +323,62 @@ def test_the_fade_speed_of_a_model(effects, options, speed, tmp_path):
     assert found.sentence.count(f"{speed:.3g}")
 
 
+@pytest.mark.parametrize(
+    ("effects", "loose", "speed"),
+    [
+        (("log_viscous",), (), WIDTH),
+        (("log_viscous",), ("log_viscous.v_c",), SLOWEST / 4),
+        (("log_viscous",), ("log_viscous.c",), WIDTH),  # how much, not where
+        (("stribeck",), ("stribeck.vs",), SLOWEST / 4),
+        (("rate_and_state",), ("rate_and_state.v_c",), SLOWEST / 4),
+    ],
+)
+def test_a_guess_below_what_the_record_supports_fades(effects, loose, speed, tmp_path):
+    """Where the curve bends at a speed nobody saw, the fade is that of the supported range."""
+    fade = jf.feedforward(saved(tmp_path, *effects, loose=loose), acceleration=1e-9).fade
+    assert fade.speed == pytest.approx(speed) and fade.decided_by == "rows"
+    assert ("a guess" in fade.why and loose[-1] in fade.why) == (speed > WIDTH)
+    assert ("rows count" in fade.why) == (speed == WIDTH)
+    assert ("half of 0.001" in fade.why) == (speed == WIDTH) != ("99.9 % of fr" in fade.why)
+
+
+@pytest.mark.parametrize(
+    ("options", "loose", "words"),
+    [
+        ({}, (), 'down to v_f. To compensate less by it, give --fade "0.0025 m/s"'),
+        ({}, ("log_viscous.v_c",), "which fades with its sign. A lower --fade compensates more"),
+        ({"fade": 0.002}, (), "a guess without errors"),
+        ({"lag": 0.1}, (), "which fades with its sign"),
+    ],
+)
+def test_both_low_speeds_are_told_everywhere(options, loose, words, tmp_path):
+    """From which rows count, from which they are enough, and what to do between."""
+    found = jf.feedforward(saved(tmp_path, "log_viscous", loose=loose), **options)
+    said = found.to_json()["supported"]["below"]
+    assert "lag" not in options or said.endswith(words)  # a lag is no matter of taste
+    assert said.startswith("Rows count in the fit from 0.001 m/s on, but the record supports the")
+    assert "map from 0.01 m/s on alone" in said and words in said
+    source = " ".join(found.c().split())
+    assert said in found.cautions and said in source
+    assert f"the sign fades below v_f = {found.fade.speed:.4g} m/s: {found.fade.why}" in source
+    told = [line for line in found.c().splitlines() if "double log_viscous_v_c" in line]
+    assert ("not determined by the record" in told[0]) == bool(loose)
+
+
+def test_steady_speeds_are_not_told_of_rows():
+    said = jf.feedforward(STEADY).to_json()["supported"]["below"]
+    assert said.startswith("Below 1.05 rad/s the map is the fitted curve continued, a guess")
+
+
+@pytest.mark.parametrize(("v_c", "clamped"), [(WIDTH / 100, True), (0.004, False)])
+def test_a_bend_below_all_rows_is_told_as_the_width_that_stands_for_it(v_c, clamped, tmp_path):
+    content = model("log_viscous", loose=("log_viscous.v_c",))
+    content["after"]["parameters"]["log_viscous.v_c"]["value"] = v_c
+    (tmp_path / "loop.json").write_text(json.dumps(content))
+    (told,) = (w for w in jf.feedforward(tmp_path / "loop.json").warnings if "v_c" in w)
+    assert ("In place of v_c stands" in told and "0.0005 m/s" in told) == clamped
+
+
 def test_a_memory_that_the_record_does_not_fix_does_not_count(tmp_path):
     found = jf.feedforward(saved(tmp_path, "presliding", loose=("presliding.x_c",)))
     assert found.fade.decided_by == "rows"
@@ -557,6 +613,7 @@ def test_the_shipped_loop_of_a_measured_axis():
     width = json.loads(EMPS.read_text())["axis"]["width"]
     static["log_viscous.v_c"] = width  # its bend is no less
     told = by_hand(static, 0.1, found.fade.speed, found.about.middle)
-    assert width < WIDTH and float(found.friction(0.1)) == pytest.approx(
-        told + p["log_viscous.c"] * math.log((1 + 0.1 / width) / (1 + 0.1 / WIDTH)), rel=1e-9
-    )
+    bend = p["log_viscous.c"] * math.log((1 + 0.1 / width) / (1 + 0.1 / WIDTH))
+    sign = math.tanh(0.1 / found.fade.speed)  # which fades over speeds the record does not tell
+    assert width < WIDTH
+    assert float(found.friction(0.1)) == pytest.approx(told + sign * bend, rel=1e-9)

@@ -5,9 +5,11 @@ import textwrap
 from collections.abc import Sequence
 
 from ..errors import InputError
+from .fade import Fade
 from .formula import plain_formula
 from .identified import Identified
-from .pieces import INERTIA, PLAIN, SIGN, Piece, shape_units, uses_position
+from .limits import low_speeds, supported_text
+from .pieces import INERTIA, PLAIN, SIGN, Piece, shape_text, uses_position
 
 _WIDTH = 88
 _TAKEN = frozenset(
@@ -20,7 +22,7 @@ _TAKEN = frozenset(
 def c_code(
     about: Identified,
     pieces: Sequence[Piece],
-    fade: float,
+    fade: Fade,
     left_out: Sequence[str] = (),
     *,
     name: str = "axis",
@@ -34,7 +36,7 @@ def c_code(
     Parameters
     ----------
     about, pieces : what is compensated.
-    fade : v_f of the sign [m/s or rad/s].
+    fade : v_f of the sign, and why.
     left_out : what is not, in words for the head.
     name : of the axis, a word of C.
     made_by : lines on what made it, for the head.
@@ -55,7 +57,7 @@ def c_code(
         *_comment(head),
         "#include <math.h>",
         "",
-        *_constants(about, pieces, fade),
+        *_constants(about, pieces, fade.speed),
         "",
         *_comment([f"friction at the velocity v, in {about.force_unit}: the static map"]),
         f"double {name}_friction(double v)",
@@ -77,18 +79,20 @@ def c_code(
     return "\n".join(lines) + "\n"
 
 
-def _head(about: Identified, pieces: Sequence[Piece], fade: float) -> list[str]:
+def _head(about: Identified, pieces: Sequence[Piece], fade: Fade) -> list[str]:
     length = about.length
     units = f"v in {length}/s"
     if any(p.part == INERTIA for p in pieces):
         units += f", a in {length}/s^2"
     if uses_position(pieces):
         units = f"q in {length} (the position of the record, with its zero), {units}"
-    low = f"{about.slowest:.4g} to {about.fastest:.4g} {length}/s"
     return [
-        f"u = {plain_formula(pieces, fade).partition(' = ')[2]}",
+        f"u = {plain_formula(pieces, fade.speed).partition(' = ')[2]}",
         f"u in {about.force_unit}; {units}, all of the reference, not measured",
-        f"the record supports it from {low} in both directions; elsewhere it is extrapolated",
+        f"the record supports it from {supported_text(about)} in both directions; elsewhere it is"
+        " extrapolated, a guess",
+        low_speeds(about, fade),
+        f"the sign fades below v_f = {fade.speed:.4g} {length}/s: {fade.why}",
     ]
 
 
@@ -102,7 +106,7 @@ def _constants(about: Identified, pieces: Sequence[Piece], fade: float) -> list[
         error = f" +- {piece.std:.2g}" if piece.std == piece.std else ", not determined alone"
         rows.append((constant(piece), piece.value, f"{piece.unit}{error}"))
         shapes |= piece.shapes
-    rows += [(key, value, shape_units(about, key)) for key, value in shapes.items()]
+    rows += [(key, value, shape_text(about, key)) for key, value in shapes.items()]
     return [
         f"static const double {key} = {number(value)}; /* {text} */" for key, value, text in rows
     ]

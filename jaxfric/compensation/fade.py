@@ -8,9 +8,15 @@ multiplied by
 
     s(v) = tanh(v/v_f),    v_f = max(v_1, v_2, v_3)
 
-    v_1 = v_slow/2           v_slow: the slowest motion that the fit rests on. s(v_slow) = 0.96
+    v_1 = v_slow/2           v_slow: the slowest motion that is known. s(v_slow) = 0.96
     v_2 = sqrt(2 alpha x)    x: friction has come back after the axis has moved so far
     v_3 = alpha t            t: the axis turns so much later than the reference
+
+v_slow is the speed from which rows count in the fit; of steady speeds, the slowest run. Few rows
+may be slower than the speed from which the record supports the friction: between the two it is the
+fitted curve continued. Where a speed at which that curve bends is not determined, nothing holds the
+continuation. It fades then as far as leaves the supported friction whole: v_1 is a quarter of the
+slowest speed that the record supports, at which s = 0.999.
 
 alpha is the acceleration of the reference where it turns: a distance x after that its speed is
 sqrt(2 alpha x), a time t after it alpha t.
@@ -36,7 +42,9 @@ rule above is this project's own.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+_PART = {2: "half", 4: "a quarter"}
 
 
 class Memory(NamedTuple):
@@ -71,8 +79,16 @@ class Fade(NamedTuple):
     @property
     def decided_by(self) -> str:
         """The name of the reason that asks for the largest speed."""
+        return self._deciding().name
+
+    @property
+    def why(self) -> str:
+        """The reason that asks for the largest speed, in words."""
+        return self._deciding().text
+
+    def _deciding(self) -> FadeReason:
         known = [one for one in self.reasons if not math.isnan(one.speed)]
-        return max(known, key=lambda one: one.speed).name
+        return max(known, key=lambda one: one.speed)
 
 
 def return_distance(memory: Memory, level: float) -> float:
@@ -92,29 +108,31 @@ def fade_speed(
     acceleration: float | None = None,
     lag: float | None = None,
     unit: str = "m",
-    why: str = "of slower motion nothing is known",
+    part: Literal[2, 4] = 2,
+    why: str = "the slowest motion that is known",
 ) -> Fade:
     """The fade speed of the module's equations, and what asks for it.
 
     Parameters
     ----------
-    slowest : v_slow, the slowest motion that the fit rests on [m/s or rad/s].
+    slowest : v_slow, the slowest motion that is known [m/s or rad/s].
     level : G, the friction that changes sign [F].
     memories : what friction lacks after a reversal.
     acceleration : alpha, of the reference where it turns [m/s^2 or rad/s^2]; None: not known, and
         then what needs it is told without a speed.
     lag : t, by which the axis turns later than the reference [s].
     unit : of the position, for the texts.
-    why : the reason why no slower motion is in the fit, in words.
+    part : v_slow/v_1.
+    why : what `slowest` is, in words.
 
     Not tried: play, a soft transmission.
     """
     reasons = [
         FadeReason(
             "rows",
-            slowest / 2,
-            f"half of {slowest:.3g} {unit}/s, the slowest motion fitted, at which 96 % of friction"
-            f" are compensated then: {why}",
+            slowest / part,
+            f"{_PART[part]} of {slowest:.3g} {unit}/s, {why};"
+            f" {100 * math.tanh(part):.3g} % of friction are compensated there",
         )
     ]
     alpha = math.nan if acceleration is None else acceleration

@@ -72,9 +72,14 @@ def feedforward(
     terms = terms_of(about)
     curve = FrictionCurve(about, terms.effects, about.middle)
     level = _sound_level(curve)
+    slowest, part, why = (about.slowest_row, 2, about.slower)
+    if about.guessed:
+        why = f"the slowest that the record supports, as {', '.join(about.bends)}"
+        why += " is not determined and slower friction is a guess"
+        slowest, part = about.slowest, 4
     found = fade_speed(
-        about.slowest_row, level, memories=_memories(about), acceleration=turning, lag=late,
-        unit=unit, why=about.slower,
+        slowest, level, memories=_memories(about), acceleration=turning, lag=late, unit=unit,
+        part=part, why=why,
     )  # fmt: skip
     if given is not None:
         said = f"given; derived from the model it would be {found.speed:.3g} {unit}/s"
@@ -165,14 +170,20 @@ def _least_damping(curve: FrictionCurve, fade: float, fastest: float) -> float:
 
 
 def _warnings(about: Identified) -> tuple[str, ...]:
-    bends = [name for name in about.loose if name.endswith(".v_c")]
+    bends = about.bends
     loose = [name for name in about.loose if name not in bends]
     lines = list(about.warnings)
     if bends:
-        lines.append(
+        told = (
             f"{', '.join(bends)} is not determined by the record: below {about.slowest:.3g}"
             f" {about.length}/s it is a guess where the curve bends, and so is the compensation"
         )
+        if any(name.endswith(".v_c") and about.values[name] < about.width for name in bends):
+            told += (
+                f". In place of v_c stands the least that the fit tells, {about.width:.3g}"
+                f" {about.length}/s, over which it smooths the sign of the velocity"
+            )
+        lines.append(told)
     if loose:
         lines.append(
             f"{', '.join(loose)} is not determined by the record; the band of the table holds for"

@@ -39,6 +39,12 @@ _BASE = BaseLaw().names()
 _OF_CURVE = {"d": "direction_asymmetry.d", "c": "cubic.c"}
 _OF_CURVE |= {name: f"stribeck.{name}" for name in ("fs", "vs", "n")}
 
+_ROWS = (
+    "from which rows count: slower ones have no sure sign, as the fit smooths it over half of that"
+    " speed"
+)
+_SUPPORTED = "the slowest that the record supports"
+
 
 class NothingToCompensate(InputError):
     """A model that no compensation may rest on: it did not converge, or its friction drives."""
@@ -63,13 +69,13 @@ class Identified:
     width: float
     """Width of the record's smoothed sign [m/s]; 0 of steady runs."""
     slowest_row: float
-    """Slowest motion that the fit rests on [m/s]."""
+    """Speed from which motion counts in the fit [m/s]; little may be slower than `slowest`."""
     slowest: float
     """The record supports the curve from this speed on [m/s] ..."""
     fastest: float
     """... to this one [m/s]."""
     slower: str
-    """Why no motion slower than `slowest_row` is in the fit, in words."""
+    """What `slowest_row` is, in words."""
     acceleration: float | None = None
     """Median over the strokes of the largest acceleration [m/s^2]; None where it is not told."""
     middle: float = 0.0
@@ -84,6 +90,16 @@ class Identified:
     def length(self) -> str:
         """The unit of the position, "m" or "rad"."""
         return "rad" if self.coordinate == "rotary" else "m"
+
+    @property
+    def bends(self) -> tuple[str, ...]:
+        """Speeds at which the curve bends, those that the record does not fix."""
+        return tuple(name for name in self.loose if name.endswith((".v_c", ".vs")))
+
+    @property
+    def guessed(self) -> bool:
+        """Whether nothing holds the curve below `slowest`, though slower rows count."""
+        return bool(self.bends) and self.slowest > self.slowest_row
 
     def supports(self, velocity: np.ndarray) -> np.ndarray:
         """Whether the record supports the curve at velocities (n)."""
@@ -192,7 +208,7 @@ def _of_axis(content: Content, source: str) -> Identified:
         2 * width or float(slowest),
         float(slowest),
         float(fastest),
-        "slower rows do not count, as the noise of the velocity hides its sign",
+        _ROWS if width else _SUPPORTED,
         about.get("acceleration"),
         _middle(content),
         None,
@@ -331,7 +347,7 @@ def _curve(
         0.0,
         ends[0],
         *ends,
-        "slower runs did not move evenly, or there are none",
+        "the slowest run that moved evenly",
         points=points,
         claim=claim,
     )

@@ -227,10 +227,11 @@ def uses_position(pieces: Sequence[Piece], *, ripple: bool = True) -> bool:
     return any(" q" in f" {p.code}" for p in pieces if ripple or not p.ripple)
 
 
-def shape_units(about: Identified, name: str) -> str:
-    """The unit of a constant of a factor, by its name in C."""
+def shape_text(about: Identified, name: str) -> str:
+    """The unit of a constant of a factor, by its name in C, and whether the record fixes it."""
     full = next((full for full in about.values if full.replace(".", "_") == name), None)
-    return "1" if full is None else about.unit(full)
+    unit = "1" if full is None else about.unit(full)
+    return f"{unit}, not determined by the record" if full in about.loose else unit
 
 
 def _n(value: float) -> str:

@@ -14,6 +14,7 @@ from .curve import FrictionCurve, FrictionValues
 from .fade import Fade
 from .formula import latex_formula, plain_formula
 from .identified import Identified
+from .limits import low_speeds
 from .pieces import INERTIA, PLAIN, SIGN, Piece
 from .spot import FrictionAt, friction_at
 from .units import positive
@@ -64,9 +65,7 @@ class Feedforward(Described, Drawable, Tabular):
 
         `made_by` are lines for its head. Raises `InputError` where `name` is no word of C.
         """
-        return c_code(
-            self.about, self.pieces, self.fade.speed, self.left_out, name=name, made_by=made_by
-        )
+        return c_code(self.about, self.pieces, self.fade, self.left_out, name=name, made_by=made_by)
 
     def friction(self, velocity: np.ndarray | float) -> np.ndarray:
         """The static map at velocities [m/s or rad/s]: friction with fade [F]."""
@@ -136,7 +135,12 @@ class Feedforward(Described, Drawable, Tabular):
                 "decided_by": self.fade.decided_by,
                 "reasons": [one._asdict() for one in self.fade.reasons],
             },
-            "supported": {"slowest": about.slowest, "fastest": about.fastest},
+            "supported": {
+                "slowest": about.slowest,
+                "fastest": about.fastest,
+                "rows_count_from": about.slowest_row,
+                "below": low_speeds(about, self.fade),
+            },
             "middle_of_travel": about.middle,
             "at": [here.to_json() for here in asked],
             "at_the_slowest": self.at(self.about.slowest).to_json(),
@@ -201,6 +205,7 @@ class Feedforward(Described, Drawable, Tabular):
                 " that differs by direction holds nothing there, and moves nothing as long as it is"
                 " less than F_c"
             )
+        lines.append(low_speeds(about, self.fade))
         if self.fade.speed > about.slowest:
             lines.append(
                 f"The fade is over speeds that the record supports: below {self.fade.speed:.3g}"

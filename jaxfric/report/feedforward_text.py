@@ -2,7 +2,7 @@
 
 import math
 
-from ..compensation.pieces import SIGN
+from ..compensation.pieces import SIGN, uses_position
 from ..compensation.result import Feedforward
 from ..compensation.spot import FrictionAt
 from ..loop.result import TextTable
@@ -40,8 +40,11 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
     """Friction at a speed in words, with what it is worth."""
     about, speed = found.about, f"{found.about.length}/s"
     unit = about.force_unit
+    place = (
+        ", in the middle of the travel and without ripples" if uses_position(found.pieces) else ""
+    )
     text = (
-        f"Friction at {here.speed:.4g} {speed}: {here.forwards.text(unit)} forwards,"
+        f"Friction at {here.speed:.4g} {speed}{place}: {here.forwards.text(unit)} forwards,"
         f" {here.backwards.text(unit)} backwards; the mean of both {here.mean.text(unit)}"
     )
     if here.faded:

@@ -1,0 +1,33 @@
+"""Words on where the map of a feedforward is known, and what to do where it is not."""
+
+from .fade import Fade
+from .identified import Identified
+
+_PART = 0.25
+"""A fade of this part of the slowest supported speed leaves the friction there whole."""
+
+
+def supported_text(about: Identified) -> str:
+    """The speeds over which the record supports the map."""
+    return f"{about.slowest:.4g} to {about.fastest:.4g} {about.length}/s"
+
+
+def low_speeds(about: Identified, fade: Fade) -> str:
+    """What the map is worth below the speeds that the record supports."""
+    speed = f"{about.length}/s"
+    low = f"{about.slowest:.3g} {speed}"
+    if about.slowest_row >= about.slowest:
+        text = f"Below {low} the map is the fitted curve continued, a guess without errors"
+    else:
+        text = (
+            f"Rows count in the fit from {about.slowest_row:.3g} {speed} on, but the record"
+            f" supports the map from {low} on alone: between the two the map is the fitted curve"
+            " continued, a guess without errors"
+        )
+    if fade.decided_by == "given":
+        return text
+    part = _PART * about.slowest
+    if fade.speed < 0.999 * part:
+        return f'{text}, down to v_f. To compensate less by it, give --fade "{part:.3g} {speed}"'
+    text += ", which fades with its sign"
+    return text if fade.decided_by != "rows" else f"{text}. A lower --fade compensates more by it"
