@@ -33,7 +33,7 @@ EXTENSION = "tests/test_extension.py"
 REDUCTION, REDUCED = "tests/test_reduction.py", "tests/test_reduction_toml.py"
 OWN_EFFECT = "tests/test_new_effect.py"
 OWN_LAW = "tests/test_new_law.py"
-FADE, COMES_BACK, COMPILED, ALONE, NO_MODEL = (
+FADE, COMES_BACK, COMPILED, MODEL_ALONE, NO_MODEL = (
     f"tests/test_feedforward.py -k {word}"
     for word in ("small_cases", "comes_back", "c_source", "model_alone", "rely_on")
 )
@@ -962,7 +962,7 @@ FAULTS = (
     Fault("a comment in C may be ended", "compensation/code.py",
           'line.replace("*/", "* /")', "line", COMPILED),
     Fault("the error of the sum is that of rival models", "compensation/identified.py",
-          'told, warnings = about.get("covariance"), []', "told, warnings = None, []", ALONE),
+          'told, warnings = about.get("covariance"), []', "told, warnings = None, []", MODEL_ALONE),
     Fault("a model of which one start failed is refused", "compensation/identified.py",
           "if same and not any(", "if same and not all(",
           "tests/test_feedforward.py -k converged_once"),
@@ -977,6 +977,12 @@ FAULTS = (
     Fault("extrapolated friction is of the record", "compensation/identified.py",
           "(speed >= self.slowest - near)", "(speed >= 0)",
           "tests/test_feedforward.py -k band"),
+    Fault("a guess has an error", "compensation/feedforward.py",
+          "np.where(about.supports(velocity), table.std, np.nan)", "table.std",
+          "tests/test_feedforward.py -k band"),
+    Fault("a C source is silent on what limits it", "compensation/code.py",
+          '(f"WARNING: {line}" for line in warnings)', "()",
+          "tests/test_feedforward.py -k repeats_the_warnings"),
     Fault("friction backwards is that forwards", "compensation/spot.py",
           "np.asarray([speed, -speed])", "np.asarray([speed, speed])",
           "tests/test_feedforward.py -k told_first"),

@@ -126,18 +126,21 @@ def test_a_table_is_the_map_with_its_band(tmp_path):
     found = jf.feedforward(saved(tmp_path, "direction_asymmetry"))
     rows = list(csv.DictReader(io.StringIO(found.csv())))
     table = {name: np.asarray([row[name] for row in rows]) for name in rows[0]}
-    v, force, std, low = (
-        table[name].astype(float)
-        for name in ("velocity [m/s]", "force [N]", "std [N]", "lower [N]")
+    v, force, std, low, high = (
+        np.asarray([float(cell or "nan") for cell in table[f"{name}]"]])
+        for name in ("velocity [m/s", "force [N", "std [N", "lower [N", "upper [N")
     )
     p, fade = BASE | {"direction_asymmetry.d": 4.0}, found.fade.speed
     np.testing.assert_allclose(force, [by_hand(p, x, fade) for x in v], rtol=1e-7, atol=1e-7)
     s = np.tanh(v / fade)
     own = np.sqrt((0.3 * v) ** 2 + 0.015**2 + (0.1 * s) ** 2 + (0.04 * v * s) ** 2)
-    np.testing.assert_allclose(std, own, rtol=1e-6)
-    np.testing.assert_allclose(low, force - 1.959964 * std, rtol=1e-6, atol=1e-8)
     inside = (np.abs(v) >= SLOWEST - 1e-9) & (np.abs(v) <= FASTEST + 1e-9)
-    np.testing.assert_array_equal(table["basis"] == "record", inside)
+    np.testing.assert_array_equal(table["basis"], np.where(inside, "record", "guess"))
+    own = np.where(inside, own, np.nan)  # no error of a guess
+    np.testing.assert_allclose(std, own, rtol=1e-6)
+    np.testing.assert_allclose(low, force - 1.959964 * own, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(high, force + 1.959964 * own, rtol=1e-6, atol=1e-8)
+    assert [x is None for x in found.to_json()["table"]["std"]] == (~inside).tolist()
     assert v.max() == pytest.approx(FASTEST) and 0.0 in v and SLOWEST in np.round(v, 9)
     # both directions, and they differ by 2 F_0 + 2 d |v|
     np.testing.assert_allclose(force + force[::-1], 2 * (1.5 + 4 * v * s), atol=1e-7)
@@ -382,6 +385,28 @@ def test_a_bend_below_all_rows_is_told_as_the_width_that_stands_for_it(v_c, clam
 def test_a_memory_that_the_record_does_not_fix_does_not_count(tmp_path):
     found = jf.feedforward(saved(tmp_path, "presliding", loose=("presliding.x_c",)))
     assert found.fade.decided_by == "rows"
+
+
+def test_the_c_source_repeats_the_warnings_and_the_verdict(tmp_path):
+    path = saved(tmp_path, "log_viscous", loose=("log_viscous.v_c",), verdict="outside_catalogue")
+    found = jf.feedforward(path)
+    source = " ".join(found.c().split())
+    assert all(f"WARNING: {line}" in source for line in found.warnings) and len(found.warnings) == 3
+    assert "WARNING: the loop's verdict is outside_catalogue" in source
+    known = "the static map the record supports it from 0.01 to 0.3 m/s; elsewhere it is a guess */"
+    assert known in source
+    built(found.c(), tmp_path)
+
+
+def test_the_figure_has_no_band_where_the_map_is_a_guess(tmp_path):
+    found = jf.feedforward(saved(tmp_path))
+    for axis, largest in zip(found.plot().axes, (1.04 * FASTEST, 5 * WIDTH), strict=True):
+        (band,) = (one for one in axis.collections if "band" in str(one.get_label()))
+        unit = largest / axis.get_xlim()[1]
+        speeds = [unit * abs(x) for path in band.get_paths() for x in path.vertices[:, 0]]
+        assert all(SLOWEST * 0.999 < x < FASTEST * 1.001 for x in speeds)
+        assert bool(speeds) == (largest > SLOWEST)
+        assert "feedforward, a guess" in axis.get_legend_handles_labels()[1]
 
 
 def test_a_file_that_does_not_tell_how_fast_it_turned(tmp_path):

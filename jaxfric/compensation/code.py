@@ -26,6 +26,7 @@ def c_code(
     left_out: Sequence[str] = (),
     *,
     name: str = "axis",
+    warnings: Sequence[str] = (),
     made_by: Sequence[str] = (),
 ) -> str:
     """The source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
@@ -39,6 +40,7 @@ def c_code(
     fade : v_f of the sign, and why.
     left_out : what is not, in words for the head.
     name : of the axis, a word of C.
+    warnings : what limits it, for the head.
     made_by : lines on what made it, for the head.
 
     Raises
@@ -52,14 +54,16 @@ def c_code(
     arguments += ["double v"] + (["double a"] if inertia else [])
     static = [p for p in pieces if p.part != INERTIA and not p.ripple]
     head = [f"{name}: friction compensation from {about.source}", *_head(about, pieces, fade)]
-    head += [*(f"left out: {line}" for line in left_out), *made_by]
+    head += [f"left out: {line}" for line in left_out]
+    head += [*(f"WARNING: {line}" for line in warnings), *made_by]
+    known = f"the record supports it from {supported_text(about)}; elsewhere it is a guess"
     lines = [
         *_comment(head),
         "#include <math.h>",
         "",
         *_constants(about, pieces, fade.speed),
         "",
-        *_comment([f"friction at the velocity v, in {about.force_unit}: the static map"]),
+        *_comment([f"friction at the velocity v, in {about.force_unit}: the static map", known]),
         f"double {name}_friction(double v)",
         "{",
         "    const double s = tanh(v / fade_speed);",

@@ -7,7 +7,7 @@ import numpy as np
 from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..stability.claims import SURE
-from .curve import FrictionCurve
+from .curve import FrictionCurve, FrictionValues
 from .fade import Fade, FadeReason, Memory, fade_speed
 from .identified import Identified, NothingToCompensate, identified
 from .pieces import Terms, terms_of
@@ -102,12 +102,18 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
         fade,
         terms.left_out,
         velocity,
-        curve.at(velocity, fade.speed),
+        _within(about, velocity, curve.at(velocity, fade.speed)),
         level,
         float(max(0.0, 1 - SURE * np.max(mean.std / mean.force))),
         _least_damping(curve, fade.speed, about.fastest),
         _warnings(about),
     )
+
+
+def _within(about: Identified, velocity: np.ndarray, table: FrictionValues) -> FrictionValues:
+    """The same without the errors of what the record does not support: they hold for a formula that
+    nothing shows to be right there."""
+    return table._replace(std=np.where(about.supports(velocity), table.std, np.nan))
 
 
 def _supported(about: Identified) -> np.ndarray:

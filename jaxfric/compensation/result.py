@@ -36,7 +36,8 @@ class Feedforward(Described, Drawable, Tabular):
     velocity: np.ndarray
     """Velocities of the table [m/s or rad/s], ascending (n)."""
     table: FrictionValues
-    """Friction with fade at the velocities of the table (n)."""
+    """Friction with fade at the velocities of the table (n); its errors are nan where the record
+    does not support it."""
     level: float
     """Friction that changes sign, at the slowest speed that the record supports [F]."""
     share: float
@@ -65,7 +66,10 @@ class Feedforward(Described, Drawable, Tabular):
 
         `made_by` are lines for its head. Raises `InputError` where `name` is no word of C.
         """
-        return c_code(self.about, self.pieces, self.fade, self.left_out, name=name, made_by=made_by)
+        return c_code(
+            self.about, self.pieces, self.fade, self.left_out, name=name, warnings=self.warnings,
+            made_by=made_by,
+        )  # fmt: skip
 
     def friction(self, velocity: np.ndarray | float) -> np.ndarray:
         """The static map at velocities [m/s or rad/s]: friction with fade [F]."""
@@ -85,8 +89,8 @@ class Feedforward(Described, Drawable, Tabular):
         return friction_at(self.curve, self.fade.speed, speed)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The table by column: velocity, force, its standard error and 95 % band, and whether the
-        record supports it; units in the names."""
+        """The table by column: velocity, force, its standard error and 95 % band (nan where the
+        record does not support it), and its basis, "record" or "guess"; units in the names."""
         force, std = self.table.force, self.table.std
         unit, speed = self.about.force_unit, f"{self.about.length}/s"
         return {
@@ -95,14 +99,15 @@ class Feedforward(Described, Drawable, Tabular):
             f"std [{unit}]": std,
             f"lower [{unit}]": force - QUANTILE * std,
             f"upper [{unit}]": force + QUANTILE * std,
-            "basis": np.where(self.seen(), "record", "extrapolated"),
+            "basis": np.where(self.seen(), "record", "guess"),
         }
 
     def csv(self) -> str:
-        """The table as CSV; commas in it are between columns alone."""
+        """The table as CSV; commas in it are between columns alone, and an error that is not known
+        is empty."""
         columns = self.columns()
         rows = zip(*columns.values(), strict=True)
-        lines = [",".join(x if isinstance(x, str) else f"{x:.9g}" for x in row) for row in rows]
+        lines = [",".join(_cell(x) for x in row) for row in rows]
         return "\n".join([",".join(columns), *lines]) + "\n"
 
     def to_json(self, asked: Sequence[FrictionAt] = ()) -> dict:
@@ -218,3 +223,9 @@ class Feedforward(Described, Drawable, Tabular):
                 " (--acceleration)"
             )
         return tuple(lines)
+
+
+def _cell(value: str | float) -> str:
+    if isinstance(value, str):
+        return value
+    return "" if math.isnan(value) else f"{value:.9g}"

@@ -50,16 +50,20 @@ def _panel(axis: Axes, found: Feedforward, largest: float) -> None:
     )  # fmt: skip
     curve = found.curve.at(v, fade)
     low, high = (size * (curve.force + s * QUANTILE * curve.std) for s in (-1, 1))
-    axis.fill_between(factor * v, low, high, color=GREY, alpha=0.45, lw=0, label="95 % band")
+    known = about.supports(v)
+    axis.fill_between(
+        factor * v, low, high, where=list(known), color=GREY, alpha=0.45, lw=0,
+        label="95 % band, where the record supports it",
+    )  # fmt: skip
     for sign in (-1.0, 1.0):
         side = sign * np.geomspace(1e-6 * largest, largest, _CURVE)
         label = "friction of the model" if sign > 0 else None
         sharp = size * found.curve.at(side, None).force
         axis.plot(factor * side, sharp, color=ORANGE, lw=1.2, ls=":", label=label)
     force = size * curve.force
-    axis.plot(factor * v, force, color=BLUE, lw=1.0, ls="--", label="feedforward, extrapolated")
+    axis.plot(factor * v, force, color=BLUE, lw=1.0, ls="--", label="feedforward, a guess")
     axis.plot(
-        factor * v, np.where(about.supports(v), force, np.nan), color=BLUE, lw=2.0,
+        factor * v, np.where(known, force, np.nan), color=BLUE, lw=2.0,
         label="feedforward, supported by the record",
     )  # fmt: skip
     if about.points is not None:
