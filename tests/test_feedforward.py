@@ -507,6 +507,27 @@ def test_a_measured_velocity_needs_the_damping_that_is_told(times, steady, tmp_p
     assert (abs(found.y[0, -1] - v0) < 0.01 * v0) == steady
 
 
+@pytest.mark.parametrize(
+    ("drive", "words"),
+    [
+        ({"k_v": 5001.0}, "(the drive's own, 5001 N s/m, is above it)"),
+        ({"k_v": 4990.0}, "(the drive's own, 4990 N s/m, is not: raise it, or v_f)"),
+        ({"k_v": None}, "(that of the drive in force, which the file does not tell)"),
+        (None, "(that of the drive in force, which the file does not tell)"),
+    ],
+)
+def test_the_drives_own_damping_is_compared(drive, words, tmp_path):
+    """The limit is F_c/v_f = 5000 N s/m; in volts both are a twentieth."""
+    path = saved(tmp_path, axis={"drive": drive})
+    found = jf.feedforward(path, fade="2 mm/s")
+    (told,) = (line for line in found.cautions if "measured velocity" in line)
+    assert f"above 5000 N s/m {words}" in told
+    own = drive and drive["k_v"]
+    assert found.to_json()["of_a_measured_velocity"]["own_damping"] == own
+    volts = jf.feedforward(path, fade="2 mm/s", drive_gain="20 N/V")
+    assert volts.about.damping == (own and pytest.approx(own / 20))
+
+
 # ---- the command -------------------------------------------------------------------------------
 
 
@@ -537,6 +558,8 @@ def test_the_verb_writes_what_it_says(tmp_path, monkeypatch):
         ({"law": "slip"}, (), ["of a slider", "jaxfric axis"]),
         ({"schema": "jaxfric.fit/1"}, (), ["jaxfric.fit/1"]),
         ({"axis": {"width": -1}}, (), ["damaged", "axis.width"]),
+        ({"axis": {"drive": {"k_v": "8"}}}, (), ["damaged", "axis.drive.k_v"]),
+        ({"axis": {"drive": 8.0}}, (), ["damaged", "axis.drive"]),
         ({"axis": {"covariance": [[1.0]]}}, (), ["damaged", "covariance"]),
         ({"steps": [[0.0, 0.0]]}, (), ["no motion"]),
         ({"effects": None, "after": {}}, (), ["damaged"]),

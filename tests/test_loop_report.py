@@ -1040,6 +1040,8 @@ def test_a_drive_of_which_nothing_is_known_has_no_column(drive, columns) -> None
     details = AxisDetails((), Preparation(50.0, 1), 1e-3, record, AxisGains(1.0, -2.0, 2.0, None))
     table = details._gains("m")
     assert len(table.head) == columns and {len(row) for row in table.rows} == {columns}
+    told = details.to_json()["axis"]["drive"]  # for a feedforward of the file
+    assert told == (drive and {"k_p": None, "k_v": 2.0})
 
 
 @pytest.mark.parametrize(

@@ -82,6 +82,8 @@ class Identified:
     """Middle of the travel [m], in the position of the record."""
     points: np.ndarray | None = None
     """Measured speed, force and its error (n, 3); None where the file has none."""
+    damping: float | None = None
+    """The drive's own k_v in force [F s/m]; None where it is not told."""
     claim: str = ""
     """What is said of stability."""
     warnings: tuple[str, ...] = ()
@@ -133,6 +135,7 @@ class Identified:
             force_unit=signal,
             values={n: v / gain if self._is_force(n) else v for n, v in self.values.items()},
             covariance=self.covariance * np.outer(part, part),
+            damping=None if self.damping is None else self.damping / gain,
             points=None if points is None else points * np.array([1.0, 1 / gain, 1 / gain]),
         )
 
@@ -212,6 +215,7 @@ def _of_axis(content: Content, source: str) -> Identified:
         about.get("acceleration"),
         _middle(content),
         None,
+        (about.get("drive") or {}).get("k_v"),
         str(gains.get("sentence") or ""),
         (*own_warnings(content), *verdict_words(content), *own),
     )
@@ -239,7 +243,11 @@ def _wrong_size(about: object, steps: object) -> str | None:
     gains = about.get("gains") or {}
     if not isinstance(gains, dict):
         return "'axis.gains' is no table"
+    drive = about.get("drive") or {}
+    if not isinstance(drive, dict):
+        return "'axis.drive' is no table"
     sizes = {f"axis.{key}": about.get(key) for key in ("width", "acceleration")}
+    sizes["axis.drive.k_v"] = drive.get("k_v")
     sizes |= {f"axis.gains.{key}": gains.get(key) for key in ("slowest", "fastest")}
     for key, size in sizes.items():
         if size is not None and not (isinstance(size, int | float) and 0 <= size < math.inf):

@@ -31,3 +31,11 @@ def low_speeds(about: Identified, fade: Fade) -> str:
         return f'{text}, down to v_f. To compensate less by it, give --fade "{part:.3g} {speed}"'
     text += ", which fades with its sign"
     return text if fade.decided_by != "rows" else f"{text}. A lower --fade compensates more by it"
+
+
+def own_damping(about: Identified, least: float) -> str:
+    """Whether the drive's own k_v is above the `least` [F s/m]."""
+    if about.damping is None:
+        return "that of the drive in force, which the file does not tell"
+    own = f"the drive's own, {about.damping:.4g} {about.force_unit} s/{about.length}"
+    return f"{own}, is above it" if about.damping > least else f"{own}, is not: raise it, or v_f"

@@ -14,7 +14,7 @@ from .curve import FrictionCurve, FrictionValues
 from .fade import Fade
 from .formula import latex_formula, plain_formula
 from .identified import Identified
-from .limits import low_speeds
+from .limits import low_speeds, own_damping
 from .pieces import INERTIA, PLAIN, SIGN, Piece
 from .spot import FrictionAt, friction_at
 from .units import positive
@@ -153,6 +153,7 @@ class Feedforward(Described, Drawable, Tabular):
             "of_a_measured_velocity": {
                 "share": self.share,
                 "least_damping": self.least_damping,
+                "own_damping": about.damping,
             },
             "table": {
                 "velocity": self.velocity,
@@ -190,7 +191,8 @@ class Feedforward(Described, Drawable, Tabular):
         ]
         measured = (
             "With the measured velocity in its place it is a feedback, which takes damping away:"
-            f" where the sign fades k_v must be above {self.least_damping:.3g} {damping}"
+            f" where the sign fades k_v must be above {self.least_damping:.4g} {damping}"
+            f" ({own_damping(about, self.least_damping)})"
         )
         if self.share > 0:
             measured += (

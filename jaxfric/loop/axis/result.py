@@ -225,7 +225,8 @@ class AxisDetails:
         return TextTable("Gains", head, rows, note)
 
     def to_json(self) -> dict:
-        """The entry "axis" of `loop.json`: preparation, gains and fits."""
+        """The entry "axis" of `loop.json`: preparation, gains and fits; `drive` is in force."""
+        drive = self.record.drive
         return {
             "axis": {
                 "coordinate": self.record.coordinate,
@@ -235,6 +236,7 @@ class AxisDetails:
                 "width": self.width,
                 "reach": self.reach,
                 "acceleration": self.acceleration,
+                "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
                 "covariance": self.covariance,
                 "gains": {
                     "worst_velocity": self.gains.worst_velocity,
