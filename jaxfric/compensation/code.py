@@ -23,10 +23,9 @@ def c_code(
     about: Identified,
     pieces: Sequence[Piece],
     fade: Fade,
-    left_out: Sequence[str] = (),
+    notes: Sequence[str] = (),
     *,
     name: str = "axis",
-    warnings: Sequence[str] = (),
     made_by: Sequence[str] = (),
 ) -> str:
     """The source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
@@ -38,9 +37,8 @@ def c_code(
     ----------
     about, pieces : what is compensated.
     fade : v_f of the sign, and why.
-    left_out : what is not, in words for the head.
+    notes : what is not compensated and what limits it, for the head.
     name : of the axis, a word of C.
-    warnings : what limits it, for the head.
     made_by : lines on what made it, for the head.
 
     Raises
@@ -54,8 +52,7 @@ def c_code(
     arguments += ["double v"] + (["double a"] if inertia else [])
     static = [p for p in pieces if p.part != INERTIA and not p.ripple]
     head = [f"{name}: friction compensation from {about.source}", *_head(about, pieces, fade)]
-    head += [f"left out: {line}" for line in left_out]
-    head += [*(f"WARNING: {line}" for line in warnings), *made_by]
+    head += [*notes, *made_by]
     known = f"the record supports it from {supported_text(about)}; elsewhere it is a guess"
     lines = [
         *_comment(head),

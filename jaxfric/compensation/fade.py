@@ -47,6 +47,18 @@ from typing import Literal, NamedTuple
 _PART = {2: "half", 4: "a quarter"}
 
 
+class Known(NamedTuple):
+    """What the slowest motion v_slow is."""
+
+    why: str
+    """In words."""
+    part: Literal[2, 4] = 2
+    """v_slow/v_1."""
+
+
+SLOWEST = Known("the slowest motion that is known")
+
+
 class Memory(NamedTuple):
     """What friction lacks after a reversal, and how far it takes to come back."""
 
@@ -108,8 +120,7 @@ def fade_speed(
     acceleration: float | None = None,
     lag: float | None = None,
     unit: str = "m",
-    part: Literal[2, 4] = 2,
-    why: str = "the slowest motion that is known",
+    known: Known = SLOWEST,
 ) -> Fade:
     """The fade speed of the module's equations, and what asks for it.
 
@@ -122,17 +133,16 @@ def fade_speed(
         then what needs it is told without a speed.
     lag : t, by which the axis turns later than the reference [s].
     unit : of the position, for the texts.
-    part : v_slow/v_1.
-    why : what `slowest` is, in words.
+    known : what `slowest` is, and how much of it v_1 is.
 
     Not tried: play, a soft transmission.
     """
     reasons = [
         FadeReason(
             "rows",
-            slowest / part,
-            f"{_PART[part]} of {slowest:.3g} {unit}/s, {why};"
-            f" {100 * math.tanh(part):.3g} % of friction are compensated there",
+            slowest / known.part,
+            f"{_PART[known.part]} of {slowest:.3g} {unit}/s, {known.why};"
+            f" {100 * math.tanh(known.part):.3g} % of friction are compensated there",
         )
     ]
     alpha = math.nan if acceleration is None else acceleration
@@ -152,5 +162,5 @@ def fade_speed(
     if lag:
         told = f"the axis turns {lag:.3g} s after its reference; "
         reasons.append(FadeReason("lag", alpha * lag, told + rest))
-    known = [one.speed for one in reasons if not math.isnan(one.speed)]
-    return Fade(max(known), tuple(reasons))
+    speeds = [one.speed for one in reasons if not math.isnan(one.speed)]
+    return Fade(max(speeds), tuple(reasons))

@@ -8,7 +8,7 @@ from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..stability.claims import SURE
 from .curve import FrictionCurve, FrictionValues
-from .fade import Fade, FadeReason, Memory, fade_speed
+from .fade import Fade, FadeReason, Known, Memory, fade_speed
 from .identified import Identified, NothingToCompensate, identified
 from .pieces import Terms, terms_of
 from .result import Feedforward
@@ -72,19 +72,28 @@ def feedforward(
     terms = terms_of(about)
     curve = FrictionCurve(about, terms.effects, about.middle)
     level = _sound_level(curve)
-    slowest, part, why = (about.slowest_row, 2, about.slower)
-    if about.guessed:
-        why = f"the slowest that the record supports, as {', '.join(about.bends)}"
-        why += " is not determined and slower friction is a guess"
-        slowest, part = about.slowest, 4
-    found = fade_speed(
-        slowest, level, memories=_memories(about), acceleration=turning, lag=late, unit=unit,
-        part=part, why=why,
-    )  # fmt: skip
+    found = _derived(about, level, turning, late)
     if given is not None:
         said = f"given; derived from the model it would be {found.speed:.3g} {unit}/s"
         found = Fade(given, (FadeReason("given", given, said),))
     return _result(terms, curve, found, level)
+
+
+def _derived(
+    about: Identified, level: float, acceleration: float | None, lag: float | None
+) -> Fade:
+    """The fade that the model asks for."""
+    slowest = about.slowest_row
+    known = Known(about.slower)
+    if about.guessed:
+        why = f"the slowest that the record supports, as {', '.join(about.bends)}"
+        why += " is not determined and slower friction is a guess"
+        slowest = about.slowest
+        known = Known(why, 4)
+    return fade_speed(
+        slowest, level, memories=_memories(about), acceleration=acceleration, lag=lag,
+        unit=about.length, known=known,
+    )  # fmt: skip
 
 
 def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Feedforward:

@@ -66,10 +66,9 @@ class Feedforward(Described, Drawable, Tabular):
 
         `made_by` are lines for its head. Raises `InputError` where `name` is no word of C.
         """
-        return c_code(
-            self.about, self.pieces, self.fade, self.left_out, name=name, warnings=self.warnings,
-            made_by=made_by,
-        )  # fmt: skip
+        notes = [f"left out: {line}" for line in self.left_out]
+        notes += [f"WARNING: {line}" for line in self.warnings]
+        return c_code(self.about, self.pieces, self.fade, notes, name=name, made_by=made_by)
 
     def friction(self, velocity: np.ndarray | float) -> np.ndarray:
         """The static map at velocities [m/s or rad/s]: friction with fade [F]."""

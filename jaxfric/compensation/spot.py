@@ -12,7 +12,7 @@ _WHOLE = 0.995
 """A sign of at least so much is told as one that has not faded."""
 
 
-class Side(NamedTuple):
+class ForceAt(NamedTuple):
     """Friction in one direction, or a mean of both [F]."""
 
     force: float
@@ -34,11 +34,11 @@ class FrictionAt(NamedTuple):
 
     speed: float
     """|v| [m/s or rad/s]."""
-    forwards: Side
+    forwards: ForceAt
     """F(|v|)."""
-    backwards: Side
+    backwards: ForceAt
     """F(-|v|), negative where it is against the motion."""
-    mean: Side
+    mean: ForceAt
     """(F(|v|) - F(-|v|))/2."""
     sign: float
     """s = tanh(|v|/v_f): how much of what has the sign of the velocity is not faded."""
@@ -81,8 +81,8 @@ def friction_at(curve: FrictionCurve, fade: float, speed: float) -> FrictionAt:
     both, sharp, mean = curve.at(v, fade), curve.at(v, None).force, curve.mean(v[:1], fade)
     supported = bool(curve.about.supports(v)[0])
 
-    def side(force: np.ndarray, std: np.ndarray, k: int = 0) -> Side:
-        return Side(float(force[k]), float(std[k]) if supported else math.nan)
+    def side(force: np.ndarray, std: np.ndarray, k: int = 0) -> ForceAt:
+        return ForceAt(float(force[k]), float(std[k]) if supported else math.nan)
 
     return FrictionAt(
         speed,
