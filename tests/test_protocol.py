@@ -5,6 +5,7 @@ All plans have one size (1024 rows, 16 velocities), so they share what is compil
 
 import dataclasses
 import json
+import shlex
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,10 +16,14 @@ from command import assert_refused, run
 
 import jaxfric as jf
 from fits.blind import plants
-from jaxfric.cli.protocol import _without_asked
+from jaxfric.cli.app import app
+from jaxfric.cli.call import Call
+from jaxfric.cli.plan_line import changed_line
+from jaxfric.cli.protocol import _without_asked, read_velocities
 from jaxfric.effects import CATALOGUE
 from jaxfric.protocol.design import Change, Design, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
+from jaxfric.protocol.remedy import remedy
 from jaxfric.report.protocol_text import (
     _stay,
     advice,
@@ -35,6 +40,7 @@ TWELVE = np.asarray([1, 10, 1, 3, 10, 3, 1, 10, 3, 1, 3, 10]) * UM
 FIVE = np.asarray([1, 10, 1, 3, 10]) * UM
 PLANT = {"f0": 0.6, "A": 0.010, "B": 0.014, "L": 20 * UM}
 STIFFNESS = 4 * 0.004 / (20 * UM)
+TWO = ("ageing", "velocity_dependent_L")
 
 
 def planned(velocities: Iterable[float] = TWELVE, *, with_=(), without=(), changes=False, **own):
@@ -316,8 +322,9 @@ def test_near_the_edge(monkeypatch):
 # ---- a pair that is asked for -----------------------------------------------------------------
 
 
-def designed(cosine, *, sizes=(0.01, 0.02), after=None):
-    """A plan of two effects, q and n, that are so alike; `after`: with a slip channel."""
+def designed(cosine, *, sizes=(0.01, 0.02), after=None, changes=()):
+    """A plan of two effects, q and n, that are so alike; `after`: with a slip channel; `changes`:
+    key, duration [s] and how alike the two are then."""
 
     def design(value):
         two = (("ageing", "q"), ("velocity_dependent_L", "n"))
@@ -328,15 +335,32 @@ def designed(cosine, *, sizes=(0.01, 0.02), after=None):
         table = np.asarray([[1.0, value], [value, 1.0]])
         return Design(tuple(id for id, _ in two), table, smallest, np.zeros(1), np.zeros(1))
 
-    slip = () if after is None else (Change("slip_channel", "a slip channel", 1, design(after)),)
+    changes = changes if after is None else (("slip_channel", 110.0, after),)
     asked = Planned([UM, 1e-5], 1e-4, STIFFNESS, NOISE, PLANT | {"V0": UM})
     return Protocol(
         **vars(asked), with_=(), critical_stiffness=1.0, ratio=4.0, design=design(cosine),
-        changes=slip, warnings=(), seconds=0.0,
+        changes=tuple(
+            Change(key, CHANGED[key][0], s, None if v is None else design(v), *CHANGED[key][1:])
+            for key, s, v in changes
+        ),
+        warnings=(), seconds=0.0,
     )  # fmt: skip
 
 
-TWO = ("ageing", "velocity_dependent_L")
+CHANGED = {
+    "slip_x2": ("twice the slip per step", (UM, 1e-5), 2e-4, None, None),
+    "slip_x4": ("four times the slip per step", (UM, 1e-5), 4e-4, None, None),
+    "dwell": ("a slow dwell at 0.333 um/s appended", (UM, 1e-5, 3.333e-7), 1e-4, None, None),
+    "slip_channel": ("a slip channel", (UM, 1e-5), 1e-4, 1e-7, None),
+    "load_point_channel": ("a load-point encoder", (UM, 1e-5), 1e-4, None, 1e-7),
+}
+"""Changes of `designed`: words, velocities, slip, noise of slip and of the load point. SI."""
+
+
+def answered(plan, ids=TWO, known=None):
+    return answer(plan, plan.design.pair(*ids), remedy(plan, ids, known or {}))
+
+
 YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing from "
 
 
@@ -349,15 +373,76 @@ YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing
         (designed(0.6), ("ageing", "base"), YES + "the slip law, from q = 0.01 on"),
         (designed(0.96), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95"),
         (designed(0.96, after=0.5), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
-         " it would with a slip channel"),
+         " it would with a slip channel (1 um/s, 10 um/s, 100 um each; noise of slip 0.1 um;"
+         " 110 s in all; |cosine| 0.500; from q = 0.012 or n = 0.023 on)"),
         (designed(0.96, after=0.97), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
          " no change in the table below would"),
+        (designed(0.98, changes=[("dwell", 410.0, 0.96), ("slip_x2", 220.0, 0.97)]), TWO, NO
+         + "velocity_dependent_L: |cosine| 0.980, above 0.95; no single change in the table below"
+         " does, the nearest is a slow dwell at 0.333 um/s appended (1 um/s, 10 um/s, 0.3333 um/s,"
+         " 100 um each; 410 s in all; |cosine| 0.960)"),
+        (designed(0.98, changes=[("slip_x2", 220.0, 0.5), ("slip_channel", 110.0, 0.4)]), TWO, NO
+         + "velocity_dependent_L: |cosine| 0.980, above 0.95; it would with twice the slip per step"
+         " (1 um/s, 10 um/s, 200 um each; 220 s in all; |cosine| 0.500; from q = 0.012 or"
+         " n = 0.023 on), or with a slip channel (110 s)"),
         (designed(np.nan, sizes=(None, 0.02)), TWO, "no: this plan does not see ageing, whatever"
          " the size"),
     ],
 )  # fmt: skip
 def test_the_answer_on_a_pair(plan, ids, line):
-    assert answer(plan, plan.design.pair(*ids)) == line
+    assert answered(plan, ids) == line
+
+
+ALL = ("slip_x2", "slip_x4", "dwell", "slip_channel", "load_point_channel")
+
+
+@pytest.mark.parametrize(
+    ("after", "known", "key", "enough"),
+    [
+        # the shortest that separates, not the first of the table
+        ((0.96, 0.5, 0.5, 0.97, 0.97), {}, "dwell", True),
+        # a channel is another instrument, and no option plans an encoder
+        ((0.5, 0.5, 0.5, 0.5, 0.5), {}, "slip_x2", True),
+        ((0.96, 0.96, 0.96, 0.5, 0.5), {}, "slip_channel", True),
+        ((0.96, 0.96, 0.96, 0.96, 0.5), {}, "load_point_channel", True),
+        ((None, None, None, 0.5, 0.5), {}, "slip_channel", True),
+        # none is enough: the nearest; none is better: none
+        ((0.97, 0.96, 0.955, 0.97, 0.97), {}, "dwell", False),
+        ((0.99, 0.98, 0.99, 0.98, 0.98), {}, None, None),
+        # of an effect of the file: one that tells it at its size (0.0109 of q with 0.4)
+        ((0.9, 0.5, 0.9, 0.4, 0.97), {"ageing.q": 0.012}, "slip_x4", True),
+        ((0.9, 0.9, 0.8, 0.97, 0.97), {"ageing.q": 0.012}, "dwell", False),
+    ],
+)  # fmt: skip
+def test_the_cheapest_change_that_tells_the_pair_is_named(after, known, key, enough):
+    times = (220.0, 440.0, 410.0, 110.0, 110.0)
+    plan = designed(0.98, changes=list(zip(ALL, times, after, strict=True)))
+    found = remedy(plan, TWO, known)
+    assert (None if found is None else found.change.key) == key
+    assert found is None or found.enough == enough
+    yes = designed(0.5, changes=list(zip(ALL, times, after, strict=True)))
+    assert remedy(yes, TWO, {}) is None
+
+
+@pytest.mark.parametrize(
+    ("after", "start", "rest"),
+    [
+        ((0.96, 0.5, 0.97), "A slow dwell at 0.333 um/s appended, for ageing and velocity_dep",
+         "The same for most pairs: a slow dwell"),
+        ((0.5, 0.5, 0.4), "Twice the slip per step, for ageing", "The same for most pairs: twice"),
+        ((0.97, 0.96, 0.97), "A slow dwell at 0.333 um/s appended, for ageing and velocity_depende"
+         "nt_L the nearest: see the first line", "None of these changes leaves fewer pairs"),
+        ((0.99, 0.99, 0.99), "No change helps ageing and velocity", "None of these changes leaves"),
+    ],
+)  # fmt: skip
+def test_what_is_recommended_does_not_contradict_the_answer(after, start, rest):
+    keys = ("slip_x2", "dwell", "slip_channel")
+    plan = designed(0.98, changes=list(zip(keys, (220.0, 410.0, 110.0), after, strict=True)))
+    told = advice(plan, plan.design.pair(*TWO), better := remedy(plan, TWO, {}))
+    assert told.startswith(start) and rest in told and "Recommended:" not in told
+    table = changes(plan, better)
+    assert better is None or [table.rows[k][0] for k in table.marked] == [better.change.text]
+    assert advice(plan).startswith(("Recommended: ", "None of these"))
 
 
 @pytest.mark.parametrize(
@@ -426,6 +511,59 @@ def test_the_size_of_an_answer_is_what_the_other_effect_leaves():
     alone = 1 / np.linalg.norm(a)  # the size at which the likelihood ratio is 1
     found = designed(cosine, sizes=(alone, 1.0)).design.pair(*TWO)
     assert found.sizes["ageing"] == pytest.approx(1 / np.sqrt(left)) and found.apart
+
+
+TYPED = {
+    "velocities": "1, 10 um/s", "slip_per_step": "100um", "from_": Path("a b/loop.json"),
+    "rows": 75, "tell": ["ageing,gain"], "with_": ["viscous", "run_in"], "out": Path("o"),
+    "json": True,
+}  # fmt: skip
+REST = '--from "a b/loop.json" --rows 75 --tell ageing,gain --with viscous,run_in'
+
+
+@pytest.mark.parametrize(
+    ("key", "typed", "line"),
+    [
+        ("dwell", {}, f'"1, 10, 0.3333 um/s" --slip-per-step "100 um" {REST}'),
+        ("slip_x2", {}, f'"1, 10 um/s" --slip-per-step "200 um" {REST}'),
+        ("slip_channel", {}, f'--slip-per-step "100 um" {REST} --slip-channel "0.1 um"'),
+        ("slip_channel", {"slip_channel": "0.2 um"}, f'{REST} --slip-channel "0.2 um"'),
+        ("dwell", {"velocities": "1e-3, 0.01 mm/s"}, '"0.001, 0.01, 0.0003333 mm/s" --slip'),
+        ("dwell", {"parameters": "f0=0.6 $x"}, "--parameters 'f0=0.6 $x'"),
+        ("load_point_channel", {}, ""),
+    ],
+)  # fmt: skip
+def test_the_command_of_a_change_is_complete(key, typed, line):
+    words, velocities, slip, *noises = CHANGED[key]
+    change = Change(key, words, 1.0, None, velocities, slip, *noises)
+    found = changed_line(Call("protocol", "", TYPED | typed), change)
+    assert line in found and found.startswith("jaxfric protocol ") == bool(line)
+    assert not {"--out", "--json", "o"} & set(found.split())
+    assert changed_line(Call("", "", {}), change) == ""
+    if found and "$x" not in found:
+        command, bound, _ = app.parse_args(shlex.split(found)[1:])
+        assert command.__name__ == "protocol"
+        assert read_velocities(bound.arguments["velocities"]) == pytest.approx(list(velocities))
+
+
+def test_a_no_is_followed_by_the_command_of_a_yes(monkeypatch, tmp_path):
+    """The answer, then the command; pasted, it asks for the plan that was said to do."""
+    monkeypatch.chdir(tmp_path)
+    alike = designed(0.96, changes=[("slip_x4", 440.0, 0.5), ("dwell", 410.0, 0.5)])
+    plans, asked = [alike, designed(0.5)], []
+    made = lambda what, **_: asked.append(what) or plans[len(asked) - 1]  # noqa: E731
+    monkeypatch.setattr(sys.modules["jaxfric.protocol.plan"], "plan", made)
+    options = [text for pair in (GOOD | {"--slip-per-step": "100um"}).items() for text in pair]
+    code, out, err = run("protocol", "1,10 um/s", *options, "--tell", ",".join(TWO), "--out", "o")
+    first, _, line, _ = out.splitlines()[:4]
+    assert code == 0 and first.startswith(NO) and "a slow dwell" in first and first.endswith(":")
+    change = json.loads(Path("o/protocol.json").read_text())["asked"]["change"]
+    assert (change["command"], change["change"], change["enough"]) == (line.strip(), "dwell", True)
+    assert change["velocities"] == [UM, 1e-5, 3.333e-7] and change["answer"]["told_apart"]
+    code, out, err = run(*shlex.split(line)[1:])
+    assert code == 0 and out.startswith(YES), err
+    assert out.splitlines()[1] == "" and "jaxfric protocol" not in out.splitlines()[2]
+    assert asked[1].velocities == pytest.approx(change["velocities"])
 
 
 def test_the_answer_is_the_first_line_of_the_command(monkeypatch, tmp_path):

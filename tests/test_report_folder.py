@@ -147,12 +147,23 @@ def test_what_a_verdict_leaves_open_is_marked(tmp_path: Path, kind, verdict, mar
 def test_a_plan_says_whether_it_tells_effects_apart(tmp_path: Path) -> None:
     plan = {"pairs": [{"effects": ["ageing", "gain"]}], "unseen": ["thermal"]}
     changes = [{"change": "repeat", "text": "the first velocity again"}, {"change": "", "text": ""}]
-    asked = {"effects": ["ageing", "gain"], "told_apart": False}
-    content = {"plan": plan, "changes": changes, "recommended": "repeat", "asked": asked}
-    assert saved(tmp_path / "protocol", **content).sentence == (
-        "It cannot tell ageing from gain. It cannot tell apart ageing/gain. It does not see"
-        " thermal. Recommended: the first velocity again."
+    content = {"plan": plan, "changes": changes, "recommended": "repeat"}
+    no, rest = (
+        "It cannot tell ageing from gain",
+        "It cannot tell apart ageing/gain. It does not see",
     )
+    rest = f"{rest} thermal."
+    again = "the first velocity again."
+    assert saved(tmp_path / "protocol", **content).sentence == f"{rest} Recommended: {again}"
+    dwell = {"text": "a slow dwell", "enough": True}
+    for change, more in (
+        (None, ""),
+        (dwell, "; it would with a slow dwell"),
+        (dwell | {"enough": False}, ""),
+    ):
+        asked = {"effects": ["ageing", "gain"], "told_apart": False, "change": change}
+        told = saved(tmp_path / "protocol", **content, asked=asked).sentence
+        assert told == f"{no}{more}. {rest} For most pairs: {again}"
     content = {"plan": {"pairs": [], "unseen": []}, "changes": [], "recommended": None}
     told = "It tells all effects apart that it sees."
     assert saved(tmp_path / "protocol", **content).sentence == told

@@ -10,11 +10,14 @@ from cyclopts import Parameter
 from ..errors import InputError, did_you_mean
 from ..pairs import read_pairs
 from . import options
+from .call import current_call
 from .common import effect_ids, optional_quantity, prepare_jax, stdout_console, told, warn
-from .folder import Folder, choose_folder, source_name
+from .folder import choose_folder, source_name
+from .plan_line import changed_line
 
 if TYPE_CHECKING:
-    from ..protocol.design import Pair, Protocol
+    from ..protocol.design import Pair
+    from ..protocol.remedy import Remedy
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
@@ -99,6 +102,7 @@ def protocol(
         prepare_jax()
         from ..plot.loop import save_aliasing
         from ..protocol.plan import Planned, plan
+        from ..protocol.remedy import remedy
         from ..report.protocol_text import found_too_small
 
         values, more = _without_asked(known, more, asked or (), declared)
@@ -123,22 +127,32 @@ def protocol(
             progress=progress,
         )
         pair = None if asked is None else found.design.pair(*asked)
+        better = None if asked is None else remedy(found, asked, known)
+        line = "" if better is None else changed_line(current_call(), better.change)
         small = [] if pair is None else found_too_small(found, pair, known)
         found = dataclasses.replace(found, warnings=(*small, *warned, *found.warnings))
         progress("drawing figures")
-        content = folder.save_json("protocol.json", found.to_json() | _answer(pair))
+        more_told = _answer(pair, better, line)
+        content = folder.save_json("protocol.json", found.to_json() | more_told)
         ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     if json:
         print(content)
     else:
-        _print(found, folder, pair, typical=from_ is None and parameters is None)
+        from ..report.protocol_text import print_protocol
+
+        console, typical = stdout_console(), from_ is None and parameters is None
+        print_protocol(found, console, typical=typical, pair=pair, better=better, command=line)
+        console.print(f"\n{folder.written}", markup=False, soft_wrap=True)
     warn(found.warnings)
     return folder.close()
 
 
-def _answer(pair: "Pair | None") -> dict[str, object]:
-    return {} if pair is None else {"asked": pair.to_json()}
+def _answer(pair: "Pair | None", better: "Remedy | None", line: str) -> dict[str, object]:
+    if pair is None:
+        return {}
+    change = None if better is None else better.to_json() | {"command": line or None}
+    return {"asked": pair.to_json() | {"change": change}}
 
 
 class _Wrong:
@@ -318,11 +332,3 @@ def _numbers(table: object, **keys: str) -> dict[str, float]:
     known = table if isinstance(table, dict) else {}
     found = {name: known.get(key) for name, key in keys.items()}
     return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
-
-
-def _print(found: "Protocol", folder: Folder, pair: "Pair | None", *, typical: bool) -> None:
-    from ..report.protocol_text import print_protocol
-
-    console = stdout_console()
-    print_protocol(found, console, typical=typical, pair=pair)
-    console.print(f"\n{folder.written}", markup=False, soft_wrap=True)

@@ -102,6 +102,19 @@ class Design:
         sizes = {id: size / left for id, size in known.items()} if apart else {}
         return Pair((a, b), cosine, apart, sizes)
 
+    def too_small(
+        self, pair: Pair, known: Mapping[str, float]
+    ) -> tuple[tuple[Smallest, float], ...]:
+        """Effects of a pair that is told apart whose size in `known` (by name) is less than that
+        from which on it is told, and that size. SI."""
+        out = []
+        for s in self.smallest:
+            found = [known.get(f"{s.id}.{name}") for name in s.names]
+            size = math.hypot(*(value for value in found if value is not None))
+            if s.id in pair.sizes and None not in found and size < pair.sizes[s.id]:
+                out.append((s, size))
+        return tuple(out)
+
     def unseen(self) -> tuple[str, ...]:
         """Effects that are not seen at all, whatever their size."""
         return tuple(s.id for s in self.smallest if s.amplitude is None)
@@ -109,12 +122,31 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of the plan, and what it brings; `design` is None where the slider slips away."""
+    """A change of the plan, and what it brings; `design` is None where the slider slips away. SI.
+
+    The plan with it has these velocities, slip and channels: a noise, None where there is none.
+    """
 
     key: str
     text: str
     duration: float
     design: Design | None
+    velocities: tuple[float, ...] = ()
+    slip_per_step: float = math.nan
+    slip_noise: float | None = None
+    encoder_noise: float | None = None
+
+    def planned(self) -> dict[str, object]:
+        """The plan with this change as JSON values; null for a channel that it does not have."""
+        return {
+            "change": self.key,
+            "text": self.text,
+            "duration": self.duration,
+            "velocities": list(self.velocities),
+            "slip_per_step": self.slip_per_step if self.velocities else None,
+            "slip_noise": self.slip_noise,
+            "load_point_noise": self.encoder_noise,
+        }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -183,9 +215,7 @@ class Protocol(Described, Drawable, Tabular):
             "plan": _plain(self.design),
             "changes": [
                 {
-                    "change": c.key,
-                    "text": c.text,
-                    "duration": c.duration,
+                    **c.planned(),
                     "separates": [list(pair) for pair in self.separated(c)],
                     "remaining": None if c.design is None else len(c.design.pairs()),
                     **({} if c.design is None else _plain(c.design)),

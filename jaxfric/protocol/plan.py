@@ -79,6 +79,19 @@ class _Variant:
         starts = np.concatenate([[0.0], np.cumsum(self.durations[:-1])])
         return VelocitySteps(starts, np.asarray(self.velocities))
 
+    def looked_at(self, design: Design | None) -> Change:
+        """The change that this variant is, with what it brings."""
+        return Change(
+            self.key,
+            self.text,
+            float(self.durations.sum()),
+            design,
+            self.velocities,
+            self.slip_per_step,
+            self.slip_noise,
+            self.encoder_noise,
+        )
+
 
 @dataclass(frozen=True)
 class Planned:
@@ -173,10 +186,7 @@ def plan(
         critical_stiffness=critical,
         ratio=ratio,
         design=design,
-        changes=tuple(
-            Change(v.key, v.text, float(v.durations.sum()), o)
-            for v, o in zip(variants[1:], others, strict=True)
-        ),
+        changes=tuple(v.looked_at(o) for v, o in zip(variants[1:], others, strict=True)),
         warnings=_warnings(ratio, values, asked.slip_per_step),
         seconds=time.monotonic() - begun,
     )
@@ -296,7 +306,7 @@ def _warnings(ratio: float | None, values: Mapping[str, float], slip: float) -> 
 def _changes(plan: _Variant) -> list[_Variant]:
     """Changes of a plan, the cheapest first; those that it has already are left out."""
     V, noise = plan.velocities, plan.slip_noise or CHANNEL_NOISE
-    dwell, back = min(V) / 3, V[0]
+    dwell, back = float(f"{min(V) / 3:.4g}"), V[0]
     out = []
     for key, text, change in (
         ("slip_x2", "twice the slip per step", {"slip_per_step": 2 * plan.slip_per_step}),

@@ -290,7 +290,10 @@ def _protocol(content: Mapping) -> _Told:
     sentences = []
     if asked is not None:
         names = " from ".join(asked["effects"])
-        sentences.append(f"It {'tells' if asked['told_apart'] else 'cannot tell'} {names}.")
+        would = None if asked["told_apart"] else asked.get("change")
+        would = f"; it would with {would['text']}" if would and would["enough"] else ""
+        told = "tells" if asked["told_apart"] else "cannot tell"
+        sentences.append(f"It {told} {names}{would}.")
     pairs = ["/".join(pair["effects"]) for pair in plan["pairs"]]
     sentences.append(
         f"It cannot tell apart {', '.join(pairs)}."
@@ -300,7 +303,8 @@ def _protocol(content: Mapping) -> _Told:
     if plan["unseen"]:
         sentences.append(f"It does not see {', '.join(plan['unseen'])}.")
     best = [c["text"] for c in content["changes"] if c["change"] == content["recommended"]]
-    sentences += [f"Recommended: {text}." for text in best]
+    what = "Recommended" if asked is None else "For most pairs"
+    sentences += [f"{what}: {text}." for text in best]
     figures = ("aliasing.png",)
     return _Told("a plan of velocity steps", " ".join(sentences), _table([]), figures)
 

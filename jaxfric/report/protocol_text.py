@@ -8,8 +8,10 @@ import numpy as np
 
 from ..effects import CATALOGUE, parameters
 from ..fitting import Estimate
+from ..loop.family import listed
 from ..loop.thresholds import ALIAS
 from ..protocol.design import BASE, Change, Design, Pair, Protocol, Smallest
+from ..protocol.remedy import Remedy
 from ..units import format_si, speed_text
 from .loop_text import TextTable, shown_unit
 from .tables import print_tables
@@ -47,7 +49,7 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
     base = ", ".join(_parameter(plan, name) for name in plan.parameters)
     return [
         f"plan: {len(V)} velocities, {_speeds(V)},"
-        f" {format_si(plan.slip_per_step, 'm', 'um', 4)} each: {_duration(plan.duration)},"
+        f" {_slip(plan.slip_per_step)} each: {_duration(plan.duration)},"
         f" {total} rows",
         f"machine: K = {K * 1e-6:.4g} {unit}, {edge}; noise of a row {_number(plan.noise)}"
         f"{'' if plan.friction_unit == '1' else ' ' + plan.friction_unit}"
@@ -59,41 +61,66 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
     ]
 
 
-def answer(plan: Protocol, pair: Pair) -> str:
-    """Whether the plan tells the two that were asked for apart, with its number."""
+def answer(plan: Protocol, pair: Pair, better: Remedy | None = None) -> str:
+    """Whether the plan tells the two that were asked for apart, with its number, and the change
+    with which it would, or does for effects as small as they are."""
+    told = _answered(plan, pair)
+    if better is not None:
+        return f"{told}; {_would(plan, pair, better)}"
+    return told if pair.apart or not plan.changes else f"{told}; no change in the table below would"
+
+
+def _would(plan: Protocol, pair: Pair, better: Remedy) -> str:
+    change, after = better.change, better.pair
+    how = [] if after.cosine is None else [f"|cosine| {_cosine(after.cosine)}"]
+    how += [f"from {_from_sizes(change.design, after)} on"] if after.apart else []
+    text = f"{change.text} ({'; '.join([*_planned(plan, change), *how])})"
+    if not better.enough:
+        return f"no single change in the table below does, the nearest is {text}"
+    other = better.sooner
+    sooner = "" if other is None else f", or with {other.text} ({_duration(other.duration)})"
+    small = "of effects as small as those of the file it does" if pair.apart else "it would"
+    return f"{small} with {text}{sooner}"
+
+
+def _planned(plan: Protocol, change: Change) -> list[str]:
+    """Velocities, slip and time of a plan with a change."""
+    if not change.velocities:
+        return [_duration(change.duration)]
+    one = "" if change.slip_noise in (None, plan.slip_noise) else _length(change.slip_noise)
+    noise = [f"noise of slip {one}"] if one else []
+    noise += ["which no option plans"] if change.encoder_noise is not None else []
+    speeds = ", ".join(speed_text(V, 4) for V in change.velocities)
+    steps = f"{speeds}, {_slip(change.slip_per_step)} each"
+    return [steps, *noise, f"{_duration(change.duration)} in all"]
+
+
+def _from_sizes(design: Design | None, pair: Pair) -> str:
+    smallest = {s.id: s for s in design.smallest} if design else {}
+    return " or ".join(_size(smallest[id], size) for id, size in pair.sizes.items())
+
+
+def _answered(plan: Protocol, pair: Pair) -> str:
     names = [f"the {plan.law} law" if id == BASE else id for id in pair.ids]
     a, b = names if pair.ids[0] != BASE else names[::-1]
     if pair.apart:
-        smallest = {s.id: s for s in plan.design.smallest}
-        sizes = " or ".join(_size(smallest[id], size) for id, size in pair.sizes.items())
         how = "" if pair.cosine is None else f" (|cosine| {_cosine(pair.cosine)})"
-        return f"yes: this plan tells {a} from {b}{how}, from {sizes} on"
+        return f"yes: this plan tells {a} from {b}{how}, from {_from_sizes(plan.design, pair)} on"
     if pair.cosine is None:
         unseen = [id for id in pair.ids if id in plan.design.unseen()]
         return f"no: this plan does not see {' and '.join(unseen)}, whatever the size"
-    would = [c.text for c in plan.changes if c.design and c.design.pair(*pair.ids).apart]
-    advice = f"; it would with {would[0]}" if would else ""
-    if plan.changes and not would:
-        advice = "; no change in the table below would"
-    return (
-        f"no: this plan cannot tell {a} from {b}: |cosine| {_cosine(pair.cosine)}, above"
-        f" {ALIAS:g}{advice}"
-    )
+    alike = f"|cosine| {_cosine(pair.cosine)}, above {ALIAS:g}"
+    return f"no: this plan cannot tell {a} from {b}: {alike}"
 
 
 def found_too_small(plan: Protocol, pair: Pair, known: Mapping[str, float]) -> list[str]:
     """A line for each effect of a pair that is told apart whose size in `known` (SI, by name) is
     less than that from which on it is told."""
-    out = []
-    for s in plan.design.smallest:
-        found = [known.get(f"{s.id}.{name}") for name in s.names]
-        size = math.hypot(*(value for value in found if value is not None))
-        if s.id in pair.sizes and None not in found and size < pair.sizes[s.id]:
-            out.append(
-                f"the {s.id} of the file, {_size(s, size)}, is smaller than what this plan tells"
-                f" ({_size(s, pair.sizes[s.id])}): of that size the answer is no"
-            )
-    return out
+    return [
+        f"the {s.id} of the file, {_size(s, size)}, is smaller than what this plan tells"
+        f" ({_size(s, pair.sizes[s.id])}): of that size the answer is no"
+        for s, size in plan.design.too_small(pair, known)
+    ]
 
 
 def apart(plan: Protocol, asked: Pair | None = None) -> list[str]:
@@ -120,8 +147,24 @@ def apart(plan: Protocol, asked: Pair | None = None) -> list[str]:
     return out
 
 
-def advice(plan: Protocol) -> str:
-    """The change that is recommended."""
+def advice(plan: Protocol, asked: Pair | None = None, better: Remedy | None = None) -> str:
+    """The change that is recommended: for the pair that was asked for, and for most pairs."""
+    if asked is None:
+        return _of_all(plan, "Recommended")
+    two = listed([id for id in asked.ids if id != BASE])
+    own = f"no change is needed for {two}" if asked.apart else f"no change helps {two}"
+    if better is not None:
+        own = f"{better.change.text}, for {two}" + ("" if better.enough else " the nearest")
+    rest = "Recommended beyond that"
+    if better is not None and plan.recommended() is better.change:
+        rest = "The same for most pairs"
+    elif plan.recommended() is not None:
+        rest = "For the most pairs"
+    return f"{own[0].upper()}{own[1:]}: see the first line. {_of_all(plan, rest)}"
+
+
+def _of_all(plan: Protocol, recommended: str) -> str:
+    """The change that leaves the fewest pairs of all."""
     pairs = len(plan.design.pairs())
     if not pairs:
         return "The plan needs no change: it tells all effects apart that it sees."
@@ -132,7 +175,7 @@ def advice(plan: Protocol) -> str:
     if best is None:
         return f"None of these changes leaves fewer pairs. Pair by pair: {stay}."
     text = (
-        f"Recommended: {best.text}. It separates {_list(plan.separated(best)) or 'no pair'} and"
+        f"{recommended}: {best.text}. It separates {_list(plan.separated(best)) or 'no pair'} and"
         f" leaves {len(left.pairs())} of {pairs} pairs"
     )
     return f"{text}: {stay}." if stay else f"{text}."
@@ -145,9 +188,12 @@ def effects(plan: Protocol) -> TextTable:
     return TextTable("How large an effect must be to be named", head, rows, _NOTE)
 
 
-def changes(plan: Protocol) -> TextTable:
-    """Table of the pairs that every change of the plan separates, and of those it leaves."""
-    best = plan.recommended()
+def changes(plan: Protocol, better: Remedy | None = None) -> TextTable:
+    """Table of the pairs that every change of the plan separates, and of those it leaves.
+
+    Marked is that for the pair that was asked for, else that which is recommended.
+    """
+    best = plan.recommended() if better is None else better.change
     rows = [_change(plan, change) for change in plan.changes]
     marked = tuple(k for k, c in enumerate(plan.changes) if c is best)
     head = ("change", "lasts", "pairs left", "separates", "no longer told apart")
@@ -156,19 +202,27 @@ def changes(plan: Protocol) -> TextTable:
 
 
 def print_protocol(
-    plan: Protocol, console: "Console", *, typical: bool = False, pair: Pair | None = None
+    plan: Protocol,
+    console: "Console",
+    *,
+    typical: bool = False,
+    pair: Pair | None = None,
+    better: Remedy | None = None,
+    command: str = "",
 ) -> None:
-    """Print everything to a rich console, first the answer on the pair that was asked for."""
+    """Print everything to a rich console, first the answer on the pair that was asked for, and the
+    command of the plan that tells it."""
     if pair is not None:
-        console.print(answer(plan, pair) + "\n", markup=False, soft_wrap=True)
+        told = answer(plan, pair, better) + (f":\n\n  {command}" if command else "")
+        console.print(f"{told}\n", markup=False, soft_wrap=True)
     for line in headline(plan, typical=typical):
         console.print(line, markup=False)
     console.print("\nWhat this plan cannot tell apart", markup=False)
     for line in apart(plan, pair):
         console.print(f"  {line}", markup=False)
-    print_tables(console, [table for table in (effects(plan), changes(plan)) if table.rows])
+    print_tables(console, [t for t in (effects(plan), changes(plan, better)) if t.rows])
     if plan.changes:
-        console.print("\n" + advice(plan), markup=False)
+        console.print("\n" + advice(plan, pair, better), markup=False)
 
 
 # ---- cells ---------------------------------------------------------------------------------
@@ -261,6 +315,10 @@ def _parameter(plan: Protocol, name: str) -> str:
 
 def _length(value: float) -> str:
     return format_si(value, "m", "um" if value < 1e-3 else "mm", 3)
+
+
+def _slip(value: float) -> str:
+    return format_si(value, "m", "um", 4)
 
 
 def _number(value: float) -> str:

@@ -1,0 +1,60 @@
+"""The change of a plan that tells a pair of effects which the plan does not tell."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .design import Change, Design, Pair, Protocol
+
+
+@dataclass(frozen=True, eq=False)
+class Remedy:
+    """A change, and what a plan with it answers on the pair that is asked for."""
+
+    change: Change
+    pair: Pair
+    enough: bool
+    """Whether that is yes, for effects as large as those that are known too."""
+    sooner: Change | None
+    """A change that is enough too and takes less time, but another channel."""
+
+    def to_json(self) -> dict[str, object]:
+        """The change and its answer as JSON values."""
+        return self.change.planned() | {"enough": self.enough, "answer": self.pair.to_json()}
+
+
+def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Remedy | None:
+    """The cheapest change of a plan by which it tells two effects, of sizes `known` by name (SI).
+
+    A channel is another instrument: changes without one come first, then the shortest. Where no
+    change is enough, that which comes nearest. None where the plan needs none, or none helps.
+    """
+    possible = [(c, c.design) for c in plan.changes if c.design is not None]
+    lacks = {c.key: _lack(design, ids, known) for c, design in possible}
+    best, design = min(
+        possible, key=lambda one: (lacks[one[0].key], _cost(plan, one[0])), default=(None, None)
+    )
+    if best is None or design is None or lacks[best.key] >= _lack(plan.design, ids, known):
+        return None
+    enough = lacks[best.key] == _NOTHING
+    others = [c for c, _ in possible if lacks[c.key] == _NOTHING and c.duration < best.duration]
+    sooner = min(others, key=lambda c: _cost(plan, c), default=None) if enough else None
+    return Remedy(best, design.pair(*ids), enough, sooner)
+
+
+_NOTHING = (0, 1.0)
+
+
+def _lack(design: Design, ids: tuple[str, str], known: Mapping[str, float]) -> tuple[int, float]:
+    """What is lacking to a yes: of a pair told apart, how many times larger than known an effect
+    must be; else how alike the two are, more where one is not seen at all."""
+    pair = design.pair(*ids)
+    if not pair.apart:
+        return (2, 0.0) if pair.cosine is None else (1, pair.cosine)
+    times = [pair.sizes[s.id] / max(size, 1e-300) for s, size in design.too_small(pair, known)]
+    return 0, max([1.0, *times])
+
+
+def _cost(plan: Protocol, change: Change) -> tuple[int, float]:
+    """Channels that a change adds, one that no option of the command plans last, and its time."""
+    slip = change.slip_noise is not None and plan.slip_noise is None
+    return slip + 2 * (change.encoder_noise is not None), change.duration
