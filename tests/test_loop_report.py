@@ -10,6 +10,7 @@ import itertools
 import json
 import re
 import shlex
+from collections.abc import Sequence
 from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
@@ -385,8 +386,8 @@ def test_the_page_opens_with_what_it_means_and_what_to_do_next(verdict: str) -> 
     certain = verdict in ("no_missing_effect", "effects", "ambiguous")
     assert ("jaxfric gains --from loop.json" in opening) == certain
     assert ("jaxfric predict loop.json" in opening) == certain
-    open_ = "This record cannot tell time_drift from slip_trend. A run that would decide: "
-    assert (open_ + CATALOGUE["time_drift"].separated_by in opening) == (verdict == "ambiguous")
+    open_ = "It has what should tell time_drift from slip_trend: a dwell. Beside it: a zero-load"
+    assert (open_ in opening) == (verdict == "ambiguous")
     lines = [step.command for step in next_steps(loop) if step.command]
     for line in lines:
         words = shlex.split(line)
@@ -413,12 +414,79 @@ RISE = PlannedRun((2.0, 20.0), 100.0, "um/s", second_length=50.0)
          '"2, 20, 2 um/s" --slip-per-step "100 um" --slip-channel "0.1 um"', "channel of slip"),
         (RISE, "three velocities over two decades", '"2, 20, 200 um/s"', "over two decades"),
         (RISE, "a known load", '"2, 20 um/s" --slip-per-step "100 um"', "change to that run"),
+        # several wishes are one run, each wish once
+        (RISE, "a dwell, up and down steps, longer than 3 L2, a slow dwell, three velocities over"
+         " two decades", '"2, 20, 200, 2, 0.6667 um/s" --slip-per-step "200 um"', "over two dec"),
     ],
 )  # fmt: skip
 def test_the_run_that_would_decide_is_the_one_planned(run, wanted, options, words) -> None:
     planned = deciding_run(run, wanted)
     assert planned.options().startswith(options) and words in planned.words()
     assert parsed(["protocol", *shlex.split(planned.options())])
+
+
+def of_rock(
+    groups: Sequence[tuple[str, ...]], verdict: str, together: bool = False, speeds=(2.0, 20.0)
+) -> Loop:
+    """A loop of few steps whose effects, the first of each group, are not told from the others;
+    `together`: what is missing follows time and slip alike."""
+    loop, ids = make_loop(verdict), tuple(group[0] for group in groups)
+    after = dataclasses.replace(loop.after, effects=ids)
+    V = 1e-6 * np.asarray(speeds)
+    fit = dataclasses.replace(loop.base_fit, steps=VelocitySteps(25.0 * np.arange(len(V)), V))
+    one = np.ones(1)
+    seen = ("time", "slip") if together else ("state",)
+    location = tuple(LocationProfile(v, "s", one, one, one, 0.9, 1e-9, 0.9) for v in seen)
+    separations = {id: CATALOGUE[id].separated_by for id in ids}
+    return dataclasses.replace(
+        loop, effects=ids, after=after, base_fit=fit, alias_groups=tuple(groups),
+        separations=separations, location=location,
+    )  # fmt: skip
+
+
+SECOND, DRIFT = ("second_state", "thermal", "run_in"), ("time_drift", "run_in", "gain")
+BACK = "It begins with this record's velocities: of what is missing, what comes back is friction"
+
+
+@pytest.mark.parametrize(
+    ("loop", "speeds", "words", "not_words"),
+    [
+        (of_rock([SECOND, DRIFT], "outside_catalogue"), "2, 20, 2, 0.6667", [
+            "with the first repeated at the end and a slow dwell at 0.6667 µm/s appended",
+            "second_state from thermal or run_in: up and down steps, longer than 3 L2; time_drift"
+            " from run_in or gain: a dwell.", "Beside it: a zero-load baseline (time_drift).", BACK,
+        ], ["time from slip"]),
+        (of_rock([SECOND], "outside_catalogue", True), "2, 20, 2, 0.6667",
+         ["Its other velocity tells time from slip."], ["Beside it"]),
+        (of_rock([("time_drift", "slip_trend")], "ambiguous", True), "2, 20, 0.6667",
+         ["tells time from slip"], [BACK]),
+        (of_rock([("stribeck", "viscous"), ("slip_trend", "gain"), ("viscous", "gain")],
+         "outside_catalogue"), "2, 20, 200, 0.6667", ["Beside it: four velocities around Vs"
+         " (stribeck); different velocities at equal slip (slip_trend).", BACK], []),
+    ],
+)  # fmt: skip
+def test_one_run_has_all_that_is_asked_for(loop, speeds, words, not_words) -> None:
+    """It is said first, then the command that asks for it; the rest stands beside."""
+    first, ask, *rest = next_steps(loop)
+    assert first.text.startswith("Make this run: ") and not first.command
+    assert all(text in first.text for text in words), first.text
+    assert not any(text in first.text for text in not_words), first.text
+    assert ask.command.startswith(f'jaxfric protocol "{speeds} um/s" ')
+    assert [s.lead() for s in (first, ask)] == ["next"] * 2 and {s.lead() for s in rest} == {"also"}
+    asked = [s.command for s in (ask, *rest) if "--tell" in s.command]
+    assert len(asked) == len(loop.alias_groups) and len({a.split("--tell")[0] for a in asked}) == 1
+    again = [s.text for s in rest if "record the run again" in s.text]
+    assert not again and not any("below" in s.text for s in (first, ask, *rest))
+    html = page_of(loop).text
+    assert html.index(first.text) < html.index(ask.command) < html.index(f"Also: {rest[0].text}")
+
+
+def test_a_run_that_no_plan_changes_is_said_as_it_was() -> None:
+    loop = of_rock([("gain", "stiffness")], "outside_catalogue")
+    first, ask, look, own = next_steps(loop)
+    assert first.text.endswith("A run that would decide: a known load.")
+    assert "the record's own velocities, for you to change" in ask.text and look.also and own.also
+    assert "record the run again: what comes back" in look.text and "location.png" in look.text
 
 
 def test_every_planned_change_is_in_the_catalogue() -> None:
@@ -437,7 +505,7 @@ def test_a_plan_asks_for_the_effect_and_its_likeliest_rival() -> None:
     lines = [s.command for s in next_steps(loop) if "--tell" in s.command]
     assert len(lines) == 1 and lines[0].endswith(f"--from loop.json --tell {id},run_in")
     (text,) = [s.text for s in next_steps(loop) if "--tell" in s.command]
-    assert "; then the same with gain or slip_trend for run_in; no plan can be asked of" in text
+    assert "(then the same with gain or slip_trend for run_in; no plan can be asked of" in text
     assert text.endswith("no plan can be asked of normal_stress):")
     two = dataclasses.replace(loop, alias_groups=((id, "run_in"),))
     (text,) = [s.text for s in next_steps(two) if "--tell" in s.command]
@@ -479,12 +547,12 @@ def test_a_clear_verdict_says_what_the_next_run_would_show(verdict, effects, wor
     [
         (("time_drift", "slip_trend"), (1490.0, "second_state.L2 not fixed"), None),
         (("time_drift", "slip_trend"), (1500.0, "second_state.L2 not fixed"),
-         "This loop does not take one (BIC 20 lower, but second_state.L2 not fixed). What would"),
+         "This loop does not take one (BIC 20 lower, but second_state.L2 not fixed)."),
         (("time_drift", "slip_trend"), (1500.0, "predicts the select block worse"),
          "This loop does not take one (BIC 20 lower, but predicts the select block worse)."),
         (("time_drift", "slip_trend"), (1500.0, ""), None),
         (("time_drift", "thermal", "second_state"), (0.0, ""),
-         "This loop cannot tell one from thermal or time_drift. What would decide: up and down"),
+         "This loop cannot tell one from thermal or time_drift."),
         (("time_drift", "thermal", "second_state"), (1500.0, "second_state.L2 not fixed"),
          "(BIC 20 lower, but second_state.L2 not fixed) and cannot tell one from thermal or time_"),
     ],
@@ -499,7 +567,15 @@ def test_a_loop_says_why_a_comparison_of_laws_may_say_otherwise(group, second, w
     loop = dataclasses.replace(make_loop("ambiguous"), alias_groups=(group,), candidates=fits)
     told = [s.text for s in next_steps(loop) if "jaxfric compare may" in s.text]
     assert [words in text for text in told] == ([] if words is None else [True])
-    assert all(("What would decide" in text) == ("worse" not in text) for text in told)
+    # what would decide is in the run that is said first, else in this line
+    run = next_steps(loop)[0].text
+    assert ("second_state: up and" in run) == (bool(told) and "worse" not in told[0])
+    assert not any("What would decide" in text for text in told)
+    known = dataclasses.replace(loop, separations={"time_drift": "a known load"}, location=())
+    said = [s.text for s in next_steps(known) if "jaxfric compare may" in s.text]
+    assert [("What would decide" in text) == ("worse" not in text) for text in said] == [
+        True
+    ] * len(told)
     assert not any("jaxfric compare" in s.text for s in next_steps(make_loop("effects")))
 
 

@@ -62,6 +62,7 @@ def _print(result: "Loop", folder: Folder) -> None:
     page = "loop.html (open it in a browser)" if "loop.html" in names else ""
     written = [f"{', '.join(pictures)} (.png, .svg)"] if pictures else []
     written = ", ".join(filter(None, [page, "loop.json", *written]))
-    for text, command in next_steps(result, str(folder.path / "loop.json")):
-        console.print(f"next: {text} {command}".rstrip(), markup=False, soft_wrap=True)
+    for step in next_steps(result, str(folder.path / "loop.json")):
+        told = f"{step.lead()}: {step.text} {step.command}".rstrip()
+        console.print(told, markup=False, soft_wrap=True)
     console.print(f"\nwritten: {folder.path}/{written}", markup=False, soft_wrap=True)

@@ -41,6 +41,15 @@ def where_it_sits(
     return " ".join(filter(None, [told, _not_told(best, location, velocities)]))
 
 
+def grow_together(
+    location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float]
+) -> bool:
+    """Whether the record cannot tell the best variable from others that grow with it, which steps
+    at other velocities would."""
+    best = next((p for p in location if p.p_value <= SIGNIFICANT), None)
+    return best is not None and bool(_not_told(best, location, velocities))
+
+
 def _best_in_words(best: LocationProfile, location: tuple[LocationProfile, ...]) -> str:
     if not np.isfinite(best.explained):
         return f"What the base model leaves {_does([best.variable])} best ({p_text(best.p_value)})."

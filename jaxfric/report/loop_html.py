@@ -163,9 +163,10 @@ def _means(loop: Loop) -> str:
     )
     meant = f"<h2>What it means</h2><ul>{told}</ul>" if told else ""
     steps = ""
-    for text, command in next_steps(loop):
-        line = f'<pre class="scroll"><code>{escaped(command)}</code></pre>' if command else ""
-        steps += f"<li>{escaped(text)}{line}</li>"
+    for step in next_steps(loop):
+        text = f"Also: {step.text}" if step.also else step.text
+        code = f'<pre class="scroll"><code>{escaped(step.command)}</code></pre>'
+        steps += f"<li>{escaped(text)}{code if step.command else ''}</li>"
     note = paragraph("Commands are for the folder in which this page lies.", "note")
     return f"{meant}<h2>What to do next</h2><ul>{steps}</ul>{note}"
 

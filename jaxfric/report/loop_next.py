@@ -11,14 +11,16 @@ from ..laws.loop_source import CERTAIN
 from ..loop.family import listed
 from ..loop.result import CandidateScore, Loop
 from ..loop.thresholds import ACCEPT
+from ..loop.where import grow_together
 from ..loop.words import AXIS
-from ..units import factor
-from .loop_plan import deciding_run, own_run, plannable
+from ..units import factor, read_as
+from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
 
 _MEMORY = "rate_and_state"
 _SECOND, _LAW = "second_state", "ageing"
 """What `jaxfric compare` asks of, by the ids of the loop."""
 _LOOSE = "not fixed"
+_COMES_BACK = "what comes back is friction or the machine, what does not was that day's"
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
 
 
@@ -27,6 +29,12 @@ class NextStep(NamedTuple):
 
     text: str
     command: str = ""
+    also: bool = False
+    """Whether it is beside what is to be done next."""
+
+    def lead(self) -> str:
+        """The word before it."""
+        return "also" if self.also else "next"
 
 
 def meanings(loop: Loop) -> list[tuple[str, str, str]]:
@@ -45,12 +53,25 @@ def meanings(loop: Loop) -> list[tuple[str, str, str]]:
 def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     """What the verdict asks for, most telling first.
 
-    Of an ambiguous one the run that would decide; gains where `jaxfric gains` takes the loop; of
-    an axis its feedforward; a test on another record where the model describes this one. `file` is
+    Where the record leaves something open the one run that would decide, with the command that asks
+    whether it does, and the rest beside that; gains where `jaxfric gains` takes the loop; of an
+    axis its feedforward; a test on another record where the model describes this one. `file` is
     where the loop lies: beside loop.html where nothing else is said.
     """
     file = shlex.quote(file)
-    steps = [*_deciding(loop, file), *_beside_compare(loop), *_where_none(loop)]
+    run = _one_run(loop)
+    first = _deciding(loop, file) if run is None else _do_next(loop, run, file)
+    rest = [*_beside_compare(loop, run), *_where_none(loop, run), *_with_model(loop, file)]
+    if not first:
+        return rest
+    count = 2 if len(first) > 1 and first[1].command else 1
+    beside = (step._replace(also=True) for step in (*first[count:], *rest))
+    return [*first[:count], *beside]
+
+
+def _with_model(loop: Loop, file: str) -> list[NextStep]:
+    """What to do with the model where it describes the record."""
+    steps = []
     if takes_gains(loop):
         own = "--mass is yours to state"
         if loop.record.friction_unit == "1":
@@ -97,6 +118,72 @@ def _gains_line(loop: Loop, file: str) -> str:
     return " ".join([*words, f'--velocity "{"..".join(ends)} {unit}"'])
 
 
+def _wanted(loop: Loop) -> dict[str, str]:
+    """Of every effect that the record cannot tell from others: what would, in words."""
+    from .loop_text import confused
+
+    found = {id: loop.separations.get(id, "") for id, _ in confused(loop)}
+    if _asks_for_second(loop):
+        found.setdefault(_SECOND, CATALOGUE[_SECOND].separated_by)
+    return {id: wanted for id, wanted in found.items() if wanted}
+
+
+def _one_run(loop: Loop) -> PlannedRun | None:
+    """The run with all that would tell what this record leaves open, as far as that changes its
+    own velocities; None of an axis, and where it does not change them."""
+    own, wanted = own_run(loop), _wanted(loop)
+    if loop.words is AXIS or not wanted or not own.speeds:
+        return None
+    # time and slip, which grow together, are told by a step at another velocity
+    another = ["a dwell"] if grow_together(loop.location, loop.base_fit.steps.velocities) else []
+    run = deciding_run(own, *wanted.values(), *another)
+    return run if run.changes and min(run.speeds) > 0 else None
+
+
+def _do_next(loop: Loop, run: PlannedRun, file: str) -> list[NextStep]:
+    """The run to make next and what it has, then the commands that ask whether it tells."""
+    from .loop_text import confused
+
+    groups, wanted, own = dict(confused(loop)), _wanted(loop), own_run(loop)
+    told, outside = [], []
+    for id, text in wanted.items():
+        left = unplanned(text)
+        has = ", ".join(part for part in text.split(", ") if part not in left.split(", "))
+        other = f"{id} from {listed(groups[id], 'or')}" if id in groups else id
+        told += [f"{other}: {has}"] if has else []
+        outside += [f"{left} ({id})"] if left else []
+    each = f"{run.slip:.4g} {read_as(run.length)} each"
+    text = f"Make this run: {run.words()}, {each}. It has what should tell {'; '.join(told)}."
+    text += f" Beside it: {'; '.join(outside)}." if outside else ""
+    text += " Its other velocity tells time from slip." if _new_velocity(loop, run, own) else ""
+    if _begins_with(run, own) and loop.verdict == "outside_catalogue":
+        text += f" It begins with this record's velocities: of what is missing, {_COMES_BACK}."
+    asks = [step for id, others in groups.items() for step in _ask(loop, file, run, id, others)]
+    return [NextStep(text), *asks, *_of_families(loop)]
+
+
+def _begins_with(run: PlannedRun, own: PlannedRun) -> bool:
+    return run.speeds[: len(own.speeds)] == own.speeds
+
+
+def _new_velocity(loop: Loop, run: PlannedRun, own: PlannedRun) -> bool:
+    """Whether the run has a velocity that tells variables which grow together in this record."""
+    together = grow_together(loop.location, loop.base_fit.steps.velocities)
+    return together and not set(run.speeds) <= set(own.speeds)
+
+
+def _of_families(loop: Loop) -> list[NextStep]:
+    """Of every steady curve whose shape is not told: where that would be."""
+    return [
+        NextStep(
+            f"The shape of {listed(family.effects)} is not told. A run that would decide:"
+            f" {family.wanted()}."
+        )
+        for family in loop.families
+        if family.decided_by
+    ]
+
+
 def _deciding(loop: Loop, file: str) -> list[NextStep]:
     """The runs that would tell what this record leaves open, and the plans of them."""
     from .loop_text import confused
@@ -107,29 +194,31 @@ def _deciding(loop: Loop, file: str) -> list[NextStep]:
         if wanted:
             told = f"This record cannot tell {id} from {listed(others, 'or')}."
             found.append(NextStep(f"{told} A run that would decide: {wanted}."))
-            found += _plan(loop, file, wanted, id, others)
-    for family in loop.families:
-        if family.decided_by:
-            told = f"The shape of {listed(family.effects)} is not told."
-            found.append(NextStep(f"{told} A run that would decide: {family.wanted()}."))
-    return found
+            if loop.words is not AXIS:
+                run = deciding_run(own_run(loop), wanted)
+                found += _ask(loop, file, run, id, others, f"planned: {run.words()}")
+    return [*found, *_of_families(loop)]
 
 
-def _plan(loop: Loop, file: str, wanted: str, id: str, others: Sequence[str]) -> list[NextStep]:
-    """The command that asks whether the run that is wanted tells an effect from its likeliest
-    rival, before it is made; none of an axis, and where no plan can be asked for the two."""
+def _ask(
+    loop: Loop, file: str, run: PlannedRun, id: str, others: Sequence[str], said: str = ""
+) -> list[NextStep]:
+    """The command that asks whether a run tells an effect from its likeliest rival, before it is
+    made; none where no plan can be asked for the two. `said` is put in brackets first."""
     from .loop_text import likeliest
 
     rivals = [other for other in likeliest(loop, id, others) if plannable(other)]
-    if loop.words is AXIS or not (plannable(id) and rivals):
+    if not (plannable(id) and rivals):
         return []
-    run, (first, *more) = deciding_run(own_run(loop), wanted), rivals
-    rest = f"; then the same with {listed(more, 'or')} for {first}" if more else ""
+    first, *more = rivals
+    notes = [said] if said else []
+    notes += [f"then the same with {listed(more, 'or')} for {first}"] if more else []
     unasked = [other for other in others if not plannable(other)]
-    rest += f"; no plan can be asked of {listed(unasked, 'or')}" if unasked else ""
-    text = f"Whether it tells {id} from {first} is known before the run (planned: {run.words()}"
+    notes += [f"no plan can be asked of {listed(unasked, 'or')}"] if unasked else []
+    text = f"Whether it tells {id} from {first} is known before the run, and if not which change"
+    text += f" would ({'; '.join(notes)}):" if notes else " would:"
     line = f"jaxfric protocol {run.options()} --from {file} --tell {id},{first}"
-    return [NextStep(f"{text}{rest}):", line)]
+    return [NextStep(text, line)]
 
 
 def _next_run(loop: Loop, file: str) -> list[NextStep]:
@@ -154,33 +243,43 @@ def _next_run(loop: Loop, file: str) -> list[NextStep]:
     return [NextStep(text, f"{line} --tell base,{first}")]
 
 
-def _beside_compare(loop: Loop) -> list[NextStep]:
+def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]:
     """Why `jaxfric compare` may ask for a second state where this loop does not, in a line.
 
     It knows laws alone, and all rows fit them. Nothing where the loop saw no sign of such a state.
+    What would decide is said where no `run` that has it was named.
     """
-    from .loop_text import confused
-
     if loop.words is AXIS:
         return []
-    refused = _refused_second(loop)
-    told = []
+    refused, alike, told = _refused_second(loop), _like_second(loop), []
     if refused is not None:
         gain, why = refused
         told.append(f"does not take one (BIC {gain:.0f} lower, but {why})")
-    groups = [{id, *others} for id, others in confused(loop)]
-    alike = dict.fromkeys(e for g in groups if _SECOND in g for e in g - {_SECOND, _LAW})
     if alike:
-        told.append(f"cannot tell one from {listed(sorted(alike), 'or')}")
+        told.append(f"cannot tell one from {listed(alike, 'or')}")
     if not told:
         return []
     text = (
         "jaxfric compare may ask for a second state of this record: it fits all rows, and four laws"
         f" alone. This loop {' and '.join(told)}."
     )
-    decides = refused is None or refused[1].endswith(_LOOSE)
-    what = f" What would decide: {CATALOGUE[_SECOND].separated_by}." if decides else ""
-    return [NextStep(text + what)]
+    what = f" What would decide: {CATALOGUE[_SECOND].separated_by}."
+    return [NextStep(text + (what if run is None and _asks_for_second(loop) else ""))]
+
+
+def _like_second(loop: Loop) -> list[str]:
+    """Effects that the record cannot tell from a second state, or from each other beside one."""
+    from .loop_text import confused
+
+    groups = [{id, *others} for id, others in confused(loop)]
+    return sorted({e for g in groups if _SECOND in g for e in g - {_SECOND, _LAW}})
+
+
+def _asks_for_second(loop: Loop) -> bool:
+    """Whether another run would say if there is a second state."""
+    refused = _refused_second(loop)
+    open_ = refused is not None or bool(_like_second(loop))
+    return open_ and (refused is None or refused[1].endswith(_LOOSE))
 
 
 def _refused_second(loop: Loop) -> tuple[float, str] | None:
@@ -197,14 +296,14 @@ def _refused_second(loop: Loop) -> tuple[float, str] | None:
     return None
 
 
-def _where_none(loop: Loop) -> list[NextStep]:
-    """What to do where no effect is named."""
+def _where_none(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]:
+    """What to do where no effect is named; to record it again where no `run` begins with it."""
     if loop.verdict == "outside_catalogue":
+        look = "Look where it sits (location.png, in loop.html 'Where the structure sits')"
+        if run is None or not _begins_with(run, own_run(loop)):
+            look += f", and record the run again: {_COMES_BACK}"
         return [
-            NextStep(
-                "Look where it sits (below), and record the run again: what comes back is friction"
-                " or the machine, what does not was that day's."
-            ),
+            NextStep(f"{look}."),
             NextStep(
                 "An effect of your own is a class with an equation: `own=[...]` of close_loop in"
                 " Python tries it beside the others."

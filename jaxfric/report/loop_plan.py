@@ -71,12 +71,17 @@ def own_run(loop: Loop) -> PlannedRun:
     )
 
 
-def deciding_run(run: PlannedRun, wanted: str) -> PlannedRun:
-    """The run with every part of `wanted` that is a change of it."""
-    known = [CHANGES[part] for part in wanted.split(", ") if part in CHANGES]
-    for change in known:
+def deciding_run(run: PlannedRun, *wanted: str) -> PlannedRun:
+    """The run with every part of all that is `wanted` that is a change of it, each once."""
+    known = {CHANGES[part] for text in wanted for part in text.split(", ") if part in CHANGES}
+    for change in sorted(known, key=list(CHANGES.values()).index):
         run = change(run)
     return dataclasses.replace(run, told=bool(known))
+
+
+def unplanned(wanted: str) -> str:
+    """What of the words on a run that would decide is no change of a plan."""
+    return ", ".join(part for part in wanted.split(", ") if part not in CHANGES)
 
 
 def plannable(id: str) -> bool:
@@ -129,12 +134,13 @@ def _decades(run: PlannedRun) -> PlannedRun:
 
 
 CHANGES: dict[str, Callable[[PlannedRun], PlannedRun]] = {
+    "three velocities over two decades": _decades,
     "the first velocity repeated at the end": _repeat,
-    "a slow dwell": _dwell,
-    "a dwell": _dwell,
     "up and down steps": _up_and_down,
     "longer than 3 L2": _longer,
+    "a slow dwell": _dwell,
+    "a dwell": _dwell,
     "a slip channel": _channel,
-    "three velocities over two decades": _decades,
 }
-"""Parts of the catalogue's `separated_by` that change a plan, and how."""
+"""Parts of the catalogue's `separated_by` that change a plan, and how; in the order in which a
+plan takes several: what replaces its velocities before what adds to them."""
