@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxfric.loop.location import further_shares
+from jaxfric.loop.location import _profile, further_shares
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.where import OTHERS, added_shares, shares_told
 
@@ -41,6 +41,19 @@ def test_shares_are_those_of_nested_fits_and_add_up():
     assert falls[2] / size == pytest.approx(rest, rel=0.01) and sum(shares) <= 1.0
     alone = nested(parts, left, [1])[1] / size
     assert alone > 0.2  # what looks like the first explains much alone, and nothing beyond it
+
+
+def test_the_first_share_is_what_the_variable_explains_alone():
+    """The sentence and the figure have one number: columns nearly alike count alike in both."""
+    random = np.random.default_rng(5)
+    common = 30.0 * random.normal(size=(800, 1))
+    own = common + np.geomspace(1e-3, 1.0, 12) * random.normal(size=(800, 12))
+    left = own @ np.linspace(0.1, 0.4, 12) / 90 + random.normal(size=800)
+    left += 2 * np.sin(np.arange(800) / 9)
+    whole = float(left @ left), 800.0
+    one = _profile("slip", "m", np.arange(12.0), own, left, whole, 1e3).profile
+    assert 0 < one.explained < 1
+    assert further_shares([[own]], left, whole) == [pytest.approx(one.explained, rel=1e-12)]
 
 
 def test_noise_alone_has_no_shares():

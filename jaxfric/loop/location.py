@@ -33,6 +33,7 @@ from .thresholds import SIGNIFICANT
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _MOSTLY = 0.5
 _HOLD = 3.0
+_RANK = 1e-6
 _LARGEST = 3.0
 """Standard deviation of missing friction before anything is known, over the rms of the residual."""
 
@@ -163,7 +164,8 @@ def _best_group(
     for columns in groups:
         new = columns - taken @ (taken.T @ columns)
         values, vectors = np.linalg.eigh(new.T @ new)
-        used = values > 1e-6 * max(np.max(np.sum(columns**2, axis=0)), 1e-300)
+        # the rank as of `_profile`: the share of the first variable is what it explains alone
+        used = values > _RANK * max(np.linalg.eigvalsh(columns.T @ columns)[-1], 1e-300)
         basis = new @ (vectors[:, used] / np.sqrt(values[used]))
         gain = float(np.sum((basis.T @ rest) ** 2))
         if gain > best[0]:
@@ -208,7 +210,7 @@ def _profile(
 ) -> Asked:
     gram, side = own.T @ own, own.T @ left
     values, vectors = np.linalg.eigh(gram)
-    used = values > 1e-6 * max(values[-1], 1e-300)
+    used = values > _RANK * max(values[-1], 1e-300)
     seen = vectors[:, used].T @ side
     gain, degrees = float(np.sum(seen**2 / values[used])), int(used.sum())
     # structure that these bumps leave is no noise, and makes them as uncertain as if it were
