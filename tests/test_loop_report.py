@@ -859,9 +859,42 @@ def test_the_table_of_models_says_what_each_was() -> None:
     table = candidates(loop, most=20)
     said = {row[0]: row[-1] for row in table.rows}
     assert said[" + ".join(wider)] == "the model"
-    assert (said[first], said["base"], said["run_in"]) == ("on the way", "the start", "not taken")
+    assert (said[first], said["base"]) == ("on the way", "the start")
+    assert said["run_in"] == "not taken: BIC 890 worse than the model"
     assert (said["thermal"], said["stribeck"]) == ("impossible parameters", "did not converge")
     assert [table.rows[k][-1] for k in table.marked] == ["the model"]
+
+
+@pytest.mark.parametrize(
+    ("gain", "why", "said"),
+    [
+        (1481.9, "", "not taken: as good, BIC within 2 of the model"),
+        (1478.1, "", "not taken: as good, BIC within 2 of the model"),
+        (1477.0, "", "not taken: BIC 3 worse than the model"),
+        (1486.0, "", "not taken"),
+        (1486.0, "x.L2 not fixed", "not taken: x.L2 not fixed"),
+    ],
+)
+def test_every_model_that_is_not_taken_has_its_reason(gain, why, said) -> None:
+    """Also that with a better BIC and a better select error, of which a tie is no evidence."""
+    loop = make_loop("effects")
+    fits = [
+        CandidateScore(("second_state",), 1480.0, 1, 1, {}, True, True, True),
+        CandidateScore(("run_in", "time_drift"), gain, 1, 0.8, {}, True, True, False, why),
+    ]
+    table = candidates(dataclasses.replace(loop, candidates=tuple(fits)), most=20)
+    assert {row[0]: row[-1] for row in table.rows}["run_in + time_drift"] == said
+    assert "a better one does not choose it" in table.note
+
+
+def test_the_error_that_counts_as_noise_stands_beside_the_errors() -> None:
+    loop = make_loop("outside_catalogue")
+    known = dataclasses.replace(loop, most_held_out=1.402)
+    words, card = "held-out rows count as noise up to 1.40 σ", "by chance up to 1.40"
+    for shown, there in ((loop, False), (known, True)):
+        assert (words in errors(shown).note) == there
+        assert (card in page_of(shown).text) == there
+    assert json.loads(json.dumps(known.to_json()["noise"]["most_held_out"])) == 1.402
 
 
 def test_aliases_say_what_would_separate_them() -> None:

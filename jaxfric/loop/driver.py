@@ -203,6 +203,7 @@ def run(
         details=bench.details(engine, found, after, progress),
         families=told.families,
         sigma_held_out=told.sigma_held_out,
+        most_held_out=told.most_held_out,
         seconds=time.monotonic() - begun,
     )
 

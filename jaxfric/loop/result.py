@@ -204,6 +204,8 @@ class Loop(Described, Drawable, Gridded, Tabular):
     effect that is named is one of its family."""
     sigma_held_out: float = float("nan")
     """Noise as `sigma`, but of the held-out rows; nan where it is not known apart."""
+    most_held_out: float = float("nan")
+    """The held-out error, in their noise, up to which they count as noise; nan if not known."""
 
     @property
     def length_unit(self) -> str:
@@ -320,6 +322,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
             "noise": {
                 "sigma": self.sigma,
                 "sigma_held_out": self.sigma_held_out,
+                "most_held_out": self.most_held_out,
                 **self.after.noise.to_json(),
             },
             "tests": {

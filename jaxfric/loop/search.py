@@ -17,12 +17,11 @@ from .engine import Candidate, Engine
 from .fixed import not_fixed
 from .pace import Pace, now_and_then
 from .screen import Screened, aliases, screen
-from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
+from .thresholds import ACCEPT, ALIAS, SIGNIFICANT, TIE
 
 MOST = 8
 """Largest number of effects that a search adds: evidence ends it before, as a rule."""
 _PARTS = (0.1, 0.01, 1e-3)
-_TIE = 2.0
 _REFITS = 4
 _WORSE = 1.02
 _TRAIN_WORSE = 1.005
@@ -123,7 +122,7 @@ def _refits(
 ) -> Candidate | None:
     """The best acceptable joint refit of the most promising effects, or None.
 
-    Of those whose BIC is within `_TIE`, which is no evidence, the first of the catalogue. Where
+    Of those whose BIC is within `TIE`, which is no evidence, the first of the catalogue. Where
     what was added before is no longer fixed beside a new effect, it may have stood in for that:
     then the new one is asked without it.
     """
@@ -155,7 +154,7 @@ def _refits(
     if not accepted:
         return None
     least = min(c.bic for c in accepted)
-    tied = [c for c in accepted if c.bic - least < _TIE]
+    tied = [c for c in accepted if c.bic - least < TIE]
     order = [e.id for e in engine.model.effects]
     return min(tied, key=lambda c: order.index(c.effects[-1]))
 
@@ -288,12 +287,12 @@ def _swapped(
             progress("refitting with " + ", ".join(effects))
             candidate = engine.refit(effects, start)
             possible = candidate.physical and not candidate.failed
-            better = possible and best.bic - candidate.bic > _TIE
+            better = possible and best.bic - candidate.bic > TIE
             loose = not_fixed(engine, candidate, scales) if better else ()
             tried.append(candidate._replace(refused=_said(loose)))
             if loose:
                 candidate = _without(engine, candidate, loose, other, tried)
-                if candidate is None or not best.bic - candidate.bic > _TIE:
+                if candidate is None or not best.bic - candidate.bic > TIE:
                     continue
                 better = not not_fixed(engine, candidate, scales)
             if better:

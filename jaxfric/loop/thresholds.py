@@ -5,6 +5,8 @@ ACCEPT = 10.0
 
 10 is "very strong" evidence (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572).
 """
+TIE = 2.0
+"""Difference of BIC that is no evidence: of models so near the first is kept."""
 ALIAS = 0.95
 """|cosine| of their sensitivities above which two effects are not told apart to first order."""
 SIGNIFICANT = 0.01

@@ -71,6 +71,7 @@ class Conclusion(NamedTuple):
     separations: dict[str, str]
     families: tuple[CurveFamily, ...] = ()
     sigma_held_out: float = float("nan")
+    most_held_out: float = float("nan")
 
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
@@ -205,7 +206,7 @@ def conclude(
     families = families if verdict == "ambiguous" else ()
     sentence = sentence_of(verdict, search, told, rivals, located, families)
     told = sentence, tuple(reasons), groups, separations, families
-    return Conclusion(verdict, *told, sigma_held_out=floor.later)
+    return Conclusion(verdict, *told, sigma_held_out=floor.later, most_held_out=floor.held_out)
 
 
 def _withheld(sentence: str, why: str, floor: Floor) -> Conclusion:
@@ -239,7 +240,9 @@ def _reasons(
         ("train", final.rms["train"] / floor.sigma, floor.train),
     ):
         if not value <= most:
-            reasons.append(f"the {name} error is {value:.3f} sigma; noise alone gives {most:.2f}")
+            reasons.append(
+                f"the {name} error is {value:.3f} sigma; noise alone gives up to {most:.2f}"
+            )
     return reasons
 
 

@@ -1,6 +1,7 @@
 """A closed loop as one page, loop.html: no network, no scripts, nothing outside the file."""
 
 from collections.abc import Mapping
+from math import isfinite
 
 from ..fitting.table import noise_text
 from ..loop.family import listed
@@ -73,8 +74,8 @@ _MEANING = (
     ),
     (
         "train, select, report",
-        "The record is cut into blocks. Models are fitted on train; select decides between them;"
-        " report is scored only at the end: the honest number.",
+        "The record is cut into blocks. Models are fitted on train, and one that predicts select"
+        " worse is refused; report is scored only at the end: the honest number.",
     ),
     (
         "ΔBIC",
@@ -177,9 +178,11 @@ def _cards(loop: Loop) -> str:
     error = f"{loop.heldout(loop.before) / sigma:.2f} σ"
     if loop.effects:
         error += f" → {loop.heldout(loop.after) / sigma:.2f} σ"
+    most = loop.most_held_out
+    chance = f", by chance up to {most:.2f}" if isfinite(most) else ""
     short, noise = loop.after.noise.kind, noise_text(loop.after.noise)
     cards = [
-        (error, "error on rows that no fit saw; the noise alone is 1 σ"),
+        (error, f"error on rows that no fit saw; the noise alone is 1 σ{chance}"),
         (" + ".join(loop.effects) or "none", "effects added"),
         (short, "noise of the record" + (f": {noise}" if noise != short else "")),
     ]

@@ -13,7 +13,7 @@ from ..loop.family import CurveFamily, listed
 from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
-from ..loop.thresholds import ALIAS, SIGNIFICANT
+from ..loop.thresholds import ALIAS, SIGNIFICANT, TIE
 from ..units import factor, format_si, read_as
 from .tables import print_tables
 
@@ -29,7 +29,7 @@ HEADLINES = {
 }
 BLOCKS = {
     "train": "fitted here",
-    "select": "chooses candidates",
+    "select": "may refuse a model",
     "report": "scored once",
 }
 _TOLD = 10.0
@@ -140,10 +140,16 @@ def errors(loop: Loop) -> TextTable:
         "Error before and after",
         ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
         rows,
-        f"{_what_sigma_is(loop)}; no model brings the error below 1 σ, but for chance. Noise is"
-        f" {noise_text(loop.after.noise)}{_bound(loop)}",
+        f"{_what_sigma_is(loop)}; no model brings the error below 1 σ, but for"
+        f" chance{_target(loop)}. Noise is {noise_text(loop.after.noise)}{_bound(loop)}",
         (3,),
     )
+
+
+def _target(loop: Loop) -> str:
+    """The error of held-out rows that counts as noise; empty where it is not known."""
+    most = loop.most_held_out
+    return f"; held-out rows count as noise up to {most:.2f} σ" if math.isfinite(most) else ""
 
 
 def _what_sigma_is(loop: Loop) -> str:
@@ -326,7 +332,11 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
         for c in found[:most]
     ]
     more = len(found) - len(rows)
-    note = "ΔBIC above 0: better than the base, a gain above 10 is needed to be taken"
+    note = (
+        "ΔBIC above 0: better than the base, a gain above 10 is needed to be taken; of models as"
+        " good the first is kept. Of the select error: one that is worse refuses a model, a better"
+        " one does not choose it"
+    )
     if more > 0:
         note += f"; {more} more in loop.json"
     head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
@@ -335,10 +345,21 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
 
 
 def _role(loop: Loop, candidate: CandidateScore) -> str:
-    """Role of a model in the search and, where it was refused despite its BIC, why."""
+    """Role of a model in the search and, where it was not taken, why.
+
+    One that nothing spoke against was compared with the model by BIC, and takes its place where
+    that is lower by more than `TIE`.
+    """
     role = loop.role(candidate)
     text = ROLES[role]
-    return f"{text}: {candidate.refused}" if role == "tried" and candidate.refused else text
+    if role != "tried" or candidate.refused:
+        return f"{text}: {candidate.refused}" if role == "tried" else text
+    model = frozenset(loop.after.effects)
+    found = [c.delta_bic for c in loop.ranked() if frozenset(c.effects) == model]
+    worse = found[0] - candidate.delta_bic if found else math.nan
+    if abs(worse) <= TIE:
+        return f"{text}: as good, BIC within {TIE:g} of the model"
+    return f"{text}: BIC {worse:.0f} worse than the model" if worse > TIE else text
 
 
 # ---- aliases -------------------------------------------------------------------------------
