@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
 
 from cyclopts import Parameter
 
@@ -12,11 +12,11 @@ from ..pairs import read_pairs
 from . import options
 from .call import current_call
 from .common import effect_ids, optional_quantity, prepare_jax, stdout_console, told, warn
-from .folder import choose_folder, source_name
+from .folder import Folder, choose_folder, source_name
 from .plan_line import changed_line
 
 if TYPE_CHECKING:
-    from ..protocol.design import Pair
+    from ..protocol.design import Pair, Protocol
     from ..protocol.remedy import Remedy
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
@@ -102,8 +102,6 @@ def protocol(
         prepare_jax()
         from ..plot.loop import save_aliasing
         from ..protocol.plan import Planned, plan
-        from ..protocol.remedy import remedy
-        from ..report.protocol_text import found_too_small
 
         values, more = _without_asked(known, more, asked or (), declared)
         if asked is not None:
@@ -126,33 +124,55 @@ def protocol(
             without=excluded,
             progress=progress,
         )
-        pair = None if asked is None else found.design.pair(*asked)
-        better = None if asked is None else remedy(found, asked, known)
-        line = "" if better is None else changed_line(current_call(), better.change)
-        small = [] if pair is None else found_too_small(found, pair, known)
-        found = dataclasses.replace(found, warnings=(*small, *warned, *found.warnings))
+        answer = _Answer() if asked is None else _answer(found, asked, known)
+        found = dataclasses.replace(found, warnings=(*answer.small, *warned, *found.warnings))
         progress("drawing figures")
-        more_told = _answer(pair, better, line)
-        content = folder.save_json("protocol.json", found.to_json() | more_told)
+        content = folder.save_json("protocol.json", found.to_json() | answer.to_json())
         ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     if json:
         print(content)
     else:
-        from ..report.protocol_text import print_protocol
-
-        console, typical = stdout_console(), from_ is None and parameters is None
-        print_protocol(found, console, typical=typical, pair=pair, better=better, command=line)
-        console.print(f"\n{folder.written}", markup=False, soft_wrap=True)
+        _print(found, folder, answer, typical=from_ is None and parameters is None)
     warn(found.warnings)
     return folder.close()
 
 
-def _answer(pair: "Pair | None", better: "Remedy | None", line: str) -> dict[str, object]:
-    if pair is None:
-        return {}
-    change = None if better is None else better.to_json() | {"command": line or None}
-    return {"asked": pair.to_json() | {"change": change}}
+class _Answer(NamedTuple):
+    """What is told of the pair that --tell asks for; empty where none is asked for."""
+
+    pair: "Pair | None" = None
+    better: "Remedy | None" = None
+    line: str = ""
+    """The command of the plan with the change of `better`."""
+    small: Sequence[str] = ()
+
+    def to_json(self) -> dict[str, object]:
+        """The part of protocol.json."""
+        if self.pair is None:
+            return {}
+        better = self.better
+        change = None if better is None else better.to_json() | {"command": self.line or None}
+        return {"asked": self.pair.to_json() | {"change": change}}
+
+
+def _answer(found: "Protocol", asked: tuple[str, str], known: Mapping[str, float]) -> _Answer:
+    from ..protocol.remedy import remedy
+    from ..report.protocol_text import found_too_small
+
+    pair, better = found.design.pair(*asked), remedy(found, asked, known)
+    line = "" if better is None else changed_line(current_call(), better.change)
+    return _Answer(pair, better, line, found_too_small(found, pair, known))
+
+
+def _print(found: "Protocol", folder: Folder, told: _Answer, *, typical: bool) -> None:
+    from ..report.protocol_text import print_protocol
+
+    console = stdout_console()
+    print_protocol(
+        found, console, typical=typical, pair=told.pair, better=told.better, command=told.line
+    )
+    console.print(f"\n{folder.written}", markup=False, soft_wrap=True)
 
 
 class _Wrong:
