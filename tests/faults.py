@@ -544,7 +544,7 @@ FAULTS = (
     Fault("newton metres are nanometres", "records/roles.py",
           "if unit is None and suffix not in _TORQUE:", "if unit is None:",
           "tests/test_axis_reading.py -k newton"),
-    Fault("an effect too small for the plan is not named", "report/protocol_text.py",
+    Fault("an effect too small for the plan is not named", "protocol/design.py",
           "size < pair.sizes[s.id]", "size < 0", "tests/test_protocol.py -k too_small"),
     Fault("the middle of a step is a cubic", "simulation/rodas.py",
           "(k[1] + s * k[2])", "(k[1])", "tests/test_rodas.py -k between"),

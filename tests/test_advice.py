@@ -157,6 +157,7 @@ FILLED = {
     ("--column", "{role}={name} [0.4 MPa]"): ["normal_stress=Normalkraft [0.4 MPa]"],
     ("--column", "{text}"): [],  # what the user wrote
     ("--column", "{example}"): ["friction=mu", "motor_force=F"],
+    ("--fade", "{part} {speed}"): ["0.00505 m/s", "0.016 rad/s"],
     ("--from", "{file}"): ["loop.json", "results/loop.json"],
     ("--drive-gain", "{drive_gain}"): [],
     ("--drive-gain", "{example}"): [
