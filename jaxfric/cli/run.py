@@ -164,11 +164,10 @@ def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -
 
 def _write_tables(result: "RunFit", holds: "Sequence[Hold]", others: "Findings", to: Path) -> None:
     from ..runs import holds as of_holds
-    from ..runs.left_out import left_out
     from ..runs.table import csv_text, latex_text, rows, xlook_rows
 
     texts = dict(others.tables())
-    rest = left_out(result.events, [hold.time for hold in holds])
+    rest = of_holds.not_fitted(result.events, holds)
     if table := of_holds.rows(holds, result.record.friction_unit, rest):
         texts["holds.csv"] = csv_text(table)
     if result.steps:
@@ -239,9 +238,8 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
     """A run as JSON: where it is from, its events, and the fit of every step."""
     from dataclasses import asdict
 
-    from ..runs.holds import why_no_law
+    from ..runs.holds import not_fitted, why_no_law
     from ..runs.joint import dependences, share
-    from ..runs.left_out import left_out
 
     origin = result.record.provenance
     shared = share(result.steps)
@@ -289,7 +287,7 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
         ],
         "holds_not_fitted": [
             {"time": other.event.time, "why": other.why}
-            for other in left_out(result.events, [hold.time for hold in holds])
+            for other in not_fitted(result.events, holds)
         ],
         "dependences": [asdict(one) for one in dependences(result.steps)],
     }
@@ -298,9 +296,9 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
 def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None:
     from collections import Counter
 
+    from ..runs.holds import not_fitted
     from ..runs.holds import told as told_of_holds
     from ..runs.joint import told as told_of_all
-    from ..runs.left_out import left_out
     from ..runs.table import BRACKETS, MISFIT, headline, text_lines
 
     kinds = Counter(event.kind for event in result.events)
@@ -309,7 +307,7 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
     print(f"{len(result.record)} rows, {number} event{'' if number == 1 else 's'}: {words}")
     for line in (headline(result), *text_lines(result)) if result.steps else (_NO_STEP,):
         print(line)
-    rest = left_out(result.events, [hold.time for hold in holds])
+    rest = not_fitted(result.events, holds)
     for line in (
         *told_of_all(result.steps),
         *told_of_holds(holds, result.record.friction_unit, rest),
@@ -329,7 +327,7 @@ def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     said += [(step.number, step.failed) for step in result.steps if step.fit is None]
     said += [(n, text) for n, fit in fits for text in fit.warnings if not is_of_misfit(text)]
     left = [(n, fit) for n, fit in fits if any(map(is_of_misfit, fit.warnings))]
-    said += [(n, text) for n, _ in left for text in misfit_warning_of([fit for _, fit in left])]
+    said += [(n, text) for text in misfit_warning_of([fit for _, fit in left]) for n, _ in left]
     told = by_step(said)
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]

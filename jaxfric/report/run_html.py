@@ -12,7 +12,6 @@ from ..runs.findings import Findings
 from ..runs.fits import RunFit, StepFit
 from ..runs.holds import Hold
 from ..runs.joint import told as told_of_all
-from ..runs.left_out import left_out
 from ..runs.stick_slip import is_stretch
 from ..runs.table import BRACKETS, HEAD, MISFIT, Cell, text_cells
 from ..runs.table import headline as headline_of
@@ -189,7 +188,7 @@ def _cell(value: Cell) -> str:
 
 
 def _holds(run: RunFit, holds: Sequence[Hold], figures: Mapping[str, bytes]) -> str:
-    others = left_out(run.events, [hold.time for hold in holds])
+    others = of_holds.not_fitted(run.events, holds)
     if not holds and not others:
         return ""
     unit = run.record.friction_unit

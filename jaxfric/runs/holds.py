@@ -26,7 +26,7 @@ from ..records import Record, VelocitySteps
 from ..silent import silent
 from .events import Event
 from .fits import HowFitted
-from .left_out import SAME, LeftOut, joints_of, why_left_out
+from .left_out import SAME, LeftOut, joints_of, left_out, why_left_out
 from .stress import is_constant
 from .table import Cell, measured
 from .weighted import WeightedLine, weighted_line
@@ -100,6 +100,11 @@ def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
         after = joints[k + 2].time if k + 2 < len(joints) else end
         out.append(HoldWindow(event, (before + event.time) / 2, after, back))
     return out
+
+
+def not_fitted(events: Sequence[Event], holds: Sequence[Hold]) -> list[LeftOut]:
+    """The holds among the events of a run that are not among those fitted, with the reasons."""
+    return left_out(events, [hold.time for hold in holds])
 
 
 def follows(last: HoldWindow, window: HoldWindow) -> bool:
