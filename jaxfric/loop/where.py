@@ -34,7 +34,7 @@ def where_it_sits(
 
     `velocities` are those of the record in their order; none where they do not matter.
     """
-    best = next((p for p in location if p.p_value <= SIGNIFICANT), None)
+    best = _most_telling(location)
     if best is None:
         return ""
     told = _best_in_words(best, location)
@@ -46,8 +46,13 @@ def grow_together(
 ) -> bool:
     """Whether the record cannot tell the best variable from others that grow with it, which steps
     at other velocities would."""
-    best = next((p for p in location if p.p_value <= SIGNIFICANT), None)
+    best = _most_telling(location)
     return best is not None and bool(_not_told(best, location, velocities))
+
+
+def _most_telling(location: tuple[LocationProfile, ...]) -> LocationProfile | None:
+    """The first variable over which there is more than chance."""
+    return next((p for p in location if p.p_value <= SIGNIFICANT), None)
 
 
 def _best_in_words(best: LocationProfile, location: tuple[LocationProfile, ...]) -> str:
