@@ -42,9 +42,11 @@ rule above is this project's own.
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
-_PART = {2: "half", 4: "a quarter"}
+WHOLE: Final = 4
+"""v/v_f from which the fade leaves friction whole: s = 0.999."""
+_PART = {2: "half", WHOLE: "a quarter"}
 
 
 class Known(NamedTuple):

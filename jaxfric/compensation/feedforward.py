@@ -8,7 +8,7 @@ from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..stability.claims import SURE
 from .curve import FrictionCurve, FrictionValues
-from .fade import Fade, FadeReason, Known, Memory, fade_speed
+from .fade import WHOLE, Fade, FadeReason, Known, Memory, fade_speed
 from .identified import Identified, NothingToCompensate, identified
 from .pieces import Terms, terms_of
 from .result import Feedforward
@@ -89,7 +89,7 @@ def _derived(
         why = f"the slowest that the record supports, as {', '.join(about.bends)}"
         why += " is not determined and slower friction is a guess"
         slowest = about.slowest
-        known = Known(why, 4)
+        known = Known(why, WHOLE)
     return fade_speed(
         slowest, level, memories=_memories(about), acceleration=acceleration, lag=lag,
         unit=about.length, known=known,

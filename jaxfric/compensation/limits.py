@@ -1,10 +1,7 @@
 """Words on where the map of a feedforward is known, and what to do where it is not."""
 
-from .fade import Fade
+from .fade import WHOLE, Fade
 from .identified import Identified
-
-_PART = 0.25
-"""A fade of this part of the slowest supported speed leaves the friction there whole."""
 
 
 def supported_text(about: Identified) -> str:
@@ -26,7 +23,7 @@ def low_speeds(about: Identified, fade: Fade) -> str:
         )
     if fade.decided_by == "given":
         return text
-    part = _PART * about.slowest
+    part = about.slowest / WHOLE
     if fade.speed < 0.999 * part:
         return f'{text}, down to v_f. To compensate less by it, give --fade "{part:.3g} {speed}"'
     text += ", which fades with its sign"
