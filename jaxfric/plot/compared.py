@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..loop.law_comparison import LawComparison, LawScore, amount
-from .label import printable
+from .label import friction_label, printable
 from .palette import BLACK, EIGHT, HELD, SLATE
 
 _COLOURS = EIGHT[:6]
@@ -45,13 +45,13 @@ def comparison_figure(found: LawComparison) -> Figure:
         axis.set_ylabel("record − fit\n[σ]")
         axis.text(1.015, 0.98, _words(found, score, least), transform=axis.transAxes, va="top",
                   fontsize=8.5)  # fmt: skip
-    force = found.record.friction_unit == "N"
-    axes[0].set_ylabel("friction force [N]" if force else "friction coefficient")
+    axes[0].set_ylabel(friction_label(found.record.friction_unit))
     axes[0].legend(loc="upper left", bbox_to_anchor=(1.005, 1.02), frameon=False, fontsize=9)
     axes[-1].set_xlabel("time since the first row [s]")
     _mark(found, axes)
     figure.align_ylabels(list(axes))
-    name, unit = printable(found.record.provenance.path), " N" if force else ""
+    name = printable(found.record.provenance.path)
+    unit = " N" if found.record.friction_unit == "N" else ""
     told = f"dashed: velocity steps; σ = {found.sigma:.3g}{unit}, the noise under the likeliest law"
     told += f"; beyond ±{limit:.2g} σ lines are cut" if cut else ""
     figure.suptitle(

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ..fitting import Fit
 from ..fitting.misfit import excess, is_of_misfit, scatter
 from ..fitting.table import rows
-from .label import printable
+from .label import friction_label, printable
 from .noise import clocks, draw_autocorrelation, mark_glitches
 from .palette import BLUE, GREY, ORANGE
 
@@ -68,8 +68,7 @@ def _abscissa(fit: Fit) -> tuple[np.ndarray, str, np.ndarray]:
 def _record(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     axis.plot(along, fit.record.friction, color=_DATA, lw=0.9, alpha=0.75, label="record")
     axis.plot(along, fit.predicted, color=_FIT, lw=1.6, label="fit")
-    force = fit.record.friction_unit == "N"
-    axis.set_ylabel("friction force [N]" if force else "friction coefficient")
+    axis.set_ylabel(friction_label(fit.record.friction_unit))
     # beside the panel: within it the box would lie on some record
     lines = [
         f"{row.name} = {row.value}"

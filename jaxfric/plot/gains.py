@@ -76,9 +76,9 @@ def gains_figure(result: Gains) -> Figure:
 
 
 def _stiffness(result: Gains) -> str:
-    size, unit = prefixed(result.kp, "N/m")
     if result.any_stiffness:
         return result.smallest_kp
+    size, unit = prefixed(result.kp, "N/m")
     return f"k_p = {size * result.kp:.4g} {unit}"
 
 

@@ -11,6 +11,11 @@ def printable(path: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in name)
 
 
+def friction_label(unit: str) -> str:
+    """The label of an axis of friction, whose unit is "N" or "1"."""
+    return "friction force [N]" if unit == "N" else "friction coefficient"
+
+
 def legend_beside(axis: Axes) -> None:
     """Put a legend at the right of the axis, off the data."""
     axis.legend(

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ..records.record import Record
 from ..records.steps import VelocitySteps
-from .label import legend_beside, printable
+from .label import friction_label, legend_beside, printable
 from .palette import BLUE, GREY, ORANGE
 from .ticks import plain_log
 
@@ -52,8 +52,7 @@ def record_figure(record: Record, steps: VelocitySteps | None) -> Figure:
 
 def _friction(axis: Axes, record: Record, steps: VelocitySteps | None) -> None:
     axis.plot(record.relative_time, record.friction, color=_DATA, lw=0.8)
-    force = record.friction_unit == "N"
-    axis.set_ylabel("friction force [N]" if force else "friction coefficient")
+    axis.set_ylabel(friction_label(record.friction_unit))
 
 
 def _load_point(axis: Axes, record: Record, steps: VelocitySteps | None) -> None:
