@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import jax
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..records import Record, VelocitySteps
@@ -64,7 +63,7 @@ def assemble(
     misfit = _misfit(problem, solution, len(record))
     counted = misfit[np.asarray(problem.weight)[: len(record)] > 0]
     spread = covariance(problem, solution, noise)
-    ended = bool(solution.result == optx.RESULTS.successful) and not failed
+    ended = solution.converged and not failed
     plausible = _plausible(record, steps, sign, problem, solution)
     estimates, matrix = _estimates(record, problem, solution, spread, ended, plausible, profile)
     names, unit = problem.model.names(), record.friction_unit
@@ -87,7 +86,7 @@ def assemble(
         noise=noise_estimate(noise, scale, longest, glitches=glitches, steps=written),
         converged=ended,
         result="every trial ran away" if failed else _result_words(solution),
-        iterations=solution.num_steps,
+        iterations=solution.trials,
         weighting="ordinary" if problem.noise is None else "whitened",
         warnings=(),
         solved=solved,
@@ -108,11 +107,9 @@ def _misfit(problem: Problem, solution: Solution, rows: int) -> np.ndarray:
 
 def _result_words(solution: Solution) -> str:
     """Words for the end of the search."""
-    if solution.result == optx.RESULTS.nonlinear_max_steps_reached:
-        return f"still moving after {solution.num_steps} iterations"
-    return (
-        "converged" if solution.result == optx.RESULTS.successful else optx.RESULTS[solution.result]
-    )
+    if solution.converged:
+        return "converged"
+    return f"still moving after {solution.trials} iterations"
 
 
 def _refined(

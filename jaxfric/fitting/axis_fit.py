@@ -145,9 +145,9 @@ def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> _Minimum:
         residual, jacobian = at(y)
         return residual / scale, jacobian / scale
 
-    found, ok = levenberg_marquardt(scaled, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
-    residual, jacobian = at(found)
-    return _Minimum(z, residual, jacobian, ok)
+    found = levenberg_marquardt(scaled, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
+    z[free] = found.y
+    return _Minimum(z, scale * found.residual, scale * found.jacobian, found.converged)
 
 
 def _padded(free: np.ndarray, beyond: int) -> np.ndarray:

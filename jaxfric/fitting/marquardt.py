@@ -1,9 +1,21 @@
 """Levenberg-Marquardt of MINPACK, where residual and Jacobian come from one call."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
+
+
+class Descent(NamedTuple):
+    """Where a descent ended, with residual and Jacobian there; whether the solver says that it
+    converged; and the points tried."""
+
+    y: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    converged: bool
+    tried: int
 
 
 def levenberg_marquardt(
@@ -13,8 +25,8 @@ def levenberg_marquardt(
     ftol: float,
     xtol: float,
     most: int,
-) -> tuple[np.ndarray, bool]:
-    """The least-squares point from `start`, and whether the solver says that it converged.
+) -> Descent:
+    """The descent from `start` to a least-squares point.
 
     `both` gives residual (r,) and Jacobian (r, p) at a point (p,); it is called once for each of
     the at most `most` points that are tried.
@@ -38,4 +50,4 @@ def levenberg_marquardt(
         xtol=xtol,
         max_nfev=most,
     )
-    return found.x, bool(found.success)
+    return Descent(found.x, found.fun, found.jac, bool(found.success), int(found.nfev))

@@ -1,62 +1,41 @@
 """Levenberg-Marquardt from the best of several starts.
 
-Two compiled functions do the work: the residual with its Jacobian, and one descent. Starts
-are tried one after another rather than batched: a batched `while_loop` copies the solver's whole
-memory at every step, which costs more than the batch saves on a few cores.
+One compiled function does the work, the residual with its Jacobian; the descent is MINPACK's. (A
+compiled descent takes seconds to compile and no less time, as nearly all of it is in that
+function.) Starts are tried one after another rather than batched: a batched `while_loop` copies the
+solver's whole memory at every step, which costs more than the batch saves on a few cores.
 """
 
 import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..silent import silent
-from ..traced import traced
+from .marquardt import Descent, levenberg_marquardt
 from .problem import FAILED_MISFIT, Problem, residual_and_jacobian
 
 # A descent from which the misfit per sample is below this is not compared with others: it
 # fits to the noise (measured from second differences of the record).
 _NOISE_REACHED = 1.1
 _TRIALS = (10, 80)  # of a descent
-_MOST_TRIALS = _TRIALS[1]
+_XTOL = 1e-6
 _DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)
 
 
 class Solution(NamedTuple):
-    """Best parameters found, and what the solver said about them."""
+    """Best parameters found, what they leave, whether the solver says that it converged, and the
+    number of its trials."""
 
-    z: Float[Array, " p"]
-    residual: Float[Array, " n"]
-    jacobian: Float[Array, "n p"]
-    result: optx.RESULTS
-    num_steps: int
+    z: Float[Array, " q"]
+    residual: Float[np.ndarray, " r"]
+    jacobian: Float[np.ndarray, "r q"]
+    converged: bool
+    trials: int
     cost: float
-
-
-def one_pass(problem: Problem, z: Float[Array, " p"]) -> Callable[[Array], Array]:
-    """The residual as a function whose linearisation costs no second solve.
-
-    Linearising a `while_loop` would run it once for the value and again for the tangents.
-    This derivative rule runs it once with all tangents; what is left is a matrix product.
-    It is traced once, here, for vectors like `z`: tracing a solver takes a second.
-    """
-    both = eqx.filter_closure_convert(lambda y: residual_and_jacobian(problem, y), z)
-
-    @jax.custom_jvp
-    def residual(y: Array) -> Array:
-        return both(y)[0]
-
-    @residual.defjvp
-    def _(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-        value, jacobian = both(*primals)
-        return value, jacobian @ tangents[0]
-
-    return residual
 
 
 def misfits(problem: Problem, starts: np.ndarray) -> np.ndarray:
@@ -68,21 +47,23 @@ def misfits(problem: Problem, starts: np.ndarray) -> np.ndarray:
     return np.array([float(r @ r) for r in map(np.asarray, residuals)])
 
 
-@traced
 def descend(
-    problem: Problem, z: Float[Array, " p"], free: Float[Array, " p"], tolerance: float
-) -> tuple[Array, optx.RESULTS, Array]:
-    """One Levenberg-Marquardt descent in the parameters whose `free` is 1; the others stay.
+    problem: Problem, z: np.ndarray, tolerance: float, free: np.ndarray | None = None
+) -> Descent:
+    """One descent from `z` in the parameters with the indices `free`; None: in all.
 
-    Returns the parameters, the solver's result and the number of trials.
+    Where a trial ran away the Jacobian, of which nothing is known there, is 0.
     """
-    residual = one_pass(problem, z)
-    fixed = z * (1 - free)
-    solver = optx.LevenbergMarquardt(rtol=1e-8, atol=tolerance)
-    out = optx.least_squares(
-        lambda y, _: residual(fixed + free * y), solver, z, max_steps=_MOST_TRIALS, throw=False
-    )
-    return fixed + free * out.value, out.result, out.stats["num_steps"]
+    index = np.arange(len(z)) if free is None else free
+    z = np.array(z)
+
+    def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        z[index] = y
+        residual, jacobian = residual_and_jacobian(problem, jax.device_put(z))
+        known = np.nan_to_num(np.asarray(jacobian), posinf=0.0, neginf=0.0)
+        return np.asarray(residual), known[:, index]
+
+    return levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_XTOL, most=_TRIALS[1])
 
 
 def solve(
@@ -90,14 +71,13 @@ def solve(
     starts: np.ndarray,
     *,
     refine: int = 3,
-    tolerance: float = 1e-3,
+    tolerance: float = 1e-8,
     progress: Callable[[str], None] = silent,
 ) -> Solution:
     """Minimise the sum of squared residuals from up to `refine` of the `starts`.
 
-    A descent ends when neither a parameter (unbounded form) nor a residual (in noise units)
-    changes by more than `tolerance`. `progress` is told which descent it is, and how long one
-    takes at the pace of the starts.
+    A descent ends when the sum falls, and is foreseen to fall, by less than `tolerance` of itself.
+    `progress` is told which descent it is, and how long one takes at the pace of the starts.
     """
     first = misfits(problem, starts[:1])  # compiles: the pace is that of the others
     begun = time.perf_counter()
@@ -117,11 +97,9 @@ def solve(
             f" {_length(pace, last)}"
         )
         feasible = bool(found_misfits[i] < FAILED_MISFIT**2)
-        z, result, steps = _descend_safely(problem, starts[i], feasible, tolerance)
-        z = jax.device_put(np.asarray(z))  # not of JAX's weak type, which is compiled for anew
-        residual, jacobian = residual_and_jacobian(problem, z)
-        cost = float(np.sum(np.square(residual)))
-        found.append(Solution(z, residual, jacobian, result, int(steps), cost))
+        ended = _descend_safely(problem, starts[i], feasible, tolerance)
+        cost = float(ended.residual @ ended.residual)
+        found.append(Solution(jax.device_put(ended.y), *ended[1:], cost))
         last = time.perf_counter() - begun
         if cost < _NOISE_REACHED * samples:
             break
@@ -136,14 +114,11 @@ def _length(pace: float, last: float | None) -> str:
     return f"{few} to {many} s and compiling where this is the first of its kind"
 
 
-def _descend_safely(
-    problem: Problem, z: np.ndarray, feasible: bool, tolerance: float
-) -> tuple[Array, optx.RESULTS, Array]:
+def _descend_safely(problem: Problem, z: np.ndarray, feasible: bool, tolerance: float) -> Descent:
     """Descend; from a start that runs away, first with ever weaker dashpots that forbid it."""
-    free = jax.device_put(np.ones_like(z))
     for strength in _DASHPOTS:
         if feasible:
             break
-        z = np.asarray(descend(problem.damped(strength), jax.device_put(z), free, tolerance)[0])
+        z = descend(problem.damped(strength), z, tolerance).y
         feasible = bool(misfits(problem, z[None])[0] < FAILED_MISFIT**2)
-    return descend(problem, jax.device_put(z), free, tolerance)
+    return descend(problem, z, tolerance)

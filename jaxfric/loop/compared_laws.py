@@ -28,7 +28,7 @@ import numpy as np
 from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows, require_float64, steps_of
-from ..fitting.marquardt import levenberg_marquardt
+from ..fitting.marquardt import Descent, levenberg_marquardt
 from ..fitting.noise_search import (
     Family,
     NoiseRows,
@@ -261,11 +261,12 @@ class _Ruler:
         noise = profile_noise(self.noise_rows(rival, z), family, starts, least=self.least)
         for _ in range(_PASSES):
             near = (*starts, noise.theta)
-            moved, ended = self._descend(rival.problem, z, noise)
-            again = profile_noise(self.noise_rows(rival, moved), family, near, least=self.least)
+            found = self._descend(rival.problem, z, noise)
+            again = profile_noise(self.noise_rows(rival, found.y), family, near, least=self.least)
+            ended = found.converged
             if again.value < noise.value:
                 break
-            z, noise = moved, again
+            z, noise = found.y, again
         return z, noise, ended
 
     def independent_rows(self, noise: FoundNoise) -> float:
@@ -285,16 +286,14 @@ class _Ruler:
         train = self.weight - held
         problem = dataclasses.replace(rival.problem, weight=jax.device_put(train))
         p = len(problem.model.names())
-        found = np.concatenate([self._descend(problem, z, noise)[0][:p], z[p:]])
+        found = np.concatenate([self._descend(problem, z, noise).y[:p], z[p:]])
         residual, _ = residual_and_jacobian(rival.problem, jax.device_put(found))
         error = np.asarray(residual)[: len(held)] * held
         white = whitened(self.clock, held, error[:, None], noise.noise)
         return self.scale * float(np.sqrt(np.sum(error**2) / held.sum())), float(np.sum(white**2))
 
-    def _descend(
-        self, problem: Problem, z: np.ndarray, noise: FoundNoise
-    ) -> tuple[np.ndarray, bool]:
-        """Least squares of what is whitened by a noise that is held; and whether it ended."""
+    def _descend(self, problem: Problem, z: np.ndarray, noise: FoundNoise) -> Descent:
+        """Least squares of what is whitened by a noise that is held."""
         n, weight = len(self.weight), np.asarray(problem.weight)
 
         def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

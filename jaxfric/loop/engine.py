@@ -489,7 +489,8 @@ class Engine(Generic[P]):
             columns = np.concatenate([columns, more])
             return columns[:, 0], columns[:, 1:]
 
-        z[index], _ = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
+        found = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
+        z[index] = found.y
         return z
 
     def candidate(

@@ -208,10 +208,9 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
         return np.asarray(residual), np.asarray(jacobian)[:, index]
 
     if len(index):
-        found, _ = levenberg_marquardt(
+        z[index] = levenberg_marquardt(
             both, z[index], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS
-        )
-        z[index] = found
+        ).y
     residual, jacobian = (np.asarray(x) for x in residual_and_jacobian(problem, jnp.asarray(z)))
     rows = residual[: len(setting.record)]
     error = np.where(np.abs(rows) >= FAILED_MISFIT, np.nan, rows) * float(problem.noise_scale)

@@ -177,8 +177,8 @@ def _descended(
             np.vstack([slopes.reshape(-1, len(y)), last]),
         )
 
-    y, ended = levenberg_marquardt(both, start, ftol=_XTOL, xtol=_XTOL, most=_MOST)
-    residual, jacobian = both(y)
+    found = levenberg_marquardt(both, start, ftol=_XTOL, xtol=_XTOL, most=_MOST)
+    y, residual, jacobian, ended, _ = found
     told = residual[:-1].reshape(n, width) * size + means.values
     chi2 = float(residual @ residual)
     return y, ended and chi2 < _LOST**2, chi2, jacobian, told

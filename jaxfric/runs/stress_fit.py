@@ -198,9 +198,9 @@ def _least(
         rows = np.concatenate([seen, np.column_stack([root @ (z - center), root])])
         return rows[:, 0], rows[:, 1:]
 
-    z, ended = levenberg_marquardt(both, z, ftol=1e-9, xtol=1e-7, most=60)
-    jacobian = both(z)[1]
-    return z, np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), ended
+    found = levenberg_marquardt(both, z, ftol=1e-9, xtol=1e-7, most=60)
+    spread = np.linalg.pinv(found.jacobian.T @ found.jacobian, hermitian=True)
+    return found.y, spread, found.converged
 
 
 def _result(

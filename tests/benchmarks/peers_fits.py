@@ -95,7 +95,7 @@ def _ours(table: Table, measured: np.ndarray, load_point: np.ndarray, wrong: Cal
     start = to_free(problem, START[None])
 
     def alone() -> np.ndarray:
-        return descend(problem, start, tolerance=1e-6).z
+        return descend(problem, start, tolerance=1e-12).z
 
     table.ours("least squares alone", timed(alone), wrong(natural(problem, alone()[None])[0][0]))
 
