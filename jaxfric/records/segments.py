@@ -75,9 +75,12 @@ def find_lines(
     if len(t) < 2 * MIN_ROWS:
         return sums, np.array([0, len(t)])
     nodes = _nodes(t, y)
-    keep = ~_glitches(sums, _partition(sums, nodes, min(_ROWS_FOR_GLITCHES, len(t) // 2)))
+    squares = _squares(sums, nodes)
+    stiff = _partition(squares, nodes, min(_ROWS_FOR_GLITCHES, len(t) // 2), sums.floor)
+    keep = ~_glitches(sums, stiff)
     if keep.all() or passes == 1:
-        return sums, _weed(sums, _partition(sums, nodes, MIN_ROWS), least_change, height)
+        lines = _partition(squares, nodes, MIN_ROWS, sums.floor)
+        return sums, _weed(sums, lines, least_change, height)
     return find_lines(t[keep], y[keep], least_change, passes - 1, height=height)
 
 
@@ -146,13 +149,20 @@ def _nodes(t: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([coarse, by_travel]))
 
 
-def _partition(sums: Sums, nodes: np.ndarray, least_rows: int) -> np.ndarray:
+def _squares(sums: Sums, nodes: np.ndarray) -> np.ndarray:
+    """Sums of squares about the line from every node to every later one; infinite elsewhere."""
+    from_, to = np.triu_indices(len(nodes), 1)
+    squares = np.full((len(nodes), len(nodes)), np.inf)
+    squares[from_, to] = sums.lines(nodes[from_], nodes[to]).sum_squares
+    return squares
+
+
+def _partition(squares: np.ndarray, nodes: np.ndarray, least_rows: int, floor: float) -> np.ndarray:
     """Separate lines between nodes: least sum of squares plus penalty, by dynamic programming."""
     count = len(nodes)
-    lines = sums.lines(nodes[:, None], nodes[None, :])
     rows = nodes[None, :] - nodes[:, None]
-    cost = np.where(rows >= least_rows, lines.sum_squares, np.inf)
-    penalty = (15 + 3 * np.log(nodes[-1])) * _local_variance(cost, rows, sums.floor)
+    cost = np.where(rows >= least_rows, squares, np.inf)
+    penalty = (15 + 3 * np.log(nodes[-1])) * _local_variance(cost, rows, floor)
     best = np.full(count, np.inf)
     best[0] = 0.0
     before = np.zeros(count, int)
