@@ -37,7 +37,7 @@ from jaxfric.loop.screen import (
     orthonormal,
     project,
 )
-from jaxfric.loop.split import split
+from jaxfric.loop.split import split, trained_steps
 from jaxfric.loop.verdict import _QUESTIONS, _groups, _rivals, largest_rms
 
 
@@ -66,6 +66,22 @@ def test_three_steps_are_held_back_by_order_where_two_of_them_are_extreme():
     V = np.asarray([3.0, 10, 1, 3]) * 1e-6
     blocks = split(np.linspace(0, 39.9, 400), jf.VelocitySteps(np.arange(4) * 10.0, V))
     assert [set(blocks.step[blocks.of(b)]) for b in ("select", "report")] == [{2}, {3}]
+
+
+@pytest.mark.parametrize(
+    "speeds",
+    [(1, 10), (1, 10, 3), (1, 10, 1, 3), (1, 10, 1, 3, 10), (5, 1, 10, 3), tuple(range(1, 14))],
+)
+def test_the_steps_that_train_are_those_of_the_split(speeds):
+    """Most rows of a velocity train where it is said to, and none where not."""
+    V = np.asarray(speeds, float) * 1e-6
+    span = 150e-6 / V
+    starts = np.concatenate([[0.0], np.cumsum(span[:-1])])
+    time = np.concatenate([t + s * np.arange(200) / 200 for t, s in zip(starts, span, strict=True)])
+    blocks = split(time, jf.VelocitySteps(starts, V))
+    share = np.array([blocks.train[blocks.step == k].mean() for k in range(len(V))])
+    trained = trained_steps(V)
+    assert np.all(share[trained] > 0.5) and np.all(share[~trained] == 0)
 
 
 def test_one_step_is_cut_by_displacement():

@@ -386,7 +386,9 @@ def test_the_page_opens_with_what_it_means_and_what_to_do_next(verdict: str) -> 
     certain = verdict in ("no_missing_effect", "effects", "ambiguous")
     assert ("jaxfric gains --from loop.json" in opening) == certain
     assert ("jaxfric predict loop.json" in opening) == certain
-    open_ = "It has what should tell time_drift from slip_trend: a dwell. Beside it: a zero-load"
+    open_ = (
+        "It has what is known to tell time_drift from slip_trend: a dwell. Beside it: a zero-load"
+    )
     assert (open_ in opening) == (verdict == "ambiguous")
     lines = [step.command for step in next_steps(loop) if step.command]
     for line in lines:
@@ -396,27 +398,30 @@ def test_the_page_opens_with_what_it_means_and_what_to_do_next(verdict: str) -> 
 
 
 THREE = PlannedRun((2.0, 20.0, 2.0), 100.0, "um/s")
+FIVE = PlannedRun((2.0, 20.0, 2.0, 20.0, 2.0), 100.0, "um/s")
 RISE = PlannedRun((2.0, 20.0), 100.0, "um/s", second_length=50.0)
 
 
 @pytest.mark.parametrize(
     ("run", "wanted", "options", "words"),
     [
-        (RISE, "the first velocity repeated at the end", '"2, 20, 2 um/s" --slip-per-step "100 um"',
-         "with the first repeated at the end"),
-        (THREE, "the first velocity repeated at the end", '"2, 20, 2 um/s"', "are such a run"),
+        (RISE, "the first velocity repeated at the end", '"2, 20, 2, 20, 2 um/s" --slip-per',
+         "with the first repeated at the end, then 20, 2 µm/s"),
+        (THREE, "the first velocity repeated at the end", '"2, 20, 2, 20, 2 um/s"', "20, 2 µm/s"),
+        (FIVE, "the first velocity repeated at the end", '"2, 20, 2, 20, 2 um/s"', "such a run"),
         (RISE, "up and down steps, longer than 3 L2",
-         '"2, 20, 2 um/s" --slip-per-step "200 um"', "repeated at the end and steps of 4 L2"),
-        (THREE, "up and down steps, longer than 3 L2", '"2, 20, 2 um/s" --slip-per-step "100 um"',
-         "are such a run"),
-        (RISE, "a dwell, a zero-load baseline", '"2, 20, 0.6667 um/s"', "dwell at 0.6667 µm/s"),
+         '"2, 20, 2, 20, 2 um/s" --slip-per-step "200 um"', "20, 2 µm/s and steps of 4 L2"),
+        (THREE, "up and down steps, longer than 3 L2",
+         '"2, 20, 2, 20, 2 um/s" --slip-per-step "100 um"', "with 20, 2 µm/s appended"),
+        (FIVE, "up and down steps", '"2, 20, 2, 20, 2 um/s"', "are such a run"),
+        (RISE, "a dwell, a zero-load baseline", '"2, 20, 0.6667, 2, 20 um/s"', "dwell at 0.6667"),
         (THREE, "elastic loading, a slip channel",
          '"2, 20, 2 um/s" --slip-per-step "100 um" --slip-channel "0.1 um"', "channel of slip"),
-        (RISE, "three velocities over two decades", '"2, 20, 200 um/s"', "over two decades"),
+        (RISE, "three velocities over two decades", '"2, 20, 200, 2, 20 um/s"', "over two decades"),
         (RISE, "a known load", '"2, 20 um/s" --slip-per-step "100 um"', "change to that run"),
         # several wishes are one run, each wish once
         (RISE, "a dwell, up and down steps, longer than 3 L2, a slow dwell, three velocities over"
-         " two decades", '"2, 20, 200, 2, 0.6667 um/s" --slip-per-step "200 um"', "over two dec"),
+         " two decades", '"2, 20, 200, 2, 20, 2, 0.6667 um/s" --slip-per-step "200 um"', "two d"),
     ],
 )  # fmt: skip
 def test_the_run_that_would_decide_is_the_one_planned(run, wanted, options, words) -> None:
@@ -451,17 +456,18 @@ BACK = "It begins with this record's velocities: of what is missing, what comes 
 @pytest.mark.parametrize(
     ("loop", "speeds", "words", "not_words"),
     [
-        (of_rock([SECOND, DRIFT], "outside_catalogue"), "2, 20, 2, 0.6667", [
-            "with the first repeated at the end and a slow dwell at 0.6667 µm/s appended",
-            "second_state from thermal or run_in: up and down steps, longer than 3 L2; time_drift"
-            " from run_in or gain: a dwell.", "Beside it: a zero-load baseline (time_drift).", BACK,
+        (of_rock([SECOND, DRIFT], "outside_catalogue"), "2, 20, 2, 20, 2, 0.6667", [
+            "with the first repeated at the end, then 20, 2 µm/s and a slow dwell at 0.6667 µm/s",
+            "second_state from thermal or run_in: up and down steps; time_drift from run_in or gain"
+            ": a dwell.", "Beside it: longer than 3 L2 (second_state); a zero-load baseline (time_d",
+            BACK,
         ], ["time from slip"]),
-        (of_rock([SECOND], "outside_catalogue", True), "2, 20, 2, 0.6667",
-         ["Its other velocity tells time from slip."], ["Beside it"]),
-        (of_rock([("time_drift", "slip_trend")], "ambiguous", True), "2, 20, 0.6667",
+        (of_rock([SECOND], "outside_catalogue", True), "2, 20, 2, 20, 2, 0.6667",
+         ["Its other velocity tells time from slip."], ["zero-load"]),
+        (of_rock([("time_drift", "slip_trend")], "ambiguous", True), "2, 20, 0.6667, 2, 20",
          ["tells time from slip"], [BACK]),
         (of_rock([("stribeck", "viscous"), ("slip_trend", "gain"), ("viscous", "gain")],
-         "outside_catalogue"), "2, 20, 200, 0.6667", ["Beside it: four velocities around Vs"
+         "outside_catalogue"), "2, 20, 200, 2, 20, 0.6667", ["Beside it: four velocities around Vs"
          " (stribeck); different velocities at equal slip (slip_trend).", BACK], []),
     ],
 )  # fmt: skip
@@ -479,6 +485,29 @@ def test_one_run_has_all_that_is_asked_for(loop, speeds, words, not_words) -> No
     assert not again and not any("below" in s.text for s in (first, ask, *rest))
     html = page_of(loop).text
     assert html.index(first.text) < html.index(ask.command) < html.index(f"Also: {rest[0].text}")
+
+
+@pytest.mark.parametrize(
+    ("length", "words", "not_words"),
+    [
+        (0.0, "Beside it: longer than 3 L2 (second_state).", "steps of 4 L2"),
+        (3000.0, "up and down steps, longer than 3 L2.", "steps of 4 L2"),
+        (4000.0, "and steps of 4 L2, 1.6e+04 µm each.", "Beside it"),
+        (60000.0, "Beside it: longer than 3 L2 (second_state).", "steps of 4 L2"),
+    ],
+)
+def test_steps_are_said_to_be_long_enough_where_they_are(length, words, not_words) -> None:
+    """By the L2 of the likeliest second state, also where that was refused; 0: of none."""
+    loop = of_rock([SECOND], "outside_catalogue")
+    score = loop.candidates[0]
+    second = dataclasses.replace(
+        score, effects=("second_state",), converged=True, physical=True,
+        parameters={"second_state.L2": 1e-6 * length} if length else {},
+    )  # fmt: skip
+    others = [dataclasses.replace(c, parameters={}) for c in loop.candidates]
+    told = dataclasses.replace(loop, candidates=(*others, second))
+    first = next_steps(told)[0].text
+    assert words in first and not_words not in first, first
 
 
 def test_a_run_that_no_plan_changes_is_said_as_it_was() -> None:
@@ -1188,6 +1217,12 @@ def test_what_helps_is_named_where_it_is_not_all():
     assert headline(loop) == (
         f"Beyond {names} something is missing that the catalogue does not explain"
     )
+    open_ = [
+        dataclasses.replace(c, refused="c not fixed", delta_bic=1e4, effects=("c",))
+        for c in loop.candidates[:1]
+    ]
+    closer = dataclasses.replace(loop, candidates=(*loop.candidates, *open_))
+    assert headline(closer) == f"Beyond {names} something is missing that this record does not fix"
     worse = dataclasses.replace(loop, before=loop.after, after=loop.before)
     assert headline(worse) == "Something is missing that the catalogue does not explain"
 

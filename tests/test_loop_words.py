@@ -13,9 +13,9 @@ from jaxfric.loop.verdict import Told, sentence_of
 from jaxfric.loop.where import where_it_sits
 
 
-def said(verdict, effects, told, rivals=(), located=""):
+def said(verdict, effects, told, rivals=(), located="", tried=()):
     final = SimpleNamespace(effects=effects, bic=100.0)
-    search = SimpleNamespace(base=SimpleNamespace(effects=(), bic=150.0), final=final)
+    search = SimpleNamespace(base=SimpleNamespace(effects=(), bic=150.0), final=final, tried=tried)
     return sentence_of(verdict, search, Told(*told), rivals, located)
 
 
@@ -49,6 +49,41 @@ def said(verdict, effects, told, rivals=(), located=""):
 def test_what_is_said_of_a_verdict(verdict, effects, told, words, not_words):
     text = said(verdict, effects, told)
     assert words in text and not_words not in text
+
+
+def refused(bic, *effects, why="c.size not fixed", **other):
+    default = {"physical": True, "failed": False}
+    return SimpleNamespace(effects=effects, bic=bic, refused=why, **(default | other))
+
+
+@pytest.mark.parametrize(
+    ("tried", "words", "not_words"),
+    [
+        ([], "is not in the catalogue", "fix"),
+        ([refused(89.0, "c")], "missing is not named", "catalogue"),
+        ([refused(89.0, "c")], " c would explain more (BIC 11 lower than that of a), but", " or "),
+        ([refused(80.0, "c"), refused(79.0, "b", "a")], " b + a or c would explain more (BIC 21 or"
+         " 20 lower than that of a), but the rows that are fitted do not fix", "catalogue"),
+        ([refused(80.0, "c"), refused(69.0, "b")], " b would explain more (BIC 31 lower", " c "),
+        ([refused(80.0, "c"), refused(85.0, "c")], " c would explain more (BIC 20 lower", " or "),
+        ([refused(91.0, "c")], "is not in the catalogue", "fix"),
+        ([refused(80.0, "c", why="too little evidence")], "is not in the catalogue", "fix"),
+        ([refused(80.0, "c", failed=True)], "is not in the catalogue", "fix"),
+        ([refused(80.0, "c", physical=False)], "is not in the catalogue", "fix"),
+    ],
+)  # fmt: skip
+def test_what_fits_better_but_is_not_fixed_is_not_said_to_be_outside(tried, words, not_words):
+    text = said("outside_catalogue", ("a",), (1.5, 1.5, 1.06, 1e-4), tried=tried)
+    assert words in text and not_words not in text
+
+
+def test_what_is_left_of_a_model_beside_one_that_is_not_fixed():
+    told = (1.0, 1.0, 1.06, 1e-4)
+    text = said("outside_catalogue", (), told, tried=[refused(80.0, "c")])
+    assert "structure that no effect of the catalogue that this record fixes explains. c" in text
+    assert "(BIC 20 lower), but" in text
+    text = said("outside_catalogue", ("a",), (1.5, 1.3, 1.06, 1e-4), tried=[refused(80.0, "c")])
+    assert text.startswith("Not all that is missing is named. a helps (")
 
 
 def test_a_share_of_structure_is_one_only_where_there_is_structure():

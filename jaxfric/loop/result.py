@@ -14,6 +14,7 @@ from ..plain import plain
 from ..records import Provenance, Sampling, VelocitySteps
 from .family import CurveFamily
 from .split import NAMES, Blocks
+from .unfixed import Unfixed, unfixed
 from .words import LoopWords
 
 SCHEMA = "jaxfric.loop/1"
@@ -253,6 +254,14 @@ class Loop(Described, Drawable, Gridded, Tabular):
         for candidate in sorted(self.candidates, key=rank):
             once.setdefault(frozenset(candidate.effects), candidate)
         return list(once.values())
+
+    def unfixed(self) -> list[Unfixed]:
+        """Models that explain more than the one taken, but whose parameters the record leaves
+        open, the likeliest first."""
+        known = self.ranked()
+        taken = [c.delta_bic for c in known if set(c.effects) == set(self.after.effects)]
+        models = ((c.effects, c.delta_bic, c.refused) for c in known if c.converged and c.physical)
+        return unfixed(models, taken[0] if taken else 0.0)
 
     def role(self, candidate: CandidateScore) -> str:
         """The role of a fitted model in the search, one of `ROLES`."""

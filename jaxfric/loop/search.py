@@ -18,6 +18,7 @@ from .fixed import not_fixed
 from .pace import Pace, now_and_then
 from .screen import Screened, aliases, screen
 from .thresholds import ACCEPT, ALIAS, SIGNIFICANT, TIE
+from .unfixed import NOT_FIXED
 
 MOST = 8
 """Largest number of effects that a search adds: evidence ends it before, as a rule."""
@@ -161,7 +162,7 @@ def _refits(
 
 def _said(loose: Sequence[str]) -> str:
     """The parameters that the record does not fix, in words; empty where it fixes all."""
-    return f"{', '.join(loose)} not fixed" if loose else ""
+    return f"{', '.join(loose)} {NOT_FIXED}" if loose else ""
 
 
 def _without(

@@ -4,6 +4,8 @@ Whole velocity steps, never single samples: neighbouring samples share their noi
 structure, so a sample left out of a step is no test of anything.
 """
 
+import itertools
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -53,7 +55,7 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     segment = np.maximum(segment, 0)
     last = len(steps) - 1
     if last >= 3:
-        size = max(1, round(last / 6))
+        size = _size(last)
         held = _held_out(steps, 2 * size)
         report, select = np.isin(segment, held[-size:]), np.isin(segment, held[:-size])
         blocks = Blocks(~(select | report), select, report, segment, True)
@@ -67,6 +69,42 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
         blocks = Blocks(~(select | report), select, report, segment, False)
     refuse_short(blocks)
     return blocks
+
+
+def trained_steps(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Which of the velocities of a record train, by `split`, over most of their rows (n,)."""
+    number = np.arange(len(speeds))
+    last = len(speeds) - 1
+    if last < 3:
+        return number <= 1
+    return ~np.isin(number, _within(np.abs(np.asarray(speeds)), 2 * _size(last), first=1))
+
+
+def followed(
+    speeds: Sequence[float], new: Sequence[float], after: Sequence[float]
+) -> tuple[float, ...]:
+    """The velocities with `new` ones appended, and after them as many of `after`, over and over, as
+    it takes for all that is new to train: what is held back decides nothing."""
+    place = slice(len(speeds), len(speeds) + len(new))
+    return grown((*speeds, *new), after, lambda found: bool(np.all(trained_steps(found)[place])))
+
+
+def comes_back(speeds: Sequence[float]) -> bool:
+    """Whether the first velocity comes again, after others, where it trains."""
+    trained = trained_steps(speeds)
+    return any(v == speeds[0] and ok for v, ok in zip(speeds[2:], trained[2:], strict=True))
+
+
+def grown(
+    speeds: Sequence[float], after: Sequence[float], enough: Callable[[list[float]], bool]
+) -> tuple[float, ...]:
+    """The velocities with as many of `after` appended, over and over, as are `enough`."""
+    found = list(speeds)
+    for more in itertools.cycle(after):
+        if enough(found):
+            break
+        found.append(more)
+    return tuple(found)
 
 
 def split_units(phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
@@ -87,7 +125,7 @@ def split_units(phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, path:
             f" holds whole ones out and needs {_UNITS}. Cut out one (--from, --to) and leave --run"
         )
     speed = np.array([velocity[unit == k].max() for k in range(count)])
-    size = max(1, round(count / 6))
+    size = _size(count)
     held = _within(speed, 2 * size)
     of = unit[phase]
     report, select = np.isin(of, held[-size:]), np.isin(of, held[:-size])
@@ -105,6 +143,11 @@ def refuse_short(blocks: Blocks) -> None:
                 f"the record is too short to be split: its {name} block would have {rows} rows and"
                 f" needs {_FEWEST}; record longer steps, more of them, or sample faster"
             )
+
+
+def _size(last: int) -> int:
+    """Number of steps that report, of so many."""
+    return max(1, round(last / 6))
 
 
 def _held_out(steps: VelocitySteps, number: int) -> np.ndarray:

@@ -18,6 +18,7 @@ from .rivals import rival_fits
 from .screen import orthonormal
 from .search import Search
 from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
+from .unfixed import Unfixed, unfixed, words_of_unfixed
 
 _HELD_OUT = 1.06
 _TRAIN = 1.04
@@ -299,23 +300,26 @@ def sentence_of(
     named = listed(search.final.effects)
     before = f"held-out error {told.before:.2f} sigma"
     if verdict == "no_missing_effect":
-        return f"Nothing is missing: the base model fits to the noise ({before})."
+        what = "This record shows nothing that is missing"
+        return f"{what}: the base model fits to the noise ({before})."
     if verdict == "too_weak":
         what = "Something may be missing, but too weakly to be named"
         if told.p_value < SIGNIFICANT:
             what = f"Something is left ({p_text(told.p_value)}), but too little to be named"
         return f"{what}: no effect is supported by more than {ACCEPT:g} of BIC ({before})."
     if verdict == "outside_catalogue":
-        helped = named and _helped(told)
+        helped, closer = named and _helped(told), _closer(search)
         what = "Not all that is missing is" if helped else "What is missing is not"
-        what += " in the catalogue."
+        what += " named." if closer else " in the catalogue."
         if told.after <= told.most:
+            which = " that this record fixes" if closer else ""
             what = (
                 "What is left is as small as the noise"
                 f" (held-out error {told.after:.2f} sigma), but has structure that no effect of the"
-                " catalogue explains."
+                f" catalogue{which} explains."
             )
-        return " ".join(part for part in (what, _in_vain(search, named, told), located) if part)
+        parts = (what, _in_vain(search, named, told), words_of_unfixed(closer, named), located)
+        return " ".join(part for part in parts if part)
     gain = search.base.bic - search.final.bic
     pairs = "; ".join(f"{a} or {b}" for a, b in rivals)
     if families:
@@ -328,6 +332,14 @@ def sentence_of(
     if rivals:
         return f"The model lacks {named}, or what looks like it ({pairs}): {told.change()}."
     return f"The model lacks {named}: {told.change()}, BIC {gain:.0f} lower."
+
+
+def _closer(search: Search) -> list[Unfixed]:
+    """Models that would explain more than the one that was taken, but are not fixed."""
+    start = search.base.bic
+    possible = [c for c in search.tried if c.physical and not c.failed]
+    models = ((c.effects, start - c.bic, c.refused) for c in possible)
+    return unfixed(models, start - search.final.bic)
 
 
 def _upper(text: str) -> str:

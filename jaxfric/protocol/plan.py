@@ -39,7 +39,7 @@ from ..loop.nonlinear import friction_sensitivities
 from ..loop.sampling import seen_between
 from ..loop.screen import Screening, alias_cosines, orthonormal, sensitivities
 from ..loop.search import MOST
-from ..loop.split import Blocks
+from ..loop.split import Blocks, comes_back, followed, split
 from ..loop.thresholds import ACCEPT
 from ..records import VelocitySteps
 from ..rig.friction import AbstractRateState
@@ -57,7 +57,6 @@ _MOST_ROWS = 65536
 _VELOCITIES, _ROWS = 16, 1024
 _SOLVER_STEPS = 65536
 _UNSEEN = 1e-6
-_LONGER = ("dwell", "repeat")
 
 
 @dataclass(frozen=True)
@@ -126,6 +125,8 @@ class _Setup:
     effects: tuple[type[AbstractEffect], ...]
     always: tuple[str, ...]
     without: tuple[str, ...]
+    most: int
+    """Largest number of velocities of the plan and its changes."""
 
     @property
     def values(self) -> Mapping[str, float]:
@@ -160,7 +161,8 @@ def plan(
     InputError : fewer than two velocities that differ, one not positive; a parameter missing or out
         of bounds; an unknown effect; a slider that slips away, steadily driven or at a step.
 
-    Every row counts as fitted. Not tried: holds, reversals, noise that is correlated, step times
+    Rows count that `jaxfric.loop` would fit, its train block (`loop.split`): what it holds back
+    decides nothing there. Not tried: holds, reversals, noise that is correlated, step times
     that are uncertain, and effects so large that they are not linear.
     """
     begun = time.monotonic()
@@ -171,12 +173,13 @@ def plan(
     asked = dataclasses.replace(asked, velocities=velocities, parameters=values)
     with_, without = tuple(ids_of(with_)), tuple(ids_of(without))
     effects = _effects(asked.law, with_, without, own)
-    setup = _Setup(asked, _model(asked, effects, with_), effects, with_, without)
+    first = _Variant("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise, None)
+    variants = [first, *(_changes(first) if changes else ())]
+    most = max(len(variant.velocities) for variant in variants)
+    setup = _Setup(asked, _model(asked, effects, with_), effects, with_, without, most)
     critical = _critical(setup)
     ratio = asked.stiffness / critical if critical > 0 else None
     _refuse_unstable(ratio, asked.stiffness, asked.friction_unit)
-    first = _Variant("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise, None)
-    variants = [first, *(_changes(first) if changes else ())]
     design, *others = _looks(setup, variants, progress)
     if design is None:
         raise InputError(_slips_away(ratio))
@@ -307,37 +310,48 @@ def _changes(plan: _Variant) -> list[_Variant]:
     """Changes of a plan, the cheapest first; those that it has already are left out."""
     V, noise = plan.velocities, plan.slip_noise or CHANNEL_NOISE
     dwell, back = float(f"{min(V) / 3:.4g}"), V[0]
+    before = V[:-1] if V[-1] == back else V
+    slow, again = followed(V, (dwell,), V), followed(before, (back,), (*V[1:], back))
     out = []
     for key, text, change in (
         ("slip_x2", "twice the slip per step", {"slip_per_step": 2 * plan.slip_per_step}),
         ("slip_x4", "four times the slip per step", {"slip_per_step": 4 * plan.slip_per_step}),
-        ("dwell", f"a slow dwell at {speed_text(dwell)} appended", {"velocities": (*V, dwell)}),
-        ("repeat", f"the first velocity, {speed_text(back)}, repeated at the end",
-         {"velocities": (*V, back)}),
+        ("dwell", f"a slow dwell at {speed_text(dwell)} appended{_after(slow, V)}",
+         {"velocities": slow}),
+        ("repeat",
+         f"the first velocity, {speed_text(back)}, repeated at the end{_after(again, before)}",
+         {"velocities": again}),
         ("slip_channel", "a slip channel", {"slip_noise": noise}),
         ("load_point_channel", "a load-point encoder", {"encoder_noise": noise}),
         ("both_channels", "a slip channel and a load-point encoder",
          {"slip_noise": noise, "encoder_noise": noise}),
     ):  # fmt: skip
         had = plan.slip_noise is not None and key in ("slip_channel", "both_channels")
-        if not had and not (key == "repeat" and V[-1] == back):
+        if not had and not (key == "repeat" and comes_back(V)):
             out.append(dataclasses.replace(plan, key=key, text=text, **change))
     return out
 
 
-def _times(variant: _Variant, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times of the rows, one at the start and none at a step, and the velocity of each."""
+def _after(longer: Sequence[float], V: Sequence[float]) -> str:
+    """What comes after the velocity that was appended, in words."""
+    more = longer[len(V) + 1 :]
+    return f", then {', '.join(map(speed_text, more))}" if more else ""
+
+
+def _times(variant: _Variant, rows: int) -> np.ndarray:
+    """Times of the rows, one at the start and none at a step."""
     steps = variant.steps()
     share = (np.arange(rows) + 0.5) / rows
     times = (steps.times[:, None] + variant.durations[:, None] * share).ravel()
     times[0] = 0.0
-    return times, np.repeat(np.arange(len(steps)), rows)
+    return times
 
 
 def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
-    """The problem of a record at f0, padded to the common size. Sensitivities need no data."""
+    """The problem of a record at f0, padded to the size that all variants of a plan share, and the
+    blocks of a loop over it. Sensitivities need no data."""
     planned, values = setup.planned, setup.values
-    times, step = _times(variant, planned.rows)
+    times = _times(variant, planned.rows)
     n = len(times)
     problem = make_problem(
         times,
@@ -347,9 +361,7 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         EncompassingModel(setup.model, setup.effects),
     )
     problem = dataclasses.replace(problem, max_steps=_SOLVER_STEPS)
-    # as if one velocity more were planned: some variants have it
-    count = len(variant.velocities) - (variant.key in _LONGER) + 1
-    size = bucket(planned.rows * count, _ROWS)
+    size = bucket(planned.rows * setup.most, _ROWS)
     pad = (0, size - n)
     used = np.ones(n, bool)
     time = jnp.asarray(np.pad(times, pad, mode="edge"))
@@ -366,12 +378,12 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         friction=jnp.full(size, values["f0"], float),
         weight=anchor,
         clock=time[:, None],
-        motion=problem.motion.padded(bucket(count, _VELOCITIES)),
+        motion=problem.motion.padded(bucket(setup.most, _VELOCITIES)),
         channels=channels,
     )
     # every row: the slope that a small lag of the sensor needs is that at the row
     problem = seen_between(problem, values["A"] / planned.stiffness, values["L"], share=1.0)
-    return problem, Blocks(used, ~used, ~used, step, True)
+    return problem, split(times, variant.steps())
 
 
 # ---- sensitivities -------------------------------------------------------------------------

@@ -20,7 +20,7 @@ _LENGTHS = frozenset(("L", "L2", "L3"))
 _PER_MICROMETRE = {"m": (1e6, "µm"), "1/m": (1e-6, "1/µm"), "N/m": (1e-6, "N/µm")}
 """How many of a readable unit one SI unit is, for lengths and stiffnesses."""
 _LEFT_OPEN = {
-    "outside_catalogue": "what is missing is not in the catalogue",
+    "outside_catalogue": "what is missing is not named",
     "ambiguous": "it cannot say which effect is missing",
 }
 """What a verdict leaves open, for the list of results."""

@@ -104,7 +104,10 @@ _VERDICTS = (
     ("no_missing_effect", "the base model explains the record to its noise"),
     ("effects", "effects are named, and with them only noise is left, on rows not fitted too"),
     ("ambiguous", "one of several effects or curves is missing, and this record cannot say which"),
-    ("outside_catalogue", "structure is left that no effect of the catalogue explains"),
+    (
+        "outside_catalogue",
+        "structure is left that no effect which this record fixes explains",
+    ),
     ("too_weak", "a hint of an effect, not enough to name it"),
 )
 

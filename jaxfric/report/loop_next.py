@@ -11,6 +11,7 @@ from ..laws.loop_source import CERTAIN
 from ..loop.family import listed
 from ..loop.result import CandidateScore, Loop
 from ..loop.thresholds import ACCEPT
+from ..loop.unfixed import NOT_FIXED
 from ..loop.where import grow_together
 from ..loop.words import AXIS
 from ..units import factor, read_as
@@ -19,7 +20,6 @@ from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
 _MEMORY = "rate_and_state"
 _SECOND, _LAW = "second_state", "ageing"
 """What `jaxfric compare` asks of, by the ids of the loop."""
-_LOOSE = "not fixed"
 _COMES_BACK = "what comes back is friction or the machine, what does not was that day's"
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
 
@@ -147,13 +147,13 @@ def _do_next(loop: Loop, run: PlannedRun, file: str) -> list[NextStep]:
     groups, wanted, own = dict(confused(loop)), _wanted(loop), own_run(loop)
     told, outside = [], []
     for id, text in wanted.items():
-        left = unplanned(text)
+        left = unplanned(run, text)
         has = ", ".join(part for part in text.split(", ") if part not in left.split(", "))
         other = f"{id} from {listed(groups[id], 'or')}" if id in groups else id
         told += [f"{other}: {has}"] if has else []
         outside += [f"{left} ({id})"] if left else []
     each = f"{run.slip:.4g} {read_as(run.length)} each"
-    text = f"Make this run: {run.words()}, {each}. It has what should tell {'; '.join(told)}."
+    text = f"Make this run: {run.words()}, {each}. It has what is known to tell {'; '.join(told)}."
     text += f" Beside it: {'; '.join(outside)}." if outside else ""
     text += " Its other velocity tells time from slip." if _new_velocity(loop, run, own) else ""
     if _begins_with(run, own) and loop.verdict == "outside_catalogue":
@@ -279,7 +279,7 @@ def _asks_for_second(loop: Loop) -> bool:
     """Whether another run would say if there is a second state."""
     refused = _refused_second(loop)
     open_ = refused is not None or bool(_like_second(loop))
-    return open_ and (refused is None or refused[1].endswith(_LOOSE))
+    return open_ and (refused is None or refused[1].endswith(NOT_FIXED))
 
 
 def _refused_second(loop: Loop) -> tuple[float, str] | None:

@@ -6,7 +6,7 @@ with that change; else it is those velocities as they were, and says so.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +14,14 @@ import numpy as np
 from ..effects import CATALOGUE
 from ..loop.family import listed
 from ..loop.result import Loop
+from ..loop.split import comes_back, followed, grown, trained_steps
 from ..units import factor, read_as
 
 _MOST_STEPS = 12
+_MOST_LONGER = 20.0
+"""Steps are made at most so many times as long."""
 _CHANNEL = "0.1 um"
+_LONG = "longer than 3 L2"
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,7 @@ class PlannedRun:
     unit: str
     """Of speed."""
     second_length: float = 0.0
-    """L2 of a second state that the loop found, in the unit of length; 0 where there is none."""
+    """L2 of a second state that the loop found or refused, in the unit of length; 0: of none."""
     channel: bool = False
     """Whether slip is recorded too."""
     changes: tuple[str, ...] = ()
@@ -62,13 +66,24 @@ def own_run(loop: Loop) -> PlannedRun:
     size = factor(unit, "m/s", "velocity")
     speeds = steps.velocities[steps.velocities != 0][:_MOST_STEPS] / size
     moved = np.diff(steps.displacement(np.append(steps.times, loop.record.relative_time[-1])))
-    second = loop.after.parameters.get("second_state.L2")
+    second = _second_length(loop) / size
     return PlannedRun(
         tuple(float(f"{speed:.4g}") for speed in speeds),
         float(np.median(np.abs(moved))) / size,
         unit,
-        0.0 if second is None else second.value / size,
+        second,
     )
+
+
+def _second_length(loop: Loop) -> float:
+    """L2 [m] of the second state of the model taken, else of the likeliest model that has one and
+    a length which steps can be made for; 0 where there is none."""
+    name, found = "second_state.L2", loop.after.parameters.get("second_state.L2")
+    if found is not None:
+        return found.value
+    tried = (c for c in loop.ranked() if c.converged and c.physical and name in c.parameters)
+    best = next(tried, None)
+    return 0.0 if best is None else best.parameters[name]
 
 
 def deciding_run(run: PlannedRun, *wanted: str) -> PlannedRun:
@@ -79,9 +94,11 @@ def deciding_run(run: PlannedRun, *wanted: str) -> PlannedRun:
     return dataclasses.replace(run, told=bool(known))
 
 
-def unplanned(wanted: str) -> str:
-    """What of the words on a run that would decide is no change of a plan."""
-    return ", ".join(part for part in wanted.split(", ") if part not in CHANGES)
+def unplanned(run: PlannedRun, wanted: str) -> str:
+    """What of the words on a run that would decide a run does not have."""
+    long = 0 < 3 * run.second_length < run.slip
+    has = set(CHANGES) if long else set(CHANGES) - {_LONG}
+    return ", ".join(part for part in wanted.split(", ") if part not in has)
 
 
 def plannable(id: str) -> bool:
@@ -97,26 +114,45 @@ def _changed(run: PlannedRun, words: str, speeds: tuple[float, ...] | None = Non
 
 
 def _repeat(run: PlannedRun) -> PlannedRun:
-    first = run.speeds[0]
-    if run.speeds[-1] == first:
+    first, *others = run.speeds
+    if comes_back(run.speeds):
         return run
-    return _changed(run, "the first repeated at the end", (*run.speeds, first))
+    again = run.speeds[-1] == first
+    before = run.speeds[:-1] if again else run.speeds
+    longer = followed(before, (first,), (*others, first))
+    return _longer_by(run, longer, "" if again else "the first repeated at the end")
 
 
 def _dwell(run: PlannedRun) -> PlannedRun:
     slow = min(run.speeds) / 3
-    return _changed(run, f"a slow dwell at {slow:.4g} {run.unit} appended", (*run.speeds, slow))
+    words = f"a slow dwell at {slow:.4g} {run.unit} appended"
+    return _longer_by(run, followed(run.speeds, (slow,), run.speeds), words)
 
 
 def _up_and_down(run: PlannedRun) -> PlannedRun:
-    jumps = np.diff(run.speeds)
-    if not (np.any(jumps > 0) and np.any(jumps < 0)):
-        run = _repeat(run)
-    return run
+    def both(speeds: Sequence[float]) -> bool:
+        jumps = np.diff(speeds)[trained_steps(speeds)[1:]]
+        return bool(np.any(jumps > 0) and np.any(jumps < 0))
+
+    if len(set(run.speeds)) < 2 or both(run.speeds):
+        return run
+    known = run.speeds[-1] == run.speeds[0]
+    longer = grown(run.speeds, run.speeds[known:], both)
+    return _longer_by(run, longer, "" if known else "the first repeated at the end")
+
+
+def _longer_by(run: PlannedRun, longer: tuple[float, ...], words: str) -> PlannedRun:
+    """The run with more velocities, in `words` the first that is new, where they say more."""
+    new = longer[len(run.speeds) + bool(words) :]
+    if longer == run.speeds:
+        return run
+    more = f"{', '.join(f'{speed:.4g}' for speed in new)} {run.unit}"
+    told = f"{words}, then {more}" if words else f"{more} appended"
+    return _changed(run, told if new else words, longer)
 
 
 def _longer(run: PlannedRun) -> PlannedRun:
-    if run.slip > 3 * run.second_length:
+    if run.slip > 3 * run.second_length or 4 * run.second_length > _MOST_LONGER * run.slip:
         return run
     return dataclasses.replace(_changed(run, "steps of 4 L2"), slip=4 * run.second_length)
 
@@ -129,7 +165,8 @@ def _decades(run: PlannedRun) -> PlannedRun:
     slow = min(run.speeds)
     if max(run.speeds) >= 100 * slow and len(set(run.speeds)) > 2:
         return run
-    speeds = tuple(slow * 10.0**k for k in range(3))
+    three = tuple(slow * 10.0**k for k in range(3))
+    speeds = followed((), three, three)
     return _changed(run, "three over two decades in their place", speeds)
 
 
@@ -137,7 +174,7 @@ CHANGES: dict[str, Callable[[PlannedRun], PlannedRun]] = {
     "three velocities over two decades": _decades,
     "the first velocity repeated at the end": _repeat,
     "up and down steps": _up_and_down,
-    "longer than 3 L2": _longer,
+    _LONG: _longer,
     "a slow dwell": _dwell,
     "a dwell": _dwell,
     "a slip channel": _channel,

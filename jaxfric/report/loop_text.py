@@ -43,6 +43,8 @@ def headline(loop: Loop) -> str:
         others = [id for id in loop.effects if not any(id in f.effects for f in loop.families)]
         return "Missing: " + listed([*others, "a curve of velocity whose shape is not told"])
     text = HEADLINES.get(loop.verdict, loop.verdict)
+    if loop.verdict == "outside_catalogue" and loop.unfixed():
+        text = "Something is missing that this record does not fix"
     if (
         loop.verdict == "outside_catalogue"
         and loop.effects

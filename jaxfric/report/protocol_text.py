@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 _NOTE = (
     "smallest: the effect's amplitude at which its likelihood ratio reaches 10 + p ln n, at the"
-    " shape that is seen best; to first order, white noise, every row fitted"
+    " shape that is seen best; to first order, white noise; rows count that jaxfric loop would fit,"
+    " without the last velocities, which it holds out"
 )
 _SAME = 0.9995
 _TRIED = {
@@ -136,7 +137,7 @@ def apart(plan: Protocol, asked: Pair | None = None) -> list[str]:
         if 2 * len(pairs) == len(group) * (len(group) - 1):
             out.append(f"{' or '.join(group)}  (|cosine|: {text})")
         else:
-            out.append(f"in pairs, all others are told apart  (|cosine|: {text})")
+            out.append(f"these pairs; any two of another pair are told apart  (|cosine|: {text})")
         if asked is not None and asked.apart and set(asked.ids) <= set(group):
             out.append(f"not among these pairs: {' and '.join(asked.ids)}, which are told apart")
     if not out:

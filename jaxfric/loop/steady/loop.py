@@ -155,4 +155,7 @@ def _said(
             f"Something may be missing, but no effect is supported by more than {ACCEPT:g} of BIC"
             f" (best {best:.1f})."
         )
-    return "no_missing_effect", f"Nothing is missing: rms {before:.3g} {unit}.{rest}"
+    return (
+        "no_missing_effect",
+        f"These points show nothing that is missing: rms {before:.3g} {unit}.{rest}",
+    )
