@@ -191,7 +191,7 @@ def test_the_friction_that_is_told_first_is_that_of_the_table(tmp_path):
         assert side.force == pytest.approx(by_hand(p, v, found.fade.speed))
         assert side.force == pytest.approx(float(rows[v]["force [N]"]), rel=1e-8)
         assert side.std == pytest.approx(float(rows[v]["std [N]"]), rel=1e-8)
-        assert f"{side.force:+.4g} ± {side.std:.2g} N" in found.sentence
+        assert f"{side.force:+.2f} ± {side.std:.2f} N" in found.sentence
     # F_0 and d v of both directions cancel: F_c + F_v v and their errors
     assert here.mean.force == pytest.approx(10.3)
     assert here.mean.std == pytest.approx(math.hypot(0.1, 0.003))
@@ -227,7 +227,7 @@ def test_the_verb_tells_the_friction_at_a_speed_first(tmp_path, monkeypatch):
     code, out, err = run("feedforward", "loop.json", "--at", "1 rpm, 0.1 rad/s", "--out", "ff")
     assert code == 0, err
     first, second = " ".join(out.split()).split("Friction of ")[0].split(" Friction at ")
-    assert first.startswith("Friction at 0.1 rad/s: +14.5 ± 0.11 N m forwards, -11.5 ± 0.11 N m")
+    assert first.startswith("Friction at 0.1 rad/s: +14.50 ± 0.11 N m forwards, -11.50 ± 0.11 N m")
     assert second.startswith("0.1047 rad/s: +14.64")
     told = json.loads(Path("ff/feedforward.json").read_text())["at"]
     assert [here["speed"] for here in told] == pytest.approx([0.1, math.pi / 30])

@@ -459,7 +459,7 @@ BACK = "It begins with this record's velocities: of what is missing, what comes 
         (of_rock([SECOND, DRIFT], "outside_catalogue"), "2, 20, 2, 20, 2, 0.6667", [
             "with the first repeated at the end, then 20, 2 µm/s and a slow dwell at 0.6667 µm/s",
             "second_state from thermal or run_in: up and down steps; time_drift from run_in or gain"
-            ": a dwell.", "Beside it: longer than 3 L2 (second_state); a zero-load baseline (time_d",
+            ": a dwell.", "Beside it: longer than 3 L2 (second_state); a zero-load baseline (",
             BACK,
         ], ["time from slip"]),
         (of_rock([SECOND], "outside_catalogue", True), "2, 20, 2, 20, 2, 0.6667",

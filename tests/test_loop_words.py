@@ -66,6 +66,7 @@ def refused(bic, *effects, why="c.size not fixed", **other):
          " 20 lower than that of a), but the rows that are fitted do not fix", "catalogue"),
         ([refused(80.0, "c"), refused(69.0, "b")], " b would explain more (BIC 31 lower", " c "),
         ([refused(80.0, "c"), refused(85.0, "c")], " c would explain more (BIC 20 lower", " or "),
+        ([refused(70.0, "a", "c"), refused(85.0, "c")], " c would explain more (BIC 15", "a + c"),
         ([refused(91.0, "c")], "is not in the catalogue", "fix"),
         ([refused(80.0, "c", why="too little evidence")], "is not in the catalogue", "fix"),
         ([refused(80.0, "c", failed=True)], "is not in the catalogue", "fix"),

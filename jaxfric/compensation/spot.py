@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fitting.table import decimals
 from ..units import parse_values
 from .curve import FrictionCurve
 
@@ -21,8 +22,10 @@ class ForceAt(NamedTuple):
 
     def text(self, unit: str, digits: int = 4) -> str:
         """Force and error in words."""
-        error = "" if math.isnan(self.std) else f" ± {self.std:.2g}"
-        return f"{self.force:+.{digits}g}{error} {unit}"
+        if math.isnan(self.std) or self.std <= 0:
+            return f"{self.force:+.{digits}g} {unit}"
+        places = decimals(self.std)
+        return f"{self.force:+.{places}f} ± {self.std:.{places}f} {unit}"
 
 
 class FrictionAt(NamedTuple):

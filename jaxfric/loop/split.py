@@ -1,4 +1,4 @@
-"""Blocks of a record: what is fitted, what chooses between candidates, what is scored once.
+"""Blocks of a record: what is fitted, what may refuse a model, what is scored once.
 
 Whole velocity steps, never single samples: neighbouring samples share their noise and their
 structure, so a sample left out of a step is no test of anything.

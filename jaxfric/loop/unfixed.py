@@ -25,14 +25,16 @@ def unfixed(models: Iterable[tuple[Sequence[str], float, str]], taken: float) ->
     """The most likely models that were refused as not fixed, if BIC decides for them.
 
     `models` are effects, the fall of BIC that they bring, and why they were refused; `taken` is the
-    fall of BIC of the model that was taken. At most three that are about as good, the best first.
+    fall of BIC of the model that was taken. At most three that are about as good, the best first;
+    none that is another one with more effects, which are not fixed beside it.
     """
     found: dict[frozenset[str], Unfixed] = {}
     for effects, gain, why in models:
         if why.endswith(NOT_FIXED) and gain - taken > ACCEPT:
             one = Unfixed(tuple(effects), gain - taken)
             found[frozenset(effects)] = max(one, found.get(frozenset(effects), one), key=_lower)
-    order = sorted(found.values(), key=_lower, reverse=True)
+    least = [one for key, one in found.items() if not any(other < key for other in found)]
+    order = sorted(least, key=_lower, reverse=True)
     return [one for one in order if order[0].lower - one.lower < ACCEPT][:_MOST]
 
 

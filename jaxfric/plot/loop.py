@@ -25,7 +25,7 @@ from .ticks import plain_log
 
 _BLOCKS = {
     "train": (TRAIN, "train: the model is fitted here"),
-    "select": (SELECT, "select: chooses between candidates"),
+    "select": (SELECT, "select: may refuse a model"),
     "report": (REPORT, "report: scored once, at the end"),
 }
 _MOST_BINS, _BIN_ROWS = 18, 10

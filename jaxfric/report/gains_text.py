@@ -81,6 +81,8 @@ def _scenarios(gains: Gains) -> str:
 
 def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
     how = {"stiff": "held by stiffness", "damped": "held by damping"}[optimum.name]
+    if optimum.minimum and optimum.kv > 0 and optimum.name == "stiff":
+        how += " and damping together"
     tiny = optimum.kp <= 1e-8 * gains.region.unit[0]
     if not optimum.minimum or tiny or optimum.kv == 0:
         more = "" if optimum.minimum else " (more than both together)"
@@ -186,5 +188,7 @@ def _simulation(gains: Gains) -> list[str]:
     ]
     if checked.basin is not None:
         more = "" if checked.basin_lost else " or more"
-        lines.append(f"velocity may jump by a factor {checked.basin:.3g}{more}, either way")
+        late = "" if gains.delay is None else " (without the delay)"
+        text = f"velocity may jump by a factor {checked.basin:.3g}{more}, either way{late}"
+        lines.append(text)
     return lines

@@ -293,7 +293,8 @@ def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
 def _meaning(loop: Loop, name: str) -> str:
     """Meaning of a parameter; empty for an effect that is not of the catalogue."""
     if name == DIFFERENCE:
-        return "below 0: weakening"
+        second = any(n in loop.after.parameters for n in ("second_state.B2", "B2"))
+        return "all states together; below 0: weakening" if second else "below 0: weakening"
     if "." not in name:
         try:
             text = loop.words.quantity(name).text
