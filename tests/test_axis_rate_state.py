@@ -23,7 +23,7 @@ from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
 from jaxfric.effects.axis import DirectionAsymmetry, Presliding, RateAndState
 from jaxfric.gains import find_gains
 from jaxfric.gains.axis import axis_gains, state_gains
-from jaxfric.laws.file import law_from_file
+from jaxfric.laws.file import law_from_fit
 from jaxfric.motion import MeasuredMotion
 from jaxfric.records import Drive, axis_from_arrays
 from jaxfric.rig.axis import AxisRig
@@ -255,7 +255,7 @@ def axis_loop(*effects, part=0.01, axis=None, **changes):
 def axis_source(folder, *effects, samples=0, force=None, **changes):
     path = folder / "loop.json"
     path.write_text(json.dumps(axis_loop("rate_and_state", *effects, **changes)))
-    return law_from_file(path, normal_force=force, samples=samples)
+    return law_from_fit(path, normal_force=force, samples=samples)
 
 
 def by_hand(V, effects, sign=1.0):
@@ -389,12 +389,12 @@ def test_axes_without_a_memory_are_told_so(tmp_path):
     for effects in ((), ("stribeck",), ("presliding",)):
         path.write_text(json.dumps(axis_loop(*effects)))
         with pytest.raises(InputError, match=r"found no rate_and_state.*no stiffness is critical"):
-            law_from_file(path)
+            law_from_fit(path)
     weak = axis_loop("rate_and_state")
     weak["after"]["parameters"]["rate_and_state.A"]["value"] = 0.0
     path.write_text(json.dumps(weak))
     with pytest.raises(InputError, match="direct effect is 0 N"):
-        law_from_file(path)
+        law_from_fit(path)
 
 
 def test_the_verbs_take_the_loop_of_an_axis(tmp_path, monkeypatch):

@@ -103,10 +103,19 @@ def test_what_a_notebook_writes_first(tmp_path: Path, monkeypatch) -> None:
     source = jaxfric.law_from_parameters("slip", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
     with pytest.raises(InputError, match=r"velocity: 'kg' is not a unit of m/s"):
         jaxfric.find_gains(source, velocity="2 kg", mass="1..3 kg", margin="modulus=0.5")
-    with pytest.raises(InputError, match=r"the law is a dict; give jaxfric.law_from_fit"):
+    with pytest.raises(InputError, match=r"the law is a dict; give a Fit, a Posterior"):
+        jaxfric.schedule({}, velocity=(1e-3, 2e-3), mass=None, margin={"stiffness": 1.5})
+    with pytest.raises(InputError, match=r"the law is a dict; give a Fit, a Posterior"):
         jaxfric.find_gains({}, velocity="2 mm/s", mass=None, margin="modulus=0.5")
-    with pytest.raises(InputError, match=r"takes the path of a fit.json, not a dict"):
+    with pytest.raises(InputError, match=r"the law is a dict; give a Fit, a Posterior"):
         jaxfric.law_from_fit({})
+    with pytest.raises(InputError, match=r"normal_force would not be used"):
+        jaxfric.find_gains(source, normal_force=5.0, velocity=2e-3, mass=2.0, margin="modulus=0.5")
+    for wrong in (source, {}):
+        with pytest.raises(InputError, match=rf"a {type(wrong).__name__};.*law_from_fit\(it, n"):
+            jaxfric.stability.analysis.study(wrong, [2e-3])
+    with pytest.raises(InputError, match=r"the law is a LawSource;.*\)\.law"):
+        jaxfric.linearise(jaxfric.Rig(jaxfric.Inertial(2.0, 3e3, 0.5), source), 2e-3)
     with pytest.raises(InputError, match=r"margin 'modulus' is not NAME=NUMBER"):
         jaxfric.find_gains(source, velocity="2 mm/s", mass="1..3 kg", margin="modulus")
     rig = jaxfric.Rig(jaxfric.Inertial(2.0, 3e3, 0.5), source.law)

@@ -23,7 +23,7 @@ from jaxfric.gains import (
 from jaxfric.gains.frontier import Region
 from jaxfric.gains.gains import Machine, Measure, _warnings, seek_gains
 from jaxfric.gains.result import LocalOptimum, WorstCase
-from jaxfric.gains.scenarios import Scenarios, one_sample
+from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.slack import slacks
 from jaxfric.gains.solve import Infeasible, NoGains, make_region, solve
 from jaxfric.gains.verify import JumpSizes
@@ -43,7 +43,7 @@ def rate_state(A, B, L, V):
 
 def single(p, margins, scale=(None, None), **more):
     """All local optima for one scenario."""
-    law = one_sample(rate_state(p["A"], p["B"], p["L"], p["V"]))
+    law = stack([rate_state(p["A"], p["B"], p["L"], p["V"])])
     scenarios = Scenarios.product(law, [p["V"]], [p["m"]])
     region = make_region(scenarios, scale, more.get("lower", FREE[0]), more.get("upper", FREE[0]))
     return solve(Requirement(margins), scenarios, region)
@@ -497,7 +497,7 @@ def test_damaged_missing_and_undetermined(tmp_path):
 def test_slack_of_the_stiffness_margin_is_that_of_25():
     p = GOLDEN
     scenarios = Scenarios.product(
-        one_sample(rate_state(p["A"], p["B"], p["L"], p["V"])), [p["V"]], [p["m"]]
+        stack([rate_state(p["A"], p["B"], p["L"], p["V"])]), [p["V"]], [p["m"]]
     )
     gains = np.array([[100.0, 0.0], [2500.0, 100.0], [50.0, 990.0]])
     unit = np.array([2000.0, 1000.0])

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -15,7 +16,7 @@ from jaxfric.cli.common import read_law
 from jaxfric.effects.friction import _SecondStateTerm, _ViscousTerm
 from jaxfric.errors import InputError
 from jaxfric.gains import find_gains
-from jaxfric.laws.file import law_from_file
+from jaxfric.laws.file import law_from_fit
 from jaxfric.laws.loop_source import law_from_loop
 from jaxfric.rig.friction import Conditions, RateState, critical_stiffness
 from jaxfric.rig.friction.extended import ExtendedLaw
@@ -171,7 +172,7 @@ def test_critical_stiffness_of_two_states(tmp_path):
     parameters = content["after"]["parameters"]
     for name, value in zip(("B", "second_state.B2", "L", "second_state.L2"), (*B, *L), strict=True):
         parameters[name]["value"] = value
-    law = law_from_file(written(tmp_path, content), normal_force=NORMAL, samples=0).law
+    law = law_from_fit(written(tmp_path, content), normal_force=NORMAL, samples=0).law
     assert isinstance(law, RateState) and law.B.shape == (2,)
     assert float(critical_stiffness(law)) == pytest.approx(expected, rel=1e-2)
     assert expected == pytest.approx(619.7 * 1e3, rel=1e-3)
@@ -305,8 +306,19 @@ def with_value(name, value):
 def test_bad_files(tmp_path, content, force, words):
     path = written(tmp_path, content)
     with pytest.raises(InputError, match=words) as told:
-        law_from_file(path, normal_force=force, samples=3)
+        law_from_fit(path, normal_force=force, samples=3)
     assert str(told.value).startswith(str(path)) and "\n" not in str(told.value)
+
+
+def test_a_loop_at_hand_gives_the_law_of_its_file(tmp_path):
+    content = loop_content("viscous", record={"path": "run.csv"})
+    here = law_from_fit(SimpleNamespace(to_json=lambda: content), normal_force=NORMAL, samples=3)
+    file = law_from_fit(written(tmp_path, content), normal_force=NORMAL, samples=3)
+    for a, b in zip(jax.tree.leaves(here.samples), jax.tree.leaves(file.samples), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert here.text.endswith("of run.csv") and here.warnings == file.warnings
+    with pytest.raises(InputError, match="it names no schema"):
+        law_from_fit(SimpleNamespace(to_json=lambda: {"kp": 1.0}))
 
 
 def test_missing_entries(tmp_path):

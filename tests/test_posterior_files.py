@@ -20,9 +20,9 @@ import jaxfric
 from jaxfric import InputError
 from jaxfric.fitting.noise import noise_of
 from jaxfric.fitting.problem import residual_and_jacobian
-from jaxfric.laws.file import law_from_file
+from jaxfric.laws import law_from_fit
 from jaxfric.plot.posterior import posterior_figure
-from jaxfric.posterior import find_posterior, inference_data
+from jaxfric.posterior import find_posterior, inference_data, write_netcdf
 from jaxfric.posterior.posterior import target_of
 from jaxfric.posterior.sampler import Draws
 from jaxfric.posterior.target import natural_of, point, target_of_problem
@@ -109,7 +109,7 @@ def test_the_file_is_inference_data_in_the_units_of_the_record(folder):
 def test_gains_take_its_draws_as_samples(folder, tmp_path):
     at, _ = folder
     file = at / "out" / "posterior.nc"
-    source = law_from_file(file, normal_force=500.0, samples=50, seed=4)
+    source = law_from_fit(file, normal_force=500.0, samples=50, seed=4)
     data = arviz.from_netcdf(file).posterior
     every = {n: 500 * np.ravel(data[n]) for n in ("A", "B", "f0")}
     every["L"] = 1e-6 * np.ravel(data["L"])
@@ -120,12 +120,63 @@ def test_gains_take_its_draws_as_samples(folder, tmp_path):
     for name, all_draws in every.items():
         np.testing.assert_allclose(samples[name][1:], all_draws[rows], rtol=1e-12)
     assert source.velocity == pytest.approx(2e-6) and source.seen == pytest.approx((2e-6, 1e-5))
-    other = law_from_file(file, normal_force=500.0, samples=50, seed=5)
+    other = law_from_fit(file, normal_force=500.0, samples=50, seed=5)
     assert not np.array_equal(other.samples.A, source.samples.A)
     out = ("--out", tmp_path / "gains", "--samples", "5", "--margin", "stiffness=2")
     code, text, err = run("gains", "--from", file, *FORCE, *out)
     assert code == 0, err
     assert "posterior (NUTS)" in text and "6 samples of the law" in text
+
+
+def same_samples(one, other):
+    for a, b in zip(jax.tree.leaves(one.samples), jax.tree.leaves(other.samples), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_a_posterior_at_hand_gives_the_law_of_its_file(fitted, tmp_path, monkeypatch, drawn):
+    monkeypatch.setattr(sys.modules["jaxfric.posterior.posterior"], "nuts", draws_of_the_normal_law)
+    found = find_posterior(fitted, WIDE, draws=400 if drawn else None, seed=2)
+    write_netcdf(found, tmp_path / "posterior.nc")
+    for more in ({"seed": 3}, {"samples": 9}):
+        here = law_from_fit(found, normal_force="500 N", **more)
+        file = law_from_fit(tmp_path / "posterior.nc", normal_force=500.0, **more)
+        same_samples(here, file)
+        assert (here.velocity, here.seen, here.warnings) == (
+            file.velocity,
+            file.seen,
+            file.warnings,
+        )
+    assert here.samples.A.shape == (10,) and float(here.law.A) == 500 * found.maximum()["A"]
+    for kept in (1, 3):
+        assert here.text.split()[kept] == file.text.split()[kept]
+
+
+def test_gains_take_a_fit_and_a_posterior_at_hand(fitted, tmp_path):
+    """Those of the files, by the same draws."""
+    file = written(tmp_path / "fit.json", json.dumps(fitted.to_json()))
+    found = find_posterior(fitted, WIDE)
+    write_netcdf(found, tmp_path / "posterior.nc")
+    task = {"velocity": "5 um/s", "mass": 2.0, "margin": "stiffness=2", "confidence": 0.9}
+    for here, there in ((fitted, file), (found, tmp_path / "posterior.nc")):
+        gains = jaxfric.find_gains(here, normal_force="500 N", **task)
+        source = law_from_fit(there, normal_force=500.0)
+        again = jaxfric.find_gains(source, **task)
+        assert gains.kp == pytest.approx(again.kp, rel=1e-9) and gains.kp > 0
+        assert gains.scenarios.laws.A.shape == (65,) and gains.warnings == again.warnings
+        with pytest.raises(InputError, match=r"of .*run\.csv: .*coefficient.*normal_force=500"):
+            jaxfric.find_gains(here, **task)
+    with pytest.raises(InputError, match="'-1' is not positive"):
+        law_from_fit(fitted, normal_force=-1)
+
+
+def test_what_claims_nothing_at_hand_gives_no_gains(fitted):
+    loose = dataclasses.replace(fitted, converged=False, result="still moving")
+    with pytest.raises(InputError, match=r"Fit of .*run\.csv: this fit did not converge \(still"):
+        jaxfric.find_gains(loose, normal_force=500, velocity=5e-6, mass=2.0, margin="stiffness=2")
+    found = dataclasses.replace(find_posterior(fitted, WIDE), converged=False, warnings=("why",))
+    with pytest.raises(InputError, match=r"Posterior of run\.csv: .*claims nothing: .*why"):
+        jaxfric.find_gains(found, normal_force=500, velocity=5e-6, mass=2.0, margin="stiffness=2")
 
 
 def test_a_slip_trend_among_the_draws_is_no_part_of_the_law(folder, tmp_path):
@@ -134,7 +185,7 @@ def test_a_slip_trend_among_the_draws_is_no_part_of_the_law(folder, tmp_path):
         draws = np.full(file["posterior"]["A"].shape, -3e-6)
         trend = file["posterior"].create_dataset("slip_trend", data=draws)
         trend.attrs["unit"], trend.attrs["map"] = "1/um", -3e-6
-    source = law_from_file(copy, normal_force=500.0, samples=3)
+    source = law_from_fit(copy, normal_force=500.0, samples=3)
     assert float(source.law.slip_trend) == 0 and not np.any(source.samples.slip_trend)
     assert "slip_trend is left out" in source.warnings[-1]
     assert source.warnings[-1].endswith("add 1.5e+03 N/m to k_p")

@@ -14,7 +14,7 @@ import pytest
 from command import run
 from pages import PAGES, ROOT, blocks_of
 
-WITH_PYTHON = {"README": 1, "gains": 1, "python": 3, "sharp": 1, "study": 1}
+WITH_PYTHON = {"README": 1, "gains": 1, "python": 4, "sharp": 1, "study": 1}
 """How many blocks of Python every page has."""
 SLOW = re.compile(r"jaxfric (axis|loop|protocol|study|gains --from) ")
 USERS = re.compile(
@@ -57,6 +57,7 @@ def test_a_fit_and_a_slope(page, folder, monkeypatch, capsys):
     assert abs(less + 0.004) < 4 * error < 4e-4
     assert names["left"].shape == names["fit"].record.friction.shape
     if page == "python":
+        assert names["gains"].kv > 0 and names["gains"].scenarios.laws.A.shape == (65,)
         assert np.isfinite(names["slope"]) and names["slope"] > 0
         assert names["Curvature"].id == "curvature"
 

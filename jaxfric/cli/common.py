@@ -145,19 +145,13 @@ def read_law(
     seed: int = 0,
 ) -> "LawSource":
     """The law that the options name, as a `LawSource`."""
-    from ..laws.file import law_from_file
+    from ..laws.file import law_from_fit
     from ..laws.source import law_from_parameters
-    from ..units import parse_quantity
 
     if fit is not None:
         if law is not None or parameters is not None:
             raise InputError("--from and --law with --parameters exclude each other; give one")
-        force = None
-        if normal_force is not None:
-            force = parse_quantity(normal_force, "N", "--normal-force")
-            if not force > 0:
-                raise InputError(f"--normal-force: '{normal_force}' is not positive")
-        source = law_from_file(fit, normal_force=force, samples=samples, seed=seed)
+        source = law_from_fit(fit, normal_force=normal_force, samples=samples, seed=seed)
         warn(source.warnings)
         return source
     if law is None or parameters is None:
@@ -173,15 +167,13 @@ def read_law(
 def read_samples(fit: Path | None, normal_force: str | None, number: int = 256) -> "Law | None":
     """So many samples of the law that `read_law` has read from a file; None without a file, and of
     a fit that leaves parameters undetermined, which its law has warned of."""
-    from ..laws.file import law_from_file
+    from ..laws.file import law_from_fit
     from ..laws.source import without_first
-    from ..units import parse_quantity
 
     if fit is None:
         return None
-    force = None if normal_force is None else parse_quantity(normal_force, "N", "--normal-force")
     try:
-        return without_first(law_from_file(fit, normal_force=force, samples=number).samples)
+        return without_first(law_from_fit(fit, normal_force=normal_force, samples=number).samples)
     except InputError:
         return None
 

@@ -9,6 +9,7 @@ from jaxtyping import ArrayLike
 
 from ..errors import InputError
 from ..laws import LawSource
+from ..laws.file import Result, law_source
 from ..laws.registry import Law
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..silent import silent
@@ -20,7 +21,7 @@ from .kkt import Optimum
 from .margins import several_margins
 from .requirement import Requirement
 from .result import Certificate, Gains, LocalOptimum, WorstCase
-from .scenarios import Scenarios, one_sample
+from .scenarios import Scenarios
 from .slack import slacks
 from .solve import Infeasible, NoGains, Optima, Pair, drop_samples, make_region, solve
 from .verify import CheckReport, choose, verify
@@ -35,8 +36,9 @@ _MASSES = 5
 
 
 def find_gains(
-    law: LawSource | Law,
+    law: LawSource | Law | Result,
     *,
+    normal_force: float | str | None = None,
     velocity: ArrayLike | str,
     mass: ArrayLike | str | None,
     margin: Mapping[str, float] | Requirement | str,
@@ -58,7 +60,9 @@ def find_gains(
 
     Parameters
     ----------
-    law : with samples (`law_from_fit`), or one law.
+    law : one law; or one with samples: of a Fit, a Posterior or a Loop, whose law and 64 samples
+        `law_from_fit` takes, or as that function gave it.
+    normal_force : [N] or "500 N", of a Fit, a Posterior or a Loop of a friction coefficient.
     velocity : [m/s], one or several, or text, "1..10 mm/s"; a range is best given log-spaced.
     mass : [kg], one or several, or text, "1..3 kg"; None without mass, or with that of the axis
         that the law is of.
@@ -82,7 +86,8 @@ def find_gains(
     """
     machine = Machine(velocity, mass, sample_time, delay)
     measure = Measure(scale, lower, upper)
-    found = seek_gains(law, machine, margin, measure, confidence=confidence, progress=progress)
+    source = law_source(law, normal_force)
+    found = seek_gains(source, machine, margin, measure, confidence=confidence, progress=progress)
     if isinstance(found, Infeasible):
         raise NoGains(found.text)
     return found
@@ -120,12 +125,7 @@ def seek_gains(
     ------
     InputError : a bad argument.
     """
-    if not isinstance(law, LawSource | AbstractLaw | AbstractDelayLaw):
-        raise InputError(
-            f"the law is a {type(law).__name__}; give jaxfric.law_from_fit('NAME-fit/fit.json'),"
-            " jaxfric.law_from_parameters(...), or a law itself, as RateState(...)"
-        )
-    source = law if isinstance(law, LawSource) else LawSource(law, one_sample(law), "law", None)
+    source = law_source(law, None)
     velocity = machine.velocity
     mass = source.mass if machine.mass is None else machine.mass
     if isinstance(velocity, str):

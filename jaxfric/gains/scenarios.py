@@ -132,12 +132,6 @@ def number_of_samples(laws: Law) -> int:
     return jax.tree.leaves(eqx.filter(laws, eqx.is_array))[0].shape[0]
 
 
-def one_sample(law: Law) -> Law:
-    """The law as a batch of one."""
-    arrays, rest = eqx.partition(law, eqx.is_array)
-    return eqx.combine(jax.tree.map(lambda leaf: leaf[None], arrays), rest)
-
-
 @eqx.filter_jit
 def _linearise(laws: Law, velocity: Array, sample: Array) -> LinearFriction:
     arrays, rest = eqx.partition(laws, eqx.is_array)

@@ -16,6 +16,8 @@ from jaxtyping import ArrayLike
 from ..described import Described, Tabular
 from ..errors import InputError
 from ..laws import LawSource
+from ..laws.file import Result, law_source
+from ..laws.registry import Law
 from ..silent import silent
 from .gains import find_gains
 from .requirement import Requirement
@@ -62,7 +64,7 @@ class Schedule(Described, Tabular):
 
 
 def schedule(
-    law: LawSource,
+    law: LawSource | Law | Result,
     *,
     velocity: tuple[float, float],
     mass: ArrayLike | None,
@@ -78,6 +80,9 @@ def schedule(
     outside the basin, a set point is put between the two, until steps are smaller than `finest`.
     Simulated with the law's estimate and the largest mass.
 
+    `law` is as in `find_gains`; that of a friction coefficient is `law_from_fit(fit,
+    normal_force=500)`.
+
     Raises
     ------
     InputError : an empty range; ratio not above `finest`, finest not above 1; no gains (as
@@ -88,6 +93,7 @@ def schedule(
         raise InputError(f"schedule: velocities {low:g} to {high:g} m/s are no range")
     if not ratio > finest > 1:
         raise InputError(f"schedule: needs ratio > finest > 1, not {ratio:g} and {finest:g}")
+    law = law_source(law, None)
     mass = law.mass if mass is None else mass
     tell = progress or silent
     count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))

@@ -30,8 +30,9 @@ from ..rig.axis_law import AxisLaw, axis_law
 from .loop_source import effects_in, loop_damage, verdict_words
 from .saved import (
     LOOP,
+    Saved,
+    content_of,
     own_warnings,
-    read_saved,
     refuse_damage,
     sampled,
     table_damage,
@@ -56,7 +57,7 @@ def is_of_axis(content: Mapping) -> bool:
 
 
 def law_from_axis_loop(
-    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
+    source: Saved, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
 ) -> LawSource:
     """The law after the loop of an axis in newtons, and samples of its parameters.
 
@@ -80,8 +81,7 @@ def law_from_axis_loop(
 
     Not tried: the lags and the sampling of the drive, which ask for more.
     """
-    path = Path(path)
-    content = read_saved(path, LOOP)
+    path, content = content_of(source, LOOP)
     refuse_damage(path, LOOP, _damage(content))
     after, about = content["after"], content.get("axis") or {}
     values = values_of(after)

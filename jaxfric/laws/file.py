@@ -1,28 +1,80 @@
-"""The friction law of a file that another verb wrote, whatever rig it is of."""
+"""The friction law of a result at hand, or of the file that another verb wrote of one."""
 
+from collections.abc import Callable
 from pathlib import Path
 
+from ..errors import InputError
+from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..units import parse_quantity
 from .axis_loop import is_of_axis, law_from_axis_loop
 from .loop_source import law_from_loop
-from .posterior_file import is_posterior, law_from_posterior
-from .saved import FIT, LOOP, read_saved
-from .source import LawSource, law_from_fit
+from .posterior_file import Posterior, PosteriorResult, is_posterior, law_from_posterior
+from .registry import Law
+from .saved import FIT, LOOP, Saved, SavedResult, content_of
+from .source import LawSource, law_of_fit, stack
+
+Result = Saved | Posterior
+"""A Fit, a Loop or a Posterior, or the path of its file."""
 
 
-def law_from_file(
-    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
+def law_from_fit(
+    source: Result, *, normal_force: float | str | None = None, samples: int = 64, seed: int = 0
 ) -> LawSource:
-    """The law of a fit.json, of a posterior.nc, or of the loop.json of a slider or of a servo axis,
-    with samples.
+    """The law of a fit, a posterior or a loop in newtons, and samples that its uncertainty allows.
+
+    Samples are drawn from the covariance of a fit or a loop; of a posterior they are some of its
+    draws. The direct effect is the regularised one. What is left out of the law, and what the
+    result itself warned of, is in `warnings`.
+
+    Parameters
+    ----------
+    source : a Fit, a Posterior or a Loop, or the path of a fit.json, posterior.nc or loop.json.
+    normal_force : [N] or "500 N", by which a friction coefficient is multiplied; must be given for
+        a coefficient and not for a force.
+    samples : number besides the estimate. seed : of their choice.
 
     Raises
     ------
-    InputError : as `law_from_fit`, `law_from_posterior`, `law_from_loop` and `law_from_axis_loop`.
+    InputError : none of these; a file missing, damaged or of another schema; a fit that did not
+        converge, a posterior that claims nothing; a normal force missing, not wanted or not
+        positive; parameters that the fit left undetermined, fewer draws than samples.
     """
-    if is_posterior(Path(path)):
-        return law_from_posterior(path, normal_force=normal_force, samples=samples, seed=seed)
-    content = read_saved(Path(path), FIT, LOOP)
+    force = normal_force
+    if isinstance(force, str):
+        force = parse_quantity(force, "N", "--normal-force")
+    if force is not None and not force > 0:
+        raise InputError(f"--normal-force: '{normal_force}' is not positive")
+    if not isinstance(source, Result):
+        raise InputError(
+            f"the law is a {type(source).__name__}; give a Fit, a Posterior or a Loop, the path of"
+            " a fit.json, posterior.nc or loop.json, jaxfric.law_from_parameters(...), or (to"
+            " find_gains) a law itself, as RateState(...)"
+        )
+    return _loader(source)(source, normal_force=force, samples=samples, seed=seed)
+
+
+def _loader(source: Result) -> Callable[..., LawSource]:
+    """What reads the law of such a result."""
+    if isinstance(source, PosteriorResult):
+        return law_from_posterior
+    if not isinstance(source, SavedResult) and is_posterior(Path(source)):
+        return law_from_posterior
+    _, content = content_of(source, FIT, LOOP)
     if content["schema"] == FIT:
-        return law_from_fit(path, normal_force=normal_force, samples=samples, seed=seed)
-    load = law_from_axis_loop if is_of_axis(content) else law_from_loop
-    return load(path, normal_force=normal_force, samples=samples, seed=seed)
+        return law_of_fit
+    return law_from_axis_loop if is_of_axis(content) else law_from_loop
+
+
+def law_source(law: LawSource | Law | Result, normal_force: float | str | None) -> LawSource:
+    """A law with its samples, from a law or from whatever `law_from_fit` takes.
+
+    Raises `InputError` as `law_from_fit`, and for a normal force that a law has no use for.
+    """
+    if not isinstance(law, LawSource | AbstractLaw | AbstractDelayLaw):
+        return law_from_fit(law, normal_force=normal_force)
+    if normal_force is not None:
+        raise InputError(
+            "--normal-force would not be used: this law is in newtons already; it goes with a Fit,"
+            " a Posterior or a Loop"
+        )
+    return law if isinstance(law, LawSource) else LawSource(law, stack([law]), "law", None)

@@ -42,9 +42,10 @@ from .registry import (
 )
 from .saved import (
     LOOP,
+    Saved,
+    content_of,
     missing_key,
     own_warnings,
-    read_saved,
     refuse_damage,
     sampled,
     table_damage,
@@ -60,19 +61,19 @@ _ROOMS = {"machine": "machine", "drive": "drive", "sensor": "force sensor"}
 
 
 def law_from_loop(
-    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
+    source: Saved, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
 ) -> LawSource:
-    """The law after the loop of a `loop.json` in newtons, and samples of its parameters.
+    """The law after the loop of a Loop, or of its `loop.json`, in newtons, and samples of it.
 
     A slip law with no effect but a second state is a `RateState` of two states; with any other
     effect of friction it is an `ExtendedLaw`. The direct effect is the regularised one. The
-    samples are drawn as by `law_from_fit`, from the covariance of the extended fit. What the loop
+    samples are drawn as by `law_of_fit`, from the covariance of the extended fit. What the loop
     itself warned of, what is left out of the law, and a verdict by which it does not describe the
     record, are in `warnings`.
 
     Parameters
     ----------
-    normal_force : [N], as in `law_from_fit`.
+    normal_force : [N], as in `law_of_fit`.
     samples : number drawn besides the estimate.
 
     Raises
@@ -81,8 +82,7 @@ def law_from_loop(
         catalogue, a parameter out of bounds; a normal force missing or not wanted; parameters
         that the fit left undetermined.
     """
-    path = Path(path)
-    content = read_saved(path, LOOP)
+    path, content = content_of(source, LOOP)
     if content.get("law") == "coulomb_viscous":
         raise InputError(
             f"{path}: it is of an axis; its law is read by law_from_axis_loop, and by every verb of"

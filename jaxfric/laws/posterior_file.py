@@ -1,10 +1,11 @@
-"""The friction law of a posterior that `jaxfric fit --prior` wrote as netCDF, and its draws.
+"""The friction law of a Posterior, or of the netCDF that `jaxfric fit --prior` wrote of it.
 
-Read by h5py alone: the file is HDF5, and ArviZ is not needed to use it.
+A file is read by h5py alone: it is HDF5, and ArviZ is not needed to use it.
 """
 
 import contextlib
 import json
+import typing
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,7 +22,7 @@ from .source import LawSource, force_of_unit, seen_velocities, trend_words
 if TYPE_CHECKING:
     import h5py  # pyright: ignore[reportMissingImports]
 
-_SCHEMA = "jaxfric.posterior/1"
+POSTERIOR = "jaxfric.posterior/1"
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 _AGAIN = "make it again with jaxfric fit and a file of priors"
 _NEEDED = ("schema", "converged", "law", "states", "friction_unit", "reference_velocity")
@@ -36,7 +37,7 @@ def is_posterior(path: Path) -> bool:
     return False
 
 
-class _Content(NamedTuple):
+class PosteriorContent(NamedTuple):
     """Attributes of a posterior; draws and maximum of its parameters by name [SI]."""
 
     about: Mapping[str, object]
@@ -44,18 +45,29 @@ class _Content(NamedTuple):
     maximum: Mapping[str, float]
 
 
+@typing.runtime_checkable
+class PosteriorResult(typing.Protocol):
+    """A Posterior at hand."""
+
+    def content(self) -> PosteriorContent: ...
+
+
+Posterior = PosteriorResult | str | Path
+"""A Posterior, or the path of its file."""
+
+
 def law_from_posterior(
-    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
+    source: Posterior, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
 ) -> LawSource:
     """The law at the maximum of a posterior in newtons, and draws of the posterior as its samples.
 
     The draws are thinned to `samples` of them: whole ones, so that parameters stay correlated as
     they are, and each only once. The direct effect is the regularised one, so that the law can be
-    carried through rest; a slip trend is left out, as by `law_from_fit`.
+    carried through rest; a slip trend is left out, as by `law_of_fit`.
 
     Parameters
     ----------
-    normal_force : [N], as in `law_from_fit`.
+    normal_force : [N], as in `law_of_fit`.
     samples : number of draws besides the maximum. seed : of the choice of them.
 
     Raises
@@ -63,8 +75,13 @@ def law_from_posterior(
     InputError : file missing, damaged or of another schema; a posterior that claims nothing; fewer
         draws than samples; a normal force missing or not wanted.
     """
-    path = Path(path)
-    about, draws, maximum = _read(path)
+    if isinstance(source, PosteriorResult):
+        about, draws, maximum = source.content()
+        path = Path(f"{type(source).__name__} of {about['record']}")
+        _refuse(path, about)
+    else:
+        path = Path(source)
+        about, draws, maximum = _read(path)
     scale = force_of_unit(str(about["friction_unit"]), normal_force, path)
     kind, states = str(about["law"]), int(str(about["states"]))
     V0 = float(str(about["reference_velocity"]))
@@ -89,7 +106,7 @@ def _chosen(path: Path, number: int, samples: int, seed: int) -> np.ndarray:
     return np.sort(np.random.default_rng(seed).choice(number, samples, replace=False))
 
 
-def _read(path: Path) -> _Content:
+def _read(path: Path) -> PosteriorContent:
     """The content of the file, checked."""
     with _opened(path) as file:
         import h5py
@@ -110,7 +127,7 @@ def _read(path: Path) -> _Content:
             maximum[name] = float(str(_plain(entry.attrs["map"]))) * size
             if not np.all(law_quantity(name).allows(np.append(draws[name], maximum[name]))):
                 raise InputError(f"{path}: damaged: {name} is out of its bounds; {_AGAIN}")
-    return _Content(about, draws, maximum)
+    return PosteriorContent(about, draws, maximum)
 
 
 @contextlib.contextmanager
@@ -133,9 +150,9 @@ def _opened(path: Path) -> Iterator["h5py.File"]:
 
 def _refuse(path: Path, about: Mapping[str, object]) -> None:
     """Raise `InputError` for attributes that are of no posterior, or of one that claims nothing."""
-    if about["schema"] != _SCHEMA:
+    if about["schema"] != POSTERIOR:
         raise InputError(
-            f"{path}: its schema is '{about['schema']}'; a file of '{_SCHEMA}' is needed"
+            f"{path}: its schema is '{about['schema']}'; a file of '{POSTERIOR}' is needed"
         )
     missing = next((key for key in _NEEDED if key not in about), None)
     if missing:

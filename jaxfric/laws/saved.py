@@ -2,6 +2,7 @@
 
 import json
 import math
+import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -12,6 +13,29 @@ from ..errors import InputError
 
 FIT, LOOP, STEADY = "jaxfric.fit/1", "jaxfric.loop/1", "jaxfric.steady/1"
 _VERBS = {FIT: "jaxfric fit", LOOP: "jaxfric loop", STEADY: "jaxfric steady"}
+
+
+@typing.runtime_checkable
+class SavedResult(typing.Protocol):
+    """A result that a file is written of: a Fit, a Loop."""
+
+    def to_json(self) -> dict: ...
+
+
+Saved = SavedResult | str | Path
+"""A Fit or a Loop, or the path of its file."""
+
+
+def content_of(source: Saved, *schemas: str) -> tuple[Path, dict]:
+    """A file of one of the `schemas`, or what stands for it in messages, and its content: of a
+    result at hand that which its file would have. Raises as `read_saved`."""
+    if not isinstance(source, SavedResult):
+        return Path(source), read_saved(Path(source), *schemas)
+    content = json.loads(json.dumps(source.to_json()), object_pairs_hook=_renamed)
+    of = content.get("record") if isinstance(content, dict) else None
+    of = f" of {of['path']}" if isinstance(of, dict) and "path" in of else ""
+    where = Path(f"{type(source).__name__}{of}")
+    return where, _checked(where, content, *schemas)
 
 
 def read_saved(path: Path, *schemas: str) -> dict:
@@ -34,6 +58,11 @@ def read_saved(path: Path, *schemas: str) -> dict:
     except ValueError as error:
         place = f" (line {error.lineno})" if isinstance(error, json.JSONDecodeError) else ""
         raise InputError(f"{path}: not a JSON file, or damaged{place}; make it again") from None
+    return _checked(path, content, *schemas)
+
+
+def _checked(path: Path, content: dict, *schemas: str) -> dict:
+    """The content of a file, which is of one of the `schemas` and may be used."""
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema == STEADY and STEADY not in schemas:
         raise InputError(

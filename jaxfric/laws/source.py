@@ -29,9 +29,10 @@ from .registry import (
 )
 from .saved import (
     FIT,
+    Saved,
+    content_of,
     missing_key,
     own_warnings,
-    read_saved,
     refuse_damage,
     sampled,
     table_damage,
@@ -79,10 +80,10 @@ class LawSource:
         )
 
 
-def law_from_fit(
-    path: str | Path, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
+def law_of_fit(
+    source: Saved, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
 ) -> LawSource:
-    """The law of a `fit.json` in newtons, and samples from the fit's covariance.
+    """The law of a Fit, or of its `fit.json`, in newtons, and samples from the fit's covariance.
 
     Parameters with a lower bound (A, L) are sampled by their logarithms, the others as they are.
     The direct effect is the regularised one, so that the law can be carried through rest. A slip
@@ -100,13 +101,7 @@ def law_from_fit(
     InputError : file missing, damaged or of another schema; a normal force missing or
         not wanted; parameters that the fit left undetermined.
     """
-    if not isinstance(path, str | Path):
-        raise InputError(
-            f"law_from_fit takes the path of a fit.json, not a {type(path).__name__}; of a Fit at"
-            " hand, write it first: Path('fit.json').write_text(json.dumps(fit.to_json()))"
-        )
-    path = Path(path)
-    content = read_saved(path, FIT)
+    path, content = content_of(source, FIT)
     refuse_damage(path, FIT, fit_damage(content))
     scale = force_of_unit(content["friction_unit"], normal_force, path)
     kind, states = content["law"], int(content["states"])

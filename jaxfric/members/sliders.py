@@ -69,10 +69,10 @@ def sliders_of(spec: Spec) -> Sliders:
     """
     if spec.law is not None:
         return Sliders(spec.law, spec.states, spec.fixed)
-    from ..laws.file import law_from_file
+    from ..laws.file import law_from_fit
 
     assert spec.source is not None
-    law = law_from_file(spec.source, normal_force=spec.normal_force, samples=0).law
+    law = law_from_fit(spec.source, normal_force=spec.normal_force, samples=0).law
     if not isinstance(law, AbstractLaw):
         raise InputError(f"{spec.source}: a delay law has no states; a study cannot take it")
     return Sliders(law, spec.states, spec.fixed)

@@ -274,9 +274,9 @@ def _rig(
 def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
     """The evolution and the parameters of a file, None and only a velocity for another law; and
     what it warns of."""
-    from ..laws.file import law_from_file
+    from ..laws.file import law_from_fit
 
-    read = law_from_file(source, normal_force=force, samples=0)
+    read = law_from_fit(source, normal_force=force, samples=0)
     found, kind = read.law, name_of(read.law)
     if kind is None or not isinstance(found, AbstractRateState):
         given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]

@@ -8,7 +8,6 @@ Without draws the group `posterior` holds draws of the Laplace approximation, an
 The likelihood of every row at every draw is left out: 4000 draws of 2000 rows are 64 MB.
 """
 
-import json
 import os
 import tempfile
 import warnings
@@ -30,9 +29,6 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from arviz import InferenceData  # pyright: ignore[reportMissingImports]
-
-SCHEMA = "jaxfric.posterior/1"
-LAPLACE, NUTS = "Laplace", "NUTS"
 
 
 def _arviz() -> "ModuleType":
@@ -73,7 +69,7 @@ def inference_data(posterior: Posterior) -> "InferenceData":
         coords={"row": np.arange(len(fit.record)), **coords},
         dims={"friction": ["row"], "time": ["row"], "weight": ["row"], **dims},
     )
-    made.posterior.attrs.update(_attributes(posterior))
+    made.posterior.attrs.update(posterior.attributes())
     for name, about in _of_variables(posterior).items():
         made.posterior[name].attrs.update(about)
     if shifts is not None:
@@ -157,25 +153,3 @@ def _of_variables(posterior: Posterior) -> dict[str, dict[str, object]]:
         if name in priors:
             found[name] |= {"prior": priors[name].text(size), "text": quantity_of(name).text}
     return found
-
-
-def _attributes(posterior: Posterior) -> dict[str, object]:
-    """What a posterior is of; lists and tables as JSON, velocities and stiffness in SI."""
-    fit = posterior.fit
-    warned = [*(f"the fit warned: {line}" for line in fit.warnings), *posterior.warnings]
-    noise = {"sigma": fit.noise.sigma, **fit.noise.to_json()}
-    return {
-        "schema": SCHEMA,
-        "method": LAPLACE if posterior.draws is None else NUTS,
-        "converged": int(posterior.converged),
-        "record": Path(fit.record.provenance.path).name,
-        "law": fit.model.law,
-        "states": fit.model.states,
-        "friction_unit": fit.record.friction_unit,
-        "stiffness": fit.parameters["K"].value,
-        "reference_velocity": fit.parameters["V0"].value,
-        "velocities": json.dumps(np.asarray(fit.steps.velocities).tolist()),
-        "noise": json.dumps(noise),
-        "noise_held": posterior.noise,
-        "warnings": json.dumps(warned),
-    }

@@ -1,17 +1,21 @@
 """A posterior: its maximum, its Laplace approximation, and draws where they were asked for."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ..described import Described, Drawable, Drawn, Tabular
 from ..fitting.result import Fit
+from ..laws.posterior_file import POSTERIOR, PosteriorContent
 from .distributions import AbstractPrior
 from .laplace import Laplace
 from .sampler import Draws
 
+LAPLACE, NUTS = "Laplace", "NUTS"
 DIFFERENCE = "A_minus_B"
 """The name of A less all B, the rate dependence of steady friction."""
 RHAT, ESS = 1.01, 400
@@ -86,6 +90,34 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         if self.draws is None:
             return {}
         return {k: spread(v) for k, v in self.named(self.draws.values).items()}
+
+    def content(self) -> PosteriorContent:
+        """What a law is made of, as in its file: `attributes`, draws (without NUTS those of the
+        Laplace approximation) and maximum."""
+        values = self.laplace.draws if self.draws is None else self.draws.values
+        draws = {name: np.ravel(column) for name, column in self.named(values).items()}
+        return PosteriorContent(self.attributes(), draws, self.maximum())
+
+    def attributes(self) -> dict[str, object]:
+        """What it is of; lists and tables as JSON, velocities and stiffness in SI."""
+        fit = self.fit
+        warned = [*(f"the fit warned: {line}" for line in fit.warnings), *self.warnings]
+        noise = {"sigma": fit.noise.sigma, **fit.noise.to_json()}
+        return {
+            "schema": POSTERIOR,
+            "method": LAPLACE if self.draws is None else NUTS,
+            "converged": int(self.converged),
+            "record": Path(fit.record.provenance.path).name,
+            "law": fit.model.law,
+            "states": fit.model.states,
+            "friction_unit": fit.record.friction_unit,
+            "stiffness": fit.parameters["K"].value,
+            "reference_velocity": fit.parameters["V0"].value,
+            "velocities": json.dumps(np.asarray(fit.steps.velocities).tolist()),
+            "noise": json.dumps(noise),
+            "noise_held": self.noise,
+            "warnings": json.dumps(warned),
+        }
 
 
 def named(names: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:

@@ -8,9 +8,10 @@ from ..errors import InputError
 from ..laws.saved import (
     FIT,
     LOOP,
+    Saved,
+    content_of,
     missing_key,
     own_warnings,
-    read_saved,
     refuse_damage,
     table_damage,
     values_of,
@@ -78,24 +79,13 @@ def load_model(model: object) -> SavedModel:
     ------
     InputError : no such file, a damaged one, one of another schema; a fit that did not converge.
     """
-    if isinstance(model, str | Path):
-        path = Path(model)
-        content: Content = read_saved(path, FIT, LOOP)
-    elif hasattr(model, "to_json"):
-        path, content = Path(f"this {type(model).__name__.lower()}"), model.to_json()  # pyright: ignore[reportAttributeAccessIssue]
-    else:
+    if not isinstance(model, Saved):
         raise InputError(
             "the model to predict with is a fit.json or loop.json (its path), a Fit or a Loop;"
             f" not a {type(model).__name__}"
         )
+    path, content = content_of(model, FIT, LOOP)
     schema = content["schema"]
-    if schema == FIT and content.get("converged") is False:
-        raise InputError(
-            f"{path}: it did not converge ({content.get('result')}), so it predicts nothing; fit"
-            " the record again"
-        )
-    if schema not in (FIT, LOOP):
-        raise InputError(f"{path}: a '{schema}' is no model; give a Fit or a Loop")
     keys = ("before", "after", "effects") if schema == LOOP else ("parameters",)
     refuse_damage(path, schema, missing_key(content, ("law", "friction_unit", "steps", *keys)))
     saved = SavedModel(path, content)

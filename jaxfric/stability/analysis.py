@@ -22,6 +22,7 @@ from .linear import (
     LinearFriction,
     LinearSlider,
     linear_friction,
+    refuse_no_law,
     refuse_without_steady_state,
 )
 from .margins import available, is_stable, poles, several
@@ -262,6 +263,7 @@ def study(
         raise InputError(
             "a delay law has no stability theory without mass; give one: --mass '2 kg'"
         )
+    refuse_no_law(law)
     law = logarithmic(law)
     points = steady_points(law, jnp.atleast_1d(jnp.asarray(velocities, float)))
     refuse_without_steady_state(points.velocity, (points.force, points.friction))

@@ -168,6 +168,15 @@ def linear_friction(
     return LinearFriction(f_V, StateSpaceKernel(r_z, r_V, -f_z), f_at.slip)
 
 
+def refuse_no_law(law: object) -> None:
+    """Raise `InputError` for what is no friction law."""
+    if not isinstance(law, AbstractLaw | AbstractDelayLaw):
+        raise InputError(
+            f"the law is a {type(law).__name__}; that of a Fit, a Posterior, a Loop or a file is"
+            " jaxfric.law_from_fit(it, normal_force=...).law"
+        )
+
+
 def refuse_without_steady_state(velocity: ArrayLike, found: PyTree) -> None:
     """Raise `InputError` for the first velocity [m/s] at which what was `found` is not finite.
 
@@ -191,7 +200,8 @@ def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
 
     Raises
     ------
-    InputError : `velocity` is not a positive number (where its value is known).
+    InputError : `velocity` is not a positive number (where its value is known); the rig's friction
+        is no law.
     """
     machine = rig.machine
     if not isinstance(machine, QuasiStatic | Inertial):
@@ -201,6 +211,7 @@ def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
     V = jnp.asarray(velocity, jnp.result_type(float, velocity))
     if not isinstance(V, Tracer) and not bool(jnp.all(jnp.isfinite(V) & (V > 0))):
         raise InputError(f"linearise: velocity is {V} m/s; steady sliding needs a positive one")
+    refuse_no_law(rig.friction)
     mass = machine.mass if isinstance(machine, Inertial) else None
     damping = jnp.zeros_like(machine.stiffness) if machine.damping is None else machine.damping
     return LinearSlider(mass, machine.stiffness, damping, linear_friction(rig.friction, V))

@@ -20,8 +20,9 @@ import numpy as np
 
 import jaxfric as jf
 from jaxfric.gains import LawSource, Requirement, find_gains
-from jaxfric.gains.scenarios import Scenarios, one_sample
+from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.solve import make_region, solve
+from jaxfric.laws.source import stack
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from gains_reference import critical, local_minima, modulus_scan, random_case
@@ -48,7 +49,7 @@ def random_cases(number: int) -> None:
         p, scale = random_case(rng)
         norm, kv, kp = local_minima(p, scale)[0]
         begun = time.perf_counter()
-        one = one_sample(law(p["A"], p["B"], p["L"], p["V"]))
+        one = stack([law(p["A"], p["B"], p["L"], p["V"])])
         scenarios = Scenarios.product(one, [p["V"]], [p["m"]])
         found = solve(requirement, scenarios, make_region(scenarios, scale, free, free))
         spent += time.perf_counter() - begun
