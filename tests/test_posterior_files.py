@@ -286,6 +286,10 @@ def test_flat_priors_have_the_fit_as_their_maximum(fitted):
     table, about = found.to_pandas(), found.parameters
     assert table["std"].to_dict() == {name: one.std for name, one in about.items()}
     assert table.loc[["A_minus_B", "L"], "unit"].tolist() == [fitted.A_minus_B.unit, "m"]
+    mean, _, std, unit = table.loc["L", "shown"].split()  # pandas shows one digit of metres
+    assert float(mean) == pytest.approx(1e6 * about["L"].mean, abs=0.01) and unit == "µm"
+    assert float(std) == pytest.approx(1e6 * about["L"].std, abs=0.01)
+    assert table.columns[0] == "shown" and table.loc["A_minus_B", "shown"].startswith("-0.0037")
     data = inference_data(found)
     assert data.posterior.attrs["method"] == "Laplace" and "sample_stats" not in data
 

@@ -20,6 +20,12 @@ class PosteriorRow(NamedTuple):
     """The same of the draws, then R-hat and effective sample sizes of bulk and tail; or empty."""
     unit: str
 
+    @property
+    def shown(self) -> str:
+        """Mean and deviation, of the draws where there are some: "14.3 ± 1.3 µm"."""
+        mean, std, *_ = self.draws or self.laplace
+        return f"{mean} ± {std}{f' {self.unit}' if self.unit else ''}"
+
 
 def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
     """A less all B, then the parameters in the order of the fit."""

@@ -11,9 +11,8 @@ def line(posterior: Posterior) -> str:
     """Mean and deviation of A-B, A, B and L, by draws where there are some."""
     by = "Laplace" if posterior.draws is None else "NUTS"
     told = ", ".join(
-        f"{row.name.partition(' ')[0]} = {mean} ± {std}{f' {row.unit}' if row.unit else ''}"
+        f"{row.name.partition(' ')[0]} = {row.shown}"
         for row in posterior_rows(posterior)
-        for mean, std, *_ in [row.draws or row.laplace]
         if row.name[0] in "ABL"
     )
     name = printable(posterior.fit.record.provenance.path)
@@ -34,13 +33,15 @@ def page(posterior: Posterior) -> Page:
 
 
 def frame(posterior: Posterior) -> Frame:
-    """A row for A-B and every parameter, SI: of the draws, without them of the normal law."""
+    """A row for A-B and every parameter, of the draws, without them of the normal law: in words,
+    then SI."""
     spreads, maximum = posterior.parameters, posterior.maximum()
     of = {DIFFERENCE: posterior.fit.A_minus_B, **posterior.fit.parameters}
     rows: list[dict[str, object]] = [
-        {"name": name, "maximum": maximum[name], **spreads[name]._asdict(), "unit": of[name].unit}
+        {"name": name, "shown": row.shown, "maximum": maximum[name], **spreads[name]._asdict()}
+        | {"unit": of[name].unit}
         | (posterior.chains[name]._asdict() if name in posterior.chains else {})
-        for name in (DIFFERENCE, *posterior.names)
+        for name, row in zip((DIFFERENCE, *posterior.names), posterior_rows(posterior), strict=True)
     ]
     attrs = {
         "method": "Laplace" if posterior.draws is None else "NUTS",
