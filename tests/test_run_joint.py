@@ -141,11 +141,44 @@ def test_steps_that_differ_on_no_line_are_not_told_to_depend_on_nothing():
     made = steps(np.random.default_rng(9), 8, size=0.05)
     for one in made:
         one.fit.parameters["A"].value += 1e-3 * (-1) ** (one.number // 2)
-    first, second = told(made)
+    first, _, second = told(made)
     assert first.startswith("the steps do not share their parameters")
     assert second.startswith("they differ by more than their errors, and neither A, A-B nor L")
     assert "along a line with velocity (p > .05 among the 3 lines" in second
     made[2].fit.residual[20:25] = -5e-4
     assert "of these, step 3: the fit misses a part of the record" in told(made)[1]
-    (shared,) = [line for line in told(steps(np.random.default_rng(7), 8)) if "depend" in line]
+    (shared,) = [line for line in told(steps(np.random.default_rng(7), 8)) if "of A, A-B" in line]
     assert shared == "no dependence of A, A-B or L on velocity is seen (p > .05)"
+
+
+@pytest.mark.parametrize(
+    ("slope", "error", "words"),
+    [
+        (-8.6e-4, 1.3e-4, "a dependence is shown, the slope is -0.00086(13) per decade of"),
+        (8.6e-4, 3.1e-4, "no dependence is shown, the slope is +0.00086(31) per decade of"),
+    ],
+)
+def test_of_velocity_a_line_is_told_shown_or_not(slope, error, words):
+    """Eight steps of one error, their velocities over two decades: the slope is known by hand, and
+    so is its error. Displacement changes too, and does not silence it."""
+    x = np.linspace(-1.0, 1.0, 8)
+    size = error * np.sqrt(np.sum(x**2))
+    made = []
+    for k, at in enumerate(x):
+        covariance = np.diag([size**2 / 2, size**2 / 2, 1e-14])
+        values = TRUE + np.array([slope * at, 0.0, 0.0])
+        place = {"after": 10.0 ** (at - 5), "position": 1e-3 * (k % 3)}
+        made.append(step(k + 1, values, covariance, **place))
+    (line,) = [text for text in told(made) if text.startswith("A-B against velocity: ")]
+    assert words in line
+    p = min(1.0, 6 * 2 * t.sf(abs(slope) / error, 6))
+    assert f"and p = {p:.2g} among the 6 lines" in line
+    assert not any(text.startswith(("A-B rises", "A-B falls")) for text in told(made))
+
+
+def test_why_a_line_with_velocity_is_not_asked():
+    made = steps(np.random.default_rng(7), 5)
+    assert "not asked, A, B and L of 3 steps are determined, and 4 are" in told(made[:3])[-1]
+    alike = steps(np.random.default_rng(7), 5, along="position")
+    (line,) = [text for text in told(alike) if text.startswith("A-B against velocity: ")]
+    assert line.endswith("not asked, the steps end at about one velocity")

@@ -33,6 +33,10 @@ _FEWEST = 4
 """Steps that a line through them needs."""
 _DIFFER = 0.01
 """Below this p steps do not share their parameters."""
+_SHOWN = 0.05
+"""Below this p, among all lines that are asked, a dependence is shown."""
+_DECADES = 0.2
+"""Velocities that a line needs span more than so many decades."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +70,36 @@ class Dependence:
     def told(self) -> str:
         """The dependence in words."""
         way = "rises" if self.slope > 0 else "falls"
-        per = f"per {self.unit}"
         size = measured(abs(self.slope), self.error)
+        return f"{self.quantity} {way} by {size} per {self.unit}: {self._odds()}"
+
+    def answered(self) -> str:
+        """Whether the dependence is shown, in words, with the slope that it has or may have."""
+        size = f"{'+' if self.slope > 0 else ''}{measured(self.slope, self.error)}"
+        shown = "a dependence is shown" if self.shown else "no dependence is shown"
         return (
-            f"{self.quantity} {way} by {size} {per}: {abs(self.slope) / self.error:.2g} standard"
+            f"{self.quantity} against {self.along}: {shown}, the slope is {size} per {self.unit}"
+            f" ({self._odds()})"
+        )
+
+    @property
+    def shown(self) -> bool:
+        """Whether there is a dependence beyond chance."""
+        return self.p < _SHOWN
+
+    def _odds(self) -> str:
+        return (
+            f"{abs(self.slope) / self.error:.2g} standard"
             f" errors of a line with {self.freedom} degrees of freedom are p ="
-            f" {self.p / self.questions:.2g}, and p = {self.p:.2g} among the {self.questions} lines"
+            f" {self._alone():.2g}, and p = {self.p:.2g} among the {self.questions} lines"
             " that are asked"
         )
+
+    def _alone(self) -> float:
+        """The probability without the other questions."""
+        from scipy.special import stdtr
+
+        return 2 * float(stdtr(self.freedom, -abs(self.slope) / self.error))
 
 
 def is_known(step: StepFit) -> bool:
@@ -145,7 +171,7 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
     if len(known) < _FEWEST:
         return []
     sides = [
-        ("velocity", "decade of velocity", [np.log10(abs(s.event.after)) for s in known], 0.2),
+        ("velocity", "decade of velocity", [np.log10(abs(s.event.after)) for s in known], _DECADES),
         ("displacement", "mm of load-point displacement", [1e3 * s.position for s in known], 1e-9),
     ]
     stresses = [s.event.normal_stress for s in known]
@@ -208,8 +234,9 @@ def told(steps: Sequence[StepFit]) -> list[str]:
             " the record (*), so what differs need not be friction"
         )
     answers = dependences(steps)
-    told_of = [d for d in answers if d.p < 0.05]
-    lines += [d.told() for d in told_of]
+    lines.append(_of_velocity(steps, answers))
+    told_of = [d for d in answers if d.shown]
+    lines += [d.told() for d in told_of if not _is_of_velocity(d)]
     if answers and not told_of:
         *first, last = dict.fromkeys(d.along for d in answers)
         sides = ", ".join([*first, last])
@@ -221,3 +248,19 @@ def told(steps: Sequence[StepFit]) -> list[str]:
             f" {len(answers)} lines that are asked)"
         )
     return lines
+
+
+def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str:
+    """Whether A-B depends on velocity, or why that is not asked."""
+    for answer in answers:
+        if _is_of_velocity(answer):
+            return answer.answered()
+    known = sum(map(is_known, steps))
+    why = "the steps end at about one velocity"
+    if known < _FEWEST:
+        why = f"A, B and L of {known} steps are determined, and {_FEWEST} are needed"
+    return f"A-B against velocity: not asked, {why}"
+
+
+def _is_of_velocity(answer: Dependence) -> bool:
+    return (answer.quantity, answer.along) == ("A-B", "velocity")
