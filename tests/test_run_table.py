@@ -16,6 +16,7 @@ from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit
 from jaxfric.runs.table import (
     HEAD,
+    MISFIT,
     csv_text,
     headline,
     latex_text,
@@ -55,15 +56,28 @@ def run_of(*fits):
     ("off", "words"),
     [
         ((4.4, -4.4), "2 of 2 velocity steps fitted"),
-        ((4.4, -4.6), "2 of 2 velocity steps fitted, 1 of them down to the noise"),
-        ((5.5, 34.0, None), "2 of 3 velocity steps fitted, none of them down to the noise"),
+        ((4.4, -4.6), "2 of 2 velocity steps fitted; 1 fit misses a part of the record (*)"),
+        ((5.5, 34.0, None), "2 of 3 velocity steps fitted; 2 fits miss a part of the record (*)"),
     ],
 )
-def test_the_headline_says_how_many_describe_their_record(off, words):
+def test_the_headline_counts_the_stars_of_the_table(off, words):
     run = run_of(*(None if x is None else left(off=x) for x in off))
     told = Findings((), (), None, ())
     html = page(run, [], told, warnings=[], figures={}, command="jaxfric run")
     assert headline(run) == words and f"<h1>{words}</h1>" in html and words in repr(run)
+
+
+@pytest.mark.parametrize("times", [1.0, 7.2])
+def test_the_headline_says_nothing_of_noise(times):
+    """A fit that leaves many times the scatter, of noise that is correlated, has no star: no word
+    may say that it describes the record down to the noise, beside a warning that it does not."""
+    run = run_of(left(times), left(times, off=5.5))
+    words = headline(run)
+    starred = sum(text_cells(step)[-1].endswith("*") for step in run.steps)
+    assert words == "2 of 2 velocity steps fitted; 1 fit misses a part of the record (*)"
+    assert starred == 1 and "noise" not in words
+    assert "misfit: " in MISFIT and "about 1 where that is noise" in MISFIT
+    assert "above 1 also where noise is correlated" in MISFIT
 
 
 def test_a_step_that_is_missed_is_marked_in_every_table():

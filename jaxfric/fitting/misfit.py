@@ -13,6 +13,11 @@ correlated over many rows."""
 MISSED = 4.5
 """A mean over neighbouring rows that is off by more than so many standard deviations of the noise
 is missed: of 4000 rows less than one in 30 records has one by chance."""
+COLUMN = (
+    "misfit: what the fit leaves over the scatter of neighbouring rows, about 1 where that is"
+    " noise, and above 1 also where noise is correlated"
+)
+"""What a column of that name is, for a note."""
 _MEAN = 5
 _LEAVES = "the fit leaves "
 

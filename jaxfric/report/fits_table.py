@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from ..fitting import Fit
-from ..fitting.misfit import EXCESS, excess, is_of_misfit
+from ..fitting.misfit import COLUMN, EXCESS, excess, is_of_misfit
 from ..loop.result import TextTable
 from ..runs.table import BRACKETS, Cell, difference, fit_cells, measured
 
@@ -74,8 +74,7 @@ def text_table(
         ended = "" if one.known else "no fit" if one.fit is None else "did not converge"
         setup = (of(one) for of in given.values())
         rows.append((names[one.name], *setup, *_parameters(one), misfit, *cells, ended))
-    note = f"{_BRACKETS}; misfit: what the fit leaves over the scatter of neighbouring rows"
-    return TextTable(title, heads, rows, note)
+    return TextTable(title, heads, rows, f"{_BRACKETS}; {COLUMN}")
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..fitting import Estimate, Fit
-from ..fitting.misfit import MISSED, excess, missed_warning
+from ..fitting.misfit import COLUMN, MISSED, excess, missed_warning
 from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
 
@@ -23,8 +23,8 @@ _UNITS = {"L": "um", "K": "1/um", "slip_trend": "1/mm"}
 BRACKETS = "in brackets: one standard error, in units of the last digit"
 """What `measured` writes, for a note."""
 MISFIT = (
-    "misfit: what the fit leaves over the scatter of neighbouring rows; *: it misses a part of its"
-    f" record by more than {MISSED:g} times the noise, so A, B and L need not be those of the step"
+    f"{COLUMN}; *: it misses a part of its record by more than {MISSED:g} times the noise, so A, B"
+    " and L need not be those of the step"
 )
 """What the column of that name is, for a note."""
 _LARGE = 3
@@ -176,11 +176,13 @@ def _missed(step: StepFit) -> bool:
 
 
 def headline(run: RunFit) -> str:
-    """How many steps are fitted, and how many of these fits describe their record."""
+    """How many steps are fitted, and how many of these fits have the star of the table."""
     fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
     words = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
-    good = sum(not _missed(step) for step in fitted)
-    return words if good == len(fitted) else f"{words}, {good or 'none'} of them down to the noise"
+    if not (missed := sum(map(_missed, fitted))):
+        return words
+    fits = f"{missed} fit misses" if missed == 1 else f"{missed} fits miss"
+    return f"{words}; {fits} a part of the record (*)"
 
 
 def _estimate(estimate: Estimate) -> str:
