@@ -76,7 +76,7 @@ def findings_of(
     about = float(np.median(levels)) if levels else None
     stick_slip = fit_stick_slip(result.record, events, progress=progress)
     doubts = (
-        disagreement(ramp_stiffness(ramps), how.stiffness, about),
+        disagreement(ramp_stiffness(ramps), how.stiffness, levels),
         of_cycles.disagreement(stick_slip, how.stiffness, about),
     )
     known = (*cautions(result.record, events), *(text for text in doubts if text))

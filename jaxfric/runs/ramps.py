@@ -219,29 +219,43 @@ def _none(ramps: Sequence[Ramp]) -> str:
 
 
 def disagreement(
-    found: RampStiffness | None, given: MachineStiffness | None, stress: float | None
+    found: RampStiffness | None, given: MachineStiffness | None, stresses: Sequence[float]
 ) -> str | None:
     """A sentence where the stiffness that was given is not that of the ramps, else None.
 
-    `stress` is a normal stress [Pa] at which the two can be compared.
+    `stresses` are the normal stresses [Pa] of the steps. Where one stiffness is of stress and the
+    other of friction, the two are compared at each, and the sentence is of the one at which they
+    are furthest apart.
     """
     if found is None or given is None:
         return None
     if found.of_stress == given.of_stress:
-        own, error, value = found.value, found.error, given.value
-    elif stress is None or not stress > 0:
-        return None
+        words, where = departure(given.value, found.value, found.error), ""
     else:
-        own, error = found.machine().at(stress), found.error
-        error = error / stress if found.of_stress else error
-        value = given.at(stress)
-    words = departure(value, own, error)
+        of = _furthest(found, given, [stress for stress in stresses if stress > 0])
+        words, where = of or (None, "")
     if words is None:
         return None
     return (
-        f"--stiffness is {words} that of the ramps ({found.told()}): A, B and L depend on it;"
-        " --stiffness ramps takes that of the ramps"
+        f"--stiffness is {words} that of the ramps ({found.told()}){where}: A, B and L depend on"
+        " it; --stiffness ramps takes that of the ramps"
     )
+
+
+def _furthest(
+    found: RampStiffness, given: MachineStiffness, stresses: Sequence[float]
+) -> tuple[str, str] | None:
+    """The greatest departure over normal stresses, and at which; None where there is none."""
+    apart = []
+    for stress in stresses:
+        own, value = found.machine().at(stress), given.at(stress)
+        words = departure(value, own, found.error * own / found.value)
+        if words is not None:
+            apart.append((abs(np.log(value / own)), stress, words))
+    if not apart:
+        return None
+    _, stress, words = max(apart)
+    return words, f" at a normal stress of {stress / 1e6:.4g} MPa"
 
 
 def rows(ramps: Sequence[Ramp]) -> list[dict[str, Cell]]:
