@@ -181,13 +181,15 @@ def test_hold_or_law_is_not_told_by_a_fit_that_leaves_many_times_the_scatter(
 
 
 def test_hold_or_law_why_no_law_is_told():
-    assert "no fit of the slip and the ageing law" in why_no_law(hold(10.0, 0.01))
-    assert "no fit of the ageing law" in why_no_law(hold(10.0, 0.01, fits={"slip": leaves(1)}))
+    assert "no fit of the slip and the ageing laws converged" in why_no_law(hold(10.0, 0.01))
+    assert "not both laws could be fitted to it (no fit of the ageing law converged)" in why_no_law(
+        hold(10.0, 0.01, fits={"slip": leaves(1)})
+    )
     both = dict.fromkeys(("slip", "ageing"), leaves(1))
     assert "fitted together" in why_no_law(hold(10.0, 0.01, fits=both))
     assert why_no_law(hold(10.0, 0.01, fits=both, preference=0.1)) == ""
     made = [hold(10.0, 0.01, time=5.0), hold(20.0, 0.01, time=50.0, group=2)]
-    assert "hold at 5, 50 s: no law is told, there is no fit" in " ".join(told(made))
+    assert "hold at 5, 50 s: no law is told, not both laws could be" in " ".join(told(made))
 
 
 @pytest.mark.parametrize(

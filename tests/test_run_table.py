@@ -2,6 +2,7 @@
 
 import csv
 import importlib
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from jaxfric.runs.fits import HowFitted, RunFit, StepFit
 from jaxfric.runs.table import (
     HEAD,
     MISFIT,
+    claimed,
     csv_text,
     headline,
     latex_text,
@@ -78,6 +80,28 @@ def test_the_headline_says_nothing_of_noise(times):
     assert starred == 1 and "noise" not in words
     assert "misfit: " in MISFIT and "about 1 where that is noise" in MISFIT
     assert "above 1 also where noise is correlated" in MISFIT
+
+
+@pytest.mark.parametrize(
+    ("converged", "loose", "known"),
+    [
+        (True, (), {"A", "B", "L", "A_minus_B", "critical_stiffness", "rms", "covariance"}),
+        (True, ("L",), {"A", "B", "A_minus_B", "rms", "covariance"}),
+        (False, (), set()),
+    ],
+)
+def test_in_json_a_number_stands_only_for_what_is_known(converged, loose, known):
+    """A fit of a hold kept L = 3e190 m, which its record does not determine."""
+    fit = replace(left(), converged=converged)
+    changed = {n: replace(fit.parameters[n], value=3e190, determined=False) for n in loose}
+    fit = replace(fit, parameters={**fit.parameters, **changed})
+    content = claimed(fit)
+    numbers = {n: content["parameters"][n]["value"] for n in "ABL"}
+    numbers |= {"A_minus_B": content["A_minus_B"]["value"]}
+    numbers |= {n: content[n] for n in ("critical_stiffness", "rms", "covariance")}
+    assert {name for name, value in numbers.items() if value is not None} == known
+    assert "3e+190" not in json.dumps(content)
+    assert content["parameters"]["K"]["value"] is not None  # it was given
 
 
 def test_a_step_that_is_missed_is_marked_in_every_table():

@@ -240,6 +240,7 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
 
     from ..runs.holds import not_fitted, why_no_law
     from ..runs.joint import dependences, share
+    from ..runs.table import claimed
 
     origin = result.record.provenance
     shared = share(result.steps)
@@ -264,7 +265,7 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
                 "time": step.event.time,
                 "load_point_displacement": step.position,
                 "failed": step.failed,
-                "fit": None if step.fit is None else step.fit.to_json(),
+                "fit": None if step.fit is None else claimed(step.fit),
             }
             for step in result.steps
         ],
@@ -281,7 +282,7 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
                 "preference": hold.preference,
                 "no_law": why_no_law(hold),
                 "group": hold.group,
-                "fits": {law: found.to_json() for law, found in hold.fits.items()},
+                "fits": {law: claimed(found) for law, found in hold.fits.items()},
             }
             for hold in holds
         ],

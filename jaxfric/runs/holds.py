@@ -251,7 +251,8 @@ def why_no_law(hold: Hold) -> str:
     if hold.preference is None:
         missing = [law for law in LAWS if law not in hold.fits]
         if missing:
-            return f"there is no fit of the {' and the '.join(missing)} law that converged"
+            laws = f"the {' and the '.join(missing)} law" + "s" * (len(missing) > 1)
+            return f"not both laws could be fitted to it (no fit of {laws} converged)"
         return "it could not be fitted together with those that it follows"
     law = LAWS[hold.preference < 0]
     times = excess(hold.fits[law]) if law in hold.fits else 0.0

@@ -84,6 +84,20 @@ def fit_cells(fit: Fit) -> dict[str, Cell]:
     return row | {"result": fit.result, "warnings": "; ".join(fit.warnings)}
 
 
+def claimed(fit: Fit) -> dict[str, object]:
+    """A fit as JSON that has no number for what its record does not determine, and none at all
+    of a fit that did not converge: unlike `Fit.to_json`, which keeps where a search stood."""
+    content = fit.to_json()
+    for estimate in (content["A_minus_B"], *content["parameters"].values()):
+        if estimate["free"] and not (fit.converged and estimate["determined"]):
+            estimate["value"] = None
+    if not fit.critical().stiffness.determined:
+        content["critical_stiffness"] = None
+    if not fit.converged:
+        content |= dict.fromkeys(("covariance", "correlation", "sum_of_squares", "rms"))
+    return content
+
+
 def _unit(kind: str, force: bool) -> str:
     unit = _UNITS.get(kind, "")
     if not force:
