@@ -18,8 +18,9 @@ _TELLS = "larger velocity steps, up and down, and holds tell friction laws apart
 class LawScore:
     """One law with a number of states. Without a BIC it could not be fitted.
 
-    A fit of a second state that the record does not show may converge to no values of its
-    parameters (`fit.converged`) and still have a BIC: what it explains is known.
+    A fit that did not converge (`fit.converged`), as of a second state that the record does not
+    show, may have a BIC where its search stood. It is no claim: it only tells whether the law with
+    another number of states can do without it.
     """
 
     fit: Fit
@@ -43,6 +44,21 @@ class LawScore:
         """The law in words: "slip", or "slip, 2 states"."""
         return self.fit.law if self.states == 1 else f"{self.fit.law}, {self.states} states"
 
+    @property
+    def settled(self) -> bool:
+        """Whether its BIC can be held against that of others."""
+        return self.bic is not None and self.fit.converged
+
+    @property
+    def of_law(self) -> str:
+        """The law with its states in a sentence: "slip law with 2 states"."""
+        return f"{self.fit.law} law with {counted(self.states)}"
+
+    @property
+    def determined(self) -> bool:
+        """Whether its fit converged and the record fixes its parameters."""
+        return self.fit.converged and all(e.determined for e in self.fit.parameters.values())
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawComparison(Described, Drawable, Tabular):
@@ -63,8 +79,8 @@ class LawComparison(Described, Drawable, Tabular):
 
     @property
     def ranked(self) -> tuple[LawScore, ...]:
-        """The scores of laws that could be fitted, best first."""
-        return tuple(sorted((s for s in self.scores if s.bic is not None), key=_bic))
+        """The scores of laws that were fitted to their end, best first."""
+        return tuple(sorted((s for s in self.scores if s.settled), key=_bic))
 
     @property
     def of_laws(self) -> tuple[LawScore, ...]:
@@ -82,11 +98,30 @@ class LawComparison(Described, Drawable, Tabular):
     @property
     def rivals(self) -> tuple[LawScore, ...]:
         """Scores of other laws that explain the record about as well as the best, or predict better
-        the steps that were held out."""
+        the steps that were held out, or may do so but could not be compared."""
+        if not self.of_laws:
+            return ()
         first, *others = self.of_laws
         best = self._least(first.fit.law)
-        return tuple(
-            s for s in others if self._least(s.fit.law) - best <= ACCEPT or _predicts(s, first)
+        near = [s for s in others if self._least(s.fit.law) - best <= ACCEPT or _predicts(s, first)]
+        laws = {first.fit.law, *(s.fit.law for s in near)}
+        return (*near, *(s for s in self._unheard(best) if s.fit.law not in laws))
+
+    def _unheard(self, best: float) -> list[LawScore]:
+        """Fits that did not converge where the search stood about as low as the `best` or lower,
+        of a number of states that their law cannot do without."""
+        stood = [s for s in self.scores if s.bic is not None and not s.settled]
+        return [s for s in stood if _bic(s) - best <= ACCEPT and not self.needless(s)]
+
+    def needless(self, score: LawScore) -> bool:
+        """Whether a score has states that the record does not fix, and that its law with fewer
+        states, whose fit converged, can do without."""
+        law = score.fit.law
+        fewer = [s for s in self.ranked if s.fit.law == law and s.states < score.states]
+        return (
+            score.bic is not None
+            and not score.determined
+            and any(_bic(s) - _bic(score) <= ACCEPT for s in fewer)
         )
 
     @property
@@ -101,24 +136,47 @@ class LawComparison(Described, Drawable, Tabular):
     @property
     def sentence(self) -> str:
         """Which law the record supports and by how much, or that it cannot tell."""
+        if not self.of_laws:
+            return "Nothing to compare: no fit of a law converged."
         first, *others = self.of_laws
+        if self.supported is None and self.rivals:
+            return f"{self._untold()} {self._states(first)}"
         if not others:
             return f"Nothing to compare: only the {first.fit.law} law could be fitted."
-        found = self.supported
-        if found is None:
-            return f"{self._untold()} {self._states(first)}"
-        states = "" if found.states == 1 else f" with {found.states} states"
-        held = self._held((found, others[0]))
+        held = self._held((first, others[0]))
         return (
-            f"The record supports the {found.fit.law} law{states}: its BIC is"
-            f" {self._below(found, others[0].fit.law)} (a difference of {ACCEPT:g} decides){held}."
+            f"The record supports the {first.of_law}: its BIC is"
+            f" {self._below(first, others[0].fit.law)} (a difference of {ACCEPT:g} decides){held}."
             f" {self._states(first)}"
         )
+
+    def ended(self, score: LawScore) -> str:
+        """What stands in the row of a score whose numbers are no claim; '' where they are."""
+        if self.needless(score):
+            return "not determined, not needed"
+        if score.fit.converged:
+            return ""
+        return "did not converge: a drift" if self._drifts(score) else "did not converge"
+
+    def _drifts(self, score: LawScore) -> bool:
+        """Whether a state of a fit lasts over more slip than the record has."""
+        way = float(np.ptp(self.record.moved()))
+        lengths = [e.value for name, e in score.fit.parameters.items() if name[0] == "L"]
+        return score.states > 1 and bool(lengths) and max(lengths) > way
+
+    def _why_not(self, score: LawScore) -> str:
+        """That a fit did not converge, and why where that is seen."""
+        if not self._drifts(score):
+            return "did not converge"
+        trend = "" if score.fit.model.slip_trend else " (--slip-trend)"
+        return f"did not converge, as a state took the place of a drift with slip{trend}"
 
     @property
     def next_step(self) -> str:
         """Why the loop may say otherwise of a second state, and what decides; '' where none is
         asked for."""
+        if not self.of_laws:
+            return ""
         first = self.of_laws[0]
         tried = {score.states for score in self.ranked if score.fit.law == first.fit.law}
         if first.states == 1 or 1 not in tried:
@@ -134,32 +192,45 @@ class LawComparison(Described, Drawable, Tabular):
         """How far BIC is below that of another law: with as many states, and with more of them
         where these do better."""
         base = self._least(found.fit.law)
-        own = {s.states: _bic(s) - base for s in self.ranked if s.fit.law == law}
-        best = min(own, key=lambda states: own[states])
-        words = f"{amount(own[best])} below that of the {law} law"
-        if best == found.states:
-            return words
-        words += f" with {best} state" + "s" * (best > 1)
-        if found.states not in own:
-            return words
-        as_many = f"{found.states} state" + "s" * (found.states > 1)
-        return f"{words}, and {amount(own[found.states])} below that with {as_many}"
+        own = {s.states: s for s in self.ranked if s.fit.law == law}
+        best = min(own, key=lambda states: _bic(own[states]))
+        words = f"{amount(_bic(own[best]) - base)} below that of the {own[best].of_law}"
+        if best != found.states and found.states in own:
+            by = amount(_bic(own[found.states]) - base)
+            words += f", and {by} below that with {counted(found.states)}"
+        left = [s for s in self.scores if s.fit.law == law and not (s.settled or self.needless(s))]
+        for score in left:
+            words += f"; with {counted(score.states)} it could not be compared: its fit did not"
+            words += " converge"
+        return words
 
     def _untold(self) -> str:
         first, rival = self.of_laws[0], self.rivals[0]
-        gap = self._least(rival.fit.law) - self._least(first.fit.law)
-        names = " or ".join(s.fit.law for s in (first, *self.rivals))
+        names = " or ".join(dict.fromkeys(s.fit.law for s in (first, *self.rivals)))
+        words = f"The record cannot tell: {names}?"
+        if not rival.settled:
+            return (
+                f"{words} The {rival.of_law} could not be compared: its fit"
+                f" {self._why_not(rival)}; it may explain the record as well as the"
+                f" {first.of_law}, the best of those that could."
+            )
+        one, other = (self._best(s.fit.law) for s in (first, rival))
+        gap = _bic(other) - _bic(one)
         held = self._held((first, rival))
         if gap > ACCEPT:
             return (
-                f"The record cannot tell: {names}? BIC prefers the {first.fit.law} law by"
+                f"{words} BIC prefers the {one.of_law} to the {other.of_law} by"
                 f" {amount(gap)}, but the {rival.fit.law} law predicts better what was held"
                 f" out{held}."
             )
         return (
-            f"The record cannot tell: {names}? Their BIC differs by {amount(gap)}, less than the"
-            f" {ACCEPT:g} that decide{held}; {_TELLS}."
+            f"{words} BIC of the {one.of_law} and of the {other.of_law} differs by {amount(gap)},"
+            f" less than the {ACCEPT:g} that decide{held}; {_TELLS}."
         )
+
+    def _best(self, law: str) -> LawScore:
+        """The score of the least BIC of a law."""
+        return next(score for score in self.ranked if score.fit.law == law)
 
     def _held(self, scores: tuple[LawScore, LawScore]) -> str:
         (first, error), (other, larger) = ((s.fit.law, s.held_out) for s in scores)
@@ -173,25 +244,27 @@ class LawComparison(Described, Drawable, Tabular):
 
     def _states(self, first: LawScore) -> str:
         """What the record says of a second state of the best law."""
-        own = {s.states: _bic(s) for s in self.ranked if s.fit.law == first.fit.law}
-        if not {1, 2} <= set(own):
-            failed = any(s.fit.law == first.fit.law and s.bic is None for s in self.scores)
-            return "Nothing is said of a second state: that fit found no end." if failed else ""
-        gain = own[1] - own[2]
-        if gain <= ACCEPT and not self._fixed(first.fit.law):
-            by = f"{amount(-gain)} higher" if gain <= 0 else f"only {amount(gain)} lower"
-            return (
-                f"A second state is not fixed by the record, and not needed: BIC is {by} with it."
+        all_of = {s.states: s for s in self.scores if s.fit.law == first.fit.law}
+        if not {1, 2} <= set(all_of):
+            return ""
+        one, two = all_of[1], all_of[2]
+        if self.needless(two):
+            by = f": BIC is {amount(_bic(two) - _bic(one))} higher with it"
+            by = by if two.settled and _bic(two) >= _bic(one) else ""
+            return f"A second state is not fixed by the record, and not needed{by}."
+        if two.bic is None:
+            return "Nothing is said of a second state: that fit found no end."
+        if not (one.settled and two.settled):
+            stuck = one if two.settled else two
+            return f"Nothing is said of a second state: the fit of the {stuck.of_law}" + (
+                f" {self._why_not(stuck)}."
             )
+        gain = _bic(one) - _bic(two)
         if gain > ACCEPT:
             return f"It asks for the second state, which lowers BIC by {amount(gain)}."
         if gain > 0:
             return f"A second state lowers BIC by {amount(gain)}, too little to be asked for."
         return f"A second state is not needed: it raises BIC by {amount(-gain)}."
-
-    def _fixed(self, law: str) -> bool:
-        """Whether the fit of a law with two states converged."""
-        return all(s.fit.converged for s in self.scores if s.fit.law == law and s.states > 1)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -200,8 +273,8 @@ class LawComparison(Described, Drawable, Tabular):
         for score in self.scores:
             if score.bic is None:
                 told.append(f"{score.name}: could not be fitted ({score.fit.result})")
-        best = self.ranked[0]
-        if (times := excess(best.fit)) >= EXCESS:
+        best = self.ranked[0] if self.ranked else None
+        if best is not None and (times := excess(best.fit)) >= EXCESS:
             told.append(
                 f"even the likeliest law, {best.name}, leaves {times:.2g} times the scatter of"
                 " neighbouring rows: none of these laws may be right; jaxfric loop asks what lacks"
@@ -212,7 +285,7 @@ class LawComparison(Described, Drawable, Tabular):
 
     def to_json(self) -> dict:
         """The content of `compare.json`, schema "jaxfric.comparison/1"; SI."""
-        origin, best = self.record.provenance, _bic(self.ranked[0])
+        origin, best = self.record.provenance, _bic(self.ranked[0]) if self.ranked else 0.0
         found = self.supported
         return {
             "schema": SCHEMA,
@@ -227,7 +300,7 @@ class LawComparison(Described, Drawable, Tabular):
                 {
                     "law": s.fit.law,
                     "states": s.states,
-                    "bic_above_best": None if s.bic is None else s.bic - best,
+                    "bic_above_best": None if s.bic is None or not s.settled else s.bic - best,
                     "fitted_parameters": s.parameters,
                     "held_out_rms": s.held_out,
                     "held_out_deviance": s.held_out_deviance,
@@ -237,6 +310,11 @@ class LawComparison(Described, Drawable, Tabular):
             ],
             "warnings": list(self.warnings),
         }
+
+
+def counted(states: int) -> str:
+    """A number of states in words."""
+    return f"{states} state{'s' if states > 1 else ''}"
 
 
 def _bic(score: LawScore) -> float:

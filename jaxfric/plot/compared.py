@@ -32,7 +32,7 @@ def comparison_figure(found: LawComparison) -> Figure:
     figure.subplots_adjust(left=0.09, right=0.8, top=0.9, bottom=0.08, hspace=0.12)
     time = found.record.relative_time
     axes[0].plot(time, found.record.friction, color=_RECORD, lw=0.8, label="record")
-    least = min(score.bic for score in scores if score.bic is not None)
+    least = found.ranked[0].bic if found.ranked else None
     limit, cut = _limit(found, scores), False
     for k, (axis, score) in enumerate(zip(axes[1:], scores, strict=True)):
         colour = _COLOURS[k % len(_COLOURS)]
@@ -66,9 +66,11 @@ def _answer(found: LawComparison) -> str:
     if law is not None:
         states = "" if law.states == 1 else f" with {law.states} states"
         return f"the record supports the {law.fit.law} law{states}"
+    if not found.of_laws:
+        return "no fit of a law converged"
     if not found.rivals:
         return f"only the {found.of_laws[0].fit.law} law could be fitted"
-    names = " or ".join(score.fit.law for score in (found.of_laws[0], *found.rivals))
+    names = " or ".join(dict.fromkeys(score.fit.law for score in (found.of_laws[0], *found.rivals)))
     return f"the record cannot tell which law, {names}"
 
 
@@ -78,10 +80,11 @@ def _limit(found: LawComparison, scores: list[LawScore]) -> float:
     return float(np.clip(1.2 * worst / found.sigma, 4.0, 40.0))
 
 
-def _words(found: LawComparison, score: LawScore, least: float) -> str:
-    assert score.bic is not None
-    above = score.bic - least
-    lines = [score.name, "the least BIC" if above == 0 else f"BIC higher by {amount(above)}"]
+def _words(found: LawComparison, score: LawScore, least: float | None) -> str:
+    lines = [score.name]
+    if score.settled and score.bic is not None and least is not None:
+        above = score.bic - least
+        lines.append("the least BIC" if above == 0 else f"BIC higher by {amount(above)}")
     if not score.fit.converged:
         lines.append("did not converge")
     if score.held_out is not None:

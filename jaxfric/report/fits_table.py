@@ -19,13 +19,14 @@ _LATEX_K = {"K [N/µm]": r"[N/$\mu$m]", "K [1/µm]": r"[1/$\mu$m]"}
 
 class TabledFit(NamedTuple):
     """A row: its name, the fit or why there is none, further cells by their heads, and how numbers
-    of these are shown."""
+    of these are shown; last, what is said of a fit whose numbers are no claim."""
 
     name: str
     fit: Fit | None
     failed: str = ""
     more: Mapping[str, Cell] = {}
     shown: Mapping[str, Callable[[float], str]] = {}
+    ended: str = ""
 
     @property
     def known(self) -> bool:
@@ -72,6 +73,7 @@ def text_table(
         cells = [_shown(one, name) for name in more]
         misfit = "" if one.fit is None else f"{excess(one.fit):.2f}"
         ended = "" if one.known else "no fit" if one.fit is None else "did not converge"
+        ended = one.ended or ended
         setup = (of(one) for of in given.values())
         rows.append((names[one.name], *setup, *_parameters(one), misfit, *cells, ended))
     return TextTable(title, heads, rows, f"{_BRACKETS}; {COLUMN}")
