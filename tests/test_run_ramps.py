@@ -143,6 +143,7 @@ def test_another_stiffness_than_that_of_the_ramps_is_told(given, of_stress, word
     [
         (1.0, False, (1.0, 1.34), "34 % above that of the ramps (stiffness from 1 ramp: "),
         (1.0, False, (0.7, 1.05), "30 % below"),
+        (1.0, False, (1.2, 1.5, 1.0), "50 % above"),
         (1.0, False, (0.95, 1.05), None),
         (1.34, True, (1.0, 2.0), "34 % above"),  # one stiffness of stress: the same at any
     ],
