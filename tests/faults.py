@@ -816,7 +816,7 @@ FAULTS = (
     Fault("steps that differ along no line do not depend on anything", "runs/joint.py",
           "if shared.p >= _DIFFER", "if True", RUN_JOINT),
     Fault("the p of a line is that of all lines", "runs/joint.py",
-          "self.p / self.questions", "self.p", RUN_JOINT),
+          "self._alone():", "self.p:", RUN_JOINT),
     Fault("a step that is missed differs as any", "runs/joint.py", "    if missed:",
           "    if False:", RUN_JOINT),
     Fault("a fit misses nothing", "fitting/misfit.py", "MISSED = 4.5", "MISSED = 12.0", RUN_TABLE),
