@@ -15,8 +15,9 @@ from reference import Law, Motion, solve
 
 import jaxfric
 from jaxfric.fitting.misfit import misfit_warning
+from jaxfric.fitting.noise_search import Family
 from jaxfric.loop import LawComparison, LawScore
-from jaxfric.loop.compared_laws import _blocks
+from jaxfric.loop.compared_laws import _blocks, _likeliest
 from jaxfric.plot.compared import comparison_figure
 from jaxfric.records import VelocitySteps
 from jaxfric.report.comparison import tabled
@@ -335,6 +336,42 @@ def test_warnings() -> None:
     assert made_up(*laws).warnings == ("ageing: could not be fitted (no end)",)
     _, far = made_up(*laws, rms=2.5).warnings
     assert "even the likeliest law, slip, leaves 2.4 times" in far or "leaves 2.5 times" in far
+
+
+@pytest.mark.parametrize(("bic", "supported"), [(11, True), (9, False)])
+def test_a_law_that_rests_on_the_noise_of_a_step_is_told_so(bic, supported) -> None:
+    """A record of one step and a longer one with the same step gave 14 and 3.8."""
+    found = made_up(("slip", 1, 0, None, None), ("ageing", 1, bic, None, None), held=False)
+    (text,) = dataclasses.replace(found, unasked="one step").warnings
+    assert text.startswith("no step was held out: one step")
+    assert ("rests on the noise that is estimated from these rows" in text) == supported
+
+
+BIC = {(0, 0): 5.0, (1, 0): 30.0, (0, 1): -20.0, (1, 1): -5.0}
+"""Of two laws, 0 and 1, each under noises of two families, 0 and 1."""
+
+
+class Made:
+    """A ruler that knows this."""
+
+    def likeliest(self, rival, family, starts):
+        assert starts == (f"found {family.first}",)
+        return rival.z, (rival.z, family.first), True
+
+    def cost(self, rival, z, noise):
+        assert z == rival.z
+        return BIC[noise]
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_every_law_is_asked_under_the_noise_that_was_found_for_another(order) -> None:
+    """That of the first law alone is likelier for it than that of the second for the second; with
+    the second's noise both are likelier, and it is taken for both."""
+    fit = SimpleNamespace(law="slip", model=SimpleNamespace(states=1))
+    rivals = [SimpleNamespace(fit=fit, z=k) for k in (0, 1)]
+    alone = [SimpleNamespace(family=Family(first=k), theta=f"found {k}") for k in order]
+    found = _likeliest(rivals, Made(), alone, lambda text: None)  # type: ignore[arg-type]
+    assert [noise for _, noise, _ in found] == [(0, 1), (1, 1)]
 
 
 # ---- the table ------------------------------------------------------------------------------

@@ -6,9 +6,10 @@ Every law is fitted with one state and with two. What is compared is
 
 L the likelihood of what a law leaves, its p parameters and the noise being the likeliest for it,
 and n the number of independent rows. The noise is found anew for each law, but has the same parts
-for all, those of the law with the best account of the record: with white noise assumed, rows that
-are correlated count many times and any law wins by hundreds. Its memory is bounded by a tenth of a
-velocity step, so that it cannot take the place of a law.
+for all: of those found for one law or another, the parts under which some law has the best account
+of the record. With white noise assumed, rows that are correlated count many times and any law wins
+by hundreds. Its memory is bounded by a tenth of a velocity step, so that it cannot take the place
+of a law.
 
 Where there are three velocity steps or more each law is also fitted without about a third of them
 (`loop.split`), and predicts these.
@@ -175,13 +176,7 @@ def _compared(
     ruler = _Ruler(record, rivals[0], len(fits[0].steps))
     progress("noise of what each law leaves")
     alone = [estimate_noise(ruler.noise_rows(one, one.z), least=ruler.least) for one in rivals]
-    cost = [-2 * f.value + f.family.parameters * np.log(ruler.rows) for f in alone]
-    family = alone[int(np.argmin(cost))].family
-    starts = tuple(f.theta for f in alone if f.family == family)
-    found = []
-    for one in rivals:
-        progress(f"likelihood of the {_words(one.fit.law, one.fit.model.states)}")
-        found.append(ruler.likeliest(one, family, starts))
+    found = _likeliest(rivals, ruler, alone, progress)
     settled = [k for k, (_, _, ended) in enumerate(found) if ended]
     if not settled:
         raise InputError(f"{record.provenance.path}: no law could be fitted to its end")
@@ -207,6 +202,36 @@ def _compared(
         unasked=unasked,
         own_warnings=warnings,
     )
+
+
+_Likeliest = tuple[np.ndarray, FoundNoise, bool]
+"""Of a law: parameters, noise, and whether the search for them ended."""
+
+
+def _likeliest(
+    rivals: Sequence[_Rival],
+    ruler: "_Ruler",
+    alone: Sequence[FoundNoise],
+    progress: Callable[[str], None],
+) -> list[_Likeliest]:
+    """Every law with the noise that makes it likeliest, of the same parts for all: of the parts
+    that were found for one law or another those under which some law has the best account.
+
+    What a search finds for one law alone may be no more than near the likeliest: parts that it
+    passed over, and found for another law, may make both likelier.
+    """
+    best: list[_Likeliest] = []
+    least = np.inf
+    for family in dict.fromkeys(f.family for f in alone):
+        starts = tuple(f.theta for f in alone if f.family == family)
+        found = []
+        for one in rivals:
+            progress(f"likelihood of the {_words(one.fit.law, one.fit.model.states)}")
+            found.append(ruler.likeliest(one, family, starts))
+        cost = min(ruler.cost(one, *of[:2]) for one, of in zip(rivals, found, strict=True))
+        if cost < least:
+            best, least = found, cost
+    return best
 
 
 def _numbers(blocks: Blocks) -> tuple[int, ...]:
@@ -268,6 +293,12 @@ class _Ruler:
                 break
             z, noise = found.y, again
         return z, noise, ended
+
+    def cost(self, rival: _Rival, z: np.ndarray, noise: FoundNoise) -> float:
+        """BIC of a law where the parameters of the noise count too."""
+        p = len(rival.problem.model.names())
+        free = p + noise.family.parameters
+        return float(np.sum(np.square(z[p:]))) - 2 * noise.value + free * float(np.log(self.rows))
 
     def independent_rows(self, noise: FoundNoise) -> float:
         """Number of independent rows that the record is worth under a noise."""

@@ -13,6 +13,11 @@ from .thresholds import ACCEPT
 SCHEMA = "jaxfric.comparison/1"
 _TELLS = "larger velocity steps, up and down, and holds tell friction laws apart"
 
+_RESTS = (
+    "; which law is supported rests on the noise that is estimated from these rows alone, and more"
+    " rows before or after a step may say otherwise"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class LawScore:
@@ -280,7 +285,8 @@ class LawComparison(Described, Drawable, Tabular):
                 " neighbouring rows: none of these laws may be right; jaxfric loop asks what lacks"
             )
         if self.unasked:
-            told.append(f"no step was held out: {self.unasked}")
+            rests = "" if self.supported is None else _RESTS
+            told.append(f"no step was held out: {self.unasked}{rests}")
         return tuple(told)
 
     def to_json(self) -> dict:
