@@ -15,6 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from jaxfric.errors import InputError
 from jaxfric.fitting.noise import Noise, whiten, whitening
+from jaxfric.fitting.problem import Model
 from jaxfric.posterior import sampler
 from jaxfric.posterior.distributions import FlatPrior, LogNormalPrior, NormalPrior, UniformPrior
 from jaxfric.posterior.inference_data import diagnosed
@@ -79,6 +80,8 @@ def test_flat_priors_change_nothing_and_draw_nothing():
     assert prior.natural(number(-2.0)) == pytest.approx(math.exp(-2))
     assert len(prior.curve(np.linspace(0, 1, 5), 1.0)[0]) == 0
     assert prior.text() == "flat in ln A" and made(FlatPrior, SIGNED).text() == "flat"
+    second = priors_of(Model("slip", 2), {}, "1")[-2:]
+    assert [one.text() for one in second] == ["flat", "flat in ln L2"]
 
 
 def test_a_start_is_moved_to_where_a_prior_has_a_density():

@@ -354,7 +354,10 @@ def test_a_fit_without_its_numbers_has_no_posterior(fitted):
 
 
 def test_the_figure_has_a_panel_for_every_pair(fitted):
-    figure = posterior_figure(find_posterior(fitted, WIDE))
+    found = find_posterior(fitted, {name: WIDE[name] for name in "BL"})
+    figure = posterior_figure(found)
+    words = [text.get_text() for text in figure.axes[12].texts]
+    assert words == ["prior: flat in ln A"] == [f"prior: {found.priors[1].text()}"]
     shown = [axis for axis in figure.axes if axis.axison]
     assert len(figure.axes) == 25 and len(shown) == 15
     assert figure.axes[20].get_xlabel() == "A − B" and figure.axes[24].get_xlabel() == "L [µm]"

@@ -87,7 +87,8 @@ def _density(
         x, density = _prior(posterior, name, low, high)
         axis.plot(x, density, color=_PRIOR, lw=1.8, ls="--", label="prior", zorder=4, clip_on=False)
         if np.max(density, initial=0.0) < _LOW * heights.max():
-            words = "prior: flat" if not len(x) else "prior: far wider, a line near 0"
+            told = posterior.priors[posterior.names.index(name)].text()
+            words = f"prior: {told}" if not len(x) else "prior: far wider, a line near 0"
             axis.text(0.02, 1.0, words, transform=axis.transAxes, fontsize=7, va="bottom")
     axis.set_yticks([])
     axis.set_ylim(bottom=0.0)

@@ -39,7 +39,8 @@ def find_posterior(
     ----------
     fit : of `jaxfric.fit`, in this process (a fit.json does not hold the record).
     priors : by name, {"A": {"normal": [0.006, 0.001]}, "L": {"lognormal": [20, 0.5], "unit":
-        "um"}}, see `posterior.priors`, or their TOML file; flat where none is given, all if None.
+        "um"}}, see `posterior.priors`, or their TOML file; flat (in ln A, ln L, ln K; f0
+        and B themselves) where none is given, all if None.
     draws : of each chain, by NUTS; None: none. Needs `pip install "jaxfric[posterior]"`.
     chains, seed : number of chains, at least 2, and what their chance follows from.
     noise : in units of the fit's `solved.problem.noise_scale`, where it is known; default, as found

@@ -6,9 +6,10 @@
     B = {uniform = [0, 0.05]}                      # ends
 
 `unit` may be left out where a coefficient of friction has none. A parameter that is not named has a
-flat prior.
+flat prior: flat in ln A, ln L, ln K, and in f0, B and a slip trend themselves.
 """
 
+import dataclasses
 import math
 import tomllib
 from collections.abc import Callable, Mapping
@@ -87,7 +88,7 @@ def priors_of(
         own = 1.0 if scale is None else scale(name)
         about, size = model.quantity(name), jax.device_put(np.asarray(own, float))
         if name not in given:
-            found.append(FlatPrior(about, size))
+            found.append(FlatPrior(dataclasses.replace(about, symbol=name), size))
             continue
         what = f"{where}: prior of {name}"
         kind, numbers, unit = _parts(given[name], what)
