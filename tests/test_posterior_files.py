@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from command import STEPS, STIFFNESS, assert_refused, record_text, run, written
+from scipy import stats
+from scipy.signal import lfilter
 
 import jaxfric
 from jaxfric import InputError
@@ -26,6 +28,7 @@ from jaxfric.posterior import find_posterior, inference_data, write_netcdf
 from jaxfric.posterior.posterior import target_of
 from jaxfric.posterior.sampler import Draws
 from jaxfric.posterior.target import natural_of, point, target_of_problem
+from jaxfric.report.posterior_text import posterior_lines
 
 h5py = pytest.importorskip("h5py")
 arviz = pytest.importorskip("arviz")
@@ -294,6 +297,56 @@ def test_flat_priors_have_the_fit_as_their_maximum(fitted):
     assert data.posterior.attrs["method"] == "Laplace" and "sample_stats" not in data
 
 
+@pytest.fixture(scope="module")
+def wandering(fitted):
+    """A fit of the same record with noise whose memory is 3 s, ordinary."""
+    random, memory = np.random.default_rng(7), np.exp(-1 / 3)
+    noise = lfilter([2e-4], [1, -memory], random.standard_normal(2000))[-len(fitted.record) :]
+    record = dataclasses.replace(fitted.record, friction=fitted.predicted + noise)
+    found = jaxfric.fit(record, stiffness=STIFFNESS[1], steps=STEPS[1])
+    assert found.noise.parts
+    return found
+
+
+def test_beside_a_posterior_stands_the_fit_of_its_weighting(wandering):
+    """Whatever the prior, it is that of weighting="whitened", which finds its noise anew."""
+    other = jaxfric.fit(
+        wandering.record, stiffness=STIFFNESS[1], steps=STEPS[1], weighting="whitened"
+    )
+    found = find_posterior(wandering, {"L": {"lognormal": [15.0, 0.01], "unit": "um"}})
+    assert found.parameters["L"].mean == pytest.approx(15e-6, rel=0.02)
+    for name, one in found.fitted().items():
+        expected = other.A_minus_B if name == "A_minus_B" else other.parameters[name]
+        assert one.determined
+        assert one.value == pytest.approx(expected.value, abs=0.2 * expected.std), name
+        assert one.std == pytest.approx(expected.std, rel=0.2), name
+    table = found.to_pandas()
+    assert table.attrs["fit"] == "whitened fit" and "  whitened fit" in found.summary()
+    assert table["fit"].tolist() == [one.value for one in found.fitted().values()]
+    labels = [text.get_text() for text in posterior_figure(found).legends[0].get_texts()]
+    assert "whitened fit, no prior" in labels
+    assert find_posterior(other, {}).whitened is None
+    assert find_posterior(other, {}).fit_name == "whitened fit"
+
+
+def test_a_difference_of_weighting_is_not_laid_to_the_prior(wandering):
+    found = find_posterior(wandering, WIDE)
+    lines = " ".join(posterior_lines(found))
+    assert "in the whitened fit too; the ordinary fit weighs all alike" in lines
+    for errors, told in ((0.9, ()), (1.1, ("L",))):
+        own = found.ordinary()
+        L = own["L"]
+        moved = own | {"L": L._replace(value=L.value - errors * L.std, std=0.5 * L.std)}
+        other = dataclasses.replace(found, whitened=moved)
+        assert other.reweighted() == told
+        sentence = "weighted, not from a prior; --weighting whitened"
+        assert (sentence in " ".join(posterior_lines(other))) == bool(told)
+    (last,) = [line for line in posterior_lines(other) if "not from a prior" in line]
+    assert last.startswith(f"the ordinary fit has L = {1e6 * L.value:.1f}"[:-1]) and "µm" in last
+    loose = own | {"L": moved["L"]._replace(determined=False)}
+    assert dataclasses.replace(found, whitened=loose).reweighted() == ()
+
+
 def test_a_strong_prior_is_the_posterior(fitted):
     """Of A: a width of a hundredth of the record's error leaves nothing else."""
     A = fitted.parameters["A"]
@@ -363,7 +416,10 @@ def test_the_figure_has_a_panel_for_every_pair(fitted):
     assert figure.axes[20].get_xlabel() == "A − B" and figure.axes[24].get_xlabel() == "L [µm]"
     assert figure.axes[15].get_ylabel() == "B"
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["Laplace approximation", "its 95 % ellipse", "prior"]
+    assert labels == ["fit, no prior", "Laplace approximation", "its 95 % ellipse", "prior"]
+    x, density = figure.axes[12].lines[0].get_data()
+    A = fitted.parameters["A"]
+    np.testing.assert_allclose(density, stats.norm(A.value, A.std).pdf(x), rtol=1e-12)
 
 
 @pytest.mark.long

@@ -103,7 +103,8 @@ def print_posterior(posterior: "Posterior | None") -> None:
 
     rows = posterior_rows(posterior)
     table = Table(title="posterior", title_justify="left", box=None, pad_edge=False)
-    for heading in ("", "prior", "fit", "maximum", "mean", "std", "95 % interval", "unit"):
+    spread = ("maximum", "mean", "std", "95 % interval", "unit")
+    for heading in ("", "prior", posterior.fit_name, *spread):
         table.add_column(heading, justify="left" if heading in ("", "prior", "unit") else "right")
     for row in rows:
         table.add_row(row.name, row.prior, row.fit, row.maximum, *row.laplace, row.unit)

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
+from scipy.stats import norm
 
 from ..posterior.inference_data import unit_name, unit_size
 from ..posterior.result import DIFFERENCE, Posterior
@@ -81,6 +82,12 @@ def _density(
     edges = np.linspace(low, high, _BINS + 1).tolist()
     if drawn is not None:
         axis.hist(drawn, edges, density=True, color=_DRAWS, alpha=0.45, label="draws (NUTS)")
+    one, unit = posterior.fitted()[name], unit_size(name, posterior.fit)
+    if one.determined:
+        x = np.linspace(low, high, 200)
+        curve = norm.pdf(x, one.value / unit, one.std / unit)
+        label = f"{posterior.fit_name}, no prior"
+        axis.plot(x, curve, color="black", lw=1.2, ls=":", label=label)
     heights, _ = np.histogram(about, edges, density=True)
     axis.stairs(heights, edges, color=_LAPLACE, lw=1.3, label="Laplace approximation")
     if name in posterior.names:

@@ -14,7 +14,7 @@ from .distributions import FlatPrior
 from .inference_data import diagnosed
 from .laplace import Laplace, laplace
 from .priors import priors_of, read_priors
-from .result import Posterior, doubts
+from .result import DIFFERENCE, Fitted, Posterior, doubts, named, spread
 from .sampler import nuts, require_blackjax
 from .target import Target, target_of_problem
 
@@ -64,12 +64,18 @@ def find_posterior(
     about = laplace(target, start)
     names = target.problem.model.names()
     said, held = _of_maximum(fit, target, about), "the fit's estimate" if noise is None else "given"
+    whitened = None
+    if not said and target.whitening is not None and fit.weighting == "ordinary":
+        progress("the fit without priors of the same weighting")
+        whitened = _whitened(fit, noise)
     if draws is None or said:
-        return Posterior(fit, names, target.priors, about, None, {}, not said, said, held)
+        return Posterior(fit, names, target.priors, about, None, {}, not said, said, held, whitened)
     found = nuts(target, about, draws=draws, chains=chains, seed=seed, progress=progress)
     agreed = diagnosed(names, found)
     said = doubts(agreed, int(found.diverging.sum()))
-    return Posterior(fit, names, target.priors, about, found, agreed, not said, said, held)
+    return Posterior(
+        fit, names, target.priors, about, found, agreed, not said, said, held, whitened
+    )
 
 
 def refuse_few(draws: int, chains: int) -> None:
@@ -99,6 +105,25 @@ def target_of(
     return target, target.start(np.asarray(solved.solution.z))
 
 
+def _whitened(fit: Fit, noise: Noise | None) -> dict[str, Fitted]:
+    """The maximum of the likelihood with its errors: that of the posterior under flat priors."""
+    target, start = target_of(fit, {}, noise=noise)
+    about, names = laplace(target, start), target.problem.model.names()
+    values, errors = named(names, about.values), named(names, about.draws)
+    known = dict(zip(names, _determined(fit, target, about), strict=True))
+    known[DIFFERENCE] = all(known[name] for name in names if name[0] in "AB")
+    return {
+        name: Fitted(float(values[name]), spread(errors[name]).std, known[name] and about.converged)
+        for name in (DIFFERENCE, *names)
+    }
+
+
+def _determined(fit: Fit, target: Target, about: Laplace) -> list[bool]:
+    """Whether the law about a maximum fixes each parameter."""
+    std = np.sqrt(np.diag(about.covariance))
+    return determined(target.problem, std, float(np.ptp(fit.record.friction)))
+
+
 def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
     """Why a maximum and the law about it are not to be relied on."""
     if not about.converged:
@@ -106,8 +131,7 @@ def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
             "the maximum of the posterior was not found: do the priors contradict the record? The"
             " posterior claims nothing",
         )
-    std = np.sqrt(np.diag(about.covariance))
-    known = determined(target.problem, std, float(np.ptp(fit.record.friction)))
+    known = _determined(fit, target, about)
     pairs = zip(target.problem.model.names(), target.priors, known, strict=True)
     loose = [name for name, prior, fixed in pairs if isinstance(prior, FlatPrior) and not fixed]
     if not loose:

@@ -33,6 +33,14 @@ class Spread(NamedTuple):
     upper: float
 
 
+class Fitted(NamedTuple):
+    """A parameter of a fit without priors [SI], and whether the record fixes it."""
+
+    value: float
+    std: float
+    determined: bool
+
+
 class Chains(NamedTuple):
     """How well the chains agree on a parameter, after ArviZ."""
 
@@ -61,6 +69,9 @@ class Posterior(Described, Drawable, Drawn, Tabular):
     warnings: tuple[str, ...]
     noise: str = "the fit's estimate"
     """Where the noise that is held comes from."""
+    whitened: dict[str, Fitted] | None = None
+    """The fit without priors whose rows are weighted by that noise, as here, by name; None where
+    `fit` is that."""
 
     @property
     def found(self) -> bool:
@@ -72,6 +83,34 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         """Mean, std and 95 % interval of `A_minus_B` and every parameter, by name [SI]: of the
         draws, without them of the Laplace approximation."""
         return self.sampled() or self.approximation()
+
+    @property
+    def fit_name(self) -> str:
+        """What `fitted` is called: a fit of white noise weighs rows as here, too."""
+        same = self.whitened is None and self.fit.weighting == "ordinary"
+        return "fit" if same else "whitened fit"
+
+    def fitted(self) -> dict[str, Fitted]:
+        """`A_minus_B` and every parameter of the fit without priors that weighs rows as here."""
+        return self.ordinary() if self.whitened is None else self.whitened
+
+    def ordinary(self) -> dict[str, Fitted]:
+        """Those of `fit` itself, however it weighs rows."""
+        own = {DIFFERENCE: self.fit.A_minus_B, **self.fit.parameters}
+        return {
+            n: Fitted(own[n].value, own[n].std, own[n].determined)
+            for n in (DIFFERENCE, *self.names)
+        }
+
+    def reweighted(self) -> tuple[str, ...]:
+        """Names of which `fit` and the whitened fit differ by more than the larger of their errors:
+        by how they weigh rows, whatever the priors."""
+        pairs = zip(self.fitted().items(), self.ordinary().values(), strict=True)
+        return tuple(
+            name
+            for (name, a), b in pairs
+            if a.determined and b.determined and abs(a.value - b.value) > max(a.std, b.std)
+        )
 
     def maximum(self) -> dict[str, float]:
         """Parameters of the largest posterior density of the variables y, by name [SI]."""

@@ -4,11 +4,12 @@
 
 r is the residual that `jaxfric.fit` minimises with its weighting "whitened": in units of the noise
 that the fit found, and uncorrelated under it. The noise is held at that estimate; its own
-uncertainty is not in the posterior. An "ordinary" fit finds the noise in the same way and has the
-error of its own weighting, so its values differ a little from the maximum here. Glitches are
-passed over as in the fit. y holds one variable a parameter (`distributions`) and then the shifts of
-step times that are fitted, in units of their errors, whose prior N(0, 1) is a part of r; shifts
-that only pad the problem stay 0.
+uncertainty is not in the posterior. An "ordinary" fit finds the noise in the same way but weighs
+all rows alike, so its values may differ from the maximum here by more than an error, whatever the
+priors: beside a posterior stands the fit that is whitened by the same noise. Glitches are passed
+over as in the fit. y holds one variable a parameter (`distributions`) and then the shifts of step
+times that are fitted, in units of their errors, whose prior N(0, 1) is a part of r; shifts that
+only pad the problem stay 0.
 
 A simulation that fails is a large finite misfit without slope. The derivative is in forward mode,
 one solve with all tangents: the gradient is -r^T J.

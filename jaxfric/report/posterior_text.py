@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from ..fitting.table import decimals, shown_name
 from ..posterior.inference_data import unit_name, unit_size
-from ..posterior.result import DIFFERENCE, Posterior, Spread
+from ..posterior.result import DIFFERENCE, Fitted, Posterior, Spread
 
 
 class PosteriorRow(NamedTuple):
@@ -31,14 +31,14 @@ def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
     """A less all B, then the parameters in the order of the fit."""
     priors = dict(zip(posterior.names, posterior.priors, strict=True))
     maximum, about = posterior.maximum(), posterior.approximation()
-    drawn, rows = posterior.sampled(), []
+    drawn, fitted, rows = posterior.sampled(), posterior.fitted(), []
     for name in (DIFFERENCE, *posterior.names):
         size, unit = unit_size(name, posterior.fit), unit_name(name, posterior.fit)
         digits = decimals(about[name].std / size)
         row = PosteriorRow(
             name=shown_name(name),
             prior=priors[name].text(size) if name in priors else "",
-            fit=_of_fit(posterior, name, size),
+            fit=_fitted(fitted[name], size),
             maximum=f"{maximum[name] / size:.{digits}f}",
             laplace=_spread(about[name], size),
             draws=_drawn(posterior, name, drawn[name], size) if drawn else (),
@@ -51,23 +51,42 @@ def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
 def posterior_lines(posterior: Posterior) -> list[str]:
     """Lines on a posterior beyond its parameters."""
     held = f"noise is held at {posterior.noise}"
-    if posterior.fit.weighting == "ordinary" and posterior.fit.noise.parts:
-        held += "; rows are weighted by it here, and alike in the fit (--weighting whitened)"
+    if posterior.whitened is not None:
+        held += (
+            "; rows are weighted by it, in the whitened fit too; the ordinary fit weighs all alike"
+        )
     if posterior.draws is None:
-        return [f"Laplace approximation about the maximum; {held}"]
+        return [f"Laplace approximation about the maximum; {held}", *_reweighted(posterior)]
     chains, draws = posterior.draws.diverging.shape
     diverging = int(posterior.draws.diverging.sum())
     return [
         f"{chains} chains of {draws} draws by NUTS, {diverging} divergent,"
-        f" acceptance {posterior.draws.acceptance.mean():.2f}; {held}"
+        f" acceptance {posterior.draws.acceptance.mean():.2f}; {held}",
+        *_reweighted(posterior),
     ]
 
 
-def _of_fit(posterior: Posterior, name: str, size: float) -> str:
-    """Value and standard deviation of the fit alone."""
-    fit = posterior.fit
-    one = fit.A_minus_B if name == DIFFERENCE else fit.parameters[name]
-    value, std, known = one.value, one.std, one.determined
+def _reweighted(posterior: Posterior) -> list[str]:
+    """A sentence where the ordinary fit differs by how rows are weighted, else nothing."""
+    ordinary, told = posterior.ordinary(), []
+    for name in posterior.reweighted():
+        unit = unit_name(name, posterior.fit).replace("um", "µm")
+        value = _fitted(ordinary[name], unit_size(name, posterior.fit))
+        told.append(
+            f"{shown_name(name).split()[0]} = {value}" + ("" if unit == "1" else f" {unit}")
+        )
+    if not told:
+        return []
+    return [
+        f"the ordinary fit has {', '.join(told)}: its difference to the whitened fit comes from"
+        " how rows are weighted, not from a prior; --weighting whitened (in Python"
+        " weighting='whitened') makes that fit"
+    ]
+
+
+def _fitted(one: Fitted, size: float) -> str:
+    """Value and standard deviation of a fit without priors."""
+    value, std, known = one
     digits = decimals(std / size)
     return f"{value / size:.{digits}f} ± {std / size:.{digits}f}" if known else "undetermined"
 

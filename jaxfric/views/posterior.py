@@ -21,9 +21,9 @@ def line(posterior: Posterior) -> str:
 
 
 def page(posterior: Posterior) -> Page:
-    """The fit beside the maximum, its normal law and the draws, as `jaxfric fit --prior` has it."""
+    """The fit of its weighting beside the maximum, its normal law and the draws."""
     rows = posterior_rows(posterior)
-    head = ("", "prior", "fit", "maximum", "mean", "std", "95 % interval", "unit")
+    head = ("", "prior", posterior.fit_name, "maximum", "mean", "std", "95 % interval", "unit")
     found = [(r.name, r.prior, r.fit, r.maximum, *r.laplace, r.unit) for r in rows]
     tables = [TextTable("posterior", head, found)]
     if posterior.draws is not None:
@@ -35,16 +35,17 @@ def page(posterior: Posterior) -> Page:
 def frame(posterior: Posterior) -> Frame:
     """A row for A-B and every parameter, of the draws, without them of the normal law: in words,
     then SI."""
-    spreads, maximum = posterior.parameters, posterior.maximum()
+    spreads, maximum, fitted = posterior.parameters, posterior.maximum(), posterior.fitted()
     of = {DIFFERENCE: posterior.fit.A_minus_B, **posterior.fit.parameters}
     rows: list[dict[str, object]] = [
         {"name": name, "shown": row.shown, "maximum": maximum[name], **spreads[name]._asdict()}
-        | {"unit": of[name].unit}
+        | {"unit": of[name].unit, "fit": fitted[name].value, "fit_std": fitted[name].std}
         | (posterior.chains[name]._asdict() if name in posterior.chains else {})
         for name, row in zip((DIFFERENCE, *posterior.names), posterior_rows(posterior), strict=True)
     ]
     attrs = {
         "method": "Laplace" if posterior.draws is None else "NUTS",
+        "fit": posterior.fit_name,
         "converged": posterior.converged,
         "warnings": list(posterior.warnings),
     }
