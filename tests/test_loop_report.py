@@ -497,17 +497,34 @@ def test_one_run_has_all_that_is_asked_for(loop, speeds, words, not_words) -> No
     ],
 )
 def test_steps_are_said_to_be_long_enough_where_they_are(length, words, not_words) -> None:
-    """By the L2 of the likeliest second state, also where that was refused; 0: of none."""
+    """By the L2 of the second state that was taken; 0: of none."""
     loop = of_rock([SECOND], "outside_catalogue")
-    score = loop.candidates[0]
-    second = dataclasses.replace(
-        score, effects=("second_state",), converged=True, physical=True,
-        parameters={"second_state.L2": 1e-6 * length} if length else {},
-    )  # fmt: skip
-    others = [dataclasses.replace(c, parameters={}) for c in loop.candidates]
-    told = dataclasses.replace(loop, candidates=(*others, second))
-    first = next_steps(told)[0].text
+    known = dict(loop.after.parameters)
+    known.pop("second_state.L2", None)
+    if length:
+        known["second_state.L2"] = Estimate(1e-6 * length, 0.0, 0.0, 0.0, "m")
+    first = next_steps(dataclasses.replace(
+        loop, after=dataclasses.replace(loop.after, parameters=known)
+    ))[0].text  # fmt: skip
     assert words in first and not_words not in first, first
+
+
+def test_the_two_that_would_explain_most_are_asked_for_first() -> None:
+    loop = of_rock([("run_in", "thermal", "second_state")], "outside_catalogue")
+    better = max(c.delta_bic for c in loop.candidates) + 1e3
+    both = [
+        dataclasses.replace(
+            loop.candidates[0], effects=(id,), delta_bic=better + k, refused="x not fixed",
+            converged=True, physical=True, parameters={},
+        )
+        for k, id in enumerate(("thermal", "second_state"))
+    ]  # fmt: skip
+    told = dataclasses.replace(loop, candidates=(*loop.candidates, *both))
+    _, ask, *rest = next_steps(told)
+    assert ask.command.endswith("--tell second_state,thermal") and not ask.also
+    assert any("--tell run_in," in step.command and step.also for step in rest)
+    one = dataclasses.replace(loop, candidates=(*loop.candidates, both[0]))
+    assert next_steps(one)[1].command.split("--tell ")[1].startswith("run_in,")
 
 
 def test_a_run_that_no_plan_changes_is_said_as_it_was() -> None:

@@ -183,6 +183,11 @@ AS_MUCH = "Time and slip explain about as much: this record cannot tell them apa
     ("profiles", "velocities", "words"),
     [
         (STEP, (1e-6, 1e-5), GROW),
+        (
+            STEP,
+            (1e-6, 1e-5),
+            "A smooth curve would explain 99 % of what the base model leaves,",
+        ),
         (STEP, (1e-6, 1e-5, 1e-6), None),
         (STEP, (1e-6, -1e-5), None),
         ([profile("velocity", 0.99), *STEP], (1e-6, 1e-5), None),

@@ -37,8 +37,11 @@ def where_it_sits(
     best = _most_telling(location)
     if best is None:
         return ""
-    told = _best_in_words(best, location)
-    return " ".join(filter(None, [told, _not_told(best, location, velocities)]))
+    alike = _not_told(best, location, velocities)
+    if alike and len(velocities) == 2 and np.isfinite(best.explained):
+        left = f"{share_text(best.explained)} of what the base model leaves"
+        return f"A smooth curve would explain {left}, along any of several variables. {alike}"
+    return " ".join(filter(None, [_best_in_words(best, location), alike]))
 
 
 def grow_together(

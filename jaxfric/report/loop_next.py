@@ -158,7 +158,8 @@ def _do_next(loop: Loop, run: PlannedRun, file: str) -> list[NextStep]:
     text += " Its other velocity tells time from slip." if _new_velocity(loop, run, own) else ""
     if _begins_with(run, own) and loop.verdict == "outside_catalogue":
         text += f" It begins with this record's velocities: of what is missing, {_COMES_BACK}."
-    asks = [step for id, others in groups.items() for step in _ask(loop, file, run, id, others)]
+    asks = _ask_leading(loop, file, run)
+    asks += [step for id, others in groups.items() for step in _ask(loop, file, run, id, others)]
     return [NextStep(text), *asks, *_of_families(loop)]
 
 
@@ -218,6 +219,19 @@ def _ask(
     text = f"Whether it tells {id} from {first} is known before the run, and if not which change"
     text += f" would ({'; '.join(notes)}):" if notes else " would:"
     line = f"jaxfric protocol {run.options()} --from {file} --tell {id},{first}"
+    return [NextStep(text, line)]
+
+
+def _ask_leading(loop: Loop, file: str, run: PlannedRun) -> list[NextStep]:
+    """The command that asks whether a run tells the two from each other that would explain most
+    but that this record does not fix; none where there are no two."""
+    singles = [one.effects[0] for one in loop.unfixed() if len(one.effects) == 1]
+    leading = [id for id in singles if plannable(id)][:2]
+    if len(leading) < 2:
+        return []
+    a, b = leading
+    text = f"Whether it tells {a} from {b}, which would explain most, is known before the run:"
+    line = f"jaxfric protocol {run.options()} --from {file} --tell {a},{b}"
     return [NextStep(text, line)]
 
 

@@ -33,7 +33,7 @@ class PlannedRun:
     unit: str
     """Of speed."""
     second_length: float = 0.0
-    """L2 of a second state that the loop found or refused, in the unit of length; 0: of none."""
+    """L2 of a second state that the loop found, in the unit of length; 0 where there is none."""
     channel: bool = False
     """Whether slip is recorded too."""
     changes: tuple[str, ...] = ()
@@ -66,24 +66,13 @@ def own_run(loop: Loop) -> PlannedRun:
     size = factor(unit, "m/s", "velocity")
     speeds = steps.velocities[steps.velocities != 0][:_MOST_STEPS] / size
     moved = np.diff(steps.displacement(np.append(steps.times, loop.record.relative_time[-1])))
-    second = _second_length(loop) / size
+    second = loop.after.parameters.get("second_state.L2")
     return PlannedRun(
         tuple(float(f"{speed:.4g}") for speed in speeds),
         float(np.median(np.abs(moved))) / size,
         unit,
-        second,
+        0.0 if second is None else second.value / size,
     )
-
-
-def _second_length(loop: Loop) -> float:
-    """L2 [m] of the second state of the model taken, else of the likeliest model that has one and
-    a length which steps can be made for; 0 where there is none."""
-    name, found = "second_state.L2", loop.after.parameters.get("second_state.L2")
-    if found is not None:
-        return found.value
-    tried = (c for c in loop.ranked() if c.converged and c.physical and name in c.parameters)
-    best = next(tried, None)
-    return 0.0 if best is None else best.parameters[name]
 
 
 def deciding_run(run: PlannedRun, *wanted: str) -> PlannedRun:

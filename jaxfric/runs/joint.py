@@ -76,11 +76,12 @@ class Dependence:
     def answered(self) -> str:
         """Whether the dependence is shown, in words, with the slope that it has or may have."""
         size = f"{'+' if self.slope > 0 else ''}{measured(self.slope, self.error)}"
-        shown = "a dependence is shown" if self.shown else "no dependence is shown"
-        return (
-            f"{self.quantity} against {self.along}: {shown}, the slope is {size} per {self.unit}"
-            f" ({self._odds()})"
-        )
+        shown = "no dependence is shown"
+        if self.shown:
+            shown = "a dependence is shown"
+        elif self._alone() < _SHOWN:
+            shown = "a hint of a dependence, which is not shown"
+        return f"{shown}, the slope is {size} per {self.unit} ({self._odds()})"
 
     @property
     def shown(self) -> bool:
@@ -252,10 +253,12 @@ def told(steps: Sequence[StepFit]) -> list[str]:
 
 def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str:
     """Whether A-B depends on velocity, or why that is not asked."""
+    numbers = [str(step.number) for step in steps if is_known(step)]
     for answer in answers:
         if _is_of_velocity(answer):
-            return answer.answered()
-    known = sum(map(is_known, steps))
+            which = f"of steps {', '.join(numbers)}"
+            return f"A-B against the velocity after the step, {which}: {answer.answered()}"
+    known = len(numbers)
     why = "the steps end at about one velocity"
     if known < _FEWEST:
         why = f"A, B and L of {known} steps are determined, and {_FEWEST} are needed"
