@@ -430,3 +430,24 @@ def test_nuts_and_the_normal_law_agree_on_a_record(fitted):
     about = found.approximation()
     for name, one in found.sampled().items():
         assert one.std == pytest.approx(about[name].std, rel=0.15), name
+
+
+def test_points_of_a_pair_lie_about_its_ellipse(fitted) -> None:
+    """Every second of 4096 draws of a Sobol sequence was half of one parameter's range."""
+    found = jaxfric.find_posterior(fitted, priors={"L": {"lognormal": [20.0, 0.5], "unit": "um"}})
+    draws = np.log(found.laplace.draws[:, list(found.names).index("A")])
+    axes = np.array(posterior_figure(found).axes).reshape(len(found.names) + 1, -1)
+    row = 1 + list(found.names).index("A")
+    points = np.log(axes[row, 0].lines[0].get_ydata())
+    assert abs(points.mean() - draws.mean()) < 0.1 * draws.std()
+    assert points.std() == pytest.approx(draws.std(), rel=0.1)
+    for k in range(row + 1, len(axes)):
+        x = axes[k, row].lines[0].get_xdata()
+        assert abs(np.log(x).mean() - draws.mean()) < 0.1 * draws.std()
+    for k in range(1, len(axes)):
+        x, y = axes[k, 0].lines[0].get_data()
+        contour = axes[k, 0].lines[1].get_data()
+        for some, edge in zip((x, y), contour, strict=True):
+            middle, half = (edge.max() + edge.min()) / 2, (edge.max() - edge.min()) / 2
+            assert abs(np.mean(some) - middle) < 0.05 * half
+            assert np.std(some) == pytest.approx(half / np.sqrt(5.991), rel=0.1)

@@ -117,9 +117,10 @@ def _pair(
     """Draws of two parameters, and the 95 % ellipse of the Laplace approximation's covariance."""
     x, y = pair
     shown = about if drawn is None else drawn
-    every = max(1, len(shown[x]) // _MOST)
+    # at random: every second of the approximation's draws, a Sobol sequence, lies to one side
+    some = np.random.default_rng(0).permutation(len(shown[x]))[:_MOST]
     colour = _LAPLACE if drawn is None else _DRAWS
-    points = shown[x][::every], shown[y][::every]
+    points = shown[x][some], shown[y][some]
     axis.plot(*points, ".", color=colour, ms=3.0, alpha=0.4, mew=0, rasterized=True)
     both = np.stack([about[x], about[y]])
     angle = np.linspace(0, 2 * np.pi, 100)
