@@ -642,7 +642,7 @@ FAULTS = (
           "return delay if sample_time is None", "return 1.5 * (delay or 0) if sample_time is None",
           "tests/test_late_controller.py -k whole"),
     Fault("the run that would decide is the old one", "report/loop_plan.py",
-          'by(run, longer, "" if again', 'by(run, before, "" if again',
+          "_longer_by(run, repeated(run.speeds), _AGAIN)", "run",
           "tests/test_loop_report.py -k would_decide"),
     Fault("what a loop found stays in the base when it is asked for", "cli/protocol.py",
           "if id in of_file and id not in typed", "if id not in of_file",

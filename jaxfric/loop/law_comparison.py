@@ -87,6 +87,15 @@ class LawComparison(Described, Drawable, Tabular):
         """The scores of laws that were fitted to their end, best first."""
         return tuple(sorted((s for s in self.scores if s.settled), key=_bic))
 
+    def above(self, score: LawScore) -> float | None:
+        """BIC above the least; None of a fit that did not converge."""
+        return _bic(score) - _bic(self.ranked[0]) if score.settled else None
+
+    @property
+    def untold(self) -> str:
+        """The laws that the record cannot tell, in words."""
+        return " or ".join(dict.fromkeys(s.fit.law for s in (self.of_laws[0], *self.rivals)))
+
     @property
     def of_laws(self) -> tuple[LawScore, ...]:
         """One score for each law, best law first: with as many states as the record asks for.
@@ -211,8 +220,7 @@ class LawComparison(Described, Drawable, Tabular):
 
     def _untold(self) -> str:
         first, rival = self.of_laws[0], self.rivals[0]
-        names = " or ".join(dict.fromkeys(s.fit.law for s in (first, *self.rivals)))
-        words = f"The record cannot tell: {names}?"
+        words = f"The record cannot tell: {self.untold}?"
         if not rival.settled:
             return (
                 f"{words} The {rival.of_law} could not be compared: its fit"
@@ -291,7 +299,7 @@ class LawComparison(Described, Drawable, Tabular):
 
     def to_json(self) -> dict:
         """The content of `compare.json`, schema "jaxfric.comparison/1"; SI."""
-        origin, best = self.record.provenance, _bic(self.ranked[0]) if self.ranked else 0.0
+        origin = self.record.provenance
         found = self.supported
         return {
             "schema": SCHEMA,
@@ -306,7 +314,7 @@ class LawComparison(Described, Drawable, Tabular):
                 {
                     "law": s.fit.law,
                     "states": s.states,
-                    "bic_above_best": None if s.bic is None or not s.settled else s.bic - best,
+                    "bic_above_best": self.above(s),
                     "fitted_parameters": s.parameters,
                     "held_out_rms": s.held_out,
                     "held_out_deviance": s.held_out_deviance,

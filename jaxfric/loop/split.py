@@ -55,8 +55,7 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     segment = np.maximum(segment, 0)
     last = len(steps) - 1
     if last >= 3:
-        size = _size(last)
-        held = _held_out(steps, 2 * size)
+        size, held = _size(last), _held_out(steps.velocities)
         report, select = np.isin(segment, held[-size:]), np.isin(segment, held[:-size])
         blocks = Blocks(~(select | report), select, report, segment, True)
     elif last == 2:
@@ -77,7 +76,7 @@ def trained_steps(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
     last = len(speeds) - 1
     if last < 3:
         return number <= 1
-    return ~np.isin(number, _within(np.abs(np.asarray(speeds)), 2 * _size(last), first=1))
+    return ~np.isin(number, _held_out(speeds))
 
 
 def followed(
@@ -87,6 +86,15 @@ def followed(
     it takes for all that is new to train: what is held back decides nothing."""
     place = slice(len(speeds), len(speeds) + len(new))
     return grown((*speeds, *new), after, lambda found: bool(np.all(trained_steps(found)[place])))
+
+
+def repeated(speeds: Sequence[float]) -> tuple[float, ...]:
+    """The velocities with the first again at the end, where it trains; as they are if it does."""
+    if comes_back(speeds):
+        return tuple(speeds)
+    first, *others = speeds
+    before = speeds[:-1] if speeds[-1] == first else speeds
+    return followed(before, (first,), (*others, first))
 
 
 def comes_back(speeds: Sequence[float]) -> bool:
@@ -150,11 +158,10 @@ def _size(last: int) -> int:
     return max(1, round(last / 6))
 
 
-def _held_out(steps: VelocitySteps, number: int) -> np.ndarray:
-    """The last `number` of the steps that lie within velocities which train, in order; velocity 0
-    begins the record."""
-    speed = np.abs(steps.velocities)
-    return _within(speed, number, first=1)
+def _held_out(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
+    """The last of three steps or more that lie within velocities which train, in order: those that
+    select and those that report; velocity 0 begins the record."""
+    return _within(np.abs(np.asarray(speeds)), 2 * _size(len(speeds) - 1), first=1)
 
 
 def _within(speed: np.ndarray, number: int, *, first: int = 0) -> np.ndarray:

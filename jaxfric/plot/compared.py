@@ -32,7 +32,6 @@ def comparison_figure(found: LawComparison) -> Figure:
     figure.subplots_adjust(left=0.09, right=0.8, top=0.9, bottom=0.08, hspace=0.12)
     time = found.record.relative_time
     axes[0].plot(time, found.record.friction, color=_RECORD, lw=0.8, label="record")
-    least = found.ranked[0].bic if found.ranked else None
     limit, cut = _limit(found, scores), False
     for k, (axis, score) in enumerate(zip(axes[1:], scores, strict=True)):
         colour = _COLOURS[k % len(_COLOURS)]
@@ -43,7 +42,7 @@ def comparison_figure(found: LawComparison) -> Figure:
         axis.axhline(0, color="0.3", lw=0.6)
         axis.set_ylim(-1.05 * limit, 1.05 * limit)
         axis.set_ylabel("record − fit\n[σ]")
-        axis.text(1.015, 0.98, _words(found, score, least), transform=axis.transAxes, va="top",
+        axis.text(1.015, 0.98, _words(found, score), transform=axis.transAxes, va="top",
                   fontsize=8.5)  # fmt: skip
     axes[0].set_ylabel(friction_label(found.record.friction_unit))
     axes[0].legend(loc="upper left", bbox_to_anchor=(1.005, 1.02), frameon=False, fontsize=9)
@@ -70,8 +69,7 @@ def _answer(found: LawComparison) -> str:
         return "no fit of a law converged"
     if not found.rivals:
         return f"only the {found.of_laws[0].fit.law} law could be fitted"
-    names = " or ".join(dict.fromkeys(score.fit.law for score in (found.of_laws[0], *found.rivals)))
-    return f"the record cannot tell which law, {names}"
+    return f"the record cannot tell which law, {found.untold}"
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:
@@ -80,10 +78,9 @@ def _limit(found: LawComparison, scores: list[LawScore]) -> float:
     return float(np.clip(1.2 * worst / found.sigma, 4.0, 40.0))
 
 
-def _words(found: LawComparison, score: LawScore, least: float | None) -> str:
-    lines = [score.name]
-    if score.settled and score.bic is not None and least is not None:
-        above = score.bic - least
+def _words(found: LawComparison, score: LawScore) -> str:
+    lines, above = [score.name], found.above(score)
+    if above is not None:
         lines.append("the least BIC" if above == 0 else f"BIC higher by {amount(above)}")
     if not score.fit.converged:
         lines.append("did not converge")

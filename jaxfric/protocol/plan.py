@@ -39,7 +39,7 @@ from ..loop.nonlinear import friction_sensitivities
 from ..loop.sampling import seen_between
 from ..loop.screen import Screening, alias_cosines, orthonormal, sensitivities
 from ..loop.search import MOST
-from ..loop.split import Blocks, comes_back, followed, split
+from ..loop.split import Blocks, followed, repeated, split
 from ..loop.thresholds import ACCEPT
 from ..records import VelocitySteps
 from ..rig.friction import AbstractRateState
@@ -310,16 +310,16 @@ def _changes(plan: _Variant) -> list[_Variant]:
     """Changes of a plan, the cheapest first; those that it has already are left out."""
     V, noise = plan.velocities, plan.slip_noise or CHANNEL_NOISE
     dwell, back = float(f"{min(V) / 3:.4g}"), V[0]
-    before = V[:-1] if V[-1] == back else V
-    slow, again = followed(V, (dwell,), V), followed(before, (back,), (*V[1:], back))
+    slow, again = followed(V, (dwell,), V), repeated(V)
+    after = again[len(V) + (V[-1] != back) :]
     out = []
     for key, text, change in (
         ("slip_x2", "twice the slip per step", {"slip_per_step": 2 * plan.slip_per_step}),
         ("slip_x4", "four times the slip per step", {"slip_per_step": 4 * plan.slip_per_step}),
-        ("dwell", f"a slow dwell at {speed_text(dwell)} appended{_after(slow, V)}",
+        ("dwell", f"a slow dwell at {speed_text(dwell)} appended{_then(slow[len(V) + 1 :])}",
          {"velocities": slow}),
         ("repeat",
-         f"the first velocity, {speed_text(back)}, repeated at the end{_after(again, before)}",
+         f"the first velocity, {speed_text(back)}, repeated at the end{_then(after)}",
          {"velocities": again}),
         ("slip_channel", "a slip channel", {"slip_noise": noise}),
         ("load_point_channel", "a load-point encoder", {"encoder_noise": noise}),
@@ -327,14 +327,13 @@ def _changes(plan: _Variant) -> list[_Variant]:
          {"slip_noise": noise, "encoder_noise": noise}),
     ):  # fmt: skip
         had = plan.slip_noise is not None and key in ("slip_channel", "both_channels")
-        if not had and not (key == "repeat" and comes_back(V)):
+        if not had and not (key == "repeat" and again == V):
             out.append(dataclasses.replace(plan, key=key, text=text, **change))
     return out
 
 
-def _after(longer: Sequence[float], V: Sequence[float]) -> str:
+def _then(more: Sequence[float]) -> str:
     """What comes after the velocity that was appended, in words."""
-    more = longer[len(V) + 1 :]
     return f", then {', '.join(map(speed_text, more))}" if more else ""
 
 

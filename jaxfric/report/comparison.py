@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from ..loop.law_comparison import LawComparison, LawScore, amount, times
+from ..loop.law_comparison import LawComparison, amount, times
 from ..loop.result import TextTable
 from ..runs.table import short
 from .fits_table import TabledFit, text_table
@@ -14,10 +14,10 @@ _SHOWN: Mapping[str, Callable[[float], str]] = {_BIC: amount, _HELD_OUT: times}
 
 def tabled(found: LawComparison) -> list[TabledFit]:
     """The scores as rows of a table of fits."""
-    least = found.ranked[0].bic if found.ranked else None
     rows = []
     for score in found.scores:
-        more: dict[str, float | None] = {_BIC: _above(score, least)}
+        above = found.above(score)
+        more: dict[str, float | None] = {_BIC: None if above is None else short(above)}
         if not found.unasked:
             error = score.held_out
             more[_HELD_OUT] = None if error is None else short(error / found.sigma)
@@ -31,10 +31,3 @@ def table(found: LawComparison) -> TextTable:
     """The scores for a terminal or a page."""
     title = f"{len(found.record)} rows, worth {found.independent_rows:.0f} independent ones"
     return text_table(tabled(found), "law", title)
-
-
-def _above(score: LawScore, least: float | None) -> float | None:
-    """BIC above the least; None for a fit that did not converge."""
-    if not score.settled or score.bic is None or least is None:
-        return None
-    return short(score.bic - least)

@@ -14,7 +14,7 @@ import numpy as np
 from ..effects import CATALOGUE
 from ..loop.family import listed
 from ..loop.result import Loop
-from ..loop.split import comes_back, followed, grown, trained_steps
+from ..loop.split import followed, grown, repeated, trained_steps
 from ..units import factor, read_as
 
 _MOST_STEPS = 12
@@ -22,6 +22,7 @@ _MOST_LONGER = 20.0
 """Steps are made at most so many times as long."""
 _CHANNEL = "0.1 um"
 _LONG = "longer than 3 L2"
+_AGAIN = "the first repeated at the end"
 
 
 @dataclass(frozen=True)
@@ -103,13 +104,7 @@ def _changed(run: PlannedRun, words: str, speeds: tuple[float, ...] | None = Non
 
 
 def _repeat(run: PlannedRun) -> PlannedRun:
-    first, *others = run.speeds
-    if comes_back(run.speeds):
-        return run
-    again = run.speeds[-1] == first
-    before = run.speeds[:-1] if again else run.speeds
-    longer = followed(before, (first,), (*others, first))
-    return _longer_by(run, longer, "" if again else "the first repeated at the end")
+    return _longer_by(run, repeated(run.speeds), _AGAIN)
 
 
 def _dwell(run: PlannedRun) -> PlannedRun:
@@ -126,12 +121,14 @@ def _up_and_down(run: PlannedRun) -> PlannedRun:
     if len(set(run.speeds)) < 2 or both(run.speeds):
         return run
     known = run.speeds[-1] == run.speeds[0]
-    longer = grown(run.speeds, run.speeds[known:], both)
-    return _longer_by(run, longer, "" if known else "the first repeated at the end")
+    return _longer_by(run, grown(run.speeds, run.speeds[known:], both), _AGAIN)
 
 
 def _longer_by(run: PlannedRun, longer: tuple[float, ...], words: str) -> PlannedRun:
-    """The run with more velocities, in `words` the first that is new, where they say more."""
+    """The run with more velocities, in `words` the first that is new; that the first velocity is
+    there again is no news where the run ended with it."""
+    if words == _AGAIN and run.speeds[-1] == run.speeds[0]:
+        words = ""
     new = longer[len(run.speeds) + bool(words) :]
     if longer == run.speeds:
         return run

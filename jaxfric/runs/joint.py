@@ -98,9 +98,14 @@ class Dependence:
 
     def _alone(self) -> float:
         """The probability without the other questions."""
-        from scipy.special import stdtr
+        return _chance(self.slope, self.error, self.freedom)
 
-        return 2 * float(stdtr(self.freedom, -abs(self.slope) / self.error))
+
+def _chance(slope: float, error: float, freedom: int) -> float:
+    """The probability that a line without slope is as steep by chance."""
+    from scipy.special import stdtr
+
+    return 2 * float(stdtr(freedom, -abs(slope) / error))
 
 
 def is_known(step: StepFit) -> bool:
@@ -166,8 +171,6 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
 
     Fewer than four steps, or a side that does not change, answer nothing.
     """
-    from scipy.special import stdtr
-
     known = [step for step in steps if is_known(step)]
     if len(known) < _FEWEST:
         return []
@@ -187,7 +190,7 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
             continue
         for quantity, (y, error) in _quantities(known).items():
             line = weighted_line(x, y, error)
-            p = 2 * float(stdtr(freedom, -abs(line.slope) / line.error))
+            p = _chance(line.slope, line.error, freedom)
             found.append(Dependence(quantity, along, unit, line.slope, line.error, p, freedom, 1))
     count = len(found)
     return [replace(d, p=min(1.0, count * d.p), questions=count) for d in found]

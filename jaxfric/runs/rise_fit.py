@@ -177,8 +177,9 @@ def _descended(
             np.vstack([slopes.reshape(-1, len(y)), last]),
         )
 
-    found = levenberg_marquardt(both, start, ftol=_XTOL, xtol=_XTOL, most=_MOST)
-    y, residual, jacobian, ended, _ = found
+    y, residual, jacobian, ended, _ = levenberg_marquardt(
+        both, start, ftol=_XTOL, xtol=_XTOL, most=_MOST
+    )
     told = residual[:-1].reshape(n, width) * size + means.values
     chi2 = float(residual @ residual)
     return y, ended and chi2 < _LOST**2, chi2, jacobian, told
