@@ -273,8 +273,10 @@ def test_warnings_of_holds_are_those_of_the_law_that_is_preferred(preference, ex
         return leaves(1.0, *texts)
 
     first = {"slip": warned("a", "c"), "ageing": warned("b")}
+    again = {"slip": warned("a"), "ageing": warned()}
     made = [
         hold(10.0, 0.01, preference=preference, fits=first, time=10.0),
-        hold(10.0, 0.01, fits={"slip": warned("a")}, time=30.0, group=2),
+        hold(10.0, 0.01, preference=0.0, fits=again, time=30.0, group=2),
+        hold(10.0, 0.01, fits={"slip": warned("of no law")}, time=50.0, group=3),
     ]
     assert warnings_of(made) == expected

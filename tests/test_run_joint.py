@@ -174,7 +174,7 @@ def test_of_velocity_a_line_is_told_shown_or_not(slope, error, words):
         values = TRUE + np.array([slope * at, 0.0, 0.0])
         place = {"after": 10.0 ** (at - 5), "position": 1e-3 * (k % 3)}
         made.append(step(k + 1, values, covariance, **place))
-    head = "A-B against the velocity after the step, of steps "
+    head = "A-B against velocity (geometric mean of a step), of steps "
     (line,) = [text for text in told(made) if text.startswith(head)]
     assert words in line
     p = min(1.0, 6 * 2 * t.sf(abs(slope) / error, 6))
@@ -182,9 +182,24 @@ def test_of_velocity_a_line_is_told_shown_or_not(slope, error, words):
     assert not any(text.startswith(("A-B rises", "A-B falls")) for text in told(made))
 
 
+def test_steps_up_and_down_lie_on_one_line_of_velocity():
+    """Steady friction f = a u + b u^2 of u = log10 V: what a step measures is its change over that
+    of u, a + b (u1 + u2), whatever its way, so the slope by decade of the mean is 2 b."""
+    a, b = -0.004, 5e-4
+    made = []
+    ends = [(-6, -5), (-5, -4), (-4, -6), (-6, -4.5), (-4.5, -5), (-5, -6)]
+    for k, (u, w) in enumerate(ends, 1):
+        slope = ((a * w + b * w**2) - (a * u + b * u**2)) / (w - u)
+        values = TRUE + np.array([TRUE[1] - TRUE[0] + slope, 0.0, 0.0])
+        made.append(step(k, values, np.diag([1e-10, 1e-10, 1e-14]), after=10.0**w))
+        made[-1].event.before = 10.0**u
+    (found,) = [d for d in dependences(made) if (d.quantity, d.along) == ("A-B", "velocity")]
+    assert found.slope == pytest.approx(2 * b, rel=1e-9)
+
+
 def test_why_a_line_with_velocity_is_not_asked():
     made = steps(np.random.default_rng(7), 5)
     assert "not asked, A, B and L of 3 steps are determined, and 4 are" in told(made[:3])[-1]
     alike = steps(np.random.default_rng(7), 5, along="position")
     (line,) = [text for text in told(alike) if text.startswith("A-B against velocity: ")]
-    assert line.endswith("not asked, the steps end at about one velocity")
+    assert line.endswith("not asked, the mean velocities of the steps are about one")

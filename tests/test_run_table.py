@@ -4,20 +4,30 @@ import csv
 import importlib
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from test_derived import VALUES, covariance_of, fit_of
 
+from jaxfric.cli.call import Call
+from jaxfric.cli.plan_line import run_line
 from jaxfric.fitting.glitches import Glitches
-from jaxfric.fitting.misfit import misfit_warning, misfit_warning_of, missed_warning, scatter
-from jaxfric.report.run_html import page
+from jaxfric.fitting.misfit import (
+    misfit_warning,
+    misfit_warning_of,
+    missed_warning,
+    missed_warning_of,
+    scatter,
+)
+from jaxfric.report.run_html import Made, page
 from jaxfric.runs import Event
 from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit
 from jaxfric.runs.table import (
     HEAD,
     MISFIT,
+    ask_on,
     claimed,
     csv_text,
     headline,
@@ -65,8 +75,10 @@ def run_of(*fits):
 def test_the_headline_counts_the_stars_of_the_table(off, words):
     run = run_of(*(None if x is None else left(off=x) for x in off))
     told = Findings((), (), None, ())
-    html = page(run, [], told, warnings=[], figures={}, command="jaxfric run")
+    made = Made("jaxfric run a", "jaxfric run a --slip-trend")
+    html = page(run, [], told, warnings=[], figures={}, made=made)
     assert headline(run) == words and f"<h1>{words}</h1>" in html and words in repr(run)
+    assert (made.asks_on in html) == ("*" in words)
 
 
 @pytest.mark.parametrize("times", [1.0, 7.2])
@@ -137,6 +149,43 @@ def test_what_is_missed_is_told_with_where_it_is(off, at, words):
     passed = range(30) if at < 20 else range(25, 60)
     assert missed_warning(left(off=off, at=at, glitches=passed)) == ()
     assert missed_warning(replace(left(off=off, at=at), converged=False)) == ()
+
+
+def test_steps_that_are_missed_are_told_once_and_what_asks_on():
+    """Each with by how much, in the order of the steps; a fit with a trend is asked otherwise."""
+    told = importlib.import_module("jaxfric.cli.run")._warnings
+    run = run_of(left(off=11.0), left(), left(off=-6.0))
+    (line,) = [text for text in told(run, HowFitted()) if "miss" in text.partition(":")[2]]
+    assert line.startswith("step 1, 3: these fits miss a part of their records by 11 and 6 times")
+    assert "they may take a drift for evolution (--slip-trend)" in line
+    assert ask_on(run) == (
+        "fit again with a drift of friction with slip, which step 1, 3 (*) may take for evolution"
+    )
+    trend = left(off=11.0, slip_trend=True)
+    assert ask_on(run_of(left(), trend)) == "ask what the model of step 2 (*) lacks"
+    assert ask_on(run_of(left(), None)) == "" and missed_warning_of([]) == ()
+    assert missed_warning_of([trend]) == missed_warning(trend)
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ({"stiffness": "1.6e-3/um", "out": Path("o"), "json": True},
+         'jaxfric run "a b.csv" --stiffness 1.6e-3/um --slip-trend'),
+        ({"fit_stiffness": True, "column": ["time=t", "slip=d (um)"]},
+         'jaxfric run "a b.csv" --fit-stiffness --column time=t --column "slip=d (um)"'
+         " --slip-trend"),
+        ({"stiffness": "0.16 MPa/um", "states": "2", "rows": 99, "slip_trend": True},
+         'jaxfric loop "a b.csv" --run --stiffness "0.16 MPa/um"'),
+        ({"stiffness": "1/um", "events": Path("e.toml"), "slip_trend": True},
+         'jaxfric loop "a b.csv" --stiffness 1/um --events e.toml'),
+        ({"stiffness": "ramps", "slip_trend": True}, ""),
+        ({"fit_stiffness": True, "slip_trend": True}, ""),
+    ],
+)  # fmt: skip
+def test_the_command_that_asks_on_can_be_pasted(given, line):
+    assert run_line(Call("run", "", {"file": Path("a b.csv")} | given)) == line
+    assert run_line(Call("", "", {})) == ""
 
 
 def test_the_misfit_of_all_steps_is_told_once_with_the_trend_that_may_be_it():

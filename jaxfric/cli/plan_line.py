@@ -1,15 +1,59 @@
-"""The command line of a plan that was changed."""
+"""The command line of a call that was changed, of a plan or of a whole run."""
 
 import re
 import shlex
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from .call import Call
 
+_OF_STEPS = ("states", "fit_stiffness", "slip_trend", "rows")
+"""Options of a run's fits that its loop does not have, or in another sense."""
+
 if TYPE_CHECKING:
     from ..protocol.design import Change
 
-_LEFT_OUT = ("velocities", "out", "json", "quiet")
+_LEFT_OUT = ("file", "velocities", "out", "json", "quiet")
+"""Options that are said before, and those of the folder and of how it is told."""
+
+
+def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
+    """A call of a verb, to be pasted into a shell, with options by their names in Python.
+
+    It has neither those of the folder nor of how it is told. Several values of an option are one
+    list, but of --column, whose values may hold commas.
+    """
+    words = [f"jaxfric {verb}", _quoted(argument)]
+    for name, value in given.items():
+        if name in _LEFT_OUT or value is None or value is False:
+            continue
+        option = f"--{name.strip('_').replace('_', '-')}"
+        if value is True:
+            words.append(option)
+        else:
+            texts = list(map(str, value)) if isinstance(value, list | tuple) else [str(value)]
+            for each in texts if name == "column" else [",".join(texts)]:
+                words += [option, _quoted(each)]
+    return " ".join(words)
+
+
+def run_line(call: Call) -> str:
+    """Of a call of `jaxfric run` whose steps are missed by their fits, the call that asks on: the
+    same with a drift of friction with slip; where it has that, the loop over the run.
+
+    Empty where the loop would have no stiffness, and outside of the command.
+    """
+    from ..runs.ramps import RAMPS
+
+    given, file = dict(call.given), call.given.get("file")
+    if file is None:
+        return ""
+    if not given.get("slip_trend"):
+        return command_line("run", str(file), given | {"slip_trend": True})
+    if given.get("stiffness") in (None, RAMPS):
+        return ""
+    kept = {name: value for name, value in given.items() if name not in _OF_STEPS}
+    return command_line("loop", str(file), {"run": "events" not in kept} | kept)
 
 
 def changed_line(call: Call, change: "Change") -> str:
@@ -26,12 +70,8 @@ def changed_line(call: Call, change: "Change") -> str:
     given["slip_per_step"] = _in_unit_of(str(slip), "m", change.slip_per_step)
     if noise is not None and "slip_channel" not in given:
         given["slip_channel"] = _in_unit_of("1 um", "m", noise)
-    words = ["jaxfric protocol", _quoted(_in_unit_of(str(velocities), "m/s", *change.velocities))]
-    for name, value in given.items():
-        if name not in _LEFT_OUT:
-            text = ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-            words += [f"--{name.strip('_').replace('_', '-')}", _quoted(text)]
-    return " ".join(words)
+    speeds = _in_unit_of(str(velocities), "m/s", *change.velocities)
+    return command_line("protocol", speeds, given)
 
 
 def _in_unit_of(text: str, si_unit: str, *values: float) -> str:

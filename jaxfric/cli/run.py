@@ -12,6 +12,7 @@ from . import options
 from .call import current_call
 from .common import prepare_jax, read_record, told, warn
 from .folder import Folder, choose_folder, json_text
+from .plan_line import run_line
 
 if TYPE_CHECKING:
     from ..records import Record
@@ -221,14 +222,15 @@ def _write_page(
     warnings: "Sequence[str]",
     folder: Folder,
 ) -> None:
-    from ..report.run_html import page
+    from ..report.run_html import Made, page
 
     drawn = [name for name in folder.files if name.endswith(".png")]
 
     def write(to: Path) -> None:
         figures = {name: (folder.path / name).read_bytes() for name in drawn}
-        command = current_call().command
-        html = page(result, holds, others, warnings=warnings, figures=figures, command=command)
+        call = current_call()
+        made = Made(call.command, run_line(call))
+        html = page(result, holds, others, warnings=warnings, figures=figures, made=made)
         (to / "run.html").write_text(html, encoding="utf-8")
 
     folder.draw("run.html", write)
@@ -300,7 +302,7 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
     from ..runs.holds import not_fitted
     from ..runs.holds import told as told_of_holds
     from ..runs.joint import told as told_of_all
-    from ..runs.table import BRACKETS, MISFIT, headline, text_lines
+    from ..runs.table import BRACKETS, MISFIT, ask_on, headline, text_lines
 
     kinds = Counter(event.kind for event in result.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
@@ -316,15 +318,20 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
     ):
         print(line)
     print(f"{BRACKETS}; -: not determined by its window" + f"; {MISFIT}" * bool(result.steps))
+    if text := ask_on(result):
+        line = run_line(current_call())
+        print(f"next: {text}" + f":\n\n  {line}\n" * bool(line))
 
 
 def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     """What the fits warn of, with the numbers of the steps of each warning."""
-    from ..fitting.misfit import is_of_misfit, misfit_warning_of, missed_warning
+    from ..fitting.misfit import is_of_misfit, misfit_warning_of, missed_warning_of
     from ..runs.fits import by_step
+    from ..runs.table import misses
 
     fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
-    said = [(n, text) for n, fit in fits for text in missed_warning(fit)]
+    missed = [(step.number, step.fit) for step in result.steps if step.fit and misses(step)]
+    said = [(n, text) for text in missed_warning_of([fit for _, fit in missed]) for n, _ in missed]
     said += [(step.number, step.failed) for step in result.steps if step.fit is None]
     said += [(n, text) for n, fit in fits for text in fit.warnings if not is_of_misfit(text)]
     left = [(n, fit) for n, fit in fits if any(map(is_of_misfit, fit.warnings))]

@@ -78,10 +78,33 @@ def missed_warning(fit: Fit) -> tuple[str, ...]:
     off, when = stands_out(fit) if fit.converged else (0.0, 0.0)
     if not abs(off) > MISSED * fit.noise.sigma:
         return ()
-    times = abs(off) / fit.noise.sigma
-    drift = "" if fit.model.slip_trend else "; it may take a drift for evolution (--slip-trend)"
     return (
-        f"the fit misses its record by {abs(off):.2g}, {times:.2g} times the noise that its errors"
+        f"the fit misses its record by {abs(off):.2g}, {_by_times([fit])} the noise that its errors"
         f" count, {abs(when):.2g} s {'before' if when < 0 else 'after'} the velocity step: its"
-        f" parameters and errors need not be those of the step{drift}",
+        f" parameters and errors need not be those of the step{_trend_taken([fit])}",
     )
+
+
+def missed_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
+    """The warning of all `fits` of one kind of model, each of which misses a part of its record,
+    in one sentence; none of no fits."""
+    if len(fits) < 2:
+        return tuple(text for fit in fits for text in missed_warning(fit))
+    return (
+        f"these fits miss a part of their records by {_by_times(fits)} the noise that their errors"
+        " count: their parameters and errors need not be those of the steps"
+        f"{_trend_taken(fits)}",
+    )
+
+
+def _by_times(fits: Sequence[Fit]) -> str:
+    """By how many times the noise each fit is off, in words."""
+    times = [f"{abs(stands_out(fit)[0]) / fit.noise.sigma:.2g}" for fit in fits]
+    return " and ".join(filter(None, [", ".join(times[:-1]), times[-1]])) + " times"
+
+
+def _trend_taken(fits: Sequence[Fit]) -> str:
+    """That a fit may take a drift for evolution, where its model has no drift."""
+    if fits[0].model.slip_trend:
+        return ""
+    return f"; {'they' if len(fits) > 1 else 'it'} may take a drift for evolution (--slip-trend)"

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..records import Record
-from ..runs.events import Event
+from ..runs.events import Event, mean_velocity
 from ..runs.fits import RunFit
 from ..runs.holds import Hold, healing_rate
 from ..runs.stick_slip import is_stretch
@@ -149,7 +149,7 @@ def rates_figure(run: RunFit) -> Figure:
     pairs = np.array([difference(step.fit) for step in found if step.fit is not None])
     stress = [step.event.normal_stress for step in found]
     sides = [
-        ("velocity after the step [µm/s]", [1e6 * abs(s.event.after) for s in found], True),
+        ("mean velocity of the step [µm/s]", [1e6 * mean_velocity(s.event) for s in found], True),
         ("load-point displacement [mm]", [1e3 * s.position for s in found], False),
     ]
     if all(s is not None for s in stress) and found:

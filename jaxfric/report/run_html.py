@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from ..loop.result import TextTable
 from ..runs import cycles as of_cycles
@@ -13,7 +14,7 @@ from ..runs.fits import RunFit, StepFit
 from ..runs.holds import Hold
 from ..runs.joint import told as told_of_all
 from ..runs.stick_slip import is_stretch
-from ..runs.table import BRACKETS, HEAD, MISFIT, Cell, text_cells
+from ..runs.table import BRACKETS, HEAD, MISFIT, Cell, ask_on, text_cells
 from ..runs.table import headline as headline_of
 from .page import (
     bullets,
@@ -96,6 +97,13 @@ _MEANING = (
 )
 
 
+class Made(NamedTuple):
+    """The command that made a page, and that which asks on where fits miss a part of steps."""
+
+    command: str
+    asks_on: str = ""
+
+
 def page(
     run: RunFit,
     holds: Sequence[Hold],
@@ -103,9 +111,9 @@ def page(
     *,
     warnings: Sequence[str],
     figures: Mapping[str, bytes],
-    command: str,
+    made: Made,
 ) -> str:
-    """The page, with those PNG `figures` by file name that were drawn; `command` made it."""
+    """The page, with those PNG `figures` by file name that were drawn."""
     name = printable(run.record.provenance.path)
     headline = headline_of(run)
     if not run.steps:
@@ -123,6 +131,7 @@ def page(
     parts = [
         f"<header>{head}{paragraph(shared[0], 'sentence') if shared else ''}</header>",
         _cards(run),
+        _next(run, made.asks_on),
         bullets([f"Warning: {text}" for text in warnings], "warn"),
         _drawn("events.png", figures) + folded("All events", html_table(_events(run))),
         f"<h2>Steps</h2>{html_table(steps)}{bullets(shared)}" if run.steps else "",
@@ -133,9 +142,18 @@ def page(
         _ramps(others),
         _pages(run.steps, figures),
         _meaning(),
-        _origin(run, name, command),
+        _origin(run, name, made.command),
     ]
     return document(f"{headline}: {name}", _COLOUR, [part for part in parts if part])
+
+
+def _next(run: RunFit, command: str) -> str:
+    text = ask_on(run)
+    code = f'<pre class="scroll"><code>{escaped(command)}</code></pre>'
+    return (
+        text
+        and f"<p>Next, in the folder of that command: {escaped(text)}</p>{code if command else ''}"
+    )
 
 
 def _counts(run: RunFit) -> Counter[str]:

@@ -18,6 +18,7 @@ velocity before, or where the load point has half the way after the step still b
 ends with the velocity after. What is decided, and why, is a line that can be changed by hand.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -85,6 +86,16 @@ class Event:
             change = (format_si(v, "m/s", "um/s", 4) for v in (self.before, self.after))
             words += ", {} -> {}".format(*change)
         return words + (f" ({self.why})" if self.why else "")
+
+
+def mean_velocity(event: Event) -> float:
+    """The geometric mean of the speeds before and after a velocity step [m/s].
+
+    The change of steady friction between them over ln(after/before) is the mean of its slope over
+    ln V there, and if that slope, A - B, is a line in ln V, its value at this velocity, of a step
+    up and of one down.
+    """
+    return math.sqrt(abs(event.before * event.after))
 
 
 class Happenings(NamedTuple):

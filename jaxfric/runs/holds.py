@@ -347,10 +347,11 @@ def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ())
 
 def warnings_of(holds: Sequence[Hold]) -> list[str]:
     """What the fits of holds warn of, with the times of the holds of each warning: those under the
-    law that the holds prefer, or under both where they prefer none."""
+    law that the holds prefer, or under both where they prefer none. Of a hold of which no law is
+    told nothing rests on its fits."""
     law, _ = preferred(holds)
     told: dict[str, list[str]] = {}
-    for hold in holds:
+    for hold in (hold for hold in holds if not why_no_law(hold)):
         for name, fit in hold.fits.items():
             if law in (None, name):
                 for text in fit.warnings:

@@ -10,12 +10,12 @@ and Q is distributed as chi-square with p (n - 1) degrees of freedom (Cochran 19
 101-129): the likelihood ratio of shared against separate, to second order about each step's fit.
 f0, and a trend with slip, are each step's own.
 
-Whether a quantity depends on velocity, displacement or normal stress is asked by a weighted line
-through the n steps (`weighted`). The error of its slope is that of the fits, or larger by the
-scatter of the steps about the line, which few steps hardly tell: p-values are by Student's t with
-n - 2 degrees of freedom, and times the number of questions (Bonferroni). 7 errors of 5 steps are
-p = .005, and among 9 questions .05. Steps may differ by far more than the errors of their fits and
-lie on no line.
+Whether a quantity depends on velocity (`mean_velocity` of a step), displacement or normal stress
+is asked by a weighted line through the n steps (`weighted`). The error of its slope is that of the
+fits, or larger by the scatter of the steps about the line, which few steps hardly tell: p-values
+are by Student's t with n - 2 degrees of freedom, and times the number of questions (Bonferroni). 7
+errors of 5 steps are p = .005, and among 9 questions .05. Steps may differ by far more than the
+errors of their fits and lie on no line.
 """
 
 from collections.abc import Sequence
@@ -25,6 +25,7 @@ import numpy as np
 
 from ..fitting import Fit
 from ..fitting.misfit import missed_warning
+from .events import mean_velocity
 from .fits import StepFit
 from .table import difference, measured
 from .weighted import weighted_line
@@ -174,8 +175,9 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
     known = [step for step in steps if is_known(step)]
     if len(known) < _FEWEST:
         return []
+    speeds = [np.log10(mean_velocity(s.event)) for s in known]
     sides = [
-        ("velocity", "decade of velocity", [np.log10(abs(s.event.after)) for s in known], _DECADES),
+        ("velocity", "decade of velocity", speeds, _DECADES),
         ("displacement", "mm of load-point displacement", [1e3 * s.position for s in known], 1e-9),
     ]
     stresses = [s.event.normal_stress for s in known]
@@ -260,9 +262,9 @@ def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str
     for answer in answers:
         if _is_of_velocity(answer):
             which = f"of steps {', '.join(numbers)}"
-            return f"A-B against the velocity after the step, {which}: {answer.answered()}"
+            return f"A-B against velocity (geometric mean of a step), {which}: {answer.answered()}"
     known = len(numbers)
-    why = "the steps end at about one velocity"
+    why = "the mean velocities of the steps are about one"
     if known < _FEWEST:
         why = f"A, B and L of {known} steps are determined, and {_FEWEST} are needed"
     return f"A-B against velocity: not asked, {why}"

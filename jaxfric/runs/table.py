@@ -167,7 +167,7 @@ def latex_text(run: RunFit) -> str:
     for step in run.steps:
         event, fit = step.event, step.fit
         stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
-        number = str(step.number) + (r"$^\dagger$" if _missed(step) else "")
+        number = str(step.number) + (r"$^\dagger$" if misses(step) else "")
         cells = [number, f"{1e6 * event.before:.4g}", f"{1e6 * event.after:.4g}", stress]
         if fit is None or not fit.converged:
             cells += [r"\multicolumn{4}{c}{no fit}"]
@@ -178,13 +178,13 @@ def latex_text(run: RunFit) -> str:
             cells += [_estimate(fit.A_minus_B), _estimate(p["A"]), B, L]
         lines.append(" & ".join(cells) + r" \\")
     lines.append(r"\bottomrule")
-    if any(map(_missed, run.steps)):
+    if any(map(misses, run.steps)):
         words = rf"$^\dagger$ misses a part of its record by more than {MISSED:g} times the noise"
         lines.append(rf"\multicolumn{{8}}{{l}}{{\footnotesize {words}}} \\")
     return "\n".join([*lines, r"\end{tabular}", ""])
 
 
-def _missed(step: StepFit) -> bool:
+def misses(step: StepFit) -> bool:
     """Whether a step has a fit that misses a part of its record."""
     return step.fit is not None and bool(missed_warning(step.fit))
 
@@ -193,10 +193,25 @@ def headline(run: RunFit) -> str:
     """How many steps are fitted, and how many of these fits have the star of the table."""
     fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
     words = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
-    if not (missed := sum(map(_missed, fitted))):
+    if not (missed := sum(map(misses, fitted))):
         return words
     fits = f"{missed} fit misses" if missed == 1 else f"{missed} fits miss"
     return f"{words}; {fits} a part of the record (*)"
+
+
+def ask_on(run: RunFit) -> str:
+    """What to ask of the steps whose fits miss a part of them, in words; '' where there are none.
+
+    Of fits without a trend that is a trend, which is often taken for evolution; of others, what
+    else their model lacks.
+    """
+    fits = {step.number: step.fit for step in run.steps if step.fit and misses(step)}
+    if not fits:
+        return ""
+    which = f"step {', '.join(map(str, fits))} (*)"
+    if any(fit.model.slip_trend for fit in fits.values()):
+        return f"ask what the model of {which} lacks"
+    return f"fit again with a drift of friction with slip, which {which} may take for evolution"
 
 
 def _estimate(estimate: Estimate) -> str:
@@ -241,7 +256,7 @@ def text_cells(step: StepFit) -> tuple[str, ...]:
         " ".join(_estimate(p[x + n]).replace("$", "") for n in of)
         for x, of in (("A", [""]), ("B", numbers), ("L", numbers))
     )
-    left = f"{excess(fit):.2g}{'*' if _missed(step) else ' '}"
+    left = f"{excess(fit):.2g}{'*' if misses(step) else ' '}"
     return (*when, _estimate(fit.A_minus_B).replace("$", ""), A, B, L, left)
 
 
