@@ -14,6 +14,8 @@ from command import STIFFNESS, assert_refused, record_text, run, written
 from reference import Law, Motion, solve
 
 import jaxfric
+from jaxfric.cli.call import Call
+from jaxfric.cli.plan_line import loop_line
 from jaxfric.fitting.misfit import misfit_warning
 from jaxfric.fitting.noise_search import Family
 from jaxfric.loop import LawComparison, LawScore
@@ -322,6 +324,28 @@ def test_a_second_state_is_asked_of_the_loop_too(laws, command) -> None:
     told = made_up(*laws).next_step
     assert told.startswith(command) and bool(told) == bool(command)
     assert ("longer steps, up and down, decide" in told) == bool(command)
+
+
+def test_where_the_likeliest_law_leaves_more_than_noise_the_loop_is_asked() -> None:
+    laws = [("slip", 1, 0, 1, 50), ("ageing", 1, 99, 1, 50)]
+    assert made_up(*laws).next_step == ""
+    told = made_up(*laws, rms=3.0).next_step
+    assert told.startswith("jaxfric loop asks what these laws lack: the likeliest leaves 3 times")
+    second = made_up(("slip", 1, 12, 1, 50), ("slip", 2, 0, 1, 50), rms=3.0).next_step
+    assert "may say otherwise of the second state" in second
+
+
+@pytest.mark.parametrize(
+    ("given", "law", "line"),
+    [
+        ({"stiffness": "1/um", "law": ["slip"]}, "slip", "jaxfric loop x.csv --stiffness 1/um"),
+        ({"stiffness": "1/um", "slip_trend": True, "rows": 500}, "ageing",
+         "jaxfric loop x.csv --stiffness 1/um --rows 500 --law ageing --with slip_trend"),
+        ({"fit_stiffness": True}, "slip", ""),
+    ],
+)  # fmt: skip
+def test_the_loop_of_a_comparison_can_be_pasted(given, law, line) -> None:
+    assert loop_line(Call("compare", "", {"file": "x.csv"} | given), law) == line
 
 
 def test_two_steps_are_too_few_to_hold_one_out() -> None:

@@ -7,8 +7,10 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import options
+from .call import current_call
 from .common import doing, effect_ids, prepare_jax, read_record, stdout_console, told, warn
 from .folder import choose_folder, json_text
+from .plan_line import loop_line
 
 if TYPE_CHECKING:
     from ..loop.law_comparison import LawComparison
@@ -113,4 +115,6 @@ def _print(found: "LawComparison") -> None:
     console.print(found.sentence, markup=False)
     print_tables(console, [table(found)])
     if found.next_step:
-        console.print(f"next: {found.next_step}", markup=False)
+        line = loop_line(current_call(), found.of_laws[0].fit.law)
+        told = f"next: {found.next_step}" + f"\n\n  {line}\n" * bool(line)
+        console.print(told, markup=False, soft_wrap=True)

@@ -56,6 +56,19 @@ def run_line(call: Call) -> str:
     return command_line("loop", str(file), {"run": "events" not in kept} | kept)
 
 
+def loop_line(call: Call, law: str) -> str:
+    """The loop over the record of a call of `jaxfric compare`, with a base of `law`.
+
+    Empty where the loop would have no stiffness, and outside of the command.
+    """
+    given, file = dict(call.given), call.given.get("file")
+    if file is None or "stiffness" not in given:
+        return ""
+    given |= {"law": None if law == "slip" else law}
+    given |= {"slip_trend": None, "with_": "slip_trend" if given.get("slip_trend") else None}
+    return command_line("loop", str(file), given)
+
+
 def changed_line(call: Call, change: "Change") -> str:
     """The call of `jaxfric protocol` with a change of its plan, to be pasted into a shell.
 

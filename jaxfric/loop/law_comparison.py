@@ -187,14 +187,20 @@ class LawComparison(Described, Drawable, Tabular):
 
     @property
     def next_step(self) -> str:
-        """Why the loop may say otherwise of a second state, and what decides; '' where none is
-        asked for."""
+        """Why the loop may say otherwise of a second state that is asked for, and what decides; of
+        one state that leaves more than noise, that the loop asks what lacks; else ''."""
         if not self.of_laws:
             return ""
         first = self.of_laws[0]
         tried = {score.states for score in self.ranked if score.fit.law == first.fit.law}
         if first.states == 1 or 1 not in tried:
-            return ""
+            left = excess(self.ranked[0].fit)
+            if left < EXCESS:
+                return ""
+            return (
+                f"jaxfric loop asks what these laws lack: the likeliest leaves {left:.2g} times the"
+                " scatter of neighbouring rows."
+            )
         law = "" if first.fit.law == "slip" else f" --law {first.fit.law}"
         return (
             f"jaxfric loop{law} on this record may say otherwise of the second state: it fits a"
