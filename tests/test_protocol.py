@@ -26,7 +26,7 @@ from jaxfric.protocol.design import Change, Design, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
 from jaxfric.protocol.plan import _changes as changed
 from jaxfric.protocol.plan import _Variant as Variant
-from jaxfric.protocol.remedy import remedy
+from jaxfric.protocol.remedy import remedy, shorter
 from jaxfric.report.protocol_text import (
     _stay,
     advice,
@@ -237,7 +237,8 @@ def test_a_wrong_plant_is_noticed(five):
 def test_changes_of_the_plan(twelve):
     keys = [c.key for c in twelve.changes]
     assert keys == [
-        "slip_x2", "slip_x4", "dwell", "slip_channel", "load_point_channel", "both_channels",
+        "slip_half", "slip_x2", "slip_x4", "dwell", "slip_channel", "load_point_channel",
+        "both_channels",
     ]  # fmt: skip
     by_key = {c.key: c for c in twelve.changes}
     lag = {("servo_lag", "sensor_lag"), ("servo_lag", "sensor_delay")}
@@ -386,6 +387,7 @@ def designed(cosine, *, sizes=(0.01, 0.02), after=None, changes=()):
 
 
 CHANGED = {
+    "slip_half": ("half the slip per step", (UM, 1e-5), 5e-5, None, None),
     "slip_x2": ("twice the slip per step", (UM, 1e-5), 2e-4, None, None),
     "slip_x4": ("four times the slip per step", (UM, 1e-5), 4e-4, None, None),
     "dwell": ("a slow dwell at 0.333 um/s appended", (UM, 1e-5, 3.333e-7), 1e-4, None, None),
@@ -406,7 +408,7 @@ YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing
     ("plan", "ids", "line"),
     [
         (designed(0.6), TWO, YES + "velocity_dependent_L (|cosine| 0.600), from q = 0.012 or"
-         " n = 0.025 on"),
+         " n = 0.025 on (one of the two is named from q = 0.01 or n = 0.02 on)"),
         (designed(0.6), ("base", "ageing"), YES + "the slip law, from q = 0.01 on"),
         (designed(0.6), ("ageing", "base"), YES + "the slip law, from q = 0.01 on"),
         (designed(0.96), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95"),
@@ -429,6 +431,27 @@ YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing
 )  # fmt: skip
 def test_the_answer_on_a_pair(plan, ids, line):
     assert answered(plan, ids) == line
+
+
+@pytest.mark.parametrize(
+    ("half", "channel", "known", "told"),
+    [
+        (0.5, 0.5, {}, "; half the slip per step tells them too, in 55 s of 110 s, from q = 0.012"
+         " or n = 0.023 on"),
+        (0.9, 0.5, {"ageing.q": 0.02}, ""),  # of that size the half does not
+        (0.96, 0.5, {}, ""),
+        (None, None, {}, ""),
+    ],
+)  # fmt: skip
+def test_a_plan_that_tells_is_shortened_where_half_of_it_tells_too(half, channel, known, told):
+    """A channel is another instrument; no change takes more time than the plan."""
+    others = [("slip_half", 55.0, half), ("slip_channel", 50.0, channel), ("dwell", 410.0, 0.1)]
+    plan = designed(0.6, changes=others)
+    less = shorter(plan, TWO, known)
+    first = answer(plan, plan.design.pair(*TWO))
+    assert (None if less is None else less.key) == ("slip_half" if told else None)
+    assert answer(plan, plan.design.pair(*TWO), None, less) == first + told
+    assert shorter(designed(0.96, changes=others), TWO, {}) is None
 
 
 ALL = ("slip_x2", "slip_x4", "dwell", "slip_channel", "load_point_channel")

@@ -16,7 +16,7 @@ from .folder import Folder, choose_folder, source_name
 from .plan_line import changed_line
 
 if TYPE_CHECKING:
-    from ..protocol.design import Pair, Protocol
+    from ..protocol.design import Change, Pair, Protocol
     from ..protocol.remedy import Remedy
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
@@ -146,23 +146,29 @@ class _Answer(NamedTuple):
     line: str = ""
     """The command of the plan with the change of `better`."""
     small: Sequence[str] = ()
+    less: "Change | None" = None
+    """A change that is told of in place of `better`, as it takes less time."""
 
     def to_json(self) -> dict[str, object]:
         """The part of protocol.json."""
         if self.pair is None:
             return {}
         better = self.better
-        change = None if better is None else better.to_json() | {"command": self.line or None}
-        return {"asked": self.pair.to_json() | {"change": change}}
+        line = {"command": self.line or None}
+        change = None if better is None else better.to_json() | line
+        less = None if self.less is None else self.less.planned() | line
+        return {"asked": self.pair.to_json() | {"change": change, "shorter": less}}
 
 
 def _answer(found: "Protocol", asked: tuple[str, str], known: Mapping[str, float]) -> _Answer:
-    from ..protocol.remedy import remedy
+    from ..protocol.remedy import remedy, shorter
     from ..report.protocol_text import found_too_small
 
     pair, better = found.design.pair(*asked), remedy(found, asked, known)
-    line = "" if better is None else changed_line(current_call(), better.change)
-    return _Answer(pair, better, line, found_too_small(found, pair, known))
+    less = shorter(found, asked, known) if better is None else None
+    change = less if better is None else better.change
+    line = "" if change is None else changed_line(current_call(), change)
+    return _Answer(pair, better, line, found_too_small(found, pair, known), less)
 
 
 def _print(found: "Protocol", folder: Folder, told: _Answer, *, typical: bool) -> None:
@@ -170,7 +176,13 @@ def _print(found: "Protocol", folder: Folder, told: _Answer, *, typical: bool) -
 
     console = stdout_console()
     print_protocol(
-        found, console, typical=typical, pair=told.pair, better=told.better, command=told.line
+        found,
+        console,
+        typical=typical,
+        pair=told.pair,
+        better=told.better,
+        command=told.line,
+        less=told.less,
     )
     console.print(f"\n{folder.written}", markup=False, soft_wrap=True)
 

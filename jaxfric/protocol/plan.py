@@ -314,6 +314,7 @@ def _changes(plan: _Variant) -> list[_Variant]:
     after = again[len(V) + (V[-1] != back) :]
     out = []
     for key, text, change in (
+        ("slip_half", "half the slip per step", {"slip_per_step": 0.5 * plan.slip_per_step}),
         ("slip_x2", "twice the slip per step", {"slip_per_step": 2 * plan.slip_per_step}),
         ("slip_x4", "four times the slip per step", {"slip_per_step": 4 * plan.slip_per_step}),
         ("dwell", f"a slow dwell at {speed_text(dwell)} appended{_then(slow[len(V) + 1 :])}",

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,12 +63,20 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
     ]
 
 
-def answer(plan: Protocol, pair: Pair, better: Remedy | None = None) -> str:
+def answer(
+    plan: Protocol, pair: Pair, better: Remedy | None = None, less: Change | None = None
+) -> str:
     """Whether the plan tells the two that were asked for apart, with its number, and the change
-    with which it would, or does for effects as small as they are."""
+    with which it would, or does for effects as small as they are; of a plan that tells them, the
+    change `less` that does so in less time."""
     told = _answered(plan, pair)
     if better is not None:
         return f"{told}; {_would(plan, pair, better)}"
+    if less is not None and less.design is not None:
+        own = less.design.pair(*pair.ids)
+        return f"{told}; {less.text} tells them too, in {_duration(less.duration)} of" + (
+            f" {_duration(plan.duration)}, from {_from_sizes(less.design, own)} on"
+        )
     return told if pair.apart or not plan.changes else f"{told}; no change in the table below would"
 
 
@@ -96,6 +105,16 @@ def _planned(plan: Protocol, change: Change) -> list[str]:
     return [steps, *noise, f"{_duration(change.duration)} in all"]
 
 
+def _named_from(plan: Protocol, pair: Pair) -> str:
+    """From which sizes on one of two effects is named as one of them, where these are others."""
+    least = {s.id: s.amplitude for s in plan.design.smallest if s.amplitude is not None}
+    least = {id: least[id] for id in pair.sizes}
+    if pair.cosine is None or all(1.01 * least[id] > size for id, size in pair.sizes.items()):
+        return ""
+    sizes = _from_sizes(plan.design, replace(pair, sizes=least))
+    return f" (one of the two is named from {sizes} on)"
+
+
 def _from_sizes(design: Design | None, pair: Pair) -> str:
     smallest = {s.id: s for s in design.smallest} if design else {}
     return " or ".join(_size(smallest[id], size) for id, size in pair.sizes.items())
@@ -106,7 +125,8 @@ def _answered(plan: Protocol, pair: Pair) -> str:
     a, b = names if pair.ids[0] != BASE else names[::-1]
     if pair.apart:
         how = "" if pair.cosine is None else f" (|cosine| {_cosine(pair.cosine)})"
-        return f"yes: this plan tells {a} from {b}{how}, from {_from_sizes(plan.design, pair)} on"
+        sizes = f"from {_from_sizes(plan.design, pair)} on"
+        return f"yes: this plan tells {a} from {b}{how}, {sizes}{_named_from(plan, pair)}"
     if pair.cosine is None:
         unseen = [id for id in pair.ids if id in plan.design.unseen()]
         return f"no: this plan does not see {' and '.join(unseen)}, whatever the size"
@@ -210,11 +230,12 @@ def print_protocol(
     pair: Pair | None = None,
     better: Remedy | None = None,
     command: str = "",
+    less: Change | None = None,
 ) -> None:
     """Print everything to a rich console, first the answer on the pair that was asked for, and the
-    command of the plan that tells it."""
+    command of the plan that tells it, or that tells it in less time."""
     if pair is not None:
-        told = answer(plan, pair, better) + (f":\n\n  {command}" if command else "")
+        told = answer(plan, pair, better, less) + (f":\n\n  {command}" if command else "")
         console.print(f"{told}\n", markup=False, soft_wrap=True)
     for line in headline(plan, typical=typical):
         console.print(line, markup=False)
