@@ -12,7 +12,7 @@ from command import assert_refused, run
 
 import jaxfric as jf
 from fits.runs.generate import generate
-from jaxfric.report.run_html import Made, page
+from jaxfric.report.run_html import Commands, page
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.cycles import StickSlip
 from jaxfric.runs.decisions import decisions_text, read_decisions
@@ -308,7 +308,9 @@ class Page(HTMLParser):
 def shown(result, **more):
     given = {"warnings": ["K is <odd>"], "figures": {"step_02.png": b"x"}}
     none = Findings((), (), None, ())
-    return page(result, [], more.pop("others", none), made=Made("jaxfric run"), **(given | more))
+    return page(
+        result, [], more.pop("others", none), commands=Commands("jaxfric run"), **(given | more)
+    )
 
 
 def test_the_page_tells_every_step_and_reaches_nowhere(two_fits):

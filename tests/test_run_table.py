@@ -20,7 +20,7 @@ from jaxfric.fitting.misfit import (
     missed_warning_of,
     scatter,
 )
-from jaxfric.report.run_html import Made, page
+from jaxfric.report.run_html import Commands, page
 from jaxfric.runs import Event
 from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit
@@ -75,10 +75,10 @@ def run_of(*fits):
 def test_the_headline_counts_the_stars_of_the_table(off, words):
     run = run_of(*(None if x is None else left(off=x) for x in off))
     told = Findings((), (), None, ())
-    made = Made("jaxfric run a", "jaxfric run a --slip-trend")
-    html = page(run, [], told, warnings=[], figures={}, made=made)
+    commands = Commands("jaxfric run a", "jaxfric run a --slip-trend")
+    html = page(run, [], told, warnings=[], figures={}, commands=commands)
     assert headline(run) == words and f"<h1>{words}</h1>" in html and words in repr(run)
-    assert (made.asks_on in html) == ("*" in words)
+    assert (commands.asks_on in html) == ("*" in words)
 
 
 @pytest.mark.parametrize("times", [1.0, 7.2])

@@ -222,15 +222,15 @@ def _write_page(
     warnings: "Sequence[str]",
     folder: Folder,
 ) -> None:
-    from ..report.run_html import Made, page
+    from ..report.run_html import Commands, page
 
     drawn = [name for name in folder.files if name.endswith(".png")]
 
     def write(to: Path) -> None:
         figures = {name: (folder.path / name).read_bytes() for name in drawn}
         call = current_call()
-        made = Made(call.command, run_line(call))
-        html = page(result, holds, others, warnings=warnings, figures=figures, made=made)
+        commands = Commands(call.command, run_line(call))
+        html = page(result, holds, others, warnings=warnings, figures=figures, commands=commands)
         (to / "run.html").write_text(html, encoding="utf-8")
 
     folder.draw("run.html", write)

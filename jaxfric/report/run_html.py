@@ -97,7 +97,7 @@ _MEANING = (
 )
 
 
-class Made(NamedTuple):
+class Commands(NamedTuple):
     """The command that made a page, and that which asks on where fits miss a part of steps."""
 
     command: str
@@ -111,7 +111,7 @@ def page(
     *,
     warnings: Sequence[str],
     figures: Mapping[str, bytes],
-    made: Made,
+    commands: Commands,
 ) -> str:
     """The page, with those PNG `figures` by file name that were drawn."""
     name = printable(run.record.provenance.path)
@@ -131,7 +131,7 @@ def page(
     parts = [
         f"<header>{head}{paragraph(shared[0], 'sentence') if shared else ''}</header>",
         _cards(run),
-        _next(run, made.asks_on),
+        _next(run, commands.asks_on),
         bullets([f"Warning: {text}" for text in warnings], "warn"),
         _drawn("events.png", figures) + folded("All events", html_table(_events(run))),
         f"<h2>Steps</h2>{html_table(steps)}{bullets(shared)}" if run.steps else "",
@@ -142,7 +142,7 @@ def page(
         _ramps(others),
         _pages(run.steps, figures),
         _meaning(),
-        _origin(run, name, made.command),
+        _origin(run, name, commands.command),
     ]
     return document(f"{headline}: {name}", _COLOUR, [part for part in parts if part])
 
