@@ -109,6 +109,12 @@ def test_no_header() -> None:
     both_refuse(written(Path("run.csv"), text), "no header", "time=#1 [s]", "time=1 kHz")
 
 
+def test_a_record_with_a_row_for_each_quantity() -> None:
+    lines = 3 * [line.split(",") for line in record_text().splitlines()[1:]]
+    wide = "\n".join(map(",".join, zip(*lines, strict=True)))
+    both_refuse(written(Path("run.csv"), wide), "looks transposed", f"of {len(lines)} columns")
+
+
 @pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "0.6e", "n/a", "1e999", "0.6 0.7"])
 def test_cells_that_are_no_numbers(cell: str) -> None:
     path = with_row(7, "3.0", "6.0", cell)

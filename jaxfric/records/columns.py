@@ -12,7 +12,7 @@ from ..units import factor, has_dimension, scale
 from .axis_units import spelling
 from .record import EMPTY_ROWS, Provenance
 from .roles import AXIS, NO_COLUMN, SLIDER, Role, Schema
-from .rows import FileRows
+from .rows import MIN_ROWS, FileRows
 from .table import HOW, Table, filled_rows, with_rate
 
 _ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
@@ -230,6 +230,13 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
     unit = schema.roles[missing[0]].example
     rate = f", {HOW}" if "time" in missing else ""
     if table.doubt:
+        rows = len(table.lines)
+        if max(rows, 10 * MIN_ROWS) < len(table.columns):
+            raise InputError(
+                f"{table.path}: {table.doubt}, and {rows} rows of {len(table.columns)} columns: it"
+                " looks transposed. Write a row for every sample, with a column for time and for"
+                " each quantity"
+            )
         raise InputError(
             f"{table.path}: {table.doubt}; columns are numbered #1, #2, ...: say by number which is"
             f" {', '.join(missing)}, as in --column '{missing[0]}=#1 [{unit}]'{rate}"
