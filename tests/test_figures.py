@@ -225,6 +225,20 @@ def test_a_spread_of_periods_is_drawn_where_it_is_more_than_the_solver_s() -> No
     assert sorted(set(np.ma.compressed(mesh.get_array()))) == [0.0, 1.0]
 
 
+@pytest.mark.parametrize(("cycles", "title"), [(False, "End: steady everywhere"), (True, "End")])
+def test_where_all_end_steady_a_map_says_so_and_none_is_of_cycles(cycles, title) -> None:
+    """What is left of the velocity then is an error of the solver."""
+    found = study_of(
+        end=(lambda k, v: ((k > 2e3) & cycles).astype(int), "end"),
+        velocity_amplitude=(lambda k, v: 1e-11 * k, "amplitude"),
+    )
+    found["end"].attrs |= {"flag_values": [0, 1], "flag_meanings": "steady limit_cycle"}
+    figure = _map(found, "end", ("k_p", "V0"), coded=True)
+    assert isinstance(figure, matplotlib.figure.Figure) and figure.get_suptitle() == title
+    amplitude = _map(found, "velocity_amplitude", ("k_p", "V0"), coded=False)
+    assert (amplitude is not None) == cycles
+
+
 @pytest.mark.parametrize(
     ("middle", "words"),
     [

@@ -45,6 +45,7 @@ _INFINITE = {"period": "no cycle", "period_spread": "no cycle"} | dict.fromkeys(
     ("velocity_amplitude", "slip_amplitude", "least_velocity"), "ran away"
 )
 """Of outputs of how a slider ends: what an infinite number says."""
+_OF_CYCLES = ("velocity_amplitude", "slip_amplitude", "period", "period_spread")
 
 
 def draw_study(found: "Dataset", folder: Path) -> list[str]:
@@ -123,13 +124,16 @@ def _shares(found: "Dataset", name: str, dims: tuple[str, ...]) -> "Dataset":
 
 
 def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> Figure | None:
-    """Maps over the two longest dimensions of a grid, in panels over the next one."""
+    """Maps over the two longest dimensions of a grid, in panels over the next one; none of what
+    only cycles have, where no member ends in one."""
     grid = [d for d in dims if found.sizes[d] > 1]
     every = np.asarray(found[name].values)
     if len(grid) < 2 or not (coded or np.isfinite(every).any()):
         return None
     if name == "period_spread" and "end" in found and not every[np.isfinite(every)].any():
         return None  # all cycles are regular
+    if name in _OF_CYCLES and "end" in found and not np.any(found["end"].values > 0):
+        return None  # what is left of a motion that came to rest is the solver's
     longest = sorted(grid, key=lambda d: -found.sizes[d])
     x, y = sorted(longest[:2], key=dims.index)
     rest = longest[2:]
@@ -159,6 +163,9 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
         _numbers(figure, used, sides, values, name, about, infinite)
     fixed = [_shown_at(found, d, 0) for d in dims if found.sizes[d] == 1]
     title = about.get("long_name", name) + (f"; {', '.join(fixed)}" if fixed else "")
+    ends = np.unique(every) if coded else []
+    if len(ends) == 1 and ends[0] >= 0:
+        title += f": {about['flag_meanings'].split()[int(ends[0])].replace('_', ' ')} everywhere"
     title = textwrap.fill(_capital(title), round(_LETTERS * width))
     figure.suptitle(title, x=0.01, ha="left", fontsize=11.5)
     figure.supxlabel(sides[0].label, fontsize=10)
