@@ -169,6 +169,26 @@ def test_in_the_drives_own_signal(tmp_path):
     assert units["M"] == "V s^2/m" and units["F_v"] == "V s/m" and units["F_c"] == "V"
 
 
+@pytest.mark.parametrize(
+    ("rms", "sigma", "options", "words"),
+    [
+        (0.83, 0.6, {}, "misses the force by 0.83 N (root mean square), of which noise is 0.6 N:"),
+        (0.84, 0.6, {"drive_gain": "20 N/V"}, "by 0.042 V (root mean square), of which noise is"),
+        (None, 0.6, {}, None),
+        (0.83, None, {}, None),
+    ],
+)
+def test_what_the_model_leaves_is_told_beside_the_errors_of_its_terms(
+    rms, sigma, options, words, tmp_path
+):
+    path = saved(tmp_path, "stribeck")
+    content = json.loads(path.read_text())
+    content["after"]["report_rms"], content["noise"] = rms, {"sigma": sigma}
+    path.write_text(json.dumps(content))
+    said = [x for x in jf.feedforward(path, **options).cautions if "held out" in x]
+    assert bool(said) == bool(words) and all(words in text for text in said)
+
+
 def test_units_of_a_joint(tmp_path):
     changes = {"friction_unit": "N m", "axis": {"coordinate": "rotary"}}
     found = jf.feedforward(saved(tmp_path, "position_dependence", "cubic", **changes))

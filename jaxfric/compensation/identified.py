@@ -86,6 +86,9 @@ class Identified:
     """The drive's own k_v in force [F s/m]; None where it is not told."""
     claim: str = ""
     """What is said of stability."""
+    left: tuple[float, float] | None = None
+    """Root mean square of what the model leaves of rows that were held out, and the noise [F]; None
+    where the file has none."""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -136,6 +139,7 @@ class Identified:
             values={n: v / gain if self._is_force(n) else v for n, v in self.values.items()},
             covariance=self.covariance * np.outer(part, part),
             damping=None if self.damping is None else self.damping / gain,
+            left=None if self.left is None else (self.left[0] / gain, self.left[1] / gain),
             points=None if points is None else points * np.array([1.0, 1 / gain, 1 / gain]),
         )
 
@@ -217,8 +221,16 @@ def _of_axis(content: Content, source: str) -> Identified:
         None,
         (about.get("drive") or {}).get("k_v"),
         str(gains.get("sentence") or ""),
+        _left(content),
         (*own_warnings(content), *verdict_words(content), *own),
     )
+
+
+def _left(content: Content) -> tuple[float, float] | None:
+    """What the model after a loop leaves of held-out rows, and the noise of one [F]."""
+    found = content["after"].get("report_rms"), (content.get("noise") or {}).get("sigma")
+    rms, sigma = (float(x) if isinstance(x, int | float) else 0.0 for x in found)
+    return (rms, sigma) if rms > 0 and sigma > 0 else None
 
 
 def _covariance(about: Content, after: Content) -> tuple[np.ndarray, list[str]]:

@@ -211,6 +211,14 @@ class Feedforward(Described, Drawable, Tabular):
                 " that differs by direction holds nothing there, and moves nothing as long as it is"
                 " less than F_c"
             )
+        if about.left is not None:
+            rms, noise = about.left
+            lines.append(
+                f"In rows that were held out the model misses the force by {rms:.2g}"
+                f" {about.force_unit} (root mean square), of which noise is {noise:.2g}"
+                f" {about.force_unit}: what is compensated is no better, whatever the errors of"
+                " its terms"
+            )
         lines.append(low_speeds(about, self.fade))
         if self.fade.speed > about.slowest:
             lines.append(
