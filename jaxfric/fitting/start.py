@@ -43,7 +43,7 @@ _HOLD = 3.0  # change of ln V for which the reload after a hold counts at least
 _GRID_L = 16
 _GRID_K = 8
 _GRID_PAIRS = 16
-_NEWTON_STEPS = 6
+_NEWTON_STEPS = 4
 
 
 class Averaged(NamedTuple):
