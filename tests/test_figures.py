@@ -254,8 +254,11 @@ def test_rates_of_a_run_fill_their_panels(monkeypatch, middle, words) -> None:
     for i in range(5):
         event = SimpleNamespace(before=1e-6, after=1e-5, normal_stress=99.9e6 + 2e3 * i)
         fit = SimpleNamespace(converged=True, pair=(middle + 4e-5 * i, 1e-4))
+        fit.A_minus_B = SimpleNamespace(determined=i != 2)
         steps.append(SimpleNamespace(fit=fit, event=event, position=1e-3 * i))
+    steps[2].fit.pair = (9.0, 5.0)  # nothing is known of it
     monkeypatch.setattr(plot_run, "difference", lambda fit: fit.pair)
+    monkeypatch.setattr(plot_run, "misses", lambda step: step is steps[4])
     figure = plot_run.rates_figure(SimpleNamespace(steps=steps))  # pyright: ignore
     figure.draw_without_rendering()
     low, high = figure.axes[0].get_ylim()
@@ -263,6 +266,10 @@ def test_rates_of_a_run_fill_their_panels(monkeypatch, middle, words) -> None:
     assert figure.axes[0].get_title(loc="left") == words and not figure.axes[0].texts
     left, right = figure.axes[2].get_xlim()
     assert right - left == pytest.approx(0.999, rel=1e-3)
+    marks = {c.get_label(): c.lines[0] for c in figure.axes[1].containers}
+    sure, missed = marks["step up"], marks["step up, missed (*)"]
+    assert [len(sure.get_xdata()), len(missed.get_xdata())] == [3, 1]
+    assert missed.get_markerfacecolor() == "white" != sure.get_markerfacecolor()
     assert all(axis.xaxis.get_offset_text().get_text() == "" for axis in figure.axes)
 
 

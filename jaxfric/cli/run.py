@@ -183,7 +183,7 @@ def _draw(result: "RunFit", holds: "Sequence[Hold]", folder: Folder) -> None:
     from ..plot.fit import draw_fit
     from ..plot.run import draw_healing, draw_rates
 
-    if any(step.fit is not None and step.fit.converged for step in result.steps):
+    if any(s.fit and s.fit.converged and s.fit.A_minus_B.determined for s in result.steps):
         folder.draw("the figure of A-B", lambda to: draw_rates(result, to / "rates.png"))
     if holds:
         folder.draw(

@@ -14,7 +14,7 @@ from ..runs.events import Event, mean_velocity
 from ..runs.fits import RunFit
 from ..runs.holds import Hold, healing_rate
 from ..runs.stick_slip import is_stretch
-from ..runs.table import difference
+from ..runs.table import difference, misses
 from .label import printable
 from .palette import BLACK, BLUE, GOLD, MAGENTA, MINT, ORANGE, SKY, SLATE
 from .ticks import plain_log, whole_numbers
@@ -144,9 +144,11 @@ def draw_rates(run: RunFit, *paths: str | Path) -> None:
 
 
 def rates_figure(run: RunFit) -> Figure:
-    """Figure of A-B of all fitted steps against velocity, displacement and normal stress."""
-    found = [step for step in run.steps if step.fit is not None and step.fit.converged]
+    """Figure of A-B of all steps that determine it against velocity, displacement and normal
+    stress; hollow are those whose fit misses a part of its record."""
+    found = [s for s in run.steps if s.fit and s.fit.converged and s.fit.A_minus_B.determined]
     pairs = np.array([difference(step.fit) for step in found if step.fit is not None])
+    missed = np.array([misses(step) for step in found], bool)
     stress = [step.event.normal_stress for step in found]
     sides = [
         ("mean velocity of the step [µm/s]", [1e6 * mean_velocity(s.event) for s in found], True),
@@ -160,13 +162,21 @@ def rates_figure(run: RunFit) -> Figure:
     up = np.array([abs(s.event.after) > abs(s.event.before) for s in found], bool)
     for axis, (label, along, log) in zip(axes, sides, strict=True):
         x = np.array(along)
-        for chosen, mark, words in ((up, "^", "step up"), (~up, "v", "step down")):
+        for chosen, mark, words in (
+            (up & ~missed, "^", "step up"),
+            (~up & ~missed, "v", "step down"),
+            (up & missed, "^", "step up, missed (*)"),
+            (~up & missed, "v", "step down, missed (*)"),
+        ):
+            if not chosen.any():
+                continue
             axis.errorbar(
                 x[chosen],
                 pairs[chosen, 0],
                 1.96 * pairs[chosen, 1],
                 fmt=mark,
                 color=_DATA if mark == "^" else ORANGE,
+                mfc="white" if words.endswith("(*)") else None,
                 label=words,
                 capsize=2,
                 lw=1,

@@ -47,9 +47,10 @@ _FIGURES = {
     ),
     "rates.png": (
         "A-B",
-        "A-B of every step with its 95 % interval against velocity, displacement and normal"
-        " stress: below 0 friction falls with velocity, and a spring that is soft enough"
-        " stick-slips.",
+        "A-B of every step that determines it with its 95 % interval against velocity (geometric"
+        " mean of before and after), displacement and normal stress: below 0 friction falls with"
+        " velocity, and a spring that is soft enough stick-slips. Hollow: the fit misses a part of"
+        " the step (*).",
     ),
     "holds.png": (
         "Holds",
@@ -150,10 +151,8 @@ def page(
 def _next(run: RunFit, command: str) -> str:
     text = ask_on(run)
     code = f'<pre class="scroll"><code>{escaped(command)}</code></pre>'
-    return (
-        text
-        and f"<p>Next, in the folder of that command: {escaped(text)}</p>{code if command else ''}"
-    )
+    told = f"<p>Next, where the command of this page was given: {escaped(text)}</p>"
+    return text and told + (code if command else "")
 
 
 def _counts(run: RunFit) -> Counter[str]:
