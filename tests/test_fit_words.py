@@ -1,10 +1,13 @@
 """What is said of a fit beside its table: of its noise."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric.fitting import NoiseEstimate, NoisePart
+from jaxfric.fitting.assemble import _warn
 from jaxfric.fitting.table import _above_rms, noise_text
 
 
@@ -40,3 +43,13 @@ def test_noise_is_told_with_its_small_parts(parts, words):
 def test_noise_above_the_rms_of_the_residual_is_explained(sigma, told):
     text = _above_rms(SimpleNamespace(noise=NoiseEstimate(sigma), rms=1.0))
     assert ("larger than the rms, because" in text) == told == bool(text)
+
+
+@pytest.mark.parametrize("trend", [False, True])
+def test_a_drift_is_not_asked_for_twice(trend):
+    """What wanders may be a drift, unless the model has one."""
+    values = VALUES | {"slip_trend": 1e-3} if trend else VALUES
+    fit = fit_of(values, covariance_of(values, 0.02))
+    fit = replace(fit, model=fit.model._replace(slip_trend=trend))
+    (said,) = [text for text in _warn(fit, [], wanders=True).warnings if "wanders" in text]
+    assert ("--slip-trend" in said) != trend and "a wrong step" in said

@@ -224,10 +224,10 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
             f"{', '.join(open_)} {verb} not determined by this record: other values fit it as well"
         )
     if wanders:
+        drift = "" if fit.model.slip_trend else " a drift (--slip-trend),"
         said.append(
             "the residual wanders over the whole record: the errors count that as noise, but it may"
-            " be a drift (--slip-trend), a wrong step, or an effect that the model lacks (jaxfric"
-            " loop)"
+            f" be{drift} a wrong step, or an effect that the model lacks (jaxfric loop)"
         )
     for k, sigmas in moved:
         said.append(
