@@ -447,3 +447,11 @@ def test_a_stale_digit_is_seen():
     assert stale(text, "the error rises to #", 1.0) == [
         "'the error rises to #' stands there 0 times"
     ]
+
+
+def test_no_figure_keeps_a_path_of_the_machine_that_made_it():
+    """The command in a PNG names records from this repository, not from a root."""
+    made = re.compile(rb"made by jaxfric [\x20-\x7e]* /\w")
+    assert made.search(b"made by jaxfric 0.1.0: jaxfric axis /data/a.mat --out loop")
+    kept = [file.name for file in FITS.rglob("*.png") if made.search(file.read_bytes())]
+    assert kept == []
