@@ -930,7 +930,7 @@ def test_every_model_that_is_not_taken_has_its_reason(gain, why, said) -> None:
     ]
     table = candidates(dataclasses.replace(loop, candidates=tuple(fits)), most=20)
     assert {row[0]: row[-1] for row in table.rows}["run_in + time_drift"] == said
-    assert "a better one does not choose it" in table.note
+    assert "how well the select rows are predicted" in table.note
 
 
 def test_the_error_that_counts_as_noise_stands_beside_the_errors() -> None:

@@ -40,6 +40,7 @@ def said(verdict, effects, told, rivals=(), located="", tried=()):
         ("outside_catalogue", (), (1.0, 1.0, 1.06, 1e-4), "as small as the noise", "missing"),
         ("outside_catalogue", (), (1.5, 1.5, 1.06, 1e-4), "not in the catalogue", "noise"),
         ("too_weak", (), (0.94, 0.94, 1.06, 5e-4), "left (p = 0.0005), but too little", "may be"),
+        ("too_weak", (), (109.1, 109.1, 1.06, 0.2), "misses rows that it was not", "too weakly"),
         ("too_weak", (), (1.08, 1.08, 1.06, 0.2), "may be missing, but too weakly", "p ="),
         ("effects", ("a",), (1.3, 1.0, 1.06, 1.0), "1.30 -> 1.00 sigma, BIC 50 lower", "without"),
         ("effects", ("a",), (1.03, 1.04, 1.06, 1.0), "error 1.04 sigma with, 1.03 without", "->"),

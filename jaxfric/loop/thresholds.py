@@ -11,3 +11,5 @@ ALIAS = 0.95
 """|cosine| of their sensitivities above which two effects are not told apart to first order."""
 SIGNIFICANT = 0.01
 """Chance that noise alone leaves something, at any of the questions that are asked of it."""
+FAR = 1.5
+"""A held-out error of so many times what noise gives is not a little that is left."""

@@ -17,7 +17,7 @@ from .residual_tests import QUESTIONS, p_text, structure
 from .rivals import rival_fits
 from .screen import orthonormal
 from .search import Search
-from .thresholds import ACCEPT, ALIAS, SIGNIFICANT
+from .thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT
 from .unfixed import Unfixed, unfixed, words_of_unfixed
 
 _HELD_OUT = 1.06
@@ -302,6 +302,12 @@ def sentence_of(
     if verdict == "no_missing_effect":
         what = "This record shows nothing that is missing"
         return f"{what}: the base model fits to the noise ({before})."
+    if verdict == "too_weak" and told.before > FAR * told.most:
+        return (
+            f"The base model misses rows that it was not fitted to ({before}; noise alone gives up"
+            f" to {told.most:.2f}), and no effect that explains it is supported by more than"
+            f" {ACCEPT:g} of BIC: what is fitted of this record may not fix the base model."
+        )
     if verdict == "too_weak":
         what = "Something may be missing, but too weakly to be named"
         if told.p_value < SIGNIFICANT:

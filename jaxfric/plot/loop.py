@@ -25,7 +25,7 @@ from .ticks import plain_log
 
 _BLOCKS = {
     "train": (TRAIN, "train: the model is fitted here"),
-    "select": (SELECT, "select: may refuse a model"),
+    "select": (SELECT, "select: predicted, has a say in the choice"),
     "report": (REPORT, "report: scored once, at the end"),
 }
 _MOST_BINS, _BIN_ROWS = 18, 10

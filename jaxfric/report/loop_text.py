@@ -13,7 +13,7 @@ from ..loop.family import CurveFamily, listed
 from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
-from ..loop.thresholds import ALIAS, SIGNIFICANT, TIE
+from ..loop.thresholds import ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import factor, format_si, read_as
 from .tables import print_tables
 
@@ -29,7 +29,7 @@ HEADLINES = {
 }
 BLOCKS = {
     "train": "fitted here",
-    "select": "may refuse a model",
+    "select": "predicted, has a say in the choice",
     "report": "scored once",
 }
 _TOLD = 10.0
@@ -43,6 +43,8 @@ def headline(loop: Loop) -> str:
         others = [id for id in loop.effects if not any(id in f.effects for f in loop.families)]
         return "Missing: " + listed([*others, "a curve of velocity whose shape is not told"])
     text = HEADLINES.get(loop.verdict, loop.verdict)
+    if loop.verdict == "too_weak" and _far_off(loop):
+        text = "Rows that were not fitted are missed, and no effect is supported"
     if loop.verdict == "outside_catalogue" and loop.unfixed():
         text = "Something is missing that this record does not fix"
     if (
@@ -52,6 +54,12 @@ def headline(loop: Loop) -> str:
     ):
         text = f"Beyond {{effects}} {text[0].lower()}{text[1:]}"
     return text.format(effects=listed(loop.effects) or "an effect")
+
+
+def _far_off(loop: Loop) -> bool:
+    """Whether the base misses rows that it was not fitted to by far more than noise."""
+    held = loop.blocks.select | loop.blocks.report
+    return loop.heldout(loop.before) > FAR * loop.most_held_out * loop.sigma_of(held)
 
 
 def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[TextTable]:
@@ -337,8 +345,8 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
     more = len(found) - len(rows)
     note = (
         "ΔBIC above 0: better than the base, a gain above 10 is needed to be taken; of models as"
-        " good the first is kept. Of the select error: one that is worse refuses a model, a better"
-        " one does not choose it"
+        " good the first is kept. It counts the train rows, which are fitted, and how well the select"
+        " rows are predicted; a select error that is worse refuses a model besides"
     )
     if more > 0:
         note += f"; {more} more in loop.json"
