@@ -5,6 +5,7 @@ All plans have one size (1024 rows, 16 velocities), so they share what is compil
 
 import dataclasses
 import json
+import math
 import shlex
 import sys
 from collections.abc import Iterable
@@ -361,14 +362,14 @@ def test_near_the_edge(monkeypatch):
 # ---- a pair that is asked for -----------------------------------------------------------------
 
 
-def designed(cosine, *, sizes=(0.01, 0.02), after=None, changes=()):
+def designed(cosine, *, sizes=(0.01, 0.02), after=None, changes=(), limit=math.inf):
     """A plan of two effects, q and n, that are so alike; `after`: with a slip channel; `changes`:
     key, duration [s] and how alike the two are then."""
 
     def design(value):
         two = (("ageing", "q"), ("velocity_dependent_L", "n"))
         smallest = tuple(
-            Smallest(id, (name,), "1", size, {}, size, size)
+            Smallest(id, (name,), "1", size, {}, size, size, limit)
             for (id, name), size in zip(two, sizes, strict=True)
         )
         table = np.asarray([[1.0, value], [value, 1.0]])
@@ -438,6 +439,7 @@ def test_the_answer_on_a_pair(plan, ids, line):
     [
         (0.5, 0.5, {}, "; half the slip per step tells them too, in 55 s of 110 s, from q = 0.012"
          " or n = 0.023 on"),
+        (0.8, 0.5, {}, ""),  # from q = .017 on, where the plan does from .0125
         (0.9, 0.5, {"ageing.q": 0.02}, ""),  # of that size the half does not
         (0.96, 0.5, {}, ""),
         (None, None, {}, ""),
@@ -452,6 +454,39 @@ def test_a_plan_that_tells_is_shortened_where_half_of_it_tells_too(half, channel
     assert (None if less is None else less.key) == ("slip_half" if told else None)
     assert answer(plan, plan.design.pair(*TWO), None, less) == first + told
     assert shorter(designed(0.96, changes=others), TWO, {}) is None
+
+
+def test_a_size_that_no_friction_has_is_a_no() -> None:
+    """q = .0125 and n = .025 are told; nothing above .02 is friction like the base's."""
+    plan = designed(0.6, changes=[("slip_half", 55.0, 0.5), ("slip_x2", 220.0, 0.5)], limit=0.02)
+    pair = plan.design.pair(*TWO)
+    assert not pair.apart and pair.sizes == {} and set(pair.needed) == set(TWO)
+    said = answered(plan)
+    assert said.startswith("no: this plan would tell ageing from velocity_dependent_L only from q")
+    assert "n = 0.025 on, and no effect is ten times as large as A and B" in said
+    assert remedy(plan, TWO, {}) is None  # none of the changes sees them smaller
+    assert designed(0.6, limit=0.03).design.pair(*TWO).apart
+
+
+def test_a_remedy_takes_no_less_time_than_the_plan() -> None:
+    """Lengths that are seen best shrink with the steps: a short plan looks better than it is."""
+    plan = designed(0.98, changes=[("slip_half", 55.0, 0.1), ("slip_x2", 220.0, 0.5)])
+    found = remedy(plan, TWO, {})
+    assert found is not None and found.change.key == "slip_x2"
+
+
+def test_a_yes_says_which_third_effect_stands_for_one_of_the_two() -> None:
+    plan = chained({"second_state", "thermal"})
+    said = answer(plan, plan.design.pair("ageing", "thermal"))
+    assert said.endswith("; but not thermal from second_state (0.970)")
+    assert "but not" not in answer(plan, plan.design.pair("ageing", "base"))
+    half = designed(0.6, changes=[("slip_half", 55.0, 0.6)]).changes[0]
+    worse = dataclasses.replace(half, design=chained({"ageing", "second_state"}).design)
+    known = dataclasses.replace(plan, changes=(worse,))
+    assert shorter(known, ("ageing", "thermal"), {}) is None
+    same = dataclasses.replace(half, design=plan.design)
+    known = dataclasses.replace(plan, changes=(same,))
+    assert shorter(known, ("ageing", "thermal"), {}) is same
 
 
 ALL = ("slip_x2", "slip_x4", "dwell", "slip_channel", "load_point_channel")
@@ -524,7 +559,10 @@ def chained(*links):
     """A plan of three effects of which the linked pairs are alike."""
     ids = ("ageing", "second_state", "thermal")
     alike = [[1.0 if a == b else 0.97 if {a, b} in links else 0.6 for a in ids] for b in ids]
-    smallest = tuple(Smallest(id, ("q",), "1", 0.01, {}, 0.01, 0.01) for id in ids)
+    smallest = tuple(
+        Smallest(id, (name,), "1", 0.01, {}, 0.01, 0.01)
+        for id, name in zip(ids, ("q", "B2", "a_T"), strict=True)
+    )
     plan = designed(0.6)
     design = Design(ids, np.asarray(alike), smallest, np.zeros(1), np.zeros(1))
     return dataclasses.replace(plan, design=design)

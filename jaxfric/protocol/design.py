@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,6 +28,8 @@ class Smallest:
     """Amplitude at the shape that is seen worst."""
     needed: float | None
     """`amplitude`, or what it would have to be where that is not physically possible."""
+    limit: float = math.inf
+    """The largest amplitude that friction like the base's may have."""
 
 
 BASE = "base"
@@ -45,6 +47,9 @@ class Pair:
     sizes: Mapping[str, float]
     """The amplitude of each effect from which on the other cannot stand for it, where `apart`: to
     first order a fit with the other leaves a^2 |s|^2 (1 - cosine^2) of the likelihood ratio."""
+    needed: Mapping[str, float] = field(default_factory=dict)
+    """The same of effects that would be told apart from there on, where one of these is larger than
+    friction like the base's may have: they are not `apart`."""
 
     def to_json(self) -> dict:
         """The answer as JSON values."""
@@ -100,7 +105,14 @@ class Design:
         apart = len(known) == len(effects) and (cosine is None or cosine <= ALIAS)
         left = math.sqrt(1 - (cosine or 0.0) ** 2) if apart else 1.0
         sizes = {id: size / left for id, size in known.items()} if apart else {}
+        limits = {s.id: s.limit for s in self.smallest}
+        if any(size > limits[id] for id, size in sizes.items()):
+            return Pair((a, b), cosine, False, {}, sizes)
         return Pair((a, b), cosine, apart, sizes)
+
+    def likes(self, *ids: str) -> tuple[tuple[str, str, float], ...]:
+        """Pairs that are not told apart of one of `ids` and an effect that is not among them."""
+        return tuple(p for p in self.pairs() if len({p[0], p[1]} & set(ids)) == 1)
 
     def too_small(
         self, pair: Pair, known: Mapping[str, float]
@@ -185,8 +197,10 @@ class Protocol(Described, Drawable, Tabular):
         return () if after is None else tuple(pair for pair in pairs if pair not in after)
 
     def recommended(self) -> Change | None:
-        """The first of the changes that leave fewest pairs; None where none leaves fewer."""
-        possible = [c for c in self.changes if c.design is not None]
+        """The first of the changes that leave fewest pairs, of those that take no less time; None
+        where none leaves fewer."""
+        longer = [c for c in self.changes if c.duration > 0.99 * self.duration]
+        possible = [c for c in longer if c.design is not None]
         best = min(possible, key=_remaining, default=None)
         if best is None or _remaining(best) >= len(self.design.pairs()):
             return None

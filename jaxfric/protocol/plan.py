@@ -57,6 +57,8 @@ _MOST_ROWS = 65536
 _VELOCITIES, _ROWS = 16, 1024
 _SOLVER_STEPS = 65536
 _UNSEEN = 1e-6
+_MOST_OF_BASE = 10.0
+"""An effect of so many times A or B of the base is none that such friction has."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class _Variant:
     slip_per_step: float
     slip_noise: float | None
     encoder_noise: float | None
+    shapes_of: float | None = None
+    """Slip per step whose lengths and times effects are given, where that is another [m]."""
 
     @property
     def durations(self) -> np.ndarray:
@@ -314,7 +318,8 @@ def _changes(plan: _Variant) -> list[_Variant]:
     after = again[len(V) + (V[-1] != back) :]
     out = []
     for key, text, change in (
-        ("slip_half", "half the slip per step", {"slip_per_step": 0.5 * plan.slip_per_step}),
+        ("slip_half", "half the slip per step",
+         {"slip_per_step": 0.5 * plan.slip_per_step, "shapes_of": plan.slip_per_step}),
         ("slip_x2", "twice the slip per step", {"slip_per_step": 2 * plan.slip_per_step}),
         ("slip_x4", "four times the slip per step", {"slip_per_step": 4 * plan.slip_per_step}),
         ("dwell", f"a slow dwell at {speed_text(dwell)} appended{_then(slow[len(V) + 1 :])}",
@@ -466,7 +471,12 @@ def _named(
     effect = next(e for e in engine.model.effects if e.id == id)
     names = [engine.names[i].split(".")[1] for i in engine.model.amplitudes(id)]
     unit = tidy_unit(parameters(effect)[names[0]].unit_for(setup.planned.friction_unit))
-    possible = [(a, shape) for a, shape in cases if _possible(effect, names[0], a, shape)]
+    limit = math.inf
+    if parameters(effect)[names[0]].unit == "F":
+        limit = _MOST_OF_BASE * max(abs(v) for n, v in setup.values.items() if n[0] in "AB")
+    possible = [
+        (a, shape) for a, shape in cases if a <= limit and _possible(effect, names[0], a, shape)
+    ]
     if not possible:
         least = min((a for a, _ in cases), default=np.inf)
         return Smallest(
@@ -474,7 +484,7 @@ def _named(
         )
     best = min(possible, key=lambda case: case[0])
     worst = max(possible, key=lambda case: case[0])[0]
-    return Smallest(id, tuple(names), unit, best[0], best[1], worst, best[0])
+    return Smallest(id, tuple(names), unit, best[0], best[1], worst, best[0], limit)
 
 
 def _possible(
@@ -487,11 +497,13 @@ def _possible(
 
 
 def _scales(setup: _Setup, variant: _Variant) -> RecordScales:
-    V, durations = np.asarray(variant.velocities), variant.durations
+    slip = variant.shapes_of or variant.slip_per_step
+    V = np.asarray(variant.velocities)
+    durations = slip / V
     return RecordScales(
         slip_length=setup.values["L"],
-        step_slip=variant.slip_per_step,
-        total_slip=variant.slip_per_step * len(V),
+        step_slip=slip,
+        total_slip=slip * len(V),
         slowest=float(V.min()),
         fastest=float(V.max()),
         interval=float(np.median(np.repeat(durations / setup.planned.rows, setup.planned.rows))),

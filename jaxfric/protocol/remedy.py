@@ -25,10 +25,12 @@ class Remedy:
 def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Remedy | None:
     """The cheapest change of a plan by which it tells two effects, of sizes `known` by name (SI).
 
+    Changes that take less time are no remedy: what is seen best is shorter too, in a shorter plan.
     A channel is another instrument: changes without one come first, then the shortest. Where no
     change is enough, that which comes nearest. None where the plan needs none, or none helps.
     """
-    possible = [(c, c.design) for c in plan.changes if c.design is not None]
+    longer = [c for c in plan.changes if c.duration > 0.99 * plan.duration]
+    possible = [(c, c.design) for c in longer if c.design is not None]
     lacks = {c.key: _lack(design, ids, known) for c, design in possible}
     best, design = min(
         possible, key=lambda one: (lacks[one[0].key], _cost(plan, one[0])), default=(None, None)
@@ -43,7 +45,8 @@ def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> 
 
 def shorter(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Change | None:
     """The shortest change of a plan that tells two effects with which they are told in less time,
-    without another channel; None where there is none, and of a plan that does not tell them."""
+    without another channel, about as small, and from all others as before; None where there is
+    none, and of a plan that does not tell them."""
     if _lack(plan.design, ids, known) != _NOTHING:
         return None
     enough = [
@@ -53,10 +56,24 @@ def shorter(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) ->
         and _cost(plan, change)[0] == 0
         and change.duration < plan.duration
         and _lack(change.design, ids, known) == _NOTHING
+        and _as_good(change.design, plan.design, ids)
     ]
     return min(enough, key=lambda change: change.duration, default=None)
 
 
+def _as_good(design: Design, plan: Design, ids: tuple[str, str]) -> bool:
+    """Whether a design tells two effects about as small as a plan does, at the shape that is seen
+    best and at the worst, and likens them to no other."""
+    if {p[:2] for p in design.likes(*ids)} - {p[:2] for p in plan.likes(*ids)}:
+        return False
+    own, other = design.pair(*ids).sizes, plan.pair(*ids).sizes
+    worst = [{s.id: s.worst or 0.0 for s in d.smallest} for d in (design, plan)]
+    return all(
+        own[id] <= _ABOUT * other[id] and worst[0][id] <= _ABOUT * worst[1][id] for id in other
+    )
+
+
+_ABOUT = 1.25
 _NOTHING = (0, 1.0)
 
 
@@ -65,7 +82,7 @@ def _lack(design: Design, ids: tuple[str, str], known: Mapping[str, float]) -> t
     must be; else how alike the two are, more where one is not seen at all."""
     pair = design.pair(*ids)
     if not pair.apart:
-        return (2, 0.0) if pair.cosine is None else (1, pair.cosine)
+        return (2, 0.0) if pair.cosine is None else (1, 1.0 if pair.needed else pair.cosine)
     times = [pair.sizes[s.id] / max(size, 1e-300) for s, size in design.too_small(pair, known)]
     return 0, max([1.0, *times])
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,19 +104,37 @@ def _planned(plan: Protocol, change: Change) -> list[str]:
     return [steps, *noise, f"{_duration(change.duration)} in all"]
 
 
+def _other_likes(plan: Protocol, pair: Pair) -> str:
+    """That one of two effects is easily taken for a third, in this plan."""
+    told: dict[str, list[str]] = {}
+    for one, other, value in plan.design.likes(*pair.ids):
+        own, third = (one, other) if one in pair.ids else (other, one)
+        told.setdefault(own, []).append(f"{third} ({_cosine(value)})")
+    words = [f"{own} from {listed(thirds, 'or')}" for own, thirds in told.items()]
+    return f"; but not {' nor '.join(words)}" if words else ""
+
+
 def _named_from(plan: Protocol, pair: Pair) -> str:
     """From which sizes on one of two effects is named as one of them, where these are others."""
     least = {s.id: s.amplitude for s in plan.design.smallest if s.amplitude is not None}
     least = {id: least[id] for id in pair.sizes}
     if pair.cosine is None or all(1.01 * least[id] > size for id, size in pair.sizes.items()):
         return ""
-    sizes = _from_sizes(plan.design, replace(pair, sizes=least))
+    known = {s.id: s for s in plan.design.smallest}
+    sizes = " or ".join(_size(known[id], size) for id, size in least.items())
     return f" (one of the two is named from {sizes} on)"
 
 
 def _from_sizes(design: Design | None, pair: Pair) -> str:
     smallest = {s.id: s for s in design.smallest} if design else {}
-    return " or ".join(_size(smallest[id], size) for id, size in pair.sizes.items())
+    sizes = (pair.sizes or pair.needed).items()
+    return " or ".join(_size(smallest[id], size) + _at(smallest[id]) for id, size in sizes)
+
+
+def _at(s: Smallest) -> str:
+    """The shape at which an effect is seen best."""
+    shape = ", ".join(_shape(s.id, name, value) for name, value in s.shape.items())
+    return f" at {shape}" if shape else ""
 
 
 def _answered(plan: Protocol, pair: Pair) -> str:
@@ -126,10 +143,16 @@ def _answered(plan: Protocol, pair: Pair) -> str:
     if pair.apart:
         how = "" if pair.cosine is None else f" (|cosine| {_cosine(pair.cosine)})"
         sizes = f"from {_from_sizes(plan.design, pair)} on"
-        return f"yes: this plan tells {a} from {b}{how}, {sizes}{_named_from(plan, pair)}"
+        others = _other_likes(plan, pair)
+        return f"yes: this plan tells {a} from {b}{how}, {sizes}{_named_from(plan, pair)}{others}"
     if pair.cosine is None:
         unseen = [id for id in pair.ids if id in plan.design.unseen()]
         return f"no: this plan does not see {' and '.join(unseen)}, whatever the size"
+    if pair.needed:
+        return (
+            f"no: this plan would tell {a} from {b} only from {_from_sizes(plan.design, pair)} on,"
+            " and no effect is ten times as large as A and B of the base"
+        )
     alike = f"|cosine| {_cosine(pair.cosine)}, above {ALIAS:g}"
     return f"no: this plan cannot tell {a} from {b}: {alike}"
 
