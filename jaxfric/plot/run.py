@@ -189,13 +189,7 @@ def rates_figure(run: RunFit) -> Figure:
             whole_numbers(axis, "x", most=4, least=_LEAST)
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].set_ylabel("A − B (bars: 95 %)")
-    if len(pairs):  # a step that tells little must not hide what others tell
-        bars = 1.96 * pairs[:, 1]
-        told = bars <= _LONG * np.median(bars)
-        ends = np.concatenate([(pairs[:, 0] - bars)[told], (pairs[:, 0] + bars)[told]])
-        room = 0.08 * np.ptp(ends) + 1e-12
-        axes[0].set_ylim(ends.min() - room, ends.max() + 2 * room)
-        whole_numbers(axes[0], "y", least=_LEAST)
+    _fill(axes[0], pairs)
     figure.legend(
         *axes[0].get_legend_handles_labels(), loc="outside upper right", ncol=2, frameon=False
     )
@@ -204,6 +198,19 @@ def rates_figure(run: RunFit) -> Figure:
     words = "all above 0: velocity strengthening" if low > 0 else words
     axes[0].set_title(words, loc="left", fontsize=8.5)  # within, it would lie on the line of 0
     return figure
+
+
+def _fill(axis: Axes, pairs: np.ndarray) -> None:
+    """Limits in which pairs (n, 2) of a value and its error fill an axis."""
+    if not len(pairs):
+        return
+    # a step that tells little must not hide what others tell
+    bars = 1.96 * pairs[:, 1]
+    told = bars <= _LONG * np.median(bars)
+    ends = np.concatenate([(pairs[:, 0] - bars)[told], (pairs[:, 0] + bars)[told]])
+    room = 0.08 * np.ptp(ends) + 1e-12
+    axis.set_ylim(ends.min() - room, ends.max() + 2 * room)
+    whole_numbers(axis, "y", least=_LEAST)
 
 
 def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> None:
