@@ -23,7 +23,10 @@ def step(number, values, covariance, after=1e-5, position=0.0, stress=None, dete
     }
     estimates["f0"] = SimpleNamespace(value=0.6, std=1e-4, determined=True, free=True, unit="1")
     fit = SimpleNamespace(free=FREE, parameters=estimates, covariance=full, converged=True)
-    fit.residual, fit.record = np.zeros(40), SimpleNamespace(relative_time=np.arange(40.0))
+    fit.residual, fit.rms = np.zeros(40), 1e-4
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(40)
+    fit.record = SimpleNamespace(relative_time=np.arange(40.0), friction=noise)
+    fit.A_minus_B = SimpleNamespace(determined=determined)
     fit.noise = SimpleNamespace(sigma=1e-4, glitches=SimpleNamespace(rows=()))
     fit.steps, fit.model = SimpleNamespace(times=[0.0, 9.0]), SimpleNamespace(slip_trend=False)
     event = SimpleNamespace(before=after / 10, after=after, normal_stress=stress)
@@ -146,7 +149,7 @@ def test_steps_that_differ_on_no_line_are_not_told_to_depend_on_nothing():
     assert second.startswith("they differ by more than their errors, and neither A, A-B nor L")
     assert "along a line with velocity (p > .05 among the 3 lines" in second
     made[2].fit.residual[20:25] = -5e-4
-    assert "of these, step 3: the fit misses a part of the record" in told(made)[1]
+    assert "of these, step 3: the fit does not describe the step" in told(made)[1]
     (shared,) = [line for line in told(steps(np.random.default_rng(7), 8)) if "of A, A-B" in line]
     assert shared == "no dependence of A, A-B or L on velocity is seen (p > .05)"
 
@@ -197,9 +200,28 @@ def test_steps_up_and_down_lie_on_one_line_of_velocity():
     assert found.slope == pytest.approx(2 * b, rel=1e-9)
 
 
+def test_a_dependence_rests_on_no_fit_that_does_not_describe_its_step():
+    """Eight steps, one of which is missed: it has no say."""
+    made = steps(np.random.default_rng(7), 8)
+    assert {d.freedom for d in dependences(made)} == {6}
+    made[7].fit.residual[20:25] = -5e-4
+    assert {d.freedom for d in dependences(made)} == {5}
+    (line,) = [text for text in told(made) if text.startswith("A-B against velocity")]
+    assert "of steps 1, 2, 3, 4, 5, 6, 7: " in line
+
+
+def test_a_step_has_a_say_on_a_b_where_it_determines_that_alone():
+    made = steps(np.random.default_rng(7), 5)
+    made[1].fit.parameters["L"].determined = False
+    found = {d.quantity: d.freedom for d in dependences(made)}
+    assert found == {"A": 3, "A-B": 3, "ln L": 2}
+    made[2].fit.A_minus_B.determined = False
+    assert {d.quantity: d.freedom for d in dependences(made)}["A-B"] == 2
+
+
 def test_why_a_line_with_velocity_is_not_asked():
     made = steps(np.random.default_rng(7), 5)
-    assert "not asked, A, B and L of 3 steps are determined, and 4 are" in told(made[:3])[-1]
+    assert "not asked, A-B of 3 steps is determined by a fit without a star" in told(made[:3])[-1]
     alike = steps(np.random.default_rng(7), 5, along="position")
     (line,) = [text for text in told(alike) if text.startswith("A-B against velocity: ")]
     assert line.endswith("not asked, the mean velocities of the steps are about one")

@@ -68,8 +68,8 @@ def run_of(*fits):
     ("off", "words"),
     [
         ((4.4, -4.4), "2 of 2 velocity steps fitted"),
-        ((4.4, -4.6), "2 of 2 velocity steps fitted; 1 fit misses a part of the record (*)"),
-        ((5.5, 34.0, None), "2 of 3 velocity steps fitted; 2 fits miss a part of the record (*)"),
+        ((4.4, -4.6), "2 of 2 velocity steps fitted; 1 fit does not describe the step (*)"),
+        ((5.5, 34.0, None), "2 of 3 velocity steps fitted; 2 fits do not describe the step (*)"),
     ],
 )
 def test_the_headline_counts_the_stars_of_the_table(off, words):
@@ -88,7 +88,7 @@ def test_the_headline_says_nothing_of_noise(times):
     run = run_of(left(times), left(times, off=5.5))
     words = headline(run)
     starred = sum(text_cells(step)[-1].endswith("*") for step in run.steps)
-    assert words == "2 of 2 velocity steps fitted; 1 fit misses a part of the record (*)"
+    assert words == "2 of 2 velocity steps fitted; 1 fit does not describe the step (*)"
     assert starred == 1 and "noise" not in words
     assert "misfit: " in MISFIT and "about 1 where that is noise" in MISFIT
     assert "above 1 also where noise is correlated" in MISFIT
@@ -151,6 +151,16 @@ def test_what_is_missed_is_told_with_where_it_is(off, at, words):
     assert missed_warning(replace(left(off=off, at=at), converged=False)) == ()
 
 
+def test_columns_stand_apart_with_two_states():
+    """Two Bs and two Ls, in a cell each, are wider than a column of one."""
+    values = VALUES | {"B2": 0.00108, "L2": 5e-5}
+    fit = fit_of(values, covariance_of(values, 0.05), states=2)
+    lines = text_lines(run_of(fit, None))
+    cells = text_cells(run_of(fit).steps[0])
+    assert all(f"  {cell}" in f"  {lines[1]}" for cell in cells[4:])
+    assert len(lines[0]) == len(lines[1]) and lines[2].endswith("  few")
+
+
 def test_steps_that_are_missed_are_told_once_and_what_asks_on():
     """Each with by how much, in the order of the steps; a fit with a trend is asked otherwise."""
     told = importlib.import_module("jaxfric.cli.run")._warnings
@@ -158,9 +168,8 @@ def test_steps_that_are_missed_are_told_once_and_what_asks_on():
     (line,) = [text for text in told(run, HowFitted()) if "miss" in text.partition(":")[2]]
     assert line.startswith("step 1, 3: these fits miss a part of their records by 11 and 6 times")
     assert "they may take a drift for evolution (--slip-trend)" in line
-    assert ask_on(run) == (
-        "fit again with a drift of friction with slip, which step 1, 3 (*) may take for evolution"
-    )
+    assert ask_on(run).startswith("fit again with a drift of friction with slip, or with a second")
+    assert "(--states 2): step 1, 3 (*) may take either for evolution" in ask_on(run)
     trend = left(off=11.0, slip_trend=True)
     assert ask_on(run_of(left(), trend)) == "ask what the model of step 2 (*) lacks"
     assert ask_on(run_of(left(), None)) == "" and missed_warning_of([]) == ()
@@ -192,7 +201,7 @@ def test_the_misfit_of_all_steps_is_told_once_with_the_trend_that_may_be_it():
     """A long evolution may take up a drift, so that what is left does not wander."""
     told = importlib.import_module("jaxfric.cli.run")._warnings
     run = run_of(left(1.0), left(2.24), left(10.0, off=7.0), None)
-    missed, failed, drift, text = told(run, HowFitted())
+    missed, failed, text, drift = told(run, HowFitted())
     assert missed.startswith("step 3: the fit misses its record") and failed == "step 4: few"
     assert drift == "step 1, 2, 3: a drift"
     assert text.startswith("step 2, 3: the fit leaves 2.2 to 10 times the scatter")

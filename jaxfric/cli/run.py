@@ -325,17 +325,24 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
 
 def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     """What the fits warn of, with the numbers of the steps of each warning."""
-    from ..fitting.misfit import is_of_misfit, misfit_warning_of, missed_warning_of
+    from ..fitting.drift import drift_warning_of, is_of_drift
+    from ..fitting.misfit import (
+        is_of_misfit,
+        misfit_warning_of,
+        missed_warning,
+        missed_warning_of,
+    )
     from ..runs.fits import by_step
-    from ..runs.table import misses
 
     fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
-    missed = [(step.number, step.fit) for step in result.steps if step.fit and misses(step)]
+    missed = [(n, fit) for n, fit in fits if missed_warning(fit)]
     said = [(n, text) for text in missed_warning_of([fit for _, fit in missed]) for n, _ in missed]
     said += [(step.number, step.failed) for step in result.steps if step.fit is None]
-    said += [(n, text) for n, fit in fits for text in fit.warnings if not is_of_misfit(text)]
-    left = [(n, fit) for n, fit in fits if any(map(is_of_misfit, fit.warnings))]
-    said += [(n, text) for text in misfit_warning_of([fit for _, fit in left]) for n, _ in left]
+    for is_of, warning_of in ((is_of_drift, drift_warning_of), (is_of_misfit, misfit_warning_of)):
+        some = [(n, fit) for n, fit in fits if any(map(is_of, fit.warnings))]
+        said += [(n, text) for text in warning_of([fit for _, fit in some]) for n, _ in some]
+    rest = [(n, text) for n, fit in fits for text in fit.warnings]
+    said += [(n, text) for n, text in rest if not (is_of_misfit(text) or is_of_drift(text))]
     told = by_step(said)
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]

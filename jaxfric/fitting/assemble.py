@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from ..records import Record, VelocitySteps
 from ..units import format_si, read_as
+from .drift import drift_warning
 from .misfit import misfit_warning
 from .noise import Noise
 from .noise_estimate import noise_estimate, noise_words
@@ -235,7 +236,10 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
             f"{'before' if sigmas < 0 else 'after'} the time that the load point shows: "
             "the stiffness may be wrong, the step not sharp, or something lags"
         )
-    said += edge_warnings(fit.parameters["K"].value, fit.critical_stiffness())
+    said += [
+        *edge_warnings(fit.parameters["K"].value, fit.critical_stiffness()),
+        *drift_warning(fit),
+    ]
     return dataclasses.replace(fit, warnings=(*said, *misfit_warning(fit)))
 
 

@@ -7,7 +7,9 @@ import numpy as np
 
 from ..units import factor, format_si, read_as
 from .derived import SAMPLES
+from .drift import drift_warning
 from .estimate import Estimate
+from .misfit import misfit_warning
 from .noise_estimate import NoiseEstimate
 from .problem import quantity_of
 from .result import Fit
@@ -159,9 +161,18 @@ def _stability(fit: Fit) -> list[str]:
     if claim.kind == "free":
         return [
             "velocity strengthening (A > B by more than two standard errors): steady sliding is"
-            f" stable at any stiffness, from {low} to {high}"
+            f" stable at any stiffness, from {low} to {high}{_if_the_model_holds(fit)}"
         ]
     return [f"nothing is said of stability: {'; '.join(claim.reasons)}"]
+
+
+def _if_the_model_holds(fit: Fit) -> str:
+    """A caveat where a fit misses more than noise, which its errors do not count."""
+    left, drifts = misfit_warning(fit), drift_warning(fit)
+    if not (left or drifts):
+        return ""
+    what = "leaves more than the scatter of neighbouring rows" if left else "lacks a drift"
+    return f"; only if the model holds, which {what} (see the warnings): its errors count noise"
 
 
 def _critical(fit: Fit) -> list[str]:

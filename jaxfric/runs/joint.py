@@ -24,10 +24,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..fitting import Fit
-from ..fitting.misfit import missed_warning
 from .events import mean_velocity
 from .fits import StepFit
-from .table import difference, measured
+from .table import difference, measured, misses
 from .weighted import weighted_line
 
 _FEWEST = 4
@@ -172,25 +171,14 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
 
     Fewer than four steps, or a side that does not change, answer nothing.
     """
-    known = [step for step in steps if is_known(step)]
-    if len(known) < _FEWEST:
-        return []
-    speeds = [np.log10(mean_velocity(s.event)) for s in known]
-    sides = [
-        ("velocity", "decade of velocity", speeds, _DECADES),
-        ("displacement", "mm of load-point displacement", [1e3 * s.position for s in known], 1e-9),
-    ]
-    stresses = [s.event.normal_stress for s in known]
-    if all(stress is not None for stress in stresses):
-        levels = [stress / 1e6 for stress in stresses if stress is not None]
-        sides.append(("normal stress", "10 MPa of normal stress", [x / 10 for x in levels], None))
     found = []
-    freedom = len(known) - 2
-    for along, unit, places, least in sides:
-        x = np.array(places)
-        if np.ptp(x) <= (0.02 * np.abs(x).max() if least is None else least):
+    for quantity in ("A", "A-B", "ln L"):
+        known = _asked(steps, quantity)
+        if len(known) < _FEWEST:
             continue
-        for quantity, (y, error) in _quantities(known).items():
+        y, error = _quantity(known, quantity)
+        freedom = len(known) - 2
+        for along, unit, x in _sides(known):
             line = weighted_line(x, y, error)
             p = _chance(line.slope, line.error, freedom)
             found.append(Dependence(quantity, along, unit, line.slope, line.error, p, freedom, 1))
@@ -198,18 +186,59 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
     return [replace(d, p=min(1.0, count * d.p), questions=count) for d in found]
 
 
-def _quantities(known: Sequence[StepFit]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """A, A-B and the logarithm of L (the first) of the steps, with their errors."""
+def _sides(known: Sequence[StepFit]) -> list[tuple[str, str, np.ndarray]]:
+    """What changes among steps: its name, the unit of a slope along it, and where each step is."""
+    speeds = [np.log10(mean_velocity(s.event)) for s in known]
+    sides: list[tuple[str, str, np.ndarray, float | None]] = [
+        ("velocity", "decade of velocity", np.array(speeds), _DECADES),
+        (
+            "displacement",
+            "mm of load-point displacement",
+            np.array([1e3 * s.position for s in known]),
+            1e-9,
+        ),
+    ]
+    stresses = [s.event.normal_stress for s in known]
+    if all(stress is not None for stress in stresses):
+        levels = np.array([stress / 1e7 for stress in stresses if stress is not None])
+        sides.append(("normal stress", "10 MPa of normal stress", levels, None))
+    return [
+        (along, unit, x)
+        for along, unit, x, least in sides
+        if np.ptp(x) > (0.02 * np.abs(x).max() if least is None else least)
+    ]
+
+
+def _asked(steps: Sequence[StepFit], quantity: str) -> list[StepFit]:
+    """Steps that determine a quantity, by fits that describe them."""
+    return [step for step in steps if not misses(step) and _has(step, quantity)]
+
+
+def _has(step: StepFit, quantity: str) -> bool:
+    """Whether the fit of a step determines A, A-B or its (first) L."""
+    fit = step.fit
+    if fit is None or not fit.converged:
+        return False
+    if quantity == "A-B":
+        return fit.A_minus_B.determined and bool(np.isfinite(difference(fit)).all())
+    estimate = fit.parameters["A" if quantity == "A" else _first_length(fit)]
+    return estimate.determined and bool(np.isfinite([estimate.value, estimate.std]).all())
+
+
+def _first_length(fit: Fit) -> str:
+    return next(n for n in names_of(fit) if n[0] == "L")
+
+
+def _quantity(known: Sequence[StepFit], quantity: str) -> tuple[np.ndarray, np.ndarray]:
+    """A, A-B or the logarithm of L (the first) of the steps, with their errors."""
     fits = [step.fit for step in known if step.fit is not None]
-    A = np.array([(f.parameters["A"].value, f.parameters["A"].std) for f in fits])
-    both = np.array([difference(f) for f in fits])
-    first = next(n for n in names_of(fits[0]) if n[0] == "L")
-    L = np.array([(f.parameters[first].value, f.parameters[first].std) for f in fits])
-    return {
-        "A": (A[:, 0], A[:, 1]),
-        "A-B": (both[:, 0], both[:, 1]),
-        "ln L": (np.log(L[:, 0]), L[:, 1] / L[:, 0]),
-    }
+    if quantity == "A-B":
+        both = np.array([difference(f) for f in fits])
+        return both[:, 0], both[:, 1]
+    names = ["A" if quantity == "A" else _first_length(f) for f in fits]
+    found = [f.parameters[n] for f, n in zip(fits, names, strict=True)]
+    y, error = np.array([(e.value, e.std) for e in found]).T
+    return (y, error) if quantity == "A" else (np.log(y), error / y)
 
 
 def told(steps: Sequence[StepFit]) -> list[str]:
@@ -233,11 +262,11 @@ def told(steps: Sequence[StepFit]) -> list[str]:
         )
     else:
         lines[0] += f" (p = {shared.p:.2g} that they do)"
-    missed = [s for s in steps if s.number in shared.steps and s.fit and missed_warning(s.fit)]
+    missed = [s for s in steps if s.number in shared.steps and misses(s)]
     if missed:
         lines.append(
-            f"of these, step {', '.join(str(s.number) for s in missed)}: the fit misses a part of"
-            " the record (*), so what differs need not be friction"
+            f"of these, step {', '.join(str(s.number) for s in missed)}: the fit does not describe"
+            " the step (*), so what differs need not be friction"
         )
     answers = dependences(steps)
     lines.append(_of_velocity(steps, answers))
@@ -258,7 +287,7 @@ def told(steps: Sequence[StepFit]) -> list[str]:
 
 def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str:
     """Whether A-B depends on velocity, or why that is not asked."""
-    numbers = [str(step.number) for step in steps if is_known(step)]
+    numbers = [str(step.number) for step in _asked(steps, "A-B")]
     for answer in answers:
         if _is_of_velocity(answer):
             which = f"of steps {', '.join(numbers)}"
@@ -266,7 +295,7 @@ def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str
     known = len(numbers)
     why = "the mean velocities of the steps are about one"
     if known < _FEWEST:
-        why = f"A, B and L of {known} steps are determined, and {_FEWEST} are needed"
+        why = f"A-B of {known} steps is determined by a fit without a star, {_FEWEST} are needed"
     return f"A-B against velocity: not asked, {why}"
 
 

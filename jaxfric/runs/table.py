@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..fitting import Estimate, Fit
+from ..fitting.drift import is_contradicted
 from ..fitting.misfit import COLUMN, MISSED, excess, missed_warning
 from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
@@ -22,10 +23,11 @@ _UNITS = {"L": "um", "K": "1/um", "slip_trend": "1/mm"}
 
 BRACKETS = "in brackets: one standard error, in units of the last digit"
 """What `measured` writes, for a note."""
-MISFIT = (
-    f"{COLUMN}; *: it misses a part of its record by more than {MISSED:g} times the noise, so A, B"
-    " and L need not be those of the step"
+_STAR = (
+    f"misses a part of its record by more than {MISSED:g} times the noise, or has a trend that the"
+    " rows before the step do not have"
 )
+MISFIT = f"{COLUMN}; *: the fit {_STAR}, so A, B and L need not be those of the step"
 """What the column of that name is, for a note."""
 _LARGE = 3
 """An error of 10 to this power or more, and its value, are written with an exponent."""
@@ -179,14 +181,18 @@ def latex_text(run: RunFit) -> str:
         lines.append(" & ".join(cells) + r" \\")
     lines.append(r"\bottomrule")
     if any(map(misses, run.steps)):
-        words = rf"$^\dagger$ misses a part of its record by more than {MISSED:g} times the noise"
+        words = rf"$^\dagger$ the fit {_STAR}"
         lines.append(rf"\multicolumn{{8}}{{l}}{{\footnotesize {words}}} \\")
     return "\n".join([*lines, r"\end{tabular}", ""])
 
 
 def misses(step: StepFit) -> bool:
-    """Whether a step has a fit that misses a part of its record."""
-    return step.fit is not None and bool(missed_warning(step.fit))
+    """Whether a step has a fit whose parameters need not be those of the step: it misses a part of
+    its record, or has a slip trend that the rows before do not have."""
+    fit = step.fit
+    if fit is None or not fit.converged:
+        return False
+    return bool(missed_warning(fit)) or is_contradicted(fit)
 
 
 def headline(run: RunFit) -> str:
@@ -195,8 +201,8 @@ def headline(run: RunFit) -> str:
     words = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
     if not (missed := sum(map(misses, fitted))):
         return words
-    fits = f"{missed} fit misses" if missed == 1 else f"{missed} fits miss"
-    return f"{words}; {fits} a part of the record (*)"
+    fits = f"{missed} fit does" if missed == 1 else f"{missed} fits do"
+    return f"{words}; {fits} not describe the step (*)"
 
 
 def ask_on(run: RunFit) -> str:
@@ -211,7 +217,11 @@ def ask_on(run: RunFit) -> str:
     which = f"step {', '.join(map(str, fits))} (*)"
     if any(fit.model.slip_trend for fit in fits.values()):
         return f"ask what the model of {which} lacks"
-    return f"fit again with a drift of friction with slip, which {which} may take for evolution"
+    return (
+        "fit again with a drift of friction with slip, or with a second state (--states 2):"
+        f" {which} may take either for evolution. Whether a drift is right the rows before a step"
+        " tell"
+    )
 
 
 def _estimate(estimate: Estimate) -> str:
@@ -262,8 +272,14 @@ def text_cells(step: StepFit) -> tuple[str, ...]:
 
 def text_lines(run: RunFit) -> list[str]:
     """The table for a terminal, a line a step."""
-    widths = (4, 11, 16, 21, 14, 14, 13, 14, 9)
     lines = [HEAD, *(text_cells(step) for step in run.steps)]
+    whole = [cells for cells in lines if len(cells) == len(HEAD)]
+    least = (4, 11, 16, 21, 14, 14, 13, 14, 9)  # two spaces, where that is more
+    widths = [
+        max(w, *(2 + len(c) for c in column))
+        for w, column in zip(least, zip(*whole, strict=True), strict=True)
+    ]
+    widths[0] = least[0]
     out = []
     for cells in lines:
         if len(cells) < len(HEAD):  # a sentence, however long

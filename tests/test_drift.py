@@ -1,0 +1,94 @@
+"""Friction that drifts before a velocity step as the fitted model does not: a line by SciPy, and
+how often noise alone is taken for one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import linregress
+from test_derived import VALUES, covariance_of, fit_of
+
+from jaxfric import VelocitySteps, from_arrays
+from jaxfric.fitting.drift import drift_before, drift_warning
+from jaxfric.fitting.table import summary
+
+STEPS = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))
+TIME = np.linspace(0.0, 50.0, 800)
+NOISE = 1e-4
+
+
+def drifting(per_mm, noise, *, steps=STEPS, trend=None, share=0.02):
+    """A fit whose record drifts before the step and after it as its model does not, by so much."""
+    values = VALUES if trend is None else VALUES | {"slip_trend": 1e3 * trend}
+    x = steps.displacement(TIME)
+    record = from_arrays(TIME, 0.6 + 1e3 * per_mm * x + noise, load_point_displacement=x)
+    fit = fit_of(values, covariance_of(values, share))
+    model = fit.model._replace(slip_trend=trend is not None)
+    return replace(fit, record=record, steps=steps, predicted=np.full(800, 0.6), model=model)
+
+
+def alike(rng, memory):
+    """Noise that is alike over so many rows."""
+    rho = np.exp(-1 / memory) if memory else 0.0
+    white = rng.standard_normal(1000) * np.sqrt(1 - rho**2)
+    return NOISE * lfilter([1.0], [1.0, -rho], white)[200:]
+
+
+def test_a_drift_is_the_line_through_means_of_the_rows_before_the_step():
+    noise = alike(np.random.default_rng(1), 0)
+    found = drift_before(drifting(0.02, noise))
+    x, f = STEPS.displacement(TIME), 1e3 * 0.02 * STEPS.displacement(TIME) + noise
+    before = np.flatnonzero(TIME < 20.0)
+    u, y = ([values[k].mean() for k in np.array_split(before, 8)] for values in (x, f))
+    line = linregress(u, y)
+    assert found.slope == pytest.approx(line.slope) and found.error == pytest.approx(line.stderr)
+    assert found.p == pytest.approx(line.pvalue)
+    assert found.shift == pytest.approx(line.slope * 300e-6 / np.log(10), rel=0.01)
+
+
+@pytest.mark.parametrize("memory", [0, 3, 10])
+def test_noise_is_seldom_taken_for_a_drift(memory):
+    """Of 3000 fits without any 3 are meant at p < .001; noise alike over ten of 40 rows: more."""
+    rng = np.random.default_rng(memory)
+    found = [drift_before(drifting(0.0, alike(rng, memory))).p for _ in range(1000)]
+    assert np.mean(np.array(found) < 0.001) <= 0.006
+    assert np.mean(np.array(found) < 0.05) <= 0.12
+
+
+@pytest.mark.parametrize(
+    ("per_mm", "share", "trend", "words"),
+    [
+        (0.02, 0.02, None, ["changes by +0.02 ", "where the model is steady", "--slip-trend"]),
+        (-0.02, 0.02, None, ["changes by -0.02 "]),
+        (0.0, 0.02, None, []),
+        (0.02, 0.9, None, []),  # less than the error of A-B
+        (0.02, 0.02, 0.01, ["changes by +0.03 ", "not by the +0.01 of the fitted", "A-B with it"]),
+        (0.0, 0.02, 0.01, []),
+    ],
+)
+def test_what_is_told_of_a_drift(per_mm, share, trend, words):
+    noise = 0.02 * alike(np.random.default_rng(2), 0)
+    fit = drifting(per_mm, noise, trend=trend, share=share)
+    said = drift_warning(fit)
+    assert bool(said) == bool(words) and all(word in said[0] for word in words)
+    assert drift_warning(replace(fit, converged=False)) == ()
+
+
+def test_a_fit_without_rows_before_a_step_is_not_asked():
+    noise = np.zeros(800)
+    early = VelocitySteps(np.array([0.0, 1.0]), np.array([1e-6, 1e-5]))
+    hold = VelocitySteps(np.array([0.0, 20.0]), np.array([0.0, 1e-5]))
+    one = VelocitySteps(np.array([0.0]), np.array([1e-6]))
+    assert all(drift_before(drifting(0.02, noise, steps=s)) is None for s in (early, hold, one))
+
+
+@pytest.mark.parametrize(("per_mm", "told"), [(0.02, True), (0.0, False)])
+def test_stability_by_a_fit_that_lacks_a_drift_has_a_caveat(per_mm, told):
+    """A - B above 0 by the fit: at any stiffness, if the model holds."""
+    values = VALUES | {"A": 0.02}
+    fit = drifting(per_mm, alike(np.random.default_rng(2), 0))
+    strong = fit_of(values, covariance_of(values, 0.01))
+    fit = replace(fit, parameters=strong.parameters, covariance=strong.covariance, rms=NOISE)
+    (line,) = [text for text in summary(fit) if "strengthening" in text]
+    assert ("only if the model holds" in line) == told
