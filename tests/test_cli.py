@@ -32,7 +32,8 @@ from jaxfric.cli.folder import NOTES, Folder
 from jaxfric.cli.told import doing, told
 from jaxfric.fitting.misfit import is_of_misfit, misfit_warning
 
-FILES = ["fit.json", "fit.png", "fit.svg"]
+NUMBERS = ["fit.json", "table.csv", "table.tex"]
+FILES = sorted([*NUMBERS, "fit.png", "fit.svg"])
 
 
 @pytest.fixture(autouse=True)
@@ -193,7 +194,7 @@ def test_json_is_alone_on_stdout_and_a_rerun_replaces() -> None:
     assert code == 0
     assert err == "jaxfric: replaced in run-fit: fit.png, written by an unknown command\n"
     assert strict_json(out) == strict_json(Path("run-fit/fit.json").read_text())
-    assert names("run-fit") == [*FILES, "notes.txt"]
+    assert names("run-fit") == sorted([*FILES, "notes.txt"])
     assert Path("run-fit/fit.png").read_bytes().startswith(b"\x89PNG")
     assert Path("run-fit/fit.svg").read_text().lstrip().startswith("<?xml")
     assert Path("run-fit/notes.txt").read_text() == "mine"
@@ -313,7 +314,7 @@ def test_an_interrupt_at_a_figure_keeps_the_numbers(
     assert ended.value.code == 130
     told = "jaxfric: interrupted at the figure; the numbers are in run-fit/\n"
     assert without_beats(capsys.readouterr().err) == told
-    assert names("run-fit") == ["fit.json"]
+    assert names("run-fit") == NUMBERS
 
 
 def test_an_interrupt_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -387,9 +388,9 @@ def test_a_full_disk_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> N
     assert names(".") == ["run.csv"]
     broken_figure(monkeypatch, OSError(28, "No space left on device"))
     code, out, err = run("fit", "run.csv", *STIFFNESS)
-    assert code == 1 and "written: run-fit/fit.json\n" in out and err.count("\n") == 1
+    assert code == 1 and f"written: run-fit/{', '.join(NUMBERS)}\n" in out and err.count("\n") == 1
     assert "warning: the figure was not drawn: cannot write" in err and "No space left" in err
-    assert names("run-fit") == ["fit.json"]
+    assert names("run-fit") == NUMBERS
 
 
 def test_a_fault_of_the_program_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -386,9 +386,7 @@ def test_the_page_opens_with_what_it_means_and_what_to_do_next(verdict: str) -> 
     certain = verdict in ("no_missing_effect", "effects", "ambiguous")
     assert ("jaxfric gains --from loop.json" in opening) == certain
     assert ("jaxfric predict loop.json" in opening) == certain
-    open_ = (
-        "It has what is known to tell time_drift from slip_trend: a dwell. Beside it: a zero-load"
-    )
+    open_ = "known to tell time_drift from slip_trend: a dwell. Not in this run: a zero-load"
     assert (open_ in opening) == (verdict == "ambiguous")
     lines = [step.command for step in next_steps(loop) if step.command]
     for line in lines:
@@ -459,7 +457,7 @@ BACK = "It begins with this record's velocities: of what is missing, what comes 
         (of_rock([SECOND, DRIFT], "outside_catalogue"), "2, 20, 2, 20, 2, 0.6667", [
             "with the first repeated at the end, then 20, 2 µm/s and a slow dwell at 0.6667 µm/s",
             "second_state from thermal or run_in: up and down steps; time_drift from run_in or gain"
-            ": a dwell.", "Beside it: longer than 3 L2 (second_state); a zero-load baseline (",
+            ": a dwell.", "Not in this run: longer than 3 L2 (second_state); a zero-load base",
             BACK,
         ], ["time from slip"]),
         (of_rock([SECOND], "outside_catalogue", True), "2, 20, 2, 20, 2, 0.6667",
@@ -467,8 +465,8 @@ BACK = "It begins with this record's velocities: of what is missing, what comes 
         (of_rock([("time_drift", "slip_trend")], "ambiguous", True), "2, 20, 0.6667, 2, 20",
          ["tells time from slip"], [BACK]),
         (of_rock([("stribeck", "viscous"), ("slip_trend", "gain"), ("viscous", "gain")],
-         "outside_catalogue"), "2, 20, 200, 2, 20, 0.6667", ["Beside it: four velocities around Vs"
-         " (stribeck); different velocities at equal slip (slip_trend).", BACK], []),
+         "outside_catalogue"), "2, 20, 200, 2, 20, 0.6667", ["Not in this run: four velocities ar"
+         "ound Vs (stribeck); different velocities at equal slip (slip_trend).", BACK], []),
     ],
 )  # fmt: skip
 def test_one_run_has_all_that_is_asked_for(loop, speeds, words, not_words) -> None:
@@ -490,10 +488,10 @@ def test_one_run_has_all_that_is_asked_for(loop, speeds, words, not_words) -> No
 @pytest.mark.parametrize(
     ("length", "words", "not_words"),
     [
-        (0.0, "Beside it: longer than 3 L2 (second_state).", "steps of 4 L2"),
+        (0.0, "Not in this run: longer than 3 L2 (second_state).", "steps of 4 L2"),
         (3000.0, "up and down steps, longer than 3 L2.", "steps of 4 L2"),
-        (4000.0, "and steps of 4 L2, 1.6e+04 µm each.", "Beside it"),
-        (60000.0, "Beside it: longer than 3 L2 (second_state).", "steps of 4 L2"),
+        (4000.0, "and steps of 4 L2, 1.6e+04 µm each.", "Not in this run"),
+        (60000.0, "Not in this run: longer than 3 L2 (second_state).", "steps of 4 L2"),
     ],
 )
 def test_steps_are_said_to_be_long_enough_where_they_are(length, words, not_words) -> None:

@@ -92,10 +92,11 @@ def fit(
 ) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
-    Writes fit.json, fit.png and fit.svg to the output folder, by default ./NAME-fit/ with the
-    options that differ from their default: ./NAME-fit-ageing/. With --prior also posterior.nc. Of
-    several files (jaxfric fit *.csv) one table is printed and written, table.csv and table.tex,
-    with a row for each; one that cannot be fitted says why in its row, and the exit code is 1.
+    Writes fit.json, its row for a paper (table.csv, table.tex), fit.png and fit.svg to the output
+    folder, by default ./NAME-fit/ with the options that differ from their default:
+    ./NAME-fit-ageing/. With --prior also posterior.nc. Of several files (jaxfric fit *.csv) one
+    table is printed and written with a row for each; one that cannot be fitted says why in its row,
+    and the exit code is 1.
     """
     wanted, every = asked(prior, draws, chains, seed), (file, *more)
     stiffnesses = for_each(every, stiffness or [None], "--stiffness")
@@ -154,11 +155,26 @@ def fit(
 def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Folder) -> None:
     from ..plot.fit import draw_fit
 
+    tables = _tables(result)
     with folder.results() as to:
         (to / "fit.json").write_text(content + "\n")
+        for name, text in tables.items():
+            (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
         write_posterior(posterior, to)
     folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
     draw(posterior, folder)
+
+
+def _tables(result: "Fit") -> dict[str, str]:
+    """The fit as a row of CSV and of a LaTeX table, by file name."""
+    from ..report.fits_table import TabledFit, csv_rows, latex_text
+    from ..runs.table import csv_text
+
+    one = [TabledFit(Path(result.record.provenance.path).name, result)]
+    return {
+        "table.csv": csv_text(csv_rows(one, "file")),
+        "table.tex": latex_text(one, "file", records=True),
+    }
 
 
 def _tell(result: "Fit", posterior: "Posterior | None", folder: Folder, *, tables: bool) -> int:

@@ -127,7 +127,7 @@ def _write(found: "Sequence[TabledFit]", names: Sequence[str], content: str, to:
         if one.fit is not None:
             texts[f"{name}.json"] = json_text(one.fit.to_json()) + "\n"
     for name, text in texts.items():
-        (to / name).write_text(text, encoding="utf-8")
+        (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def _draw(fit: "Fit", name: str, folder: Folder) -> None:

@@ -252,12 +252,12 @@ class LawComparison(Described, Drawable, Tabular):
         return next(score for score in self.ranked if score.fit.law == law)
 
     def _held(self, scores: tuple[LawScore, LawScore]) -> str:
-        (first, error), (other, larger) = ((s.fit.law, s.held_out) for s in scores)
+        (first, error), (other, larger) = ((s.of_law, s.held_out) for s in scores)
         if error is None or larger is None:
             return ""
         return (
-            f"; steps that it was not fitted to are predicted by the {first} law to"
-            f" {times(error / self.sigma)} times the noise, by the {other} law to"
+            f"; steps that it was not fitted to are predicted by the {first} to"
+            f" {times(error / self.sigma)} times the noise, by the {other} to"
             f" {times(larger / self.sigma)} times"
         )
 

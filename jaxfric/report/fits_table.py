@@ -173,7 +173,8 @@ def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -
         lines.append(
             rf"\multicolumn{{{5 + len(given) + len(more)}}}{{l}}{{\footnotesize {words}}} \\"
         )
-    return "\n".join([*lines, r"\end{tabular}", ""])
+    note = rf"% \usepackage{{booktabs}}; {BRACKETS}"
+    return "\n".join([*lines, r"\end{tabular}", note, ""])
 
 
 def _mark(one: TabledFit) -> str:

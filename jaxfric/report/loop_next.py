@@ -154,7 +154,7 @@ def _do_next(loop: Loop, run: PlannedRun, file: str) -> list[NextStep]:
         outside += [f"{left} ({id})"] if left else []
     each = f"{run.slip:.4g} {read_as(run.length)} each"
     text = f"Make this run: {run.words()}, {each}. It has what is known to tell {'; '.join(told)}."
-    text += f" Beside it: {'; '.join(outside)}." if outside else ""
+    text += f" Not in this run: {'; '.join(outside)}." if outside else ""
     text += " Its other velocity tells time from slip." if _new_velocity(loop, run, own) else ""
     if _begins_with(run, own) and loop.verdict == "outside_catalogue":
         text += f" It begins with this record's velocities: of what is missing, {_COMES_BACK}."
