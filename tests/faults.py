@@ -38,6 +38,7 @@ FADE, COMES_BACK, COMPILED, MODEL_ALONE, NO_MODEL = (
     for word in ("small_cases", "comes_back", "c_source", "model_alone", "rely_on")
 )
 FIGURES = "tests/test_figures.py"
+DRIFT = "tests/test_drift.py"
 REGULARISED = "tests/test_study_toml.py -k regularised"
 WARNED, VERBS_WARN, STUDY_WARNS = (
     f"tests/test_{name}.py -k warned_of" for name in ("gains", "gains_cli", "study_toml")
@@ -1018,5 +1019,24 @@ FAULTS = (
     Fault("inertia stays in newtons at the drive", "compensation/units.py",
           'about.unit.startswith("F") or about.unit == "kg"', 'about.unit.startswith("F")',
           "tests/test_feedforward.py -k own_signal"),
+    Fault("a drift before a step has the error of its rows alone", "fitting/drift.py",
+          "/ (_BLOCKS - 2)", "/ len(before)", DRIFT),
+    Fault("a drift smaller than the error of A-B is told", "fitting/drift.py",
+          "or not found.shift > fit.A_minus_B.std", "", DRIFT),
+    Fault("a trend that the rows before do not have is no matter", "runs/table.py",
+          "bool(missed_warning(fit)) or is_contradicted(fit)", "bool(missed_warning(fit))",
+          "tests/test_drift.py -k star"),
+    Fault("a dependence rests on starred steps", "runs/joint.py",
+          "if not misses(step) and _has(step, quantity)", "if _has(step, quantity)",
+          "tests/test_run_joint.py -k rests"),
+    Fault("a step stands at the velocity after it", "runs/events.py",
+          "math.sqrt(abs(event.before * event.after))", "abs(event.after)",
+          "tests/test_run_joint.py -k up_and_down"),
+    Fault("an effect of any size is told", "protocol/design.py",
+          "if any(size > limits[id] for id, size in sizes.items()):", "if False:",
+          "tests/test_protocol.py -k no_friction_has"),
+    Fault("half a plan that confuses is offered", "protocol/remedy.py",
+          "and _as_good(change.design, plan.design, ids)", "",
+          "tests/test_protocol.py -k stands_for_one"),
 )
 # fmt: on

@@ -2,6 +2,7 @@
 how often noise alone is taken for one."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from scipy.stats import linregress
 from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric import VelocitySteps, from_arrays
-from jaxfric.fitting.drift import drift_before, drift_warning
+from jaxfric.fitting.drift import drift_before, drift_warning, drift_warning_of
 from jaxfric.fitting.table import summary
+from jaxfric.runs.table import misses
 
 STEPS = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))
 TIME = np.linspace(0.0, 50.0, 800)
@@ -92,3 +94,26 @@ def test_stability_by_a_fit_that_lacks_a_drift_has_a_caveat(per_mm, told):
     fit = replace(fit, parameters=strong.parameters, covariance=strong.covariance, rms=NOISE)
     (line,) = [text for text in summary(fit) if "strengthening" in text]
     assert ("only if the model holds" in line) == told
+
+
+@pytest.mark.parametrize(
+    ("per_mm", "trend", "star"),
+    [(0.02, 0.01, True), (0.0, 0.01, False), (0.02, None, False)],
+)
+def test_a_trend_that_the_rows_before_do_not_have_has_a_star(per_mm, trend, star):
+    """A drift without a trend is warned of alone: the fit may describe the step."""
+    fit = drifting(per_mm, 0.02 * alike(np.random.default_rng(2), 0), trend=trend)
+    fit = replace(fit, noise=replace(fit.noise, sigma=1.0))  # nothing is missed by noise
+    assert misses(SimpleNamespace(fit=fit)) == star
+
+
+def test_drifts_of_several_steps_are_one_warning():
+    noise = 0.02 * alike(np.random.default_rng(2), 0)
+    plain, steady = drifting(0.02, noise), drifting(0.0, noise)
+    assert drift_warning_of([plain, steady]) == drift_warning(plain)
+    assert drift_warning_of([steady]) == drift_warning_of([]) == ()
+    (both,) = drift_warning_of([plain, steady, drifting(-0.01, noise)])
+    assert "+0.02, -0.01 per mm, where the model is steady" in both
+    trends = [drifting(x, noise, trend=0.01) for x in (0.02, -0.03)]
+    (both,) = drift_warning_of(trends)
+    assert "+0.03, -0.02 per mm, not by the +0.01, +0.01 of the fitted" in both
