@@ -196,11 +196,15 @@ class Protocol(Described, Drawable, Tabular):
         pairs = [(a, b) for a, b, _ in self.design.pairs()]
         return () if after is None else tuple(pair for pair in pairs if pair not in after)
 
+    def no_shorter(self) -> tuple[Change, ...]:
+        """The changes that take no less time: lengths and times that are seen best shrink with a
+        plan, so that a shorter one looks better than it is."""
+        return tuple(c for c in self.changes if c.duration > 0.99 * self.duration)
+
     def recommended(self) -> Change | None:
         """The first of the changes that leave fewest pairs, of those that take no less time; None
         where none leaves fewer."""
-        longer = [c for c in self.changes if c.duration > 0.99 * self.duration]
-        possible = [c for c in longer if c.design is not None]
+        possible = [c for c in self.no_shorter() if c.design is not None]
         best = min(possible, key=_remaining, default=None)
         if best is None or _remaining(best) >= len(self.design.pairs()):
             return None

@@ -25,12 +25,11 @@ class Remedy:
 def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Remedy | None:
     """The cheapest change of a plan by which it tells two effects, of sizes `known` by name (SI).
 
-    Changes that take less time are no remedy: what is seen best is shorter too, in a shorter plan.
+    Changes that take less time are no remedy (`Protocol.no_shorter`).
     A channel is another instrument: changes without one come first, then the shortest. Where no
     change is enough, that which comes nearest. None where the plan needs none, or none helps.
     """
-    longer = [c for c in plan.changes if c.duration > 0.99 * plan.duration]
-    possible = [(c, c.design) for c in longer if c.design is not None]
+    possible = [(c, c.design) for c in plan.no_shorter() if c.design is not None]
     lacks = {c.key: _lack(design, ids, known) for c, design in possible}
     best, design = min(
         possible, key=lambda one: (lacks[one[0].key], _cost(plan, one[0])), default=(None, None)
