@@ -62,12 +62,12 @@ def refused(bic, *effects, why="c.size not fixed", **other):
     [
         ([], "is not in the catalogue", "fix"),
         ([refused(89.0, "c")], "missing is not named", "catalogue"),
-        ([refused(89.0, "c")], " c would explain more (BIC 11 lower than that of a), but", " or "),
-        ([refused(80.0, "c"), refused(79.0, "b", "a")], " b + a or c would explain more (BIC 21 or"
+        ([refused(89.0, "c")], " c would explain most (BIC 11 lower than that of a), but", " or "),
+        ([refused(80.0, "c"), refused(79.0, "b", "a")], " b + a or c would explain most (BIC 21 or"
          " 20 lower than that of a), but the rows that are fitted do not fix", "catalogue"),
-        ([refused(80.0, "c"), refused(69.0, "b")], " b would explain more (BIC 31 lower", " c "),
-        ([refused(80.0, "c"), refused(85.0, "c")], " c would explain more (BIC 20 lower", " or "),
-        ([refused(70.0, "a", "c"), refused(85.0, "c")], " c would explain more (BIC 15", "a + c"),
+        ([refused(80.0, "c"), refused(69.0, "b")], " b would explain most (BIC 31 lower", " c "),
+        ([refused(80.0, "c"), refused(85.0, "c")], " c would explain most (BIC 20 lower", " or "),
+        ([refused(70.0, "a", "c"), refused(85.0, "c")], " c would explain most (BIC 15", "a + c"),
         ([refused(91.0, "c")], "is not in the catalogue", "fix"),
         ([refused(80.0, "c", why="too little evidence")], "is not in the catalogue", "fix"),
         ([refused(80.0, "c", failed=True)], "is not in the catalogue", "fix"),
@@ -85,7 +85,10 @@ def test_what_is_left_of_a_model_beside_one_that_is_not_fixed():
     assert "structure that no effect of the catalogue that this record fixes explains. c" in text
     assert "(BIC 20 lower), but" in text
     text = said("outside_catalogue", ("a",), (1.5, 1.3, 1.06, 1e-4), tried=[refused(80.0, "c")])
-    assert text.startswith("Not all that is missing is named. a helps (")
+    assert text.startswith("Not all that is missing is named. c would explain most (BIC 20 lower")
+    assert text.endswith(
+        " a helps (held-out error 1.50 -> 1.30 sigma) but does not explain all of it."
+    )
 
 
 def test_a_share_of_structure_is_one_only_where_there_is_structure():

@@ -46,7 +46,7 @@ def words_of_unfixed(found: Sequence[Unfixed], named: str) -> str:
     lower = listed(list(dict.fromkeys(f"{one.lower:.0f}" for one in found)), "or")
     than = f" than that of {named}" if named else ""
     return (
-        f"{names} would explain more (BIC {lower} lower{than}), but the rows that are fitted do not"
+        f"{names} would explain most (BIC {lower} lower{than}), but the rows that are fitted do not"
         " fix the parameters of such a model."
     )
 

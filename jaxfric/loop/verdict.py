@@ -324,7 +324,7 @@ def sentence_of(
                 f" (held-out error {told.after:.2f} sigma), but has structure that no effect of the"
                 f" catalogue{which} explains."
             )
-        parts = (what, _in_vain(search, named, told), words_of_unfixed(closer, named), located)
+        parts = (what, words_of_unfixed(closer, named), _in_vain(search, named, told), located)
         return " ".join(part for part in parts if part)
     gain = search.base.bic - search.final.bic
     pairs = "; ".join(f"{a} or {b}" for a, b in rivals)
