@@ -12,8 +12,9 @@ from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric import VelocitySteps, from_arrays
 from jaxfric.fitting.drift import drift_before, drift_warning, drift_warning_of
+from jaxfric.fitting.misfit import scatter
 from jaxfric.fitting.table import summary
-from jaxfric.runs.table import misses
+from jaxfric.runs.table import ask_on, misses
 
 STEPS = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))
 TIME = np.linspace(0.0, 50.0, 800)
@@ -93,7 +94,10 @@ def test_stability_by_a_fit_that_lacks_a_drift_has_a_caveat(per_mm, told):
     strong = fit_of(values, covariance_of(values, 0.01))
     fit = replace(fit, parameters=strong.parameters, covariance=strong.covariance, rms=NOISE)
     (line,) = [text for text in summary(fit) if "strengthening" in text]
-    assert ("only if the model holds" in line) == told
+    assert ("not where friction drifts on as it does before" in line) == told
+    left = replace(fit, rms=5 * scatter(fit))
+    (line,) = [text for text in summary(left) if "strengthening" in text]
+    assert ("only if the model holds" in line) != told
 
 
 @pytest.mark.parametrize(
@@ -105,6 +109,10 @@ def test_a_trend_that_the_rows_before_do_not_have_has_a_star(per_mm, trend, star
     fit = drifting(per_mm, 0.02 * alike(np.random.default_rng(2), 0), trend=trend)
     fit = replace(fit, noise=replace(fit.noise, sigma=1.0))  # nothing is missed by noise
     assert misses(SimpleNamespace(fit=fit)) == star
+    said = ask_on(SimpleNamespace(steps=[SimpleNamespace(fit=fit, number=4)]))
+    assert (
+        "the rows before step 4 do not have the slip trend of the fit; ask what" in said
+    ) == star
 
 
 def test_drifts_of_several_steps_are_one_warning():

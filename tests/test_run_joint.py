@@ -207,7 +207,7 @@ def test_a_dependence_rests_on_no_fit_that_does_not_describe_its_step():
     made[7].fit.residual[20:25] = -5e-4
     assert {d.freedom for d in dependences(made)} == {5}
     (line,) = [text for text in told(made) if text.startswith("A-B against velocity")]
-    assert "of steps 1, 2, 3, 4, 5, 6, 7: " in line
+    assert "of steps 1, 2, 3, 4, 5, 6, 7 (none with a star): " in line
 
 
 def test_a_step_has_a_say_on_a_b_where_it_determines_that_alone():

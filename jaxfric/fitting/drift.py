@@ -95,7 +95,7 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
         )
     return (
         f"{_BEFORE} {1e-3 * found.slope:+.2g} {error}, where the model is steady; if it goes on,"
-        f" A-B is off by {found.shift:.2g} (--slip-trend)",
+        f" A-B is off by up to {found.shift:.2g} (--slip-trend)",
     )
 
 

@@ -168,11 +168,14 @@ def _stability(fit: Fit) -> list[str]:
 
 def _if_the_model_holds(fit: Fit) -> str:
     """A caveat where a fit misses more than noise, which its errors do not count."""
-    left, drifts = misfit_warning(fit), drift_warning(fit)
-    if not (left or drifts):
-        return ""
-    what = "leaves more than the scatter of neighbouring rows" if left else "lacks a drift"
-    return f"; only if the model holds, which {what} (see the warnings): its errors count noise"
+    if drift_warning(fit):
+        return "; not where friction drifts on as it does before the step (see the warning)"
+    if misfit_warning(fit):
+        return (
+            "; only if the model holds, which leaves more than the scatter of neighbouring rows"
+            " (see the warnings): its errors count noise"
+        )
+    return ""
 
 
 def _critical(fit: Fit) -> list[str]:

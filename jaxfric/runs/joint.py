@@ -291,6 +291,7 @@ def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str
     for answer in answers:
         if _is_of_velocity(answer):
             which = f"of steps {', '.join(numbers)}"
+            which += " (none with a star)" if any(map(misses, steps)) else ""
             return f"A-B against velocity (geometric mean of a step), {which}: {answer.answered()}"
     known = len(numbers)
     why = "the mean velocities of the steps are about one"

@@ -216,7 +216,9 @@ def ask_on(run: RunFit) -> str:
         return ""
     which = f"step {', '.join(map(str, fits))} (*)"
     if any(fit.model.slip_trend for fit in fits.values()):
-        return f"ask what the model of {which} lacks"
+        wrong = [str(n) for n, fit in fits.items() if is_contradicted(fit)]
+        not_so = f"the rows before step {', '.join(wrong)} do not have the slip trend of the fit; "
+        return not_so * bool(wrong) + f"ask what the model of {which} lacks"
     return (
         "fit again with a drift of friction with slip, or with a second state (--states 2):"
         f" {which} may take either for evolution. Whether a drift is right the rows before a step"
