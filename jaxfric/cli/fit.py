@@ -154,8 +154,9 @@ def fit(
 
 def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Folder) -> None:
     from ..plot.fit import draw_fit
+    from ..report.fits_table import TabledFit, files_of
 
-    tables = _tables(result)
+    tables = files_of([TabledFit(Path(result.record.provenance.path).name, result)])
     with folder.results() as to:
         (to / "fit.json").write_text(content + "\n")
         for name, text in tables.items():
@@ -163,18 +164,6 @@ def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Fo
         write_posterior(posterior, to)
     folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
     draw(posterior, folder)
-
-
-def _tables(result: "Fit") -> dict[str, str]:
-    """The fit as a row of CSV and of a LaTeX table, by file name."""
-    from ..report.fits_table import TabledFit, csv_rows, latex_text
-    from ..runs.table import csv_text
-
-    one = [TabledFit(Path(result.record.provenance.path).name, result)]
-    return {
-        "table.csv": csv_text(csv_rows(one, "file")),
-        "table.tex": latex_text(one, "file", records=True),
-    }
 
 
 def _tell(result: "Fit", posterior: "Posterior | None", folder: Folder, *, tables: bool) -> int:

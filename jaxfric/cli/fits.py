@@ -115,14 +115,9 @@ def _content(found: "Sequence[TabledFit]") -> dict[str, object]:
 
 def _write(found: "Sequence[TabledFit]", names: Sequence[str], content: str, to: Path) -> None:
     """The table as CSV and LaTeX, all fits as one JSON, and each as other verbs take it."""
-    from ..report.fits_table import csv_rows, latex_text
-    from ..runs.table import csv_text
+    from ..report.fits_table import files_of
 
-    texts = {
-        "table.csv": csv_text(csv_rows(found, "file")),
-        "table.tex": latex_text(found, "file", records=True),
-        "fits.json": content + "\n",
-    }
+    texts = files_of(found) | {"fits.json": content + "\n"}
     for one, name in zip(found, names, strict=True):
         if one.fit is not None:
             texts[f"{name}.json"] = json_text(one.fit.to_json()) + "\n"

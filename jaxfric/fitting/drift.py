@@ -56,13 +56,14 @@ def drift_before(fit: Fit) -> Drift | None:
     way = abs(float(x[-1] - x[before[-1]]))
     decade = abs(math.log(abs(moving[-1] / moving[0])))
     shift = abs(slope) * way / decade if decade > 0.05 else 0.0
-    return Drift(slope, error, _chance(slope, error), shift)
+    return Drift(slope, error, chance(slope, error, _BLOCKS - 2), shift)
 
 
-def _chance(slope: float, error: float) -> float:
+def chance(slope: float, error: float, freedom: int) -> float:
+    """The probability that a line without slope is as steep by chance: Student's t, both sides."""
     from scipy.special import stdtr
 
-    return 2 * float(stdtr(_BLOCKS - 2, -abs(slope) / error)) if error > 0 else 1.0
+    return 2 * float(stdtr(freedom, -abs(slope) / error)) if error > 0 else 1.0
 
 
 def _told_of(fit: Fit) -> Drift | None:

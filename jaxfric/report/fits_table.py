@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ..fitting import Fit
 from ..fitting.misfit import COLUMN, EXCESS, excess, is_of_misfit
 from ..loop.result import TextTable
-from ..runs.table import BRACKETS, Cell, difference, fit_cells, measured
+from ..runs.table import BRACKETS, Cell, csv_text, difference, fit_cells, measured
 
 _BRACKETS = f"{BRACKETS}; -: not determined"
 _LATEX_K = {"K [N/µm]": r"[N/$\mu$m]", "K [1/µm]": r"[1/$\mu$m]"}
@@ -139,6 +139,14 @@ def _estimate(fit: Fit, name: str, scale: float = 1.0) -> str:
         return "-"
     scale = 1e6 if estimate.unit == "m" else scale
     return measured(scale * estimate.value, scale * estimate.std)
+
+
+def files_of(fits: Sequence[TabledFit]) -> dict[str, str]:
+    """The fits of files as CSV and LaTeX, by file name."""
+    return {
+        "table.csv": csv_text(csv_rows(fits, "file")),
+        "table.tex": latex_text(fits, "file", records=True),
+    }
 
 
 def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -> str:

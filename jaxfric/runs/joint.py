@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..fitting import Fit
+from ..fitting.drift import chance
 from .events import mean_velocity
 from .fits import StepFit
 from .table import difference, measured, misses
@@ -98,14 +99,7 @@ class Dependence:
 
     def _alone(self) -> float:
         """The probability without the other questions."""
-        return _chance(self.slope, self.error, self.freedom)
-
-
-def _chance(slope: float, error: float, freedom: int) -> float:
-    """The probability that a line without slope is as steep by chance."""
-    from scipy.special import stdtr
-
-    return 2 * float(stdtr(freedom, -abs(slope) / error))
+        return chance(self.slope, self.error, self.freedom)
 
 
 def is_known(step: StepFit) -> bool:
@@ -180,7 +174,7 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
         freedom = len(known) - 2
         for along, unit, x in _sides(known):
             line = weighted_line(x, y, error)
-            p = _chance(line.slope, line.error, freedom)
+            p = chance(line.slope, line.error, freedom)
             found.append(Dependence(quantity, along, unit, line.slope, line.error, p, freedom, 1))
     count = len(found)
     return [replace(d, p=min(1.0, count * d.p), questions=count) for d in found]
