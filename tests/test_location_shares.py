@@ -138,3 +138,12 @@ def test_what_grows_together_with_the_first_bar_is_said(velocities, there):
     found = profile("time", 0.99, 0.99), profile("slip", 0.85, 0.0)
     told = " ".join(shares_told(found, velocities))
     assert ("time and slip grow together" in told) == there and "Time carries 99 %" in told
+
+
+def test_a_rival_that_cannot_be_told_apart_is_named_once():
+    """Slip grows with time and is named with it; a ripple does not, and would do in its place."""
+    found = profile("time", 0.99, 0.99), profile("slip", 0.98, 0.0), profile("wavelength", 0.95, 0)
+    told = " ".join(shares_told(found, (1e-6, 1e-5, 1e-6)))
+    assert "Time and slip explain about as much: this record cannot tell them apart" in told
+    assert "A ripple along the path in its place would explain about as much" in told
+    assert told.lower().count("slip") == 1

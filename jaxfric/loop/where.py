@@ -134,15 +134,19 @@ def shares_told(
         return ["No variable explains what the base model leaves."]
     told = [f"{_capital(_subject(first))} carries {share_text(share)} of what the model lacks."]
     best = next(p for p in location if p.variable == first)
+    alike = _not_told(best, location, velocities)  # names some rivals by itself
     rivals = [
         p.variable
         for p in location
-        if p is not best and p.explained >= _NEARLY * best.explained and p.p_value <= SIGNIFICANT
+        if p is not best
+        and p.explained >= _NEARLY * best.explained
+        and p.p_value <= SIGNIFICANT
+        and not (alike and p.variable in _TOGETHER)
     ]
     if rivals:
         text = listed([_subject(name) for name in rivals], "or")
         told.append(f"{_capital(text)} in its place would explain about as much.")
-    told += filter(None, [_not_told(best, location, velocities)])
+    told += filter(None, [alike])
     if len(more) > 1:
         told.append("Each bar below the first is what that variable explains beyond those above.")
     return told
