@@ -41,6 +41,10 @@ def pytest_configure(config):
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
+def pytest_unconfigure():
+    gc.freeze()  # a worker that ends need not search all that it ever compiled for cycles
+
+
 def _known(flags: str, config) -> bool:
     """Whether this XLA has the flags: it ends the process at one that it does not know."""
     key = f"jaxlib {version('jaxlib')}/{flags.replace(' ', '')}"
