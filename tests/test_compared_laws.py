@@ -425,6 +425,26 @@ def test_a_table_of_fits(of_slip) -> None:
     assert r"c.csv & ageing & $0.005$ & $" in lines[6]
 
 
+def test_a_slip_trend_has_a_column_and_files_have_no_folder(of_slip) -> None:
+    """Per millimetre; blank for a fit without one, and no column where none has one."""
+    good = of_slip.scores[0].fit
+    trend = dataclasses.replace(good.parameters["A"], value=4.2, std=0.6, unit="1/m")
+    other = dataclasses.replace(
+        good,
+        model=good.model._replace(slip_trend=True),
+        parameters={**good.parameters, "slip_trend": trend},
+    )
+    fits = [TabledFit("far/a.csv", good), TabledFit("far/b.csv", other), TabledFit("c", None, "no")]
+    shown = text_table(fits, "file", "fits")
+    column = shown.head.index("trend [1/mm]")
+    assert [row[column] for row in shown.rows] == ["", "0.00420(60)", ""]
+    assert "trend" not in " ".join(text_table(fits[:1], "file", "fits").head)
+    lines = latex_text(fits, "file").splitlines()
+    assert lines[0] == r"\begin{tabular}{lccccc}" and r"$D_c$ & trend \\" in lines[2]
+    assert lines[6].startswith("b.csv & $") and r"$0.00420(60)$ \\" in lines[6]
+    assert r"\multicolumn{5}{c}{no fit}" in lines[7]
+
+
 def test_what_a_law_does_not_explain_is_marked_in_every_table(of_slip) -> None:
     """A residual of ten times the scatter beside a good one: a dagger, a footnote, a warning."""
     good = of_slip.scores[0].fit

@@ -67,7 +67,8 @@ def text_table(
     unit = " [N]" if force else ""
     given = _given(fits, records)
     own = (f"A-B{unit}", f"A{unit}", f"B{unit}", "L [µm]")
-    heads = (head, *given, *own, "misfit", *more, "")
+    trend = _trend(fits)
+    heads = (head, *given, *own, *trend, "misfit", *more, "")
     rows = []
     for one in fits:
         cells = [_shown(one, name) for name in more]
@@ -75,7 +76,8 @@ def text_table(
         ended = "" if one.known else "no fit" if one.fit is None else "did not converge"
         ended = one.ended or ended
         setup = (of(one) for of in given.values())
-        rows.append((names[one.name], *setup, *_parameters(one), misfit, *cells, ended))
+        fitted = (*_parameters(one), *(of(one) for of in trend.values()))
+        rows.append((names[one.name], *setup, *fitted, misfit, *cells, ended))
     return TextTable(title, heads, rows, f"{_BRACKETS}; {COLUMN}")
 
 
@@ -113,6 +115,20 @@ def _stiffness(one: TabledFit) -> str:
     if not K.free:
         return f"{1e-6 * K.value:.4g}"
     return _estimate(one.fit, "K", 1e-6) if one.fit.converged else ""
+
+
+def _trend(fits: Sequence[TabledFit]) -> dict[str, Callable[[TabledFit], str]]:
+    """A column of the slip trend, where a fit has one."""
+    if not any(one.fit is not None and one.fit.model.slip_trend for one in fits):
+        return {}
+
+    def cell(one: TabledFit) -> str:
+        fit = one.fit
+        if fit is None or not fit.converged or not fit.model.slip_trend:
+            return ""
+        return _estimate(fit, "slip_trend", 1e-3)
+
+    return {f"trend [{'N' if _force(fits) else '1'}/mm]": cell}
 
 
 def _force(fits: Sequence[TabledFit]) -> bool:
@@ -153,34 +169,37 @@ def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -
     """A LaTeX table (booktabs): a-b, a, b and D_c with their errors; `records` as `text_table`."""
     more = list(dict.fromkeys(name for one in fits for name in one.more))
     unit = "[N]" if _force(fits) else ""
-    given = _given(fits, records)
+    given, trend = _given(fits, records), _trend(fits)
+    names = short_names([one.name for one in fits])
     heads = ["$K$" if name[0] == "K" else name for name in given]
     units = [_LATEX_K[name] if name[0] == "K" else "" for name in given]
+    own = ["$a-b$", "$a$", "$b$", "$D_c$", *(name.split(" ")[0] for name in trend)]
+    of_own = [unit, unit, unit, r"[$\mu$m]", *(name.split(" ")[1] for name in trend)]
     lines = [
-        rf"\begin{{tabular}}{{l{'c' * len(given)}cccc{'r' * len(more)}}}",
+        rf"\begin{{tabular}}{{l{'c' * (len(given) + len(own))}{'r' * len(more)}}}",
         r"\toprule",
-        " & ".join([head, *heads, "$a-b$", "$a$", "$b$", "$D_c$", *map(_escaped, more)]) + r" \\",
-        " & ".join(["", *units, unit, unit, unit, r"[$\mu$m]", *[""] * len(more)]) + r" \\",
+        " & ".join([head, *heads, *own, *map(_escaped, more)]) + r" \\",
+        " & ".join(["", *units, *of_own, *[""] * len(more)]) + r" \\",
         r"\midrule",
     ]
     for one in fits:
-        numbers = [f"${cell}$" if cell else "" for cell in _parameters(one)]
+        fitted = (*_parameters(one), *(of(one) for of in trend.values()))
+        numbers = [f"${cell}$" if cell else "" for cell in fitted]
         if not one.known:
-            numbers = [r"\multicolumn{4}{c}{no fit}"]
+            numbers = [rf"\multicolumn{{{len(own)}}}{{c}}{{no fit}}"]
         cells = [_shown(one, name) for name in more]
         setup = [
             f"${cell}$" if cell[:1].isdecimal() else cell
             for cell in (of(one) for of in given.values())
         ]
         lines.append(
-            " & ".join([_escaped(one.name) + _mark(one), *setup, *numbers, *cells]) + r" \\"
+            " & ".join([_escaped(names[one.name]) + _mark(one), *setup, *numbers, *cells]) + r" \\"
         )
     lines.append(r"\bottomrule")
     if any(map(_mark, fits)):
         words = rf"$^\dagger$ leaves {EXCESS:g} times the scatter of neighbouring rows or more"
-        lines.append(
-            rf"\multicolumn{{{5 + len(given) + len(more)}}}{{l}}{{\footnotesize {words}}} \\"
-        )
+        wide = 1 + len(given) + len(own) + len(more)
+        lines.append(rf"\multicolumn{{{wide}}}{{l}}{{\footnotesize {words}}} \\")
     note = rf"% \usepackage{{booktabs}}; {BRACKETS}"
     return "\n".join([*lines, r"\end{tabular}", note, ""])
 
