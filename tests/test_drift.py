@@ -12,8 +12,9 @@ from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric import VelocitySteps, from_arrays
 from jaxfric.fitting.drift import drift_before, drift_warning, drift_warning_of
-from jaxfric.fitting.misfit import scatter
+from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.fitting.table import summary
+from jaxfric.loop.slider_bench import repeated
 from jaxfric.runs.table import ask_on, misses
 
 STEPS = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))
@@ -125,3 +126,14 @@ def test_drifts_of_several_steps_are_one_warning():
     trends = [drifting(x, noise, trend=0.01) for x in (0.02, -0.03)]
     (both,) = drift_warning_of(trends)
     assert "+0.03, -0.02 per mm, not by the +0.01, +0.01 of the fitted" in both
+
+
+def test_a_loop_repeats_what_a_fit_warns_of_with_its_own_option():
+    """Not what the loop is there to ask: what is left, and why it wanders."""
+    drift = drift_warning(drifting(0.02, 0.02 * alike(np.random.default_rng(2), 0), share=0.02))
+    fit = drifting(0.0, alike(np.random.default_rng(2), 0))
+    asked = [*misfit_warning(replace(fit, rms=5 * scatter(fit)))]
+    asked += ["the residual wanders over the whole record: it may be a drift (--slip-trend)"]
+    (line,) = repeated([*drift, *asked])
+    assert line == drift[0].removesuffix("(--slip-trend)") + "(--with slip_trend)" != drift[0]
+    assert len(asked) == 2

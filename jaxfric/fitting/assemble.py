@@ -36,6 +36,7 @@ from .uncertainty import (
 _NEAR_EDGE = 2.0
 _FAR = 3.0
 _OTHER, _ROWS = 1.5, 20
+_WANDERS = "the residual wanders"
 OTHERWISE = ", but the load point moves at"
 """Of a warning that steps contradict their record: what stands between what they say and it."""
 
@@ -212,6 +213,11 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
     return []
 
 
+def is_of_wander(warning: str) -> bool:
+    """Whether a warning of a fit is that its residual wanders."""
+    return warning.startswith(_WANDERS)
+
+
 def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     """The fit with what its user should know; `moved` are steps far from where they were found."""
     said = [*contradicted(fit.record, fit.steps), *noise_words(fit.noise, fit.record)]
@@ -227,7 +233,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     if wanders:
         drift = "" if fit.model.slip_trend else " a drift (--slip-trend),"
         said.append(
-            "the residual wanders over the whole record: the errors count that as noise, but it may"
+            f"{_WANDERS} over the whole record: the errors count that as noise, but it may"
             f" be{drift} a wrong step, or an effect that the model lacks (jaxfric loop)"
         )
     for k, sigmas in moved:

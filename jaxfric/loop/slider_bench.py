@@ -1,7 +1,7 @@
 """What the loops over a slider's record share: its problem, and how a bench answers for it."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Self
 
 import equinox as eqx
@@ -12,6 +12,7 @@ from jaxtyping import Array
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError
 from ..fitting import Estimate, Fit
+from ..fitting.assemble import is_of_wander
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import prepare
 from ..fitting.misfit import is_of_misfit
@@ -119,10 +120,10 @@ class AbstractSliderBench(AbstractBench):
         return base.values()["K"] / base.critical_stiffness()
 
     def warnings(self, engine: Engine[Problem], found: Search) -> tuple[str, ...]:
-        """Warnings of the base fit except on its noise, and those of the loop itself."""
+        """Warnings of the base fit except on its noise and on what the loop asks itself, and those
+        of the loop."""
         own = noise_words(self.base_fit.noise, self.record)
-        told = [text for text in self.base_fit.warnings if text not in own]
-        warnings = [text for text in told if not is_of_misfit(text)]  # which the loop asks itself
+        warnings = repeated([text for text in self.base_fit.warnings if text not in own])
         edge = self.edge()
         if edge is not None and edge < _NEAR:
             warnings.append(
@@ -244,6 +245,16 @@ def _finer(engine: Engine[Problem], base: Candidate) -> float:
     if np.any(np.abs(residual) >= FAILED_MISFIT):
         return np.inf
     return float(np.max(np.abs(residual - base.residual))) / float(base.noise.sigma)
+
+
+def repeated(warnings: Sequence[str]) -> list[str]:
+    """The warnings of a fit that a loop repeats, with its option: it asks itself what a fit whose
+    residual is large or wanders may lack."""
+    return [
+        text.replace("--slip-trend", "--with slip_trend")
+        for text in warnings
+        if not is_of_misfit(text) and not is_of_wander(text)
+    ]
 
 
 @traced
