@@ -15,6 +15,8 @@ from .stability import new_figure, prefixed, save, tidy
 _CURVE = 1201
 _NEAR = 5.0
 """Half width of the panel of low speeds, in fade speeds."""
+_THIN = 0.006
+"""Part of the height of a panel that its line covers."""
 
 
 def draw_feedforward(found: Feedforward, folder: Path) -> list[str]:
@@ -51,9 +53,10 @@ def _panel(axis: Axes, found: Feedforward, largest: float) -> None:
     curve = found.curve.at(v, fade)
     low, high = (size * (curve.force + s * QUANTILE * curve.std) for s in (-1, 1))
     known = about.supports(v)
+    thin = np.max(np.where(known, high - low, 0.0)) < _THIN * size * np.ptp(curve.force)
     axis.fill_between(
         factor * v, low, high, where=list(known), color=GREY, alpha=0.45, lw=0,
-        label="95 % band, where the record supports it",
+        label=f"95 % band, {'hidden by the line' if thin else 'where the record supports it'}",
     )  # fmt: skip
     for sign in (-1.0, 1.0):
         side = sign * np.geomspace(1e-6 * largest, largest, _CURVE)
