@@ -6,6 +6,7 @@ Against SciPy (filters, least squares, integration), closed forms, the event-loc
 
 import dataclasses
 import importlib
+import math
 import sys
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from jaxfric.fitting.axis_preparation import prepare, shifted
 from jaxfric.fitting.axis_problem import make_problem
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.gains.axis import axis_gains
+from jaxfric.loop.axis.details import _borne
 from jaxfric.loop.axis.loop import rotary_unit
 from jaxfric.loop.axis.split import segments, split
 from jaxfric.loop.steady.loop import close_steady_loop, steady_gains
@@ -440,6 +442,26 @@ def test_the_golden_worst_velocity():
     assert found.velocity_gain == pytest.approx(3.39105553984, rel=1e-5)
     plain = axis_gains(lambda v: 0.4 * v, 1e-4, 1.0)
     assert plain.least_damping == 0 and "any k_p > 0" in plain.sentence()
+
+
+@pytest.mark.parametrize("slope", [200.0, 2000.0, -500.0, -9000.0])
+def test_the_delay_that_the_gains_of_a_drive_bear(slope):
+    """|k_p + k_v i w| = |f i w - M w^2| and the angle left to -1, by hand; for the steepest fall
+    the drive does not hold the axis at all."""
+    M, k_p, k_v = 95.0, 1.371e6, 8557.0
+    drive = Drive(gain=35.0, position_gain=k_p / k_v, velocity_gain=k_v / 35.0)
+    rig = AxisRig(M, slope, 20.0, -3.0, width=1e-4)
+    found = _borne(rig, 0.0, -0.05, drive)
+    b = k_v**2 - slope**2
+    w = math.sqrt((b + math.sqrt(b**2 + 4 * (M * k_p) ** 2)) / (2 * M**2))
+    late = math.atan2(k_v * w, k_p) - math.atan2(slope * w, -M * w**2) + math.pi
+    if k_v + slope > 0:
+        assert found == pytest.approx(late % (2 * math.pi) / w, rel=1e-6)
+    else:
+        assert found < 0
+    lacking = dataclasses.replace(drive, position_gain=None)
+    assert all(_borne(rig, 0.0, 0.05, one) is None for one in (None, lacking))
+    assert _borne(AxisRig(0.0, slope, 20.0, 0.0, width=1e-4), 0.0, 0.05, drive) is None
 
 
 def test_gains_of_steady_runs_rest_on_what_was_seen():

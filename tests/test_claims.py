@@ -90,8 +90,11 @@ def test_sentences_claim_no_more_than_the_rule():
     assert "50 ± 20 mN m s/rad, at -9.549 rpm" in free
     assert "any k_p > 0 holds the axis" in free and "from 9.549 rpm to 191 rpm" in free
     assert "Slower motion than 9.549 rpm was not seen" in free
+    assert "without damping, if the controller answers at once. Late by d" in free
+    assert "k_p below (10 mN m s/rad)/d, 1e+04 mN m/rad at 1 ms" in free  # .05 less twice .02
     damped = sentence(dataclasses.replace(RISES, slope=-0.05))
     assert "k_v above 90 mN m s/rad" in damped and "from 9.549 rpm" in damped
+    assert "at once. Late by d, k_v must be larger by about k_p d, and well below M/d" in damped
     stuck = (Unseen("2.csv moved unevenly there", 0.5),)
     assert "Below 9.549 rpm nothing is said: 2.csv" in sentence(
         dataclasses.replace(RISES, unseen=stuck)
@@ -102,6 +105,23 @@ def test_sentences_claim_no_more_than_the_rule():
         assert "holds" not in text and "any k_p" not in text
     text = sentence(dataclasses.replace(RISES, above=SLOW))
     assert "The 3 slowest, up to 19.1 rpm, lie above the curve, 4.0 times the error" in text
+
+
+@pytest.mark.parametrize("mass", [1e-6, 1e-4, 1e-2, 1.0, 100.0])
+def test_a_late_controller_without_damping_holds_what_is_said(mass):
+    """By Nyquist: the net turns of (k_p exp(-i w d))/(f i w - m w^2) about -1 are none below the
+    k_p that is told of an exact slope; with a heavy mass there are some right above it."""
+    slope, d = 0.05, 1e-3
+    told = curve_claim(dataclasses.replace(RISES, error=0.0)).spare / d
+    assert told == pytest.approx(slope / d)
+
+    def turns(k):
+        w = np.geomspace(1e-6, 1e2 / d, 2_000_001)
+        distance = 1 + k * np.exp(-1j * w * d) / (1j * slope * w - mass * w**2)
+        return round((np.unwrap(np.angle(distance))[[0, -1]] @ [1, -1] - np.pi / 2) / np.pi)
+
+    assert turns(0.98 * told) == turns(1e-3 * told)
+    assert (turns(1.02 * told) == turns(1e-3 * told)) == (mass < 1e-2)
 
 
 def short(curve, stiff=None):

@@ -20,6 +20,11 @@ class Shown(NamedTuple):
         return f"{shown}{'' if error is None else f' ± {error / self.size:.2g}'} {self.name}"
 
 
+def _stiffness(damping: Shown) -> Shown:
+    """The unit of stiffness that goes with one of damping."""
+    return Shown(damping.name.replace(" s/", "/"), damping.size)
+
+
 SI, SPEED = Shown("N s/m"), Shown("m/s")
 
 
@@ -41,9 +46,8 @@ class StiffOptimum:
         at = f"at {velocity.text(self.worst_velocity)}"
         if not np.isfinite(self.critical_stiffness):
             return f"Without k_v no k_p suffices {at}."
-        stiffness = Shown(unit.name.replace(" s/", "/"), unit.size)
         return (
-            f"Without k_v the axis needs k_p above {stiffness.text(self.critical_stiffness)}"
+            f"Without k_v the axis needs k_p above {_stiffness(unit).text(self.critical_stiffness)}"
             f" ({at}, where it swings at {self.frequency:.4g} rad/s)."
         )
 
@@ -85,13 +89,16 @@ class AxisGains:
         elif claim.kind == "free":
             text = (
                 f"Friction grows with speed{self._range(velocity)} (least slope {slope}, at {at}):"
-                " any k_p > 0 holds the axis there, without damping."
+                " any k_p > 0 holds the axis there, without damping, if the controller answers at"
+                f" once. Late by d it holds it with k_p below ({unit.text(claim.spare)})/d,"
+                f" {_stiffness(unit).text(1e3 * claim.spare)} at 1 ms."
             )
         else:
             text = (
                 f"Friction falls with speed, most steeply at {at}: its slope is {slope}. With k_v"
                 f" above {unit.text(claim.damping)}, which covers two of its errors,"
-                f" any k_p > 0 holds the axis{self._range(velocity)}."
+                f" any k_p > 0 holds the axis{self._range(velocity)}, if the controller answers at"
+                " once. Late by d, k_v must be larger by about k_p d, and well below M/d."
             )
             text += "" if self.stiff is None else f" {self.stiff.sentence(unit, velocity)}"
         return text + self._not_seen(velocity)
@@ -112,8 +119,9 @@ class AxisGains:
             f"{self._range(velocity)}"
         )
         if self.stiff is not None and 0 < self.stiff.critical_stiffness < np.inf:
-            stiffness = Shown(unit.name.replace(" s/", "/"), unit.size)
-            text += f", or stiffness k_p above {stiffness.text(self.stiff.critical_stiffness)}"
+            text += (
+                f", or stiffness k_p above {_stiffness(unit).text(self.stiff.critical_stiffness)}"
+            )
         return f"{text}.{self._not_seen(velocity)}"
 
     def _slope(self, unit: Shown) -> str:

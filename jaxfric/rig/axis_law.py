@@ -33,10 +33,10 @@ class AxisLaw(AbstractLaw):
     ) -> Float[Array, " n"]:
         velocity = self.direction * V
         pairs = zip(self.rig.states, state, strict=True)
-        return jnp.stack([one.rate(value, velocity) for one, value in pairs])
+        return jnp.asarray([one.rate(value, velocity) for one, value in pairs], float)
 
     def steady_state(self, V: Float[Array, ""]) -> Float[Array, " n"]:
-        return jnp.stack(self.rig.steady(self.direction * V))
+        return jnp.asarray(self.rig.steady(self.direction * V), float)
 
     def force_scale(self) -> Float[Array, ""]:
         """The direct effect, as of rate-and-state friction of a slider; else Coulomb friction."""
@@ -47,7 +47,7 @@ class AxisLaw(AbstractLaw):
 def axis_law(
     rig: AxisRig, position: float, direction: ArrayLike, *, width: ArrayLike = _SHARP
 ) -> AxisLaw:
-    """The friction of a rig with states, about motion forwards (1) or backwards (-1).
+    """The friction of a rig about motion forwards (1) or backwards (-1).
 
     `width` [m/s] is that of the smoothed sign, far below the speeds that are asked about.
     """

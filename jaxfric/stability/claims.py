@@ -83,6 +83,13 @@ class Claim:
     """Reasons why nothing may be said; empty unless `kind` is "open"."""
     damping: float = 0.0
     """k_v that covers the least slope and two of its errors, where `kind` is "damped"."""
+    spare: float = 0.0
+    """The least slope less two of its errors, where `kind` is "free": a controller that answers
+    late by d, and does not damp, holds the axis with k_p below `spare`/d.
+
+    On the edge (f_v(w) i w - m w^2) + k_p exp(-i w d) = 0, so that k_p = Re f_v w/sin(w d), which
+    is never less than the least Re f_v over d, whatever the mass.
+    """
 
 
 def curve_claim(curve: Curve) -> Claim:
@@ -96,7 +103,9 @@ def curve_claim(curve: Curve) -> Claim:
         reasons.append("the slope of friction against speed is not determined")
     if reasons:
         return Claim("open", tuple(reasons))
-    return Claim("free") if slope > 0 else Claim("damped", damping=error - slope)
+    if slope > 0:
+        return Claim("free", spare=slope - error)
+    return Claim("damped", damping=error - slope)
 
 
 def rate_state_claim(

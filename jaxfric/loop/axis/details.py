@@ -12,8 +12,12 @@ from ...fitting.axis_problem import AxisProblem
 from ...fitting.result import Estimate
 from ...gains.axis import AxisGains, axis_gains, state_gains
 from ...records.axis_record import AxisRecord, Drive
+from ...rig import Inertial, Rig
 from ...rig.axis import AxisRig
+from ...rig.axis_law import axis_law
 from ...stability.claims import Curve
+from ...stability.linear import linearise
+from ...stability.margins import margin
 from ..engine import Engine
 from ..estimates import estimates
 from ..search import Search
@@ -63,7 +67,8 @@ def details_of(
     rig = problem.rig(jnp.asarray(found.final.z))
     unit = "rad" if record.coordinate == "rotary" else "m"
     known = seen(engine, found.final, rows, prepared, unit)
-    gains = _gains(rig, float(np.median(rows.position)), known, record.drive)
+    place = float(np.median(rows.position))
+    gains = _gains(rig, place, known, record.drive)
     return AxisDetails(
         tuple(fits),
         prepared.preparation,
@@ -75,6 +80,7 @@ def details_of(
         float(rig.reach),
         turning_acceleration(rows, np.asarray(prepared.means(prepared.motion.acceleration))),
         estimates(engine, found.final, record.force_unit)[2],
+        _borne(rig, place, gains.worst_velocity, record.drive),
     )
 
 
@@ -105,3 +111,14 @@ def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> A
     return axis_gains(
         steady, slow, fast, drive=drive, error=known.error, above=known.above, unseen=known.unseen
     )
+
+
+def _borne(rig: AxisRig, position: float, velocity: float, drive: Drive | None) -> float | None:
+    """Smallest delay [s] by which the drive's own gains no longer hold the axis at a velocity."""
+    mass = float(rig.mass)  # 0: not fixed by a record
+    if drive is None or not drive.K_p or not drive.K_d or not mass > 0:
+        return None
+    law = axis_law(rig, position, float(np.sign(velocity)))
+    own = Rig(Inertial(mass, drive.K_p, drive.K_d), law)
+    borne = float(margin("delay", linearise(own, abs(velocity))))
+    return borne if np.isfinite(borne) else None

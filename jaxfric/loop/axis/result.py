@@ -118,6 +118,9 @@ class AxisDetails:
     """Covariance of the free parameters after the loop, of its own model alone (p, p): what other
     models that fit as well say of the same parameters is not in it, so that it holds for the
     friction, a sum of them. None where it is not told."""
+    bears: float | None = None
+    """Delay of the controller [s] from which the drive's own k_p and k_v do not hold the axis at
+    its worst velocity; negative: not even at once; None where they or M are not known."""
 
     def tables(self) -> list[TextTable]:
         """Parameters and errors of the fits, side by side."""
@@ -211,7 +214,10 @@ class AxisDetails:
             damped = _drive(drive.velocity_gain, drive.signal, unit)
             own = f"{drive.position_gain:.4g} 1/s times {damped}"
             rows.append(("k_p in force", f"{drive.K_p:.4g} {force}/{unit}", own))
-        note = f"{self._said()} By equations (16)-(17)"
+        if self.bears is not None:
+            held = f"{1e3 * self.bears:.3g} ms" if self.bears > 0 else "none: they do not hold it"
+            rows.append(("delay they bear", held, ""))
+        note = f"{self._said()} By equation (13)"
         if gains.stiff is None:
             note += f" {_PAGE}"
         else:
@@ -237,6 +243,7 @@ class AxisDetails:
                 "reach": self.reach,
                 "acceleration": self.acceleration,
                 "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
+                "bears": self.bears,
                 "covariance": self.covariance,
                 "gains": {
                     "worst_velocity": self.gains.worst_velocity,
