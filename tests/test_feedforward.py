@@ -189,6 +189,22 @@ def test_what_the_model_leaves_is_told_beside_the_errors_of_its_terms(
     assert bool(said) == bool(words) and all(words in text for text in said)
 
 
+@pytest.mark.parametrize(
+    ("rms", "sigma", "told"), [(0.83, 0.6, True), (0.605, 0.6, False), (0.5, 0.6, False)]
+)
+def test_an_error_that_is_that_of_the_terms_alone_says_so(rms, sigma, told, tmp_path):
+    """sqrt(.83^2 - .6^2) = .57 N of structure beside a standard error of .1 N; .08 N of .605."""
+    path = saved(tmp_path)
+    content = json.loads(path.read_text())
+    content["after"]["report_rms"], content["noise"] = rms, {"sigma": sigma}
+    path.write_text(json.dumps(content))
+    found = jf.feedforward(path)
+    for text in (found.sentence, spoken(found, found.at(0.05))):
+        assert (
+            "terms alone: it misses rows that were held out by 0.83 N, noise 0.6" in text
+        ) == told
+
+
 def test_units_of_a_joint(tmp_path):
     changes = {"friction_unit": "N m", "axis": {"coordinate": "rotary"}}
     found = jf.feedforward(saved(tmp_path, "position_dependence", "cubic", **changes))

@@ -173,9 +173,22 @@ class Feedforward(Described, Drawable, Tabular):
         return (
             f"Friction of {here.forwards.text(about.force_unit)} forwards and"
             f" {here.backwards.text(about.force_unit)} backwards at {about.slowest:.3g} {speed}"
-            f"{', and inertia' if inertia else ''}; its sign fades below"
+            f"{self.within(here)}{', and inertia' if inertia else ''}; its sign fades below"
             f" {self.fade.speed:.3g} {speed}. The record supports the map from"
             f" {about.slowest:.3g} to {about.fastest:.3g} {speed}."
+        )
+
+    def within(self, here: FrictionAt) -> str:
+        """In brackets, where the model misses held-out rows by more than the errors of friction
+        `here`: that these are errors of the model's terms alone; else nothing."""
+        if self.about.left is None:
+            return ""
+        rms, noise = self.about.left
+        if not math.sqrt(max(rms**2 - noise**2, 0.0)) > here.mean.std:
+            return ""
+        return (
+            f" (errors of the model's terms alone: it misses rows that were held out by {rms:.2g}"
+            f" {self.about.force_unit}, noise {noise:.2g} {self.about.force_unit})"
         )
 
     @property

@@ -46,6 +46,7 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
     text = (
         f"Friction at {here.speed:.4g} {speed}{place}: {here.forwards.text(unit)} forwards,"
         f" {here.backwards.text(unit)} backwards; the mean of both {here.mean.text(unit)}"
+        f"{found.within(here)}"
     )
     if here.faded:
         ends = " and ".join(f"{force:+.4g}" for force in here.unfaded)
