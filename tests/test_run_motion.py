@@ -120,6 +120,33 @@ def test_resets_of_the_encoder(jump, answer, found):
         assert "encoder jumps by" in resets[0].told()
 
 
+@pytest.mark.parametrize(
+    ("counted", "answer", "after", "found"),
+    [
+        (0.0, 0.0, 2e-6, 1),
+        (0.05, 0.0, 2e-6, 1),
+        (1.0, 0.0, 2e-6, 0),  # the encoder counted on
+        (0.0, -0.01, 2e-6, 0),  # a hold, in which friction relaxed
+        (0.0, 0.0, 4e-6, 0),  # a step in the pause
+    ],
+)
+def test_what_an_encoder_did_not_count_while_the_recorder_paused(counted, answer, after, found):
+    """2 um/s, no rows from 50 to 60 s: 20 um."""
+    t = np.concatenate([np.arange(0, 50, 0.1), np.arange(60, 110, 0.1)])
+    rng = np.random.default_rng(8)
+    y = moved(t, (0, 2e-6), (60, after)) + 0.1e-6 * rng.standard_normal(len(t))
+    short = y - 20e-6 * (1 - counted) * (t >= 60)
+    friction = 0.6 + 1e-4 * rng.standard_normal(len(t)) + answer * (t >= 60)
+    clean, resets = without_resets(t, short, friction)
+    assert len(resets) == found
+    if found:
+        assert resets[0].size == pytest.approx(-20e-6 * (1 - counted), abs=0.4e-6)
+        assert "not counted in 10.1 s without rows before 60 s" in resets[0].told()
+        np.testing.assert_allclose(clean, y, atol=0.4e-6)
+        steps = find_run_steps(t, clean, friction)
+        assert steps.velocities == pytest.approx([2e-6], rel=0.02)
+
+
 def test_a_fast_step_is_no_reset():
     t = np.arange(0, 100, 0.1)
     y = moved(t, (0, 1e-6), (50, 1e-4)) + 0.1e-6 * np.random.default_rng(7).standard_normal(len(t))

@@ -4,7 +4,8 @@ What a single step does not have, and what is done about it:
 
 1. An encoder that is set back, or wraps. Its position jumps from one row to the next by far more
    than the load point moves in a row on either side, and friction does not answer, as it would
-   through the spring. The jump is taken out (`without_resets`).
+   through the spring. The jump is taken out (`without_resets`). So is what it did not count while
+   the recorder paused: the load point moves alike before and after, friction goes on as if it had.
 2. A recorder whose sampling rate is changed with the velocity. Rows of slow sampling are few beside
    those of fast sampling, and a hold of minutes among hours has none of the candidates that
    `find_steps` spreads. Steps are found in every block of one sampling interval, then again within
@@ -38,6 +39,9 @@ _PLACES = 8
 _REACH = 20
 _JUMP, _SIDES = 12.0, 5.0
 """A reset is a jump of so many scatters, and so many times the largest move between rows beside."""
+_LOOK, _ALIKE, _MOST = 1.0, 0.1, 0.7
+"""Rows beside a pause, of so many times its length; velocities that differ by less than twice this
+share are one; the share of a move that is lacking where the encoder did not count."""
 _ANSWER = 5.0
 """Friction answers a motion where it changes by so many times its own scatter."""
 
@@ -49,9 +53,17 @@ class Reset:
     row: int
     time: float
     size: float
+    paused: float = 0.0
+    """How long the recorder paused, where the encoder did not count meanwhile [s]."""
 
     def told(self) -> str:
         """The reset in words."""
+        if self.paused:
+            return (
+                f"{format_si(-self.size, 'm', 'um', 3)} are not counted in {self.paused:.3g} s"
+                f" without rows before {self.time:.6g} s: the load point moves alike before and"
+                " after, and friction does not answer"
+            )
         return f"encoder jumps by {format_si(self.size, 'm', 'um', 5)} at {self.time:.6g} s"
 
 
@@ -244,7 +256,14 @@ def without_resets(
             continue
         shift[row + 1 :] += size
         resets.append(Reset(int(row) + 1, float(time[row + 1]), size))
-    return position - shift, tuple(resets)
+    for row in np.setdiff1d(gaps(time), [reset.row - 1 for reset in resets]):
+        lost = _not_counted(time, position, int(row))
+        if lost and not _answers(friction, int(row)):
+            shift[row + 1 :] -= lost
+            resets.append(
+                Reset(int(row) + 1, float(time[row + 1]), -lost, float(time[row + 1] - time[row]))
+            )
+    return position - shift, tuple(sorted(resets, key=lambda reset: reset.row))
 
 
 def _beyond(time: np.ndarray, position: np.ndarray, row: int) -> float:
@@ -257,6 +276,21 @@ def _beyond(time: np.ndarray, position: np.ndarray, row: int) -> float:
     ]
     move, lasts = float(position[row + 1] - position[row]), float(time[row + 1] - time[row])
     return move - float(np.clip(move, min(speeds) * lasts, max(speeds) * lasts))
+
+
+def _not_counted(time: np.ndarray, position: np.ndarray, row: int) -> float:
+    """What the move over a pause after `row` lacks of that at the velocity of the rows before and
+    after, where these are one and most of it is lacking [m]; else 0."""
+    lasts = float(time[row + 1] - time[row])
+    low, high = np.searchsorted(time, [time[row] - _LOOK * lasts, time[row + 1] + _LOOK * lasts])
+    sides = slice(max(low, row + 1 - _MEANS), row + 1), slice(row + 1, min(high, row + _MEANS))
+    if min(len(time[side]) for side in sides) < _FEWEST:
+        return 0.0
+    before, after = (float(np.polyfit(time[side], position[side], 1)[0]) for side in sides)
+    expected = (before + after) / 2 * lasts
+    lost = expected - float(position[row + 1] - position[row])
+    alike = abs(after - before) < _ALIKE * abs(before + after)
+    return lost if alike and abs(lost) > _MOST * abs(expected) else 0.0
 
 
 def _answers(friction: np.ndarray, row: int) -> bool:
