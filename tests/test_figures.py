@@ -225,6 +225,27 @@ def test_a_spread_of_periods_is_drawn_where_it_is_more_than_the_solver_s() -> No
     assert sorted(set(np.ma.compressed(mesh.get_array()))) == [0.0, 1.0]
 
 
+@pytest.mark.parametrize(("count", "words"), [(3, ""), (4, ""), (9, "; at 4 of 9 values of mass")])
+def test_maps_at_some_of_many_values_say_so(count, words) -> None:
+    """And the last tick of a panel ends before the first of the next begins."""
+    xarray = pytest.importorskip("xarray")
+    sides = {"k_p": np.geomspace(1e5, 1e6, 64), "V0": np.geomspace(1e-6, 1e-5, 16)}
+    sides["mass"] = np.linspace(1.0, 2.0, count)
+    data = np.random.default_rng(0).uniform(size=[len(x) for x in sides.values()])
+    found = xarray.Dataset({"gain": (tuple(sides), data, {"long_name": "gain"})}, sides)
+    found["k_p"].attrs["spacing"] = "log"
+    for name, unit in (("k_p", "N/m"), ("V0", "m/s"), ("mass", "kg"), ("gain", "1")):
+        found[name].attrs["units"] = unit
+    figure = _map(found, "gain", tuple(sides), coded=False)
+    assert isinstance(figure, matplotlib.figure.Figure)
+    assert figure.get_suptitle() == f"Gain{words}"
+    figure.draw_without_rendering()
+    lower = [axis for axis in figure.axes if axis.get_visible()][2:4]
+    boxes = [t.get_window_extent() for axis in lower for t in axis.get_xticklabels()]
+    boxes = sorted((box for box in boxes if box.width > 1), key=lambda box: box.x0)
+    assert all(a.x1 < b.x0 for a, b in itertools.pairwise(boxes))
+
+
 @pytest.mark.parametrize(("cycles", "title"), [(False, "End: steady everywhere"), (True, "End")])
 def test_where_all_end_steady_a_map_says_so_and_none_is_of_cycles(cycles, title) -> None:
     """What is left of the velocity then is an error of the solver."""

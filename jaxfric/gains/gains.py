@@ -19,7 +19,7 @@ from ..units import parse_values
 from .frontier import FrontierPoint, Region, alone_of, largest_alone
 from .kkt import Optimum
 from .margins import several_margins
-from .requirement import Requirement
+from .requirement import DEFAULT, Requirement
 from .result import Certificate, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
 from .slack import slacks
@@ -41,7 +41,7 @@ def find_gains(
     normal_force: float | str | None = None,
     velocity: ArrayLike | str,
     mass: ArrayLike | str | None,
-    margin: Mapping[str, float] | Requirement | str,
+    margin: Mapping[str, float] | Requirement | str = DEFAULT,
     confidence: float = 1.0,
     scale: Pair = (None, None),
     lower: Pair = (None, None),
@@ -66,7 +66,8 @@ def find_gains(
     velocity : [m/s], one or several, or text, "1..10 mm/s"; a range is best given log-spaced.
     mass : [kg], one or several, or text, "1..3 kg"; None without mass, or with that of the axis
         that the law is of.
-    margin : what is required, by name (`MARGINS` has them, with units), or "modulus=0.5".
+    margin : what is required, by name (`MARGINS` has them, with units), or text, "modulus=0.5";
+        what is named stands alone here.
     confidence : share of the samples of the law in which the requirement must hold; the
         samples that ask for the largest gains are left out, at most so many.
     scale : (s_p [N/m], s_v [N s/m]); None: the stiffness that stabilises without damping and the

@@ -20,7 +20,7 @@ from ..laws.file import Result, law_source
 from ..laws.registry import Law
 from ..silent import silent
 from .gains import find_gains
-from .requirement import Requirement
+from .requirement import DEFAULT, Requirement
 from .scenarios import Scenarios
 from .verify import jump_sizes
 
@@ -68,7 +68,7 @@ def schedule(
     *,
     velocity: tuple[float, float],
     mass: ArrayLike | None,
-    margin: Mapping[str, float] | Requirement,
+    margin: Mapping[str, float] | Requirement | str = DEFAULT,
     ratio: float = 3.0,
     finest: float = 1.2,
     progress: Callable[[str], None] | None = None,
@@ -128,7 +128,7 @@ def _set_point(
     V: float,
     reach: float,
     mass: ArrayLike | None,
-    margin: Mapping[str, float] | Requirement,
+    margin: Mapping[str, float] | Requirement | str,
 ) -> SetPoint:
     around = V * np.geomspace(1 / reach, reach, _AROUND)
     found = find_gains(law, velocity=around, mass=mass, margin=margin)

@@ -147,6 +147,9 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
     rows = -(-len(panels) // columns)
     width = 4.0 * columns + 1.9
     figure = new_figure(width, 3.2 * rows + 0.6)
+    engine = figure.get_layout_engine()
+    assert engine is not None
+    engine.set(w_pad=0.1)  # or the last tick of a panel runs into the first of the next  # pyright: ignore
     axes = np.ravel(np.asarray(figure.subplots(rows, columns, sharex=True, sharey=True)))
     sides = side_of(found, x), side_of(found, y)
     for axis, panel in zip(axes, panels, strict=False):
@@ -163,6 +166,8 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
         _numbers(figure, used, sides, values, name, about, infinite)
     fixed = [_shown_at(found, d, 0) for d in dims if found.sizes[d] == 1]
     title = about.get("long_name", name) + (f"; {', '.join(fixed)}" if fixed else "")
+    if rest and len(panels) < found.sizes[rest[0]]:
+        title += f"; at {len(panels)} of {found.sizes[rest[0]]} values of {rest[0]}"
     ends = np.unique(every) if coded else []
     if len(ends) == 1 and ends[0] >= 0:
         title += f": {about['flag_meanings'].split()[int(ends[0])].replace('_', ' ')} everywhere"

@@ -30,4 +30,11 @@ def tabled(found: LawComparison) -> list[TabledFit]:
 def table(found: LawComparison) -> TextTable:
     """The scores for a terminal or a page."""
     title = f"{len(found.record)} rows, worth {found.independent_rows:.0f} independent ones"
-    return text_table(tabled(found), "law", title)
+    shown = text_table(tabled(found), "law", title)
+    if found.unasked:
+        return shown
+    second = (
+        "held-out error: of a second fit, by likelihood, to the other steps alone, so not of the"
+        " values shown"
+    )
+    return shown._replace(note=f"{shown.note}; {second}")
