@@ -114,7 +114,7 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
         _within(about, velocity, curve.at(velocity, fade.speed)),
         level,
         float(max(0.0, 1 - SURE * np.max(mean.std / mean.force))),
-        _least_damping(curve, fade.speed, about.fastest),
+        _least_damping(curve, fade.speed, about.slowest, about.fastest),
         _warnings(about),
     )
 
@@ -172,15 +172,19 @@ def _memories(about: Identified) -> list[Memory]:
     return [one for one in found if f"{one.effect}.{one.symbol}" not in about.loose]
 
 
-def _least_damping(curve: FrictionCurve, fade: float, fastest: float) -> float:
+def _least_damping(curve: FrictionCurve, fade: float, slowest: float, fastest: float) -> float:
     """max over v of d(compensation - friction)/dv [F s/m]: k_v must be larger, as then
 
         M v' = -k_v v - F(v) + compensation(v)
 
-    about any steady velocity decays. The friction is taken as the model has it, its sign sharp.
+    about any steady velocity decays. The friction is taken as the model has it, its sign sharp; but
+    below the `slowest` speed that the record supports no growth with speed is counted on.
     """
     v = np.geomspace(1e-3 * fade, max(fastest, 10 * fade), _FINE)
-    more = [curve.at(s * v, fade).slope - curve.at(s * v, None).slope for s in (1.0, -1.0)]
+    more = []
+    for side in (v, -v):
+        own = curve.at(side, None).slope
+        more.append(curve.at(side, fade).slope - np.where(v < slowest, np.minimum(own, 0.0), own))
     return float(max(np.max(more), 0.0))
 
 

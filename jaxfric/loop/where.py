@@ -132,9 +132,10 @@ def shares_told(
     (first, share), *more = shares
     if first is None:
         return ["No variable explains what the base model leaves."]
-    told = [f"{_capital(_subject(first))} carries {share_text(share)} of what the model lacks."]
     best = next(p for p in location if p.variable == first)
     alike = _not_told(best, location, velocities)  # names some rivals by itself
+    name = "a smooth curve" if alike and len(velocities) == 2 else _subject(first)
+    told = [f"{_capital(name)} carries {share_text(share)} of what the model lacks."]
     rivals = [
         p.variable
         for p in location
