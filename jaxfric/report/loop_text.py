@@ -193,7 +193,7 @@ def by_velocity(loop: Loop) -> TextTable:
         both = [s.per_step[k] / loop.sigma_of(here) for s in (loop.before, loop.after)]
         errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
         rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
-    head = ("from", "velocity", "block", "before [σ]", "after [σ]")
+    head = ("from", loop.words.velocity.lower(), "block", "before [σ]", "after [σ]")
     return TextTable(loop.words.errors, head, rows)
 
 
