@@ -48,7 +48,7 @@ from jaxfric.loop.result import (
 from jaxfric.loop.split import NAMES, split
 from jaxfric.loop.verdict import Told
 from jaxfric.loop.words import AXIS, SLIDER
-from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title
+from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title, residual_figure
 from jaxfric.plot.stability import tidy
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
@@ -1182,6 +1182,17 @@ def test_velocities_bear_a_symbol_of_length(unit: str, shown: str) -> None:
     units = {**loop.record.units, "load_point_displacement": unit}
     record = dataclasses.replace(loop.record, units=units)  # pyright: ignore[reportArgumentType]
     assert by_velocity(dataclasses.replace(loop, record=record)).rows[0][1] == shown
+
+
+@pytest.mark.parametrize("pause", [0.0, 1e5])
+def test_the_line_of_a_model_ends_where_the_recorder_paused(pause: float) -> None:
+    loop = make_loop("effects")
+    time = loop.record.time + pause * (np.arange(len(loop.record)) > 200)
+    loop = dataclasses.replace(loop, record=dataclasses.replace(loop.record, time=time))
+    axis = next(a for a in residual_figure(loop).axes if a.get_title(loc="left").startswith("Rec"))
+    lines = [line for line in axis.lines if str(line.get_label()).startswith("model")]
+    broken = [np.flatnonzero(np.isnan(line.get_ydata())).tolist() for line in lines]
+    assert broken == [[201] if pause else []] * 2
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from ..fitting.table import noise_lines
 from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS
+from ..records.run_motion import gaps
 from .label import printable
 from .location import save_location, save_profiles
 from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
@@ -115,8 +116,11 @@ def _record_and_model(axis: Axes, loop: Loop, along: np.ndarray) -> None:
     lines = [(loop.before, ORANGE, "model before")]
     if loop.effects:
         lines.append((loop.after, BLUE, "model after"))
+    pauses = gaps(np.asarray(loop.record.relative_time)) + 1  # no line across what was not recorded
+    x = np.insert(along, pauses, np.nan)
     for score, colour, label in lines:
-        axis.plot(along, friction + score.residual, color=colour, lw=1.1, label=label, zorder=2)
+        y = np.insert(friction + score.residual, pauses, np.nan)
+        axis.plot(x, y, color=colour, lw=1.1, label=label, zorder=2)
     axis.set_ylabel("friction" if unit == "1" else f"friction [{unit}]")
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=3, fontsize=8, frameon=False)
     tidy(axis, "Record and model")
