@@ -172,8 +172,14 @@ def test_in_the_drives_own_signal(tmp_path):
 @pytest.mark.parametrize(
     ("rms", "sigma", "options", "words"),
     [
-        (0.83, 0.6, {}, "misses the force by 0.83 N (root mean square), of which noise is 0.6 N:"),
-        (0.84, 0.6, {"drive_gain": "20 N/V"}, "by 0.042 V (root mean square), of which noise is"),
+        (
+            0.83,
+            0.6,
+            {},
+            "leaves 0.83 N (root mean square), noise 0.6 N: it misses the force by 0.57",
+        ),
+        (0.84, 0.6, {"drive_gain": "20 N/V"}, "leaves 0.042 V (root mean square), noise 0.03 V"),
+        (0.59, 0.6, {}, "leaves 0.59 N, which is no more than their noise"),
         (None, 0.6, {}, None),
         (0.83, None, {}, None),
     ],
@@ -199,10 +205,20 @@ def test_an_error_that_is_that_of_the_terms_alone_says_so(rms, sigma, told, tmp_
     content["after"]["report_rms"], content["noise"] = rms, {"sigma": sigma}
     path.write_text(json.dumps(content))
     found = jf.feedforward(path)
+    assert found.missed == pytest.approx(math.sqrt(max(rms**2 - sigma**2, 0)))
     for text in (found.sentence, spoken(found, found.at(0.05))):
-        assert (
-            "terms alone: it misses rows that were held out by 0.83 N, noise 0.6" in text
-        ) == told
+        assert ("terms alone: rows that were held out it misses by 0.57 N" in text) == told
+
+
+def test_rows_that_noise_alone_misses_as_far_are_no_fault_of_the_model(tmp_path):
+    """Noise of held-out rows .3 N and, by chance, up to 1.2 times that."""
+    path = saved(tmp_path)
+    content = json.loads(path.read_text())
+    for rms, missed in ((0.35, 0.0), (0.37, math.sqrt(0.37**2 - 0.3**2))):
+        content["after"]["report_rms"] = rms
+        content["noise"] = {"sigma": 0.2, "sigma_held_out": 0.3, "most_held_out": 1.2}
+        path.write_text(json.dumps(content))
+        assert jf.feedforward(path).missed == pytest.approx(missed)
 
 
 def test_units_of_a_joint(tmp_path):

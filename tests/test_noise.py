@@ -484,6 +484,18 @@ def test_two_parts_on_two_clocks_are_a_dense_gaussian(beta):
     np.testing.assert_allclose(told.correlation(apart), R0(C)[1:], atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("memory", "kind"),
+    [(0.01, "white"), (0.012, "white"), (0.013, "correlated"), (0.1, "correlated")],
+)
+def test_a_memory_that_rows_do_not_resolve_is_told_as_white(memory, kind):
+    """Rows .02 s apart are alike by exp(-.02/memory): .2 at .0124 s."""
+    noise = noise_of(1.0, 0.92, jnp.array([memory, jnp.inf, jnp.inf]))
+    told = noise_estimate(noise, 1.0, np.ones(3), apart=np.array([0.02, 1.0, 1.0]))
+    assert told.kind == kind and bool(told.parts) == (kind != "white")
+    assert noise_estimate(noise, 1.0, np.ones(3)).kind == "correlated"
+
+
 def R0(C):
     """Correlation of every row with the first."""
     return C[0] / np.sqrt(C[0, 0] * np.diag(C))

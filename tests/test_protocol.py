@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import assert_refused, run
+from scipy.stats import norm
 
 import jaxfric as jf
 from fits.blind import plants
@@ -210,7 +211,9 @@ def test_cosines_and_sizes_against_scipy(five, sensitivities, slip_noise):
         assert cosine(out, a, b) == pytest.approx(expected, abs=2e-4), (a, b)
     for one in out.smallest:
         if one.id in ids:
-            expected = np.sqrt(10 + np.log(TRAINED.sum())) / size[ids.index(one.id)]
+            expected = (np.sqrt(10 + np.log(TRAINED.sum())) + norm.ppf(0.95)) / size[
+                ids.index(one.id)
+            ]
             assert one.amplitude == pytest.approx(expected, rel=1e-3), one.id
 
 
@@ -226,7 +229,7 @@ def test_a_wrong_plant_is_noticed(five):
     rest = beyond(both, plant.of_base(), len(plant.time), 1e6)
     size = np.linalg.norm(rest, axis=0)
     right = {one.id: one.amplitude for one in five[None].smallest}
-    wrong = np.sqrt(10 + np.log(TRAINED.sum())) / size
+    wrong = (np.sqrt(10 + np.log(TRAINED.sum())) + norm.ppf(0.95)) / size
     off = [wrong[0] / right["ageing"] - 1, wrong[1] / right["velocity_dependent_L"] - 1]
     assert max(np.abs(off)) > 0.03
 
@@ -405,6 +408,31 @@ def answered(plan, ids=TWO, known=None):
 
 
 YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing from "
+
+
+@pytest.mark.parametrize(
+    ("alike", "words"),
+    [
+        (0.5, ""),
+        (0.62, ""),  # .0127 beside .0125
+        (0.8, "; others only from larger ones on: ageing from viscous (q = 0.017)"),
+        (0.94, "; others only from larger ones on: ageing from viscous (q = 0.029)"),
+        (0.97, "; but not ageing from viscous (0.970)"),  # at no size
+    ],
+)
+def test_a_third_effect_takes_a_larger_one(alike, words):
+    """.01/sqrt(1 - .8^2) = .0167, where the pair of cosine .6 takes .01/.8."""
+    plan = designed(0.6)
+    own = plan.design
+    cosines = np.eye(3)
+    cosines[:2, :2], cosines[0, 2], cosines[2, 0] = own.cosines, alike, alike
+    third = Smallest("viscous", ("c",), "s/m", 0.1, {}, 0.1, 0.1)
+    design = dataclasses.replace(
+        own, ids=(*own.ids, "viscous"), cosines=cosines, smallest=(*own.smallest, third)
+    )
+    told = answered(dataclasses.replace(plan, design=design))
+    assert told == answered(plan) + words
+    assert "others" not in answered(dataclasses.replace(plan, design=design), ("base", "ageing"))
 
 
 @pytest.mark.parametrize(

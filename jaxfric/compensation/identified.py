@@ -227,10 +227,14 @@ def _of_axis(content: Content, source: str) -> Identified:
 
 
 def _left(content: Content) -> tuple[float, float] | None:
-    """What the model after a loop leaves of held-out rows, and the noise of one [F]."""
-    found = content["after"].get("report_rms"), (content.get("noise") or {}).get("sigma")
+    """What the model after a loop leaves of held-out rows, and how much of it is noise [F]: all of
+    it where noise alone gives as much."""
+    noise = content.get("noise") or {}
+    sigma = noise.get("sigma_held_out") or noise.get("sigma")
+    found = content["after"].get("report_rms"), sigma
     rms, sigma = (float(x) if isinstance(x, int | float) else 0.0 for x in found)
-    return (rms, sigma) if rms > 0 and sigma > 0 else None
+    most = noise.get("most_held_out") or 1.0
+    return (rms, rms if rms <= most * sigma else sigma) if rms > 0 and sigma > 0 else None
 
 
 def _covariance(about: Content, after: Content) -> tuple[np.ndarray, list[str]]:

@@ -181,15 +181,21 @@ class Feedforward(Described, Drawable, Tabular):
     def within(self, here: FrictionAt) -> str:
         """In brackets, where the model misses held-out rows by more than the errors of friction
         `here`: that these are errors of the model's terms alone; else nothing."""
-        if self.about.left is None:
-            return ""
-        rms, noise = self.about.left
-        if not math.sqrt(max(rms**2 - noise**2, 0.0)) > here.mean.std:
+        if not self.missed > here.mean.std:
             return ""
         return (
-            f" (errors of the model's terms alone: it misses rows that were held out by {rms:.2g}"
-            f" {self.about.force_unit}, noise {noise:.2g} {self.about.force_unit})"
+            " (errors of the model's terms alone: rows that were held out it misses by"
+            f" {self.missed:.2g} {self.about.force_unit} besides their noise)"
         )
+
+    @property
+    def missed(self) -> float:
+        """By how much the model misses rows that were held out, without their noise, root mean
+        square [F]; 0 where noise alone gives as much, or where it is not told."""
+        if self.about.left is None:
+            return 0.0
+        rms, noise = self.about.left
+        return math.sqrt(max(rms**2 - noise**2, 0.0))
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -226,12 +232,17 @@ class Feedforward(Described, Drawable, Tabular):
             )
         if about.left is not None:
             rms, noise = about.left
-            lines.append(
-                f"In rows that were held out the model misses the force by {rms:.2g}"
-                f" {about.force_unit} (root mean square), of which noise is {noise:.2g}"
-                f" {about.force_unit}: what is compensated is no better, whatever the errors of"
-                " its terms"
-            )
+            unit = about.force_unit
+            text = f"Of rows that were held out the model leaves {rms:.2g} {unit}"
+            if self.missed:
+                text += (
+                    f" (root mean square), noise {noise:.2g} {unit}: it misses the force by"
+                    f" {self.missed:.2g} {unit}, and what is compensated is no better, whatever the"
+                    " errors of its terms"
+                )
+            else:
+                text += ", which is no more than their noise"
+            lines.append(text)
         lines.append(low_speeds(about, self.fade))
         if self.fade.speed > about.slowest:
             lines.append(

@@ -27,6 +27,9 @@ _ORIGINS = {
 _SLOW, _DRIFT = 10.0, "temperature or creep"
 """Memory [s] from which noise over time is not due to electronics."""
 _WHITE = 0.05
+_ALIKE = 0.2
+"""Correlation of neighbouring rows from which a part of a noise is not white: less the rows do not
+resolve."""
 _FAR = 0.9995e-3
 """Memory over a path from which it is shown in millimetres [m]."""
 _SEEN = 1.5
@@ -205,10 +208,12 @@ def noise_estimate(
     glitches: Glitches = NO_GLITCHES,
     steps: float = 0.0,
     clocks: tuple[str, ...] = CLOCKS,
+    apart: np.ndarray | None = None,
 ) -> NoiseEstimate:
     """The estimate of a residual's noise in units of `scale`; `longest` memory searched over every
     clock, pace and scale `by_step` of velocity where they differ, `glitches` that are passed over,
-    the `steps` of the recorder [unit of friction], and names of the `clocks`."""
+    the `steps` of the recorder [unit of friction], and names of the `clocks`. `apart` (k,) are two
+    neighbouring rows on every clock: a part that is hardly alike over that is told as white."""
     parts = []
     rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
     for k, (share, rates) in enumerate(rows):
@@ -216,7 +221,9 @@ def noise_estimate(
             clock, beta = int(np.argmax(rates)), float(noise.beta) if k else EXPONENTIAL
             slower = 1 - math.sqrt(-beta) if EXPONENTIAL < beta < 0 else 1.0
             memory = float(1 / rates[clock]) / slower
-            parts.append(NoisePart(float(share), clocks[clock], memory, beta))
+            part = NoisePart(float(share), clocks[clock], memory, beta)
+            if apart is None or abs(part.correlation(apart[clock])) >= _ALIKE:
+                parts.append(part)
     parts.sort(key=lambda part: -part.share)
     most = tuple(float(x) for x in np.ravel(longest))
     size = scale * float(noise.sigma)

@@ -251,9 +251,16 @@ def _score(
             by_step=(() if engine.pace is None else engine.pace.tolist(), engine.scale_by_step()),
             glitches=engine.glitches,
             steps=engine.steps,
+            apart=_apart(engine, rows.used),
         ),
         tests=tests,
     )
+
+
+def _apart(engine: Engine, used: np.ndarray) -> np.ndarray:
+    """How far neighbouring rows are apart on every clock, as a median."""
+    clock = np.asarray(engine.problem.clock)[: len(used)][used]
+    return np.median(np.abs(np.diff(clock, axis=0)), axis=0)
 
 
 def _rms(residual: np.ndarray) -> float:

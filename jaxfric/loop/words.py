@@ -33,6 +33,8 @@ class LoopWords(NamedTuple):
     that name."""
     over_path: bool
     """Whether figures are drawn over the motion, where that always advances; else over time."""
+    row: str
+    """What a row of the fit is: of an axis it is not one of the record."""
     most: Mapping[str, float]
     """Cap by unit on the largest value, which chooses the prefix of a figure's axis."""
 
@@ -48,6 +50,7 @@ SLIDER = LoopWords(
     catalogue=CATALOGUE,
     quantity=quantity_of,
     over_path=True,
+    row="row",
     most={"m": 9e-3, "m/s": 9e-4, "s": 1.0},
 )
 AXIS = LoopWords(
@@ -61,5 +64,6 @@ AXIS = LoopWords(
     catalogue=AXIS_CATALOGUE,
     quantity={about.symbol: about for about in quantities(AxisRig).values()}.__getitem__,
     over_path=False,
+    row="filtered row",
     most={},
 )

@@ -92,7 +92,7 @@ def _how_to_read(loop: Loop) -> list[str]:
         "Where friction differs from the base model. Each variable is asked alone: shares overlap"
         " and do not add up to 100 %.",
         f"In units of the rms that the base leaves in its train block, {loop.in_words(left)},"
-        f" of which the noise of a row is the dotted {loop.sigma / left:.2g}.",
+        f" of which the noise of a {loop.words.row} is the dotted {loop.sigma / left:.2g}.",
         "Left out is what the base's own parameters take up. The machine shows a part only, and"
         " neighbours of opposite sign cancel. Bars: standard error.",
         "p: how often noise alone gains as much in likelihood by bumps over a variable, its size"

@@ -164,9 +164,12 @@ def _target(loop: Loop) -> str:
 
 def _what_sigma_is(loop: Loop) -> str:
     here, *later = loop.sigma_texts()
+    row = loop.words.row
     if not later:
-        return f"σ = {here} is the noise of a row"
-    return f"σ is the noise of a row: {here} where the model is fitted, {later[0]} in rows held out"
+        return f"σ = {here} is the noise of a {row}"
+    return (
+        f"σ is the noise of a {row}: {here} where the model is fitted, {later[0]} in rows held out"
+    )
 
 
 def _bound(loop: Loop) -> str:

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _NOTE = (
-    "smallest: the effect's amplitude at which its likelihood ratio reaches 10 + p ln n, at the"
-    " shape that is seen best; to first order, white noise; rows count that jaxfric loop would fit,"
+    "smallest: the effect's amplitude at which its likelihood ratio exceeds 10 + p ln n in 19 of 20"
+    " records, at the shape that is seen best; to first order, white noise; rows count that jaxfric"
+    " loop would fit,"
     " without the last velocities, which it holds out"
 )
 _SAME = 0.9995
@@ -114,6 +115,19 @@ def _other_likes(plan: Protocol, pair: Pair) -> str:
     return f"; but not {' nor '.join(words)}" if words else ""
 
 
+def _later(plan: Protocol, pair: Pair) -> str:
+    """From which size on either effect is told from all others too, where that is a larger one."""
+    if pair.cosine is None:  # from the law alone
+        return ""
+    told = []
+    for id, size in pair.sizes.items():
+        third, most = plan.design.from_all(id)
+        if most is not None and third not in pair.ids and most > 1.05 * size:
+            own = next(s for s in plan.design.smallest if s.id == id)
+            told.append(f"{id} from {third} ({_size(own, most)})")
+    return f"; others only from larger ones on: {' and '.join(told)}" if told else ""
+
+
 def _named_from(plan: Protocol, pair: Pair) -> str:
     """From which sizes on one of two effects is named as one of them, where these are others."""
     least = {s.id: s.amplitude for s in plan.design.smallest if s.amplitude is not None}
@@ -144,6 +158,7 @@ def _answered(plan: Protocol, pair: Pair) -> str:
         how = "" if pair.cosine is None else f" (|cosine| {_cosine(pair.cosine)})"
         sizes = f"from {_from_sizes(plan.design, pair)} on"
         others = _other_likes(plan, pair)
+        others = f"{_later(plan, pair)}{others}"
         return f"yes: this plan tells {a} from {b}{how}, {sizes}{_named_from(plan, pair)}{others}"
     if pair.cosine is None:
         unseen = [id for id in pair.ids if id in plan.design.unseen()]
