@@ -491,9 +491,10 @@ def test_two_parts_on_two_clocks_are_a_dense_gaussian(beta):
 def test_a_memory_that_rows_do_not_resolve_is_told_as_white(memory, kind):
     """Rows .02 s apart are alike by exp(-.02/memory): .2 at .0124 s."""
     noise = noise_of(1.0, 0.92, jnp.array([memory, jnp.inf, jnp.inf]))
-    told = noise_estimate(noise, 1.0, np.ones(3), apart=np.array([0.02, 1.0, 1.0]))
-    assert told.kind == kind and bool(told.parts) == (kind != "white")
-    assert noise_estimate(noise, 1.0, np.ones(3)).kind == "correlated"
+    told = noise_estimate(noise, 1.0, np.ones(3))
+    seen = told.resolved(np.array([0.02, 1.0, 1.0]))
+    assert seen.kind == kind and bool(seen.parts) == (kind != "white")
+    assert told.kind == "correlated" and seen.sigma == told.sigma == 1.0
 
 
 def R0(C):

@@ -133,6 +133,16 @@ class NoiseEstimate:
         white = self.sigma**2 * (1 - self.correlated_share)
         return least_noise(self.steps) ** 2 > _MOST * white
 
+    def resolved(self, apart: np.ndarray) -> "NoiseEstimate":
+        """The noise as rows that are `apart` (k,) from their neighbours on every clock show it: a
+        part that is hardly alike over that is white."""
+        parts = tuple(
+            part
+            for part in self.parts
+            if abs(part.correlation(apart[self.clocks.index(part.over)])) >= _ALIKE
+        )
+        return dataclasses.replace(self, parts=parts)
+
     def origins(self) -> tuple[str, ...]:
         """The usual causes of such noise, those of its correlated parts first."""
         found = [part.origin for part in self.parts if part.share > _WHITE]
@@ -208,12 +218,10 @@ def noise_estimate(
     glitches: Glitches = NO_GLITCHES,
     steps: float = 0.0,
     clocks: tuple[str, ...] = CLOCKS,
-    apart: np.ndarray | None = None,
 ) -> NoiseEstimate:
     """The estimate of a residual's noise in units of `scale`; `longest` memory searched over every
     clock, pace and scale `by_step` of velocity where they differ, `glitches` that are passed over,
-    the `steps` of the recorder [unit of friction], and names of the `clocks`. `apart` (k,) are two
-    neighbouring rows on every clock: a part that is hardly alike over that is told as white."""
+    the `steps` of the recorder [unit of friction], and names of the `clocks`."""
     parts = []
     rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
     for k, (share, rates) in enumerate(rows):
@@ -221,9 +229,7 @@ def noise_estimate(
             clock, beta = int(np.argmax(rates)), float(noise.beta) if k else EXPONENTIAL
             slower = 1 - math.sqrt(-beta) if EXPONENTIAL < beta < 0 else 1.0
             memory = float(1 / rates[clock]) / slower
-            part = NoisePart(float(share), clocks[clock], memory, beta)
-            if apart is None or abs(part.correlation(apart[clock])) >= _ALIKE:
-                parts.append(part)
+            parts.append(NoisePart(float(share), clocks[clock], memory, beta))
     parts.sort(key=lambda part: -part.share)
     most = tuple(float(x) for x in np.ravel(longest))
     size = scale * float(noise.sigma)

@@ -251,8 +251,7 @@ def _score(
             by_step=(() if engine.pace is None else engine.pace.tolist(), engine.scale_by_step()),
             glitches=engine.glitches,
             steps=engine.steps,
-            apart=_apart(engine, rows.used),
-        ),
+        ).resolved(_apart(engine, rows.used)),
         tests=tests,
     )
 
