@@ -8,7 +8,6 @@ Its legs that are steeper than any drift of a servo are changes; neighbouring on
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from ..fitting.start import noise_from_differences
 
@@ -37,6 +36,8 @@ class StressChange(NamedTuple):
 
 def find_stress_changes(time: np.ndarray, stress: np.ndarray | None) -> list[StressChange]:
     """Changes by 1 % or more, faster than 1 % in a minute, over `time` from 0 [s]."""
+    from scipy.ndimage import median_filter  # only here: a fit needs no run
+
     if stress is None or np.ptp(stress) == 0:
         return []
     scale = float(np.quantile(np.abs(stress), 0.9))

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from ..fitting.start import noise_from_differences
 
@@ -122,6 +121,8 @@ def _alike(value: float, others: np.ndarray) -> bool:
 
 def find_spikes(friction: np.ndarray) -> np.ndarray:
     """First rows of what stands out of its neighbours for at most three rows."""
+    from scipy.ndimage import median_filter  # only here: a fit needs no run
+
     away = np.abs(friction - median_filter(friction, _WINDOW, mode="nearest"))
     size = len(away) // _AROUND
     if size < 2:
