@@ -283,6 +283,7 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
                 "error": hold.error,
                 "preference": hold.preference,
                 "no_law": why_no_law(hold),
+                "missing_motion": hold.missing or None,
                 "group": hold.group,
                 "fits": {law: claimed(found) for law, found in hold.fits.items()},
             }

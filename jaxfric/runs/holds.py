@@ -22,6 +22,7 @@ from ..fitting import Fit
 from ..fitting.misfit import excess
 from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
 from ..fitting.problem import clock_of
+from ..fitting.start import noise_from_differences
 from ..records import Record, VelocitySteps
 from ..silent import silent
 from .events import Event
@@ -38,6 +39,9 @@ _LATE = 0.2
 """The last row of a hold is no further from its end than this share of it."""
 _STRONG = 3.0
 """A law is preferred by so much of ln L, as odds of 20 to 1."""
+_NOISES, _SPREADS = 14.0, 8.0
+"""Scatters of neighbouring rows, and of all rows that slide before a hold, by which friction rises
+beyond the pull of its spring: of thousands of rows noise alone is 9 apart."""
 _MANY = 10.0
 """No law is told by a fit that leaves more than this times the scatter of neighbouring rows; in the
 noise of measured records the true law leaves up to 4."""
@@ -50,7 +54,9 @@ class Hold:
     `creep` is the fall of friction during the hold (None: it was not recorded), `healing` the peak
     above the level before it, with its standard `error`. `fits` are those of the laws by name that
     could be fitted, to all holds with the same number `group`, and `preference` is ln L of the slip
-    law less that of the ageing law; None where not both can.
+    law less that of the ageing law; None where not both can. `missing` is how far the load point
+    must have moved besides what was recorded [m] (`missing_motion`): the hold is shorter then, and
+    neither law is asked.
     """
 
     time: float
@@ -63,6 +69,7 @@ class Hold:
     fits: dict[str, Fit]
     preference: float | None
     group: int = 1
+    missing: float = 0.0
 
 
 class HoldWindow(NamedTuple):
@@ -81,12 +88,13 @@ class HoldWindow(NamedTuple):
 
 
 class _Healed(NamedTuple):
-    """A hold with its creep, healing and error."""
+    """A hold with its creep, healing, error and missing motion."""
 
     window: HoldWindow
     creep: float | None
     healing: float
     error: float
+    missing: float = 0.0
 
 
 def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
@@ -127,8 +135,10 @@ def fit_holds(
     """
     groups: list[list[_Healed]] = []
     for window in find_holds(events, float(record.relative_time[-1])):
-        if seen := _healed(record, window):
-            if groups and follows(groups[-1][-1].window, window):
+        if seen := _healed(record, window, how):
+            last = groups[-1][-1] if groups else seen
+            whole = not (last.missing or seen.missing)
+            if groups and whole and follows(last.window, window):
                 groups[-1].append(seen)
             else:
                 groups.append([seen])
@@ -149,7 +159,7 @@ def fit_holds(
     return tuple(out)
 
 
-def _healed(record: Record, window: HoldWindow) -> _Healed | None:
+def _healed(record: Record, window: HoldWindow, how: HowFitted) -> _Healed | None:
     """A hold with its healing, or None where there is none to be told."""
     try:
         part = record.window(window.start, window.stop)
@@ -157,7 +167,36 @@ def _healed(record: Record, window: HoldWindow) -> _Healed | None:
         return None
     begin = float(part.time[0] - record.time[0])
     seen = _heal(part, window.event.time - begin, window.back - begin)
-    return None if seen is None else _Healed(window, *seen)
+    if seen is None:
+        return None
+    K = None if how.stiffness is None else how.stiffness.at(window.event.normal_stress)
+    missing = missing_motion(part, window.event.time - begin, K, seen[-1])
+    return _Healed(window, None if missing else seen[0], *seen[1:], missing)
+
+
+def missing_motion(
+    part: Record, hold: float, stiffness: float | None, spread: float = 0.0
+) -> float:
+    """How far the load point must have moved from a `hold` [s] on, besides what was recorded [m].
+
+    Friction rises by no more than the spring is pulled, K u: what rises beyond that is motion that
+    has no rows, or that a reset of the encoder hides. 0 where it is no more than noise, which has
+    at least the `spread` of the sliding before the hold, or than a stiffness that is twice as large
+    would explain, and where no displacement was recorded.
+    """
+    u = part.load_point_displacement
+    if u is None or not stiffness:
+        return 0.0
+    on = max(int(np.searchsorted(part.relative_time, hold)) - _PEAK, 0)  # it may have no rows
+    f, pulled = part.friction[on:], stiffness * u[on:]
+    rest = f - pulled
+    lowest = np.minimum.accumulate(rest)
+    last = int(np.argmax(rest - lowest))
+    first = int(np.argmin(rest[: last + 1]))
+    beyond, rise = float(rest[last] - lowest[last]), float(f[last] - f[first])
+    noise = max(_NOISES * noise_from_differences(rest), _SPREADS * spread)
+    known = beyond > noise and rise / 2 < beyond < 2 * rise
+    return beyond / stiffness if known else 0.0
 
 
 def _fitted_together(
@@ -170,12 +209,13 @@ def _fitted_together(
     joints = [t - begin for one in group for t in (one.window.event.time, one.window.back)]
     speeds = [v for one in group for v in (0.0, one.window.reload.after)]
     errors = [e.time_error for one in group for e in (one.window.event, one.window.reload)]
+    asked = () if group[0].missing else LAWS
     steps = VelocitySteps(
         np.array([0.0, *joints]),
         np.array([first.event.before, *speeds]),
         time_errors=np.array([0.0, *errors]),
     )
-    fits = {law: found for law in LAWS if (found := _fitted(part, steps, first.event, how, law))}
+    fits = {law: found for law in asked if (found := _fitted(part, steps, first.event, how, law))}
     both = len(fits) == len(LAWS)
     preference = log_likelihood(fits["slip"]) - log_likelihood(fits["ageing"]) if both else None
     return [
@@ -190,6 +230,7 @@ def _fitted_together(
             fits=fits,
             preference=preference,
             group=number,
+            missing=one.missing,
         )
         for one in group
     ]
@@ -237,8 +278,9 @@ def log_likelihood(found: Fit) -> float:
 
 
 def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
-    """Healing by log10 of hold time [s], a weighted line; None for fewer than three holds, or
-    hold times within a factor of two."""
+    """Healing by log10 of hold time [s], a weighted line; None for fewer than three holds whose
+    time is known, or hold times within a factor of two."""
+    holds = [hold for hold in holds if not hold.missing]
     x = np.log10([hold.lasts for hold in holds])
     if len(holds) < 3 or np.ptp(x) < np.log10(2):
         return None
@@ -248,6 +290,12 @@ def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
 
 def why_no_law(hold: Hold) -> str:
     """Why a hold has no say between the laws; '' where it has one."""
+    if hold.missing:
+        return (
+            f"friction rises by more than the recorded motion of the load point pulls it: at least"
+            f" {1e6 * hold.missing:.2g} um are missing: the hold is shorter than told, or press and"
+            " specimen are stiffer, and neither law can be asked"
+        )
     if hold.preference is None:
         missing = [law for law in LAWS if law not in hold.fits]
         if missing:
@@ -319,7 +367,8 @@ def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ())
     "1" or "N"."""
     force = " N" if unit == "N" else ""
     lines = [
-        f"hold of {hold.lasts:.4g} s at {hold.time:.6g} s: friction"
+        f"hold of {'at most ' if hold.missing else ''}{hold.lasts:.4g} s at {hold.time:.6g} s:"
+        " friction"
         + ("" if hold.creep is None else f" creeps by {measured(hold.creep, hold.error)}{force},")
         + f" heals by {measured(hold.healing, hold.error)}{force}"
         for hold in holds
