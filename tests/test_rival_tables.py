@@ -16,7 +16,9 @@ def candidate(effects, bic, z, *, physical=True, failed=False):
     return SimpleNamespace(effects=effects, bic=bic, z=z, physical=physical, failed=failed)
 
 
-ENGINE = SimpleNamespace(free=lambda effects: np.array([0, 1, *(COLUMNS[e] for e in effects)]))
+ENGINE = SimpleNamespace(
+    free=lambda effects: np.array([0, 1, *(COLUMNS[e] for e in effects)]), names=("A", "B")
+)
 FINAL = candidate(("viscous",), 100.0, [1.0, 2.0, 3.0, 0.0, 0.0])
 
 
@@ -62,3 +64,8 @@ def test_errors_cover_the_mixture_of_all_fits_that_are_as_good():
     found = covariance + disagreement(ENGINE, FINAL, rivals, INDEX)
     np.testing.assert_allclose(found, expected, atol=5e-3)
     assert np.all(disagreement(ENGINE, FINAL, [], INDEX) == 0)
+    # the level of friction has another meaning in another model: what it is there is no doubt of it
+    levelled = SimpleNamespace(free=ENGINE.free, names=("f0", "B"))
+    rest = disagreement(levelled, FINAL, rivals, INDEX)
+    assert np.all(rest[0] == 0) and np.all(rest[:, 0] == 0)
+    np.testing.assert_allclose(rest[1:, 1:], (found - covariance)[1:, 1:])

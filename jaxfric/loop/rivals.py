@@ -5,7 +5,9 @@ part of a parameter's covariance that comes from not knowing which of them is tr
 
     sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
 
-to be added to the covariance of the fit. Parameters that only one fit has differ by nothing.
+to be added to the covariance of the fit. Parameters that only one fit has differ by nothing, and so
+does the level f0 of friction: an effect that adds to friction steadily, as heat does, leaves f0
+another meaning, and no quantity that is asked for.
 
 Source: Buckland, Burnham & Augustin 1997 (doi:10.2307/2533961) for errors that include the choice
 of a model.
@@ -19,6 +21,8 @@ from jaxtyping import Float, Int
 from .engine import Candidate, Engine
 from .search import Search
 from .thresholds import ACCEPT
+
+_LEVEL = "f0"
 
 
 def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
@@ -46,8 +50,9 @@ def disagreement(
     weight = np.exp(-0.5 * (bic - bic.min()))
     weight /= weight.sum()
     total = np.zeros((len(index), len(index)))
+    level = engine.names.index(_LEVEL) if _LEVEL in engine.names else -1
     for w, c in zip(weight[1:], rivals, strict=True):
-        both = np.isin(index, engine.free(c.effects))
+        both = np.isin(index, engine.free(c.effects)) & (index != level)
         apart = np.where(both, c.z[index] - candidate.z[index], 0.0)
         total += w * np.outer(apart, apart)
     return total
