@@ -87,11 +87,12 @@ class AxisGains:
                 f" {slope}, at {at}: no gains should rest on it."
             )
         elif claim.kind == "free":
+            most = _stiffness(unit).text(1e3 * claim.spare)
             text = (
                 f"Friction grows with speed{self._range(velocity)} (least slope {slope}, at {at}):"
                 " any k_p > 0 holds the axis there, without damping, if the controller answers at"
                 f" once. Late by d and without damping, k_p must stay below"
-                f" ({unit.text(claim.spare)})/d, {_stiffness(unit).text(1e3 * claim.spare)} at 1 ms."
+                f" ({unit.text(claim.spare)})/d, {most} at 1 ms."
             )
         else:
             text = (
