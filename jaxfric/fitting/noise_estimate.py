@@ -134,8 +134,8 @@ class NoiseEstimate:
         return least_noise(self.steps) ** 2 > _MOST * white
 
     def resolved(self, apart: np.ndarray) -> "NoiseEstimate":
-        """The noise as rows that are `apart` (k,) from their neighbours on every clock show it: a
-        part that is hardly alike over that is white."""
+        """The noise as rows that are `apart` (k,) from their neighbours on every clock, where they
+        are close, show it: a part that is hardly alike over that is white."""
         parts = tuple(
             part
             for part in self.parts

@@ -290,7 +290,7 @@ def _not_counted(time: np.ndarray, position: np.ndarray, row: int) -> float:
     expected = (before + after) / 2 * lasts
     lost = expected - float(position[row + 1] - position[row])
     alike = abs(after - before) < _ALIKE * abs(before + after)
-    return lost if alike and abs(lost) > _MOST * abs(expected) else 0.0
+    return lost if alike and lost / expected > _MOST else 0.0
 
 
 def _answers(friction: np.ndarray, row: int) -> bool:
