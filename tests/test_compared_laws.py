@@ -425,6 +425,15 @@ def test_a_table_of_fits(of_slip) -> None:
     assert r"c.csv & ageing & $0.005$ & $" in lines[6]
 
 
+def test_a_fit_before_which_friction_drifts_has_a_mark_of_its_own(of_slip) -> None:
+    good = of_slip.scores[0].fit
+    told = "before the velocity step friction changes by +0.0045, where the model is steady"
+    drifts = dataclasses.replace(good, warnings=(*good.warnings, told))
+    lines = latex_text([TabledFit("a.csv", good), TabledFit("b.csv", drifts)], "file").splitlines()
+    assert ["ddagger" in line for line in lines[5:9]] == [False, True, False, True]
+    assert "off by more than its error" in lines[8]
+
+
 def test_a_slip_trend_has_a_column_and_files_have_no_folder(of_slip) -> None:
     """Per millimetre; blank for a fit without one, and no column where none has one."""
     good = of_slip.scores[0].fit
@@ -452,7 +461,7 @@ def test_what_a_law_does_not_explain_is_marked_in_every_table(of_slip) -> None:
     bad = dataclasses.replace(bad, warnings=(*good.warnings, *misfit_warning(bad)))
     fits = [TabledFit("a.csv", good), TabledFit("b.csv", bad)]
     lines = latex_text(fits, "file").splitlines()
-    assert [r"$^\dagger$" in line for line in lines[5:7]] == [False, True]
+    assert [r"$^{\dagger}$" in line for line in lines[5:7]] == [False, True]
     assert "2 times the scatter" in lines[8]
     told = [row["warnings"] for row in csv_rows(fits, "file")]
     assert "jaxfric loop asks which" in told[1] and "scatter" not in told[0]

@@ -66,7 +66,7 @@ def chance(slope: float, error: float, freedom: int) -> float:
     return 2 * float(stdtr(freedom, -abs(slope) / error)) if error > 0 else 1.0
 
 
-def _told_of(fit: Fit) -> Drift | None:
+def told_drift(fit: Fit) -> Drift | None:
     """The drift of a fit that is beyond chance, and as large as the error of A-B."""
     found = drift_before(fit) if fit.converged else None
     most = _CONTRADICTED if fit.model.slip_trend else _RARE
@@ -77,13 +77,13 @@ def _told_of(fit: Fit) -> Drift | None:
 
 def is_contradicted(fit: Fit) -> bool:
     """Whether a fit has a slip trend that the rows before its step do not have."""
-    return fit.model.slip_trend and _told_of(fit) is not None
+    return fit.model.slip_trend and told_drift(fit) is not None
 
 
 def drift_warning(fit: Fit) -> tuple[str, ...]:
     """That friction drifts before the step as the model does not, where that is beyond chance and
     as large as the error of A-B."""
-    found = _told_of(fit)
+    found = told_drift(fit)
     if found is None:
         return ()
     unit = "" if fit.record.friction_unit == "1" else f" {read_as(fit.record.friction_unit)}"
@@ -110,7 +110,7 @@ def is_of_drift(warning: str) -> bool:
 
 def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
     """The warning of all `fits` of one kind of model that have one, in one sentence."""
-    found = [(fit, drift) for fit in fits if (drift := _told_of(fit)) is not None]
+    found = [(fit, drift) for fit in fits if (drift := told_drift(fit)) is not None]
     if len(found) < 2:
         return tuple(text for fit, _ in found for text in drift_warning(fit))
     if not found[0][0].model.slip_trend:

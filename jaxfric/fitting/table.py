@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..stability.claims import SURE
 from ..units import factor, format_si, read_as
 from .derived import SAMPLES
-from .drift import drift_warning
+from .drift import told_drift
 from .estimate import Estimate
 from .misfit import misfit_warning
 from .noise_estimate import NoiseEstimate
@@ -108,7 +109,7 @@ def summary(fit: Fit) -> list[str]:
     ]
     if fit.converged:  # else what is left is the failure of the fit, not noise
         lines.append(f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}{_above_rms(fit)}")
-    lines += _stability(fit)
+    lines += [*_drifts(fit), *_stability(fit)]
     pairs = correlations(fit) if fit.converged else []
     if pairs:
         lines.append("correlated errors: " + ", ".join(pairs))
@@ -149,6 +150,18 @@ def _above_rms(fit: Fit) -> str:
     return "; larger than the rms, because the fit takes up a part of noise that lasts so long"
 
 
+def _drifts(fit: Fit) -> list[str]:
+    """By how much A-B may be off besides its error, where friction drifts as the fit does not."""
+    drift = told_drift(fit)
+    if drift is None:
+        return []
+    why = "friction drifts before the step"
+    if fit.model.slip_trend:
+        why += " by another trend than the fitted one"
+    unit = "" if fit.record.friction_unit == "1" else f" {fit.record.friction_unit}"
+    return [f"besides its error A-B may be off by up to {drift.shift:.2g}{unit}: {why} (see below)"]
+
+
 def _stability(fit: Fit) -> list[str]:
     """Sentences on stability by the fit, or on why there are none."""
     claim = fit.stability()
@@ -158,6 +171,10 @@ def _stability(fit: Fit) -> list[str]:
     length = fit.record.units.get("load_point_displacement", "um")
     ends = (format_si(V, "m/s", f"{length}/s", 3) for V in (moving.min(), moving.max()))
     low, high = map(read_as, ends)
+    if claim.kind == "free" and (drift := told_drift(fit)) is not None:
+        own = fit.A_minus_B
+        if own.value - SURE * own.std < drift.shift:
+            return ["nothing is said of stability: A-B may be off by more than it is above 0"]
     if claim.kind == "free":
         return [
             "velocity strengthening (A > B by more than two standard errors): steady sliding is"
@@ -168,7 +185,7 @@ def _stability(fit: Fit) -> list[str]:
 
 def _if_the_model_holds(fit: Fit) -> str:
     """A caveat where a fit misses more than noise, which its errors do not count."""
-    if drift_warning(fit):
+    if told_drift(fit) is not None:
         return "; not where friction drifts on as it does before the step (see the warning)"
     if misfit_warning(fit):
         return (

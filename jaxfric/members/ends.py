@@ -20,9 +20,9 @@ from ..simulation.ensemble import LanePoint, Lanes, Step, integrate
 CODES = {
     "steady": "The slider slides steadily, or comes ever closer to it.",
     "limit_cycle": "The slider keeps oscillating: stick-slip, or an oscillation that still grows.",
-    "escape": "The slider ran away: friction falls faster than its spring, above the critical stiffness"
-    " too where the step is large, and without mass nothing limits its speed; one with mass would"
-    " stick-slip (inertia = true).",
+    "escape": "The slider ran away: friction falls faster than its spring, above the critical"
+    " stiffness too where the step is large, and without mass nothing limits its speed; one with"
+    " mass would stick-slip (inertia = true).",
     "failed": "No end was seen: too many steps, or fewer than two cycles in the time.",
 }
 STEADY, LIMIT_CYCLE, ESCAPE, FAILED = range(4)

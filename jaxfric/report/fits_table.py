@@ -9,11 +9,18 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from ..fitting import Fit
+from ..fitting.drift import is_of_drift
 from ..fitting.misfit import COLUMN, EXCESS, excess, is_of_misfit
 from ..loop.result import TextTable
 from ..runs.table import BRACKETS, Cell, csv_text, difference, fit_cells, measured
 
 _BRACKETS = f"{BRACKETS}; -: not determined"
+_MARKS = {
+    r"\dagger": f"leaves {EXCESS:g} times the scatter of neighbouring rows or more",
+    r"\ddagger": "friction drifts before the step as the fit does not:"
+    " $a-b$ may be off by more than its error",
+}
+"""What marks in LaTeX mean."""
 _LATEX_K = {"K [N/µm]": r"[N/$\mu$m]", "K [1/µm]": r"[1/$\mu$m]"}
 
 
@@ -196,17 +203,24 @@ def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -
             " & ".join([_escaped(names[one.name]) + _mark(one), *setup, *numbers, *cells]) + r" \\"
         )
     lines.append(r"\bottomrule")
-    if any(map(_mark, fits)):
-        words = rf"$^\dagger$ leaves {EXCESS:g} times the scatter of neighbouring rows or more"
-        wide = 1 + len(given) + len(own) + len(more)
-        lines.append(rf"\multicolumn{{{wide}}}{{l}}{{\footnotesize {words}}} \\")
+    wide = 1 + len(given) + len(own) + len(more)
+    marks = "".join(map(_mark, fits))
+    for mark, words in _MARKS.items():
+        if mark in marks:
+            note = rf"$^{mark}$ {words}"
+            lines.append(rf"\multicolumn{{{wide}}}{{l}}{{\footnotesize {note}}} \\")
     note = rf"% \usepackage{{booktabs}}; {BRACKETS}"
     return "\n".join([*lines, r"\end{tabular}", note, ""])
 
 
 def _mark(one: TabledFit) -> str:
-    """A dagger where what a fit leaves is more than noise: its errors are not those of the law."""
-    return r"$^\dagger$" if one.fit is not None and any(map(is_of_misfit, one.fit.warnings)) else ""
+    """Daggers where the errors of a fit are not those of the law: what it leaves is more than
+    noise, or friction drifts as it does not."""
+    if one.fit is None:
+        return ""
+    told = zip(_MARKS, (is_of_misfit, is_of_drift), strict=True)
+    marks = [mark for mark, is_of in told if any(map(is_of, one.fit.warnings))]
+    return "$^{" + ",".join(marks) + "}$" if marks else ""
 
 
 def _escaped(text: str) -> str:
