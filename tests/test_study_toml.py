@@ -285,6 +285,7 @@ def test_a_function_of_ones_own(name: str, monkeypatch: pytest.MonkeyPatch) -> N
     expected = found.n.values * np.sqrt(2 * found.h.values[:, None] / 9.81)
     np.testing.assert_allclose(found.time, expected)
     assert found.time.attrs["units"] == "s" and found.h.values[-1] == 1.0
+    assert not Path("__pycache__").exists()  # nor is bytecode left beside it, which would be stale
     written(own, FUNCTION.replace("2 * p", "3 * p"))
     again = run("study", "study.toml", "--function", f"own.py:{name}")
     assert_refused_after(again, "differs in source of the function")

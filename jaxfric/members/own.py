@@ -139,12 +139,13 @@ def load_function(reference: str) -> Function:
         raise InputError(f"--function {reference}: {path}: no such file")
     module_name = f"study_{path.stem}"
     about = importlib.util.spec_from_file_location(module_name, path)
-    assert about is not None and about.loader is not None
+    assert about is not None
     module = importlib.util.module_from_spec(about)
     sys.modules[module_name] = module
     sys.path.insert(0, str(path.resolve().parent))  # for what it imports from beside it
     try:
-        about.loader.exec_module(module)
+        # not by its loader: bytecode that is kept outlives a change within a second
+        exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
         raise InputError(f"{path}: {_text(error)}") from None
     function: Function | None = getattr(module, name, None)
