@@ -30,6 +30,7 @@ def command(record: Path, stiffness: str, cache: str, out: Path) -> float:
     program = Path(sys.executable).with_name("jaxfric")
     environment = {**os.environ, "XDG_CACHE_HOME": cache}
     environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # with which all is compiled from source
     begun = time.perf_counter()
     subprocess.run(
         [program, "loop", record, "--stiffness", stiffness, "--out", out],

@@ -81,6 +81,7 @@ def command() -> None:
     record = ROOT / "data" / "velocity_step.csv"
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"XDG_CACHE_HOME": folder}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # with which all is compiled from source
         arguments = [program, "fit", record, "--stiffness", "5e-3/um", "--out", f"{folder}/fit"]
         for which in ("first", "second", "third", "fourth"):
             print(f"jaxfric fit, {which} time: {_seconds(arguments, environment):.2f} s")
