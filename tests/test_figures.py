@@ -294,6 +294,13 @@ def test_rates_of_a_run_fill_their_panels(monkeypatch, middle, words) -> None:
     assert all(axis.xaxis.get_offset_text().get_text() == "" for axis in figure.axes)
 
 
+def test_the_mark_of_a_step_that_tells_little_is_seen_though_its_bar_is_cut() -> None:
+    axis = new_figure(4.0, 3.0).subplots()
+    plot_run._fill(axis, np.array([[1e-3, 1e-4], [1.2e-3, 1e-4], [1.1e-3, 1e-4], [3e-3, 3e-3]]))
+    low, high = axis.get_ylim()
+    assert low < 8e-4 and 3e-3 < high < 4e-3
+
+
 def test_numbers_of_steps_beside_each_other_stand_in_two_lines() -> None:
     """Steps 60 rows apart of 30 000: their numbers would lie on each other."""
     record = SimpleRecord()

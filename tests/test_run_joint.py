@@ -146,8 +146,15 @@ def test_steps_that_differ_on_no_line_are_not_told_to_depend_on_nothing():
         one.fit.parameters["A"].value += 1e-3 * (-1) ** (one.number // 2)
     first, _, second = told(made)
     assert first.startswith("the steps do not share their parameters")
-    assert second.startswith("they differ by more than their errors, and neither A, A-B nor L")
-    assert "along a line with velocity (p > .05 among the 3 lines" in second
+    assert second.startswith("steps 1, 2, 3, 4, 5, 6, 7, 8 differ by more than their errors; that")
+    assert "A, A-B or L does so along a line with velocity is not seen (p > .05 among" in second
+    for one in made[3:]:  # three of eight determine L: no line of it is asked
+        one.fit.parameters["L"].determined = False
+    line = told(made)[-1]
+    assert "that A or A-B does so" in line
+    assert line.endswith("; L of 3 steps is determined: not asked")
+    for one in made:
+        one.fit.parameters["L"].determined = True
     made[2].fit.residual[20:25] = -5e-4
     assert "of these, step 3: the fit does not describe the step" in told(made)[1]
     (shared,) = [line for line in told(steps(np.random.default_rng(7), 8)) if "of A, A-B" in line]

@@ -207,7 +207,7 @@ def _fill(axis: Axes, pairs: np.ndarray) -> None:
     # a step that tells little must not hide what others tell
     bars = 1.96 * pairs[:, 1]
     told = bars <= _LONG * np.median(bars)
-    ends = np.concatenate([(pairs[:, 0] - bars)[told], (pairs[:, 0] + bars)[told]])
+    ends = np.concatenate([pairs[:, 0], (pairs[:, 0] - bars)[told], (pairs[:, 0] + bars)[told]])
     room = 0.08 * np.ptp(ends) + 1e-12
     axis.set_ylim(ends.min() - room, ends.max() + 2 * room)
     whole_numbers(axis, "y", least=_LEAST)

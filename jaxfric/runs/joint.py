@@ -160,13 +160,17 @@ def share(steps: Sequence[StepFit]) -> Shared | None:
     )
 
 
+_QUANTITIES = {"A": "A", "A-B": "A-B", "ln L": "L"}
+"""What may depend on something, and its symbol."""
+
+
 def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
     """How A, A-B and L depend on velocity, displacement and normal stress, see this file.
 
     Fewer than four steps, or a side that does not change, answer nothing.
     """
     found = []
-    for quantity in ("A", "A-B", "ln L"):
+    for quantity in _QUANTITIES:
         known = _asked(steps, quantity)
         if len(known) < _FEWEST:
             continue
@@ -269,13 +273,21 @@ def told(steps: Sequence[StepFit]) -> list[str]:
     if answers and not told_of:
         *first, last = dict.fromkeys(d.along for d in answers)
         sides = ", ".join([*first, last])
+        asked = [name for name in _QUANTITIES if name in {d.quantity for d in answers}]
+        *others, ended = [_QUANTITIES[name] for name in asked]
+        named = f"{', '.join(others)} or {ended}" if others else ended
         lines.append(
-            f"no dependence of A, A-B or L on {sides} is seen (p > .05)"
+            f"no dependence of {named} on {sides} is seen (p > .05)"
             if shared.p >= _DIFFER
-            else "they differ by more than their errors, and neither A, A-B nor L does so along a"
-            f" line with {', '.join(first) + ' or ' if first else ''}{last} (p > .05 among the"
+            else f"steps {', '.join(map(str, shared.steps))} differ by more than their errors; that"
+            f" {named} does so along a line with"
+            f" {', '.join(first) + ' or ' if first else ''}{last} is not seen (p > .05 among the"
             f" {len(answers)} lines that are asked)"
         )
+        for name in _QUANTITIES:
+            if name not in asked:
+                count = len(_asked(steps, name))
+                lines[-1] += f"; {_QUANTITIES[name]} of {count} steps is determined: not asked"
     return lines
 
 
