@@ -1056,7 +1056,7 @@ FAULTS = (
     Fault("a late controller may have any stiffness", "stability/claims.py",
           'Claim("free", spare=slope - error)', 'Claim("free", spare=1e9)', CLAIMS),
     Fault("a drift leaves stability as it was", "fitting/table.py",
-          "if own.value - SURE * own.std < drift.shift:", "if False:", DRIFT),
+          "drift is not None and own.value - SURE * own.std < drift.shift", "False", DRIFT),
     Fault("noise within a row is correlated", "fitting/noise_estimate.py",
           ">= _ALIKE", ">= 0", "tests/test_noise.py -k resolve"),
     Fault("the level of a rival is a doubt of the level", "loop/rivals.py",

@@ -8,7 +8,7 @@ import numpy as np
 from ..stability.claims import SURE
 from ..units import factor, format_si, read_as
 from .derived import SAMPLES
-from .drift import told_drift
+from .drift import Drift, told_drift
 from .estimate import Estimate
 from .misfit import misfit_warning
 from .noise_estimate import NoiseEstimate
@@ -109,7 +109,8 @@ def summary(fit: Fit) -> list[str]:
     ]
     if fit.converged:  # else what is left is the failure of the fit, not noise
         lines.append(f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}{_above_rms(fit)}")
-    lines += [*_drifts(fit), *_stability(fit)]
+    drift = told_drift(fit)
+    lines += [*_drifts(fit, drift), *_stability(fit, drift)]
     pairs = correlations(fit) if fit.converged else []
     if pairs:
         lines.append("correlated errors: " + ", ".join(pairs))
@@ -150,9 +151,8 @@ def _above_rms(fit: Fit) -> str:
     return "; larger than the rms, because the fit takes up a part of noise that lasts so long"
 
 
-def _drifts(fit: Fit) -> list[str]:
+def _drifts(fit: Fit, drift: Drift | None) -> list[str]:
     """By how much A-B may be off besides its error, where friction drifts as the fit does not."""
-    drift = told_drift(fit)
     if drift is None:
         return []
     why = "friction drifts before the step"
@@ -162,30 +162,29 @@ def _drifts(fit: Fit) -> list[str]:
     return [f"besides its error A-B may be off by up to {drift.shift:.2g}{unit}: {why} (see below)"]
 
 
-def _stability(fit: Fit) -> list[str]:
+def _stability(fit: Fit, drift: Drift | None) -> list[str]:
     """Sentences on stability by the fit, or on why there are none."""
     claim = fit.stability()
     if claim.kind == "critical":
         return _critical(fit)
+    if claim.kind != "free":
+        return [f"nothing is said of stability: {'; '.join(claim.reasons)}"]
+    own = fit.A_minus_B
+    if drift is not None and own.value - SURE * own.std < drift.shift:
+        return ["nothing is said of stability: A-B may be off by more than it is above 0"]
     moving = np.abs(fit.steps.velocities[fit.steps.velocities != 0])
     length = fit.record.units.get("load_point_displacement", "um")
     ends = (format_si(V, "m/s", f"{length}/s", 3) for V in (moving.min(), moving.max()))
     low, high = map(read_as, ends)
-    if claim.kind == "free" and (drift := told_drift(fit)) is not None:
-        own = fit.A_minus_B
-        if own.value - SURE * own.std < drift.shift:
-            return ["nothing is said of stability: A-B may be off by more than it is above 0"]
-    if claim.kind == "free":
-        return [
-            "velocity strengthening (A > B by more than two standard errors): steady sliding is"
-            f" stable at any stiffness, from {low} to {high}{_if_the_model_holds(fit)}"
-        ]
-    return [f"nothing is said of stability: {'; '.join(claim.reasons)}"]
+    return [
+        "velocity strengthening (A > B by more than two standard errors): steady sliding is"
+        f" stable at any stiffness, from {low} to {high}{_if_the_model_holds(fit, drift)}"
+    ]
 
 
-def _if_the_model_holds(fit: Fit) -> str:
+def _if_the_model_holds(fit: Fit, drift: Drift | None) -> str:
     """A caveat where a fit misses more than noise, which its errors do not count."""
-    if told_drift(fit) is not None:
+    if drift is not None:
         return "; not where friction drifts on as it does before the step (see the warning)"
     if misfit_warning(fit):
         return (
