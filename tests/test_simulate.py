@@ -28,6 +28,7 @@ from reference import Law, Motion, solve
 
 import jaxfric as jf
 from jaxfric.errors import InputError
+from jaxfric.simulation.blocks import in_blocks
 from jaxfric.simulation.steps import _spectral_radius
 
 RTOLS = (1e-4, 1e-6, 1e-8)
@@ -414,3 +415,20 @@ def test_rigs_without_an_equation_are_refused():
     rig = jf.Rig(Rope(jnp.asarray(1.0)), case.rig().friction)
     with pytest.raises(TypeError, match="no equation of motion for a Rope"):
         jf.simulate(rig, case.steps(), jnp.asarray(case.ts))
+
+
+@pytest.mark.parametrize("n", [1, 255, 256, 257, 700])
+def test_rows_in_blocks_are_rows_at_once(n):
+    rows = jnp.linspace(0.0, 3.0, n), {"twice": jnp.arange(2.0 * n).reshape(n, 2)}
+
+    def one(x, pair):
+        return {"a": jnp.sin(x) * pair["twice"], "b": x + pair["twice"].sum()}
+
+    for found, expected in zip(
+        jax.tree.leaves(in_blocks(one, *rows)), jax.tree.leaves(jax.vmap(one)(*rows)), strict=True
+    ):
+        assert found.shape == expected.shape
+        np.testing.assert_allclose(found, expected, rtol=1e-15)
+    push = lambda c: in_blocks(lambda x: jnp.sin(c * x), rows[0])  # noqa: E731
+    slope = jax.jvp(push, (2.0,), (1.0,))[1]
+    np.testing.assert_allclose(slope, rows[0] * np.cos(2 * np.asarray(rows[0])), rtol=1e-12)

@@ -20,6 +20,7 @@ from ..quantity import quantity
 from ..rig import Inertial, Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact, ExtendedLaw
 from ..simulation import simulate
+from ..simulation.blocks import in_blocks
 from ..simulation.ode import SliderEquation
 from ..simulation.rodas import inverted
 from ..simulation.trajectory import Trajectory
@@ -135,21 +136,19 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
     flat, back = ravel_pytree(jax.tree.map(lambda x: x[0], ys))
     rows = jax.vmap(lambda y: ravel_pytree(y)[0])(jax.tree.map(lambda x: x[1:], ys))
 
-    def rate(t: Array, y: Array, g: Array) -> Array:
-        return ravel_pytree(_probed(equation, g).derivative(t, back(y)))[0]
-
-    def seen(t: Array, y: Array, g: Array) -> Array:
-        return _probed(equation, g).physical(t, back(y)).force
+    def all_of(t: Array, y: Array, g: Array) -> tuple[Array, Array, Array]:
+        """Rate, force and slip at one time: one function, so that it is traced once."""
+        probed = _probed(equation, g)
+        rate = ravel_pytree(probed.derivative(t, back(y)))[0]
+        now = probed.physical(t, back(y))
+        return rate, now.force, now.slip
 
     def begun(force: Array) -> Array:
         return ravel_pytree(_begun(equation, force).initial())[0]
 
     g = jnp.zeros(2)
-    A = jax.vmap(lambda t, y: jax.jacfwd(rate, 1)(t, y, g))(middle, rows)
-    b = jax.vmap(lambda t, y: jax.jacfwd(rate, 2)(t, y, g))(middle, rows)
-    c = jax.vmap(lambda t, y: jax.grad(seen, 1)(t, y, g))(middle, rows)
-    d = jax.vmap(lambda t, y: jax.grad(seen, 2)(t, y, g))(middle, rows)
-    slips = jax.vmap(jax.grad(lambda y, t: equation.physical(t, back(y)).slip))(rows, middle)
+    slopes = in_blocks(lambda t, y: jax.jacfwd(all_of, (1, 2))(t, y, g), middle, rows)
+    (A, b), (c, d), (slips, _) = slopes
     eye = jnp.eye(len(flat))
     half = 0.5 * h[:, None, None] * A
     inverse = jax.vmap(inverted)(eye - half)

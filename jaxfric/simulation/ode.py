@@ -18,7 +18,8 @@ x_c enters through its velocity, the drive's lag through its displacement, so a 
 slow drive needs no derivative of the lag.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -37,6 +38,14 @@ _FOLLOWS = 3e-4
 Scalar = Float[Array, ""]
 Unknowns = dict[str, Array]
 """The scaled unknowns by name: q, psi, and phi, v or w where there are such."""
+
+
+M = TypeVar("M", bound=Callable)
+
+
+def _once(method: M) -> M:
+    """A method that is traced once where a solver, its tangents and a response ask it again."""
+    return eqx.filter_jit(method, inline=True)  # pyright: ignore
 
 
 class Slider(NamedTuple):
@@ -102,8 +111,11 @@ class SliderEquation(eqx.Module):
     def derivative(self, t: RealScalar, y: Unknowns, args: None = None) -> Unknowns:
         """Time derivative of the scaled unknowns [1/s]."""
         del args
+        return self._rates(jnp.asarray(t), y)
+
+    @_once
+    def _rates(self, t: Scalar, y: Unknowns) -> Unknowns:
         law, scale = self.law, self.law.force_scale()
-        t = jnp.asarray(t)
         now, following = self._now(t, y)
         state_rate = law.rate(now.velocity, now.state, self._at(now.slip, t))
         spring_rate = self.rig.machine.stiffness * (self.motion.velocity(t) - now.velocity)
@@ -121,8 +133,9 @@ class SliderEquation(eqx.Module):
 
     def physical(self, t: Scalar, y: Unknowns) -> Slider:
         """Force, velocity, slip and state that belong to the scaled unknowns at time `t`."""
-        return self._now(t, y)[0]
+        return self._now(jnp.asarray(t), y)[0]
 
+    @_once
     def _now(self, t: Scalar, y: Unknowns) -> tuple[Slider, Array | None]:
         """The slider, and dw/dt of one that is late."""
         law, machine = self.law, self.rig.machine

@@ -24,6 +24,7 @@ from jaxtyping import Array, Bool, Float
 from ..errors import InputError
 from ..motion import AbstractMotion
 from ..rig import Inertial, Rig
+from .blocks import in_blocks
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import Slider, SliderEquation, Unknowns
 from .rodas import QuarticInterpolation, Rodas5P, through
@@ -235,7 +236,7 @@ def _between(
         y = jax.tree.map(lambda x: x[i], steps).evaluate(t)
         return equation.physical(t, jax.tree.map(lambda a, b: jnp.where(still, a, b), initial, y))
 
-    return _trajectory(equation.rig, solution, ts, end, jax.vmap(at)(reached, rows))
+    return _trajectory(equation.rig, solution, ts, end, in_blocks(at, reached, rows))
 
 
 def _sample(
