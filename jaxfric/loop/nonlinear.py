@@ -4,13 +4,14 @@ from collections.abc import Mapping, Sequence
 
 import jax
 import numpy as np
+from jaxtyping import Array
 
 from ..effects import AbstractEffect, RecordScales, null
 from ..effects.effect import made
 from ..fitting.padding import padded_columns
 from ..fitting.problem import Problem, rig_at
 from ..rig import Rig
-from ..rig.friction.extended import ExtendedLaw
+from ..rig.friction.extended import AbstractTerm, ExtendedLaw
 from .engine import Column, Engine, Sensitivities, columns_of
 from .response import Response, linear_response, term_forces
 
@@ -79,19 +80,29 @@ def _shaped_columns(
     """Columns of all shapes of an effect, and what they are."""
     problem, names, id = engine.problem, engine.names, effect.id
     amplitudes = tuple(engine.model.amplitudes(id))
-    terms = []
-    for shape in shapes:
-        for at in amplitudes:
-            field = names[at].split(".")[1]
-            law = made(effect, {**shape, field: 1.0}).embed(rig).friction
-            assert isinstance(law, ExtendedLaw)
-            terms.append(law.terms[-1])
-    batch = jax.tree.map(lambda *x: np.stack([np.asarray(one) for one in x]), *terms)
+    fields = [names[at].split(".")[1] for at in amplitudes]
+    pairs = [
+        {**shape, **{f: float(f == own) for f in fields}} for shape in shapes for own in fields
+    ]
+    batch = _terms(effect, rig, {name: np.array([one[name] for one in pairs]) for name in pairs[0]})
     forces = np.asarray(term_forces(response, batch))
     found = columns_of(engine, id, shapes, place)
     scale = np.asarray([float(problem.scale(names[i])) for i in amplitudes])
     friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
     return found, friction / float(problem.noise_scale), extra_rows(engine, slip)
+
+
+def _terms(
+    effect: type[AbstractEffect], rig: Rig, values: Mapping[str, np.ndarray]
+) -> AbstractTerm:
+    """The friction terms of an effect with such values, as a batch."""
+
+    def one(values: dict[str, Array]) -> AbstractTerm:
+        law = made(effect, values).embed(rig).friction
+        assert isinstance(law, ExtendedLaw)
+        return law.terms[-1]
+
+    return jax.vmap(one)(jax.device_put(dict(values)))
 
 
 def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
