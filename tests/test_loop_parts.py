@@ -18,8 +18,9 @@ from jaxfric.fitting.noise_search import (
     noise_rows,
     noises_around,
 )
+from jaxfric.loop import engine as engine_module
 from jaxfric.loop import search as search_module
-from jaxfric.loop.engine import Candidate, Column, Engine
+from jaxfric.loop.engine import Candidate, Column, Engine, Lately
 from jaxfric.loop.evidence import evidence
 from jaxfric.loop.fixed import Part, inseparable, loose
 from jaxfric.loop.pace import Stopwatch
@@ -701,3 +702,27 @@ def test_another_start_is_fitted_to_the_end_only_where_it_is_better(bics, exact,
     engine: Any = SimpleNamespace(refit=refit)
     found, agreed = search_module._base(engine, [np.array([b]) for b in bics])
     assert (asked, found.bic, agreed) == (exact, best, agree)
+
+
+def test_the_latest_linearisations_are_not_computed_again():
+    lately, index = Lately(), np.array([4, 7, 2])
+    z, jacobian = np.arange(3.0), np.arange(12.0).reshape(4, 3)
+    assert lately.of(z, index) is None
+    lately.keep(z, index, np.arange(4.0), jacobian)
+    residual, known = lately.of(z, index)
+    assert np.array_equal(residual, np.arange(4.0)) and np.array_equal(known, jacobian)
+    assert np.array_equal(lately.of(z, np.array([2, 4]))[1], jacobian[:, [2, 0]])
+    assert lately.of(z, np.array([2, 5])) is None  # one of them is not known
+    assert lately.of(np.nextafter(z, 1), index) is None
+    with pytest.raises(ValueError, match="read-only"):
+        known[0, 0] = 1.0
+
+
+@pytest.mark.parametrize(("size", "kept"), [(1, 4), (2, 2), (9, 2)])
+def test_as_many_linearisations_are_kept_as_there_is_room_for(size, kept, monkeypatch):
+    monkeypatch.setattr(engine_module, "_KEPT", 4 * 8 * 10)
+    lately, index = Lately(), np.arange(10)
+    for k in range(6):
+        lately.keep(np.array([float(k)]), index, np.zeros(size), np.zeros((size, 10)))
+    found = [lately.of(np.array([float(k)]), index) is not None for k in range(6)]
+    assert found == [False] * (6 - kept) + [True] * kept

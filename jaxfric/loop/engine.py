@@ -50,6 +50,7 @@ _NOISE_SHARE = 0.1
 _SHORTEST_LIMIT = 10.0
 _AT_ONCE = 24
 _HEAVY = 2
+_KEPT = 32 * 2**20
 
 
 class Candidate(NamedTuple):
@@ -149,6 +150,42 @@ class NoiseBounds(NamedTuple):
 _EVERYTHING, _USUAL = Choice(), NoiseBounds()
 
 
+class Lately:
+    """The latest linearisations, as many as `_KEPT` bytes hold: a fit begins where the one before
+    ended, and its errors are asked where it ends."""
+
+    def __init__(self):
+        self._kept: dict[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+
+    def of(self, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Residual and Jacobian at `z` by the parameters of `index`; None where they are not known.
+
+        Not to be written to.
+        """
+        known = self._kept.get(np.asarray(z, float).tobytes())
+        if known is None:
+            return None
+        columns, residual, jacobian = known
+        if not np.all(np.isin(index, columns)):
+            return None
+        if np.array_equal(index, columns):
+            return residual, jacobian
+        place = {int(column): k for k, column in enumerate(columns)}
+        return residual, jacobian[:, [place[int(k)] for k in index]]
+
+    def keep(
+        self, z: np.ndarray, index: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
+    ) -> None:
+        """Take them in, and let go of the oldest."""
+        for array in (residual, jacobian):
+            array.flags.writeable = False
+        key, most = np.asarray(z, float).tobytes(), _KEPT // max(jacobian.nbytes, 1)
+        self._kept.pop(key, None)
+        self._kept[key] = np.array(index), residual, jacobian
+        for oldest in list(self._kept)[: max(len(self._kept) - max(most, 2), 0)]:
+            del self._kept[oldest]
+
+
 class Engine(Generic[P]):
     """Fits candidates of one record; only train rows count.
 
@@ -191,7 +228,7 @@ class Engine(Generic[P]):
         self.least = least_noise(self.steps) / float(problem.noise_scale)
         self._weigh(blocks)
         self.white = white_noise(problem.clock.shape[1])
-        self.everywhere = problem.plain()
+        self.everywhere, self._lately = problem.plain(), Lately()
         path = np.arange(self.rows) if path is None else path
         self.smooth = smooth_columns(path, blocks.step, len(self.weight))
         self.family: Family | None = None
@@ -243,17 +280,19 @@ class Engine(Generic[P]):
         """Residual (noise units) and its Jacobian by the parameters of `index` (default all)."""
         index = np.arange(len(z)) if index is None else index
         n = self.problem.time.shape[0]
-        residual, jacobian = self._linearised(self.everywhere, z, index)
+        residual, jacobian = self._linearised(z, index)
         extra = np.concatenate(
             [np.tile(self.weight, len(self.problem.channels)), np.ones(len(self.problem.hold))]
         )
         return Rows(residual[:n], jacobian[:n], residual[n:] * extra, jacobian[n:] * extra[:, None])
 
-    def _linearised(
-        self, problem: P, z: np.ndarray, index: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        with self.stopwatch():
-            return _in_parts(self.at(z, problem), z, index)
+    def _linearised(self, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        known = self._lately.of(z, index)
+        if known is None:
+            with self.stopwatch():
+                known = _in_parts(self.at(z, self.everywhere), z, index)
+            self._lately.keep(z, index, *known)
+        return known
 
     def noise(self, residual: np.ndarray, columns: np.ndarray) -> Noise:
         """Noise of the train block, the directions of `columns` taken out."""
@@ -549,6 +588,12 @@ def _in_parts(
         residual, jacobian = _evaluate(problem, *jax.device_put((z, padded)))
         parts.append(np.asarray(jacobian)[:, : len(part)])
     return np.asarray(residual), np.concatenate(parts, axis=1)
+
+
+def compiled(engine: Engine, z: np.ndarray) -> bool:
+    """Whether the Jacobian at `z` needs no more compiling."""
+    index = np.zeros(_AT_ONCE, int)
+    return _evaluate.ready(engine.at(z, engine.everywhere), *jax.device_put((z, index)))
 
 
 @traced
