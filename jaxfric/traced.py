@@ -18,7 +18,7 @@ import pickle
 import tempfile
 import threading
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Generic, NamedTuple, ParamSpec, TypeVar
@@ -58,11 +58,25 @@ def keep_traced(folder: Path) -> None:
     _folder[:] = [folder]
 
 
+def keeping() -> bool:
+    """Whether functions are kept."""
+    return bool(_folder)
+
+
 class _Kept(NamedTuple):
     """A function of arrays, and what becomes of its results."""
 
     call: Callable[..., tuple[Array, ...]]
     wrap: Callable[[tuple[Array, ...]], PyTree]
+
+
+class _Compiled:
+    """What is known of a function for some shapes; `ready` once it has been compiled."""
+
+    def __init__(self):
+        self.lock = threading.Lock()
+        self.ready = False
+        self.kept: _Kept | None = None
 
 
 class Traced(Generic[P, R]):
@@ -71,8 +85,7 @@ class Traced(Generic[P, R]):
     def __init__(self, function: Callable[P, R]):
         self.function: Callable[..., R] = function
         self.nested: Callable[..., R] = eqx.filter_jit(function)
-        self._known: dict[tuple, _Kept | None] = {}
-        self._one = threading.Lock()
+        self._known: dict[tuple, _Compiled] = {}
         functools.update_wrapper(self, function)
 
     @functools.cached_property
@@ -87,17 +100,27 @@ class Traced(Generic[P, R]):
             return self.nested(*args, **kwargs)
         if not _folder:
             return self.jitted(*args)
-        arrays = [x for x in leaves if eqx.is_array(x)]
-        rest = tuple(None if eqx.is_array(x) else x for x in leaves)
-        shapes = tuple((x.shape, x.dtype, getattr(x, "weak_type", False)) for x in arrays)
-        key = (_folder[0], tree, rest, shapes, _settings())
-        with self._one:  # a thread waits for what another traces
-            if key not in self._known:
-                self._known[key] = self._found(args, key)
-        kept = self._known[key]
-        if kept is None:
-            return self.jitted(*args)
-        return kept.wrap(kept.call(*arrays))
+        arrays, key = _like(leaves, tree)
+        known = self._known.setdefault(key, _Compiled())
+        if known.ready:
+            return self._run(known.kept, args, arrays)
+        with known.lock:  # a thread waits for what another traces and compiles
+            if not known.ready:
+                known.kept = self._found(args, key)
+            out = self._run(known.kept, args, arrays)
+            known.ready = True
+        return out
+
+    def ready(self, *args: P.args, **kwargs: P.kwargs) -> bool:
+        """Whether it has been compiled for arguments like `args` by this process, which keeps what
+        it compiles."""
+        if kwargs or not _folder:
+            return False
+        known = self._known.get(_like(*jax.tree.flatten(args))[1])
+        return known is not None and known.ready
+
+    def _run(self, kept: _Kept | None, args: tuple, arrays: list[Array]) -> R:
+        return self.jitted(*args) if kept is None else kept.wrap(kept.call(*arrays))
 
     def _found(self, args: tuple, key: tuple) -> _Kept | None:
         """The function for arguments like `args`, from its file or traced; None: not to be kept."""
@@ -143,6 +166,14 @@ class Traced(Generic[P, R]):
 def traced(function: Callable[P, R]) -> Traced[P, R]:
     """A decorator: `Traced(function)`, for a function of the top level of a module."""
     return Traced(function)
+
+
+def _like(leaves: list, tree: Hashable) -> tuple[list[Array], tuple]:
+    """The arrays among the leaves of arguments, and all else that what is compiled depends on."""
+    arrays = [x for x in leaves if eqx.is_array(x)]
+    rest = tuple(None if eqx.is_array(x) else x for x in leaves)
+    shapes = tuple((x.shape, x.dtype, getattr(x, "weak_type", False)) for x in arrays)
+    return arrays, (_folder[0], tree, rest, shapes, _settings())
 
 
 @functools.cache

@@ -1,5 +1,8 @@
 """What was traced is found again on disk, and only where nothing that it depends on has changed."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -206,3 +209,31 @@ def test_a_function_of_functions_with_options_can_be_traced(monkeypatch):
         pytest.approx(400.0)
     )
     assert float(one(law())) == pytest.approx(400.0)
+
+
+def test_a_thread_waits_for_what_another_compiles(folder, traces):
+    """Two that need the same at once: it is traced once, and both have it."""
+    one, begun = Traced(critical_stiffness), threading.Barrier(2, timeout=20)
+
+    def asked(_):
+        begun.wait()
+        return float(one(law()))
+
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(asked, range(2))) == pytest.approx([0.004 / 1e-5] * 2)
+    assert len(traces) == 1
+
+
+def test_it_is_ready_for_what_it_was_compiled_for(folder):
+    one = Traced(critical_stiffness)
+    assert not one.ready(law())
+    one(law())
+    assert one.ready(law()) and not one.ready(law(2))
+    assert module.keeping() and not Traced(critical_stiffness).ready(
+        law()
+    )  # on disk, but not in this process
+    with pytest.raises(AttributeError):
+        one(jnp.ones(2))
+    assert not one.ready(jnp.ones(2))
+    module._folder[:] = []
+    assert not one.ready(law()) and not module.keeping()

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import cyclopts
 
 from ..errors import InputError, words_of_the_command
+from ..threads import leave
 from .axis import axis
 from .call import LOOPS, calling, in_new_words
 from .compare import compare
@@ -101,7 +102,7 @@ def main() -> None:
     if code == 141:
         sys.stdout = None
     gc.freeze()  # what is left ends with the process: to search it for cycles takes half a second
-    sys.exit(code)
+    leave(code)
 
 
 def _run(arguments: list[str]) -> int:

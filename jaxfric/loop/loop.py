@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import jax
@@ -11,7 +11,7 @@ import numpy as np
 from ..effects import CATALOGUE, AbstractEffect, effect_of, ids_of
 from ..errors import InputError
 from ..fitting import fit
-from ..fitting.fit import few_rows, steps_of
+from ..fitting.fit import few_rows, stated_stiffness, steps_of
 from ..fitting.padding import bucket
 from ..fitting.problem import Problem, to_free
 from ..fitting.start import noise_from_differences
@@ -23,15 +23,16 @@ from ..runs.events import Event
 from ..runs.fits import HowFitted
 from ..runs.stiffness import MachineStiffness
 from ..silent import silent
+from .ahead import compile_ahead
 from .curves import CurveRig
 from .driver import Offered, ScoredRows, offered, run
-from .engine import Candidate, Engine
+from .engine import Candidate, Choice, Engine
 from .result import Loop, LoopBase, LoopDetails, LoopRecord, Score
 from .run import run_bench
 from .search import MOST, Search
 from .slider_bench import AbstractSliderBench, problem_of, refuse_failed, with_channels
 from .slider_curves import slider_curves
-from .split import split
+from .split import Blocks, split
 
 _STRESS_FELT = 0.3
 
@@ -109,11 +110,23 @@ def _step_bench(
     progress("base fit of the whole record")
     _refuse_stops(record, found_steps)
     say = lambda text: progress(f"base fit of the whole record: {text}")  # noqa: E731
+
+    def problem_with(values: Mapping[str, float], blocks: Blocks) -> tuple[Problem, np.ndarray]:
+        problem, felt = problem_of(record, law, values, found_steps, blocks, asked.effects)
+        return dataclasses.replace(problem, normal_stress=stress), felt
+
+    compile_ahead(
+        record,
+        found_steps,
+        lambda: split(record.relative_time, found_steps),
+        stated_stiffness(stiffness, record, found_steps, law),
+        problem_with,
+        Choice(asked.with_, asked.without),
+    )
     base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
     refuse_failed(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
-    problem, felt = problem_of(record, base_fit, found_steps, blocks, asked.effects)
-    problem = dataclasses.replace(problem, normal_stress=stress)
+    problem, felt = problem_with(base_fit.values(), blocks)
     bench = SliderBench(
         record, base_fit, found_steps, blocks, problem, felt, asked.without, thinning
     )

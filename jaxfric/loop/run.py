@@ -64,7 +64,9 @@ def run_bench(
     base_fit = _base_fit(joined, levels, how, start, progress)
     refuse_failed(joined.record, base_fit)
     steps, more = joined.steps(fine=True), len(joined.stretches) - 1
-    problem, felt = problem_of(joined.record, base_fit, steps, blocks, asked.effects, levels=more)
+    problem, felt = problem_of(
+        joined.record, how.law, base_fit.values(), steps, blocks, asked.effects, levels=more
+    )
     bench = RunBench(
         joined.record,
         base_fit,

@@ -58,14 +58,8 @@ class AbstractSliderBench(AbstractBench):
         """An engine that offers all effects but those left out."""
         if with_ is None:
             return Engine(self.problem, self.blocks, self.felt, shapes=friction_sensitivities)
-        return Engine(
-            self.problem,
-            self.blocks,
-            self.felt,
-            Choice(with_, self.without),
-            shapes=friction_sensitivities,
-            path=self.path(),
-        )
+        choice = Choice(with_, self.without)
+        return engine_of(self.problem, self.blocks, self.felt, choice, self.path())
 
     def starts(self, engine: Engine[Problem], z: np.ndarray) -> list[np.ndarray]:
         """The starts `z`, and `z` with larger A, B and L."""
@@ -76,20 +70,8 @@ class AbstractSliderBench(AbstractBench):
 
     def scales(self) -> RecordScales:
         """Sizes of the record, from the steps as the base fit has them."""
-        base, time = self.base_fit, self.record.relative_time
-        inside = np.clip(np.append(base.steps.times, time[-1]), 0, time[-1])
-        ends = np.asarray(base.steps.displacement(inside))
-        speed = np.abs(base.steps.velocities)
-        moving = speed[speed > 0]
-        return RecordScales(
-            slip_length=base.parameters["L"].value,
-            step_slip=float(np.median(np.abs(np.diff(ends)))),
-            total_slip=float(np.ptp(self.path())),
-            slowest=float(moving.min()),
-            fastest=float(moving.max()),
-            interval=float(np.median(np.diff(time))),
-            duration=float(time[-1]),
-        )
+        base = self.base_fit
+        return scales_of(self.record, base.steps, base.parameters["L"].value)
 
     def path(self) -> np.ndarray:
         """Displacement of the load point."""
@@ -147,6 +129,31 @@ class AbstractSliderBench(AbstractBench):
         return SLIDER
 
 
+def engine_of(
+    problem: Problem, blocks: Blocks, felt: np.ndarray, choice: Choice, path: np.ndarray
+) -> Engine[Problem]:
+    """The engine of a slider's problem, see `Engine`."""
+    return Engine(problem, blocks, felt, choice, shapes=friction_sensitivities, path=path)
+
+
+def scales_of(record: Record, steps: VelocitySteps, slip_length: float) -> RecordScales:
+    """Sizes of a record with these steps; `slip_length` is L [m]."""
+    time = record.relative_time
+    inside = np.clip(np.append(steps.times, time[-1]), 0, time[-1])
+    ends = np.asarray(steps.displacement(inside))
+    speed = np.abs(steps.velocities)
+    moving = speed[speed > 0]
+    return RecordScales(
+        slip_length=slip_length,
+        step_slip=float(np.median(np.abs(np.diff(ends)))),
+        total_slip=float(np.ptp(steps.displacement(time))),
+        slowest=float(moving.min()),
+        fastest=float(moving.max()),
+        interval=float(np.median(np.diff(time))),
+        duration=float(time[-1]),
+    )
+
+
 def with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> Offered:
     """The offer without the effects that the law cannot have, or that need a column which the
     record lacks."""
@@ -175,7 +182,8 @@ def refuse_failed(record: Record, base: Fit) -> None:
 
 def problem_of(
     record: Record,
-    base: Fit,
+    law: str,
+    values: Mapping[str, float],
     steps: VelocitySteps,
     blocks: Blocks,
     effects: tuple[type[AbstractEffect], ...],
@@ -184,15 +192,15 @@ def problem_of(
 ) -> tuple[Problem, np.ndarray]:
     """The problem with all effects and `levels`, and which shifts of step times are felt.
 
-    It has a shift for every step, felt or not, so that records differ in numbers only and share
-    what is compiled. The shifts are from the times that the load point shows: those of the base
-    fit have followed the friction, and hide a lag.
+    `values` are those of the base fit (SI), by which it is scaled. It has a shift for every step,
+    felt or not, so that records differ in numbers only and share what is compiled. The shifts are
+    from the times that the load point shows: those of the base fit have followed the friction, and
+    hide a lag.
     """
-    values = base.values()
     problem = prepare(
         record,
         steps,
-        EncompassingModel(Model(law=base.model.law, levels=levels), effects),
+        EncompassingModel(Model(law=law, levels=levels), effects),
         stiffness=values["K"],
         V0=values["V0"],
         force_scale=values["A"],

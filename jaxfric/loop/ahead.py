@@ -1,0 +1,74 @@
+"""What a slider's loop compiles, compiled on another thread while its base is being fitted.
+
+Most of a first loop is tracing and compiling two functions of the encompassing model, whose shapes
+are known as soon as the record is read. Neither needs the base fit, but for numbers.
+"""
+
+from collections.abc import Callable, Mapping
+
+import jax
+import numpy as np
+
+from ..fitting.fit import require_float64
+from ..fitting.problem import Problem, to_free
+from ..records import Record, VelocitySteps
+from ..threads import beside
+from ..traced import keeping
+from .engine import Choice, compiled
+from .slider_bench import engine_of, scales_of
+from .split import Blocks
+
+Made = tuple[Problem, np.ndarray]
+"""A problem, and which shifts of its step times are felt; see `problem_of`."""
+
+_SLIP_LENGTH = 0.1
+"""L in units of the slip at the first velocity."""
+
+
+def compile_ahead(
+    record: Record,
+    steps: VelocitySteps,
+    blocks: Callable[[], Blocks],
+    stiffness: float,
+    make: Callable[[Mapping[str, float], Blocks], Made],
+    choice: Choice,
+) -> None:
+    """Begin to compile, and go on. Nothing where what is compiled is not kept (`cache_compiled`),
+    or where a loop of that shape was compiled already.
+
+    `make` gives the problem for values of the base (SI), here typical ones, with which no slider
+    runs away: A larger than B. What fails here will fail again where it is asked for.
+    """
+
+    if not keeping():
+        return
+
+    def work() -> None:
+        require_float64()  # on this thread too
+        here, values = blocks(), _typical(record, steps, stiffness)
+        problem, felt = make(values, here)
+        engine = engine_of(problem, here, felt, choice, steps.displacement(record.relative_time))
+        natural = [values.get(name, 0.0) for name in engine.model.base.names()]
+        natural = np.asarray([*natural, *engine.model.nulls()])
+        if compiled(engine, np.zeros(len(natural) + len(problem.hold))):
+            return
+        z = np.array(to_free(problem, jax.device_put(natural[None])))[0]
+        scales = scales_of(record, steps, values["L"])
+        beside(lambda: engine.shapes(engine, z, engine.addable(()), scales))
+        engine.evaluate(z, engine.free(()))
+
+    beside(work)
+
+
+def _typical(record: Record, steps: VelocitySteps, stiffness: float) -> dict[str, float]:
+    """Values of a base for a record, in its sizes."""
+    change = float(np.ptp(record.friction))
+    first = float(np.abs(steps.displacement(np.append(steps.times[1:2], 0.0))).max())
+    return {
+        "f0": float(np.mean(record.friction)),
+        "A": 0.2 * change,
+        "B": 0.1 * change,
+        "L": _SLIP_LENGTH * first,
+        "K": stiffness,
+        "V0": float(np.abs(steps.velocities[0])),
+    }
