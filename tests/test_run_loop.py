@@ -1,7 +1,8 @@
 """The loop over a run: windows as one motion, levels, and whole steps held out."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,9 +13,10 @@ import jaxfric as jf
 from jaxfric.errors import InputError
 from jaxfric.fitting.problem import Model, ProblemSizes, make_problem
 from jaxfric.laws.registry import rate_state
+from jaxfric.loop import run as run_module
 from jaxfric.loop.location import _log_steps
 from jaxfric.loop.run import RunDetails, _in_stretches, _levels, _thinned
-from jaxfric.loop.split import split_units
+from jaxfric.loop.split import split_again, split_units
 from jaxfric.motion import PiecewiseVelocity
 from jaxfric.rig import QuasiStatic, Rig
 from jaxfric.rig.friction import LogarithmicEffect
@@ -229,7 +231,7 @@ UNITS = [
     # velocities of the phases [um/s], their units; the phases that report, and that select
     ([1, 3, 10, 3, 1], [-1, 0, 1, 2, 3], {3}, {1}),
     ([1, 3, 10, 3, 1, 3, 10], [-1, 0, 1, 2, 3, 4, 5], {6}, {5}),
-    ([1, 3, 0, 3, 10, 1, 3], [-1, 0, 1, 1, 2, 3, 4], {6}, {2, 3}),
+    ([1, 3, 0, 3, 10, 1, 3], [-1, 0, 1, 1, 2, 3, 4], {6}, {1}),
     ([1, 3, 10, 1, 10, 3, 1], [-1, 0, 1, -1, 2, 3, 4], {5}, {4}),
 ]
 
@@ -238,19 +240,98 @@ UNITS = [
 def test_whole_units_are_held_out(velocities, units, report, select):
     """The last within the velocities that train: the first at the fastest and the slowest do."""
     phase = np.repeat(np.arange(len(units)), 30)
-    blocks = split_units(phase, np.array(units), np.array(velocities) * UM, "run")
+    time = np.arange(float(len(phase)))
+    blocks = split_units(time, phase, np.array(units), np.array(velocities) * UM, "run")
     assert set(phase[blocks.report]) == report
     assert set(phase[blocks.select]) == select
     assert np.array_equal(blocks.train, ~(blocks.select | blocks.report))
     assert np.array_equal(blocks.step, phase) and blocks.by_step
 
 
+@pytest.mark.parametrize("lasts, trains", [([30, 300], 3), ([300, 30], 1), ([30, 30], 1)])
+def test_the_longest_hold_trains(lasts, trains):
+    """It alone: another one may be held out."""
+    units = np.array([-1, 0, 1, 1, 2, 3, 3])
+    velocities = np.array([1, 10, 0, 3, 1, 0, 3]) * UM
+    phase = np.repeat(np.arange(7), 30)
+    spans = np.array([30.0, 30, lasts[0], 30, 30, lasts[1], 30])
+    time = np.concatenate([[0.0], np.cumsum(spans[phase[1:]] / 30)])
+    blocks = split_units(time, phase, units, velocities, "run")
+    of = units[phase]
+    assert blocks.train[of == trains].all() and not blocks.train[of == 4 - trains].any()
+
+
+def held(blocks, phase, units):
+    of = np.array(units)[phase]
+    return set(of[blocks.select].tolist()), set(of[blocks.report].tolist())
+
+
+def test_another_split_holds_out_others():
+    """What was held out trains, and the ends in velocity still do; where two are left."""
+    velocities = np.array([3, 1, 3, 10, 3, 5, 3, 5, 3]) * UM
+    units = np.arange(9) - 1
+    phase = np.repeat(np.arange(9), 30)
+    given = np.arange(270.0), phase, units, velocities
+    first = split_units(*given, "run")
+    assert held(first, phase, units) == ({6}, {7})
+    second = split_again(*given, first)
+    assert held(second, phase, units) == ({4}, {5})
+    assert np.array_equal(second.train, ~(second.select | second.report))
+    few = np.arange(150.0), phase[:150], units[:5], velocities[:5]
+    assert split_again(*few, split_units(*few, "run")) is None
+    short = np.repeat(np.arange(9), [30, 30, 30, 30, 30, 9, 30, 30, 30])
+    given = np.arange(float(len(short))), short, units, velocities
+    assert split_again(*given, split_units(*given, "run")) is None  # too few rows select
+
+
+@dataclass(frozen=True)
+class _Told:
+    verdict: str
+    effects: tuple[str, ...]
+    warnings: tuple[str, ...] = ("one",)
+    seconds: float = 1.0
+
+
+TURNS = [
+    # what the first and the second search tell, and which of them counts
+    (("effects", ("a",)), None, 0),
+    (("outside_catalogue", ("a",)), None, 0),
+    (("no_missing_effect", ()), ("effects", ("b",)), 1),
+    (("too_weak", ()), ("ambiguous", ("b",)), 1),
+    (("too_weak", ()), ("outside_catalogue", ("b",)), 0),
+    (("no_missing_effect", ()), ("too_weak", ()), 0),
+]
+
+
+@pytest.mark.parametrize("first, second, counts", TURNS)
+def test_a_run_is_asked_twice_only_where_nothing_is_named(first, second, counts, monkeypatch):
+    told = [_Told(*one) for one in (first, second) if one]
+    left = list(told)
+    monkeypatch.setattr(run_module, "run", lambda bench, asked, **more: left.pop(0))
+    bench = SimpleNamespace(again=lambda asked: "other")
+    asked = SimpleNamespace(most=3)
+    found = run_module.run_loop(bench, asked, begun=0.0, progress=lambda text: None)
+    expected = told[counts]
+    assert (found.verdict, found.effects) == (expected.verdict, expected.effects) and not left
+    assert ("others are held out" in found.warnings[-1]) == (counts == 1)
+    left[:] = told[:1]
+    alone = SimpleNamespace(again=lambda asked: None)
+    assert run_module.run_loop(alone, asked, begun=0.0, progress=print) == told[0]
+    left[:] = told[:1]
+    nothing = SimpleNamespace(most=0)
+    assert run_module.run_loop(bench, nothing, begun=0.0, progress=print) == told[0]
+
+
 def test_two_units_are_too_few():
+    def divided(phase, units, velocities):
+        return split_units(
+            np.arange(len(phase)), phase, np.array(units), np.array(velocities) * UM, "run"
+        )
+
     with pytest.raises(InputError, match=r"2 steps and holds can be fitted; .* needs 3"):
-        split_units(np.repeat([0, 1, 2], 30), np.array([-1, 0, 1]), np.array([1, 3, 1]) * UM, "run")
+        divided(np.repeat([0, 1, 2], 30), [-1, 0, 1], [1, 3, 1])
     with pytest.raises(InputError, match="its select block would have 9 rows"):
-        phase = np.repeat(np.arange(5), [30, 9, 30, 30, 30])
-        split_units(phase, np.array([-1, 0, 1, 2, 3]), np.array([1, 3, 10, 3, 1]) * UM, "run")
+        divided(np.repeat(np.arange(5), [30, 9, 30, 30, 30]), [-1, 0, 1, 2, 3], [1, 3, 10, 3, 1])
 
 
 def test_a_hold_has_a_log_step():

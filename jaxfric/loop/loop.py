@@ -28,7 +28,7 @@ from .curves import CurveRig
 from .driver import Offered, ScoredRows, offered, run
 from .engine import Candidate, Choice, Engine
 from .result import Loop, LoopBase, LoopDetails, LoopRecord, Score
-from .run import run_bench
+from .run import run_bench, run_loop
 from .search import MOST, Search
 from .slider_bench import AbstractSliderBench, problem_of, refuse_failed, with_channels
 from .slider_curves import slider_curves
@@ -89,6 +89,7 @@ def close_loop(
         machine = MachineStiffness.parse(stiffness, record.friction_unit)
         how = HowFitted(machine, law)
         bench, asked = run_bench(record, events, how, rows, asked, progress)
+        return run_loop(bench, asked, begun=begun, progress=progress)
     return run(bench, asked, begun=begun, progress=progress)
 
 

@@ -6,7 +6,7 @@ level of its own. Held out are whole steps and holds.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import numpy as np
@@ -24,13 +24,13 @@ from ..runs.fits import HowFitted, fit_run
 from ..runs.joined import Joined, join
 from ..units import format_si
 from .curves import CurveRig
-from .driver import Offered, ScoredRows
+from .driver import Offered, ScoredRows, run
 from .engine import Candidate, Engine
-from .result import LoopBase, LoopRecord, Score, TextTable
+from .result import Loop, LoopBase, LoopRecord, Score, TextTable
 from .search import Search
 from .slider_bench import AbstractSliderBench, problem_of, refuse_failed, with_channels
 from .slider_curves import slider_curves
-from .split import split_units
+from .split import Blocks, split_again, split_units
 
 _LATE = 0.8
 """Share of a phase after which its friction is taken as steady, to begin with."""
@@ -53,26 +53,19 @@ def run_bench(
     if rows is not None:
         joined, thinning = _thinned(joined, rows)
     asked = with_channels(joined.record, how.law, asked, stress=False)
-    blocks = split_units(
-        joined.phase,
-        np.array([p.unit for p in joined.phases]),
-        np.array([p.velocity for p in joined.phases]),
-        record.provenance.path,
-    )
+    blocks = split_units(*_units(joined), record.provenance.path)
     levels = _levels(joined, blocks.train)
     start = _start(record, events, how, progress)
     base_fit = _base_fit(joined, levels, how, start, progress)
     refuse_failed(joined.record, base_fit)
-    steps, more = joined.steps(fine=True), len(joined.stretches) - 1
-    problem, felt = problem_of(
-        joined.record, how.law, base_fit.values(), steps, blocks, asked.effects, levels=more
-    )
+    steps, law = joined.steps(fine=True), how.law
+    problem, felt = _problem(joined, law, base_fit.values(), steps, blocks, asked)
     bench = RunBench(
         joined.record,
         base_fit,
         steps,
         blocks,
-        _in_stretches(problem, joined),
+        problem,
         felt,
         asked.without,
         thinning,
@@ -80,6 +73,53 @@ def run_bench(
         levels,
     )
     return bench, asked
+
+
+def run_loop(
+    bench: "RunBench", asked: Offered, *, begun: float, progress: Callable[[str], None]
+) -> Loop:
+    """The loop; where it names nothing, once more with other steps and holds held out.
+
+    What decides may be in a few steps. Where those are held out, no effect is supported; an effect
+    that is found with the others held out is as well supported as any. The second one counts only
+    where it names an effect and leaves no structure.
+    """
+    found = run(bench, asked, begun=begun, progress=progress)
+    if found.effects or not asked.most:
+        return found
+    other = bench.again(asked)
+    if other is None:
+        return found
+    progress("nothing is named: once more, with other steps and holds held out")
+    second = run(other, asked, begun=begun, progress=progress)
+    if second.verdict not in ("effects", "ambiguous"):
+        return dataclasses.replace(found, seconds=second.seconds)
+    said = (
+        "with the last steps and holds held out no effect is named: those decide, and train here,"
+        " where others are held out"
+    )
+    return dataclasses.replace(second, warnings=(*second.warnings, said))
+
+
+def _problem(
+    joined: Joined,
+    law: str,
+    values: Mapping[str, float],
+    steps: VelocitySteps,
+    blocks: Blocks,
+    asked: Offered,
+) -> tuple[Problem, np.ndarray]:
+    """The problem of the joined windows, and which shifts of step times are felt."""
+    more = len(joined.stretches) - 1
+    found = problem_of(joined.record, law, values, steps, blocks, asked.effects, levels=more)
+    return _in_stretches(found[0], joined), found[1]
+
+
+def _units(joined: Joined) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Time and phase of every row, unit and velocity of every phase."""
+    phases = joined.phases
+    unit, velocity = (np.array(x) for x in ([p.unit for p in phases], [p.velocity for p in phases]))
+    return joined.record.time, joined.phase, unit, velocity
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,6 +153,15 @@ class RunBench(AbstractSliderBench):
         values.update({f"level{k + 2}": v for k, v in enumerate(self.levels[1:])})
         natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
         return np.array(to_free(self.problem, jax.device_put(np.asarray(natural)[None])))[0]
+
+    def again(self, asked: Offered) -> "RunBench | None":
+        """The same run with other steps and holds held out; None where there are too few."""
+        blocks = split_again(*_units(self.joined), self.blocks)
+        if blocks is None:
+            return None
+        base, steps = self.base_fit, self.found_steps
+        problem, felt = _problem(self.joined, base.law, base.values(), steps, blocks, asked)
+        return dataclasses.replace(self, blocks=blocks, problem=problem, felt=felt)
 
     def curves(self, engine: Engine[Problem], final: Candidate) -> CurveRig:
         """Steady curves of the fit, over the velocities of all phases but holds."""

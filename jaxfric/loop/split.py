@@ -115,12 +115,15 @@ def grown(
     return tuple(found)
 
 
-def split_units(phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
-    """Blocks of a run: `phase` of every row (n,), the `unit` of every phase (p,), that is the step
-    or hold that it belongs to, -1 for sliding before any, and its velocity [m/s].
+def split_units(
+    time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, path: str
+) -> Blocks:
+    """Blocks of a run: `time` [s] and `phase` of every row (n,), the `unit` of every phase (p,),
+    that is the step or hold that it belongs to, -1 for sliding before any, and its velocity [m/s].
 
     As by `split`: about the last sixth of the units reports, as much before it selects. What
-    slides before a step or hold trains with the one before it.
+    slides before a step or hold trains with the one before it. The longest hold trains: laws of
+    friction differ in holds by more than in steps, and the more, the longer.
 
     Raises
     ------
@@ -132,14 +135,50 @@ def split_units(phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, path:
             f"{path}: {count} step{'s' * (count != 1)} and holds can be fitted; the loop over a run"
             f" holds whole ones out and needs {_UNITS}. Cut out one (--from, --to) and leave --run"
         )
-    speed = np.array([velocity[unit == k].max() for k in range(count)])
     size = _size(count)
-    held = _within(speed, 2 * size)
-    of = unit[phase]
-    report, select = np.isin(of, held[-size:]), np.isin(of, held[:-size])
-    blocks = Blocks(~(select | report), select, report, phase, True)
+    longest, within = _units_within(time, phase, unit, velocity)
+    if len(within) < 2 * size:
+        within = np.setdiff1d(np.arange(count), longest)
+    held = within[-2 * size :]
+    blocks = _with_held(phase, unit, held[:-size], held[-size:])
     refuse_short(blocks)
     return blocks
+
+
+def split_again(
+    time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, before: Blocks
+) -> Blocks | None:
+    """Blocks that hold out other units than `before`, as many where there are; the rest trains.
+
+    Arguments as of `split_units`. None where fewer than two are left, or their rows are too few.
+    """
+    known = np.unique(unit[phase[before.select | before.report]])
+    within = np.setdiff1d(_units_within(time, phase, unit, velocity)[1], known)
+    number = min(len(within), len(known))
+    if number < 2:
+        return None
+    held = within[-number:]
+    blocks = _with_held(phase, unit, held[: number // 2], held[number // 2 :])
+    return blocks if min(blocks.of(name).sum() for name in NAMES) >= _FEWEST else None
+
+
+def _with_held(
+    phase: np.ndarray, unit: np.ndarray, selects: np.ndarray, reports: np.ndarray
+) -> Blocks:
+    """Blocks of a run of which some units select and others report."""
+    report, select = np.isin(unit[phase], reports), np.isin(unit[phase], selects)
+    return Blocks(~(select | report), select, report, phase, True)
+
+
+def _units_within(
+    time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray
+) -> tuple[list[int], np.ndarray]:
+    """The unit of the longest hold, if there is one; and the units but for it and for the ends in
+    velocity, which may be held out."""
+    speed = np.array([velocity[unit == k].max() for k in range(int(unit.max()) + 1)])
+    rests = [float(np.ptp(time[phase == p])) if v == 0 else 0.0 for p, v in enumerate(velocity)]
+    longest = [int(unit[np.argmax(rests)])] if max(rests) > 0 else []
+    return longest, np.setdiff1d(np.arange(len(speed)), [*_ends(speed), *longest])
 
 
 def refuse_short(blocks: Blocks) -> None:
@@ -161,18 +200,16 @@ def _size(last: int) -> int:
 def _held_out(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
     """The last of three steps or more that lie within velocities which train, in order: those that
     select and those that report; velocity 0 begins the record."""
-    return _within(np.abs(np.asarray(speeds)), 2 * _size(len(speeds) - 1), first=1)
-
-
-def _within(speed: np.ndarray, number: int, *, first: int = 0) -> np.ndarray:
-    """The last `number` indices, from `first` on, but for the first of the fastest and of the
-    slowest: what is held back is predicted within the velocities that were trained."""
-    ends = {
-        int(np.argmax(speed >= _SAME * speed.max())),
-        int(np.argmax(speed <= speed.min() / _SAME)),
-    }
-    within = np.setdiff1d(np.arange(first, len(speed)), list(ends))
+    speed, number = np.abs(np.asarray(speeds)), 2 * _size(len(speeds) - 1)
+    within = np.setdiff1d(np.arange(1, len(speed)), list(_ends(speed)))
     return within[-number:] if len(within) >= number else np.arange(len(speed))[-number:]
+
+
+def _ends(speed: np.ndarray) -> set[int]:
+    """The first of the fastest and of the slowest: what is held back is predicted within the
+    velocities that were trained."""
+    fastest = int(np.argmax(speed >= _SAME * speed.max()))
+    return {fastest, int(np.argmax(speed <= speed.min() / _SAME))}
 
 
 def _share(time: np.ndarray, steps: VelocitySteps, k: int) -> np.ndarray:
