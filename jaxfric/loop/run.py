@@ -2,7 +2,7 @@
 
 The steps and holds of a run, one after the other as one motion (`runs.joined`): they share A, B, L
 and the effects, every stretch between a change of normal stress, an unloading or a pause has a
-level of its own. Held out are whole steps and holds.
+level of its own. Held out are whole steps and holds; others, where nothing is named at first.
 """
 
 import dataclasses
@@ -23,9 +23,10 @@ from ..runs.events import Event
 from ..runs.fits import HowFitted, fit_run
 from ..runs.joined import Joined, join
 from ..units import format_si
+from .ahead import compile_ahead
 from .curves import CurveRig
 from .driver import Offered, ScoredRows, run
-from .engine import Candidate, Engine
+from .engine import Candidate, Choice, Engine
 from .result import Loop, LoopBase, LoopRecord, Score, TextTable
 from .search import Search
 from .slider_bench import AbstractSliderBench, problem_of, refuse_failed, with_channels
@@ -55,10 +56,19 @@ def run_bench(
     asked = with_channels(joined.record, how.law, asked, stress=False)
     blocks = split_units(*_units(joined), record.provenance.path)
     levels = _levels(joined, blocks.train)
+    steps, law = joined.steps(fine=True), how.law
+    assert how.stiffness is not None
+    compile_ahead(
+        joined.record,
+        steps,
+        lambda: blocks,
+        how.stiffness.at(joined.stretches[0].normal_stress),
+        lambda values, blocks: _problem(joined, law, values, steps, blocks, asked),
+        Choice(asked.with_, asked.without),
+    )
     start = _start(record, events, how, progress)
     base_fit = _base_fit(joined, levels, how, start, progress)
     refuse_failed(joined.record, base_fit)
-    steps, law = joined.steps(fine=True), how.law
     problem, felt = _problem(joined, law, base_fit.values(), steps, blocks, asked)
     bench = RunBench(
         joined.record,
