@@ -17,6 +17,7 @@ ORDER = "tests/test_noise.py -k any_order"
 GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
 STEADY = "tests/test_steady_noise.py"
+RUN_SPLIT, TWICE = "tests/test_run_loop.py -k hold", "tests/test_run_loop.py -k twice"
 SETTLED, HEAT = "tests/test_effects.py -k steady", "tests/test_linear.py -k heat"
 MEMBERS = "tests/test_study_sliders.py -k wrong_parameters"
 WARM = "tests/test_loop_response.py -k heat"
@@ -1067,5 +1068,26 @@ FAULTS = (
     Fault("a guess of friction damps", "compensation/feedforward.py",
           "np.where(v < slowest, np.minimum(own, 0.0), own)", "own",
           "tests/test_feedforward.py -k own_damping"),
+    Fault("a hold is held out like a step", "loop/split.py",
+          "if max(rests) > 0 else []", "if False else []", RUN_SPLIT),
+    Fault("the shortest hold trains", "loop/split.py",
+          "np.argmax(rests)", "np.argmin(rests)", RUN_SPLIT),
+    Fault("the same is held out again", "loop/split.py",
+          "_units_within(time, phase, unit, velocity)[1], known)",
+          "_units_within(time, phase, unit, velocity)[1], [])", RUN_SPLIT),
+    Fault("a run that names nothing is not asked again", "loop/run.py",
+          "if found.effects or not asked.most:", "if True:", TWICE),
+    Fault("structure that is left counts in the second search", "loop/run.py",
+          'second.verdict not in ("effects", "ambiguous")', "not second.effects", TWICE),
+    Fault("a Jacobian is that of other parameters", "loop/engine.py",
+          "residual, jacobian[:, [place[int(k)] for k in index]]", "residual, jacobian", PARTS),
+    Fault("a Jacobian of some parameters is taken for that of all", "loop/engine.py",
+          "if not np.all(np.isin(index, columns)):", "if False:", PARTS),
+    Fault("rows of the last block are lost in its padding", "simulation/blocks.py",
+          "[:n]", "[-n:]", "tests/test_simulate.py -k blocks"),
+    Fault("two threads trace the same", "traced.py",
+          "with known.lock:", "if True:", "tests/test_traced.py -k waits"),
+    Fault("a command that failed waits for what is done beside", "threads.py",
+          "os._exit(code)", "pass", "tests/test_threads.py -k waited"),
 )
 # fmt: on

@@ -1,6 +1,7 @@
 """What was traced is found again on disk, and only where nothing that it depends on has changed."""
 
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import equinox as eqx
@@ -211,9 +212,16 @@ def test_a_function_of_functions_with_options_can_be_traced(monkeypatch):
     assert float(one(law())) == pytest.approx(400.0)
 
 
-def test_a_thread_waits_for_what_another_compiles(folder, traces):
+def test_a_thread_waits_for_what_another_compiles(folder, traces, monkeypatch):
     """Two that need the same at once: it is traced once, and both have it."""
     one, begun = Traced(critical_stiffness), threading.Barrier(2, timeout=20)
+    found = Traced._found
+
+    def slowly(self, *given):
+        time.sleep(0.2)
+        return found(self, *given)
+
+    monkeypatch.setattr(Traced, "_found", slowly)
 
     def asked(_):
         begun.wait()
