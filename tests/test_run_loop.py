@@ -288,8 +288,21 @@ def test_another_split_holds_out_others():
 class _Told:
     verdict: str
     effects: tuple[str, ...]
+    gain: float = 30.0
+    after: float = 0.9
+    before: float = 1.0
     warnings: tuple[str, ...] = ("one",)
     seconds: float = 1.0
+
+    @property
+    def candidates(self):
+        return [
+            SimpleNamespace(effects=e, delta_bic=d)
+            for e, d in (((), 0.0), (self.effects, self.gain))
+        ]
+
+    def heldout(self, error):
+        return error
 
 
 TURNS = [
@@ -298,6 +311,9 @@ TURNS = [
     (("outside_catalogue", ("a",)), None, 0),
     (("no_missing_effect", ()), ("effects", ("b",)), 1),
     (("too_weak", ()), ("ambiguous", ("b",)), 1),
+    (("outside_catalogue", ()), ("effects", ("b",), 20.1), 1),
+    (("too_weak", ()), ("effects", ("b",), 19.9), 0),  # asked twice: twice the evidence
+    (("too_weak", ()), ("effects", ("b",), 30.0, 1.0), 0),  # nothing is gained in rows held out
     (("too_weak", ()), ("outside_catalogue", ("b",)), 0),
     (("no_missing_effect", ()), ("too_weak", ()), 0),
 ]

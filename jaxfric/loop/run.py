@@ -6,6 +6,7 @@ level of its own. Held out are whole steps and holds; others, where nothing is n
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
@@ -32,6 +33,7 @@ from .search import Search
 from .slider_bench import AbstractSliderBench, problem_of, refuse_failed, with_channels
 from .slider_curves import slider_curves
 from .split import Blocks, split_again, split_units
+from .thresholds import ACCEPT
 
 _LATE = 0.8
 """Share of a phase after which its friction is taken as steady, to begin with."""
@@ -90,9 +92,8 @@ def run_loop(
 ) -> Loop:
     """The loop; where it names nothing, once more with other steps and holds held out.
 
-    What decides may be in a few steps. Where those are held out, no effect is supported; an effect
-    that is found with the others held out is as well supported as any. The second one counts only
-    where it names an effect and leaves no structure.
+    What decides may be in a few steps. Where those are held out, no effect is supported. The second
+    search counts where it names an effect, leaves no structure, and stands the chance of two.
     """
     found = run(bench, asked, begun=begun, progress=progress)
     if found.effects or not asked.most:
@@ -102,13 +103,27 @@ def run_loop(
         return found
     progress("nothing is named: once more, with other steps and holds held out")
     second = run(other, asked, begun=begun, progress=progress)
-    if second.verdict not in ("effects", "ambiguous"):
+    if not _stands(second):
         return dataclasses.replace(found, seconds=second.seconds)
     said = (
         "with the last steps and holds held out no effect is named: those decide, and train here,"
         " where others are held out"
     )
     return dataclasses.replace(second, warnings=(*second.warnings, said))
+
+
+def _stands(second: Loop) -> bool:
+    """Whether what a second search names counts.
+
+    Asked twice, it takes twice the evidence, in noise that differs from step to step. What is there
+    in the steps that decide is there in those that are held out as well.
+    """
+    if second.verdict not in ("effects", "ambiguous"):
+        return False
+    own = (c.delta_bic for c in second.candidates if c.effects == second.effects)
+    gain = max(own, default=-math.inf)
+    better = second.heldout(second.after) < second.heldout(second.before)
+    return better and gain > 2 * ACCEPT
 
 
 def _problem(
