@@ -721,6 +721,16 @@ def test_words_over_the_profiles_leave_them_room(number) -> None:
     assert " × 10⁻³," in figure.get_suptitle()
 
 
+def test_a_long_name_of_a_record_does_not_push_the_noise_out_of_the_figure() -> None:
+    loop = make_loop("effects")
+    long = dataclasses.replace(loop.record.provenance, path="a_" * 30 + ".csv")
+    record = dataclasses.replace(loop.record, provenance=long)
+    figure = figure_of(dataclasses.replace(loop, record=record), "residual")
+    figure.canvas.draw()
+    assert figure._suptitle.get_window_extent().x1 < figure.bbox.x1
+    assert "noise" in figure.get_suptitle() and "a_a_" in figure.get_suptitle()
+
+
 def test_shares_of_the_location_figure_add_up() -> None:
     axis = figure_of(make_loop("effects"), "location").axes[0]
     widths = [bar.get_width() for bar in axis.patches]
