@@ -721,6 +721,17 @@ def test_words_over_the_profiles_leave_them_room(number) -> None:
     assert " × 10⁻³," in figure.get_suptitle()
 
 
+def test_the_gain_of_a_loop_is_that_of_its_model_in_any_order() -> None:
+    loop = make_loop("effects")
+    [own] = [c for c in loop.ranked() if loop.role(c) == "model"]
+    assert loop.gain() == own.delta_bic > 0
+    both = dataclasses.replace(loop.after, effects=("b", "a"))
+    two = dataclasses.replace(own, effects=("a", "b"), delta_bic=31.0)
+    pair = dataclasses.replace(loop, after=both, candidates=(*loop.candidates, two))
+    assert pair.gain() == 31.0
+    assert dataclasses.replace(pair, candidates=loop.candidates).gain() is None
+
+
 def test_a_long_name_of_a_record_does_not_push_the_noise_out_of_the_figure() -> None:
     loop = make_loop("effects")
     long = dataclasses.replace(loop.record.provenance, path="a_" * 30 + ".csv")

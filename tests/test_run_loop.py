@@ -288,18 +288,14 @@ def test_another_split_holds_out_others():
 class _Told:
     verdict: str
     effects: tuple[str, ...]
-    gain: float = 30.0
+    delta_bic: float = 30.0
     after: float = 0.9
     before: float = 1.0
     warnings: tuple[str, ...] = ("one",)
     seconds: float = 1.0
 
-    @property
-    def candidates(self):
-        return [
-            SimpleNamespace(effects=e, delta_bic=d)
-            for e, d in (((), 0.0), (self.effects, self.gain))
-        ]
+    def gain(self):
+        return self.delta_bic
 
     def heldout(self, error):
         return error

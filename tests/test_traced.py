@@ -237,9 +237,8 @@ def test_it_is_ready_for_what_it_was_compiled_for(folder):
     assert not one.ready(law())
     one(law())
     assert one.ready(law()) and not one.ready(law(2))
-    assert module.keeping() and not Traced(critical_stiffness).ready(
-        law()
-    )  # on disk, but not in this process
+    other = Traced(critical_stiffness)  # on disk, but not in this process
+    assert module.keeping() and not other.ready(law())
     with pytest.raises(AttributeError):
         one(jnp.ones(2))
     assert not one.ready(jnp.ones(2))

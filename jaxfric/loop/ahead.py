@@ -14,12 +14,8 @@ from ..fitting.problem import Problem, to_free
 from ..records import Record, VelocitySteps
 from ..threads import beside
 from ..traced import keeping
-from .engine import Choice, compiled
-from .slider_bench import engine_of, scales_of
-from .split import Blocks
-
-Made = tuple[Problem, np.ndarray]
-"""A problem, and which shifts of its step times are felt; see `problem_of`."""
+from .engine import Engine, compiled
+from .slider_bench import scales_of
 
 _SLIP_LENGTH = 0.1
 """L in units of the slip at the first velocity."""
@@ -28,31 +24,27 @@ _SLIP_LENGTH = 0.1
 def compile_ahead(
     record: Record,
     steps: VelocitySteps,
-    blocks: Callable[[], Blocks],
     stiffness: float,
-    make: Callable[[Mapping[str, float], Blocks], Made],
-    choice: Choice,
+    engine_with: Callable[[Mapping[str, float]], Engine[Problem]],
 ) -> None:
     """Begin to compile, and go on. Nothing where what is compiled is not kept (`cache_compiled`),
     or where a loop of that shape was compiled already.
 
-    `make` gives the problem for values of the base (SI), here typical ones, with which no slider
-    runs away: A larger than B. What fails here will fail again where it is asked for.
+    `engine_with` gives the engine for values of the base (SI), here typical ones, with which no
+    slider runs away: A larger than B. What fails here will fail again where it is asked for.
     """
-
     if not keeping():
         return
 
     def work() -> None:
         require_float64()  # on this thread too
-        here, values = blocks(), _typical(record, steps, stiffness)
-        problem, felt = make(values, here)
-        engine = engine_of(problem, here, felt, choice, steps.displacement(record.relative_time))
-        natural = [values.get(name, 0.0) for name in engine.model.base.names()]
-        natural = np.asarray([*natural, *engine.model.nulls()])
+        values = _typical(record, steps, stiffness)
+        engine = engine_with(values)
+        problem, model = engine.problem, engine.model
+        natural = [*(values.get(name, 0.0) for name in model.base.names()), *model.nulls()]
         if compiled(engine, np.zeros(len(natural) + len(problem.hold))):
             return
-        z = np.array(to_free(problem, jax.device_put(natural[None])))[0]
+        z = np.array(to_free(problem, jax.device_put(np.asarray([natural]))))[0]
         scales = scales_of(record, steps, values["L"])
         beside(lambda: engine.shapes(engine, z, engine.addable(()), scales))
         engine.evaluate(z, engine.free(()))

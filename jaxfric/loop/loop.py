@@ -30,7 +30,7 @@ from .engine import Candidate, Choice, Engine
 from .result import Loop, LoopBase, LoopDetails, LoopRecord, Score
 from .run import run_bench, run_loop
 from .search import MOST, Search
-from .slider_bench import AbstractSliderBench, problem_of, refuse_failed, with_channels
+from .slider_bench import AbstractSliderBench, engine_of, problem_of, refuse_failed, with_channels
 from .slider_curves import slider_curves
 from .split import Blocks, split
 
@@ -116,14 +116,13 @@ def _step_bench(
         problem, felt = problem_of(record, law, values, found_steps, blocks, asked.effects)
         return dataclasses.replace(problem, normal_stress=stress), felt
 
-    compile_ahead(
-        record,
-        found_steps,
-        lambda: split(record.relative_time, found_steps),
-        stated_stiffness(stiffness, record, found_steps, law),
-        problem_with,
-        Choice(asked.with_, asked.without),
-    )
+    def engine_with(values: Mapping[str, float]) -> Engine[Problem]:
+        blocks = split(record.relative_time, found_steps)
+        problem, felt = problem_with(values, blocks)
+        return engine_of(problem, blocks, felt, Choice(asked.with_, asked.without))
+
+    K = stated_stiffness(stiffness, record, found_steps, law)
+    compile_ahead(record, found_steps, K, engine_with)
     base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
     refuse_failed(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)

@@ -255,13 +255,18 @@ class Loop(Described, Drawable, Gridded, Tabular):
             once.setdefault(frozenset(candidate.effects), candidate)
         return list(once.values())
 
+    def gain(self) -> float | None:
+        """Delta BIC of the model that was taken; None where it is none of the candidates."""
+        model = frozenset(self.after.effects)
+        own = (c.delta_bic for c in self.ranked() if frozenset(c.effects) == model)
+        return next(own, None)
+
     def unfixed(self) -> list[Unfixed]:
         """Models that explain more than the one taken, but whose parameters the record leaves
         open, the likeliest first."""
-        known = self.ranked()
-        taken = [c.delta_bic for c in known if set(c.effects) == set(self.after.effects)]
-        models = ((c.effects, c.delta_bic, c.refused) for c in known if c.converged and c.physical)
-        return unfixed(models, taken[0] if taken else 0.0)
+        known = (c for c in self.ranked() if c.converged and c.physical)
+        models = ((c.effects, c.delta_bic, c.refused) for c in known)
+        return unfixed(models, self.gain() or 0.0)
 
     def role(self, candidate: CandidateScore) -> str:
         """The role of a fitted model in the search, one of `ROLES`."""

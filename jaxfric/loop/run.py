@@ -6,7 +6,6 @@ level of its own. Held out are whole steps and holds; others, where nothing is n
 """
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
@@ -30,7 +29,7 @@ from .driver import Offered, ScoredRows, run
 from .engine import Candidate, Choice, Engine
 from .result import Loop, LoopBase, LoopRecord, Score, TextTable
 from .search import Search
-from .slider_bench import AbstractSliderBench, problem_of, refuse_failed, with_channels
+from .slider_bench import AbstractSliderBench, engine_of, problem_of, refuse_failed, with_channels
 from .slider_curves import slider_curves
 from .split import Blocks, split_again, split_units
 from .thresholds import ACCEPT
@@ -60,14 +59,13 @@ def run_bench(
     levels = _levels(joined, blocks.train)
     steps, law = joined.steps(fine=True), how.law
     assert how.stiffness is not None
-    compile_ahead(
-        joined.record,
-        steps,
-        lambda: blocks,
-        how.stiffness.at(joined.stretches[0].normal_stress),
-        lambda values, blocks: _problem(joined, law, values, steps, blocks, asked),
-        Choice(asked.with_, asked.without),
-    )
+    stiffness = how.stiffness.at(joined.stretches[0].normal_stress)
+
+    def engine_with(values: Mapping[str, float]) -> Engine[Problem]:
+        problem, felt = _problem(joined, law, values, steps, blocks, asked)
+        return engine_of(problem, blocks, felt, Choice(asked.with_, asked.without))
+
+    compile_ahead(joined.record, steps, stiffness, engine_with)
     start = _start(record, events, how, progress)
     base_fit = _base_fit(joined, levels, how, start, progress)
     refuse_failed(joined.record, base_fit)
@@ -120,10 +118,8 @@ def _stands(second: Loop) -> bool:
     """
     if second.verdict not in ("effects", "ambiguous"):
         return False
-    own = (c.delta_bic for c in second.candidates if c.effects == second.effects)
-    gain = max(own, default=-math.inf)
     better = second.heldout(second.after) < second.heldout(second.before)
-    return better and gain > 2 * ACCEPT
+    return better and (second.gain() or 0.0) > 2 * ACCEPT
 
 
 def _problem(

@@ -59,7 +59,7 @@ class AbstractSliderBench(AbstractBench):
         if with_ is None:
             return Engine(self.problem, self.blocks, self.felt, shapes=friction_sensitivities)
         choice = Choice(with_, self.without)
-        return engine_of(self.problem, self.blocks, self.felt, choice, self.path())
+        return engine_of(self.problem, self.blocks, self.felt, choice, path=self.path())
 
     def starts(self, engine: Engine[Problem], z: np.ndarray) -> list[np.ndarray]:
         """The starts `z`, and `z` with larger A, B and L."""
@@ -130,7 +130,12 @@ class AbstractSliderBench(AbstractBench):
 
 
 def engine_of(
-    problem: Problem, blocks: Blocks, felt: np.ndarray, choice: Choice, path: np.ndarray
+    problem: Problem,
+    blocks: Blocks,
+    felt: np.ndarray,
+    choice: Choice,
+    *,
+    path: np.ndarray | None = None,
 ) -> Engine[Problem]:
     """The engine of a slider's problem, see `Engine`."""
     return Engine(problem, blocks, felt, choice, shapes=friction_sensitivities, path=path)

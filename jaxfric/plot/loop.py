@@ -104,8 +104,7 @@ def residual_figure(loop: Loop) -> Figure:
     name = printable(loop.record.provenance.path)
     noise = ", in rows held out ".join(loop.sigma_texts())
     title = f"{name}: record and model; what is left in units of the noise σ = {noise}"
-    title = textwrap.fill(title, _TITLE_WIDTH, break_on_hyphens=False)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
+    figure.suptitle(panel_title(title), x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels([top, record, *axes])
     return figure
 

@@ -368,9 +368,8 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
     text = ROLES[role]
     if role != "tried" or candidate.refused:
         return f"{text}: {candidate.refused}" if role == "tried" else text
-    model = frozenset(loop.after.effects)
-    found = [c.delta_bic for c in loop.ranked() if frozenset(c.effects) == model]
-    worse = found[0] - candidate.delta_bic if found else math.nan
+    gain = loop.gain()
+    worse = math.nan if gain is None else gain - candidate.delta_bic
     if abs(worse) <= TIE:
         return f"{text}: as good, BIC within {TIE:g} of the model"
     return f"{text}: BIC {worse:.0f} worse than the model" if worse > TIE else text
