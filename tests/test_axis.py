@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from command import assert_refused, run
-from public_data import public_record
+from public_data import data_folder, public_record
 from scipy import signal
 from scipy.integrate import solve_ivp
 
@@ -34,7 +34,6 @@ from jaxfric.loop.steady.loop import close_steady_loop, steady_gains
 from jaxfric.loop.steady.model import fit_model
 from jaxfric.motion import MeasuredMotion
 from jaxfric.records import Drive, axis_from_arrays, read_axis, read_steady
-from jaxfric.records.public import data_folder
 from jaxfric.records.steady import SteadyCurve
 from jaxfric.report.steady_text import sentence as steady_sentence
 from jaxfric.rig.axis import AxisRig, BaseLaw

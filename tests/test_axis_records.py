@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from public_data import public_record
+from public_data import data_folder, public_record
 from scipy.io import savemat
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
@@ -15,7 +15,6 @@ from scipy.signal import lfilter
 from jaxfric.errors import InputError
 from jaxfric.records.axis_record import AxisRecord, Drive, axis_from_arrays
 from jaxfric.records.axis_units import quantity_of, spelling
-from jaxfric.records.public import data_folder
 from jaxfric.records.read_axis import read_axis
 from jaxfric.records.steady import SteadyCurve, read_steady
 from jaxfric.records.steady_mean import effective_samples, outliers

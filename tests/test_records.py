@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from public_data import public_record
+from public_data import public_path, public_record
 
 from jaxfric.errors import InputError
 from jaxfric.records import VelocitySteps, from_arrays, read, read_table
-from jaxfric.records.public import public_path
 from jaxfric.records.roles import SLIDER
 from jaxfric.records.thin import blur, thinned
 from jaxfric.report.record_text import describe
