@@ -320,6 +320,20 @@ def test_time_that_stands_or_goes_back(tmp_path: Path) -> None:
     assert read(path, drop_bad=True).provenance.dropped["time goes back"] == 1
 
 
+def test_a_clock_that_starts_again_is_two_records(tmp_path: Path) -> None:
+    """To leave out rows one by one would join the first with the end of the second."""
+    body = [f"{i % 30},{40 + i},0.6,25" for i in range(60)]
+    path = written(tmp_path, table_text(body=body))
+    for drop_bad in (False, True):
+        message = refusal(path, drop_bad=drop_bad)
+        assert "starts again in row 32" in message and "from 29 to 0 s" in message
+    # a time that is wrong, not a clock
+    body = [f"{999 if i == 40 else i},{40 + i},0.6,25" for i in range(60)]
+    path = written(tmp_path, table_text(body=body))
+    assert "time goes back in row 43" in refusal(path)
+    assert len(read(path, drop_bad=True)) == 41
+
+
 def test_constant_friction_is_a_record(tmp_path: Path) -> None:
     body = [f"{i},{i},0.6,25" for i in range(30)]
     assert np.ptp(read(written(tmp_path, table_text(body=body))).friction) == 0

@@ -12,6 +12,7 @@ LARGEST, SMALLEST = 1e30, 1e-30
 
 MIN_ROWS = 20
 _STILL = 20
+_GOES_ON = 10
 """A clock that shows the same time in so many more rows stands still."""
 """Least number of rows of a record."""
 
@@ -72,6 +73,7 @@ def whole_rows(
     time = np.where(keep, columns["time"], -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
     back, equal = keep & (time < before), keep & (time == before)
+    _refuse_restart(time, before, back, path, rows)
     if back.any() and not drop_bad:
         first = int(np.flatnonzero(back)[0])
         raise InputError(
@@ -85,6 +87,24 @@ def whole_rows(
         "time goes back": int(back.sum()),
     }
     return columns, keep & ~back & ~equal, {reason: n for reason, n in counts.items() if n}
+
+
+def _refuse_restart(
+    time: np.ndarray, before: np.ndarray, back: np.ndarray, path: str, rows: FileRows
+) -> None:
+    """Raise `InputError` where a clock starts again and goes on from there: what follows is a
+    record of its own, and to leave out its rows one by one would join what is left."""
+    places = np.flatnonzero(back)
+    if len(places) < _GOES_ON or np.any(np.diff(places[:_GOES_ON]) > 1):
+        return
+    first = places[:_GOES_ON]
+    earlier = np.sort(time[: first[0]])  # one row that is far ahead is a wrong cell
+    if np.all(np.diff(time[first]) > 0) and time[first[0]] < earlier[-2:].min():
+        raise InputError(
+            f"{path}: the clock starts again in {rows.place(int(first[0]))}, from"
+            f" {before[first[0]]:.10g} to {time[first[0]]:.10g} s, and goes on from there; cut the"
+            " file there into two records"
+        )
 
 
 def clock_doubt(time: np.ndarray, path: str, rows: FileRows) -> str | None:
