@@ -526,7 +526,7 @@ class Fitted:
 
     always, ids = (), "abcd"
     blocks = SimpleNamespace(select=np.ones(100, bool))
-    stopwatch = Stopwatch([0.1])
+    stopwatch, weight = Stopwatch([0.1]), np.ones(100)
 
     def learn_noise(self, candidate):
         return candidate
@@ -702,6 +702,34 @@ def test_another_start_is_fitted_to_the_end_only_where_it_is_better(bics, exact,
     engine: Any = SimpleNamespace(refit=refit)
     found, agreed = search_module._base(engine, [np.array([b]) for b in bics])
     assert (asked, found.bic, agreed) == (exact, best, agree)
+
+
+@pytest.mark.parametrize(
+    ("bics", "best"),
+    [  # of the first-order start, and of a tenth, a hundredth and a thousandth of the effect
+        ([-20.0], -20.0),
+        ([11.2], 11.2),  # as it is where an effect of two parameters does nothing
+        ([11.3, -30.0], -30.0),
+        ([np.inf, 400.0, -30.0], -30.0),
+        ([40.0, 50.0, np.inf, 60.0], 40.0),
+        ([np.inf] * 4, np.inf),
+    ],
+)
+def test_a_fit_that_is_worse_than_without_its_effect_begins_again_nearer(bics, best):
+    left, starts = list(bics), []
+
+    def refit(effects, z):
+        starts.append(float(z[1]))
+        bic = left.pop(0)
+        return SimpleNamespace(effects=effects, bic=bic, failed=not np.isfinite(bic))
+
+    model = SimpleNamespace(columns=lambda ids: [1, 2], amplitudes=lambda id: [1])
+    engine: Any = SimpleNamespace(refit=refit, model=model, weight=np.ones(100))
+    current: Any = SimpleNamespace(bic=0.0, z=np.zeros(3))
+    one = Screened("a", 20.0, np.array([0.0, 8.0, 3.0]), 0.0)
+    found = search_module.refit_safely(engine, ("a",), one, current)
+    assert found.bic == best and not left
+    assert starts == pytest.approx([8.0, 0.8, 0.08, 0.008][: len(bics)])
 
 
 def test_the_latest_linearisations_are_not_computed_again():

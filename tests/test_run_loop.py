@@ -293,6 +293,7 @@ class _Told:
     before: float = 1.0
     warnings: tuple[str, ...] = ("one",)
     seconds: float = 1.0
+    reasons: tuple[str, ...] = ("structure is left",)
 
     def gain(self):
         return self.delta_bic
@@ -304,7 +305,10 @@ class _Told:
 TURNS = [
     # what the first and the second search tell, and which of them counts
     (("effects", ("a",)), None, 0),
-    (("outside_catalogue", ("a",)), None, 0),
+    (("outside_catalogue", ("a",)), ("effects", ("b",)), 1),
+    (("outside_catalogue", ("a",)), ("effects", ("a",)), 0),  # what the same leaves, it leaves
+    (("outside_catalogue", ("a",)), ("ambiguous", ("a", "b")), 1),
+    (("ambiguous", ("a",)), None, 0),
     (("no_missing_effect", ()), ("effects", ("b",)), 1),
     (("too_weak", ()), ("ambiguous", ("b",)), 1),
     (("outside_catalogue", ()), ("effects", ("b",), 20.1), 1),
@@ -316,7 +320,7 @@ TURNS = [
 
 
 @pytest.mark.parametrize("first, second, counts", TURNS)
-def test_a_run_is_asked_twice_only_where_nothing_is_named(first, second, counts, monkeypatch):
+def test_a_run_is_asked_twice_only_where_no_name_is_confirmed(first, second, counts, monkeypatch):
     told = [_Told(*one) for one in (first, second) if one]
     left = list(told)
     monkeypatch.setattr(run_module, "run", lambda bench, asked, **more: left.pop(0))
@@ -326,6 +330,8 @@ def test_a_run_is_asked_twice_only_where_nothing_is_named(first, second, counts,
     expected = told[counts]
     assert (found.verdict, found.effects) == (expected.verdict, expected.effects) and not left
     assert ("others are held out" in found.warnings[-1]) == (counts == 1)
+    why = f"{told[0].effects[0]} would be added, but structure is left" if first[1] else "no effect"
+    assert (why in found.warnings[-1]) == (counts == 1)
     left[:] = told[:1]
     alone = SimpleNamespace(again=lambda asked: None)
     assert run_module.run_loop(alone, asked, begun=0.0, progress=print) == told[0]

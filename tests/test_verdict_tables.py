@@ -110,7 +110,7 @@ def searched(monkeypatch, *screened, loose=(), **fitted):
     engine = SimpleNamespace(
         always=(), blocks=BLOCKS, offered=[SimpleNamespace(id=id) for id in ids],
         addable=lambda effects: [e for e in ids if e not in effects],
-        stopwatch=Stopwatch([0.1]),
+        stopwatch=Stopwatch([0.1]), weight=np.ones(100),
         rms_error=lambda used, noise: 0.0, learn_noise=lambda base: base,
         model=SimpleNamespace(
             effects=[SimpleNamespace(id=id) for id in ids],

@@ -27,6 +27,7 @@ from .ahead import compile_ahead
 from .curves import CurveRig
 from .driver import Offered, ScoredRows, run
 from .engine import Candidate, Choice, Engine
+from .family import listed
 from .result import Loop, LoopBase, LoopRecord, Score, TextTable
 from .search import Search
 from .slider_bench import AbstractSliderBench, engine_of, problem_of, refuse_failed, with_channels
@@ -34,6 +35,7 @@ from .slider_curves import slider_curves
 from .split import Blocks, split_again, split_units
 from .thresholds import ACCEPT
 
+_NAMED = ("effects", "ambiguous")
 _LATE = 0.8
 """Share of a phase after which its friction is taken as steady, to begin with."""
 
@@ -88,35 +90,39 @@ def run_bench(
 def run_loop(
     bench: "RunBench", asked: Offered, *, begun: float, progress: Callable[[str], None]
 ) -> Loop:
-    """The loop; where it names nothing, once more with other steps and holds held out.
+    """The loop; where it supports no name, once more with other steps and holds held out.
 
-    What decides may be in a few steps. Where those are held out, no effect is supported. The second
-    search counts where it names an effect, leaves no structure, and stands the chance of two.
+    What decides may be in a few steps. Where those are held out no effect is supported, or one that
+    does not predict them. The second search counts where it names an effect, leaves no structure,
+    and stands the chance of two.
     """
     found = run(bench, asked, begun=begun, progress=progress)
-    if found.effects or not asked.most:
+    if found.verdict in _NAMED or not asked.most:
         return found
     other = bench.again(asked)
     if other is None:
         return found
-    progress("nothing is named: once more, with other steps and holds held out")
+    progress("no name is supported: once more, with other steps and holds held out")
     second = run(other, asked, begun=begun, progress=progress)
-    if not _stands(second):
+    if not _stands(second, found):
         return dataclasses.replace(found, seconds=second.seconds)
+    first = "no effect is named"
+    if found.effects:
+        first = f"{listed(found.effects)} would be added, but {found.reasons[0]}"
     said = (
-        "with the last steps and holds held out no effect is named: those decide, and train here,"
-        " where others are held out"
+        f"with the last steps and holds held out {first}; here those train, and others are held out"
     )
     return dataclasses.replace(second, warnings=(*second.warnings, said))
 
 
-def _stands(second: Loop) -> bool:
+def _stands(second: Loop, first: Loop) -> bool:
     """Whether what a second search names counts.
 
     Asked twice, it takes twice the evidence, in noise that differs from step to step. What is there
-    in the steps that decide is there in those that are held out as well.
+    in the steps that decide is there in those that are held out as well. Structure that the same
+    effects leave in the steps that trained at first is left.
     """
-    if second.verdict not in ("effects", "ambiguous"):
+    if second.verdict not in _NAMED or second.effects == first.effects:
         return False
     better = second.heldout(second.after) < second.heldout(second.before)
     return better and (second.gain() or 0.0) > 2 * ACCEPT

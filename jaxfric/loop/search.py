@@ -22,6 +22,7 @@ from .unfixed import NOT_FIXED
 
 MOST = 8
 """Largest number of effects that a search adds: evidence ends it before, as a rule."""
+_LOST = 2.0  # of BIC
 _PARTS = (0.1, 0.01, 1e-3)
 _REFITS = 4
 _WORSE = 1.02
@@ -203,18 +204,20 @@ def refit_safely(
     """Refit from the first-order start or, while that runs away, from a part of the effect.
 
     Where two sensitivities are nearly one (a second state whose length is that of the first), their
-    amplitudes to first order are opposite and a hundred times what they can be.
+    amplitudes to first order are opposite and a hundred times what they can be. A fit that is
+    less likely than without the effect, which it has at its null, is lost too.
     """
-    candidate = engine.refit(effects, one.z)
+    worth = _LOST + len(engine.model.columns((one.id,))) * np.log(engine.weight.sum())
+    best = engine.refit(effects, one.z)
     for part in _PARTS:
-        if not candidate.failed:
+        if not best.failed and best.bic - current.bic < worth:
             break
         start = np.array(current.z)
         shapes = engine.model.columns((one.id,))
         start[shapes] = one.z[shapes]
         start[engine.model.amplitudes(one.id)] *= part
-        candidate = engine.refit(effects, start)
-    return candidate
+        best = min(best, engine.refit(effects, start), key=lambda c: (c.failed, c.bic))
+    return best
 
 
 def fault(current: Candidate, candidate: Candidate, chance: float) -> str:
