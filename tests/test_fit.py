@@ -242,7 +242,8 @@ def test_a_residual_that_wanders_is_not_taken_for_large_noise():
     n = len(problem.time)
     share = np.linspace(0, 1, len(record))
     hump = np.pad(1.6e-3 * np.sqrt(2) * np.cos(2 * np.pi * share), (0, n - len(record)))
-    noise = _noise(problem, SimpleNamespace(residual=jnp.asarray(hump), jacobian=jnp.ones((n, 1))))
+    left = SimpleNamespace(residual=jnp.asarray(hump), jacobian=jnp.ones((n, 1)))
+    noise = _noise(problem, left).noise
     assert 1.2e-3 < float(noise.sigma) < 2.2e-3
     whole = np.ptp(np.asarray(problem.clock), axis=0)
     slowest = noise.rates @ (0.1 * whole)  # of what a part forgets over a tenth of the record

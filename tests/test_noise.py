@@ -16,6 +16,7 @@ from jaxfric.fitting.noise import (
     coloured,
     innovations,
     limit_of_negative,
+    neighbours,
     noise_of,
     rms_error,
     sandwich,
@@ -435,6 +436,27 @@ def test_the_memory_of_noise_does_not_change_when_rows_are_thinned(over, memory)
         assert np.all(np.delete(found.noise.rates[0], over) == 0)
 
 
+def test_a_noise_like_another_has_its_parts_and_its_own_sizes(monkeypatch):
+    """No other parts are sought; of white noise, which has none, they are."""
+    rng, n = np.random.default_rng(15), 1500
+    time, column = np.arange(n) * 1.0, np.ones((n, 1))
+    s = [rng.normal()]
+    for _ in range(n - 1):
+        s.append(0.8 * s[-1] + 0.6 * rng.normal())
+    rows = noise_rows(time, np.ones(n), np.asarray(s) + 0.5 * rng.normal(size=n), column)
+    found = estimate_noise(rows)
+    other = found._replace(theta=found.theta + 0.7)
+    white = estimate_noise(noise_rows(time, np.ones(n), rng.normal(size=n), column))
+    assert found.family.parameters and not white.family.parameters
+    again = estimate_noise(rows, like=white)
+    assert again.value == found.value
+    monkeypatch.setattr(noise_search, "_with_parts", None)
+    again = estimate_noise(rows, like=other)
+    assert again.family == found.family
+    assert again.value == pytest.approx(found.value, abs=0.05)
+    np.testing.assert_allclose(again.theta, found.theta, atol=0.1)
+
+
 def rho(d, beta):
     """Of a resonator, from the roots of its equation; of an exponential."""
     if beta <= EXPONENTIAL:
@@ -468,6 +490,8 @@ def test_two_parts_on_two_clocks_are_a_dense_gaussian(beta):
     on = weight > 0
     white, log_det = innovations(clock, weight, np.eye(N), noise)
     white = np.asarray(white)[np.ix_(on, on)] / 0.7
+    next_to = np.diag(C, 1) / (0.49 * noise.scale[1:] * noise.scale[:-1])
+    np.testing.assert_allclose(neighbours(clock, noise)[:-1], next_to, atol=1e-12)
     inverse = np.linalg.inv(C[np.ix_(on, on)])
     np.testing.assert_allclose(white.T @ white, inverse, atol=1e-9 * np.abs(inverse).max())
     dense_det = np.linalg.slogdet(C[np.ix_(on, on)])[1]

@@ -3,9 +3,17 @@
 import numpy as np
 import pytest
 
+from jaxfric.fitting.noise import neighbours, noise_of
 from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart
 from jaxfric.loop.smooth import smooth_columns
-from jaxfric.loop.step_noise import own_clock, pace_of_steps, scale_of_steps, taken_out
+from jaxfric.loop.step_noise import (
+    gain_of_pace,
+    likeness_of_steps,
+    own_clock,
+    pace_of,
+    scale_of_steps,
+    taken_out,
+)
 
 STEP = np.repeat(np.arange(6), 400)
 SMOOTH = smooth_columns(np.arange(2400.0), STEP, 2400)
@@ -24,11 +32,39 @@ def test_pace_is_the_memory_of_every_step():
     memories = np.array([1.0, 3.0, 10.0, 1.0, 5.0, 2.0])
     noise = correlated(np.random.default_rng(0), memories)
     slow = 3 * np.sin(np.arange(2400) / 2400 * 9)
-    found = pace_of_steps(np.column_stack([noise + slow, SMOOTH]), STEP)
+    found = pace_of(likeness_of_steps(np.column_stack([noise + slow, SMOOTH]), STEP))
     # smooth columns take some of a slow noise away with them
     np.testing.assert_allclose(np.log(found / memories), 0, atol=0.45)
-    with_slow = pace_of_steps(np.column_stack([noise + slow, np.ones(2400)]), STEP)
+    with_slow = pace_of(likeness_of_steps(np.column_stack([noise + slow, np.ones(2400)]), STEP))
     assert with_slow[0] > 3 * found[0]  # unless what is smooth is taken out
+
+
+@pytest.mark.parametrize(
+    ("memories", "of_rows", "asked"),
+    [
+        ([3.0] * 6, 3.0, False),
+        ([3.0] * 6, 0.1, False),  # what all steps have in common is no pace
+        ([1.0, 3.0, 10.0, 1.0, 5.0, 2.0], 3.0, True),
+    ],
+)
+def test_a_pace_is_asked_where_steps_differ_from_what_the_noise_explains(memories, of_rows, asked):
+    noise = correlated(np.random.default_rng(5), np.array(memories))
+    explained = np.full(2400, np.exp(-1 / of_rows))
+    likeness = likeness_of_steps(np.column_stack([noise, SMOOTH]), STEP)
+    found = gain_of_pace(likeness, explained, STEP)
+    # chi-square of five degrees of freedom where nothing differs
+    assert found > 300 if asked else 0.1 < found < 20
+
+
+def test_a_path_explains_that_steps_differ():
+    """Of noise over the path, sampled at equal times."""
+    speed = np.array([1.0, 3.0, 10.0, 1.0, 5.0, 2.0])
+    noise = correlated(np.random.default_rng(6), 10 / speed)
+    path = np.cumsum(speed[STEP])
+    likeness = likeness_of_steps(np.column_stack([noise, SMOOTH]), STEP)
+    explained = np.asarray(neighbours(path, noise_of(1.0, 1.0, 10.0)))
+    assert gain_of_pace(likeness, explained, STEP) < 20
+    assert gain_of_pace(likeness, np.full(2400, 0.7), STEP) > 100
 
 
 def test_scale_is_the_size_of_every_step():

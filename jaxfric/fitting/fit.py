@@ -28,7 +28,7 @@ from .assemble import assemble
 from .glitches import NO_GLITCHES, ROUNDS, find_glitches
 from .loading import UNIT_RIGHT, refuse_contradicted, steepest_loading
 from .loading import doubts as loading_doubts
-from .noise import Noise
+from .noise_search import Found as FoundNoise
 from .noise_search import estimate_noise, longest_memory, noise_rows
 from .problem import (
     FAILED_MISFIT,
@@ -161,16 +161,17 @@ def _with_noise(task: _Task, problem: Problem, solution: Solution, *, whitened: 
     """The solution with the noise that it leaves, found again where that noise changes it: without
     glitches, with fair weights on the times of steps, and `whitened` by it."""
     written = recorded_steps(task.record.friction)
-    noise = _noise(problem, solution, written)
-    solved = _without_glitches(Solved(problem, solution, noise, NO_GLITCHES, written), task.steps)
+    found = _noise(problem, solution, written)
+    begun = Solved(problem, solution, found.noise, NO_GLITCHES, written)
+    solved, found = _without_glitches(begun, found, task.steps)
     problem, solution, noise, *_ = solved
     if len(problem.hold) and not whitened:
         problem = problem.holding(fair_hold(problem, solution, noise))
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
-        noise = _noise(problem, solution, written)
+        noise = _noise(problem, solution, written, like=found).noise
     if whitened and solution.cost < FAILED_MISFIT**2:
         solution = solve(problem.whitened(noise), np.asarray(solution.z)[None], refine=1)
-        noise = _noise(problem, _evaluate(problem, solution), written)
+        noise = _noise(problem, _evaluate(problem, solution), written, like=found).noise
         problem = problem.whitened(noise)
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
     return solved._replace(problem=problem, solution=solution, noise=noise)
@@ -402,20 +403,26 @@ def _evaluate(problem: Problem, solution: Solution) -> Solution:
     return solution._replace(residual=residual, jacobian=jacobian)
 
 
-def _noise(problem: Problem, solution: Solution, steps: float = 0.0) -> Noise:
+def _noise(
+    problem: Problem, solution: Solution, steps: float = 0.0, like: FoundNoise | None = None
+) -> FoundNoise:
     """Noise of a memory that the record shows several times, not below the residual's size nor that
-    of the recorder's `steps`."""
+    of the recorder's `steps`; with the parts of a noise that it is `like`."""
     clock, least = problem.clock, least_noise(steps) / float(problem.noise_scale)
     residual, jacobian = data_part(problem, solution)
     longest = longest_memory(clock)
     rows = noise_rows(clock, problem.weight, residual, jacobian, longest)
-    found = estimate_noise(rows, least=least).noise
+    found = estimate_noise(rows, least=least, like=like)
     size = np.sqrt(np.sum(np.square(residual)) / np.sum(np.asarray(problem.weight) > 0))
-    return found._replace(sigma=np.maximum(found.sigma, size))
+    sigma = np.maximum(found.noise.sigma, size)
+    return found._replace(noise=found.noise._replace(sigma=sigma))
 
 
-def _without_glitches(solved: Solved, steps: VelocitySteps) -> Solved:
-    """The fit without rows that stand out of its noise, which are found at most twice."""
+def _without_glitches(
+    solved: Solved, found: FoundNoise, steps: VelocitySteps
+) -> tuple[Solved, FoundNoise]:
+    """The fit and the noise that is `found` of it without rows that stand out of that noise, which
+    are looked for at most twice."""
     problem, solution, noise, glitches, written = solved
     step = np.searchsorted(np.asarray(steps.times), np.asarray(problem.time), side="right") - 1
     for _ in range(ROUNDS):
@@ -431,5 +438,6 @@ def _without_glitches(solved: Solved, steps: VelocitySteps) -> Solved:
         weight[list(glitches.rows)] = 0.0
         problem = dataclasses.replace(problem, weight=jnp.asarray(weight))
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
-        noise = _noise(problem, solution, written)
-    return Solved(problem, solution, noise, glitches, written)
+        found = _noise(problem, solution, written)
+        noise = found.noise
+    return Solved(problem, solution, noise, glitches, written), found

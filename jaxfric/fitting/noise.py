@@ -371,6 +371,12 @@ def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> list[tuple[Array, Arr
     return [(a, first), (b * slow[0], slow[1]), (b * fast[0], fast[1])]
 
 
+@traced
+def neighbours(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, " n"]:
+    """Correlation of the noise of every row and of the next one; of the last row with itself."""
+    return jnp.sum(jnp.stack([x * jnp.exp(-d) for x, d in _terms(clock, noise)]), axis=0).real
+
+
 def _correlated(
     jacobian: Float[Numbers, "n p"], turn: Complex[Array, " n"]
 ) -> Complex[Array, "p p"]:

@@ -138,16 +138,25 @@ class _Point(NamedTuple):
     sigma: float
 
 
-def estimate_noise(record: NoiseRows, *, either_sign: bool = False, least: float = 0.0) -> Found:
+def estimate_noise(
+    record: NoiseRows,
+    *,
+    either_sign: bool = False,
+    least: float = 0.0,
+    like: Found | None = None,
+) -> Found:
     """Restricted maximum-likelihood noise of a residual with its Jacobian (`noise_rows`).
 
     With `either_sign` also negative correlation, of even sampling. `least` is the smallest standard
-    deviation of the white part, as of a recorder's steps.
+    deviation of the white part, as of a recorder's steps. Where the noise is `like` another one
+    that is not white, it has the parts of that, and only their sizes are sought.
     """
     part, larger = stretches(record, _SOUGHT), stretches(record, _SIZED)
-    best = _with_parts(part, either_sign=either_sign)
-    if part is not record:
-        best = _best_of(larger, best.family, best.theta[None])
+    if like is None or not like.family.parameters:
+        like, sought = _with_parts(part, either_sign=either_sign), part
+    else:
+        sought = None
+    best = like if sought is record else _best_of(larger, like.family, like.theta[None])
     if larger is not record:
         values, sigmas = _values(record, parts_at(best.family, best.theta[None], record.limits))
         value, sigma = float(values[0]), float(sigmas[0])

@@ -20,7 +20,7 @@ from ..fitting.abstract_problem import FAILED_MISFIT, AbstractProblem
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.noise import Noise, noise_of, rms_error
+from ..fitting.noise import Noise, neighbours, noise_of, rms_error
 from ..fitting.noise_search import (
     Family,
     Limits,
@@ -38,7 +38,7 @@ from ..traced import traced
 from .pace import Stopwatch
 from .smooth import smooth_columns
 from .split import NAMES, Blocks
-from .step_noise import own_clock, pace_of_steps, scale_of_steps
+from .step_noise import gain_of_pace, likeness_of_steps, own_clock, pace_of, scale_of_steps
 
 P = TypeVar("P", bound=AbstractProblem)
 
@@ -51,6 +51,7 @@ _SHORTEST_LIMIT = 10.0
 _AT_ONCE = 24
 _HEAVY = 2
 _KEPT = 32 * 2**20
+_FAR_FROM = 0.5  # of what a pace is worth, as of a part of a noise in `noise_search`
 
 
 class Candidate(NamedTuple):
@@ -400,17 +401,25 @@ class Engine(Generic[P]):
         return self.candidate(candidate.effects, candidate.z, rows), rows
 
     def _with_pace(self, found: FoundNoise, columns: np.ndarray, train: np.ndarray) -> FoundNoise:
-        """The noise with a clock whose pace is that of each step, if that is likelier."""
+        """The noise with a clock whose pace is that of each step, if that is likelier.
+
+        It is not sought where neighbouring rows are alike in all steps as the noise has it.
+        """
         before, step = (self.problem, self.longest), self.blocks.step
-        on = self.passed_on()
-        pace = pace_of_steps(columns[: self.rows][on], step[on])
+        on, worth = self.passed_on(), np.log(self.weight.sum())
+        likeness = likeness_of_steps(columns[: self.rows][on], step[on])
+        explained = np.asarray(neighbours(self.problem.clock, found.noise))[: self.rows]
+        steps = len(likeness) - 1
+        if gain_of_pace(likeness, explained[on], step[on]) < _FAR_FROM * steps * worth:
+            return found
+        pace = pace_of(likeness)
         clock = np.array(self.problem.clock)
         clock[:, -1] = own_clock(pace, step, len(clock))
         self.problem = eqx.tree_at(lambda p: p.clock, self.problem, jax.device_put(clock))
         self.longest = np.append(self.longest[:-1], self.longest[-2] / np.max(pace))
         paced = self._anew(train[:, 0], train[:, 1:])
-        more = paced.family.parameters - found.family.parameters + len(pace) - 1
-        if 2 * (paced.value - found.value) > more * np.log(self.weight.sum()):
+        more = paced.family.parameters - found.family.parameters + steps
+        if 2 * (paced.value - found.value) > more * worth:
             self.pace = pace
             return paced
         self.problem, self.longest = before

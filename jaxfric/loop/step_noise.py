@@ -26,8 +26,8 @@ def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np
     return np.sqrt(variance / np.mean(variance[train]))
 
 
-def pace_of_steps(columns: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Memory of the noise of each step in rows: -1/ln of the correlation of neighbours.
+def likeness_of_steps(columns: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Correlation of neighbouring rows in each step, (steps,).
 
     `columns` are the residual and smooth columns (n, 1 + m) as they were recorded.
     """
@@ -36,7 +36,22 @@ def pace_of_steps(columns: np.ndarray, step: np.ndarray) -> np.ndarray:
     products = np.bincount(step[1:][same], (left[1:] * left[:-1])[same], step.max() + 1)
     squares = np.bincount(step[1:][same], (0.5 * (left[1:] ** 2 + left[:-1] ** 2))[same])
     likeness = products / np.maximum(np.pad(squares, (0, len(products) - len(squares))), 1e-300)
-    return -1 / np.log(np.clip(likeness, *_LIKENESS))
+    return np.clip(likeness, *_LIKENESS)
+
+
+def pace_of(likeness: np.ndarray) -> np.ndarray:
+    """Memory in rows of noise whose neighbouring rows are alike by so much: -1/ln of that."""
+    return -1 / np.log(likeness)
+
+
+def gain_of_pace(likeness: np.ndarray, explained: np.ndarray, step: np.ndarray) -> float:
+    """About twice the rise of ln L by a pace of each step: the squares of the differences of what
+    is seen (Fisher's z of `likeness`, (steps,)) and what the noise explains already ((n,), of every
+    row and the next), less what all steps have in common, over their variances 1/n."""
+    count = np.bincount(step[:-1], minlength=len(likeness))
+    mean = np.bincount(step[:-1], explained[:-1], len(likeness)) / np.maximum(count, 1)
+    z = np.arctanh(likeness) - np.arctanh(np.clip(mean, *_LIKENESS))
+    return float(np.sum(count * (z - np.average(z, weights=count)) ** 2))
 
 
 def own_clock(pace: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
