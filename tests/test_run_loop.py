@@ -330,7 +330,7 @@ def test_a_run_is_asked_twice_only_where_no_name_is_confirmed(first, second, cou
     expected = told[counts]
     assert (found.verdict, found.effects) == (expected.verdict, expected.effects) and not left
     assert ("others are held out" in found.warnings[-1]) == (counts == 1)
-    why = f"{told[0].effects[0]} would be added, but structure is left" if first[1] else "no effect"
+    why = "a model with a is not confirmed (structure is left)" if first[1] else "no effect"
     assert (why in found.warnings[-1]) == (counts == 1)
     left[:] = told[:1]
     alone = SimpleNamespace(again=lambda asked: None)

@@ -108,7 +108,7 @@ def run_loop(
         return dataclasses.replace(found, seconds=second.seconds)
     first = "no effect is named"
     if found.effects:
-        first = f"{listed(found.effects)} would be added, but {found.reasons[0]}"
+        first = f"a model with {listed(found.effects)} is not confirmed ({found.reasons[0]})"
     said = (
         f"with the last steps and holds held out {first}; here those train, and others are held out"
     )
