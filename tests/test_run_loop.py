@@ -261,6 +261,18 @@ def test_the_longest_hold_trains(lasts, trains):
     assert blocks.train[of == trains].all() and not blocks.train[of == 4 - trains].any()
 
 
+@pytest.mark.parametrize(("gap", "trains"), [(300, 3), (3, 1)])
+def test_a_hold_without_rows_lasts_as_long_as_the_rows_are_apart(gap, trains):
+    """As of p655, whose script joins the rows before a hold and those of its reload."""
+    units = np.array([-1, 0, 1, 1, 2, 3, 3])
+    velocities = np.array([1, 10, 0, 3, 1, 0, 3]) * UM
+    phase = np.repeat([0, 1, 2, 3, 4, 6], 30)
+    time = np.arange(180.0) + np.where(phase == 6, gap, 0.0)
+    blocks = split_units(time, phase, units, velocities, "run")
+    of = units[phase]
+    assert blocks.train[of == trains].all() and not blocks.train[of == 4 - trains].any()
+
+
 def held(blocks, phase, units):
     of = np.array(units)[phase]
     return set(of[blocks.select].tolist()), set(of[blocks.report].tolist())

@@ -176,8 +176,12 @@ def _units_within(
     """The unit of the longest hold, if there is one; and the units but for it and for the ends in
     velocity, which may be held out."""
     speed = np.array([velocity[unit == k].max() for k in range(int(unit.max()) + 1)])
-    rests = [float(np.ptp(time[phase == p])) if v == 0 else 0.0 for p, v in enumerate(velocity)]
-    longest = [int(unit[np.argmax(rests)])] if max(rests) > 0 else []
+    # a recorder may keep no row of a hold: it lasts from the row before to the row after
+    number = np.arange(len(velocity))
+    first, end = np.searchsorted(phase, number), np.searchsorted(phase, number, side="right")
+    lasts = time[np.minimum(end, len(time) - 1)] - time[np.maximum(first - 1, 0)]
+    rests = np.where(velocity == 0, lasts, 0.0)
+    longest = [int(unit[np.argmax(rests)])] if rests.max() > 0 else []
     return longest, np.setdiff1d(np.arange(len(speed)), [*_ends(speed), *longest])
 
 
