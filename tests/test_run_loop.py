@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from command import assert_refused, run
+from public_data import public_record
 
 import jaxfric as jf
 from jaxfric.errors import InputError
@@ -22,7 +23,9 @@ from jaxfric.rig import QuasiStatic, Rig
 from jaxfric.rig.friction import LogarithmicEffect
 from jaxfric.rig.normal_stress import stress_of_levels
 from jaxfric.runs.events import Event
+from jaxfric.runs.fits import decided_events
 from jaxfric.runs.joined import join
+from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.simulation import simulate
 
 UM = 1e-6
@@ -263,7 +266,7 @@ def test_the_longest_hold_trains(lasts, trains):
 
 @pytest.mark.parametrize(("gap", "trains"), [(300, 3), (3, 1)])
 def test_a_hold_without_rows_lasts_as_long_as_the_rows_are_apart(gap, trains):
-    """As of p655, whose script joins the rows before a hold and those of its reload."""
+    """As of p655, whose script leaves one row of a hold, and means over rows none."""
     units = np.array([-1, 0, 1, 1, 2, 3, 3])
     velocities = np.array([1, 10, 0, 3, 1, 0, 3]) * UM
     phase = np.repeat([0, 1, 2, 3, 4, 6], 30)
@@ -271,6 +274,19 @@ def test_a_hold_without_rows_lasts_as_long_as_the_rows_are_apart(gap, trains):
     blocks = split_units(time, phase, units, velocities, "run")
     of = units[phase]
     assert blocks.train[of == trains].all() and not blocks.train[of == 4 - trains].any()
+
+
+def test_the_blocks_of_the_run_p655():
+    """Its hold, of which no row is left, trains; whole steps are held out."""
+    whole = jf.read(public_record("p655intact100l"), reduce=public_record("p655_r"))
+    stiffness = MachineStiffness.parse("0.16 MPa/um", whole.friction_unit)
+    joined, _ = _thinned(join(*decided_events(whole, None, stiffness)), 6000)
+    blocks = split_units(*run_module._units(joined), "run")
+    used = np.unique(joined.phase)
+    (hold,) = (k for k, p in enumerate(joined.phases) if p.velocity == 0 and k not in used)
+    of = np.array([p.unit for p in joined.phases])[joined.phase]
+    assert blocks.train[of == joined.phases[hold].unit].all()
+    assert len({*of[blocks.select]}) == len({*of[blocks.report]}) == 1
 
 
 def held(blocks, phase, units):

@@ -176,7 +176,7 @@ def _units_within(
     """The unit of the longest hold, if there is one; and the units but for it and for the ends in
     velocity, which may be held out."""
     speed = np.array([velocity[unit == k].max() for k in range(int(unit.max()) + 1)])
-    # a recorder may keep no row of a hold: it lasts from the row before to the row after
+    # no row of a hold may be left: it lasts from the row before to the row after
     number = np.arange(len(velocity))
     first, end = np.searchsorted(phase, number), np.searchsorted(phase, number, side="right")
     lasts = time[np.minimum(end, len(time) - 1)] - time[np.maximum(first - 1, 0)]
