@@ -150,26 +150,33 @@ def in_fit(out: dict) -> list[tuple[int, float]]:
 
 
 def in_loop() -> list[tuple[int, float]]:
-    """`jaxfric.loop` on steps of data/undeclared.csv thinned, and on its rows repeated between."""
-    path = HERE.parents[1] / "data" / "undeclared.csv"
-    whole = jf.read(path)
-    found = []
-    for factor in (0.25, 0.5, 1, 2, 4):
-        n = len(whole)
-        rows = np.linspace(0, n - 1, round(n * factor))
-        rng = np.random.default_rng(2)
-        smooth = np.interp(rows, np.arange(n), whole.friction)
-        size = np.std(np.diff(whole.friction, 2)) / np.sqrt(6)
+    """`jaxfric.loop` on one run of twelve steps (SciPy) with a second state hidden in it, sampled
+    more and more finely, each time in white noise that no row shares with another."""
+    sys.path.append(str(HERE.parents[1]))
+    from fits.blind.plants import Base, Protocol, simulate
+
+    speeds = V0 * np.array([1, 10, 1, 3, 10, 3, 1, 10, 3, 1, 3, 10, 1])
+    protocol = Protocol(tuple(speeds), tuple(250e-6 / speeds))
+    hidden = {"second_state": {"B2": 0.003, "L2": 100e-6}}
+    found, named = [], set()
+    for each in (55, 110, 221, 443, 886):
+        share = (np.arange(each) + 0.5) / each
+        parts = zip(protocol.starts, protocol.durations, strict=True)
+        t = np.concatenate([start + share * lasts for start, lasts in parts])
+        t -= t[0]
+        noise = 3e-4 * np.random.default_rng(2).standard_normal(len(t))
         given = jf.from_arrays(
-            np.interp(rows, np.arange(n), whole.relative_time),
-            smooth + size * rng.standard_normal(len(rows)),
-            load_point_displacement=np.interp(
-                rows, np.arange(n), np.asarray(whole.load_point_displacement)
-            ),
+            t,
+            simulate(Base(F0, A, B, L, K), protocol, hidden, t).record + noise,
+            load_point_displacement=protocol.displacement(t),
         )
-        run = lambda given=given: jf.close_loop(given, stiffness="5e-3/um")  # noqa: E731
-        found.append((len(rows), median(run)))
-        print(f"loop of {len(rows)} rows: {found[-1][1]:.3g} s", flush=True)
+
+        def run(given: jf.Record = given) -> None:
+            named.add(jf.close_loop(given, stiffness=K).effects)
+
+        found.append((len(t), median(run)))
+        print(f"loop of {len(t)} rows: {found[-1][1]:.3g} s", flush=True)
+    print(f"named: {named}")
     return found
 
 
