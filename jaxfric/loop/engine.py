@@ -410,7 +410,7 @@ class Engine(Generic[P]):
         likeness = likeness_of_steps(columns[: self.rows][on], step[on])
         explained = np.asarray(neighbours(self.problem.clock, found.noise))[: self.rows]
         steps = len(likeness) - 1
-        if gain_of_pace(likeness, explained[on], step[on]) < _FAR_FROM * steps * worth:
+        if gain_of_pace(likeness, explained[on], step[on]) <= _FAR_FROM * steps * worth:
             return found
         pace = pace_of(likeness)
         clock = np.array(self.problem.clock)

@@ -11,10 +11,11 @@ LARGEST, SMALLEST = 1e30, 1e-30
 """Limits to a measured quantity in SI: larger is impossible, smaller is taken as 0."""
 
 MIN_ROWS = 20
-_STILL = 20
-_GOES_ON = 10
-"""A clock that shows the same time in so many more rows stands still."""
 """Least number of rows of a record."""
+_STILL = 20
+"""A clock that shows the same time in so many more rows stands still."""
+_GOES_ON = 10
+"""A clock that goes on for so many rows after it went back has started again."""
 
 
 @dataclass(frozen=True, eq=False)
