@@ -129,7 +129,8 @@ K = ("--stiffness", "5e-3/um")
 FILES = {
     "no_unit.csv": ("time,load_point_displacement,friction", ROWS),
     "names.csv": ("t1 [s],lvdt [um],mu [1]", ROWS),
-    "back.csv": (HEAD, ROWS[:300] + ROWS[200:]),
+    "again.csv": (HEAD, ROWS[:300] + ROWS[200:]),
+    "back.csv": (HEAD, [*ROWS[:300], ROWS[200], *ROWS[300:]]),
     "bad.csv": (HEAD, [*ROWS[:100], "1.0,abc,0.6", *ROWS[100:]]),
     "short.csv": (HEAD, ROWS[:10]),
     "even.csv": (HEAD, ROWS),
@@ -142,6 +143,7 @@ CALLS = [
     ("fit", "stress.csv", *K),
     ("fit", AXIS, *K),
     ("axis", STEP),
+    ("fit", "again.csv", *K),
     ("fit", "back.csv", *K),
     ("fit", "bad.csv", *K),
     ("fit", "short.csv", *K),
