@@ -442,7 +442,7 @@ FAULTS = (
     Fault("noises come back in another order", "fitting/noise_search.py",
           "back = np.argsort(order)", "back = np.arange(count)", ORDER),
     Fault("far from worth a part is any gain", "fitting/noise_search.py",
-          "_FAR_FROM = 0.5", "_FAR_FROM = 50.0", SPECTRUM),
+          "FAR_FROM = 0.5", "FAR_FROM = 50.0", SPECTRUM),
     Fault("what the fit has taken is not known", "fitting/noise_spectrum.py",
           "times * (1 - taken)", "times * (1 - 0 * taken)", SPECTRUM),
     Fault("memories are those of the first clock", "fitting/noise_spectrum.py",

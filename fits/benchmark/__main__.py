@@ -28,6 +28,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import jaxfric as jf
+from fits.blind.plants import Base, Protocol, simulate
 
 F0, A, B, L, K, V0, FASTER = 0.6, 0.010, 0.014, 20e-6, 1e3, 1e-6, 10.0
 AT, END = 10.0, 30.0
@@ -152,9 +153,6 @@ def in_fit(out: dict) -> list[tuple[int, float]]:
 def in_loop() -> list[tuple[int, float]]:
     """`jaxfric.loop` on one run of twelve steps (SciPy) with a second state hidden in it, sampled
     more and more finely, each time in white noise that no row shares with another."""
-    sys.path.append(str(HERE.parents[1]))
-    from fits.blind.plants import Base, Protocol, simulate
-
     speeds = V0 * np.array([1, 10, 1, 3, 10, 3, 1, 10, 3, 1, 3, 10, 1])
     protocol = Protocol(tuple(speeds), tuple(250e-6 / speeds))
     hidden = {"second_state": {"B2": 0.003, "L2": 100e-6}}

@@ -162,8 +162,7 @@ def _with_noise(task: _Task, problem: Problem, solution: Solution, *, whitened: 
     glitches, with fair weights on the times of steps, and `whitened` by it."""
     written = recorded_steps(task.record.friction)
     found = _noise(problem, solution, written)
-    begun = Solved(problem, solution, found.noise, NO_GLITCHES, written)
-    solved, found = _without_glitches(begun, found, task.steps)
+    solved, found = _without_glitches(problem, solution, found, task.steps, written)
     problem, solution, noise, *_ = solved
     if len(problem.hold) and not whitened:
         problem = problem.holding(fair_hold(problem, solution, noise))
@@ -419,11 +418,11 @@ def _noise(
 
 
 def _without_glitches(
-    solved: Solved, found: FoundNoise, steps: VelocitySteps
+    problem: Problem, solution: Solution, found: FoundNoise, steps: VelocitySteps, written: float
 ) -> tuple[Solved, FoundNoise]:
     """The fit and the noise that is `found` of it without rows that stand out of that noise, which
-    are looked for at most twice."""
-    problem, solution, noise, glitches, written = solved
+    are looked for at most twice; friction is `written` in such steps."""
+    glitches = NO_GLITCHES
     step = np.searchsorted(np.asarray(steps.times), np.asarray(problem.time), side="right") - 1
     for _ in range(ROUNDS):
         if solution.cost >= FAILED_MISFIT**2:
@@ -431,7 +430,7 @@ def _without_glitches(
         residual, jacobian = (np.asarray(x) for x in data_part(problem, solution))
         columns, weight = np.column_stack([residual, jacobian]), np.asarray(problem.weight)
         before = glitches
-        glitches = find_glitches(problem.clock, weight, columns, noise, step, before=before)
+        glitches = find_glitches(problem.clock, weight, columns, found.noise, step, before=before)
         if glitches.rows == before.rows:
             break
         weight = np.array(weight)
@@ -439,5 +438,4 @@ def _without_glitches(
         problem = dataclasses.replace(problem, weight=jnp.asarray(weight))
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
         found = _noise(problem, solution, written)
-        noise = found.noise
-    return Solved(problem, solution, noise, glitches, written), found
+    return Solved(problem, solution, found.noise, glitches, written), found

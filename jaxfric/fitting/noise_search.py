@@ -65,7 +65,7 @@ _MEMORIES_AROUND = (-0.7, 0.0, 0.7)
 _ALONE = 64  # noises by which a residual alone is whitened in one pass
 _LIKELY = 12
 """Starts of a family, likeliest for the residual alone, whose restricted likelihood is asked."""
-_FAR_FROM = 0.5
+FAR_FROM = 0.5
 """Share of what a part is worth below which the spectrum's gain is far from it."""
 _STRETCH = 1024
 _SOUGHT, _SIZED = 8, 64
@@ -153,10 +153,11 @@ def estimate_noise(
     """
     part, larger = stretches(record, _SOUGHT), stretches(record, _SIZED)
     if like is None or not like.family.parameters:
-        like, sought = _with_parts(part, either_sign=either_sign), part
+        best, sized = _with_parts(part, either_sign=either_sign), part is record
     else:
-        sought = None
-    best = like if sought is record else _best_of(larger, like.family, like.theta[None])
+        best, sized = like, False
+    if not sized:
+        best = _best_of(larger, best.family, best.theta[None])
     if larger is not record:
         values, sigmas = _values(record, parts_at(best.family, best.theta[None], record.limits))
         value, sigma = float(values[0]), float(sigmas[0])
@@ -211,7 +212,7 @@ def _seems_white(record: NoiseRows, *, either_sign: bool) -> bool:
     ends = record.limits.shortest, record.limits.longest
     once, twice = gains_of_parts(seen, *ends, either_sign=either_sign)
     worth = Family(first=0).parameters, Family(second=0, resonates=True).parameters
-    each = _FAR_FROM * np.log(record.rows)
+    each = FAR_FROM * np.log(record.rows)
     return bool(once < each * worth[0] and twice < each * worth[1])
 
 

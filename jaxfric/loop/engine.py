@@ -22,6 +22,7 @@ from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, neighbours, noise_of, rms_error
 from ..fitting.noise_search import (
+    FAR_FROM,
     Family,
     Limits,
     NoiseRows,
@@ -51,7 +52,6 @@ _SHORTEST_LIMIT = 10.0
 _AT_ONCE = 24
 _HEAVY = 2
 _KEPT = 32 * 2**20
-_FAR_FROM = 0.5  # of what a pace is worth, as of a part of a noise in `noise_search`
 
 
 class Candidate(NamedTuple):
@@ -410,7 +410,7 @@ class Engine(Generic[P]):
         likeness = likeness_of_steps(columns[: self.rows][on], step[on])
         explained = np.asarray(neighbours(self.problem.clock, found.noise))[: self.rows]
         steps = len(likeness) - 1
-        if gain_of_pace(likeness, explained[on], step[on]) <= _FAR_FROM * steps * worth:
+        if gain_of_pace(likeness, explained[on], step[on]) <= FAR_FROM * steps * worth:
             return found
         pace = pace_of(likeness)
         clock = np.array(self.problem.clock)

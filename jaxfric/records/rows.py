@@ -95,16 +95,15 @@ def _refuse_restart(
 ) -> None:
     """Raise `InputError` where a clock starts again and goes on from there: what follows is a
     record of its own, and to leave out its rows one by one would join what is left."""
-    places = np.flatnonzero(back)
-    if len(places) < _GOES_ON or np.any(np.diff(places[:_GOES_ON]) > 1):
+    first = np.flatnonzero(back)[:_GOES_ON]
+    if len(first) < _GOES_ON or np.any(np.diff(first) > 1) or np.any(np.diff(time[first]) <= 0):
         return
-    first = places[:_GOES_ON]
-    earlier = np.sort(time[: first[0]])  # one row that is far ahead is a wrong cell
-    if np.all(np.diff(time[first]) > 0) and time[first[0]] < earlier[-2:].min():
+    begin = int(first[0])
+    earlier = np.sort(time[:begin])  # one row that is far ahead is a wrong cell
+    if time[begin] < earlier[-2:].min():
         raise InputError(
-            f"{path}: the clock starts again in {rows.place(int(first[0]))}, from"
-            f" {before[first[0]]:.10g} to {time[first[0]]:.10g} s, and goes on from there; cut the"
-            " file there into two records"
+            f"{path}: the clock starts again in {rows.place(begin)}, from {before[begin]:.10g} to"
+            f" {time[begin]:.10g} s, and goes on from there; cut the file there into two records"
         )
 
 
