@@ -1082,7 +1082,7 @@ FAULTS = (
     Fault("a run that confirms no name is not asked again", "loop/run.py",
           "if found.verdict in _NAMED or not asked.most:", "if found.effects:", TWICE),
     Fault("the same effects leave nothing where less is seen", "loop/run.py",
-          "or second.effects == first.effects", "", TWICE),
+          "or set(second.effects) == set(first.effects)", "", TWICE),
     Fault("structure that is left counts in the second search", "loop/run.py",
           "second.verdict not in _NAMED", "not second.effects", TWICE),
     Fault("a clock that starts again is rows to leave out", "records/rows.py",

@@ -336,6 +336,7 @@ TURNS = [
     (("outside_catalogue", ("a",)), ("effects", ("b",)), 1),
     (("outside_catalogue", ("a",)), ("effects", ("a",)), 0),  # what the same leaves, it leaves
     (("outside_catalogue", ("a",)), ("ambiguous", ("a", "b")), 1),
+    (("outside_catalogue", ("a", "b")), ("effects", ("b", "a")), 0),  # in whatever order
     (("ambiguous", ("a",)), None, 0),
     (("no_missing_effect", ()), ("effects", ("b",)), 1),
     (("too_weak", ()), ("ambiguous", ("b",)), 1),

@@ -122,7 +122,7 @@ def _stands(second: Loop, first: Loop) -> bool:
     in the steps that decide is there in those that are held out as well. Structure that the same
     effects leave in the steps that trained at first is left.
     """
-    if second.verdict not in _NAMED or second.effects == first.effects:
+    if second.verdict not in _NAMED or set(second.effects) == set(first.effects):
         return False
     better = second.heldout(second.after) < second.heldout(second.before)
     return better and (second.gain() or 0.0) > 2 * ACCEPT
