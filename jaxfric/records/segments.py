@@ -153,7 +153,7 @@ def _squares(sums: Sums, nodes: np.ndarray) -> np.ndarray:
     """Sums of squares about the line from every node to every later one; infinite elsewhere."""
     from_, to = np.triu_indices(len(nodes), 1)
     squares = np.full((len(nodes), len(nodes)), np.inf)
-    squares[from_, to] = sums.lines(nodes[from_], nodes[to]).sum_squares
+    squares[from_, to] = sums.squares(from_, to, nodes)
     return squares
 
 
