@@ -751,6 +751,13 @@ def test_shares_of_the_location_figure_add_up() -> None:
     assert widths[0] == max(widths) and names[0] == "the time since a step"
 
 
+def test_where_nothing_is_placed_the_location_figure_is_no_higher_than_its_words() -> None:
+    figure = figure_of(dataclasses.replace(make_loop("effects"), location=()), "location")
+    figure.canvas.draw()
+    words, page = figure._suptitle.get_window_extent(), figure.bbox
+    assert page.y0 <= words.y0 and words.y1 <= page.y1 and words.height > 0.4 * page.height
+
+
 def figure_of(loop: Loop, name: str) -> Figure:
     """The figure that would be saved."""
     drawn: list[Figure] = []

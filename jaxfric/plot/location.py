@@ -1,6 +1,7 @@
 """Figures of where structure sits: shares that add up, and the profile over every variable."""
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,8 @@ from .stability import new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
 _TINY = 0.01
-_WIDE, _WIDE_PANEL = 92, 50
-"""Letters in a line over the shares, and over each column of profiles."""
+_WIDE, _WIDE_PANEL, _LINE = 92, 50, 0.21
+"""Letters in a line over the shares, and over each column of profiles; height of a line [inch]."""
 _VARIABLES = {
     "slip": ("slip", "slip since the first row"),
     "log_velocity": ("velocity", "velocity"),
@@ -37,8 +38,18 @@ _VARIABLES = {
 def save_location(loop: Loop, folder: Path) -> list[str]:
     """Bars of what each variable carries of the missing friction; with the rest they make 100 %."""
     shares = added_shares(loop.location)
-    figure = new_figure(9.0, 1.9 + 0.42 * max(len(shares), 1))
-    axis = figure.subplots()
+    lines = shares_told(loop.location, loop.base_fit.steps.velocities)
+    told = "\n".join(textwrap.fill(line, _WIDE) for line in lines)
+    if shares:
+        figure = new_figure(9.0, 1.9 + 0.42 * len(shares))
+        _bars(figure.subplots(), shares)
+    else:  # no more than its words
+        figure = new_figure(9.0, 0.15 + _LINE * (1 + told.count("\n")))
+    figure.suptitle(told, x=0.01, ha="left", fontsize=11)
+    return save(figure, folder, "location")
+
+
+def _bars(axis: Axes, shares: Sequence[tuple[str | None, float]]) -> None:
     names = [variable_words(name) for name, _ in shares]
     values = [100 * share for _, share in shares]
     colours = [GREY if name is None else BLUE for name, _ in shares]
@@ -49,18 +60,12 @@ def save_location(loop: Loop, folder: Path) -> list[str]:
             share_text(share), at, (5, 0), textcoords="offset points", va="center", fontsize=10
         )
     axis.set_yticks(range(len(shares)), names, fontsize=10)
-    axis.set_ylim(max(len(shares), 1) - 0.4, -0.6)
+    axis.set_ylim(len(shares) - 0.4, -0.6)
     axis.set_xlim(0, 112)
     axis.set_xticks([0, 20, 40, 60, 80, 100])
     axis.set_xlabel("share of the missing friction [%]; the bars add up to 100 %")
-    if not shares:
-        axis.set_axis_off()
     tidy(axis, "")
     axis.grid(False, axis="y")
-    lines = shares_told(loop.location, loop.base_fit.steps.velocities)
-    told = "\n".join(textwrap.fill(line, _WIDE) for line in lines)
-    figure.suptitle(told, x=0.01, ha="left", fontsize=11)
-    return save(figure, folder, "location")
 
 
 # ---- profiles --------------------------------------------------------------------------------
