@@ -28,6 +28,7 @@ from jaxfric.loop.residual_tests import (
     QUESTIONS,
     chi_square_tail,
     holm,
+    merged,
     structure,
 )
 from jaxfric.loop.screen import (
@@ -136,6 +137,17 @@ def test_holm_against_a_worked_example():
     assert found == pytest.approx({"a": 0.03, "b": 0.06, "c": 0.06})
     found = holm({"a": 0.01, "b": 0.04, "c": 0.03}, 5)
     assert found == pytest.approx({"a": 0.05, "b": 0.12, "c": 0.12})
+
+
+@pytest.mark.parametrize("level", [0.01, 0.2])
+def test_two_p_values_that_depend_in_the_worst_way_keep_the_level(level):
+    """Where p is below the level q is what is left of it: p q is at most level^2/4."""
+    p = (np.arange(20_000) + 0.5) / 20_000
+    q = np.where(p < level, level - p, p)  # uniform, too
+    found = np.array([merged(*pair) for pair in zip(p, q, strict=True)])
+    assert np.mean(found <= level) == pytest.approx(level, abs=1e-4)
+    assert np.mean(found <= level / 2) < level / 2
+    assert max(found) <= 1 and merged(0.0, 1.0) == 0.0
 
 
 @pytest.mark.parametrize(

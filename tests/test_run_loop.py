@@ -317,17 +317,25 @@ class _Told:
     verdict: str
     effects: tuple[str, ...]
     delta_bic: float = 30.0
-    after: float = 0.9
+    size: float = 0.9
+    left: float = 1e-6
+    reasons: tuple[str, ...] = ("structure is left",)
     before: float = 1.0
     warnings: tuple[str, ...] = ("one",)
     seconds: float = 1.0
-    reasons: tuple[str, ...] = ("structure is left",)
+
+    @property
+    def after(self):
+        return SimpleNamespace(size=self.size, tests={"slip": self.left, "time": 1.0})
 
     def gain(self):
         return self.delta_bic
 
     def heldout(self, error):
-        return error
+        return error if error == self.before else error.size
+
+
+TWO_REASONS = ("structure is left", "the held-out error is 2 sigma")
 
 
 TURNS = [
@@ -335,6 +343,22 @@ TURNS = [
     (("effects", ("a",)), None, 0),
     (("outside_catalogue", ("a",)), ("effects", ("b",)), 1),
     (("outside_catalogue", ("a",)), ("effects", ("a",)), 0),  # what the same leaves, it leaves
+    # 2 sqrt(.001 .026) = .0102, with .024 .0098
+    (("outside_catalogue", ("a",), 30.0, 0.9, 1e-3), ("effects", ("a",), 30.0, 0.9, 0.026), 1),
+    (("outside_catalogue", ("a",), 30.0, 0.9, 1e-3), ("effects", ("a",), 30.0, 0.9, 0.024), 0),
+    (("outside_catalogue", ("a",), 30.0, 0.9, 1e-3), ("effects", ("a",), 19.0, 0.9, 0.5), 0),
+    (("outside_catalogue", ("a",), 30.0, 0.9, 1e-3), ("effects", ("a",), 30.0, 1.0, 0.5), 0),
+    (
+        ("outside_catalogue", ("a",), 30.0, 0.9, 1e-3, TWO_REASONS),
+        ("effects", ("a",), 30.0, 0.9, 0.5),
+        0,
+    ),
+    (("outside_catalogue", ("a",), 30.0, 0.9, 0.02), ("effects", ("a",), 30.0, 0.9, 0.5), 0),
+    (
+        ("outside_catalogue", ("a",), 30.0, 0.9, 1e-3),
+        ("outside_catalogue", ("a",), 30.0, 0.9, 0.5),
+        0,
+    ),
     (("outside_catalogue", ("a",)), ("ambiguous", ("a", "b")), 1),
     (("outside_catalogue", ("a", "b")), ("effects", ("b", "a")), 0),  # in whatever order
     (("ambiguous", ("a",)), None, 0),
@@ -361,6 +385,8 @@ def test_a_run_is_asked_twice_only_where_no_name_is_confirmed(first, second, cou
     assert ("others are held out" in found.warnings[-1]) == (counts == 1)
     why = "a model with a is not confirmed (structure is left)" if first[1] else "no effect"
     assert (why in found.warnings[-1]) == (counts == 1)
+    same = counts == 1 and first[1] == second[1]
+    assert ("noise alone leaves as much in both together: p = 0.01" in found.warnings[-1]) == same
     left[:] = told[:1]
     alone = SimpleNamespace(again=lambda asked: None)
     assert run_module.run_loop(alone, asked, begun=0.0, progress=print) == told[0]

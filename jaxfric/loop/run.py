@@ -28,12 +28,13 @@ from .curves import CurveRig
 from .driver import Offered, ScoredRows, run
 from .engine import Candidate, Choice, Engine
 from .family import listed
+from .residual_tests import merged, p_text
 from .result import Loop, LoopBase, LoopRecord, Score, TextTable
 from .search import Search
 from .slider_bench import AbstractSliderBench, engine_of, problem_of, refuse_failed, with_channels
 from .slider_curves import slider_curves
 from .split import Blocks, split_again, split_units
-from .thresholds import ACCEPT
+from .thresholds import ACCEPT, SIGNIFICANT
 
 _NAMED = ("effects", "ambiguous")
 _LATE = 0.8
@@ -94,7 +95,7 @@ def run_loop(
 
     What decides may be in a few steps. Where those are held out no effect is supported, or one that
     does not predict them. The second search counts where it names an effect, leaves no structure,
-    and stands the chance of two.
+    and stands the chance of two. Of the same effects what the first search left counts with it.
     """
     found = run(bench, asked, begun=begun, progress=progress)
     if found.verdict in _NAMED or not asked.most:
@@ -112,6 +113,9 @@ def run_loop(
     said = (
         f"with the last steps and holds held out {first}; here those train, and others are held out"
     )
+    if set(second.effects) == set(found.effects):
+        chance = p_text(_together(found, second))
+        said += f"; noise alone leaves as much in both together: {chance}"
     return dataclasses.replace(second, warnings=(*second.warnings, said))
 
 
@@ -120,12 +124,26 @@ def _stands(second: Loop, first: Loop) -> bool:
 
     Asked twice, it takes twice the evidence, in noise that differs from step to step. What is there
     in the steps that decide is there in those that are held out as well. Structure that the same
-    effects leave in the steps that trained at first is left.
+    effects left at first is left, but where it is no more than chance with what they leave now.
     """
-    if second.verdict not in _NAMED or set(second.effects) == set(first.effects):
+    if second.verdict not in _NAMED:
         return False
+    if set(second.effects) == set(first.effects):
+        alone = len(first.reasons) == 1 and _least(first) < SIGNIFICANT
+        if not alone or _together(first, second) < SIGNIFICANT:
+            return False
     better = second.heldout(second.after) < second.heldout(second.before)
     return better and (second.gain() or 0.0) > 2 * ACCEPT
+
+
+def _together(first: Loop, second: Loop) -> float:
+    """p-value of the structure that the models of two searches leave."""
+    return merged(_least(first), _least(second))
+
+
+def _least(loop: Loop) -> float:
+    """p-value of the structure that a model leaves."""
+    return min(loop.after.tests.values(), default=1.0)
 
 
 def _problem(
