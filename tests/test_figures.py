@@ -302,9 +302,9 @@ def test_the_mark_of_a_step_that_tells_little_is_seen_though_its_bar_is_cut() ->
 
 
 def test_numbers_of_steps_beside_each_other_stand_in_two_lines() -> None:
-    """Steps 60 rows apart of 30 000: their numbers would lie on each other."""
+    """Steps 60 rows apart of 30 000: their numbers would lie on each other. There is no third."""
     record = SimpleRecord()
-    at = (10000, 19000, 19060, 25000)
+    at = (10000, 19000, 19060, 19120, 25000)
     events = [SimpleNamespace(fitted=True, time=float(t)) for t in at]
     figure = new_figure(13, 4)
     axis = figure.subplots()
@@ -312,7 +312,7 @@ def test_numbers_of_steps_beside_each_other_stand_in_two_lines() -> None:
     plot_run._number(axis, record, events)  # pyright: ignore
     figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in axis.texts]
-    assert [text.get_text() for text in axis.texts] == ["1", "2", "3", "4"]
+    assert [text.get_text() for text in axis.texts] == ["1", "2", "3", "5"]
     assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
     assert all(box.y0 >= axis.get_window_extent().y1 for box in boxes)
 

@@ -20,6 +20,7 @@ from jaxfric.fitting.misfit import (
     missed_warning_of,
     scatter,
 )
+from jaxfric.records.thin import blur_warning
 from jaxfric.report.run_html import Commands, page
 from jaxfric.runs import Event
 from jaxfric.runs.findings import Findings
@@ -209,6 +210,15 @@ def test_the_misfit_of_all_steps_is_told_once_with_the_trend_that_may_be_it():
     assert "--slip-trend" not in misfit_warning_of([left(3.0, slip_trend=True)])[0]
     assert misfit_warning_of([left(1.0)]) == ()
     assert "leaves 2.2 times" in misfit_warning_of([left(2.24), left(1.0)])[0]
+
+
+def test_what_means_cost_is_told_once_of_all_steps():
+    told = importlib.import_module("jaxfric.cli.run")._warnings
+    fits = [replace(left(1.0), warnings=w) for w in ((blur_warning(2, 0.6),), (), ("other",))]
+    fits[1] = replace(fits[1], warnings=("other", blur_warning(3, 1.1)))
+    blurred, other = told(run_of(*fits), HowFitted())
+    assert blurred.startswith("step 1, 2: means over 2 to 3 rows") and "0.6 to 1.1" in blurred
+    assert other == "step 2, 3: other"
 
 
 @pytest.mark.parametrize("unknown", [(), ("A",), ("B", "L"), ("L",), ("f0",)])

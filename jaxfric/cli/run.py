@@ -333,6 +333,7 @@ def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
         missed_warning,
         missed_warning_of,
     )
+    from ..records.thin import blur_warning_of, is_of_blur
     from ..runs.fits import by_step
 
     fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
@@ -343,7 +344,10 @@ def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
         some = [(n, fit) for n, fit in fits if any(map(is_of, fit.warnings))]
         said += [(n, text) for text in warning_of([fit for _, fit in some]) for n, _ in some]
     rest = [(n, text) for n, fit in fits for text in fit.warnings]
-    said += [(n, text) for n, text in rest if not (is_of_misfit(text) or is_of_drift(text))]
+    blurred = [(n, text) for n, text in rest if is_of_blur(text)]
+    said += [(n, text) for text in blur_warning_of([t for _, t in blurred]) for n, _ in blurred]
+    known = (is_of_misfit, is_of_drift, is_of_blur)
+    said += [(n, text) for n, text in rest if not any(is_of(text) for is_of in known)]
     told = by_step(said)
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]

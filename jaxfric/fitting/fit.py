@@ -20,7 +20,7 @@ from ..laws.registry import evolution_of, fixed_states, refuse_unknown_law
 from ..records import Record, VelocitySteps, record_steps
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
-from ..records.thin import blur, thinned
+from ..records.thin import blur, blur_warning, thinned
 from ..silent import silent
 from ..simulation import simulate
 from ..units import parse_quantity
@@ -201,11 +201,7 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
     lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
     if lost < _BLUR:
         return few, ()
-    text = (
-        f"means over {-(-len(record) // rows)} rows flatten the peaks after the steps by"
-        f" {lost:.2g} times the noise that is left: A comes out too small; ask for more --rows"
-    )
-    return few, (text,)
+    return few, (blur_warning(-(-len(record) // rows), lost),)
 
 
 def _model(law: str, states: int, fit_stiffness: bool, slip_trend: bool, weighting: str) -> Model:

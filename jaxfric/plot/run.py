@@ -113,12 +113,15 @@ def _mark(axis: Axes, record: Record, events: Sequence[Event]) -> None:
 
 
 def _number(axis: Axes, record: Record, events: Sequence[Event]) -> None:
-    """The numbers of the steps that are fitted, above their windows."""
+    """The numbers of the steps that are fitted, above their windows, in the first of two lines
+    that has room; where none has, the neighbours' numbers tell."""
     fitted = [event.time for event in events if event.fitted]
     rows = np.searchsorted(record.relative_time, fitted)
     ends = [-np.inf, -np.inf]  # of the numbers in the lower and the upper line
     for number, row in enumerate(rows, 1):
-        line = int(row < ends[0] and ends[1] < ends[0])
+        line = next((k for k, end in enumerate(ends) if row >= end), None)
+        if line is None:
+            continue
         ends[line] = row + _NUMBER * len(str(number)) * len(record)
         axis.annotate(
             str(number), (row, 1.0), (0, 1 + 9 * line), xycoords=axis.get_xaxis_transform(),

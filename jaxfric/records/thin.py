@@ -9,6 +9,8 @@ mean loses is curvature: a peak is flattened by a 24th of its second difference,
 that compares with the noise that is left.
 """
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -20,6 +22,11 @@ from .rows import MIN_ROWS
 from .steps import VelocitySteps
 
 LEAST_ROWS = 100
+_FLATTENED = (
+    "means over {} rows flatten the peaks after the steps by {} times the noise that is left: A"
+    " comes out too small; ask for more --rows"
+)
+_WARNING = re.compile(re.escape(_FLATTENED).replace(r"\{\}", r"([\d.e-]+)"))
 
 
 def refuse_few_means(rows: int) -> None:
@@ -59,3 +66,21 @@ def blur(record: Record, noise: float) -> float:
     """Largest flattening of the peaks of a record of means, in units of its `noise`."""
     second = np.abs(np.diff(record.friction, 2))
     return float(np.quantile(second, 1 - 3 / max(len(second), 6))) / 24 / noise
+
+
+def blur_warning(rows: int, lost: float) -> str:
+    """What means over `rows` rows cost that flatten the peaks by `lost` times the noise."""
+    return _FLATTENED.format(rows, f"{lost:.2g}")
+
+
+def blur_warning_of(warnings: Sequence[str]) -> tuple[str, ...]:
+    """Those of `warnings` that are of `blur_warning`, in one sentence; of none nothing."""
+    found = [match.groups() for text in warnings if (match := _WARNING.fullmatch(text))]
+    spans = (sorted(set(values), key=float) for values in zip(*found, strict=True))
+    said = [" to ".join(dict.fromkeys((x[0], x[-1]))) for x in spans]
+    return (_FLATTENED.format(*said),) if said else ()
+
+
+def is_of_blur(warning: str) -> bool:
+    """Whether a warning is that of `blur_warning`."""
+    return bool(blur_warning_of([warning]))
