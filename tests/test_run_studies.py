@@ -9,6 +9,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT))
 
+from fits.blind.scored import CONFIRMED  # noqa: E402
 from fits.runs import cycles, effects  # noqa: E402
 
 FOLDER = ROOT / "fits" / "runs"
@@ -66,8 +67,8 @@ def test_hidden_effects():
     missed = [row for row in hidden if not effects.group(row)]
     fit_best = sum(row["effect"] in row["found"] for row in missed)
     other = sum(bool(row["found"]) for row in missed) - fit_best
-    given = [row for row in none if row.get("verdict") in ("effects", "ambiguous")]
-    named = [row for row in hidden if row["verdict"] in ("effects", "ambiguous")]
+    given = [row for row in none if row.get("verdict") in CONFIRMED]
+    named = [row for row in hidden if row["verdict"] in CONFIRMED]
     assert {(row["noise"], *row["found"]) for row in given} == {("p655-run", "position_periodic")}
     counts = {}
     for noise in effects.NOISES:

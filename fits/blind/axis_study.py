@@ -20,6 +20,7 @@ import numpy as np
 from .axis_generate import Request, UnreachableError, make
 from .cores import one_thread
 from .score import wilson
+from .scored import CONFIRMED
 
 RHO = {"low": 2.0, "medium": 1.0, "high": 0.5}
 NOTHING = ("viscous", "coulomb")
@@ -124,7 +125,7 @@ def publish(out: Path) -> str:
         one = [r for r in here if r["asked"] in EFFECTS]
         right = [r for r in one if _right(r)]
         exact = [r for r in one if r["effects"] == [r["asked"]]]
-        confirmed = [r for r in right if r["verdict"] in ("effects", "ambiguous")]
+        confirmed = [r for r in right if r["verdict"] in CONFIRMED]
         alone = [r for r in one if not any(r["asked"] in group for group in GROUPS)]
         found = [r for r in exact if r in alone]
         held, still = _heldout(one), _heldout(null)

@@ -23,6 +23,7 @@ from fits.blind import measured
 from fits.blind.draws import LEVELS, SIGMA, UM, Draw, log_uniform
 from fits.blind.generate import Refit, UnreachableError, scale
 from fits.blind.plants import RUNAWAY, Base, Parameters, Protocol, RunawayError, simulate
+from fits.blind.scored import CONFIRMED
 
 HERE = Path(__file__).parent
 EFFECTS = ("second_state", "slip_trend", "thermal", "ageing", "velocity_dependent_L", "")
@@ -176,14 +177,14 @@ def exact(row: dict) -> bool:
     """Whether the effect that is named is the true one, or none is where there is none."""
     if not row["effect"]:
         return row.get("verdict") == "no_missing_effect"
-    return row.get("found") == [row["effect"]] and row["verdict"] in ("effects", "ambiguous")
+    return row.get("found") == [row["effect"]] and row["verdict"] in CONFIRMED
 
 
 def group(row: dict) -> bool:
     """Whether one effect is named, and the true one is it or told as not to be told from it."""
     if not row["effect"]:
         return exact(row)
-    named = row.get("verdict") in ("effects", "ambiguous") and len(row["found"]) == 1
+    named = row.get("verdict") in CONFIRMED and len(row["found"]) == 1
     return named and row["effect"] in row["groups"][0]
 
 
