@@ -395,6 +395,35 @@ def test_a_run_is_asked_twice_only_where_no_name_is_confirmed(first, second, cou
     assert run_module.run_loop(bench, nothing, begun=0.0, progress=print) == told[0]
 
 
+@pytest.mark.parametrize(
+    "end, told",
+    [
+        (KeyboardInterrupt(), "held out, was interrupted: this is the first"),
+        (ValueError("no"), "held out, ended in an error (ValueError: no): this is the first"),
+    ],
+)
+def test_what_ends_in_a_second_search_loses_no_first(end, told, monkeypatch):
+    first, turns = _Told("too_weak", ()), iter((None, end))
+
+    def run(bench, asked, **more):
+        if (ends := next(turns)) is not None:
+            raise ends
+        return first
+
+    monkeypatch.setattr(run_module, "run", run)
+    bench = SimpleNamespace(again=lambda asked: "other")
+    given = {"begun": 0.0, "progress": lambda text: None}
+    try:
+        found = run_module.run_loop(bench, SimpleNamespace(most=3), **given)
+    except KeyboardInterrupt:  # pytest would end with it
+        pytest.fail("the first is lost")
+    assert found.verdict == "too_weak" and found.warnings[0] == "one"
+    assert found.warnings[1].endswith(told)
+    turns = iter((end,))  # of the first search nothing is there
+    with pytest.raises(type(end)):
+        run_module.run_loop(bench, SimpleNamespace(most=3), **given)
+
+
 def test_two_units_are_too_few():
     def divided(phase, units, velocities):
         return split_units(

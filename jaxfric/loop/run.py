@@ -96,6 +96,7 @@ def run_loop(
     What decides may be in a few steps. Where those are held out no effect is supported, or one that
     does not predict them. The second search counts where it names an effect, leaves no structure,
     and stands the chance of two. Of the same effects what the first search left counts with it.
+    Where it fails or is interrupted, the first is what was found.
     """
     found = run(bench, asked, begun=begun, progress=progress)
     if found.verdict in _NAMED or not asked.most:
@@ -103,8 +104,18 @@ def run_loop(
     other = bench.again(asked)
     if other is None:
         return found
-    progress("no name is supported: once more, with other steps and holds held out")
-    second = run(other, asked, begun=begun, progress=progress)
+    progress(
+        "no name is supported: once more, with other steps and holds held out (interrupted, the"
+        " first search stands)"
+    )
+    try:
+        second = run(other, asked, begun=begun, progress=progress)
+    except (Exception, KeyboardInterrupt) as end:
+        how = "was interrupted"
+        if isinstance(end, Exception):
+            how = f"ended in an error ({type(end).__name__}: {end})"
+        lost = f"a second search, with other steps and holds held out, {how}: this is the first"
+        return dataclasses.replace(found, warnings=(*found.warnings, lost))
     if not _stands(second, found):
         return dataclasses.replace(found, seconds=second.seconds)
     first = "no effect is named"
