@@ -526,6 +526,7 @@ def test_what_means_cost_in_many_steps_is_told_once() -> None:
     assert "means over 2 to 3 rows" in said and "by 0.53 to 12 times" in said
     assert blur_warning_of(some[:1]) == (some[0],) and "over 2 rows" in some[0]
     assert not blur_warning_of(["near the edge"]) and not blur_warning_of([])
+    assert is_of_blur(blur_warning(30, 123.0))
     assert [is_of_blur(text) for text in some] == [True, True, False, True]
 
 

@@ -26,7 +26,7 @@ _FLATTENED = (
     "means over {} rows flatten the peaks after the steps by {} times the noise that is left: A"
     " comes out too small; ask for more --rows"
 )
-_WARNING = re.compile(re.escape(_FLATTENED).replace(r"\{\}", r"([\d.e-]+)"))
+_WARNING = re.compile(re.escape(_FLATTENED).replace(r"\{\}", r"([\d.e+-]+)"))
 
 
 def refuse_few_means(rows: int) -> None:
