@@ -846,7 +846,14 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(tmp_path: 
     drawing = (tmp_path / "residual.svg").read_text()
     for number in held:
         assert f"held-out error {number:.2f} σ" in drawing
-    assert "in rows held out 0.375" in drawing
+    assert "in rows held out" in drawing and "0.375 × 10⁻³ -->" in drawing
+
+
+def test_no_line_of_a_title_ends_in_a_number() -> None:
+    told = ": what is left in units of 2.48 × 10⁻³, in others of 1.29 × 10⁻³"
+    texts = [panel_title("r" * more + told) for more in range(20, 104)]
+    assert all("2.48 × 10⁻³" in text and "1.29 × 10⁻³" in text for text in texts)
+    assert "\n" not in texts[0] and "\n" in texts[-1]
 
 
 def test_the_title_of_a_model_with_many_effects_fits_its_panel() -> None:

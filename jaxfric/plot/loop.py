@@ -54,8 +54,12 @@ def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
 
 
 def panel_title(text: str) -> str:
-    """The text in lines no longer than a panel is wide: a model may have many effects."""
-    whole = re.sub(r"\([^)]*\)", lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
+    """The text in lines no longer than a panel is wide: a model may have many effects.
+
+    No line ends within brackets, or in a number as 1.3 × 10⁻³.
+    """
+    kept = r"\([^)]*\)|\S+ × \S+"
+    whole = re.sub(kept, lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
     lines = textwrap.fill(whole, _TITLE_WIDTH, break_on_hyphens=False)
     return lines.replace("\N{NO-BREAK SPACE}", " ")
 
