@@ -1,6 +1,7 @@
 """Steps of the normal stress: how the stress goes, what friction does, which alpha is told."""
 
 import itertools
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -293,6 +294,19 @@ def test_a_record_of_a_force_has_no_alpha():
     assert fit_stress_steps(record, [stress_event()], [], None) == ()  # pyright: ignore
     record = SimpleNamespace(normal_stress=None, friction_unit="1")
     assert fit_stress_steps(record, [stress_event()], [], None) == ()  # pyright: ignore
+
+
+@pytest.mark.parametrize(
+    ("time", "which"), [(167.0, 0), (170.0, 0), (176.0, 1), (196.0, 1), (500.0, 1), (2.0, 0)]
+)
+def test_of_changes_that_touch_each_event_has_its_own(time, which, monkeypatch):
+    changes = [StressChange(167, 176, 4.8e6, 4.6e6), StressChange(176, 196, 4.6e6, 4.95e6)]
+    module = sys.modules["jaxfric.runs.stress_steps"]
+    monkeypatch.setattr(module, "find_stress_changes", lambda t, stress: changes)
+    ones = np.ones(3)
+    record = SimpleNamespace(normal_stress=ones, friction_unit="1", relative_time=ones)
+    [found] = fit_stress_steps(record, [stress_event(0.0, 0.0, time)], [], None)  # pyright: ignore
+    assert (found.before, found.after) == changes[which][2:] and "holds" in found.why
 
 
 def test_what_is_told():

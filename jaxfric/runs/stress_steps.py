@@ -97,8 +97,9 @@ def fit_stress_steps(
     return tuple(out)
 
 
-def _apart(change: StressChange, time: float) -> float:
-    return max(change.start - time, time - change.stop, 0.0)
+def _apart(change: StressChange, time: float) -> tuple[float, float]:
+    """How far a time is from a change, and from its start: one may begin where another ends."""
+    return max(change.start - time, time - change.stop, 0.0), abs(change.start - time)
 
 
 def _fitted(
