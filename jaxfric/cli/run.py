@@ -340,18 +340,19 @@ def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     missed = [(n, fit) for n, fit in fits if missed_warning(fit)]
     said = [(n, text) for text in missed_warning_of([fit for _, fit in missed]) for n, _ in missed]
     said += [(step.number, step.failed) for step in result.steps if step.fit is None]
-    for is_of, warning_of in ((is_of_drift, drift_warning_of), (is_of_misfit, misfit_warning_of)):
+    in_one = (
+        (is_of_drift, drift_warning_of),
+        (is_of_misfit, misfit_warning_of),
+        (is_of_blur, lambda some: blur_warning_of([w for fit in some for w in fit.warnings])),
+    )
+    for is_of, warning_of in in_one:
         some = [(n, fit) for n, fit in fits if any(map(is_of, fit.warnings))]
         said += [(n, text) for text in warning_of([fit for _, fit in some]) for n, _ in some]
     rest = [(n, text) for n, fit in fits for text in fit.warnings]
-    blurred = [(n, text) for n, text in rest if is_of_blur(text)]
-    said += [(n, text) for text in blur_warning_of([t for _, t in blurred]) for n, _ in blurred]
-    known = (is_of_misfit, is_of_drift, is_of_blur)
-    said += [(n, text) for n, text in rest if not any(is_of(text) for is_of in known)]
-    told = by_step(said)
+    said += [(n, text) for n, text in rest if not any(is_of(text) for is_of, _ in in_one)]
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]
     friction = result.record.friction_unit == "1"
     doubt = how.stiffness.doubt(stresses) if friction and how.stiffness is not None else None
     first = [] if doubt is None else [doubt]
-    return [*first, *told]
+    return [*first, *by_step(said)]

@@ -1,5 +1,6 @@
 """Least-squares lines through groups of rows, at a cost that does not grow with the rows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,14 +51,11 @@ class Sums:
     def lines(self, first: np.ndarray, end: np.ndarray) -> Lines:
         """The lines through the rows first..end-1."""
         n = np.maximum(end - first, 1).astype(np.float64)
-        st, sy, stt, sty, syy = self._sums[:, end] - self._sums[:, first]
-        ctt = (stt - st * st / n).astype(np.float64)
-        cty = (sty - st * sy / n).astype(np.float64)
-        cyy = (syy - sy * sy / n).astype(np.float64)
-        slope = cty / np.where(ctt > 0, ctt, 1.0)
-        mean_time = (st / n).astype(np.float64) + self._start
-        offset = (sy / n).astype(np.float64) - slope * mean_time
-        return Lines(n, slope, offset, mean_time, ctt, np.maximum(cyy - slope * cty, 0.0))
+        sums = self._sums[:, end] - self._sums[:, first]
+        slope, spread, squares = _about_line(n, sums)
+        mean_time = (sums[0] / n).astype(np.float64) + self._start
+        offset = (sums[1] / n).astype(np.float64) - slope * mean_time
+        return Lines(n, slope, offset, mean_time, spread, squares)
 
     def squares(self, first: np.ndarray, end: np.ndarray, of: np.ndarray) -> np.ndarray:
         """Sums of squares of the lines through the rows first..end-1, `of` some rows: `first` and
@@ -66,19 +64,14 @@ class Sums:
         To `_ENOUGH` of themselves, in doubles, seven times as fast as in the longer numbers of
         `lines`; these are used where doubles may have lost more than that.
         """
-        st, sy, stt, sty, syy = (
-            row.take(end) - row.take(first) for row in self._sums[:, of].astype(np.float64)
-        )
+        sums = self._sums[:, of].astype(np.float64)
         n = np.maximum(of[end] - of[first], 1).astype(np.float64)
-        ctt, cty, cyy = stt - st * st / n, sty - st * sy / n, syy - sy * sy / n
-        slope = cty / np.where(ctt > 0, ctt, 1.0)
-        squares = np.maximum(cyy - slope * cty, 0.0)
+        slope, _, squares = _about_line(n, [row.take(end) - row.take(first) for row in sums])
         # each sum has an error of its last digit, that of t y no more than Cauchy allows
-        x, r = (np.sqrt(self._sums[k, of].astype(np.float64)).take(end) for k in (2, 4))
+        x, r = (np.sqrt(sums[k]).take(end) for k in (2, 4))
         lost = _DIGIT * (r + np.abs(slope) * x) ** 2
         doubtful = np.flatnonzero(~(lost <= _ENOUGH * (squares + n * self.floor**2)))
-        exact = self.lines(of[first[doubtful]], of[end[doubtful]])
-        squares[doubtful] = exact.sum_squares
+        squares[doubtful] = self.lines(of[first[doubtful]], of[end[doubtful]]).sum_squares
         return squares
 
     def residual(self, rows: np.ndarray) -> list[np.ndarray]:
@@ -96,3 +89,15 @@ class Sums:
         shift = own.offset - offset + tilt * own.mean_time
         squares = own.sum_squares + own.count * shift**2 + tilt**2 * own.spread
         return np.where(end > first, squares, 0.0)
+
+
+def _about_line(
+    n: np.ndarray, sums: Sequence[np.ndarray] | np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Slopes, sums of squares of the times about their means, and of the rows about the lines, of
+    groups of `n` rows with the `sums` of t, y, tt, ty and yy."""
+    st, sy, stt, sty, syy = sums
+    centred = stt - st * st / n, sty - st * sy / n, syy - sy * sy / n
+    ctt, cty, cyy = (x.astype(np.float64, copy=False) for x in centred)
+    slope = cty / np.where(ctt > 0, ctt, 1.0)
+    return slope, ctt, np.maximum(cyy - slope * cty, 0.0)
