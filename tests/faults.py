@@ -26,6 +26,7 @@ COUNTED, PROMISES, VERY_LONG = (
 )
 RATIO, WORDS = "tests/test_ratio.py", "tests/test_loop_words.py"
 PARTS, READING = "tests/test_loop_parts.py", "tests/test_axis_reading.py"
+SHARED = "tests/test_loop_shared.py"
 UNITS, CLAIMS = "tests/test_units.py", "tests/test_claims.py"
 STORE = "tests/test_study_run.py -k damaged_samples"
 AXIS_LAW = "tests/test_axis_rate_state.py -k law_of_a_loop"
@@ -1144,6 +1145,20 @@ FAULTS = (
           "residual, jacobian[:, [place[int(k)] for k in index]]", "residual, jacobian", PARTS),
     Fault("a Jacobian of some parameters is taken for that of all", "loop/engine.py",
           "if not np.all(np.isin(index, columns)):", "if False:", PARTS),
+    Fault("a shift of its group gets what the one before left", "loop/shared.py",
+          "- before[group] * trailing[begin:end]", "", SHARED),
+    Fault("a late step is where it was at its end", "loop/shared.py",
+          "found[end:, k] = trail * trailing[end:]", "pass", SHARED),
+    Fault("what is not forgotten counts as forgotten", "loop/shared.py",
+          "_FORGOTTEN = 0.01", "_FORGOTTEN = 10.0", SHARED),
+    Fault("a small step bears what is left of a large one", "loop/shared.py",
+          "np.all(left <= _FORGOTTEN * least)", "np.all(left <= _FORGOTTEN * size)", SHARED),
+    Fault("columns of a Jacobian in another order", "loop/shared.py",
+          "columns[:, place[k]]", "columns[:, column - len(alone)]", SHARED),
+    Fault("what did not work is asked again", "loop/engine.py",
+          "self._apart.add(index.tobytes())", "pass", SHARED),
+    Fault("the load point trails the other way", "fitting/problem.py",
+          "jump * self.shift_scale", "-jump * self.shift_scale", SHARED),
     Fault("rows of the last block are lost in its padding", "simulation/blocks.py",
           "[:n]", "[-n:]", "tests/test_simulate.py -k blocks"),
     Fault("two threads trace the same", "traced.py",

@@ -85,6 +85,11 @@ class AbstractProblem(eqx.Module):
     def heavier(self, factor: int) -> Self:
         """A copy of this problem whose simulations may take `factor` times as many steps."""
 
+    @abc.abstractmethod
+    def late_steps(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
+        """Time [s] of the step of every shift, and by how much [m] the load point trails after it
+        where the shift is 1."""
+
     def with_model(self, model: ParametricModel) -> Self:
         """A copy of this problem: the same record with another model."""
         return dataclasses.replace(self, model=model)

@@ -75,6 +75,10 @@ class AxisProblem(AbstractProblem):
         """Itself: inverse dynamics takes no steps."""
         return self
 
+    def late_steps(self) -> tuple[Float[Array, " 0"], Float[Array, " 0"]]:
+        """None: an axis follows a reference, without steps of its own."""
+        return jnp.zeros(0), jnp.zeros(0)
+
     def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
         """Motor force at the decimated rows. A derivative by one of the parameters is cheaper where
         they come one by one: it leaves out what the others do."""

@@ -140,6 +140,11 @@ class Problem(AbstractProblem):
         """Times of the velocity steps [s] at the parameters `z`."""
         return self.motion.times + self._delays(z)
 
+    def late_steps(self) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+        """Time of the step of every shift, and by how much the load point trails after it."""
+        jump = self.motion.velocities[self.shifted] - self.motion.velocities[self.shifted - 1]
+        return self.motion.times[self.shifted], jump * self.shift_scale
+
     def _delays(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         shift = self.shift_scale * z[len(self.model.names()) :]
         return jnp.zeros_like(self.motion.times).at[self.shifted].add(shift)

@@ -12,7 +12,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ..effects import AbstractHeavyEffect, RecordScales, made
 from ..effects.effect import AbstractEffect
@@ -37,6 +37,7 @@ from ..fitting.quantisation import least_noise, recorded_steps
 from ..fitting.whitened import compiled_innovations, whitened
 from ..traced import traced
 from .pace import Stopwatch
+from .shared import SharedShifts
 from .smooth import smooth_columns
 from .split import NAMES, Blocks
 from .step_noise import gain_of_pace, likeness_of_steps, own_clock, pace_of, scale_of_steps
@@ -230,6 +231,7 @@ class Engine(Generic[P]):
         self._weigh(blocks)
         self.white = white_noise(problem.clock.shape[1])
         self.everywhere, self._lately = problem.plain(), Lately()
+        self._apart: set[bytes] = set()
         path = np.arange(self.rows) if path is None else path
         self.smooth = smooth_columns(path, blocks.step, len(self.weight))
         self.family: Family | None = None
@@ -239,6 +241,9 @@ class Engine(Generic[P]):
         self.names = self.model.names()
         self.base = list(range(len(self.model.base.names())))
         self.shifts = [len(self.names) + int(k) for k in shifted]
+        begins, trails = (np.asarray(of)[shifted] for of in problem.late_steps())
+        time, channels = np.asarray(problem.time), 1 + len(problem.channels)
+        self._shared = SharedShifts(self.shifts, begins, trails, time, channels)
         heavy = [e.id for e in self.model.effects if issubclass(e, AbstractHeavyEffect)]
         self._heavy = {id: self.model.columns((id,)) for id in heavy}
 
@@ -291,9 +296,20 @@ class Engine(Generic[P]):
         known = self._lately.of(z, index)
         if known is None:
             with self.stopwatch():
-                known = _in_parts(self.at(z, self.everywhere), z, index)
+                known = self._found(self.at(z, self.everywhere), z, index)
             self._lately.keep(z, index, *known)
         return known
+
+    def _found(self, problem: P, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual and Jacobian; shifts of step times share directions where that saves a part."""
+        few = self._shared.directions(index, len(z))
+        if _parts(len(few)) < _parts(len(index)) and index.tobytes() not in self._apart:
+            residual, along = _in_parts(problem, z, few)
+            jacobian = self._shared.jacobian(along, index, len(z))
+            if jacobian is not None:
+                return residual, jacobian
+            self._apart.add(index.tobytes())
+        return _in_parts(problem, z, np.eye(len(z))[index])
 
     def noise(self, residual: np.ndarray, columns: np.ndarray) -> Noise:
         """Noise of the train block, the directions of `columns` taken out."""
@@ -586,14 +602,19 @@ class Engine(Generic[P]):
         return True
 
 
+def _parts(directions: int) -> int:
+    """In how many parts a Jacobian along so many directions is computed."""
+    return max(-(-directions // _AT_ONCE), 1)
+
+
 def _in_parts(
-    problem: AbstractProblem, z: np.ndarray, index: np.ndarray
+    problem: AbstractProblem, z: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`_evaluate` for a few parameters at a time: it is compiled for one number of them."""
+    """`_evaluate` along a few directions at a time: it is compiled for one number of them."""
     residual, parts = np.zeros(0), []
-    for begin in range(0, max(len(index), 1), _AT_ONCE):
-        part = index[begin : begin + _AT_ONCE]
-        padded = np.pad(part, (0, _AT_ONCE - len(part)), constant_values=len(z))
+    for begin in range(0, _parts(len(directions)) * _AT_ONCE, _AT_ONCE):
+        part = directions[begin : begin + _AT_ONCE]
+        padded = np.pad(part, ((0, _AT_ONCE - len(part)), (0, 0)))
         residual, jacobian = _evaluate(problem, *jax.device_put((z, padded)))
         parts.append(np.asarray(jacobian)[:, : len(part)])
     return np.asarray(residual), np.concatenate(parts, axis=1)
@@ -601,19 +622,18 @@ def _in_parts(
 
 def compiled(engine: Engine, z: np.ndarray) -> bool:
     """Whether the Jacobian at `z` needs no more compiling."""
-    index = np.zeros(_AT_ONCE, int)
-    return _evaluate.ready(engine.at(z, engine.everywhere), *jax.device_put((z, index)))
+    directions = np.zeros((_AT_ONCE, len(z)))
+    return _evaluate.ready(engine.at(z, engine.everywhere), *jax.device_put((z, directions)))
 
 
 @traced
-def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], index: Int[Array, " m"]):
-    """Residual and its Jacobian by some parameters; an index beyond the last gives zeros."""
+def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], directions: Float[Array, "m q"]):
+    """Residual and its derivatives along some directions."""
 
     def push(tangent: Array) -> tuple[Array, Array]:
         return jax.jvp(problem.residual, (z,), (tangent,))
 
-    tangents = jax.nn.one_hot(index, z.shape[0], dtype=z.dtype)
-    return jax.vmap(push, out_axes=(None, -1))(tangents)
+    return jax.vmap(push, out_axes=(None, -1))(directions)
 
 
 @traced

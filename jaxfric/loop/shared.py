@@ -1,0 +1,99 @@
+"""Derivatives by the times of many velocity steps, several times in one direction.
+
+A step that comes later changes friction from there until the slider has forgotten it, after some
+slips of L. Steps far from each other can so be moved together: what changes between one of them
+and the next is its own. What is never forgotten is where the slider is: the load point trails by
+dV dt from then on, which matters to friction that follows slip. All steps have that in common, so
+it is seen in the first one, moved alone. Whether there was more shows in the rows before the next
+step of the group comes.
+
+Source: Curtis, Powell and Reid, On the estimation of sparse Jacobian matrices, J. Inst. Maths
+Applics 13 (1974).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+_GROUPS = 7
+_FORGOTTEN = 0.01
+
+
+class SharedShifts:
+    """The shifts of step times that are parameters: the first, and groups of the others, each of
+    steps that follow each other `_GROUPS` steps apart.
+
+    `shifts` are their indices in the parameters; `begins` the times of their steps, ascending;
+    `trails` by how much the load point trails after each, a shift being 1. `time` is that of the
+    rows of one channel; the residual has all `channels` one after the other, and then a row for
+    each of the last parameters, the shifts that there are.
+    """
+
+    def __init__(
+        self,
+        shifts: Sequence[int],
+        begins: Float[np.ndarray, " k"],
+        trails: Float[np.ndarray, " k"],
+        time: Float[np.ndarray, " n"],
+        channels: int,
+    ):
+        self.shifts = np.asarray(shifts, int)
+        self.trails, self.rows, self.channels = trails, len(time), channels
+        self.first = np.append(np.searchsorted(time, begins), [len(time)] * _GROUPS)
+        order = np.arange(len(self.shifts))
+        self._group = np.where(order == 0, 0, 1 + (order - 1) % _GROUPS)
+
+    def directions(self, index: Int[np.ndarray, " m"], size: int) -> Float[np.ndarray, "d q"]:
+        """What to differentiate along for the parameters of `index`, of `size`: those that are no
+        shifts one by one, then the first shift, then the groups."""
+        alone = index[~np.isin(index, self.shifts)]
+        found = np.zeros((len(alone) + 1 + _GROUPS, size))
+        found[np.arange(len(alone)), alone] = 1.0
+        found[len(alone) + self._group, self.shifts] = 1.0
+        return found
+
+    def jacobian(
+        self, along: Float[np.ndarray, "r d"], index: Int[np.ndarray, " m"], size: int
+    ) -> Float[np.ndarray, "r m"] | None:
+        """The Jacobian by `index` from the derivatives along its `directions`; None where a step
+        was not forgotten when the next of its group came."""
+        alone = np.flatnonzero(~np.isin(index, self.shifts))
+        found = np.zeros((len(along), len(index)))
+        found[:, alone] = along[:, : len(alone)]
+        shared = along[:, len(alone) :]
+        columns = np.zeros((len(along), len(self.shifts)))
+        for channel in range(self.channels):
+            rows = slice(channel * self.rows, (channel + 1) * self.rows)
+            own = self._own(shared[rows])
+            if own is None:
+                return None
+            columns[rows] = own
+        held = len(along) - size + self.shifts
+        columns[held, np.arange(len(held))] = shared[held, self._group]
+        place = {k: number for number, k in enumerate(self.shifts.tolist())}
+        for column, k in enumerate(index.tolist()):
+            if k in place:
+                found[:, column] = columns[:, place[k]]
+        return found
+
+    def _own(self, shared: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n k"] | None:
+        """What each shift changes in the rows of a channel; None where what is left of one shows
+        beside it or the next of its group."""
+        found, ends = np.zeros((self.rows, len(self.trails))), self.first[_GROUPS:]
+        found[:, 0] = shared[:, 0]
+        trailing = shared[:, 0] / self.trails[0]
+        before, left = np.zeros(1 + _GROUPS), np.zeros(len(self.trails))
+        for k, (begin, end) in enumerate(zip(self.first, ends, strict=False)):
+            group, trail = self._group[k], self.trails[k]
+            if k > 0:
+                found[begin:end, k] = shared[begin:end, group] - before[group] * trailing[begin:end]
+                found[end:, k] = trail * trailing[end:]
+                before[group] += trail
+            if end < self.rows:
+                late = slice(min(self.first[k + _GROUPS - 1], end - 1), end)
+                more = found[late, k] - trail * trailing[late]
+                left[k] = np.sqrt(np.mean(more**2) * (self.rows - end))
+        size = np.linalg.norm(found, axis=0)
+        least = np.minimum(size, np.append(size, [np.inf] * _GROUPS)[_GROUPS:])
+        return found if np.all(left <= _FORGOTTEN * least) else None

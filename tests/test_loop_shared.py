@@ -1,0 +1,134 @@
+"""Derivatives by the times of many steps, several in one direction, against a closed form.
+
+A residual is made whose derivative by each shift is written down: from its step on a transient that
+is forgotten, and the distance by which the load point trails times a slope of friction along the
+path.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxfric as jf
+from jaxfric.fitting.encompassing import EncompassingModel
+from jaxfric.fitting.problem import Model, ProblemSizes, make_problem
+from jaxfric.loop import engine as engines
+from jaxfric.loop.engine import Engine
+from jaxfric.loop.split import split
+
+STEPS, ROWS = 31, 17
+ERROR = 0.02
+RNG = np.random.default_rng(4)
+VELOCITIES = 1e-6 * np.exp(RNG.uniform(-1, 1, STEPS))
+STARTS = np.arange(STEPS) * 10.0
+TIMES = np.linspace(0.1, STEPS * 10.0 - 0.2, STEPS * ROWS)
+
+
+@pytest.fixture(scope="module")
+def engine() -> Engine:
+    steps = jf.VelocitySteps(STARTS, VELOCITIES, np.full(STEPS, ERROR))
+    problem = make_problem(
+        TIMES,
+        np.zeros(len(TIMES)),
+        steps,
+        ProblemSizes(VELOCITIES[0], 1e3, 1e-3, 1e-2),
+        EncompassingModel(Model(), ()),
+        shifted=np.arange(1, STEPS),
+    )
+    felt = np.delete(np.arange(STEPS - 1), 11)
+    return Engine(problem, split(TIMES, steps), felt, shapes=lambda *_: None)  # pyright: ignore
+
+
+def jacobian(engine: Engine, *, memory: float, slope: float) -> np.ndarray:
+    """The derivative of friction and of the shifts' own rows, by all parameters."""
+    names, shifts = len(engine.names), len(engine.problem.hold)
+    n = len(engine.problem.time)
+    time = np.pad(TIMES, (0, n - len(TIMES)), mode="edge")
+    found = np.zeros((n + shifts, names + shifts))
+    rng = np.random.default_rng(9)
+    found[:n, :names] = rng.standard_normal((n, names))
+    for k in range(STEPS - 1):
+        since = time - STARTS[k + 1]
+        trail = (VELOCITIES[k + 1] - VELOCITIES[k]) * ERROR
+        own = (3 + k % 4) * trail * 1e9 * np.exp(-np.maximum(since, 0) / memory)
+        kept = slope * trail * 1e9 * np.cos(time / 7)
+        found[:n, names + k] = np.where(since >= 0, own + kept, 0.0)
+        found[n + k, names + k] = 1.0
+    return found
+
+
+@pytest.fixture
+def asked(engine, monkeypatch):
+    """How many directions were asked for, of a residual with a given Jacobian."""
+    numbers = []
+
+    def give(found: np.ndarray) -> list[int]:
+        def in_parts(problem, z, directions):
+            del problem, z
+            numbers.append(len(directions))
+            return np.zeros(len(found)), found @ directions.T
+
+        monkeypatch.setattr(engines, "_in_parts", in_parts)
+        engine._lately, engine._apart = engines.Lately(), set()
+        return numbers
+
+    return give
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.5])
+def test_shifts_share_directions(engine, asked, slope):
+    """29 shifts and 4 parameters of the base in 12 directions, and each gets its own column."""
+    truth = jacobian(engine, memory=3.0, slope=slope)
+    numbers, index = asked(truth), engine.free(())
+    assert len(index) == 33
+    rows = engine.evaluate(np.zeros(truth.shape[1]), index)
+    found = np.concatenate([rows.jacobian, rows.extra_jacobian])
+    np.testing.assert_allclose(found, truth[:, index], atol=1e-8 * np.abs(truth).max())
+    assert numbers == [12]
+
+
+def test_parameters_in_any_order_get_their_own_columns(engine, asked):
+    truth = jacobian(engine, memory=3.0, slope=0.5)
+    asked(truth)
+    index = engine.free(())[::-1]
+    rows = engine.evaluate(np.zeros(truth.shape[1]), index)
+    np.testing.assert_allclose(rows.jacobian, truth[: len(rows.jacobian), index], atol=1e-6)
+
+
+@pytest.mark.parametrize(("memory", "forgotten"), [(5.0, True), (8.0, False), (60.0, False)])
+def test_what_is_not_forgotten_is_differentiated_alone(engine, asked, memory, forgotten):
+    """Of 8 s a 6000th is left 7 steps of 10 s later: too much beside a step 300 times smaller. What
+    was not forgotten once is not asked again."""
+    truth = jacobian(engine, memory=memory, slope=0.5)
+    numbers, index = asked(truth), engine.free(())
+    for z in (0.0, 1.0):
+        rows = engine.evaluate(np.full(truth.shape[1], z), index)
+        error = np.linalg.norm(rows.jacobian - truth[: len(rows.jacobian), index], axis=0)
+        size = np.linalg.norm(truth[:, index], axis=0)
+        assert np.all(error <= (0.01 if forgotten else 1e-12) * size)
+    assert numbers == ([12, 12] if forgotten else [12, 33, 33])
+
+
+def test_a_simulation_that_failed_is_asked_once(engine, asked):
+    """All its derivatives are 0."""
+    truth = jacobian(engine, memory=3.0, slope=0.5)
+    numbers = asked(0 * truth)
+    engine.evaluate(np.zeros(truth.shape[1]), engine.free(()))
+    assert numbers == [12]
+
+
+def test_few_shifts_share_nothing(engine, asked):
+    """No part is saved: one that holds all parameters takes as long."""
+    truth = jacobian(engine, memory=60.0, slope=0.5)
+    numbers, index = asked(truth), engine.free(())[:24]
+    rows = engine.evaluate(np.zeros(truth.shape[1]), index)
+    np.testing.assert_array_equal(rows.jacobian, truth[: len(rows.jacobian), index])
+    assert numbers == [24]
+
+
+def test_late_steps_are_those_of_the_motion(engine):
+    """Times, and the trailing distance of a shift of 1 error."""
+    times, trails = engine.problem.late_steps()
+    jumps = jnp.diff(jnp.asarray(VELOCITIES)) * ERROR
+    np.testing.assert_allclose(times[: STEPS - 1], STARTS[1:])
+    np.testing.assert_allclose(trails[: STEPS - 1], jumps)
