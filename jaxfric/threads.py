@@ -8,18 +8,57 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NoReturn, TypeVar
 
+import jax
+
 T = TypeVar("T")
+_own = threading.local()
+"""Of a thread that `side_by_side` began: `end`, an event that is set when its work is of no use."""
+
+
+class Abandoned(BaseException):
+    """Work that `go_on` ended, since the work beside it failed or was interrupted."""
+
+
+def cores() -> int:
+    """Number of threads that are worth it: `NPROC`, as XLA has it, or that of the cores."""
+    return int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1
 
 
 def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
-    """`list(map(one, *inputs))` on as many threads as there are cores (`NPROC`, as XLA has it,
-    where that is set). An error of one ends it when those that were begun have ended."""
-    cores = int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1
+    """`list(map(one, *inputs))` on as many threads as there are `cores`; numbers have the bits that
+    they have here. What is asked on one of these threads is done there, one after the other.
+
+    An error of one, or Ctrl-C, ends it when those that were begun have ended or come to `go_on`.
+    """
     asked = list(zip(*inputs, strict=True))
-    if min(cores, len(asked)) < 2:
-        return [one(*each) for each in asked]
-    with ThreadPoolExecutor(min(cores, len(asked))) as pool:
-        return list(pool.map(lambda each: one(*each), asked))
+    if min(cores(), len(asked)) < 2 or hasattr(_own, "end"):
+        return one_by_one(one, *zip(*asked, strict=True)) if asked else []
+    end, long = threading.Event(), bool(jax.config.jax_enable_x64)  # pyright: ignore
+
+    def work(each: tuple) -> T:
+        _own.end = end
+        go_on()
+        with jax.enable_x64(long):
+            return one(*each)
+
+    with ThreadPoolExecutor(min(cores(), len(asked))) as pool:
+        try:
+            return list(pool.map(work, asked))
+        except BaseException:
+            end.set()
+            raise
+
+
+def one_by_one(one: Callable[..., T], *inputs: Iterable) -> list[T]:
+    """The same on this thread."""
+    return [one(*each) for each in zip(*inputs, strict=True)]
+
+
+def go_on() -> None:
+    """Raises `Abandoned` on a thread of `side_by_side` whose work is of no more use."""
+    end = getattr(_own, "end", None)
+    if end is not None and end.is_set():
+        raise Abandoned
 
 
 _beside: list[threading.Thread] = []

@@ -18,11 +18,12 @@ from jaxfric.fitting.noise_search import (
     noise_rows,
     noises_around,
 )
-from jaxfric.loop import engine as engine_module
+from jaxfric.loop import lately as lately_module
 from jaxfric.loop import search as search_module
-from jaxfric.loop.engine import Candidate, Column, Engine, Lately
+from jaxfric.loop.engine import Candidate, Column, Engine
 from jaxfric.loop.evidence import evidence
 from jaxfric.loop.fixed import Part, inseparable, loose
+from jaxfric.loop.lately import Lately
 from jaxfric.loop.pace import Stopwatch
 from jaxfric.loop.residual_tests import (
     QUESTIONS,
@@ -41,6 +42,7 @@ from jaxfric.loop.screen import (
 )
 from jaxfric.loop.split import split, trained_steps
 from jaxfric.loop.verdict import _QUESTIONS, _groups, _rivals, largest_rms
+from jaxfric.threads import one_by_one, side_by_side
 
 
 def steps(count):
@@ -539,6 +541,10 @@ class Fitted:
     always, ids = (), "abcd"
     blocks = SimpleNamespace(select=np.ones(100, bool))
     stopwatch, weight = Stopwatch([0.1]), np.ones(100)
+    each, at_once = staticmethod(side_by_side), 2
+
+    def seek_parts(self, z):
+        del z
 
     def learn_noise(self, candidate):
         return candidate
@@ -711,7 +717,7 @@ def test_another_start_is_fitted_to_the_end_only_where_it_is_better(bics, exact,
         asked.append(exact)
         return SimpleNamespace(bic=float(z[0]), failed=not np.isfinite(z[0]), z=z)
 
-    engine: Any = SimpleNamespace(refit=refit)
+    engine: Any = SimpleNamespace(refit=refit, each=one_by_one, seek_parts=lambda z: None)
     found, agreed = search_module._base(engine, [np.array([b]) for b in bics])
     assert (asked, found.bic, agreed) == (exact, best, agree)
 
@@ -760,7 +766,7 @@ def test_the_latest_linearisations_are_not_computed_again():
 
 @pytest.mark.parametrize(("size", "kept"), [(1, 4), (2, 2), (9, 2)])
 def test_as_many_linearisations_are_kept_as_there_is_room_for(size, kept, monkeypatch):
-    monkeypatch.setattr(engine_module, "_KEPT", 4 * 8 * 10)
+    monkeypatch.setattr(lately_module, "_KEPT", 4 * 8 * 10)
     lately, index = Lately(), np.arange(10)
     for k in range(6):
         lately.keep(np.array([float(k)]), index, np.zeros(size), np.zeros((size, 10)))

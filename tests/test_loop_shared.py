@@ -5,11 +5,14 @@ is forgotten, and the distance by which the load point trails times a slope of f
 path.
 """
 
+import threading
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxfric as jf
+from jaxfric.effects import CATALOGUE
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.fitting.problem import Model, ProblemSizes, make_problem
 from jaxfric.loop import engine as engines
@@ -63,8 +66,8 @@ def asked(engine, monkeypatch):
     numbers = []
 
     def give(found: np.ndarray) -> list[int]:
-        def in_parts(problem, z, directions):
-            del problem, z
+        def in_parts(problem, z, directions, each):
+            del problem, z, each
             numbers.append(len(directions))
             return np.zeros(len(found)), found @ directions.T
 
@@ -132,3 +135,32 @@ def test_late_steps_are_those_of_the_motion(engine):
     jumps = jnp.diff(jnp.asarray(VELOCITIES)) * ERROR
     np.testing.assert_allclose(times[: STEPS - 1], STARTS[1:])
     np.testing.assert_allclose(trails[: STEPS - 1], jumps)
+
+
+@pytest.mark.parametrize(("own", "at_once"), [(False, 2), (True, 1)])
+def test_a_users_effect_is_fitted_on_one_thread(own, at_once, monkeypatch):
+    """What it calls may wait for the threads that another fit computes on."""
+    monkeypatch.setenv("NPROC", "2")
+
+    class Mine(CATALOGUE["viscous"]):
+        id = "mine"
+
+    effects = (CATALOGUE["viscous"], *([Mine] if own else []))
+    steps = jf.VelocitySteps(STARTS, VELOCITIES)
+    sizes = ProblemSizes(VELOCITIES[0], 1e3, 1e-3, 1e-2)
+    model = EncompassingModel(Model(), effects)
+    problem = make_problem(TIMES, np.zeros(len(TIMES)), steps, sizes, model)
+    blocks = split(TIMES, steps)
+    engine = Engine(problem, blocks, np.zeros(0, int), shapes=lambda *_: None)  # pyright: ignore
+    both = threading.Barrier(2, timeout=0.5)
+
+    def together(k):
+        both.wait()
+        return k
+
+    assert engine.at_once == at_once
+    if own:
+        with pytest.raises(threading.BrokenBarrierError):
+            engine.each(together, [1, 2])
+    else:
+        assert engine.each(together, [1, 2]) == [1, 2]

@@ -239,6 +239,24 @@ def test_what_is_left_of_a_search_shrinks():
     ]
 
 
+def test_two_refits_at_once_take_half_as_long():
+    """A linearisation takes as long as before, two of them at once."""
+    told, watch = [], Stopwatch([60 / 14])
+    pace = Pace(told.append, watch, rounds=3, refits=4, at_once=2)
+    pace.screening("screening", 0)
+    pace.refitting("refitting", 0, 0, 3)
+    pace.refitting("refitting", 0, 1, 3)  # at once: nothing is learnt from none
+    for _ in range(28):
+        watch.seconds.append(60 / 14)
+    pace.refitting("refitting", 0, 2, 3)  # two fits of 14 each
+    assert told == [
+        "screening; 3 to 12 min left",
+        "refitting (1 of 3); 3 to 11 min left",
+        "refitting (2 of 3); 2 to 10 min left",
+        "refitting (3 of 3); 2 to 10 min left",
+    ]
+
+
 def test_what_is_left_falls_within_a_stage_too():
     """Ten minutes a fit, of 14 linearisations. One that takes 28 is learnt from; so is a machine
     that becomes busy."""

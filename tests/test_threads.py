@@ -5,8 +5,11 @@ for its parts; where all threads of the pool wait, none is left to compute. So n
 computed side by side has such a batch.
 """
 
+import os
 import re
+import signal
 import threading
+import time
 from pathlib import Path
 
 import jax
@@ -19,7 +22,7 @@ import jaxfric
 from jaxfric import threads
 from jaxfric.fitting.noise_search import restricted
 from jaxfric.simulation.rodas import inverted
-from jaxfric.threads import beside, leave, side_by_side
+from jaxfric.threads import beside, go_on, leave, side_by_side
 
 LAPACK = {"lu", "triangular_solve", "cholesky", "qr", "geqrf", "eigh", "svd"}
 KNOWN = {
@@ -53,6 +56,74 @@ def test_the_error_of_one_is_that_of_all(monkeypatch):
     monkeypatch.setenv("NPROC", "2")
     with pytest.raises(ZeroDivisionError):
         side_by_side(lambda k: 1 / k, [1, 0, 2])
+
+
+def test_numbers_have_the_bits_that_they_have_here(monkeypatch):
+    monkeypatch.setenv("NPROC", "2")
+    for long in (True, False):
+        with jax.enable_x64(long):
+            bits = side_by_side(lambda k: str(jnp.arange(k).astype(float).dtype), [1, 2, 3])
+        assert bits == [("float64" if long else "float32")] * 3
+
+
+def test_what_is_asked_on_such_a_thread_is_done_there(monkeypatch):
+    """Else two levels of two threads were four, each with memory of its own."""
+    monkeypatch.setenv("NPROC", "2")
+
+    def inner(k):
+        return threading.get_ident()
+
+    def outer(k):
+        return {threading.get_ident(), *side_by_side(inner, range(4))}
+
+    assert [len(ids) for ids in side_by_side(outer, range(4))] == [1, 1, 1, 1]
+    assert side_by_side(inner, range(1)) == [threading.get_ident()]
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_after_an_error_the_others_go_on_no_further(error, monkeypatch):
+    """They end where they ask, and what was not begun is not begun."""
+    monkeypatch.setenv("NPROC", "2")
+    begun, steps = [], []
+
+    def one(k):
+        begun.append(k)
+        if k == 0:
+            raise error
+        for _ in range(1000):
+            go_on()
+            steps.append(k)
+            time.sleep(0.01)
+
+    with pytest.raises(error):
+        side_by_side(one, range(6))
+    assert len(begun) <= 3 and len(steps) < 900
+    go_on()  # here nothing is ended
+
+
+def test_an_interrupt_of_the_one_who_waits_ends_them_too(monkeypatch):
+    monkeypatch.setenv("NPROC", "2")
+    at_work = threading.Event()
+
+    def one(k):
+        at_work.set()
+        for _ in range(1000):
+            go_on()
+            time.sleep(0.01)
+
+    def interrupt():
+        at_work.wait(20)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    begun = time.monotonic()
+    try:
+        threading.Thread(target=interrupt).start()
+        with pytest.raises(KeyboardInterrupt):
+            side_by_side(one, range(4))
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert time.monotonic() - begun < 8  # of 20 s
 
 
 def test_what_is_done_beside_is_waited_for_unless_the_program_failed(monkeypatch):

@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from ..threads import side_by_side
 from ..traced import traced
 from .noise import (
     EXPONENTIAL,
@@ -347,10 +348,12 @@ def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found
     both = {one.family: _both_parts(one.family, limits) for one in found}
     found += _likeliest(record, {family: some for family, some in both.items() if len(some)})
     each = 0.5 * np.log(record.rows)
-    found = [
-        _refined(record, one, best.value + each * (one.family.parameters - family.parameters))
-        for one in found
-    ]
+
+    def refined(one: _Point) -> Found:
+        worth = best.value + each * (one.family.parameters - family.parameters)
+        return _refined(record, one, worth)
+
+    found = side_by_side(refined, found)
     return max(found, key=lambda one: one.value - 3 * one.family.parameters, default=None)
 
 
@@ -529,21 +532,22 @@ def _parts_of(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> _Parts:
 
 def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
     """Restricted log-likelihoods and sigmas (g,) of noises with some `parts` (as of `parts_at`)."""
-    values, sigmas = [], []
     columns, count = record.columns.shape[1], len(parts[2])
-    size = _ALONE if columns == 1 else _TOGETHER
+    size = _ALONE if columns == 1 and count > _ALONE // 2 else _TOGETHER
     if record.rows > _SIZED * _STRETCH:  # memory
         size = 1
     # a pass without resonators, or without a swing, takes less time (`noise.moves_of`)
     order = np.argsort((parts[2] > EXPONENTIAL) + 1.0 * (parts[2] > 0), kind="stable")
-    for begin in range(0, count, size):
+
+    def some(begin: int) -> list[np.ndarray]:
         at = order[np.minimum(np.arange(begin, begin + size), count - 1)]  # few shapes are compiled
-        some = (x[at] for x in parts)
-        found = restricted(record.clock, record.weight, record.columns, record.scale, *some)
-        values.append(np.asarray(found[0]))
-        sigmas.append(np.asarray(found[1]))
+        own = (x[at] for x in parts)
+        found = restricted(record.clock, record.weight, record.columns, record.scale, *own)
+        return [np.asarray(x) for x in found]
+
+    found = zip(*side_by_side(some, range(0, count, size)), strict=True)
     back = np.argsort(order)
-    value, sigma = (np.concatenate(some)[:count][back] for some in (values, sigmas))
+    value, sigma = (np.concatenate(each)[:count][back] for each in found)
     return np.where(np.isfinite(value), value, -np.inf), sigma
 
 

@@ -165,16 +165,18 @@ def run(
     progress("where the structure sits")
     floor = noise_floor(engine, found.final)
 
-    def scored(candidate: Candidate, rivals: Sequence[Candidate] = ()):
+    def scored(candidate: Candidate, rivals: Sequence[Candidate]):
         left = locate(engine, candidate, floor.found, bench.bumps(engine, candidate))
         tests = questions(engine, candidate, bench.path(), left, floor.found.noise)
         return left.location, tests, _score(bench, engine, candidate, tests, rivals)
 
-    location, tests, before = scored(found.base)
-    after = before
+    models: list[tuple[Candidate, Sequence[Candidate]]] = [(found.base, ())]
     if found.final is not found.base:
         progress("what is left")
-        _, tests, after = scored(found.final, all_rivals(found))
+        models.append((found.final, all_rivals(found)))
+    done = engine.each(scored, *zip(*models, strict=True))
+    location, _, before = done[0]
+    _, tests, after = done[-1]
     curve = curve_family(engine, found.final, bench.curves(engine, found.final))
     record, base_fit = bench.shown()
     where = where_it_sits(location, base_fit.steps.velocities)

@@ -6,7 +6,7 @@ a fit that lacks an effect swallows the effect. Which parts the noise has is fou
 the base leaves when everything smooth is taken out (`Engine.learn_noise`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import equinox as eqx
@@ -35,7 +35,9 @@ from ..fitting.noise_search import (
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.quantisation import least_noise, recorded_steps
 from ..fitting.whitened import compiled_innovations, whitened
+from ..threads import cores, go_on, one_by_one, side_by_side
 from ..traced import traced
+from .lately import Lately
 from .pace import Stopwatch
 from .shared import SharedShifts
 from .smooth import smooth_columns
@@ -52,7 +54,7 @@ _NOISE_SHARE = 0.1
 _SHORTEST_LIMIT = 10.0
 _AT_ONCE = 24
 _HEAVY = 2
-_KEPT = 32 * 2**20
+_PACKAGE = __name__.partition(".")[0] + "."
 
 
 class Candidate(NamedTuple):
@@ -152,42 +154,6 @@ class NoiseBounds(NamedTuple):
 _EVERYTHING, _USUAL = Choice(), NoiseBounds()
 
 
-class Lately:
-    """The latest linearisations, as many as `_KEPT` bytes hold: a fit begins where the one before
-    ended, and its errors are asked where it ends."""
-
-    def __init__(self):
-        self._kept: dict[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-
-    def of(self, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Residual and Jacobian at `z` by the parameters of `index`; None where they are not known.
-
-        Not to be written to.
-        """
-        known = self._kept.get(np.asarray(z, float).tobytes())
-        if known is None:
-            return None
-        columns, residual, jacobian = known
-        if not np.all(np.isin(index, columns)):
-            return None
-        if np.array_equal(index, columns):
-            return residual, jacobian
-        place = {int(column): k for k, column in enumerate(columns)}
-        return residual, jacobian[:, [place[int(k)] for k in index]]
-
-    def keep(
-        self, z: np.ndarray, index: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
-    ) -> None:
-        """Take them in, and let go of the oldest."""
-        for array in (residual, jacobian):
-            array.flags.writeable = False
-        key, most = np.asarray(z, float).tobytes(), _KEPT // max(jacobian.nbytes, 1)
-        self._kept.pop(key, None)
-        self._kept[key] = np.array(index), residual, jacobian
-        for oldest in list(self._kept)[: max(len(self._kept) - max(most, 2), 0)]:
-            del self._kept[oldest]
-
-
 class Engine(Generic[P]):
     """Fits candidates of one record; only train rows count.
 
@@ -223,6 +189,11 @@ class Engine(Generic[P]):
             still = jax.device_put(np.pad(problem.clock, ((0, 0), (0, 1))))
             problem = eqx.tree_at(lambda p: p.clock, problem, still)
             self.longest = np.append(self.longest, 0.0)
+        own = [e for e in self.model.effects if not e.__module__.startswith(_PACKAGE)]
+        # a user's effect may call LAPACK for many matrices at once, and two such calls side by side
+        # wait for each other without end (`fitting.noise_search`)
+        self.at_once = 1 if own else cores()
+        self.each: Callable[..., list] = one_by_one if own else side_by_side
         self.by_step, self.pace = bounds.by_step, None
         self.problem = problem
         self.glitches = NO_GLITCHES
@@ -295,6 +266,7 @@ class Engine(Generic[P]):
     def _linearised(self, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         known = self._lately.of(z, index)
         if known is None:
+            go_on()
             with self.stopwatch():
                 known = self._found(self.at(z, self.everywhere), z, index)
             self._lately.keep(z, index, *known)
@@ -304,12 +276,12 @@ class Engine(Generic[P]):
         """Residual and Jacobian; shifts of step times share directions where that saves a part."""
         few = self._shared.directions(index, len(z))
         if _parts(len(few)) < _parts(len(index)) and index.tobytes() not in self._apart:
-            residual, along = _in_parts(problem, z, few)
+            residual, along = _in_parts(problem, z, few, self.each)
             jacobian = self._shared.jacobian(along, index, len(z))
             if jacobian is not None:
                 return residual, jacobian
             self._apart.add(index.tobytes())
-        return _in_parts(problem, z, np.eye(len(z))[index])
+        return _in_parts(problem, z, np.eye(len(z))[index], self.each)
 
     def noise(self, residual: np.ndarray, columns: np.ndarray) -> Noise:
         """Noise of the train block, the directions of `columns` taken out."""
@@ -350,6 +322,13 @@ class Engine(Generic[P]):
     def _noise_rows(self, residual: np.ndarray, columns: np.ndarray) -> NoiseRows:
         clock, weight = self.problem.clock, self.problem.weight
         return noise_rows(clock, weight, residual, columns, self.longest, scale=self.scale)
+
+    def seek_parts(self, z: np.ndarray) -> None:
+        """Which parts the noise has until it is learnt: those that the residual of the base shows
+        at `z`."""
+        rows = self.evaluate(z, self.free(()))
+        if not rows.failed:
+            self._noise(rows.residual * self.weight, rows.jacobian * self.weight[:, None])
 
     def learn_noise(self, candidate: Candidate) -> Candidate:
         """The candidate with the noise that is found when everything smooth is taken out.
@@ -608,16 +587,22 @@ def _parts(directions: int) -> int:
 
 
 def _in_parts(
-    problem: AbstractProblem, z: np.ndarray, directions: np.ndarray
+    problem: AbstractProblem,
+    z: np.ndarray,
+    directions: np.ndarray,
+    each: Callable[..., list] = side_by_side,
 ) -> tuple[np.ndarray, np.ndarray]:
     """`_evaluate` along a few directions at a time: it is compiled for one number of them."""
-    residual, parts = np.zeros(0), []
-    for begin in range(0, _parts(len(directions)) * _AT_ONCE, _AT_ONCE):
-        part = directions[begin : begin + _AT_ONCE]
-        padded = np.pad(part, ((0, _AT_ONCE - len(part)), (0, 0)))
+    begins = range(0, _parts(len(directions)) * _AT_ONCE, _AT_ONCE)
+
+    def part(begin: int) -> tuple[np.ndarray, np.ndarray]:
+        own = directions[begin : begin + _AT_ONCE]
+        padded = np.pad(own, ((0, _AT_ONCE - len(own)), (0, 0)))
         residual, jacobian = _evaluate(problem, *jax.device_put((z, padded)))
-        parts.append(np.asarray(jacobian)[:, : len(part)])
-    return np.asarray(residual), np.concatenate(parts, axis=1)
+        return np.asarray(residual), np.asarray(jacobian)[:, : len(own)]
+
+    parts = each(part, begins)
+    return parts[-1][0], np.concatenate([jacobian for _, jacobian in parts], axis=1)
 
 
 def compiled(engine: Engine, z: np.ndarray) -> bool:

@@ -12,8 +12,9 @@ from jaxtyping import Array
 
 from ..fitting.noise_search import products
 from ..fitting.padding import counted_rows
+from ..threads import side_by_side
 
-_AT_ONCE = 8
+_AT_ONCE = 4
 _PASSES = 4
 
 
@@ -94,14 +95,14 @@ def evidence(
     parts = [residual[:, None], columns, np.zeros((n, pad)), np.ones((n, 1))]
     every = np.ones(n) if scale is None else scale
     rows = counted_rows(clock, weight, np.concatenate(parts, axis=1), every)
-    grams, log_det = [], []
-    for begin in range(0, len(noises[2]), _AT_ONCE):
-        at = np.minimum(np.arange(begin, begin + _AT_ONCE), len(noises[2]) - 1)
-        some = (x[at] for x in noises)
-        found = products(*rows, *some)
-        grams.append(np.asarray(found[0]))
-        log_det.append(np.asarray(found[1]))
     g = len(noises[2])
+
+    def some(begin: int) -> tuple[np.ndarray, np.ndarray]:
+        at = np.minimum(np.arange(begin, begin + _AT_ONCE), g - 1)
+        gram, log_det = products(*rows, *(x[at] for x in noises))
+        return np.asarray(gram), np.asarray(log_det)
+
+    grams, log_det = zip(*side_by_side(some, range(0, g, _AT_ONCE)), strict=True)
     more = np.concatenate([extra[0][:, None], extra[1]], axis=1)
     extra_products = np.zeros(grams[0].shape[1:])
     extra_products[: m + 1, : m + 1] = more.T @ more

@@ -31,17 +31,18 @@ def friction_sensitivities(
     shaped = {e: starts for e in missing if (starts := shapes_of(e, scales)) and _is_term(e, rig)}
     n, more = engine.problem.time.shape[0], len(engine.weight) * len(engine.problem.channels)
     more += len(engine.problem.hold)
-    columns: list[Column] = []
-    blocks, extras, place = [np.zeros((n, 0))], [np.zeros((more, 0))], 0
-    for effect, starts in shaped.items():
-        found, block, extra = _shaped_columns(engine, rig, response, effect, starts, place)
-        columns += found
-        blocks.append(block)
-        extras.append(extra)
-        place += block.shape[1]
-    return Sensitivities(
-        tuple(columns), np.concatenate(blocks, axis=1), np.concatenate(extras, axis=1)
+    widths = [len(starts) * len(engine.model.amplitudes(e.id)) for e, starts in shaped.items()]
+    places = np.cumsum([0, *widths])[:-1].tolist()
+    found = engine.each(
+        lambda effect, starts, place: _shaped_columns(engine, rig, response, effect, starts, place),
+        shaped.keys(),
+        shaped.values(),
+        places,
     )
+    columns = tuple(column for own, _, _ in found for column in own)
+    blocks = [np.zeros((n, 0)), *(block for _, block, _ in found)]
+    extras = [np.zeros((more, 0)), *(extra for _, _, extra in found)]
+    return Sensitivities(columns, np.concatenate(blocks, axis=1), np.concatenate(extras, axis=1))
 
 
 def shapes_of(effect: type[AbstractEffect], scales: RecordScales) -> list[dict[str, float]]:

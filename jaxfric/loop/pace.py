@@ -59,7 +59,8 @@ class Pace:
     """Reports what is done and about how long the rest takes; within a stage that falls, too.
 
     A search has at most `rounds`, each of a screening and of `refits` fits; the fewest there can
-    be is one of two.
+    be is one of two. Refits are done so many `at_once`: linearisations of all of them count
+    between the beginnings of two.
     """
 
     def __init__(
@@ -69,13 +70,15 @@ class Pace:
         rounds: int,
         refits: int,
         *,
+        at_once: int = 1,
         silent: float = _SILENT,
     ):
         self.progress, self.stopwatch = progress, stopwatch
-        self.rounds, self.refits, self.silent = rounds, refits, silent
+        self.rounds, self.silent, self.at_once = rounds, silent, at_once
+        self.refits = -(-refits // at_once)
         self.text, self.least, self.most = "", 0, 0
         self.begun = len(stopwatch.seconds)
-        self.counts = [_PER_FIT]
+        self.counts = [_PER_FIT * at_once]
         self.last = time.monotonic()
         self.fits = False
         stopwatch.listen = self._again
@@ -83,11 +86,11 @@ class Pace:
     def screening(self, text: str, number: int) -> None:
         """Begin round `number`, from 0: at least it, two refits and the last steps are left."""
         whole = 1 + self.refits
-        self._begin(text, 4, (self.rounds - number) * whole + 3, fits=False)
+        self._begin(text, 2 + -(-2 // self.at_once), (self.rounds - number) * whole + 3, fits=False)
 
     def refitting(self, text: str, number: int, place: int, of: int) -> None:
         """Begin refit `place` of `of`, from 0, in round `number`."""
-        left = of - place
+        left = -(-(of - place) // self.at_once)
         later = (self.rounds - number - 1) * (1 + self.refits)
         self._begin(f"{text} ({place + 1} of {of})", left + 1, left + later + 3, fits=True)
 
@@ -114,7 +117,7 @@ class Pace:
         self.last, done = time.monotonic(), self._done()
         each = statistics.mean(self.counts)
         share = done / max(each, done + 1)
-        fit = each * self.stopwatch.typical
+        fit = each * self.stopwatch.typical / self.at_once
         left = span((self.least - share) * fit, (self.most - share) * fit)
         self.progress(f"{self.text}; {left} left")
 

@@ -64,7 +64,7 @@ def search(
     current, tried = base, [base]
     rounds: list[tuple[Screened, ...]] = []
     accepted: list[tuple[str, ...]] = [()]
-    pace = Pace(progress, engine.stopwatch, most, _REFITS)
+    pace = Pace(progress, engine.stopwatch, most, _REFITS, at_once=engine.at_once)
     while len(current.effects) < most and not base.failed:
         missing = len(engine.addable(current.effects))
         if not missing:
@@ -101,7 +101,10 @@ def _base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool
 
     The first is likely the best; the others are fitted to the end only where they are better.
     """
-    found = [engine.refit((), start, exact=not k) for k, start in enumerate(starts)]
+    engine.seek_parts(starts[0])
+    found = engine.each(
+        lambda k, start: engine.refit((), start, exact=not k), range(len(starts)), starts
+    )
     good = [c for c in found if not c.failed]
     if not good:
         return found[0], False
@@ -135,11 +138,14 @@ def _refits(
         if (s.delta_bic >= 0 and s.p_value <= SIGNIFICANT)
         or len(tried) + k <= 2  # two of the base are fitted in any case, for comparison
     ]
-    for place, one in enumerate(asked):
+
+    def fitted(place: int, one: Screened) -> Candidate:
         effects = (*current.effects, one.id)
         words = "refitting with " + ", ".join(effects)
         pace.refitting(words, len(current.effects), place, len(asked))
-        candidate = refit_safely(engine, effects, one, current)
+        return refit_safely(engine, effects, one, current)
+
+    for one, candidate in zip(asked, engine.each(fitted, range(len(asked)), asked), strict=True):
         chance = engine.rms_error(engine.blocks.select, candidate.noise)
         why = fault(current, candidate, chance)
         if not why and one.p_value > SIGNIFICANT:
@@ -275,30 +281,35 @@ def _swapped(
     Where a better effect leaves others of the fit no longer fixed, those may have stood in for it:
     it is then tried without them.
     """
-    best, (ids, cosines) = current, alike
+    best, (ids, cosines), asked = current, alike, []
     for id in current.effects:
         others = [b for b in ids if b != id and cosines[ids.index(id), ids.index(b)] > ALIAS]
         for other in others:
             effects = tuple(other if e == id else e for e in current.effects)
             known = any(set(c.effects) == set(effects) for c in tried)
-            if known or len(set(effects)) < len(effects) or not engine.apart(effects):
+            if not known and len(set(effects)) == len(effects) and engine.apart(effects):
+                asked.append((id, other, effects))
+
+    def fitted(id: str, other: str, effects: tuple[str, ...]) -> Candidate:
+        start = np.array(current.z)
+        start[engine.model.amplitudes(id)] = 0.0
+        seen = [s for found in rounds for s in found if s.id == other]
+        columns = engine.model.columns((other,))
+        start[columns] = seen[0].z[columns]
+        progress("refitting with " + ", ".join(effects))
+        return engine.refit(effects, start)
+
+    candidates = engine.each(fitted, *zip(*asked, strict=True)) if asked else []
+    for (_, other, _), candidate in zip(asked, candidates, strict=True):
+        possible = candidate.physical and not candidate.failed
+        better = possible and best.bic - candidate.bic > TIE
+        loose = not_fixed(engine, candidate, scales) if better else ()
+        tried.append(candidate._replace(refused=_said(loose)))
+        if loose:
+            candidate = _without(engine, candidate, loose, other, tried)
+            if candidate is None or not best.bic - candidate.bic > TIE:
                 continue
-            start = np.array(current.z)
-            start[engine.model.amplitudes(id)] = 0.0
-            seen = [s for found in rounds for s in found if s.id == other]
-            columns = engine.model.columns((other,))
-            start[columns] = seen[0].z[columns]
-            progress("refitting with " + ", ".join(effects))
-            candidate = engine.refit(effects, start)
-            possible = candidate.physical and not candidate.failed
-            better = possible and best.bic - candidate.bic > TIE
-            loose = not_fixed(engine, candidate, scales) if better else ()
-            tried.append(candidate._replace(refused=_said(loose)))
-            if loose:
-                candidate = _without(engine, candidate, loose, other, tried)
-                if candidate is None or not best.bic - candidate.bic > TIE:
-                    continue
-                better = not not_fixed(engine, candidate, scales)
-            if better:
-                best = candidate
+            better = not not_fixed(engine, candidate, scales)
+        if better:
+            best = candidate
     return best
