@@ -722,32 +722,40 @@ def test_another_start_is_fitted_to_the_end_only_where_it_is_better(bics, exact,
     assert (asked, found.bic, agreed) == (exact, best, agree)
 
 
+FAILS = (np.inf, np.nan)
+
+
 @pytest.mark.parametrize(
-    ("bics", "best"),
-    [  # of the first-order start, and of a tenth, a hundredth and a thousandth of the effect
-        ([-20.0], -20.0),
-        ([11.2], 11.2),  # as it is where an effect of two parameters does nothing
-        ([11.3, -30.0], -30.0),
-        ([np.inf, 400.0, -30.0], -30.0),
-        ([40.0, 50.0, np.inf, 60.0], 40.0),
-        ([np.inf] * 4, np.inf),
+    ("fits", "best"),
+    [  # BIC and deviance of the train rows, less those of the model without the effect: of the
+        # first-order start, and of a tenth, a hundredth and a thousandth of the effect
+        ([(-20.0, -40.0)], -20.0),
+        ([(40.0, 1.9)], 40.0),  # the effect does nothing
+        ([(181.0, -27.0)], 181.0),  # fitted well, and it does not predict the select rows
+        ([(-5.0, 2.1), (-30.0, -50.0)], -30.0),
+        ([FAILS, (400.0, 300.0), (-30.0, -50.0)], -30.0),
+        ([(40.0, 30.0), (50.0, 40.0), FAILS, (60.0, 50.0)], 40.0),
+        ([FAILS] * 4, np.inf),
     ],
 )
-def test_a_fit_that_is_worse_than_without_its_effect_begins_again_nearer(bics, best):
-    left, starts = list(bics), []
+def test_a_fit_less_likely_than_without_its_effect_begins_again_nearer(fits, best):
+    left, starts = list(fits), []
 
     def refit(effects, z):
         starts.append(float(z[1]))
-        bic = left.pop(0)
-        return SimpleNamespace(effects=effects, bic=bic, failed=not np.isfinite(bic))
+        bic, more = left.pop(0)
+        noise = SimpleNamespace(log_likelihood=100.0 - more / 2)
+        failed = not np.isfinite(bic)
+        return SimpleNamespace(effects=effects, bic=bic, failed=failed, noise=noise)
 
     model = SimpleNamespace(columns=lambda ids: [1, 2], amplitudes=lambda id: [1])
     engine: Any = SimpleNamespace(refit=refit, model=model, weight=np.ones(100))
-    current: Any = SimpleNamespace(bic=0.0, z=np.zeros(3))
+    without = SimpleNamespace(log_likelihood=100.0)
+    current: Any = SimpleNamespace(bic=0.0, z=np.zeros(3), noise=without)
     one = Screened("a", 20.0, np.array([0.0, 8.0, 3.0]), 0.0)
     found = search_module.refit_safely(engine, ("a",), one, current)
     assert found.bic == best and not left
-    assert starts == pytest.approx([8.0, 0.8, 0.08, 0.008][: len(bics)])
+    assert starts == pytest.approx([8.0, 0.8, 0.08, 0.008][: len(fits)])
 
 
 def test_the_latest_linearisations_are_not_computed_again():

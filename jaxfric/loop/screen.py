@@ -201,9 +201,16 @@ def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[t
     combination counts; of an effect with shapes the one nearest to the other effect. Effects in
     the fit stand for themselves.
     """
-    here = _whitened(engine, current, scales)
-    absent = {id: _without(engine, current, scales, id) or here for id in current.effects}
-    return alias_cosines(engine, current, *here, absent)
+
+    def seen(gone: str) -> tuple[Screening, np.ndarray] | None:
+        if not gone:
+            return _whitened(engine, current, scales)
+        return _without(engine, current, scales, gone)
+
+    found = engine.each(seen, ("", *current.effects))
+    absent = {id: own or found[0] for id, own in zip(current.effects, found[1:], strict=True)}
+    here, white = found[0]
+    return alias_cosines(engine, current, here, white, absent)
 
 
 def _whitened(

@@ -22,7 +22,7 @@ from .unfixed import NOT_FIXED
 
 MOST = 8
 """Largest number of effects that a search adds: evidence ends it before, as a rule."""
-_LOST = 2.0  # of BIC
+_LOST = 2.0  # of -2 ln L
 _PARTS = (0.1, 0.01, 1e-3)
 _REFITS = 4
 _WORSE = 1.02
@@ -210,13 +210,14 @@ def refit_safely(
     """Refit from the first-order start or, while that runs away, from a part of the effect.
 
     Where two sensitivities are nearly one (a second state whose length is that of the first), their
-    amplitudes to first order are opposite and a hundred times what they can be. A fit that is
-    less likely than without the effect, which it has at its null, is lost too.
+    amplitudes to first order are opposite and a hundred times what they can be. A fit whose train
+    rows are less likely than without the effect, which it has at its null, is lost too. One that
+    fits them well and does not predict the select rows is not: nearer it ends in the same place.
     """
-    worth = _LOST + len(engine.model.columns((one.id,))) * np.log(engine.weight.sum())
     best = engine.refit(effects, one.z)
     for part in _PARTS:
-        if not best.failed and best.bic - current.bic < worth:
+        less = float(current.noise.log_likelihood) - float(best.noise.log_likelihood)
+        if not best.failed and 2 * less < _LOST:
             break
         start = np.array(current.z)
         shapes = engine.model.columns((one.id,))
