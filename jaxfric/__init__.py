@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .axis import close_axis_loop as close_axis_loop
     from .axis import close_steady_loop as close_steady_loop
     from .cache import cache_compiled as cache_compiled
+    from .cache import whole_loops as whole_loops
     from .compensation import Feedforward as Feedforward
     from .compensation import feedforward as feedforward
     from .errors import InputError as InputError
@@ -98,6 +99,7 @@ _HOMES = {
     "close_steady_loop": "axis",
     "InputError": "errors",
     "cache_compiled": "cache",
+    "whole_loops": "cache",
     "Feedforward": "compensation",
     "feedforward": "compensation",
     "Estimate": "fitting",

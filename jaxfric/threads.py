@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NoReturn, TypeVar
 
-import jax
-
 T = TypeVar("T")
+_MOST = 8
 _own = threading.local()
 """Of a thread that `side_by_side` began: `end`, an event that is set when its work is of no use."""
 
@@ -20,8 +19,9 @@ class Abandoned(BaseException):
 
 
 def cores() -> int:
-    """Number of threads that are worth it: `NPROC`, as XLA has it, or that of the cores."""
-    return int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1
+    """Number of threads that are worth it: `NPROC`, as XLA has it, or that of the cores; each has
+    memory of its own, so they are not many."""
+    return min(int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1, _MOST)
 
 
 def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
@@ -33,6 +33,8 @@ def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
     asked = list(zip(*inputs, strict=True))
     if min(cores(), len(asked)) < 2 or hasattr(_own, "end"):
         return one_by_one(one, *zip(*asked, strict=True)) if asked else []
+    import jax  # not where the command begins
+
     end, long = threading.Event(), bool(jax.config.jax_enable_x64)  # pyright: ignore
 
     def work(each: tuple) -> T:

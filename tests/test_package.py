@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import inspect
+import os
 import pkgutil
 import subprocess
 import sys
@@ -10,7 +11,7 @@ import sys
 import pytest
 
 import jaxfric
-from jaxfric import lazy
+from jaxfric import cache, lazy
 
 NAMES = [
     "AgeingEvolution",
@@ -72,6 +73,7 @@ NAMES = [
     "step_start",
     "theorem",
     "velocity_start",
+    "whole_loops",
 ]
 
 
@@ -98,6 +100,46 @@ print(len(list(folder.iterdir())) > 0, jax.config.jax_compilation_cache_dir == s
     (tmp_path / "file").write_text("")
     with pytest.raises(jaxfric.InputError, match="cannot hold a cache"):
         jaxfric.cache_compiled(tmp_path / "file" / "below")
+
+
+@pytest.mark.parametrize(
+    ("given", "version", "asked", "set_"),
+    [
+        ("", "0.10.2", True, "--{}={}"),
+        ("--xla_dump_to=/x", "0.8.0", True, "--xla_dump_to=/x --{}={}"),
+        ("--xla_backend_extra_options=a=1", "0.10.2", False, "--xla_backend_extra_options=a=1"),
+        ("--{}=5", "0.10.2", True, "--{}=5"),  # what the user said stands
+        ("", "0.7.9", False, ""),
+        ("", "0.11.0", False, ""),  # an unknown flag would end the process
+        ("", "1.0", False, ""),
+    ],
+)
+def test_loops_are_asked_to_be_whole(given, version, asked, set_, monkeypatch):
+    monkeypatch.setattr("importlib.metadata.version", lambda name: version)
+    monkeypatch.setenv("XLA_FLAGS", given.format(cache._WHOLE))
+    assert jaxfric.whole_loops() == asked
+    assert os.environ["XLA_FLAGS"] == set_.format(cache._WHOLE, 2**27)
+
+
+def test_a_whole_loop_is_one_function():
+    """Loops of more than the kilobyte that XLA has by default, in the compiled program."""
+    code = """
+import sys, jaxfric
+if sys.argv[1] == "whole":
+    assert jaxfric.whole_loops()
+import jax, jax.numpy as jnp
+def turns(x):
+    return jax.lax.fori_loop(0, 500, lambda i, y: jnp.sin(y) + x[i], x)
+text = jax.jit(turns).lower(jnp.ones(1000)).compile().as_text()
+print("small_call" in text)
+"""
+    seen = []
+    for how in ("whole", "pieces"):
+        command = [sys.executable, "-c", code, how]
+        environment = {**os.environ, "XLA_FLAGS": ""}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        seen.append(done.stdout)
+    assert seen == ["True\n", "False\n"]
 
 
 def test_import_is_silent_and_loads_no_jax():

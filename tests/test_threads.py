@@ -46,6 +46,12 @@ def test_results_come_in_the_order_of_what_was_asked(cores, monkeypatch):
     assert side_by_side(one, [], []) == []
 
 
+@pytest.mark.parametrize(("given", "threads_"), [("1", 1), ("3", 3), ("64", 8)])
+def test_threads_are_as_many_as_cores_but_not_many(given, threads_, monkeypatch):
+    monkeypatch.setenv("NPROC", given)
+    assert threads.cores() == threads_
+
+
 def test_two_are_at_work_at_once(monkeypatch):
     monkeypatch.setenv("NPROC", "2")
     both = threading.Barrier(2, timeout=20)

@@ -91,13 +91,15 @@ def flipped(flip: Sequence[str] | None) -> str | Literal[False]:
 
 
 def prepare_jax() -> None:
-    """64-bit numbers, and a compilation cache in the user's cache folder if there can be one."""
+    """64-bit numbers, loops compiled whole, and a compilation cache in the user's cache folder if
+    there can be one."""
     doing("loading JAX")
     _keep_freed_memory()
     import jax
 
-    from ..cache import cache_compiled
+    from ..cache import cache_compiled, whole_loops
 
+    whole_loops()
     jax.config.update("jax_enable_x64", True)
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         with contextlib.suppress(InputError):

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..threads import side_by_side
+from ..threads import one_by_one, side_by_side
 from ..traced import traced
 from .noise import (
     EXPONENTIAL,
@@ -534,8 +534,9 @@ def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
     """Restricted log-likelihoods and sigmas (g,) of noises with some `parts` (as of `parts_at`)."""
     columns, count = record.columns.shape[1], len(parts[2])
     size = _ALONE if columns == 1 and count > _ALONE // 2 else _TOGETHER
+    each = side_by_side
     if record.rows > _SIZED * _STRETCH:  # memory
-        size = 1
+        size, each = 1, one_by_one
     # a pass without resonators, or without a swing, takes less time (`noise.moves_of`)
     order = np.argsort((parts[2] > EXPONENTIAL) + 1.0 * (parts[2] > 0), kind="stable")
 
@@ -545,9 +546,9 @@ def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
         found = restricted(record.clock, record.weight, record.columns, record.scale, *own)
         return [np.asarray(x) for x in found]
 
-    found = zip(*side_by_side(some, range(0, count, size)), strict=True)
+    found = zip(*each(some, range(0, count, size)), strict=True)
     back = np.argsort(order)
-    value, sigma = (np.concatenate(each)[:count][back] for each in found)
+    value, sigma = (np.concatenate(part)[:count][back] for part in found)
     return np.where(np.isfinite(value), value, -np.inf), sigma
 
 
