@@ -49,6 +49,7 @@ def running(records: list[tuple[Path, str]], cache: str) -> None:
     jax.config.update("jax_enable_x64", True)
     import jaxfric
 
+    jaxfric.whole_loops()  # as the command does
     jaxfric.cache_compiled(Path(cache) / "jaxfric" / "compiled")
     for path, stiffness in records:
         record = jaxfric.read(path)

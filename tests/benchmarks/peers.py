@@ -18,10 +18,13 @@ from peers_fits import fits
 from peers_motion import motion
 from peers_roots import roots
 
+from jaxfric.cache import whole_loops
+
 PARTS = {"motion": motion, "roots": roots}
 
 
 def main() -> None:
+    whole_loops()  # as the command does, for every peer that is written in JAX
     jax.config.update("jax_enable_x64", True)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=["motion", "fits", "roots"])

@@ -79,6 +79,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    jaxfric.whole_loops()  # as the command does
     jax.config.update("jax_enable_x64", True)
     jaxfric.cache_compiled()
     main()

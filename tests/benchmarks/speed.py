@@ -96,6 +96,7 @@ def _seconds(arguments: list, environment) -> float:
 
 
 if __name__ == "__main__":
+    jaxfric.whole_loops()  # as the command does
     jax.config.update("jax_enable_x64", True)
     in_process()
     command()
