@@ -50,9 +50,9 @@ def whole_loops() -> bool:
 
     By default XLA looks up what to compute next in every turn of a loop, which takes longer than a
     step of a solver or a row of a filter. Loops over up to 128 MiB of memory are made one function:
-    a simulation takes 0.8 of the time, one of a batch 0.65, a loop 0.75. Set by `XLA_FLAGS` in the
-    environment, so before anything is computed with JAX. Nothing where that has such an option
-    already, or for a version of jaxlib that this was not tried with.
+    a simulation takes 0.8 of the time, one of a batch 0.65, a loop 0.75 to 0.9. Set by `XLA_FLAGS`
+    in the environment, so before anything is computed with JAX. Nothing where that has such an
+    option already, or for a version of jaxlib that this was not tried with.
     """
     from importlib.metadata import version
 

@@ -16,6 +16,7 @@ from jaxfric.loop.pace import Stopwatch
 from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import fault, search
 from jaxfric.loop.verdict import _verdict, conclude, held_out
+from jaxfric.threads import one_by_one
 
 SIGMA = 2e-3
 BLOCKS = SimpleNamespace(
@@ -28,7 +29,8 @@ def candidate(effects=(), bic=0.0, *, train=1.0, select=1.0, report=1.0, **more)
     """A fit whose residual has the given rms [sigma] in each block; its noise has unit size."""
     sizes = {"train": train, "select": select, "report": report}
     residual = sum(size * getattr(BLOCKS, name) for name, size in sizes.items())
-    common = {"z": np.ones(4), "noise": None, "physical": True, "failed": False, "refused": ""}
+    noise = SimpleNamespace(log_likelihood=0.0)
+    common = {"z": np.ones(4), "noise": noise, "physical": True, "failed": False, "refused": ""}
     rms = {name: SIGMA * size for name, size in sizes.items()}
     return Made(effects=tuple(effects), bic=bic, rms=rms, residual=residual, **{**common, **more})
 
@@ -112,6 +114,7 @@ def searched(monkeypatch, *screened, loose=(), **fitted):
         addable=lambda effects: [e for e in ids if e not in effects],
         stopwatch=Stopwatch([0.1]), weight=np.ones(100),
         rms_error=lambda used, noise: 0.0, learn_noise=lambda base: base,
+        each=one_by_one, at_once=1, seek_parts=lambda z: None,
         model=SimpleNamespace(
             effects=[SimpleNamespace(id=id) for id in ids],
             columns=lambda some: [ids.index(id) for id in some],
