@@ -32,7 +32,7 @@ def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
     """
     asked = list(zip(*inputs, strict=True))
     if min(cores(), len(asked)) < 2 or hasattr(_own, "end"):
-        return one_by_one(one, *zip(*asked, strict=True)) if asked else []
+        return [one(*each) for each in asked]
     import jax  # not where the command begins
 
     end, long = threading.Event(), bool(jax.config.jax_enable_x64)  # pyright: ignore

@@ -1157,7 +1157,7 @@ FAULTS = (
     Fault("a small step bears what is left of a large one", "loop/shared.py",
           "np.all(left <= _FORGOTTEN * least)", "np.all(left <= _FORGOTTEN * size)", SHARED),
     Fault("columns of a Jacobian in another order", "loop/shared.py",
-          "columns[:, place[k]]", "columns[:, column - len(alone)]", SHARED),
+          "np.searchsorted(self.shifts, index[is_shift])", "np.arange(sum(is_shift))", SHARED),
     Fault("what did not work is asked again", "loop/engine.py",
           "self._apart.add(index.tobytes())", "pass", SHARED),
     Fault("the load point trails the other way", "fitting/problem.py",

@@ -174,7 +174,7 @@ def run(
     if found.final is not found.base:
         progress("what is left")
         models.append((found.final, all_rivals(found)))
-    done = engine.each(scored, *zip(*models, strict=True))
+    done = engine.each(lambda model: scored(*model), models)
     location, _, before = done[0]
     _, tests, after = done[-1]
     curve = curve_family(engine, found.final, bench.curves(engine, found.final))

@@ -590,7 +590,7 @@ def _in_parts(
     problem: AbstractProblem,
     z: np.ndarray,
     directions: np.ndarray,
-    each: Callable[..., list] = side_by_side,
+    each: Callable[..., list],
 ) -> tuple[np.ndarray, np.ndarray]:
     """`_evaluate` along a few directions at a time: it is compiled for one number of them."""
     begins = range(0, _parts(len(directions)) * _AT_ONCE, _AT_ONCE)

@@ -300,7 +300,7 @@ def _swapped(
         progress("refitting with " + ", ".join(effects))
         return engine.refit(effects, start)
 
-    candidates = engine.each(fitted, *zip(*asked, strict=True)) if asked else []
+    candidates = engine.each(lambda one: fitted(*one), asked)
     for (_, other, _), candidate in zip(asked, candidates, strict=True):
         possible = candidate.physical and not candidate.failed
         better = possible and best.bic - candidate.bic > TIE

@@ -24,10 +24,10 @@ class SharedShifts:
     """The shifts of step times that are parameters: the first, and groups of the others, each of
     steps that follow each other `_GROUPS` steps apart.
 
-    `shifts` are their indices in the parameters; `begins` the times of their steps, ascending;
-    `trails` by how much the load point trails after each, a shift being 1. `time` is that of the
-    rows of one channel; the residual has all `channels` one after the other, and then a row for
-    each of the last parameters, the shifts that there are.
+    `shifts` are their indices in the parameters and `begins` the times of their steps, both
+    ascending; `trails` by how much the load point trails after each, a shift being 1. `time` is
+    that of the rows of one channel; the residual has all `channels` one after the other, and then a
+    row for each of the last parameters, the shifts that there are.
     """
 
     def __init__(
@@ -58,10 +58,10 @@ class SharedShifts:
     ) -> Float[np.ndarray, "r m"] | None:
         """The Jacobian by `index` from the derivatives along its `directions`; None where a step
         was not forgotten when the next of its group came."""
-        alone = np.flatnonzero(~np.isin(index, self.shifts))
+        is_shift = np.isin(index, self.shifts)
+        alone = len(index) - int(is_shift.sum())
         found = np.zeros((len(along), len(index)))
-        found[:, alone] = along[:, : len(alone)]
-        shared = along[:, len(alone) :]
+        found[:, ~is_shift], shared = along[:, :alone], along[:, alone:]
         columns = np.zeros((len(along), len(self.shifts)))
         for channel in range(self.channels):
             rows = slice(channel * self.rows, (channel + 1) * self.rows)
@@ -71,10 +71,7 @@ class SharedShifts:
             columns[rows] = own
         held = len(along) - size + self.shifts
         columns[held, np.arange(len(held))] = shared[held, self._group]
-        place = {k: number for number, k in enumerate(self.shifts.tolist())}
-        for column, k in enumerate(index.tolist()):
-            if k in place:
-                found[:, column] = columns[:, place[k]]
+        found[:, is_shift] = columns[:, np.searchsorted(self.shifts, index[is_shift])]
         return found
 
     def _own(self, shared: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n k"] | None:
