@@ -17,9 +17,17 @@ import pytest
 jax.config.update("jax_enable_x64", True)
 _LARGE, _MORE = 2.5e9, 1e9
 gc.disable()  # the heap of a worker is large: its collection took 6 % of the time
-_QUICK_COMPILER = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
-"""Nearly all that the tests do is compile; so it takes half the time, and rounds otherwise. With
-XLA_FLAGS set, if only to nothing, they run what a user runs."""
+_QUICK_COMPILER = " ".join(
+    (
+        "--xla_backend_optimization_level=1",
+        "--xla_cpu_use_fusion_emitters=false",
+        "--xla_cpu_parallel_codegen_split_count=1",
+        "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=134217728",
+    )
+)
+"""Half of what the tests do is trace and compile; so it takes half the time, and rounds otherwise.
+With XLA_FLAGS set, if only to nothing, they run what a user runs. The last one is what the command
+would ask for: asked for later, it names all that is compiled anew."""
 
 
 def pytest_configure(config):
@@ -33,6 +41,8 @@ def pytest_configure(config):
             os.environ.setdefault(threads, "1")
     if "XLA_FLAGS" not in os.environ and _known(_QUICK_COMPILER, config):
         os.environ["XLA_FLAGS"] = _QUICK_COMPILER  # workers and commands of tests inherit it
+        os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "true"
+        jax.config.update("jax_disable_most_optimizations", True)
     own = Path(config.rootpath) / ".pytest_cache" / "jax"
     folder = Path(os.environ.get("JAXFRIC_TEST_CACHE", own))
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)  # the command leaves it then
@@ -55,6 +65,16 @@ def _known(flags: str, config) -> bool:
         known = found.returncode == 0
         config.cache.set(key, known)
     return known
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_with_care(request):
+    """Tests of a module marked `computes` run longer than they compile: nothing is left out."""
+    before = jax.config.read("jax_disable_most_optimizations")
+    quick = before and request.node.get_closest_marker("computes") is None
+    jax.config.update("jax_disable_most_optimizations", quick)
+    yield
+    jax.config.update("jax_disable_most_optimizations", before)
 
 
 @pytest.fixture(scope="session")

@@ -25,6 +25,8 @@ from jaxfric.records import VelocitySteps
 from jaxfric.report.comparison import tabled
 from jaxfric.report.fits_table import TabledFit, csv_rows, latex_text, text_table
 
+pytestmark = pytest.mark.computes
+
 jax.config.update("jax_enable_x64", True)
 
 UM = 1e-6

@@ -13,6 +13,8 @@ from jaxfric.fitting.fit import forward_steps, steps_of
 from jaxfric.fitting.loading import Loading, doubts, refuse_contradicted, steepest_loading
 from jaxfric.fitting.misfit import is_of_misfit
 
+pytestmark = pytest.mark.computes
+
 DATA = Path(__file__).parents[1] / "data"
 K = 5e3  # of data/velocity_step.csv, 1/m
 

@@ -33,6 +33,8 @@ from jaxfric.rig.friction.extended import AbstractStatelessTerm
 from jaxfric.runs.fits import decided_events
 from jaxfric.runs.stiffness import MachineStiffness
 
+pytestmark = pytest.mark.computes
+
 UM, SEED = 1e-6, 990000
 _HELD_OUT = 1.06
 KEYS = {

@@ -19,6 +19,8 @@ from jaxfric.fitting.noise_search import (
 from jaxfric.loop.engine import Rows
 from jaxfric.loop.ratio import Question, chances
 
+pytestmark = pytest.mark.computes
+
 ROWS, MEMORY, BUMPS, LONGEST = 400, 7.0, 8, 40.0
 CLOCK = np.arange(float(ROWS))
 

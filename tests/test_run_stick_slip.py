@@ -28,6 +28,8 @@ from jaxfric.runs.stick_slip import EDGES, MIDDLE, Rises, find_rises, is_stretch
 from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.teeth import find_spikes
 
+pytestmark = pytest.mark.computes
+
 
 @pytest.fixture(autouse=True, scope="module")
 def _with_float64():

@@ -18,6 +18,8 @@ from jaxfric.records.steady_mean import effective_samples
 from jaxfric.records.steady_run import SteadyRows
 from jaxfric.report.steady_text import noise_text, to_json
 
+pytestmark = pytest.mark.computes
+
 TURN = 2 * np.pi
 SPEEDS = np.array([-20.0, -10, -5, -2.5, 2.5, 5, 10, 20])
 DT, ROWS = 0.01, 400
