@@ -108,7 +108,7 @@ class PiecewiseVelocity(AbstractMotion):
         return self.velocities[0]
 
     def largest_speed(self) -> Float[Array, ""]:
-        return jnp.max(jnp.abs(self.velocities))
+        return abs(self.velocities).max()
 
 
 class MeasuredMotion(eqx.Module):

@@ -6,6 +6,7 @@ As in `jaxfric.effects`: an effect at its null changes nothing. They enter an `A
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -65,7 +66,7 @@ class DirectionAsymmetry(AbstractLinearAxisEffect):
         return _with(rig, _Even(self.d))
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_ALWAYS)
+        return jax.device_put(_ALWAYS)
 
 
 class _Cubic(AbstractAxisTerm):
@@ -93,7 +94,7 @@ class Cubic(AbstractLinearAxisEffect):
         return _with(rig, _Cubic(self.c))
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_ALWAYS)
+        return jax.device_put(_ALWAYS)
 
 
 class _Stribeck(AbstractAxisTerm):
@@ -225,7 +226,7 @@ class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
         return {"wavelength": tuple(1 / waves[waves * shortest < 1])}
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_ALWAYS)
+        return jax.device_put(_ALWAYS)
 
 
 class _Along(AbstractAxisTerm):
@@ -261,7 +262,7 @@ class PositionDependence(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig])
         return self.k - jnp.abs(self.m)
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_ALWAYS)
+        return jax.device_put(_ALWAYS)
 
 
 class _Drift(AbstractAxisTerm):
@@ -289,7 +290,7 @@ class AxisTimeDrift(AbstractLinearAxisEffect):
         return _with(rig, _Drift(self.r, self.s))
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_ALWAYS)
+        return jax.device_put(_ALWAYS)
 
 
 class Presliding(AbstractAxisEffect):
@@ -429,7 +430,7 @@ class AxisSensorDelay(AbstractLinearAxisEffect):
         return eqx.tree_at(lambda r: r.delay, rig, self.d)
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_ALWAYS)
+        return jax.device_put(_ALWAYS)
 
 
 IN_TIME = frozenset(e.id for e in (AxisServoLag, AxisSensorLag, AxisSensorDelay))

@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -72,7 +73,7 @@ class SecondState(AbstractEffect[Rig]):
         return {"L2": tuple(np.geomspace(low, high, 8))}
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_TRUE)
+        return jax.device_put(_TRUE)
 
 
 class Ageing(AbstractEvolutionEffect):
@@ -94,7 +95,7 @@ class Ageing(AbstractEvolutionEffect):
         return with_evolution(rig, q=self.q)
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.abs(self.q) < 1.5
+        return abs(self.q) < 1.5
 
 
 class VelocityDependentLength(AbstractEvolutionEffect):
@@ -115,7 +116,7 @@ class VelocityDependentLength(AbstractEvolutionEffect):
         return with_evolution(rig, n=self.n)
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.abs(self.n) < 2.0
+        return abs(self.n) < 2.0
 
 
 class EvolutionCutoff(AbstractEvolutionEffect):
@@ -208,7 +209,7 @@ class Stribeck(AbstractEffect[Rig]):
         return {"Vs": tuple(velocities), "d": (1.0, 2.0) * 8}
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_TRUE)
+        return jax.device_put(_TRUE)
 
 
 class _SlipTrendTerm(AbstractStatelessTerm):
@@ -243,7 +244,7 @@ class SlipTrend(AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig]):
         return self.s
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_TRUE)
+        return jax.device_put(_TRUE)
 
 
 class _RunInTerm(AbstractStatelessTerm):
@@ -282,7 +283,7 @@ class RunIn(AbstractPlaceEffect[Rig]):
         return {"dc": tuple(np.geomspace(0.3 * scales.step_slip, scales.total_slip, 6))}
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_TRUE)
+        return jax.device_put(_TRUE)
 
 
 class _PeriodicTerm(AbstractStatelessTerm):
@@ -329,7 +330,7 @@ class PositionPeriodic(AbstractPlaceEffect[Rig]):
         return {"wavelength": tuple(1 / np.linspace(1 / longest, 1 / shortest, count))}
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.asarray(_TRUE)
+        return jax.device_put(_TRUE)
 
 
 class _LinkerTerm(AbstractTerm):

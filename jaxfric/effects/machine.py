@@ -31,7 +31,7 @@ class Stiffness(AbstractLinearEffect[Rig]):
         )
 
     def physical(self) -> Bool[Array, ""]:
-        return jnp.abs(self.kappa) < 2.0
+        return abs(self.kappa) < 2.0
 
 
 class Damping(AbstractLinearEffect[Rig]):

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol, Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -86,9 +87,13 @@ class AbstractProblem(eqx.Module):
         """A copy of this problem whose simulations may take `factor` times as many steps."""
 
     @abc.abstractmethod
-    def late_steps(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
+    def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] of the step of every shift, and by how much [m] the load point trails after it
         where the shift is 1."""
+
+    def on_host(self) -> Self:
+        """A copy with NumPy arrays: for a few numbers of it, of which nothing is compiled then."""
+        return jax.tree.map(np.asarray, self)
 
     def with_model(self, model: ParametricModel) -> Self:
         """A copy of this problem: the same record with another model."""
@@ -113,7 +118,7 @@ class AbstractProblem(eqx.Module):
         """A typical size of an unbounded parameter, from its unit."""
         about, sizes = self.model.quantity(name), self.sizes
         if np.isfinite(about.lower) or np.isfinite(about.upper):
-            return jnp.ones_like(sizes.force)
+            return sizes.force**0
         if about.unit == "s":  # a lag, not the length of the record
             return sizes.lag
         if about.unit == "F s^2/m":

@@ -146,7 +146,7 @@ def _estimates(
     variance = np.diag(spread)
     std = np.sqrt(np.where(variance > 0, variance, np.nan))
     span = float(np.ptp(record.friction))
-    fixed = determined(problem, std, span)
+    fixed = determined(problem.on_host(), std, span)
     known = [ended and a and b for a, b in zip(fixed, plausible, strict=True)]
     p, estimates = len(problem.model.names()), {}
     ends = np.stack([z - QUANTILE * std, z + QUANTILE * std])

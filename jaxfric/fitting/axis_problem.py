@@ -75,9 +75,9 @@ class AxisProblem(AbstractProblem):
         """Itself: inverse dynamics takes no steps."""
         return self
 
-    def late_steps(self) -> tuple[Float[Array, " 0"], Float[Array, " 0"]]:
+    def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """None: an axis follows a reference, without steps of its own."""
-        return jnp.zeros(0), jnp.zeros(0)
+        return np.zeros(0), np.zeros(0)
 
     def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
         """Motor force at the decimated rows. A derivative by one of the parameters is cheaper where

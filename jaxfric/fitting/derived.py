@@ -89,6 +89,24 @@ def critical_stiffness_of(law: AbstractRateState) -> float:
     return float(_critical(law))
 
 
+def critical_stiffness_at(model: Model, values: Mapping[str, float]) -> float:
+    """Critical stiffness of the law of a model with natural (SI) values by name [friction/m]."""
+    own = np.asarray([values[name] for name in model.names()])
+    return float(_critical_at(model, own, np.asarray(values["V0"]), np.asarray(values["K"])))
+
+
+@traced
+def _critical_at(
+    model: Model,
+    values: Float[Array | np.ndarray, " p"],
+    V0: Float[Array | np.ndarray, ""],
+    K: Float[Array | np.ndarray, ""],
+) -> Float[Array, ""]:
+    law = build_rig(model, jnp.asarray(values), jnp.asarray(V0), jnp.asarray(K)).friction
+    assert isinstance(law, AbstractRateState)
+    return _critical(law)
+
+
 @traced
 def _critical(law: AbstractRateState) -> Float[Array, ""]:
     if isinstance(law, RateState):

@@ -199,7 +199,8 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
 
 def _white(record: NoiseRows) -> Found:
     """White noise with its restricted likelihood."""
-    value, sigma = map(float, restricted_white(record.weight, record.columns, record.scale))
+    columns = padded_columns(record.columns, size=48)
+    value, sigma = map(float, restricted_white(record.weight, columns, record.scale))
     nothing = np.zeros(0)
     return Found(noise_at(record, Family(), nothing, sigma, value), Family(), nothing, value)
 

@@ -140,10 +140,12 @@ class Problem(AbstractProblem):
         """Times of the velocity steps [s] at the parameters `z`."""
         return self.motion.times + self._delays(z)
 
-    def late_steps(self) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """Time of the step of every shift, and by how much the load point trails after it."""
-        jump = self.motion.velocities[self.shifted] - self.motion.velocities[self.shifted - 1]
-        return self.motion.times[self.shifted], jump * self.shift_scale
+        times, velocities = np.asarray(self.motion.times), np.asarray(self.motion.velocities)
+        shifted = np.asarray(self.shifted)
+        jump = velocities[shifted] - velocities[shifted - 1]
+        return times[shifted], jump * np.asarray(self.shift_scale)
 
     def _delays(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         shift = self.shift_scale * z[len(self.model.names()) :]
@@ -170,7 +172,8 @@ class Problem(AbstractProblem):
         At the largest commanded speed it carries `strength` force scales: little to a slider
         in steady motion, decisive at 1/strength times that speed.
         """
-        dashpot = jnp.asarray(strength) * self.force_scale / self.motion.largest_speed()
+        fastest = np.abs(np.asarray(self.motion.velocities)).max()
+        dashpot = jax.device_put(np.asarray(strength * np.asarray(self.force_scale) / fastest))
         return eqx.tree_at(lambda p: p.damping, self, dashpot, is_leaf=lambda x: x is None)
 
     def heavier(self, factor: int) -> "Problem":
@@ -183,11 +186,11 @@ class Problem(AbstractProblem):
 
     def whitened(self, noise: Noise) -> "Problem":
         """A copy: residuals in units of `noise` and uncorrelated under it."""
-        return dataclasses.replace(self, noise=noise, hold=jnp.ones_like(self.hold))
+        return dataclasses.replace(self, noise=noise, hold=_ones(self.hold))
 
     def plain(self) -> "Problem":
         """A copy: residuals in units of `noise_scale`, as correlated as they are."""
-        return dataclasses.replace(self, noise=None, hold=jnp.ones_like(self.hold))
+        return dataclasses.replace(self, noise=None, hold=_ones(self.hold))
 
     def holding(self, hold: np.ndarray) -> "Problem":
         """A copy with other weights `hold` on the shifts of the step times."""
@@ -274,6 +277,10 @@ def natural(
     p = len(problem.model.names())
     slopes = jax.vmap(jax.jacfwd(problem.from_free))(zs)[:, :, :p]
     return jax.vmap(problem.from_free)(zs), jnp.diagonal(slopes, axis1=1, axis2=2)
+
+
+def _ones(like: Array) -> Array:
+    return jax.device_put(np.ones(like.shape, like.dtype))
 
 
 @traced

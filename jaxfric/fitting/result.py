@@ -11,9 +11,8 @@ from ..described import Described, Drawable, Gridded, Tabular
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..rig.friction import AbstractRateState
 from ..stability.claims import Claim, rate_state_claim
-from .derived import Critical, amplitudes, critical_of, rate_dependence
+from .derived import Critical, amplitudes, critical_of, critical_stiffness_at, rate_dependence
 from .derived import critical_stiffness_of as critical_stiffness_of
 from .derived import difference as difference
 from .estimate import Estimate as Estimate
@@ -78,9 +77,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
 
     def critical_stiffness(self) -> float:
         """Critical stiffness of the fitted law without mass and damping [friction/m]."""
-        law = self.rig().friction
-        assert isinstance(law, AbstractRateState)
-        return critical_stiffness_of(law)
+        return critical_stiffness_at(self.model, self.values())
 
     @property
     def A_minus_B(self) -> Estimate:

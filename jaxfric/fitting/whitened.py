@@ -1,4 +1,4 @@
-"""Whitening of any number of columns with few compilations: one, eight or sixty-four at a time."""
+"""Whitening of any number of columns with few compilations: eight or sixty-four at a time."""
 
 import numpy as np
 from jaxtyping import Float
@@ -7,12 +7,19 @@ from ..traced import traced
 from .noise import Noise, Numbers, innovations
 from .padding import padded_columns
 
-_WIDTHS = (1, 8, 64)
+_WIDTHS = (8, 64)
 _LONG = 1 << 16
 """Rows from which on memory counts: eight columns at a time."""
 
-compiled_innovations = traced(innovations)
-"""`fitting.noise.innovations`, compiled once for every shape."""
+_innovations = traced(innovations)
+
+
+def innovations_of(
+    clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], column: np.ndarray, noise: Noise
+) -> tuple[np.ndarray, float]:
+    """`fitting.noise.innovations` of one column (n,), compiled as for eight."""
+    white, size = _innovations(clock, weight, padded_columns(column[:, None]), noise)
+    return np.asarray(white)[:, 0], float(size)
 
 
 def whitened(
@@ -22,12 +29,12 @@ def whitened(
     if not np.any(noise.share):  # white: nothing to filter
         size = np.broadcast_to(noise.sigma * np.asarray(noise.scale), len(columns))
         return columns * (np.asarray(weight) > 0)[:, None] / size[:, None]
-    widths = _WIDTHS[:2] if len(columns) > _LONG else _WIDTHS
+    widths = _WIDTHS[:1] if len(columns) > _LONG else _WIDTHS
     wide = next((x for x in widths if columns.shape[1] <= x), widths[-1])
     parts = []
     for begin in range(0, columns.shape[1], wide):
         part = columns[:, begin : begin + wide]
-        white, _ = compiled_innovations(clock, weight, padded_columns(part, size=wide), noise)
+        white, _ = _innovations(clock, weight, padded_columns(part, size=wide), noise)
         parts.append(np.asarray(white)[:, : part.shape[1]] / float(noise.sigma))
     return np.concatenate(parts, axis=1) if parts else np.array(columns)
 

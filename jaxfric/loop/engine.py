@@ -34,7 +34,7 @@ from ..fitting.noise_search import (
 )
 from ..fitting.noise_search import Found as FoundNoise
 from ..fitting.quantisation import least_noise, recorded_steps
-from ..fitting.whitened import compiled_innovations, whitened
+from ..fitting.whitened import innovations_of, whitened
 from ..threads import cores, go_on, one_by_one, side_by_side
 from ..traced import traced
 from .lately import Lately
@@ -474,9 +474,9 @@ class Engine(Generic[P]):
         """-2 ln p of the select block given the train block, at the noise of the train block."""
         problem, total = self.problem, 0.0
         for weight, sign in ((self.known, 1.0), (self.weight, -1.0)):
-            white, size = compiled_innovations(problem.clock, weight, residual[:, None], noise)
-            white, rows = np.asarray(white) / float(noise.sigma), weight.sum()
-            size = float(size) + 2 * rows * np.log(float(noise.sigma))
+            white, size = innovations_of(problem.clock, weight, residual, noise)
+            white, rows = white / float(noise.sigma), weight.sum()
+            size += 2 * rows * np.log(float(noise.sigma))
             total += sign * float(np.sum(white**2) + size)
         return total
 
@@ -576,7 +576,8 @@ class Engine(Generic[P]):
             if effect.id in effects:
                 names = [self.names[i] for i in self.model.columns((effect.id,))]
                 fields = {name.split(".")[1]: values[name] for name in names}
-                if not bool(made(effect, fields).physical()):
+                here = jax.tree.map(np.asarray, made(effect, fields))  # so nothing is compiled
+                if not bool(here.physical()):
                     return False
         return True
 

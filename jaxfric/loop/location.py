@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from math import nan
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from ..fitting.noise_search import Found
@@ -187,7 +187,7 @@ def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
 
 def friction_bumps(engine: Engine[Problem], base: Candidate) -> list[Bumps]:
     """Bumps of friction, sent through the linearised slider."""
-    response = linear_response(engine.at(base.z, engine.problem), jnp.asarray(base.z))
+    response = linear_response(engine.at(base.z, engine.problem), jax.device_put(base.z))
     bumps = _variables(engine, response)
     forces = np.concatenate([columns for _, _, _, columns in bumps], axis=1)
     seen = respond(response, forces)[0] / float(engine.problem.noise_scale)
@@ -268,7 +268,7 @@ def _variables(
     time = np.concatenate([[float(response.start)], np.asarray(response.middle)])
     slip, V = np.asarray(response.slip), np.asarray(response.velocity)
     log_velocity = np.log(np.maximum(V, 1e-300) / float(law.base.V0))
-    lag = np.asarray(response.state)[:, 0] + float(law.base.B[0]) * log_velocity
+    lag = np.asarray(response.state)[:, 0] + float(np.asarray(law.base.B)[0]) * log_velocity
     motion = engine.problem.motion
     jumps = np.asarray(motion.times)
     jumps = jumps[np.isfinite(jumps)]

@@ -141,7 +141,7 @@ class SliderBench(AbstractSliderBench):
         """The base fit; step times from those that the load point shows."""
         values, steps = self.base_fit.values(), self.found_steps
         natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        z = np.array(to_free(self.problem, jax.device_put(np.asarray(natural)[None])))[0]
+        z = np.array(to_free(engine.problem, jax.device_put(np.asarray(natural)[None])))[0]
         if steps.time_errors is None:
             return z
         for index in engine.shifts:

@@ -12,7 +12,6 @@ are corrected together: noise alone then fails one of them once in 1/p records.
 import math
 
 import numpy as np
-from jax.scipy.special import gammaincc
 
 QUESTIONS = {
     "block_means": "slow changes along the record",
@@ -119,5 +118,7 @@ def chi_square_tail(x: float, degrees: int) -> float:
     """Probability that chi-square with `degrees` exceeds `x`."""
     if degrees < 1:
         return 1.0
+    from scipy.special import gammaincc
+
     p = float(gammaincc(0.5 * degrees, 0.5 * max(x, 0.0)))
     return p if math.isfinite(p) else 1.0

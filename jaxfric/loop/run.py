@@ -208,7 +208,7 @@ class RunBench(AbstractSliderBench):
         values = dict(self.base_fit.values())
         values.update({f"level{k + 2}": v for k, v in enumerate(self.levels[1:])})
         natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        return np.array(to_free(self.problem, jax.device_put(np.asarray(natural)[None])))[0]
+        return np.array(to_free(engine.problem, jax.device_put(np.asarray(natural)[None])))[0]
 
     def again(self, asked: Offered) -> "RunBench | None":
         """The same run with other steps and holds held out; None where there are too few."""

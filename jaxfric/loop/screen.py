@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from ..effects import RecordScales
@@ -84,7 +84,7 @@ def screen(
     problem = engine.problem
     known = evidence(
         problem.clock,
-        jnp.asarray(engine.known),
+        jax.device_put(engine.known),
         seen.rows.residual * engine.known,
         seen.matrix,
         (seen.rows.extra, seen.extra),

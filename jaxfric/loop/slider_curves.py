@@ -3,11 +3,14 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..effects import STEADY_CURVES
 from ..effects.effect import evolution_of
+from ..fitting.padding import bucket
 from ..fitting.problem import Problem, rig_at
 from ..rig.friction.extended import Contact, ExtendedLaw
+from ..traced import traced
 from .curves import Curve, CurveRig
 from .engine import Candidate, Engine
 from .nonlinear import extra_rows, respond
@@ -15,6 +18,8 @@ from .response import Response, linear_response
 
 _LATE = "evolution_cutoff"
 """The curve that friction reaches over the slip length, not at once."""
+_FEWEST = 256
+"""Velocities at which a curve is compiled at least."""
 
 
 def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndarray) -> CurveRig:
@@ -52,20 +57,26 @@ def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndar
 
 def _level(law: ExtendedLaw, V: np.ndarray) -> np.ndarray:
     """Friction of steady sliding, without what has states of its own or follows slip or time."""
-    base, speed, still = law.base, jnp.asarray(V), jnp.zeros_like(jnp.asarray(V))
+    padded = np.pad(V, (0, bucket(len(V), _FEWEST) - len(V)), mode="edge")
+    return np.asarray(_levels(law, padded))[: len(V)]
+
+
+@traced
+def _levels(law: ExtendedLaw, V: Float[Array | np.ndarray, " n"]) -> Float[Array, " n"]:
+    base, speed, still = law.base, jnp.asarray(V), jnp.zeros_like(V)
     total = base.f0 + base.A * jnp.log(speed / base.V0)
     total += jnp.sum(jax.vmap(base.steady_state)(speed), axis=1)
     for term in law.terms:
         if not term.states and term.shift(Contact(speed, still, still, still, base)) is None:
             total += term.force(Contact(speed, still, still, still, base))
-    return np.asarray(total)
+    return total
 
 
 def _sent(
     engine: Engine[Problem], final: Candidate, curve: Curve, *, late: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns of 1, ln V at once, ln V over the slip length, and of a curve."""
-    response = linear_response(engine.at(final.z, engine.problem), jnp.asarray(final.z))
+    response = linear_response(engine.at(final.z, engine.problem), jax.device_put(final.z))
     V = np.asarray(response.velocity)
     log, more = np.log(V)[:, None], curve(V)
     slow = followed(response, np.concatenate([log, more] if late else [log], axis=1))
@@ -82,7 +93,8 @@ def followed(response: Response, curves: np.ndarray) -> np.ndarray:
     assert isinstance(law, ExtendedLaw)
     evolution = evolution_of(law)
     power = 0.0 if evolution is None else float(evolution.n)
-    lengths = float(law.base.L[0]) * np.asarray(response.velocity / law.base.V0) ** power
+    ratio = np.asarray(response.velocity) / float(law.base.V0)
+    lengths = float(np.asarray(law.base.L)[0]) * ratio**power
     share = np.exp(-np.diff(np.asarray(response.slip)) / (0.5 * (lengths[1:] + lengths[:-1])))
     middle, out = 0.5 * (curves[1:] + curves[:-1]), [curves[0]]
     for keep, value in zip(share, middle, strict=True):

@@ -113,7 +113,7 @@ def _level(
     left = residual * mask
     left = left - smooth @ (smooth.T @ left)
     alone = noise._replace(sigma=np.ones(()))
-    taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth), alone))
+    taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth, size=48), alone))
     whole = float(np.sum((mask * np.asarray(noise.scale)) ** 2))
     share = whole - float(np.trace(taken))
     return float(np.sqrt(left @ left / share * whole / mask.sum()))

@@ -444,7 +444,7 @@ def _smallest(
     engine: Engine[Problem], seen: Screening, columns: np.ndarray, setup: _Setup
 ) -> dict[str, Smallest]:
     """For every effect the smallest amplitude that is named, over its shapes."""
-    basis = orthonormal(columns[:, list(seen.base)])
+    basis, here = orthonormal(columns[:, list(seen.base)]), engine.problem.on_host()
     found: dict[str, list[tuple[float, dict[str, float]]]] = {}
     for column in seen.columns:
         own = columns[:, list(column.places)]
@@ -452,9 +452,7 @@ def _smallest(
         count = len(engine.model.columns((column.id,)))
         needed = ACCEPT + count * math.log(engine.weight.sum())
         lost = np.linalg.norm(rest, axis=0) <= _UNSEEN * np.linalg.norm(own, axis=0)
-        scale = np.asarray(
-            [float(engine.problem.scale(engine.names[i])) for i in column.amplitudes]
-        )
+        scale = np.asarray([float(here.scale(engine.names[i])) for i in column.amplitudes])
         # of several amplitudes: their root of squares, in the direction that is seen worst
         worst = float(np.linalg.svd(rest / scale, compute_uv=False)[-1])
         enough = math.sqrt(needed) + _SURE

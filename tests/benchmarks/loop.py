@@ -4,8 +4,8 @@
 
 By default a blind record of 12 velocity steps with a second state hidden in it (SciPy,
 `fits/blind/generate.py`), the whole catalogue offered. Prints: a fresh process with an empty
-compilation cache, a fresh one with that cache filled, and records of that length, one after the
-other and then again, in a running process.
+compilation cache, a fresh one with that cache filled, how many compiled functions it holds, and
+records of that length, one after the other and then again, in a running process.
 """
 
 import argparse
@@ -83,7 +83,10 @@ def main() -> None:
         cache = str(place / "cache")
         for words in ("empty", "filled"):
             spent = command(*records[0], cache, place / "out")
-            print(f"a process, {words} cache: {spent:6.1f} s", flush=True)
+            kept = len(list(Path(cache, "jaxfric", "compiled").glob("*-cache")))
+            print(
+                f"a process, {words} cache: {spent:6.1f} s, {kept} compiled functions", flush=True
+            )
         running(2 * records, cache)
 
 
