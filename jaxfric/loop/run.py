@@ -39,6 +39,8 @@ from .thresholds import ACCEPT, SIGNIFICANT
 _NAMED = ("effects", "ambiguous")
 _LATE = 0.8
 """Share of a phase after which its friction is taken as steady, to begin with."""
+_START_ROWS = 1000
+"""Most rows of a step that is fitted only to begin with."""
 
 
 def run_bench(
@@ -294,10 +296,12 @@ def _base_fit(
 def _start(
     record: Record, events: Sequence[Event], how: HowFitted, progress: Callable[[str], None]
 ) -> dict[str, float] | None:
-    """Medians of A, B and L over the steps, each fitted alone: a search that begins elsewhere may
-    find that every slider runs away at the end of a hold. None where no step tells them."""
+    """Medians of A, B and L over the steps, each fitted alone to few rows: a search that begins
+    elsewhere may find that every slider runs away at the end of a hold. None where no step tells
+    them."""
     found = []
-    for step in fit_run(record, events, how, progress=progress).steps:
+    few = dataclasses.replace(how, rows=min(how.rows, _START_ROWS))
+    for step in fit_run(record, events, few, progress=progress).steps:
         if step.fit is None or not step.fit.converged:
             continue
         own = [step.fit.parameters[name] for name in "ABL"]
