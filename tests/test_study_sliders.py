@@ -352,17 +352,22 @@ def test_a_slider_with_mass_tells_by_how_much_its_cycles_differ(tmp_path, monkey
 
 
 def test_ends_with_mass(tmp_path, monkeypatch):
-    """The paper's sample, at half and twice its critical stiffness: the cycles take more steps than
-    are kept at first."""
+    """The paper's sample, at half and twice its critical stiffness and about: the cycles take more
+    steps than are kept at first, and are followed again two at a time."""
     function = make(written(tmp_path / "s.toml", WITH_MASS)).function
-    k_p = {"k_p": jnp.asarray([1e3, 4e3])}
+    k_p, order = np.array([4e3, 1e3, 4.2e3, 900.0, 1.1e3]), np.array([4, 1, 2, 0, 3])
     monkeypatch.setattr(motions, "_FEW_STEPS", 512)
-    few = jax.jit(dataclasses.replace(function, max_steps=512).__call__)(k_p)
-    assert few["end"].tolist() == [3, 0]
-    found = jax.jit(dataclasses.replace(function, max_steps=8192).__call__)(k_p)
-    assert found["end"].tolist() == [1, 0]
-    assert 0 <= found["period_spread"][0] < 0.02 * found["period"][0]
-    assert np.isinf(found["period_spread"][1])
+    monkeypatch.setattr(motions, "_AGAIN", 2)
+    few = jax.jit(dataclasses.replace(function, max_steps=512).__call__)({"k_p": k_p})
+    assert few["end"].tolist() == [0, 3, 0, 3, 3]
+    every = jax.jit(dataclasses.replace(function, max_steps=8192).__call__)
+    found, other = (jax.device_get(every({"k_p": x})) for x in (k_p, k_p[order]))
+    assert found["end"].tolist() == [0, 1, 0, 1, 1]
+    assert np.all(found["period_spread"][[1, 3, 4]] < 0.02 * found["period"][[1, 3, 4]])
+    assert np.all(np.diff(found["period"][[4, 1, 3]]) > 0)  # a soft spring takes longer
+    assert np.isinf(found["period_spread"][0])
+    for name, values in found.items():
+        np.testing.assert_allclose(other[name], values[order], rtol=1e-6)
 
 
 @pytest.mark.long

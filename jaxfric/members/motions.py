@@ -46,10 +46,11 @@ _NUMBERS = tuple(output.name for output in ENDINGS if output.name != "end")
 _IN_TIME = {"force", "velocity"}
 _KEYS = ("ratio", "samples", "duration", "rtol", "max_steps", "inertia")
 # Members of a block: as many as compute in about a second, and their traces fit into memory.
-_CHUNK_WITH_TRACES, _CHUNK_SLOW = 16384, 256
+_CHUNK_WITH_TRACES, _CHUNK_SLOW = 16384, 1024
 # Members that share the loop of a stiff solver: the slowest holds them.
-_BATCH_SLOW = 16
-_FEW_STEPS = 1024  # of the general solver at first
+_BATCH_SLOW = 24
+# Steps of the general solver at first, and members that are followed again at once.
+_FEW_STEPS, _AGAIN = 1024, 12
 # Steady friction in units of A above which the regularised and the logarithmic direct effect are
 # the same to rounding, and samples that are looked at for the least of it.
 _FAR_FROM_REST, _SEEN = 20.0, 4096
@@ -117,10 +118,12 @@ class Motions:
 
     def _steps(self, p: Parameters) -> Array:
         s = poles(self.sliders.linear(p, mass=self.inertia))
-        decay = -jnp.max(s.real)
-        pace = jnp.maximum(jnp.max(jnp.abs(s.imag)) * 2.5, jnp.max(jnp.abs(s)) / 3)
+        decay, turns = -jnp.max(s.real), jnp.max(jnp.abs(s.imag)) * 2.5
+        # the general solver may take steps longer than the time in which a mode dies away
+        pace = turns if self.slow else jnp.maximum(turns, jnp.max(jnp.abs(s)) / 3)
         longest = _FOLDS / jnp.maximum(decay, 1e-300)
-        return jnp.where(decay > 0, jnp.minimum(longest * pace, 1e6), _CYCLING)
+        cycling = _CYCLING * (5 if self.slow else 1)
+        return jnp.where(decay > 0, jnp.minimum(longest * pace, 1e6), cycling)
 
     def _pace(self, p: Parameters) -> tuple[Array, Array]:
         """Slowest mode that matters and slowest decay [1/s]."""
@@ -152,19 +155,28 @@ class Motions:
     def _general(self, p: Parameters) -> dict[str, Array]:
         """Outputs by the solver that serves all laws.
 
-        All steps of a motion are kept and looked at, taken or not. So they are few at first; of a
-        batch in which that is not enough for one, all are followed again.
+        All steps of a motion are kept and looked at, taken or not. So they are few at first; those
+        for which that is not enough are followed again, a few at a time.
         """
 
-        def followed(steps: int) -> dict[str, Array]:
+        def followed(p: Parameters, steps: int) -> dict[str, Array]:
             policy = replace(self._policy, max_steps=steps)
             return jax.vmap(functools.partial(self._ending, policy=policy))(p)
 
         if self.max_steps <= _FEW_STEPS:
-            return followed(self.max_steps)
-        found = followed(_FEW_STEPS)
-        lacks = jnp.any(found["end"] == streaming.FAILED)
-        return jax.lax.cond(lacks, lambda: followed(self.max_steps), lambda: found)
+            return followed(p, self.max_steps)
+        first = followed(p, _FEW_STEPS)
+        lacks = first["end"] == streaming.FAILED
+        order = jnp.pad(jnp.argsort(~lacks), (0, -len(lacks) % _AGAIN), mode="edge")
+
+        def again(state: tuple[Array, dict[str, Array]]) -> tuple[Array, dict[str, Array]]:
+            begin, found = state
+            those = jax.lax.dynamic_slice(order, (begin,), (_AGAIN,))
+            more = followed({name: x[those] for name, x in p.items()}, self.max_steps)
+            return begin + _AGAIN, {name: x.at[those].set(more[name]) for name, x in found.items()}
+
+        count = jnp.sum(lacks)
+        return jax.lax.while_loop(lambda s: s[0] < count, again, (jnp.zeros_like(count), first))[1]
 
     def _ending(self, p: Parameters, policy: Policy) -> dict[str, Array]:
         """Outputs of one member."""

@@ -19,6 +19,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from jaxfric.cache import whole_loops
 from jaxfric.members import make, run_study
 from jaxfric.study import local
 from jaxfric.study.function import Task
@@ -49,6 +50,7 @@ compute = ["simulate"]
 outputs = ["trace", "force"]
 {rig}
 [simulate]
+inertia = false
 samples = 100
 rtol = 1e-6
 [samples]
@@ -110,10 +112,10 @@ def general(folder: Path, number: int, fewer: int) -> None:
     """Ends by the solver that serves all laws and masses, over those of massless sliders."""
     each = []
     for name, inertia, members in (
-        ("ends", "", number),
+        ("ends", "inertia = false", number),
         ("ends with mass", "inertia = true", fewer),
     ):
-        text = ENDS.replace("[simulate]", f"[simulate]\n{inertia}")
+        text = ENDS.replace("inertia = false", inertia)
         task = task_of(spec(folder, text, members))
         first, spent = computed(task, len(task.blocks))
         each.append(spent / members)
@@ -230,6 +232,7 @@ def workers(folder: Path, number: int) -> None:
 
 
 def main() -> None:
+    whole_loops()  # as the command does
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_num_cpu_devices", CORES)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
