@@ -14,6 +14,8 @@ from pathlib import Path
 import jax
 import pytest
 
+from jaxfric.cache import whole_loops
+
 jax.config.update("jax_enable_x64", True)
 _LARGE, _MORE = 2.5e9, 1e9
 gc.disable()  # the heap of a worker is large: its collection took 6 % of the time
@@ -22,12 +24,10 @@ _QUICK_COMPILER = " ".join(
         "--xla_backend_optimization_level=1",
         "--xla_cpu_use_fusion_emitters=false",
         "--xla_cpu_parallel_codegen_split_count=1",
-        "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=134217728",
     )
 )
 """Half of what the tests do is trace and compile; so it takes half the time, and rounds otherwise.
-With XLA_FLAGS set, if only to nothing, they run what a user runs. The last one is what the command
-would ask for: asked for later, it names all that is compiled anew."""
+With XLA_FLAGS set, if only to nothing, they run what a user runs."""
 
 
 def pytest_configure(config):
@@ -41,6 +41,7 @@ def pytest_configure(config):
             os.environ.setdefault(threads, "1")
     if "XLA_FLAGS" not in os.environ and _known(_QUICK_COMPILER, config):
         os.environ["XLA_FLAGS"] = _QUICK_COMPILER  # workers and commands of tests inherit it
+        whole_loops()  # as the command: asked for later, it names all that is compiled anew
         os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "true"
         jax.config.update("jax_disable_most_optimizations", True)
     own = Path(config.rootpath) / ".pytest_cache" / "jax"

@@ -120,13 +120,7 @@ def _critical_of_samples(
     model: Model, vectors: Float[Array, "n p"], V0: Float[Array, ""], K: Float[Array, ""]
 ) -> Float[Array, " n"]:
     """Critical stiffness of each row of parameters, in the order of `model.names()`."""
-
-    def one(vector: Float[Array, " p"]) -> Float[Array, ""]:
-        law = build_rig(model, vector, V0, K).friction
-        assert isinstance(law, AbstractRateState)
-        return _critical(law)
-
-    return jax.lax.map(one, vectors, batch_size=_AT_ONCE)
+    return jax.lax.map(lambda row: _critical_at(model, row, V0, K), vectors, batch_size=_AT_ONCE)
 
 
 def samples_of(fit: Estimated, names: tuple[str, ...], number: int = SAMPLES) -> np.ndarray:

@@ -37,7 +37,7 @@ from .noise import (
     moves_of,
 )
 from .noise_spectrum import gains_of_parts, spectrum
-from .padding import counted_rows, padded_columns
+from .padding import WIDE, counted_rows, padded_columns
 
 LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
@@ -199,7 +199,7 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
 
 def _white(record: NoiseRows) -> Found:
     """White noise with its restricted likelihood."""
-    columns = padded_columns(record.columns, size=48)
+    columns = padded_columns(record.columns, size=WIDE)
     value, sigma = map(float, restricted_white(record.weight, columns, record.scale))
     nothing = np.zeros(0)
     return Found(noise_at(record, Family(), nothing, sigma, value), Family(), nothing, value)

@@ -16,6 +16,10 @@ def bucket(n: int, smallest: int) -> int:
     return size
 
 
+WIDE = 48
+"""Columns of a pass that is asked rarely: a multiple of so many, so that fewer are compiled."""
+
+
 def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[np.ndarray, "n m"]:
     """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
     more = -columns.shape[1] % size

@@ -10,6 +10,7 @@ of their standard error, each held by one more residual.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import equinox as eqx
@@ -142,10 +143,10 @@ class Problem(AbstractProblem):
 
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """Time of the step of every shift, and by how much the load point trails after it."""
-        times, velocities = np.asarray(self.motion.times), np.asarray(self.motion.velocities)
-        shifted = np.asarray(self.shifted)
-        jump = velocities[shifted] - velocities[shifted - 1]
-        return times[shifted], jump * np.asarray(self.shift_scale)
+        here = self.on_host()
+        V, shifted = here.motion.velocities, here.shifted
+        trails = (V[shifted] - V[shifted - 1]) * here.shift_scale
+        return np.asarray(here.motion.times[shifted]), np.asarray(trails)
 
     def _delays(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         shift = self.shift_scale * z[len(self.model.names()) :]
@@ -172,8 +173,8 @@ class Problem(AbstractProblem):
         At the largest commanded speed it carries `strength` force scales: little to a slider
         in steady motion, decisive at 1/strength times that speed.
         """
-        fastest = np.abs(np.asarray(self.motion.velocities)).max()
-        dashpot = jax.device_put(np.asarray(strength * np.asarray(self.force_scale) / fastest))
+        here = self.on_host()
+        dashpot = jax.device_put(strength * here.force_scale / here.motion.largest_speed())
         return eqx.tree_at(lambda p: p.damping, self, dashpot, is_leaf=lambda x: x is None)
 
     def heavier(self, factor: int) -> "Problem":
@@ -266,6 +267,11 @@ def residual_and_jacobian(
 def to_free(problem: AbstractProblem, values: Float[Array, "s p"]) -> Float[Array, "s q"]:
     """Unbounded variables of several rows of natural values."""
     return jax.vmap(problem.to_free)(values)
+
+
+def free_of(problem: AbstractProblem, values: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Unbounded variables (q,) of one row of natural values (p,)."""
+    return np.array(to_free(problem, jax.device_put(np.asarray(values, float)[None])))[0]
 
 
 @traced

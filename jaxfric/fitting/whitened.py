@@ -7,9 +7,9 @@ from ..traced import traced
 from .noise import Noise, Numbers, innovations
 from .padding import padded_columns
 
-_WIDTHS = (8, 64)
+_FEW, _MANY = 8, 64
 _LONG = 1 << 16
-"""Rows from which on memory counts: eight columns at a time."""
+"""Rows from which on memory counts: few columns at a time."""
 
 _innovations = traced(innovations)
 
@@ -18,7 +18,7 @@ def innovations_of(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], column: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, float]:
     """`fitting.noise.innovations` of one column (n,), compiled as for eight."""
-    white, size = _innovations(clock, weight, padded_columns(column[:, None]), noise)
+    white, size = _innovations(clock, weight, padded_columns(column[:, None], size=_FEW), noise)
     return np.asarray(white)[:, 0], float(size)
 
 
@@ -29,8 +29,7 @@ def whitened(
     if not np.any(noise.share):  # white: nothing to filter
         size = np.broadcast_to(noise.sigma * np.asarray(noise.scale), len(columns))
         return columns * (np.asarray(weight) > 0)[:, None] / size[:, None]
-    widths = _WIDTHS[:1] if len(columns) > _LONG else _WIDTHS
-    wide = next((x for x in widths if columns.shape[1] <= x), widths[-1])
+    wide = _FEW if columns.shape[1] <= _FEW or len(columns) > _LONG else _MANY
     parts = []
     for begin in range(0, columns.shape[1], wide):
         part = columns[:, begin : begin + wide]

@@ -6,11 +6,10 @@ are known as soon as the record is read. Neither needs the base fit, but for num
 
 from collections.abc import Callable, Mapping
 
-import jax
 import numpy as np
 
 from ..fitting.fit import require_float64
-from ..fitting.problem import Problem, to_free
+from ..fitting.problem import Problem, free_of
 from ..records import Record, VelocitySteps
 from ..threads import beside
 from ..traced import keeping
@@ -44,7 +43,7 @@ def compile_ahead(
         natural = [*(values.get(name, 0.0) for name in model.base.names()), *model.nulls()]
         if compiled(engine, np.zeros(len(natural) + len(problem.hold))):
             return
-        z = np.array(to_free(problem, jax.device_put(np.asarray([natural]))))[0]
+        z = free_of(problem, natural)
         scales = scales_of(record, steps, values["L"])
         beside(lambda: engine.shapes(engine, z, engine.addable(()), scales))
         engine.evaluate(z, engine.free(()))

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..fitting.noise_search import products
-from ..fitting.padding import counted_rows
+from ..fitting.padding import WIDE, counted_rows
 from ..threads import side_by_side
 
 _AT_ONCE = 4
@@ -91,7 +91,7 @@ def evidence(
     `noises` are shares (g, 2), rates (g, 2, k) and betas (g,), all with one `scale` of every row.
     """
     n, m = columns.shape
-    pad = -(m + 2) % 48  # few shapes are compiled
+    pad = -(m + 2) % WIDE
     parts = [residual[:, None], columns, np.zeros((n, pad)), np.ones((n, 1))]
     every = np.ones(n) if scale is None else scale
     rows = counted_rows(clock, weight, np.concatenate(parts, axis=1), every)

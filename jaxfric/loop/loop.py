@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import jax
 import numpy as np
 
 from ..effects import CATALOGUE, AbstractEffect, effect_of, ids_of
@@ -13,7 +12,7 @@ from ..errors import InputError
 from ..fitting import fit
 from ..fitting.fit import few_rows, stated_stiffness, steps_of
 from ..fitting.padding import bucket
-from ..fitting.problem import Problem, to_free
+from ..fitting.problem import Problem, free_of
 from ..fitting.start import noise_from_differences
 from ..laws.registry import refuse_unknown_law
 from ..records import Record, VelocitySteps
@@ -141,7 +140,7 @@ class SliderBench(AbstractSliderBench):
         """The base fit; step times from those that the load point shows."""
         values, steps = self.base_fit.values(), self.found_steps
         natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        z = np.array(to_free(engine.problem, jax.device_put(np.asarray(natural)[None])))[0]
+        z = free_of(engine.problem, natural)
         if steps.time_errors is None:
             return z
         for index in engine.shifts:

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows
 from ..fitting.padding import bucket
-from ..fitting.problem import Problem, to_free
+from ..fitting.problem import Problem, free_of
 from ..fitting.result import tidy_unit
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
@@ -210,7 +210,7 @@ class RunBench(AbstractSliderBench):
         values = dict(self.base_fit.values())
         values.update({f"level{k + 2}": v for k, v in enumerate(self.levels[1:])})
         natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        return np.array(to_free(engine.problem, jax.device_put(np.asarray(natural)[None])))[0]
+        return free_of(engine.problem, natural)
 
     def again(self, asked: Offered) -> "RunBench | None":
         """The same run with other steps and holds held out; None where there are too few."""

@@ -8,7 +8,7 @@ import numpy as np
 from ..effects import effect_of
 from ..fitting.noise import Noise, sandwich
 from ..fitting.noise_search import Found
-from ..fitting.padding import padded_columns
+from ..fitting.padding import WIDE, padded_columns
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows
 from .family import CurveFamily, listed
@@ -113,7 +113,7 @@ def _level(
     left = residual * mask
     left = left - smooth @ (smooth.T @ left)
     alone = noise._replace(sigma=np.ones(()))
-    taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth, size=48), alone))
+    taken = np.asarray(sandwich(engine.problem.clock, padded_columns(smooth, size=WIDE), alone))
     whole = float(np.sum((mask * np.asarray(noise.scale)) ** 2))
     share = whole - float(np.trace(taken))
     return float(np.sqrt(left @ left / share * whole / mask.sum()))

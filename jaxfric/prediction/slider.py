@@ -21,7 +21,7 @@ from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import sandwich
 from ..fitting.noise_search import estimate_noise, noise_rows
 from ..fitting.padding import bucket
-from ..fitting.problem import FAILED_MISFIT, Model, Problem, residual_and_jacobian, to_free
+from ..fitting.problem import FAILED_MISFIT, Model, Problem, free_of, residual_and_jacobian
 from ..fitting.result import unit_of
 from ..fitting.start import noise_from_differences
 from ..fitting.uncertainty import spread_of
@@ -181,8 +181,7 @@ def _start(setting: _SliderSetting, name: str) -> np.ndarray:
     if isinstance(model, EncompassingModel):
         nulls = zip(model.names()[len(model.base.names()) :], model.nulls(), strict=True)
         values = {**dict(nulls), **values}
-    natural = jnp.asarray([values[n] for n in model.names()])
-    return np.array(to_free(setting.problem, natural[None]))[0]
+    return free_of(setting.problem, [values[n] for n in model.names()])
 
 
 def _fitted(setting: _SliderSetting, name: str) -> tuple[str, ...]:

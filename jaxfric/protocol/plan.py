@@ -28,8 +28,8 @@ from ..fitting.problem import (
     Problem,
     ProblemSizes,
     build_rig,
+    free_of,
     make_problem,
-    to_free,
 )
 from ..fitting.result import critical_stiffness_of, tidy_unit
 from ..laws.registry import count_states, refuse_unknown_law, refuse_untaken, takes
@@ -418,7 +418,7 @@ def _look(setup: _Setup, variant: _Variant) -> Design | None:
     natural = [setup.values[name] for name in setup.model.names()]
     names = engine.names[len(natural) :]
     natural += [setup.values.get(n, v) for n, v in zip(names, engine.model.nulls(), strict=True)]
-    z = np.asarray(to_free(problem, jnp.asarray(natural, float)[None]))[0]
+    z = free_of(problem, natural)
     rows = engine.rows
     current = Candidate((), z, np.zeros(rows), engine.white, 0.0, {}, True, False)
     seen = sensitivities(engine, current, _scales(setup, variant))
