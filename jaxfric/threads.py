@@ -1,4 +1,5 @@
-"""Work done on several threads: while JAX computes, Python is free for the next."""
+"""How much is done at once: on several threads, since Python is free while JAX computes, and on a
+GPU."""
 
 import contextlib
 import os
@@ -10,6 +11,7 @@ from typing import NoReturn, TypeVar
 
 T = TypeVar("T")
 _MOST = 8
+_OF_A_GPU = 128
 _own = threading.local()
 """Of a thread that `side_by_side` began: `end`, an event that is set when its work is of no use."""
 
@@ -22,6 +24,14 @@ def cores() -> int:
     """Number of threads that are worth it: `NPROC`, as XLA has it, or that of the cores; each has
     memory of its own, so they are not many."""
     return min(int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1, _MOST)
+
+
+def at_once(number: int) -> int:
+    """How many to compute together where the cache of a processor holds `number`: more on a GPU,
+    whose loop over few takes as long as over many."""
+    import jax
+
+    return number if jax.default_backend() == "cpu" else _OF_A_GPU * number
 
 
 def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:

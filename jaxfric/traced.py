@@ -155,7 +155,8 @@ class Traced(Generic[P, R]):
             return tuple(jax.tree.leaves(found))
 
         try:
-            exported = jax.export.export(jax.jit(flat), disabled_checks=_CHECKED)(*leaves)
+            how = {"platforms": (_platform(),), "disabled_checks": _CHECKED}
+            exported = jax.export.export(jax.jit(flat), **how)(*leaves)
             blob = pickle.dumps((seen[0], bytes(exported.serialize())), protocol=4)
         except Exception:  # not all that can be compiled can be exported
             return None
@@ -226,7 +227,14 @@ def _write(file: Path, blob: bytes) -> None:
 
 
 def _settings() -> tuple:
-    return (jax.default_backend(), *(getattr(jax.config, name, None) for name in _SETTINGS))
+    return (_platform(), *(getattr(jax.config, name, None) for name in _SETTINGS))
+
+
+def _platform() -> str:
+    """The platform of the device that `jax.default_device` names, or of JAX."""
+    device = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+    on_processor = getattr(device, "platform", device) == "cpu"
+    return "cpu" if on_processor else jax.export.default_export_platform()
 
 
 @functools.cache

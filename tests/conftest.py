@@ -19,10 +19,11 @@ from jaxfric.cache import whole_loops
 jax.config.update("jax_enable_x64", True)
 _LARGE, _MORE = 2.5e9, 1e9
 gc.disable()  # the heap of a worker is large: its collection took 6 % of the time
+_BY_FUSION_ALWAYS = tuple(map(int, version("jaxlib").split(".")[:2])) >= (0, 12)
 _QUICK_COMPILER = " ".join(
     (
         "--xla_backend_optimization_level=1",
-        "--xla_cpu_use_fusion_emitters=false",
+        *(() if _BY_FUSION_ALWAYS else ("--xla_cpu_use_fusion_emitters=false",)),
         "--xla_cpu_parallel_codegen_split_count=1",
     )
 )

@@ -90,12 +90,21 @@ def flipped(flip: Sequence[str] | None) -> str | Literal[False]:
     return flip[0] if len(set(flip)) == 1 else "both"
 
 
-def prepare_jax() -> None:
+def prepare_jax(*, gpu: bool = False) -> None:
     """64-bit numbers, loops compiled whole, and a compilation cache in the user's cache folder if
-    there can be one."""
+    there can be one.
+
+    On the processor, but for who sets JAX_PLATFORMS: a record asks for many small things in turn,
+    which take a GPU ten times as long. With `gpu` JAX takes one where there is one.
+    """
     doing("loading JAX")
     _keep_freed_memory()
+    if not gpu:
+        os.environ.setdefault("JAX_PLATFORMS", "cpu")
     import jax
+
+    if not gpu and jax.config.jax_platforms is None:  # pyright: ignore
+        jax.config.update("jax_platforms", os.environ["JAX_PLATFORMS"])
 
     from ..cache import cache_compiled, whole_loops
 

@@ -94,7 +94,7 @@ def study(
             raise InputError("--scheduler and --scheduler-file exclude each other; give one")
         scheduler = _address(scheduler_file)
     _use_all_cores()
-    prepare_jax()
+    prepare_jax(gpu=True)
     from ..members import run_study
 
     begun = time.monotonic()

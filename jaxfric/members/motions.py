@@ -22,6 +22,7 @@ from ..simulation import ensemble, step_start
 from ..simulation.start import regularised
 from ..stability.margins import poles
 from ..study import Axis, Output
+from ..threads import at_once
 from . import ends as streaming
 from .parameters import number, rate_state, read_value
 from .sliders import Parameters, Sliders, sliders_of, streamed
@@ -167,13 +168,16 @@ class Motions:
             return followed(p, self.max_steps)
         first = followed(p, _FEW_STEPS)
         lacks = first["end"] == streaming.FAILED
-        order = jnp.pad(jnp.argsort(~lacks), (0, -len(lacks) % _AGAIN), mode="edge")
+        those_at_once = at_once(_AGAIN)
+        order = jnp.pad(jnp.argsort(~lacks), (0, -len(lacks) % those_at_once), mode="edge")
 
         def again(state: tuple[Array, dict[str, Array]]) -> tuple[Array, dict[str, Array]]:
             begin, found = state
-            those = jax.lax.dynamic_slice(order, (begin,), (_AGAIN,))
+            those = jax.lax.dynamic_slice(order, (begin,), (those_at_once,))
             more = followed({name: x[those] for name, x in p.items()}, self.max_steps)
-            return begin + _AGAIN, {name: x.at[those].set(more[name]) for name, x in found.items()}
+            return begin + those_at_once, {
+                name: x.at[those].set(more[name]) for name, x in found.items()
+            }
 
         count = jnp.sum(lacks)
         return jax.lax.while_loop(lambda s: s[0] < count, again, (jnp.zeros_like(count), first))[1]

@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ..threads import at_once
+
 T = TypeVar("T", bound=PyTree)
 
 _ROWS = 256
@@ -18,14 +20,14 @@ def in_blocks(one: Callable[..., T], *rows: PyTree) -> T:
 
     Over a whole record, every operation with many derivatives would fetch its numbers from memory.
     """
-    n = jax.tree.leaves(rows)[0].shape[0]
-    if n <= _ROWS:
+    n, each = jax.tree.leaves(rows)[0].shape[0], at_once(_ROWS)
+    if n <= each:
         return jax.vmap(one)(*rows)
-    blocks = -(-n // _ROWS)
+    blocks = -(-n // each)
 
     def folded(x: jax.Array) -> jax.Array:
-        more = [(0, blocks * _ROWS - n), *[(0, 0)] * (x.ndim - 1)]
-        return jnp.pad(x, more, mode="edge").reshape(blocks, _ROWS, *x.shape[1:])
+        more = [(0, blocks * each - n), *[(0, 0)] * (x.ndim - 1)]
+        return jnp.pad(x, more, mode="edge").reshape(blocks, each, *x.shape[1:])
 
     found = jax.lax.map(lambda block: jax.vmap(one)(*block), jax.tree.map(folded, rows))
-    return jax.tree.map(lambda x: x.reshape(blocks * _ROWS, *x.shape[2:])[:n], found)
+    return jax.tree.map(lambda x: x.reshape(blocks * each, *x.shape[2:])[:n], found)

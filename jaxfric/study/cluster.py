@@ -56,7 +56,8 @@ def local_processes(number: int) -> "Iterator[Client]":
     import jax
     from distributed import LocalCluster
 
-    environment = {"JAX_NUM_CPU_DEVICES": "1"}
+    on = os.environ.get("JAX_PLATFORMS", "cpu")  # they would share one GPU
+    environment = {"JAX_NUM_CPU_DEVICES": "1", "JAX_PLATFORMS": on}
     folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     if folder:
         environment["JAX_COMPILATION_CACHE_DIR"] = str(folder)

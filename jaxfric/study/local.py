@@ -2,8 +2,9 @@
 
 A block is filled up to one fixed size, so that one compilation serves the whole study. Its members
 are sorted by what they will cost, where that can be told, dealt to the devices in turn,
-and each device takes them `batch` at a time. Every device runs loops of its own (`shard_map`): with
-`vmap` over everything, and shared loops, the slowest member of all would hold every other.
+and each device takes them `batch` at a time, a GPU more. Every device runs loops of its own
+(`shard_map`): with `vmap` over everything, and shared loops, the slowest member of all would hold
+every other.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
+from ..threads import at_once
 from .function import OUTCOME, OUTCOMES, Computed, Function, Output, Task, check_outputs
 from .grid import Axis, Grid
 
@@ -68,7 +70,7 @@ def _whole(task: Task) -> int:
 
 
 def _batch(task: Task) -> int:
-    return max(min(task.batch, -(-task.blocks.largest // len(jax.devices()))), 1)
+    return max(min(at_once(task.batch), -(-task.blocks.largest // len(jax.devices()))), 1)
 
 
 def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], Arrays]:
