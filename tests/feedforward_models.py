@@ -12,6 +12,7 @@ FOUND = {
     "stribeck": {"fs": 3.0, "vs": 0.02, "n": 1.3},
     "log_viscous": {"c": 1.2, "v_c": 0.004},
     "rate_and_state": {"A": 0.4, "B": 0.9, "L": 1e-3, "v_c": 0.003},
+    "gravity": {"a": 5.0, "b": -2.0},
     "position_dependence": {"k": 7.0, "m": 3.0},
     "position_periodic": {"c": 0.3, "s": 0.4, "wavelength": 5e-3},
     "presliding": {"a": 9.0, "sigma_1": 20.0, "x_c": 1e-4},
@@ -76,6 +77,7 @@ def by_hand(p: dict, v: float, fade: float, q: float = 0.0, a: float = 0.0) -> f
     level += p.get("position_dependence.m", 0.0) * q
     force = p["M"] * a + p["F_v"] * v + p["F_0"] + p.get("cubic.c", 0.0) * v**3
     force += p.get("position_dependence.k", 0.0) * q
+    force += p.get("gravity.a", 0.0) * np.sin(q) + p.get("gravity.b", 0.0) * np.cos(q)
     if "position_periodic.c" in p:
         phase = 2 * np.pi * q / p["position_periodic.wavelength"]
         force += p["position_periodic.c"] * np.cos(phase) + p["position_periodic.s"] * np.sin(phase)

@@ -219,6 +219,7 @@ FOUND = {
     "presliding": {"a": 5.0, "sigma_1": 900.0, "x_c": 2e-5},
     "direction_asymmetry": {"d": 40.0},
     "position_periodic": {"c": 0.3, "s": 0.4, "wavelength": 5e-3},
+    "gravity": {"a": 3.0, "b": 4.0},
     "position_dependence": {"k": 20.0, "m": 50.0},
     "time_drift": {"r": 0.1, "s": 0.1},
     "servo_lag": {"tau": 1e-3},
@@ -342,18 +343,20 @@ def test_samples_of_the_law_of_a_loop(tmp_path):
 
 
 def test_what_is_left_out_of_the_law_of_a_loop(tmp_path):
-    left = ("position_periodic", "position_dependence", "time_drift", "servo_lag", "sensor_lag")
+    left = ("position_periodic", "position_dependence", "gravity", "time_drift", "servo_lag")
+    late = ("sensor_lag", "sensor_delay")
     open_ = {"claim": "open", "sentence": "Nothing is said of stability: it stuck."}
     found = axis_source(
-        tmp_path, *left, "sensor_delay", verdict="outside_catalogue", warnings=["A is odd"],
+        tmp_path, *left, *late, verdict="outside_catalogue", warnings=["A is odd"],
         axis={"gains": open_},
     )  # fmt: skip
     warned, verdict, claim, *lines = found.warnings
     assert warned == "the loop warned: A is odd" and "does not describe the record" in verdict
     assert claim.endswith(open_["sentence"])
-    assert [line.split()[0] for line in lines] == [*left, "sensor_delay"]
+    assert [line.split()[0] for line in lines] == [*left, *late]
     assert f"add {2 * np.pi * 0.5 / 5e-3:.3g} N/m to k_p" in lines[0]
     assert "add 30 N/m to k_p" in lines[1]  # 20 - 50
+    assert "add 5 N/m to k_p" in lines[2]
     plain = steady_face(axis_source(tmp_path).law, 5e-3)
     assert steady_face(found.law, 5e-3) == pytest.approx(plain, rel=1e-12)
 

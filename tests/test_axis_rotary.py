@@ -5,21 +5,26 @@ The record is a motion in closed form and the torque that it takes, noise added.
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command import run, written
 
 from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
+from jaxfric.effects import RecordScales
+from jaxfric.errors import InputError
+from jaxfric.loop.axis.loop import _seen_by
+from jaxfric.loop.driver import Offered
 from jaxfric.plot.loop import DRAWERS
 
 OFFERED = {"cubic", "log_viscous"}
 TRUTH = {"M": 0.05, "F_v": 0.04, "F_c": 0.3, "F_0": 0.02}
 
 
-def rotary_text(rows=900, noise=5e-3, cubic=0.03, thinning=0.0) -> str:
+def rotary_text(rows=900, noise=5e-3, cubic=0.03, thinning=0.0, weight=0.0) -> str:
     """A joint of 0.05 kg m^2 that moves back and forth: 50 Hz, deg and mN m; `thinning` is c of
-    c ln(1 + |v|/(0.2 rad/s)) sgn v."""
+    c ln(1 + |v|/(0.2 rad/s)) sgn v, `weight` the torque of a load that hangs down at 0.4 rad."""
     random = np.random.default_rng(5)
     t = np.arange(rows) / 50
     w, slow = 2 * np.pi * 0.4, 2 * np.pi * 0.045
@@ -28,7 +33,7 @@ def rotary_text(rows=900, noise=5e-3, cubic=0.03, thinning=0.0) -> str:
     a = np.gradient(v, t)
     torque = 0.05 * a + 0.04 * v + 0.3 * np.sign(v) + 0.02 + cubic * v**3
     torque += thinning * np.sign(v) * np.log(1 + np.abs(v) / 0.2)
-    torque += noise * random.standard_normal(rows)
+    torque += weight * np.sin(q - 0.4) + noise * random.standard_normal(rows)
     lines = ["time [s],position [deg],motor_torque [mN m]"]
     both = zip(t, np.degrees(q), 1e3 * torque, strict=True)
     lines += [f"{x:.3f},{y:.6f},{z:.4f}" for x, y, z in both]
@@ -95,3 +100,50 @@ def test_friction_that_grows_with_the_logarithm_of_speed_is_named(tmp_path):
     assert "a line in ln V" not in loop.families[0].fitting
     assert any(one.velocity > 3.0 for one in loop.families[0].decided_by)
     assert " rad/s" in loop.sentence and "um/s" not in loop.sentence
+
+
+def test_the_weight_of_a_joint_is_named(tmp_path):
+    """Not a spring along the travel, which is offered too; its inertia, which the base loses, is
+    found again."""
+    path = tmp_path / "arm.csv"
+    written(path, rotary_text(cubic=0.0, weight=1.5))
+    offered = {"gravity", "position_dependence"}
+    loop = close_axis_loop(path, without=sorted(set(AXIS_CATALOGUE) - offered))
+    assert loop.effects == ("gravity",), (loop.verdict, loop.sentence)
+    wanted = {"M": 0.05, "F_c": 0.3, "F_v": 0.04}
+    wanted |= {"gravity.a": 1.5 * np.cos(0.4), "gravity.b": -1.5 * np.sin(0.4)}
+    for name, value in wanted.items():
+        found = loop.after.parameters[name]
+        assert abs(found.value - value) < 4 * found.std < 0.4 * abs(value), name
+    assert loop.after.parameters["gravity.a"].unit == "N m"
+    assert loop.before.parameters["M"].value < 1e-3  # without the weight it would be negative
+
+
+@pytest.mark.parametrize(("coordinate", "found"), [("rotary", True), ("linear", False)])
+def test_a_weight_is_offered_to_rotary_axes(coordinate, found):
+    record = SimpleNamespace(coordinate=coordinate)
+    asked = Offered(tuple(AXIS_CATALOGUE.values()), (), (), 8)
+    seen = {effect.id for effect in _seen_by(record, asked)}  # pyright: ignore
+    assert seen == set(AXIS_CATALOGUE) - (set() if found else {"gravity"})
+
+
+def test_a_weight_that_a_linear_axis_is_told_to_have_is_refused():
+    record = SimpleNamespace(coordinate="linear", provenance=SimpleNamespace(path="slide.csv"))
+    asked = Offered(tuple(AXIS_CATALOGUE.values()), ("gravity",), (), 8)
+    with pytest.raises(InputError, match=r"slide.csv: effect gravity is of a rotary axis"):
+        _seen_by(record, asked)  # pyright: ignore
+
+
+def test_no_ripple_is_looked_for_that_no_record_fixes():
+    """`loop.fixed` refuses lengths beyond twice the travel."""
+    scales = RecordScales(1e-3, 0.01, 0.7, 0.01, 1.0, 1e-3, 60.0)
+    lengths = AXIS_CATALOGUE["position_periodic"]().grid(scales)["wavelength"]
+    assert max(lengths) == pytest.approx(2 * 0.7)
+    assert min(lengths) > 0.01
+
+
+def test_a_weight_is_softest_where_it_is_highest():
+    arm = AXIS_CATALOGUE["gravity"](3.0, 4.0)
+    q = np.linspace(0, 2 * np.pi, 100001)
+    slope = np.gradient(3.0 * np.sin(q) + 4.0 * np.cos(q), q)
+    assert float(arm.softest_spring()) == pytest.approx(slope.min(), rel=1e-6)

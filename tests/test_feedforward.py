@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[1]
 STEADY = ROOT / "fits" / "screwdrive1" / "loop" / "steady.json"
 EMPS = ROOT / "fits" / "emps" / "loop" / "loop.json"
 CURVES = ("direction_asymmetry", "cubic", "stribeck", "log_viscous", "rate_and_state")
-PLACES = ("position_dependence", "position_periodic")
+PLACES = ("gravity", "position_dependence", "position_periodic")
 OTHERS = ("time_drift", "presliding", "servo_lag", "sensor_delay")
 MODELS = [(), *((e,) for e in (*CURVES, *PLACES)), (*CURVES, *PLACES, *OTHERS)]
 SPEEDS = [0.0, 1e-5, -3e-4, 0.004, -0.02, 0.15, -0.4]
@@ -70,7 +70,7 @@ def test_the_c_source_is_the_equations_of_the_effects(effects, tmp_path):
     p, fade = parameters(path), found.fade.speed
     place = any(e in effects for e in PLACES)
     middle = 0.05 if "position_dependence" in effects else 0.0
-    static = {n: x for n, x in p.items() if not n.startswith("position_periodic")}
+    static = {n: x for n, x in p.items() if not n.startswith(("position_periodic", "gravity"))}
     for v in SPEEDS:
         told = called(library, "screw_2_friction", v)
         assert told == pytest.approx(by_hand(static, v, fade, middle), rel=1e-12, abs=1e-13)
@@ -732,7 +732,7 @@ def test_the_shipped_loop_of_a_measured_axis(old, slowest, tmp_path):
     assert any("older version" in line for line in found.warnings) == old
     assert (found.about.damping is None) == old
     p = parameters(EMPS)
-    static = {n: x for n, x in p.items() if not n.startswith("position_periodic")}
+    static = {n: x for n, x in p.items() if not n.startswith(("position_periodic", "gravity"))}
     width = json.loads(EMPS.read_text())["axis"]["width"]
     static["log_viscous.v_c"] = width  # its bend is no less
     told = by_hand(static, 0.1, found.fade.speed, found.about.middle)

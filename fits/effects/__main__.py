@@ -19,6 +19,7 @@ import numpy as np
 
 from jaxfric import cache_compiled
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, AbstractEffect
+from jaxfric.effects.axis import ANGLE
 
 from .rigs import AxisStrokes, SliderSteps
 
@@ -76,7 +77,9 @@ def main(out: Path, ids: list[str]) -> None:
     jax.config.update("jax_enable_x64", True)
     cache_compiled()
     pictures(out / "slider", SliderSteps(), CATALOGUE, lambda id: not ids or id in ids)
-    pictures(out / "axis", AxisStrokes(), AXIS_CATALOGUE, lambda id: not ids or id in ids)
+    for turns in (False, True):
+        some = {i: e for i, e in AXIS_CATALOGUE.items() if (e.channel == ANGLE) == turns}
+        pictures(out / "axis", AxisStrokes(turns=turns), some, lambda id: not ids or id in ids)
 
 
 if __name__ == "__main__":

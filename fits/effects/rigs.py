@@ -82,19 +82,21 @@ class SliderSteps:
 
 
 class AxisStrokes:
-    """A mass that goes to and fro at four speeds, against Coulomb and viscous friction."""
+    """A mass that goes to and fro at four speeds, against Coulomb and viscous friction; or a joint
+    that turns by two radians."""
 
-    label = "distance travelled [mm]; above: the speed of the stroke [mm/s]"
     speeds = (0.01, 0.04, 0.1, 0.2)
     travel = 0.1
 
-    def __init__(self) -> None:
+    def __init__(self, *, turns: bool = False) -> None:
         step = 2e-3
+        size, shown, unit = (20.0, 1.0, "rad") if turns else (1.0, 1e3, "mm")
+        self.label = f"distance travelled [{unit}]; above: the speed of the stroke [{unit}/s]"
         strokes, marks, gone = [], [], 0.0
         for speed in self.speeds:
             for way in (1, -1):
-                marks.append((1e3 * gone, f"{way * speed * 1e3:g}"))
-                strokes.append(way * self._stroke(speed, step))
+                marks.append((shown * gone, f"{way * speed * size * shown:g}"))
+                strokes.append(way * size * self._stroke(speed, step))
                 gone += float(np.sum(np.abs(strokes[-1]))) * step
         velocity = np.concatenate(strokes)
         time = step * np.arange(len(velocity))
@@ -104,8 +106,8 @@ class AxisStrokes:
         columns = (time, position, velocity, acceleration, path)
         self.motion = MeasuredMotion(*(jnp.asarray(column) for column in columns))
         self.rig = AxisRig(95.0, 200.0, 20.0, -3.0, width=5e-4, reach=2e-5)
-        self.moves = np.abs(velocity) > 2e-3
-        self.along = 1e3 * path[self.moves]
+        self.moves = np.abs(velocity) > 2e-3 * size
+        self.along = shown * path[self.moves]
         self.marks = marks
 
     def _stroke(self, speed: float, step: float) -> np.ndarray:

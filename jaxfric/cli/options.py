@@ -150,8 +150,9 @@ EFFECTS = (
 )
 """The ids of the catalogue, written here too so that --help need not load it."""
 AXIS_EFFECTS = (
-    "direction_asymmetry, cubic, stribeck, log_viscous, position_periodic, position_dependence, "
-    "time_drift, presliding, rate_and_state, servo_lag, sensor_lag, sensor_delay"
+    "direction_asymmetry, cubic, stribeck, log_viscous, gravity, position_periodic, "
+    "position_dependence, time_drift, presliding, rate_and_state, servo_lag, sensor_lag, "
+    "sensor_delay"
 )
 """Ids of the effects of an axis."""
 STEADY_EFFECTS = "direction_asymmetry, stribeck, cubic"

@@ -31,7 +31,8 @@ def c_code(
     """The source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
 
     It needs math.h alone. Where friction depends on the position, NAME_feedforward(q, v, a) has it
-    as its first argument, and NAME_friction is of the middle of the travel, without ripples.
+    as its first argument, and NAME_friction is of the middle of the travel, without ripples and
+    weight.
 
     Parameters
     ----------

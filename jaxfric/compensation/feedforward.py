@@ -33,7 +33,7 @@ def feedforward(
         u = M a + F_v v + F_0 + terms(q, v) + s(v) [F_c + level(q, v)],    s(v) = tanh(v/v_f)
 
     q, v, a are position, velocity and acceleration of the reference. Terms are those of the effects
-    found: direction_asymmetry, cubic, stribeck, log_viscous, position_dependence,
+    found: direction_asymmetry, cubic, stribeck, log_viscous, gravity, position_dependence,
     position_periodic, and rate_and_state in steady motion. Not in it, and told in `left_out`, are
     time_drift, the apparatus (servo_lag, sensor_lag, sensor_delay) and presliding. Errors are by
     the covariance of the fit. How v_f is chosen: `jaxfric.compensation.fade`.

@@ -7,6 +7,7 @@ text, in LaTeX and in C; how numbers stand in them is for `formula` and `code`.
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from ..effects.axis import (
     AxisTimeDrift,
     Cubic,
     DirectionAsymmetry,
+    Gravity,
     LogViscous,
     PositionDependence,
     Presliding,
@@ -52,7 +54,7 @@ class Piece(NamedTuple):
     shapes: Mapping[str, float] = {}
     """Constants of the factor, by their name in C."""
     ripple: bool = False
-    """Whether it is a ripple, which the static map leaves out."""
+    """Whether it is a ripple or a weight, which the static map leaves out."""
 
 
 class Terms(NamedTuple):
@@ -77,15 +79,15 @@ def terms_of(about: Identified) -> Terms:
         if id in _LEFT_OUT:
             left_out.append(f"{id}: {_LEFT_OUT[id](about)}")
         elif id in _MADE:
-            pieces += _MADE[id](about)
-            inside.append(effect)
+            made = _MADE[id](about)
+            pieces += made
+            inside += [] if any(p.ripple for p in made) else [effect]
         else:
             raise InputError(
                 f"effect '{id}' of {about.source} has no formula to write; leave it out of the loop"
                 " (--without), and compensate what is left"
             )
-    effects = tuple(e for e in inside if e is not AxisPositionPeriodic)
-    return Terms(tuple(pieces), effects, tuple(left_out))
+    return Terms(tuple(pieces), tuple(inside), tuple(left_out))
 
 
 def _base(about: Identified) -> tuple[list[Piece], list[str]]:
@@ -176,6 +178,14 @@ def _position_periodic(about: Identified) -> list[Piece]:
     return found
 
 
+def _gravity(about: Identified) -> list[Piece]:
+    found = []
+    for name, function in (("a", "sin"), ("b", "cos")):
+        one = _piece(about, f"gravity.{name}", PLAIN, f"{function}(q)", f"{function}(q)")
+        found.append(one._replace(latex=rf"\{function} q", ripple=True))
+    return found
+
+
 def _drift(about: Identified) -> str:
     unit = about.unit("time_drift.r")
     r, s = about.values["time_drift.r"], about.values["time_drift.s"]
@@ -210,6 +220,7 @@ _MADE: dict[str, Callable[[Identified], Sequence[Piece]]] = {
     AxisStribeck.id: _stribeck,
     LogViscous.id: _log_viscous,
     RateAndState.id: _rate_and_state,
+    Gravity.id: _gravity,
     PositionDependence.id: _position_dependence,
     AxisPositionPeriodic.id: _position_periodic,
 }
@@ -223,8 +234,8 @@ _LEFT_OUT: dict[str, Callable[[Identified], str]] = {
 
 
 def uses_position(pieces: Sequence[Piece], *, ripple: bool = True) -> bool:
-    """Whether a term depends on the position, ripples apart unless `ripple`."""
-    return any(" q" in f" {p.code}" for p in pieces if ripple or not p.ripple)
+    """Whether a term depends on the position, ripples and weight apart unless `ripple`."""
+    return any(re.search(r"\bq\b", p.code) for p in pieces if ripple or not p.ripple)
 
 
 def shape_text(about: Identified, name: str) -> str:

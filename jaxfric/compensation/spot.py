@@ -31,8 +31,8 @@ class ForceAt(NamedTuple):
 class FrictionAt(NamedTuple):
     """Friction of the map at one speed. SI; forces in the unit of the feedforward.
 
-    As the table and NAME_friction in C have it: in the middle of the travel, without ripples, with
-    the fade of its sign.
+    As the table and NAME_friction in C have it: in the middle of the travel, without ripples and
+    weight, with the fade of its sign.
     """
 
     speed: float

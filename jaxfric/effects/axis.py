@@ -16,6 +16,8 @@ from ..rig.axis import AbstractAxisTerm, AxisPoint, AxisRig
 from ..rig.axis_state import AbstractAxisState, AxisRateState, Bristle
 from .effect import AbstractEffect, AbstractLinearEffect, AbstractPlaceEffect, RecordScales
 
+ANGLE = "angle"
+"""Channel that a rotary axis has, its position in radians."""
 _ALWAYS = np.asarray(True)
 _TINY = 1e-12
 
@@ -192,8 +194,8 @@ class _Ripple(AbstractAxisTerm):
 class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
     """+ c cos(2 pi q/wavelength) + s sin(...): the pitch of a screw, the teeth of a belt, cogging.
 
-    The pitch is looked for from twice the travel down to what the decimated rows resolve at the
-    median speed.
+    The pitch is looked for from twice the travel, beyond which no record fixes it, down to what the
+    decimated rows resolve at the median speed.
     """
 
     id: ClassVar[str] = "position_periodic"
@@ -222,8 +224,46 @@ class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
         shortest = max(scales.step_slip, travel / 500)
         # waves half a period apart over the travel differ
         number = 2 * int(np.ceil(2 * travel / shortest))
-        waves = np.arange(1, number + 1) / (2 * 2 * travel)
+        waves = np.arange(2, number + 1) / (2 * 2 * travel)
         return {"wavelength": tuple(1 / waves[waves * shortest < 1])}
+
+    def physical(self) -> Bool[Array, ""]:
+        return jax.device_put(_ALWAYS)
+
+
+class _Weight(AbstractAxisTerm):
+    a: Array
+    b: Array
+
+    def force(self, at: AxisPoint):
+        return self.a * jnp.sin(at.position) + self.b * jnp.cos(at.position)
+
+
+class Gravity(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig]):
+    """+ a sin q + b cos q, q in radians: m g l of what a joint carries, from any zero of its angle.
+
+    Of a joint's angle, so of rotary axes only; on the motor's side of a gear it has another period.
+    """
+
+    id: ClassVar[str] = "gravity"
+    room: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "+ a sin q + b cos q"
+    meaning: ClassVar[str] = (
+        "A torque goes with the sine of the angle: the weight of what a joint carries, or whatever "
+        "else comes once a turn."
+    )
+    confused_with: ClassVar[tuple[str, ...]] = ("position_dependence", "position_periodic")
+    separated_by: ClassVar[str] = "more of a turn, and another load"
+    channel: ClassVar[str | None] = ANGLE
+    a: Float[Array, ""] = quantity("a", "F", "torque of the weight with the sine", default=0.0)
+    b: Float[Array, ""] = quantity("b", "F", "torque of the weight with the cosine", default=0.0)
+
+    def embed(self, rig: AxisRig) -> AxisRig:
+        return _with(rig, _Weight(self.a, self.b))
+
+    def softest_spring(self) -> Float[Array, ""]:
+        """-sqrt(a^2 + b^2) per radian, where the weight is at its highest."""
+        return -jnp.hypot(self.a, self.b)
 
     def physical(self) -> Bool[Array, ""]:
         return jax.device_put(_ALWAYS)

@@ -91,6 +91,10 @@ class AbstractProblem(eqx.Module):
         """Time [s] of the step of every shift, and by how much [m] the load point trails after it
         where the shift is 1."""
 
+    @abc.abstractmethod
+    def begun(self, z: np.ndarray) -> np.ndarray:
+        """Where a fit begins that is to begin at `z`."""
+
     def on_host(self) -> Self:
         """A copy with NumPy arrays: for a few numbers of it, of which nothing is compiled then."""
         return jax.tree.map(np.asarray, self)

@@ -21,6 +21,9 @@ from .encompassing import EncompassingModel
 _SLOWEST = 0.02
 _SPEEDS, _NEGLIGIBLE = 12, 0.02
 _LAG = 1e-2
+_SHARES = (1e-3, 0.1)
+"""Shares of the force that a mass takes at its largest acceleration: it is lost below the first,
+and begun with the second."""
 
 
 class AxisProblem(AbstractProblem):
@@ -78,6 +81,19 @@ class AxisProblem(AbstractProblem):
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """None: an axis follows a reference, without steps of its own."""
         return np.zeros(0), np.zeros(0)
+
+    def begun(self, z: np.ndarray) -> np.ndarray:
+        """`z`, with a mass that counts.
+
+        A base that lacks a spring or a weight wants a mass below zero and loses the one it has;
+        force no longer depends on its logarithm then, and no effect would bring it back.
+        """
+        z, i = np.array(z), self.model.names().index("M")
+        about = self.on_host()
+        whole = about.sizes.force / max(float(np.max(np.abs(about.motion.acceleration))), 1e-300)
+        least, first = (self.model.quantity("M").to_free(whole * share) for share in _SHARES)
+        z[i] = first if z[i] < least else z[i]
+        return z
 
     def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
         """Motor force at the decimated rows. A derivative by one of the parameters is cheaper where

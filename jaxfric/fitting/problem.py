@@ -148,6 +148,10 @@ class Problem(AbstractProblem):
         trails = (V[shifted] - V[shifted - 1]) * here.shift_scale
         return np.asarray(here.motion.times[shifted]), np.asarray(trails)
 
+    def begun(self, z: np.ndarray) -> np.ndarray:
+        """`z` itself."""
+        return z
+
     def _delays(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
         shift = self.shift_scale * z[len(self.model.names()) :]
         return jnp.zeros_like(self.motion.times).at[self.shifted].add(shift)

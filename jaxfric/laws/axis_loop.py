@@ -5,9 +5,9 @@ the `AxisLaw` by which the axis' own gains are computed, with the parameters of 
 model. In the law are viscous and Coulomb friction, the offset, and the effects that are a curve of
 the velocity or a state. Not in it, each with a line that says so, are
 
-    position_periodic, position_dependence    springs beside k_p, as far as the axis stands still
-    time_drift                                what the record's time did
-    servo_lag, sensor_lag, sensor_delay       the apparatus; the law was fitted together with it
+    gravity, position_periodic, position_dependence    springs beside k_p, as far as it stands still
+    time_drift                                         what the record's time did
+    servo_lag, sensor_lag, sensor_delay    the apparatus; the law was fitted together with it
 
 Friction without rate_and_state has no memory about steady motion, where a bristle stays bent: no
 stiffness is critical then, and the file itself says what damping it asks for.

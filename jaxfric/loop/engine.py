@@ -501,7 +501,7 @@ class Engine(Generic[P]):
         error is worth. Most candidates are wrong, and wander along valleys.
         """
         tolerance = _EXACT if exact else _ROUGH
-        index = self.free(effects)
+        index, z = self.free(effects), self.problem.begun(z)
         rows, near = self.evaluate(z, index), ()
         for _ in range(_PASSES):
             if rows.failed:

@@ -41,7 +41,9 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
     about, speed = found.about, f"{found.about.length}/s"
     unit = about.force_unit
     place = (
-        ", in the middle of the travel and without ripples" if uses_position(found.pieces) else ""
+        ", in the middle of the travel, without ripples and weight"
+        if uses_position(found.pieces)
+        else ""
     )
     text = (
         f"Friction at {here.speed:.4g} {speed}{place}: {here.forwards.text(unit)} forwards,"

@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...effects import AXIS_CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
-from ...effects.axis import IN_TIME
+from ...effects.axis import ANGLE, IN_TIME
+from ...errors import InputError
 from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation
 from ...fitting.axis_problem import AxisProblem, make_problem
@@ -25,7 +26,7 @@ from ...records.given import as_axis_record
 from ...rig.axis import AxisRig, BaseLaw
 from ...silent import silent
 from ..curves import CurveRig
-from ..driver import AbstractBench, ScoredRows, offered, run
+from ..driver import AbstractBench, Offered, ScoredRows, offered, run
 from ..engine import Candidate, Choice, Engine, NoiseBounds
 from ..location import Bumps
 from ..result import Loop, Score
@@ -77,7 +78,8 @@ def close_axis_loop(
 
     Raises
     ------
-    InputError : an unknown effect; no reversal, too few motion segments; as in `prepare`.
+    InputError : an unknown effect, or one of a rotary axis with a linear one; no reversal, too few
+        motion segments; as in `prepare`.
 
     Not tried: two axes, backlash, a payload that changes.
     """
@@ -92,7 +94,7 @@ def close_axis_loop(
     prepared, rows = reading.prepared, reading.rows
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = rows.used
-    effects = tuple(e for e in asked.effects if e.id not in asked.without)
+    effects = tuple(e for e in _seen_by(record, asked) if e.id not in asked.without)
     problem = make_problem(
         prepared,
         weight,
@@ -102,6 +104,23 @@ def close_axis_loop(
     )
     bench = AxisBench(record, reading, problem, rows, held)
     return run(bench, asked, begun=begun, progress=progress)
+
+
+def _seen_by(record: AxisRecord, asked: Offered) -> tuple[type[AbstractEffect], ...]:
+    """The effects whose channel the record has.
+
+    Raises
+    ------
+    InputError : it lacks that of one that is asked for.
+    """
+    known = (None, ANGLE) if record.coordinate == "rotary" else (None,)
+    for effect in asked.effects:
+        if effect.id in asked.with_ and effect.channel not in known:
+            raise InputError(
+                f"{record.provenance.path}: effect {effect.id} is of a rotary axis, whose position"
+                " is in rad or deg; leave it out of --with"
+            )
+    return tuple(e for e in asked.effects if e.channel in known)
 
 
 def _axis_effect(id: str) -> type[AbstractEffect]:
