@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command import assert_refused, run
 
+from jaxfric.errors import InputError
 from jaxfric.records import axis_from_arrays, read_axis
 from jaxfric.records.strokes import encoder_step, find_strokes
 
@@ -160,3 +161,15 @@ def test_file_is_the_law_plus_the_stated_noise() -> None:
     speed = (record.position - np.concatenate([[0, 0], record.position[:-2]])) / (2 * h)
     command = AXIS.k_v * (AXIS.k_p * (reference - record.position) - speed)
     assert np.std(record.motor_force - command) == pytest.approx(AXIS.noise, rel=0.1)
+
+
+def test_a_current_that_is_called_a_force_is_called_what_it_is(tmp_path):
+    """Its unit tells: a bare 'no unit of N' does not say which role it has."""
+    path = tmp_path / "joint.csv"
+    path.write_text("t,q,i\n" + "".join(f"{k / 100},{k * k},{k}\n" for k in range(50)))
+    columns = {"time": "t [s]", "position": "q [rad]"}
+    told = r"'A' is a unit of motor_current; .*motor_current.: .i \[A\]"
+    with pytest.raises(InputError, match=told):
+        read_axis(path, columns={**columns, "motor_force": "i [A]"})
+    with pytest.raises(InputError, match="'kg' is not a unit of N"):
+        read_axis(path, columns={**columns, "motor_force": "i [kg]"})

@@ -1028,6 +1028,19 @@ def test_figures(verdict: str, more: dict[str, Any], tmp_path: Path) -> None:
 # ---- the verb --------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("least", "converged", "floor"), [(0.97, True, True), (0.4, True, False), (0.4, False, True)]
+)
+def test_one_sigma_is_no_floor_where_a_model_was_below_it(least, converged, floor):
+    loop = make_loop("outside_catalogue")
+    better = dataclasses.replace(
+        loop.candidates[-1], train_rms=least * loop.sigma, converged=converged
+    )
+    note = errors(dataclasses.replace(loop, candidates=(*loop.candidates, better))).note
+    assert ("no model brings the error below 1 σ" in note) == floor
+    assert ("the error of the fitted rows to 0.4 σ" in note) != floor
+
+
 @pytest.fixture
 def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """A folder with run.csv in which the verb gets a made-up loop; what it asked for."""

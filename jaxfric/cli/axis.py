@@ -30,8 +30,9 @@ def axis(
     cutoff: Annotated[
         str | None,
         Parameter(
-            help='Low-pass of the position, "50 Hz"; by default a tenth of the sampling rate, or'
-            " less where the encoder's error, differentiated twice, would drown the force."
+            help='Low-pass of the position, "50 Hz"; by default a tenth of the sampling rate (a'
+            " fifth of one below 200 Hz), or less where the encoder's error, differentiated twice,"
+            " would drown the force."
         ),
     ] = None,
     column: options.Columns = None,

@@ -95,18 +95,14 @@ def residual_figure(loop: Loop) -> Figure:
             axis.axvline(mark, color="0.6", lw=0.8, ls="--", zorder=0.5)
     axes[1].set_xlim(along.min(), along.max())
     axes[1].set_xlabel(label)
-    axes[0].legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncol=4,
-        fontsize=8,
-        frameon=False,
-        borderpad=0.2,
-    )
+    # below all panels, whose titles may be long: a row of blocks, a row of what is drawn
     shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
-    figure.legend(handles=shades, loc="outside lower left", ncol=3, frameon=False, fontsize=9)
+    drawn = axes[0].get_legend_handles_labels()[0]
+    both = [one for pair in itertools.zip_longest(shades, drawn) for one in pair if one is not None]
+    columns = max(len(shades), len(drawn))
+    figure.legend(handles=both, loc="outside lower left", ncol=columns, frameon=False, fontsize=8.5)
     name = printable(loop.record.provenance.path)
-    noise = ", in rows held out ".join(loop.sigma_texts())
+    noise = ", in rows held out ".join(loop.sigma_texts()).replace(" N m", "\N{NO-BREAK SPACE}N m")
     title = f"{name}: record and model; what is left in units of the noise σ = {noise}"
     figure.suptitle(panel_title(title), x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels([top, record, *axes])

@@ -115,6 +115,8 @@ def assign(
     notes = settle(table, found, named)
     _require(table, schema, found)
     rotary = _is_rotary((unit for _, unit in found.values()), roles.values())
+    for name, (index, unit) in found.items():
+        _refuse_other_role(table, roles, roles[name], index, unit)
     uses = {
         name: _with_unit(table, role, *found[name], rotary)
         for name, role in roles.items()
@@ -277,6 +279,24 @@ def _is_rotary(units: Iterable[str | None], roles: Iterable[Role]) -> bool:
     known = [one for one in told if not _MACHINE.fullmatch(one) and not fits(one, "%")]
     linear, rotary = (sum(has_dimension(one, p[k]) for one in known for p in pairs) for k in (0, 1))
     return rotary > linear
+
+
+def _refuse_other_role(
+    table: Table, roles: Mapping[str, Role], role: Role, index: int, unit: str | None
+) -> None:
+    """Raises where the unit of a column is that of another role which may stand for its own: a
+    current that is called a force."""
+    read = spelt(unit or "")
+    if not read or not role.need or any(fits(read, one) for one in role.units):
+        return
+    others = (r for r in roles.values() if r.need == role.need)
+    other = next((r for r in others if fits(read, r.unit)), None)
+    if other is not None:
+        name = table.names[index]
+        raise InputError(
+            f"{table.path}, column '{name}' ({role.name}): '{unit}' is a unit of {other.name};"
+            f" call it so: --column '{other.name}={name} [{unit}]'"
+        )
 
 
 def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: bool) -> Use:

@@ -36,6 +36,9 @@ _TOLD = 10.0
 _MOST_CANDIDATES = 10
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
 
+_BELOW = 0.9
+"""Errors of a model, in sigma, below which chance does not bring them."""
+
 
 def headline(loop: Loop) -> str:
     """The verdict in a few words."""
@@ -150,9 +153,21 @@ def errors(loop: Loop) -> TextTable:
         "Error before and after",
         ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
         rows,
-        f"{_what_sigma_is(loop)}; no model brings the error below 1 σ, but for"
-        f" chance{_target(loop)}. Noise is {noise_text(loop.after.noise)}{_bound(loop)}",
+        f"{_what_sigma_is(loop)}; {_lowest(loop)}{_target(loop)}. Noise is"
+        f" {noise_text(loop.after.noise)}{_bound(loop)}",
         (3,),
+    )
+
+
+def _lowest(loop: Loop) -> str:
+    """Words on how small an error can be; of a model that is below it, that the noise is too."""
+    sizes = [c.train_rms / loop.sigma for c in loop.candidates if c.converged]
+    least = min(sizes, default=1.0)
+    if least > _BELOW:
+        return "no model brings the error below 1 σ, but for chance"
+    return (
+        f"a model that was fitted brings the error of the fitted rows to {least:.2g} σ, so what is"
+        " taken for noise here is not all noise"
     )
 
 
