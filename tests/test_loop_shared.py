@@ -6,6 +6,7 @@ path.
 """
 
 import threading
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -164,3 +165,30 @@ def test_a_users_effect_is_fitted_on_one_thread(own, at_once, monkeypatch):
             engine.each(together, [1, 2])
     else:
         assert engine.each(together, [1, 2]) == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("rows", "directions", "passes"),
+    [
+        (8192, 5, [24]),
+        (8192, 24, [24]),
+        (8192, 25, [24, 24]),
+        (8193, 13, [16]),
+        (24576, 26, [16] * 2),
+    ],
+)
+def test_a_jacobian_is_taken_in_passes_of_one_width(rows, directions, passes, monkeypatch):
+    """Narrower ones for a record of many rows; each direction has its own column, in order."""
+    widths = []
+
+    def along(problem, z, some):
+        widths.append(len(some))
+        return np.zeros(3), np.asarray(some).T[:3] + 1.0
+
+    monkeypatch.setattr(engines, "_evaluate", along)
+    problem = SimpleNamespace(time=np.zeros(rows))
+    index = np.random.default_rng(0).permutation(40)[:directions]
+    each = lambda one, begins: [one(k) for k in begins]  # noqa: E731
+    _, found = engines._in_parts(problem, np.zeros(40), np.eye(40)[index], each)
+    assert widths == passes
+    np.testing.assert_array_equal(found, np.eye(40)[index].T[:3] + 1.0)

@@ -13,7 +13,7 @@ from fits.blind.plants import Base, Protocol, Stress
 from fits.blind.plants import simulate as plant
 from jaxfric.effects import CATALOGUE, AbstractHeavyEffect, effect_of
 from jaxfric.rig import recorded_stress
-from jaxfric.rig.normal_stress import moved_stress
+from jaxfric.rig.normal_stress import NormalStress, moved_stress
 
 UM = 1e-6
 VELOCITIES = (1 * UM, 10 * UM, 100 * UM, 30 * UM, 100 * UM)
@@ -90,6 +90,22 @@ def test_a_gauge_that_only_makes_noise_has_not_moved(seed):
     assert moved_stress(t, 10 * (1 + noise)) < 4e-5
     wave = 2e-4 * np.sin(t / 40)
     assert moved_stress(t, 10 * (1 + wave + noise)) == pytest.approx(np.std(wave), rel=0.2)
+
+
+@pytest.mark.parametrize("length", [1, 5, 64, 100, 128, 4096])
+def test_the_cubic_of_a_time_is_that_of_the_last_knot_before(length):
+    """Against NumPy's search, at knots, between them and outside; some padded, as in a loop."""
+    random = np.random.default_rng(length)
+    knots = np.cumsum(random.uniform(0.1, 1.0, length))
+    knots[length - length // 3 :] = np.inf
+    last = knots[np.isfinite(knots)][-1]
+    rows = np.vstack([np.zeros((3, length)), np.arange(length)])
+    n = NormalStress(jnp.asarray(knots), jnp.asarray(rows), jnp.asarray([0.0, last + 1.0]))
+    times = np.concatenate([knots[np.isfinite(knots)], random.uniform(-1, last + 2, 500)])
+    found = np.asarray(jax.vmap(n.ratio)(jnp.asarray(times)))
+    inside = np.clip(times, 0.0, last + 1.0)
+    wanted = np.maximum(np.searchsorted(knots, inside, side="right") - 1, 0)
+    np.testing.assert_array_equal(found, wanted)
 
 
 def test_constant_stress_is_one():

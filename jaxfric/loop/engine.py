@@ -52,7 +52,9 @@ _ROUGH = 1e-4
 _TRIALS = 60
 _NOISE_SHARE = 0.1
 _SHORTEST_LIMIT = 10.0
-_AT_ONCE = 24
+_AT_ONCE, _OF_LONG, _LONG = 24, 16, 8192
+"""Directions of one pass, and of a record with more rows than that, where those that only fill it
+up cost as much as others."""
 _HEAVY = 2
 _PACKAGE = __name__.partition(".")[0] + "."
 
@@ -275,7 +277,7 @@ class Engine(Generic[P]):
     def _found(self, problem: P, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual and Jacobian; shifts of step times share directions where that saves a part."""
         few = self._shared.directions(index, len(z))
-        if _parts(len(few)) < _parts(len(index)) and index.tobytes() not in self._apart:
+        if _parts(problem, few) < _parts(problem, index) and index.tobytes() not in self._apart:
             residual, along = _in_parts(problem, z, few, self.each)
             jacobian = self._shared.jacobian(along, index, len(z))
             if jacobian is not None:
@@ -582,9 +584,13 @@ class Engine(Generic[P]):
         return True
 
 
-def _parts(directions: int) -> int:
+def _at_once(problem: AbstractProblem) -> int:
+    return _AT_ONCE if len(problem.time) <= _LONG else _OF_LONG
+
+
+def _parts(problem: AbstractProblem, directions: np.ndarray) -> int:
     """In how many parts a Jacobian along so many directions is computed."""
-    return max(-(-directions // _AT_ONCE), 1)
+    return max(-(-len(directions) // _at_once(problem)), 1)
 
 
 def _in_parts(
@@ -594,11 +600,12 @@ def _in_parts(
     each: Callable[..., list],
 ) -> tuple[np.ndarray, np.ndarray]:
     """`_evaluate` along a few directions at a time: it is compiled for one number of them."""
-    begins = range(0, _parts(len(directions)) * _AT_ONCE, _AT_ONCE)
+    number = _at_once(problem)
+    begins = range(0, _parts(problem, directions) * number, number)
 
     def part(begin: int) -> tuple[np.ndarray, np.ndarray]:
-        own = directions[begin : begin + _AT_ONCE]
-        padded = np.pad(own, ((0, _AT_ONCE - len(own)), (0, 0)))
+        own = directions[begin : begin + number]
+        padded = np.pad(own, ((0, number - len(own)), (0, 0)))
         residual, jacobian = _evaluate(problem, *jax.device_put((z, padded)))
         return np.asarray(residual), np.asarray(jacobian)[:, : len(own)]
 
@@ -608,7 +615,7 @@ def _in_parts(
 
 def compiled(engine: Engine, z: np.ndarray) -> bool:
     """Whether the Jacobian at `z` needs no more compiling."""
-    directions = np.zeros((_AT_ONCE, len(z)))
+    directions = np.zeros((_at_once(engine.problem), len(z)))
     return _evaluate.ready(engine.at(z, engine.everywhere), *jax.device_put((z, directions)))
 
 
