@@ -149,6 +149,7 @@ FILLED = {
     ("--column", "{role}=NAME [{unit}]"): ["position=NAME [0.8 rad]", "velocity=NAME [0.8 mm/s]"],
     ("--column", "{role}=NAME [{example}]"): ["friction=NAME [N]", "time=NAME [ms]"],
     ("--column", "{role.name}={NO_COLUMN}"): ["disturbance=none"],
+    ("--column", "{other.name}={name} [{unit}]"): ["motor_current=i [A]"],
     ("--column", "{role.name}={name} [{example}]"): ["disturbance=u [N]", "velocity=v [mm/s]"],
     ("--column", "{role.name}={name} [0.01 {example}]"): ["position=x [0.01 rad]"],
     ("--column", "friction={shear} [kN]"): ["friction=Scherkraft [kN]"],
