@@ -17,7 +17,10 @@ import pytest
 from jaxfric.cache import whole_loops
 
 jax.config.update("jax_enable_x64", True)
-_LARGE, _MORE = 2.5e9, 1e9
+_ALL = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 1e10
+_LARGE = min(4e9, _ALL / 5)
+_MORE = _LARGE / 2
+"""What a worker may keep before it forgets, and then again [bytes]: a fifth of the memory."""
 gc.disable()  # the heap of a worker is large: its collection took 6 % of the time
 _BY_FUSION_ALWAYS = tuple(map(int, version("jaxlib").split(".")[:2])) >= (0, 12)
 _QUICK_COMPILER = " ".join(

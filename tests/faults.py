@@ -505,6 +505,8 @@ FAULTS = (
           "return max(-(-len(directions) // _at_once(problem)), 1)",
           "return max(len(directions) // _at_once(problem), 1)",
           "tests/test_loop_shared.py -k passes"),
+    Fault("two processes that import ArviZ end one of them", "posterior/inference_data.py",
+          "if tries > 1:", "if False:", "tests/test_posterior_files.py -k asked_again"),
     Fault("a current may be called a force", "records/columns.py",
           "if other is not None:", "if False:", "tests/test_axis_record.py -k current_that"),
     Fault("an error is below the noise that no model is below", "report/loop_text.py",

@@ -31,20 +31,32 @@ if TYPE_CHECKING:
     from arviz import InferenceData  # pyright: ignore[reportMissingImports]
 
 
-def _arviz() -> "ModuleType":
-    """ArviZ, without what it announces of its future."""
+def imported_arviz(tries: int = 3) -> "ModuleType":
+    """ArviZ, without what it announces of its future.
+
+    That it was announced today it writes into its cache folder when it is imported: of two
+    processes that do so at once one finds its file taken away, and tries again.
+
+    Raises
+    ------
+    InputError : it is not installed, or cannot write there.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)
             import arviz  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise InputError(MISSING) from None
+    except OSError as error:
+        if tries > 1:
+            return imported_arviz(tries - 1)
+        raise InputError(f"ArviZ cannot be imported, which writes to its cache: {error}") from None
     return arviz
 
 
 def diagnosed(names: Sequence[str], draws: Draws) -> dict[str, Chains]:
     """R-hat (of ranks) and effective sample sizes of bulk and tail, by name."""
-    arviz = _arviz()
+    arviz = imported_arviz()
     data = arviz.convert_to_dataset(named(names, draws.values))
     rhat, bulk = arviz.rhat(data), arviz.ess(data, method="bulk")
     tail = arviz.ess(data, method="tail")
@@ -53,7 +65,7 @@ def diagnosed(names: Sequence[str], draws: Draws) -> dict[str, Chains]:
 
 def inference_data(posterior: Posterior) -> "InferenceData":
     """The posterior as ArviZ InferenceData; draws of the Laplace approximation without NUTS."""
-    arviz, fit, draws = _arviz(), posterior.fit, posterior.draws
+    arviz, fit, draws = imported_arviz(), posterior.fit, posterior.draws
     values = posterior.laplace.draws[None] if draws is None else draws.values
     columns = {
         name: column / unit_size(name, fit) for name, column in posterior.named(values).items()
