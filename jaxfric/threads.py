@@ -29,9 +29,16 @@ def cores() -> int:
 def at_once(number: int) -> int:
     """How many to compute together where the cache of a processor holds `number`: more on a GPU,
     whose loop over few takes as long as over many."""
+    return number if on_processor() else _OF_A_GPU * number
+
+
+def on_processor() -> bool:
+    """Whether JAX computes on the processor: by `jax.default_device`, or having nothing else."""
     import jax
 
-    return number if jax.default_backend() == "cpu" else _OF_A_GPU * number
+    device = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+    platform = jax.default_backend() if device is None else getattr(device, "platform", device)
+    return platform == "cpu"
 
 
 def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:

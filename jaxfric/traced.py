@@ -30,6 +30,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, PyTree
 
+from .threads import on_processor
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -231,10 +233,8 @@ def _settings() -> tuple:
 
 
 def _platform() -> str:
-    """The platform of the device that `jax.default_device` names, or of JAX."""
-    device = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
-    on_processor = getattr(device, "platform", device) == "cpu"
-    return "cpu" if on_processor else jax.export.default_export_platform()
+    """The platform of what JAX computes on."""
+    return "cpu" if on_processor() else jax.export.default_export_platform()
 
 
 @functools.cache

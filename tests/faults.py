@@ -1231,10 +1231,12 @@ FAULTS = (
           "prepare_jax(gpu=True)", "prepare_jax()", "tests/test_devices.py -k takes"),
     Fault("processes share one GPU", "study/cluster.py",
           '"JAX_PLATFORMS": on', '"JAX_PLATFORM": on', "tests/test_devices.py -k share"),
+    Fault("a GPU waits for the slowest of a few", "study/local.py",
+          "if task.batch < _FEW:", "if False:", "tests/test_devices.py -k takes"),
     Fault("a GPU gets as few as a cache holds", "threads.py",
           "_OF_A_GPU * number", "number", "tests/test_devices.py -k takes"),
     Fault("what is traced is for a GPU that is not asked", "traced.py",
-          'return "cpu" if on_processor else', "return", "tests/test_devices.py -k traced"),
+          'return "cpu" if on_processor() else', "return", "tests/test_devices.py -k traced"),
     Fault("loops are in pieces where XLA has them whole", "cache.py",
           "known >= _BY_ITSELF", "False", "tests/test_package.py -k whole"),
 )

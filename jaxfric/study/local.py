@@ -7,6 +7,7 @@ and each device takes them `batch` at a time, a GPU more. Every device runs loop
 every other.
 """
 
+import contextlib
 from collections.abc import Callable
 
 import jax
@@ -18,6 +19,7 @@ from ..threads import at_once
 from .function import OUTCOME, OUTCOMES, Computed, Function, Output, Task, check_outputs
 from .grid import Axis, Grid
 
+_FEW = 64
 _OUTCOMES = list(OUTCOMES)
 Arrays = dict[str, jax.Array]
 OfArrays = Callable[[Arrays], Arrays]
@@ -39,7 +41,7 @@ def compute(task: Task, number: int) -> Computed:
 
 def dispatch(task: Task, members: dict[str, np.ndarray]) -> Arrays:
     """Begin to compute members; the arrays are as long as a whole block."""
-    with jax.enable_x64(task.precision == "float64"):
+    with jax.enable_x64(task.precision == "float64"), _on(task):
         if task.token not in _compiled:
             _compiled.clear()
             _compiled[task.token] = _compile(task)
@@ -47,9 +49,25 @@ def dispatch(task: Task, members: dict[str, np.ndarray]) -> Arrays:
         return _compiled[task.token](filled)
 
 
-def devices() -> int:
+def devices(task: Task) -> int:
     """Number of devices that share a block."""
-    return len(jax.devices())
+    return len(_devices(task))
+
+
+def _devices(task: Task) -> list:
+    """JAX's own; but the processor where few members share a loop, whose slowest would hold as many
+    as a GPU needs."""
+    if task.batch < _FEW:
+        with contextlib.suppress(RuntimeError):  # JAX was told to leave the processor alone
+            return jax.devices("cpu")
+    return jax.devices()
+
+
+def _on(task: Task) -> contextlib.AbstractContextManager[object]:
+    """Its devices for JAX's default, where they are not that."""
+    first = _devices(task)[0]
+    own = first.platform == jax.default_backend()
+    return contextlib.nullcontext() if own else jax.default_device(first)
 
 
 def finish(found: Arrays, number: int) -> dict[str, np.ndarray]:
@@ -65,16 +83,18 @@ def _filled(task: Task, column: np.ndarray) -> np.ndarray:
 
 def _whole(task: Task) -> int:
     """Members of a filled block: a whole number of batches for every device."""
-    parts = len(jax.devices()) * _batch(task)
+    parts = devices(task) * _batch(task)
     return -(-task.blocks.largest // parts) * parts
 
 
 def _batch(task: Task) -> int:
-    return max(min(at_once(task.batch), -(-task.blocks.largest // len(jax.devices()))), 1)
+    with _on(task):
+        number = at_once(task.batch)
+    return max(min(number, -(-task.blocks.largest // devices(task))), 1)
 
 
 def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], Arrays]:
-    devices, size = jax.devices(), _batch(task)
+    devices, size = _devices(task), _batch(task)
     mesh = Mesh(np.asarray(devices), ("device",))
     split = PartitionSpec("device")
     rows = _batched(task)

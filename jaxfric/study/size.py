@@ -43,7 +43,7 @@ def _rate(task: Task) -> float:
     """Members per second of this process, from a few of them, after they are compiled."""
     from .local import compute, devices
 
-    few = 1 if task.kind == "host" else devices() * task.batch
+    few = 1 if task.kind == "host" else devices(task) * task.batch
     small = dataclasses.replace(task, blocks=Tiling.of(task.grid.shape, few), token="size")
     compute(small, 0)
     begun = time.perf_counter()
