@@ -57,6 +57,7 @@ FLOORS = {
 WITHIN_A_FLOOR = {
     ("quantity", "errors"),
     ("units", "errors"),
+    ("traced", "threads"),
     ("rig", "motion"),
     ("gains", "laws"),
     ("fitting", "laws"),
