@@ -1,5 +1,4 @@
-"""How much is done at once: on several threads, since Python is free while JAX computes, and on a
-GPU."""
+"""How much is done at once: on threads, as Python is free while JAX computes, and on a GPU."""
 
 import contextlib
 import os

@@ -123,7 +123,7 @@ def test_the_weight_of_a_joint_is_named(tmp_path):
 def test_a_weight_is_offered_to_rotary_axes(coordinate, found):
     record = SimpleNamespace(coordinate=coordinate)
     asked = Offered(tuple(AXIS_CATALOGUE.values()), (), (), 8)
-    seen = {effect.id for effect in _seen_by(record, asked)}  # pyright: ignore
+    seen = {effect.id for effect in _seen_by(record, asked).effects}  # pyright: ignore
     assert seen == set(AXIS_CATALOGUE) - (set() if found else {"gravity"})
 
 

@@ -853,6 +853,10 @@ def test_no_line_of_a_title_ends_in_a_number() -> None:
     told = ": what is left in units of 2.48 × 10⁻³, in others of 1.29 × 10⁻³"
     texts = [panel_title("r" * more + told) for more in range(20, 104)]
     assert all("2.48 × 10⁻³" in text and "1.29 × 10⁻³" in text for text in texts)
+    torques = [
+        panel_title(f"{'r' * more}: σ = 2.3 N m, others 3.86 mN m") for more in range(60, 104)
+    ]
+    assert all("2.3 N m" in text and "3.86 mN m" in text for text in torques)
     assert "\n" not in texts[0] and "\n" in texts[-1]
 
 

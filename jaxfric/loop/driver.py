@@ -8,7 +8,7 @@ curves, and its own warnings; nothing here knows what moved.
 import abc
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -39,6 +39,21 @@ class Offered(NamedTuple):
     with_: tuple[str, ...]
     without: tuple[str, ...]
     most: int
+
+    def seen_by(
+        self, channels: Collection[str], refusal: Callable[[type[AbstractEffect]], str]
+    ) -> "Offered":
+        """The offer without the effects that need a channel which is none of these.
+
+        Raises
+        ------
+        InputError : with the words of `refusal`, where one that is asked for needs such a channel.
+        """
+        seen = tuple(e for e in self.effects if e.channel in (None, *channels))
+        lost = [e for e in self.effects if e not in seen and e.id in self.with_]
+        if lost:
+            raise InputError(refusal(lost[0]))
+        return self._replace(effects=seen)
 
 
 class ScoredRows(NamedTuple):

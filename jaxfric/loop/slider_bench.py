@@ -163,16 +163,16 @@ def with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> 
     """The offer without the effects that the law cannot have, or that need a column which the
     record lacks."""
     refuse_untaken(law, (e for e in asked.effects if e.id in asked.with_))
+    taken = asked._replace(effects=tuple(e for e in asked.effects if takes(law, e)))
     columns = {name for name in record.columns if name != "normal_stress" or stress}
-    for effect in asked.effects:
-        if effect.id in asked.with_ and effect.channel not in (None, *columns):
-            raise InputError(
-                f"{record.provenance.path}: effect {effect.id} needs a column {effect.channel} that"
-                " changes, which the record does not have; name it with --column, or leave the"
-                " effect out"
-            )
-    effects = (e for e in asked.effects if takes(law, e) and e.channel in (None, *columns))
-    return asked._replace(effects=tuple(effects))
+    return taken.seen_by(
+        columns,
+        lambda effect: (
+            f"{record.provenance.path}: effect {effect.id} needs a column {effect.channel} that"
+            " changes, which the record does not have; name it with --column, or leave the effect"
+            " out"
+        ),
+    )
 
 
 def refuse_failed(record: Record, base: Fit) -> None:

@@ -168,16 +168,14 @@ class Motions:
             return followed(p, self.max_steps)
         first = followed(p, _FEW_STEPS)
         lacks = first["end"] == streaming.FAILED
-        those_at_once = at_once(_AGAIN)
-        order = jnp.pad(jnp.argsort(~lacks), (0, -len(lacks) % those_at_once), mode="edge")
+        few = at_once(_AGAIN)
+        order = jnp.pad(jnp.argsort(~lacks), (0, -len(lacks) % few), mode="edge")
 
         def again(state: tuple[Array, dict[str, Array]]) -> tuple[Array, dict[str, Array]]:
             begin, found = state
-            those = jax.lax.dynamic_slice(order, (begin,), (those_at_once,))
+            those = jax.lax.dynamic_slice(order, (begin,), (few,))
             more = followed({name: x[those] for name, x in p.items()}, self.max_steps)
-            return begin + those_at_once, {
-                name: x.at[those].set(more[name]) for name, x in found.items()
-            }
+            return begin + few, {name: x.at[those].set(more[name]) for name, x in found.items()}
 
         count = jnp.sum(lacks)
         return jax.lax.while_loop(lambda s: s[0] < count, again, (jnp.zeros_like(count), first))[1]

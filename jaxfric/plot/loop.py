@@ -56,9 +56,9 @@ def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
 def panel_title(text: str) -> str:
     """The text in lines no longer than a panel is wide: a model may have many effects.
 
-    No line ends within brackets, or in a number as 1.3 × 10⁻³.
+    No line ends within brackets, or in a number as 1.3 × 10⁻³ or 2.4 N m.
     """
-    kept = r"\([^)]*\)|\S+ × \S+"
+    kept = r"\([^)]*\)|\S+ × \S+|\S+ [a-zA-Zµ]*N m\b"
     whole = re.sub(kept, lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
     lines = textwrap.fill(whole, _TITLE_WIDTH, break_on_hyphens=False)
     return lines.replace("\N{NO-BREAK SPACE}", " ")
@@ -102,7 +102,7 @@ def residual_figure(loop: Loop) -> Figure:
     columns = max(len(shades), len(drawn))
     figure.legend(handles=both, loc="outside lower left", ncol=columns, frameon=False, fontsize=8.5)
     name = printable(loop.record.provenance.path)
-    noise = ", in rows held out ".join(loop.sigma_texts()).replace(" N m", "\N{NO-BREAK SPACE}N m")
+    noise = ", in rows held out ".join(loop.sigma_texts())
     title = f"{name}: record and model; what is left in units of the noise σ = {noise}"
     figure.suptitle(panel_title(title), x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels([top, record, *axes])

@@ -284,8 +284,7 @@ def _is_rotary(units: Iterable[str | None], roles: Iterable[Role]) -> bool:
 def _refuse_other_role(
     table: Table, roles: Mapping[str, Role], role: Role, index: int, unit: str | None
 ) -> None:
-    """Raises where the unit of a column is that of another role which may stand for its own: a
-    current that is called a force."""
+    """Raises where a unit is that of another role of the same need: a current called a force."""
     read = spelt(unit or "")
     if not read or not role.need or any(fits(read, one) for one in role.units):
         return

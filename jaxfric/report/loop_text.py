@@ -35,7 +35,6 @@ BLOCKS = {
 _TOLD = 10.0
 _MOST_CANDIDATES = 10
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
-
 _BELOW = 0.8
 """Errors of a model, in sigma, below which chance does not bring them."""
 

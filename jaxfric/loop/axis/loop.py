@@ -15,7 +15,6 @@ import numpy as np
 
 from ...effects import AXIS_CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ...effects.axis import ANGLE, IN_TIME
-from ...errors import InputError
 from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation
 from ...fitting.axis_problem import AxisProblem, make_problem
@@ -86,6 +85,7 @@ def close_axis_loop(
     begun = time.monotonic()
     record, with_, without = as_axis_record(record), ids_of(with_), ids_of(without)
     asked = offered(AXIS_CATALOGUE, own, with_, without, most, _axis_effect)
+    asked = _seen_by(record, asked)
     progress("preparing the record")
     held = record.drive is not None if held is None else held
     reading = read_rows(record, preparation=preparation, width=width, held=held)
@@ -94,7 +94,7 @@ def close_axis_loop(
     prepared, rows = reading.prepared, reading.rows
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = rows.used
-    effects = tuple(e for e in _seen_by(record, asked) if e.id not in asked.without)
+    effects = tuple(e for e in asked.effects if e.id not in asked.without)
     problem = make_problem(
         prepared,
         weight,
@@ -106,21 +106,15 @@ def close_axis_loop(
     return run(bench, asked, begun=begun, progress=progress)
 
 
-def _seen_by(record: AxisRecord, asked: Offered) -> tuple[type[AbstractEffect], ...]:
-    """The effects whose channel the record has.
-
-    Raises
-    ------
-    InputError : it lacks that of one that is asked for.
-    """
-    known = (None, ANGLE) if record.coordinate == "rotary" else (None,)
-    for effect in asked.effects:
-        if effect.id in asked.with_ and effect.channel not in known:
-            raise InputError(
-                f"{record.provenance.path}: effect {effect.id} is of a rotary axis, whose position"
-                " is in rad or deg; leave it out of --with"
-            )
-    return tuple(e for e in asked.effects if e.channel in known)
+def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
+    """The offer without the effects of a rotary axis where the record is of a linear one."""
+    return asked.seen_by(
+        (ANGLE,) if record.coordinate == "rotary" else (),
+        lambda effect: (
+            f"{record.provenance.path}: effect {effect.id} is of a rotary axis, whose position is"
+            " in rad or deg; leave it out of --with"
+        ),
+    )
 
 
 def _axis_effect(id: str) -> type[AbstractEffect]:
