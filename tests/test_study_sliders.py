@@ -341,9 +341,9 @@ def test_a_slider_with_mass_tells_by_how_much_its_cycles_differ(tmp_path, monkey
     def told(rig, *_, **__):
         soft = rig.machine.stiffness < 2e3
         code = ENDS.where(soft, ENDS.limit_cycle, ENDS.unresolved)
-        return EndState(code, *jnp.asarray([0.1, 1e-4, 1e-5, 2.25, 0.75, 0.0]))
+        return EndState(code, *jnp.asarray([0.1, 1e-4, 1e-5, 2.25, 0.75, 0.0])), 1.0
 
-    monkeypatch.setattr(motions, "end_state", told)
+    monkeypatch.setattr(motions, "end_and_share", told)
     made = make(written(tmp_path / "s.toml", WITH_MASS))
     assert {o.name: o.unit for o in made.outputs}["period_spread"] == "s"
     found = jax.jit(made.function)({"k_p": k_p})

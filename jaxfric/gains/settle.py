@@ -61,6 +61,19 @@ def end_state(
     The time that the load point needs to make up for the start's elongation comes on top.
     Jittable and vmappable; nothing raises once the arguments are understood.
     """
+    return end_and_share(rig, velocity, start, horizon=horizon, decay=decay, policy=policy)[0]
+
+
+def end_and_share(
+    rig: Rig,
+    velocity: ArrayLike,
+    start: Start | None,
+    *,
+    horizon: ArrayLike,
+    decay: ArrayLike | None = None,
+    policy: Policy = STANDARD,
+) -> tuple[EndState, Array]:
+    """The `end_state`, and the share of its time for which the motion was followed."""
     V = jnp.asarray(velocity, jnp.result_type(float))
     horizon = jnp.asarray(horizon, V.dtype)
     rate = jnp.zeros_like(V) if decay is None else jnp.asarray(decay, V.dtype)
@@ -79,7 +92,8 @@ def end_state(
         max_steps=policy.max_steps,
         runaway=policy.runaway,
     )
-    return _end_of(trajectory, V, lead, horizon, jnp.where(known, rate, jnp.inf), policy)
+    end = _end_of(trajectory, V, lead, horizon, jnp.where(known, rate, jnp.inf), policy)
+    return end, trajectory.time[-1] / (lead + horizon)
 
 
 def _end_of(

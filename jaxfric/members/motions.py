@@ -1,7 +1,7 @@
 """Motions of many sliders after a step of the command: how they end, and friction in time.
 
 Simulations of massless sliders under the slip and ageing laws go through `simulation.ensemble`, all
-at once; others through `gains.settle.end_state`, mapped, which takes some fifty times as long a
+at once; others through `gains.settle`, mapped, which takes some fifty times as long a
 member.
 """
 
@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from ..errors import InputError
 from ..gains.ends import ENDS, RUNAWAY
-from ..gains.settle import Policy, end_state, slowest_mode, stretched
+from ..gains.settle import Policy, end_and_share, slowest_mode, stretched
 from ..rig.friction import AbstractInvertibleLaw, LogarithmicEffect, RateState
 from ..simulation import ensemble, step_start
 from ..simulation.start import regularised
@@ -157,45 +157,47 @@ class Motions:
         """Outputs by the solver that serves all laws.
 
         All steps of a motion are kept and looked at, taken or not. So they are few at first; those
-        for which that is not enough are followed again, a few at a time.
+        for which that is not enough are followed again, a few at a time that came equally far.
         """
 
-        def followed(p: Parameters, steps: int) -> dict[str, Array]:
+        def followed(p: Parameters, steps: int) -> tuple[dict[str, Array], Array]:
             policy = replace(self._policy, max_steps=steps)
             return jax.vmap(functools.partial(self._ending, policy=policy))(p)
 
         if self.max_steps <= _FEW_STEPS:
-            return followed(p, self.max_steps)
-        first = followed(p, _FEW_STEPS)
+            return followed(p, self.max_steps)[0]
+        first, share = followed(p, _FEW_STEPS)
         lacks = first["end"] == streaming.FAILED
         few = at_once(_AGAIN)
-        order = jnp.pad(jnp.argsort(~lacks), (0, -len(lacks) % few), mode="edge")
+        order = jnp.argsort(jnp.where(lacks, share, jnp.inf))
+        order = jnp.pad(order, (0, -len(lacks) % few), mode="edge")
 
         def again(state: tuple[Array, dict[str, Array]]) -> tuple[Array, dict[str, Array]]:
             begin, found = state
             those = jax.lax.dynamic_slice(order, (begin,), (few,))
-            more = followed({name: x[those] for name, x in p.items()}, self.max_steps)
+            more, _ = followed({name: x[those] for name, x in p.items()}, self.max_steps)
             return begin + few, {name: x.at[those].set(more[name]) for name, x in found.items()}
 
         count = jnp.sum(lacks)
         return jax.lax.while_loop(lambda s: s[0] < count, again, (jnp.zeros_like(count), first))[1]
 
-    def _ending(self, p: Parameters, policy: Policy) -> dict[str, Array]:
-        """Outputs of one member."""
+    def _ending(self, p: Parameters, policy: Policy) -> tuple[dict[str, Array], Array]:
+        """Outputs of one member, and the share of its time for which it was followed."""
         rig = self.sliders.rig(p, mass=self.inertia)
         slowest, decay = self._pace(p)
         scale = rig.friction.force_scale()
         horizon = streaming.horizon_of(slowest, scale, p["k_p"], p["V0"])
         rig = regularised(rig)
         start = step_start(rig, p["V0"], p["ratio"])
-        end = end_state(rig, p["V0"], start, horizon=horizon, decay=decay, policy=policy)
+        how = {"horizon": horizon, "decay": decay, "policy": policy}
+        end, share = end_and_share(rig, p["V0"], start, **how)
         names = ("steady", "limit_cycle", "escape", "unresolved")
         masks = jnp.stack([end.code == getattr(ENDS, name) for name in names])
         code = jnp.argmax(masks, axis=0).astype(jnp.int8)
         # no unstable slider slides steadily: its oscillation is still too small to be seen
         code = jnp.where((code == streaming.STEADY) & (decay < 0), streaming.FAILED, code)
         code = code.astype(jnp.int8)
-        return _coded({name: getattr(end, name) for name in _NUMBERS}, code)
+        return _coded({name: getattr(end, name) for name in _NUMBERS}, code), share
 
     def _traces(self, p: Parameters) -> dict[str, Array]:
         of, start = self._lanes(p)
