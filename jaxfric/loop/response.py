@@ -97,7 +97,8 @@ class Response(eqx.Module):
 
         def step(y: Array, now: tuple[Array, ...]) -> tuple[Array, Array]:
             propagate, driven, by_start, g = now
-            y = propagate @ y + driven[:, None] * g + by_start[:, None] * first
+            carried = jnp.sum(propagate[:, :, None] * y, axis=1)
+            y = carried + driven[:, None] * g + by_start[:, None] * first
             return y, y
 
         y0 = self.begin[:, None] * first
