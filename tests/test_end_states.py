@@ -238,7 +238,7 @@ def scipy_cycle():
     y, T = [5 * UM, 0.0, 0.0], 60 * PERIOD
     crossing = lambda t, y: y[1]  # noqa: E731
     crossing.direction = 1
-    s = solve_ivp(rate, (0, T), y, "Radau", rtol=1e-9, atol=1e-11, events=crossing, max_step=T)
+    s = solve_ivp(rate, (0, T), y, "LSODA", rtol=1e-9, atol=1e-11, events=crossing)
     late = s.t > T / 2
     V, d = V0 * np.exp(s.y[1][late]), -s.y[0][late]
     times = s.t_events[0][s.t_events[0] > T / 2]
