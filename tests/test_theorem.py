@@ -36,6 +36,15 @@ from jaxfric.stability.theorem import theorem as eager_theorem
 
 M, K_V, A, B, L, V0 = 2.0, 0.5, 1.0, 3.0, 1e-3, 2e-3
 theorem = eqx.filter_jit(eager_theorem)
+
+
+@eqx.filter_jit
+def looked_at(rig, V):
+    """The theorem and the poles about steady sliding."""
+    slider = linearise(rig, V)
+    return apply_theorem(slider), poles(slider)
+
+
 W_CR, K_CR = 2.826307129101859, 2014.976023976024
 
 
@@ -100,13 +109,12 @@ def rig(kind="slip", k_v=K_V, A=A, B=(B,), L=(L,), mass=M, k_p=K_CR, **more):
 
 @pytest.mark.parametrize("kind", ["slip", "ageing"])
 def test_golden_sample(kind):
-    slider = linearise(rig(kind), V0)
-    found = apply_theorem(slider)
+    found, roots = looked_at(rig(kind), V0)
     np.testing.assert_allclose(found.critical_frequency, W_CR, rtol=1e-13)
     np.testing.assert_allclose(found.critical_stiffness, K_CR, rtol=1e-13)
     assert bool(found.holds)
     np.testing.assert_allclose(critical_rate_state(A, B, L, V0, K_V, M), (W_CR, K_CR), rtol=1e-13)
-    roots = np.asarray(poles(slider))
+    roots = np.asarray(roots)
     roots = roots[np.lexsort((roots.imag, roots.real.round(6)))]
     np.testing.assert_allclose(roots[0], -252.25, rtol=1e-9)
     np.testing.assert_allclose(roots[1:], [-2.82630713j, 2.82630713j], atol=1e-8)
@@ -114,7 +122,7 @@ def test_golden_sample(kind):
 
 def test_critical_stiffness_diverges_as_the_direct_effect_vanishes():
     for small, golden in ((1e-2, 5.382e3), (1e-4, 2.430e5), (1e-6, 2.400e7)):
-        found = apply_theorem(linearise(rig(k_v=0.0, A=small), V0))
+        found, _ = looked_at(rig(k_v=0.0, A=small), V0)
         np.testing.assert_allclose(found.critical_stiffness, golden, rtol=2e-4)
         exact = (B - small) / L * (M * V0**2 / (small * L) + 1)
         np.testing.assert_allclose(found.critical_stiffness, exact, rtol=1e-13)
@@ -124,11 +132,10 @@ def test_memoryless_slider_needs_damping_only():
     law = GaussianStribeck(0.3, 0.4, 2.0, 0.05)
     V_cr, f_v = 0.03535533905932738, -33.91055539840
     for factor, real in ((0.999, 0.0169), (1.001, -0.0170)):
-        slider = linearise(jf.Rig(jf.Inertial(1.0, 100.0, -factor * f_v), law), V_cr)
-        np.testing.assert_allclose(np.max(np.asarray(poles(slider)).real), real, atol=6e-5)
-        exact = (factor - 1) * f_v / 2
-        np.testing.assert_allclose(np.asarray(poles(slider)).real, exact, rtol=1e-9)
-        found = apply_theorem(slider)
+        found, roots = looked_at(jf.Rig(jf.Inertial(1.0, 100.0, -factor * f_v), law), V_cr)
+        roots = np.asarray(roots).real
+        np.testing.assert_allclose(roots.max(), real, atol=6e-5)
+        np.testing.assert_allclose(roots, (factor - 1) * f_v / 2, rtol=1e-9)
         assert found.critical_stiffness == (np.inf if factor < 1 else 0.0)
         assert bool(found.damped) == (factor > 1) and bool(found.integrable)
         assert not np.any(np.isfinite(found.frequencies))
