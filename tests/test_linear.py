@@ -59,20 +59,31 @@ def rate_state(kind, n, **more):
     return jf.RateState(0.6, A, B[:n], L[:n], 1e-6, EVOLUTIONS[kind], **more)
 
 
+@eqx.filter_jit
+def at(law, V):
+    """Slope of a law at a velocity, and its kernel."""
+    friction = linear_friction(law, V)
+    return friction.slope, friction.kernel
+
+
+@eqx.filter_jit
+def transformed(kernel, s):
+    return jax.vmap(kernel.transform)(s)
+
+
 def transform_close(kernel, other, points=(0.3, 1j, 2.0 + 0.7j, 40j)):
-    for s in points:
-        one, two = kernel.transform(jnp.asarray(s + 0j)), other.transform(jnp.asarray(s + 0j))
-        np.testing.assert_allclose(np.asarray(one), np.asarray(two), rtol=1e-11)
+    one, two = (transformed(one, jnp.asarray(points)) for one in (kernel, other))
+    np.testing.assert_allclose(np.asarray(one), np.asarray(two), rtol=1e-11)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("kind", ["slip", "ageing"])
 def test_rate_state_gives_21_to_23(kind, n):
-    friction = linear_friction(rate_state(kind, n), V)
-    np.testing.assert_allclose(friction.slope, A / V, rtol=1e-13)
-    transform_close(friction.kernel, ExponentialKernel(B[:n] / L[:n], V / L[:n]))
+    slope, kernel = at(rate_state(kind, n), V)
+    np.testing.assert_allclose(slope, A / V, rtol=1e-13)
+    transform_close(kernel, ExponentialKernel(B[:n] / L[:n], V / L[:n]))
     np.testing.assert_allclose(
-        kernel_function(friction.kernel)(jnp.asarray(2.0)),
+        kernel_function(kernel)(jnp.asarray(2.0)),
         np.sum(B[:n] / L[:n] * np.exp(-V / L[:n] * 2.0)),
         rtol=1e-11,
     )
@@ -84,9 +95,9 @@ def test_the_comparison_of_kernels_catches_a_planted_error():
 
 
 def test_slip_and_ageing_give_one_kernel():
-    one, two = (linear_friction(rate_state(kind, 3), V) for kind in ("slip", "ageing"))
-    np.testing.assert_allclose(one.slope, two.slope, rtol=1e-14)
-    transform_close(one.kernel, two.kernel)
+    one, two = (at(rate_state(kind, 3), V) for kind in ("slip", "ageing"))
+    np.testing.assert_allclose(one[0], two[0], rtol=1e-14)
+    transform_close(one[1], two[1])
 
 
 def test_a_coupled_law_by_hand():
@@ -261,11 +272,12 @@ def test_jit_vmap_and_derivative_by_velocity():
         return jnp.stack([friction.slope, friction.kernel.transform(1j + 0 * V).real])
 
     velocities = jnp.array([1e-6, 1e-5])
-    batch = jax.jit(jax.vmap(slope))(velocities)
-    np.testing.assert_allclose(batch, [slope(v) for v in velocities], rtol=1e-13)
+    batched, single = jax.jit(jax.vmap(slope)), jax.jit(slope)
+    each = [single(v) for v in velocities]
+    np.testing.assert_allclose(batched(velocities), each, rtol=1e-13)
     d = jax.jit(jax.vmap(jax.jacfwd(slope)))(velocities)
     h = 1e-4 * velocities[:, None]
-    up, down = (jax.vmap(slope)(velocities * (1 + e)) for e in (1e-4, -1e-4))
+    up, down = (batched(velocities * (1 + e)) for e in (1e-4, -1e-4))
     np.testing.assert_allclose(d, (up - down) / (2 * h), rtol=1e-6)
 
 
