@@ -10,6 +10,7 @@ from command import assert_refused, run
 from test_gains import fit_content, written
 
 from jaxfric import find_gains, law_from_parameters
+from jaxfric.cli.folder import Folder
 from jaxfric.gains import gains as gains_module
 from jaxfric.gains.gains import _bounded, unresolved_warnings
 from jaxfric.gains.requirement import Requirement
@@ -20,11 +21,18 @@ from jaxfric.report.gains_text import certified, describe, required
 LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
 MACHINE = ("--mass", "2", "--velocity", "2 mm/s")
 SAFE = ("--margin", "stiffness=2")
+ASSUMED = Requirement.with_default([])
 
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Commands without their figures."""
+    monkeypatch.setattr(Folder, "draw", lambda *_: [])
 
 
 def test_gains_json_has_the_keys_of_its_schema():
@@ -104,7 +112,7 @@ def test_simulations_that_say_nothing_are_warned_of(counts, warned):
 def test_where_friction_itself_holds_it_the_words_are_plain():
     """A > B and no limits: any stiffness does, and its margins are those of the least one tried."""
     falls = law_from_parameters("slip", "A=3 N, B=1 N, L=1 mm, V0=2 mm/s")
-    found = find_gains(falls, velocity=2e-3, mass=2.0, margin={"modulus": 0.5})
+    found = find_gains(falls, velocity=2e-3, mass=2.0, margin=ASSUMED)
     assert found.any_stiffness
     told = "\n".join(describe(found))
     for words in (
@@ -122,7 +130,7 @@ def test_where_friction_itself_holds_it_the_words_are_plain():
     assert "  gain      any gain" in describe(many)
 
 
-def test_either_alone_without_margins_is_the_number_of_stability():
+def test_either_alone_without_margins_is_the_number_of_stability(undrawn):
     """(B - A)/V and k_cr of (25); `gains` says with margins and without, `stability` without."""
     code, out, err = run("gains", *LAW, *MACHINE, "--no-check", "--out", "g")
     assert code == 0, err
@@ -146,7 +154,7 @@ def test_either_alone_without_margins_is_the_number_of_stability():
 def test_where_damping_alone_does_not_do_it_is_told(monkeypatch):
     """Where a limit forbids it; and the words where the delay of a controller does."""
     found = find_gains(
-        law_from_parameters(*LAW[1::2]), velocity=2e-3, mass=2.0, margin={"modulus": 0.5},
+        law_from_parameters(*LAW[1::2]), velocity=2e-3, mass=2.0, margin={"stiffness": 2.0},
         upper=(None, 100.0),
     )  # fmt: skip
     assert found.alone.meets == (True, False) and found.alone.tried[1] == 100
@@ -207,7 +215,7 @@ def test_a_basin_that_is_asked_for_raises_the_gains():
     assert factor > 1 and content["kv"] / plain["kv"] == pytest.approx(factor)
 
 
-def test_from_a_fit_with_samples():
+def test_from_a_fit_with_samples(undrawn):
     path = written(Path(), fit_content())
     options = ("--normal-force", "500 N", "--samples", "5", "--no-check", "--out", "o")
     code, out, err = run("gains", "--from", path, *options, *SAFE, *MACHINE)
@@ -226,7 +234,7 @@ def once(outcome, *, extra=()):
     assert lines == [f"jaxfric: warning: the fit warned: {OWN}"]
 
 
-def test_what_a_fit_warned_of_goes_through_every_verb():
+def test_what_a_fit_warned_of_goes_through_every_verb(undrawn):
     """Told once, and kept in what each verb writes."""
     path = written(Path(), fit_content(warnings=[OWN]))
     law = ("--from", path, "--normal-force", "500 N", "--mass", "2", "--velocity", "2 um/s")
