@@ -20,6 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from jaxfric import InputError, study
 from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
+from jaxfric.cli.folder import Folder
 from jaxfric.effects.axis import DirectionAsymmetry, Presliding, RateAndState
 from jaxfric.gains import find_gains
 from jaxfric.gains.axis import axis_gains, state_gains
@@ -403,6 +404,7 @@ def test_axes_without_a_memory_are_told_so(tmp_path):
 def test_the_verbs_take_the_loop_of_an_axis(tmp_path, monkeypatch):
     """Critical stiffness, motions above and below it, and a study, with the axis' own mass."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Folder, "draw", lambda *_: [])
     Path("loop.json").write_text(json.dumps(axis_loop("rate_and_state")))
     critical = float(closed_form(2e-3)[1])
     law = ("--from", "loop.json", "--velocity", "2 mm/s")
