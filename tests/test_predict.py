@@ -9,6 +9,7 @@ import pytest
 from command import STEPS, assert_refused, record_text, run, written
 
 import jaxfric
+from jaxfric.cli.folder import Folder
 from jaxfric.errors import InputError
 from jaxfric.prediction.model import load_model
 from jaxfric.prediction.result import Comparison, Prediction, Shift
@@ -174,7 +175,7 @@ def slider_model(path: str = "fit.json", **changes: object) -> Path:
     return written(Path(path), json.dumps({**content, **changes}))
 
 
-def test_a_slider_through_the_command() -> None:
+def test_a_slider_through_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     written(Path("run.csv"), record_text())
     code, out, err = run("predict", slider_model(), "run.csv", *STEPS)
     assert code == 0 and "warning" not in err
@@ -188,6 +189,7 @@ def test_a_slider_through_the_command() -> None:
     model, here = content["refitted"]["f0"]["model"], content["refitted"]["f0"]["here"]
     assert model == 0.5 and here == pytest.approx(0.6, abs=1e-3)
     assert content["comparisons"][0]["rms"] == pytest.approx(2e-4, rel=0.3)
+    monkeypatch.setattr(Folder, "draw", lambda *_: [])
     own = ("--stiffness", "5e-3/um", "--out", "own")
     assert "stiffness is the model's" not in run("predict", "fit.json", "run.csv", *STEPS, *own).out
     code, out, err = run("predict", "fit.json", "run.csv", *STEPS, "--free", "", "--json")
