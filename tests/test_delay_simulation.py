@@ -109,6 +109,7 @@ NEARBY = MIDDLE * (1 + STEP * np.concatenate([np.eye(len(NAMES)), -np.eye(len(NA
 def compared():
     points = np.stack(list(CASES.values()))
     found = batch(jnp.asarray(np.concatenate([points, NEARBY])), jnp.asarray(TS), 12)
+    found = jax.tree.map(np.asarray, found)
     return points, found, [reference(p, TS) for p in points]
 
 
@@ -243,7 +244,7 @@ ENDINGS = {
 @functools.cache
 def endings():
     points = jnp.asarray(np.stack([vector(**changes) for changes in ENDINGS.values()]))
-    found = batch(points, jnp.asarray(LATE), 1000)
+    found = jax.tree.map(np.asarray, batch(points, jnp.asarray(LATE), 1000))
     assert_finite(found)
     return {name: jax.tree.map(lambda x, i=i: x[i], found) for i, name in enumerate(ENDINGS)}
 
@@ -300,6 +301,7 @@ def test_decay_ends_in_steady_sliding():
 def test_too_few_delays_and_too_few_pieces():
     points = np.stack([vector(velocity_jump=0.1), vector(K=3000.0, velocity_jump=0.3)])
     found = batch(jnp.asarray(points), jnp.asarray(TS), 2, (("pieces", 1),))
+    found = jax.tree.map(np.asarray, found)
     assert_finite(found)
     endings = ((jf.RESULTS.too_few_intervals, 0.6), (jf.RESULTS.unresolved, 0.0))
     for i, (result, end) in enumerate(endings):
