@@ -259,8 +259,8 @@ def test_intervals_without_crossings(k_v, k_f, alpha, expected):
 def test_charts_are_the_sign_of_the_rightmost_root():
     k_p, k_v = jnp.linspace(-10.0, 2000.0, 40), jnp.linspace(-0.6, 0.6, 7)
     alpha = jnp.array([0.0, 0.05, 0.3, 1.0])
-    damping = stiffness_damping_chart(1.0, k_p, k_v, 0.5, 0.3)
-    delay = stiffness_delay_chart(1.0, k_p, 0.2, 0.5, alpha)
+    damping = jax.jit(stiffness_damping_chart)(1.0, k_p, k_v, 0.5, 0.3)
+    delay = jax.jit(stiffness_delay_chart)(1.0, k_p, 0.2, 0.5, alpha)
 
     def stable(*values):
         values = np.broadcast_arrays(*values)
