@@ -91,7 +91,7 @@ def test_the_catalogue_s_cosines(twelve):
     assert any({"slip_trend", "time_drift"} <= group for group in groups)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_other_plants(seed):
     """The pair that the 12-step protocol confuses, at random A, B, L and K/K_cr about 4."""
     random = np.random.default_rng(seed)
