@@ -257,12 +257,8 @@ def test_inverse_dynamics_is_least_squares(recorded):
     problem = problem_of(recorded)
     fit = inverse_dynamics(problem, start(problem), np.arange(4))
     motion, used = problem.motion, np.asarray(problem.weight) > 0
-    columns = [
-        motion.acceleration,
-        motion.velocity,
-        np.tanh(np.asarray(motion.velocity) / 2e-4),
-        np.ones(len(motion.time)),
-    ]
+    v = np.asarray(motion.velocity)
+    columns = [motion.acceleration, v, np.tanh(v / 2e-4), np.ones(len(v))]
     matrix = np.stack([np.asarray(c).reshape(-1, 10).mean(1)[used] for c in columns], axis=1)
     truth, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[used], rcond=None)
     np.testing.assert_allclose(list(fit.values.values()), truth, rtol=1e-6)
@@ -299,14 +295,8 @@ def test_output_error_finds_the_plant(recorded):
 
 def test_units_of_a_rotary_axis():
     """Torque stays N m; lengths are angles."""
-    pairs = {
-        "kg": "kg m^2",
-        "N m s/m": "N m s/rad",
-        "N m": "N m",
-        "% s^3/m^3": "% s^3/rad^3",
-        "m/s": "rad/s",
-        "s": "s",
-    }
+    pairs = {"kg": "kg m^2", "N m s/m": "N m s/rad", "N m": "N m", "m/s": "rad/s", "s": "s"}
+    pairs |= {"% s^3/m^3": "% s^3/rad^3"}
     assert {unit: rotary_unit(unit) for unit in pairs} == pairs
 
 
@@ -383,16 +373,10 @@ def curve(force, error=0.02, seed=0):
     speed = np.concatenate([-np.geomspace(0.5, 20, 14)[::-1], np.geomspace(0.5, 20, 14)])
     rng = np.random.default_rng(seed)
     n = len(speed)
-    return SteadyCurve(
-        speed=speed,
-        force=force(speed) + error * rng.standard_normal(n),
-        std=np.full(n, 10 * error),
-        samples=np.full(n, 500),
-        effective=np.full(n, 100.0),
-        error=np.full(n, error),
-        speed_std=np.zeros(n),
-        names=tuple(map(str, range(n))),
-    )
+    measured = force(speed) + error * rng.standard_normal(n)
+    each = {"std": 10 * error, "samples": 500, "effective": 100.0, "error": error, "speed_std": 0.0}
+    rows = {name: np.full(n, value) for name, value in each.items()}
+    return SteadyCurve(speed=speed, force=measured, names=tuple(map(str, range(n))), **rows)
 
 
 def coulomb(v):
@@ -409,9 +393,7 @@ def test_a_stribeck_curve_is_named_and_measured():
     assert loop.final.rms < 0.03 < loop.base.rms
 
 
-@functools.cache
-def plain_loop(seed):
-    return close_steady_loop(curve(coulomb, seed=seed))
+plain_loop = functools.cache(lambda seed: close_steady_loop(curve(coulomb, seed=seed)))
 
 
 def test_plain_curves_name_nothing():

@@ -153,10 +153,8 @@ def test_golden_roots():
 def test_crossings_solve_19_and_20_and_hold_the_list_of_the_paper():
     mass, k_v, k_f, alpha = GOLDEN
     found = crossings(*GOLDEN, number=5)
-    for w, k in (
-        (found.plus_frequency, found.plus_stiffness),
-        (found.minus_frequency, found.minus_stiffness),
-    ):
+    for side in ("plus", "minus"):
+        w, k = (getattr(found, f"{side}_{what}") for what in ("frequency", "stiffness"))
         np.testing.assert_allclose(k_f * np.cos(alpha * w), k_v, rtol=1e-12)
         np.testing.assert_allclose(mass * w**2 + k_f * w * np.sin(alpha * w), k, rtol=1e-12)
     paper = (np.arccos(k_v / k_f) + 2 * np.pi * np.arange(1, 5)) / alpha  # (30)

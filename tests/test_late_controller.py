@@ -1,5 +1,7 @@
 """A controller that samples: its delay in the loop, against scans and roots of exp(-T s) itself."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -134,13 +136,8 @@ def test_the_delay_of_a_sampled_controller_is_one_and_a_half_samples():
     empty = StateSpaceKernel(jnp.zeros((0, 0)), jnp.zeros(0), jnp.zeros(0))
     friction = LinearFriction(jnp.asarray(f_v), empty, jnp.asarray(0.0))
     k_v = np.linspace(0.8, 1.2, 81) * sampled
-    over = jax.jit(
-        jax.vmap(
-            lambda k: is_stable(
-                LinearSlider(jnp.asarray(m), jnp.asarray(k_p), k, friction, sampling_delay(h))
-            )
-        )
-    )
+    one = LinearSlider(jnp.asarray(m), jnp.asarray(k_p), k_v, friction, sampling_delay(h))
+    over = jax.jit(jax.vmap(lambda k: is_stable(dataclasses.replace(one, damping=k))))
     stable = np.asarray(over(jnp.asarray(k_v)))
     assert stable[0] and not stable[-1]
     assert k_v[np.argmin(stable)] == pytest.approx(sampled, rel=0.08)

@@ -387,10 +387,8 @@ def _around(found):
 def test_31_stiffness_of_the_crossings_and_stable_intervals():
     m, k_v, k_f, alpha = DELAYED
     found = crossings(m, k_v, k_f, alpha, number=4)
-    for w, k in (
-        (found.plus_frequency, found.plus_stiffness),
-        (found.minus_frequency, found.minus_stiffness),
-    ):
+    for side in ("plus", "minus"):
+        w, k = (getattr(found, f"{side}_{what}") for what in ("frequency", "stiffness"))
         w = np.asarray(w)
         np.testing.assert_allclose(k, m * w**2 + k_f * w * np.sin(alpha * w), rtol=1e-11)
         s = 1j * w

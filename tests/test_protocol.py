@@ -800,11 +800,7 @@ def test_the_command(twelve, monkeypatch, tmp_path):
     assert {name: asked[name] for name in wanted} == wanted
 
 
-GOOD = {
-    "--slip-per-step": "150um",
-    "--stiffness": "5e-3/um",
-    "--noise": "3e-4",
-}
+GOOD = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
 
 
 @pytest.mark.parametrize(
