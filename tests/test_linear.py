@@ -59,16 +59,8 @@ def rate_state(kind, n, **more):
     return jf.RateState(0.6, A, B[:n], L[:n], 1e-6, EVOLUTIONS[kind], **more)
 
 
-@eqx.filter_jit
-def at(law, V):
-    """Slope of a law at a velocity, and its kernel."""
-    friction = linear_friction(law, V)
-    return friction.slope, friction.kernel
-
-
-@eqx.filter_jit
-def transformed(kernel, s):
-    return jax.vmap(kernel.transform)(s)
+friction_of = eqx.filter_jit(linear_friction)
+transformed = eqx.filter_jit(lambda kernel, s: jax.vmap(kernel.transform)(s))
 
 
 def transform_close(kernel, other, points=(0.3, 1j, 2.0 + 0.7j, 40j)):
@@ -79,11 +71,11 @@ def transform_close(kernel, other, points=(0.3, 1j, 2.0 + 0.7j, 40j)):
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("kind", ["slip", "ageing"])
 def test_rate_state_gives_21_to_23(kind, n):
-    slope, kernel = at(rate_state(kind, n), V)
-    np.testing.assert_allclose(slope, A / V, rtol=1e-13)
-    transform_close(kernel, ExponentialKernel(B[:n] / L[:n], V / L[:n]))
+    friction = friction_of(rate_state(kind, n), V)
+    np.testing.assert_allclose(friction.slope, A / V, rtol=1e-13)
+    transform_close(friction.kernel, ExponentialKernel(B[:n] / L[:n], V / L[:n]))
     np.testing.assert_allclose(
-        kernel_function(kernel)(jnp.asarray(2.0)),
+        kernel_function(friction.kernel)(jnp.asarray(2.0)),
         np.sum(B[:n] / L[:n] * np.exp(-V / L[:n] * 2.0)),
         rtol=1e-11,
     )
@@ -95,9 +87,9 @@ def test_the_comparison_of_kernels_catches_a_planted_error():
 
 
 def test_slip_and_ageing_give_one_kernel():
-    one, two = (at(rate_state(kind, 3), V) for kind in ("slip", "ageing"))
-    np.testing.assert_allclose(one[0], two[0], rtol=1e-14)
-    transform_close(one[1], two[1])
+    one, two = (friction_of(rate_state(kind, 3), V) for kind in ("slip", "ageing"))
+    np.testing.assert_allclose(one.slope, two.slope, rtol=1e-14)
+    transform_close(one.kernel, two.kernel)
 
 
 def test_a_coupled_law_by_hand():
