@@ -27,12 +27,7 @@ ASSUMED = Requirement.with_default([])
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Commands without their figures."""
-    monkeypatch.setattr(Folder, "draw", lambda *_: [])
+    monkeypatch.setattr(Folder, "draw", lambda *_: [])  # figures have their own tests
 
 
 def test_gains_json_has_the_keys_of_its_schema():
@@ -130,7 +125,7 @@ def test_where_friction_itself_holds_it_the_words_are_plain():
     assert "  gain      any gain" in describe(many)
 
 
-def test_either_alone_without_margins_is_the_number_of_stability(undrawn):
+def test_either_alone_without_margins_is_the_number_of_stability():
     """(B - A)/V and k_cr of (25); `gains` says with margins and without, `stability` without."""
     code, out, err = run("gains", *LAW, *MACHINE, "--no-check", "--out", "g")
     assert code == 0, err
@@ -215,7 +210,7 @@ def test_a_basin_that_is_asked_for_raises_the_gains():
     assert factor > 1 and content["kv"] / plain["kv"] == pytest.approx(factor)
 
 
-def test_from_a_fit_with_samples(undrawn):
+def test_from_a_fit_with_samples():
     path = written(Path(), fit_content())
     options = ("--normal-force", "500 N", "--samples", "5", "--no-check", "--out", "o")
     code, out, err = run("gains", "--from", path, *options, *SAFE, *MACHINE)
@@ -234,7 +229,7 @@ def once(outcome, *, extra=()):
     assert lines == [f"jaxfric: warning: the fit warned: {OWN}"]
 
 
-def test_what_a_fit_warned_of_goes_through_every_verb(undrawn):
+def test_what_a_fit_warned_of_goes_through_every_verb():
     """Told once, and kept in what each verb writes."""
     path = written(Path(), fit_content(warnings=[OWN]))
     law = ("--from", path, "--normal-force", "500 N", "--mass", "2", "--velocity", "2 um/s")
