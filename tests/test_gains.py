@@ -59,7 +59,7 @@ def golden_source():
 def test_random_cases_against_minimisation_in_one_dimension():
     """k_cr(k_v) of (25) is convex, so the norm has one minimum, near either end by its scales."""
     rng, nearer = np.random.default_rng(11), []
-    for _ in range(30):
+    for _ in range(12):
         p, scale = random_case(rng)
         (norm, kv, kp), *rest = local_minima(p, scale)
         found = single(p, {"stiffness": 1.0}, scale)
@@ -72,7 +72,7 @@ def test_random_cases_against_minimisation_in_one_dimension():
         )
         assert best.residual < 1e-9 and found.smaller_found == 0 and found.grid_points > 1e4
         nearer.append(kp / scale[0] > kv / scale[1])
-    assert 5 < sum(nearer) < 25
+    assert 2 < sum(nearer) < 10
 
 
 def test_reference_finds_a_planted_second_minimum():
@@ -209,7 +209,7 @@ def sampled_source(number):
     return LawSource(laws[0], stack(laws), "samples", 2e-3)
 
 
-VELOCITIES, MASSES = np.geomspace(5e-4, 2e-2, 10), np.linspace(1, 4, 3)
+VELOCITIES, MASSES = np.geomspace(5e-4, 2e-2, 8), np.linspace(1, 4, 2)
 
 
 def scenario_columns(number):
@@ -221,11 +221,11 @@ def scenario_columns(number):
 @pytest.fixture(scope="module")
 def robust():
     margins = {"stiffness": 1.2, "modulus": 0.5}
-    return find_gains(sampled_source(16), velocity=VELOCITIES, mass=MASSES, margin=margins)
+    return find_gains(sampled_source(8), velocity=VELOCITIES, mass=MASSES, margin=margins)
 
 
 def test_robust_gains_violate_nothing(robust):
-    A, B, L, V, m = scenario_columns(16)
+    A, B, L, V, m = scenario_columns(8)
     kp, kv = robust.kp, robust.kv
     ratio = kp / np.maximum(critical(kv, A, B, L, V, m), 1e-300)
     modulus = modulus_scan(kp, kv, A, B, L, V, m)
@@ -240,7 +240,7 @@ def test_robust_gains_violate_nothing(robust):
 
 def test_robust_gains_are_smallest_on_a_grid(robust):
     """Of 60 x 60 gains below 1.2 times the norm none that is feasible is smaller by 0.1 %."""
-    columns = scenario_columns(16)
+    columns = scenario_columns(8)
     s_p, s_v = robust.region.scale
     u, v = (1.2 * robust.norm * np.linspace(1 / 60, 1, 60) * s for s in (s_p, s_v))
     grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -258,7 +258,7 @@ def test_robust_gains_are_smallest_on_a_grid(robust):
 
 
 def test_grid_would_notice_gains_that_are_too_large(robust):
-    columns = scenario_columns(16)
+    columns = scenario_columns(8)
     smaller = modulus_scan(0.998 * robust.kp, 0.998 * robust.kv, *columns)
     assert smaller.min() < 0.5
     assert modulus_scan(1.01 * robust.kp, 1.01 * robust.kv, *columns).min() > 0.5
@@ -509,13 +509,7 @@ def test_slack_of_the_stiffness_margin_is_that_of_25():
 @pytest.mark.long
 def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
     source = golden_source()
-    chain = schedule(
-        source,
-        velocity=(1e-3, 3e-3),
-        mass=0.5,
-        margin={"stiffness": 2.0},
-        ratio=3.0,
-    )
+    chain = schedule(source, velocity=(1e-3, 3e-3), mass=0.5, margin={"stiffness": 2.0}, ratio=3.0)
     V = [point.velocity for point in chain.points]
     assert chain.covered and chain.gap is None
     assert V[0] == pytest.approx(1e-3) and V[-1] == pytest.approx(3e-3)
