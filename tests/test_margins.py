@@ -244,7 +244,7 @@ def test_wide_ranges_give_no_nan_in_values_and_derivatives(shape):
         assert np.all(names[name][~stable] <= edge), name
 
 
-@pytest.mark.parametrize("n", [3, 4, 6])
+@pytest.mark.parametrize("n", [3, pytest.param(4, marks=pytest.mark.long), 6])
 def test_roots_over_wide_ranges(n):
     """Backward error by Horner's rule in NumPy; roots of a known product; infinite roots."""
     rng = np.random.default_rng(n)
