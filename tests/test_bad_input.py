@@ -115,13 +115,15 @@ def test_a_record_with_a_row_for_each_quantity() -> None:
     both_refuse(written(Path("run.csv"), wide), "looks transposed", f"of {len(lines)} columns")
 
 
-@pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "0.6e", "n/a", "1e999", "0.6 0.7"])
-def test_cells_that_are_no_numbers(cell: str) -> None:
-    path = with_row(7, "3.0", "6.0", cell)
-    both_refuse(path, "1 row", "row 8", "friction", "--drop-bad")
+def test_cells_that_are_no_numbers() -> None:
+    wrong, cells = ["nan", "inf", "-inf", "", "0.6e", "n/a", "1e999", "0.6 0.7"], record_cells()
+    for row, cell in zip(cells[7::10], wrong, strict=False):
+        both_refuse(with_row(7, "3.0", "6.0", cell), "1 row", "row 8", "friction", "--drop-bad")
+        row[-1] = cell
+    path = written(Path("run.csv"), "\n".join(map(",".join, cells)))
     outcome = run("record", path, "--drop-bad")
     assert outcome.code == 0 and outcome.err == ""
-    assert "90 used of 91" in outcome.out and "1 no finite number" in outcome.out
+    assert "83 used of 91" in outcome.out and "8 no finite number" in outcome.out
 
 
 def test_rows_of_another_length() -> None:
@@ -307,7 +309,7 @@ MUTATION = settings(
 
 
 @pytest.mark.filterwarnings("error")
-@settings(MUTATION, max_examples=40)
+@settings(MUTATION, max_examples=20)
 @given(mutated_files(), st.booleans())
 @example(record_text().encode(), False)
 @example(re.sub(r"(?m)^[0-9.]+,", "inf,", record_text()).encode(), True)
@@ -316,7 +318,7 @@ def test_no_file_breaks_record(content: bytes, drop_bad: bool) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(MUTATION, max_examples=6)
+@settings(MUTATION, max_examples=4)
 @given(mutated_files(), st.booleans())
 @example(record_text().encode(), False)
 def test_no_file_breaks_fit(content: bytes, drop_bad: bool) -> None:
@@ -328,5 +330,6 @@ def test_no_file_breaks_fit(content: bytes, drop_bad: bool) -> None:
 @pytest.mark.filterwarnings("error")
 @settings(MUTATION, max_examples=60)
 @given(mutated_files(), st.booleans())
-def test_no_file_of_many_breaks_fit(content: bytes, drop_bad: bool) -> None:
+def test_no_file_of_many_breaks_fit_or_record(content: bytes, drop_bad: bool) -> None:
     survives(content, "fit", *STIFFNESS, *STEPS, *["--drop-bad"] * drop_bad)
+    survives(content, "record", *["--drop-bad"] * drop_bad)
