@@ -79,20 +79,17 @@ NAMES = [
 
 
 def python(code):
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False
-    )
+    """What a process says that knows of no cache."""
+    own = {name: x for name, x in os.environ.items() if name != "JAX_COMPILATION_CACHE_DIR"}
+    command = [sys.executable, "-W", "error", "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=own)
     assert done.returncode == 0, done.stderr
     return done.stdout, done.stderr
 
 
 def test_a_cache_of_what_is_compiled(tmp_path):
     code = f"""
-import os, jax
-os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
-jax.config.update("jax_compilation_cache_dir", None)
-import jaxfric, jaxfric.fitting
-assert jax.config.jax_compilation_cache_dir is None  # not on import
+import jax, jaxfric
 folder = jaxfric.cache_compiled({str(tmp_path / "kept")!r})
 jax.jit(lambda x: x + 2)(1.0)
 print(len(list(folder.iterdir())) > 0, jax.config.jax_compilation_cache_dir == str(folder))
@@ -145,19 +142,12 @@ print("small_call" in text)
     assert seen == ["True\n", f"{by_itself}\n"]
 
 
-def test_import_is_silent_and_loads_no_jax():
-    code = "import sys, jaxfric; print('jax' in sys.modules, 'scipy' in sys.modules)"
-    assert python(code) == ("False False\n", "")
-
-
-def test_use_is_silent_and_leaves_jax_as_it_was():
-    """Every name is loaded; neither the precision nor any other setting of JAX changes."""
+def test_import_is_silent_and_loads_no_jax_and_a_folder_no_other():
     code = (
-        "import jax; before = dict(jax.config.values)\n"
-        "import jaxfric; [getattr(jaxfric, name) for name in jaxfric.__all__]\n"
-        "print(before == dict(jax.config.values), jax.config.jax_enable_x64)"
+        "import sys, jaxfric; print('jax' in sys.modules, 'scipy' in sys.modules)\n"
+        "jaxfric.plot, jaxfric.stability; print('numpy' in sys.modules)"
     )
-    assert python(code) == ("True False\n", "")
+    assert python(code) == ("False False\nFalse\n", "")
 
 
 def test_public_names_are_the_list():
@@ -196,30 +186,31 @@ PACKAGES = [
 ]  # fmt: skip
 
 
-def test_folders_are_names_of_the_package():
-    """As users write them, after `import jaxfric` alone, in a process that has loaded nothing."""
-    code = (
-        "import jaxfric\n"
-        f"print([p for p in {PACKAGES} if getattr(jaxfric, p).__name__ != 'jaxfric.' + p])\n"
-        f"print(set({PACKAGES}) - set(dir(jaxfric)))\n"
-        "print(jaxfric.gains.schedule.__name__, jaxfric.stability.linear.to_control.__name__,\n"
-        "      jaxfric.study.Grid.__name__, jaxfric.plot.draw_fit.__name__)"
-    )
-    assert python(code) == ("[]\nset()\nschedule to_control Grid draw_fit\n", "")
-
-
-def test_a_folder_loads_no_other():
-    code = "import sys, jaxfric; jaxfric.plot, jaxfric.stability; print('numpy' in sys.modules)"
-    assert python(code) == ("False\n", "")
-
-
-@pytest.mark.parametrize("first", ["stability.theorem", "fitting.fit", "plot.fit"])
-def test_a_function_stays_one_whatever_is_imported(first):
-    """`jaxfric.fit` and `jaxfric.theorem` are functions, also after modules of these names."""
-    code = (
-        f"import jaxfric.{first}, jaxfric; print(callable(jaxfric.fit), callable(jaxfric.theorem))"
-    )
-    assert python(code) == ("True True\n", "")
+def test_use_is_silent_and_leaves_jax_as_it_was():
+    """Folders are names after `import jaxfric` alone; every name is loaded, and no setting of JAX
+    changes; `jaxfric.fit` and `jaxfric.theorem` are functions after modules of these names too."""
+    code = f"""
+import importlib, sys, jax
+def anew(module):
+    for name in [name for name in sys.modules if name.split('.')[0] == 'jaxfric']:
+        del sys.modules[name]
+    importlib.import_module(module)
+    return sys.modules['jaxfric']
+before, jaxfric = dict(jax.config.values), anew('jaxfric')
+print([p for p in {PACKAGES} if getattr(jaxfric, p).__name__ != 'jaxfric.' + p])
+print(set({PACKAGES}) - set(dir(jaxfric)))
+print(jaxfric.gains.schedule.__name__, jaxfric.stability.linear.to_control.__name__)
+print(jaxfric.study.Grid.__name__, jaxfric.plot.draw_fit.__name__)
+[getattr(jaxfric, name) for name in jaxfric.__all__]
+print(before == dict(jax.config.values), jax.config.jax_enable_x64)
+print(jax.config.jax_compilation_cache_dir)
+for first in ('stability.theorem', 'fitting.fit', 'plot.fit'):
+    jaxfric = anew('jaxfric.' + first)
+    print(callable(jaxfric.fit), callable(jaxfric.theorem))
+"""
+    out, err = python(code)
+    names = ["[]", "set()", "schedule to_control", "Grid draw_fit"]
+    assert (out.splitlines(), err) == ([*names, "True False", "None", *3 * ["True True"]], "")
 
 
 @pytest.mark.parametrize("package", [jaxfric, jaxfric.stability, jaxfric.plot])
