@@ -27,13 +27,12 @@ B = "3 N"
 k_p = { values = ["1 kN/m", "4 kN/m", "5 kN/m"] }
 """
 CALLS = {
-    "record": ("record", "run.csv"),
     "fit": ("fit", "run.csv", *STIFFNESS, *STEPS),
     "several": ("fit", "run.csv", "again.csv", *STIFFNESS, *STEPS),
     "stability": ("stability", *LAW, "--velocity", "2 mm/s", "--mass", "2"),
-    "simulate": ("simulate", *LAW, "--velocity", "2 mm/s", "--kp", "6 kN/m", "--duration", "3 s"),
-    "study": ("study", "small.toml"),
 }
+SIMULATE = ("simulate", *LAW, "--velocity", "2 mm/s", "--kp", "6 kN/m", "--duration", "3 s")
+STUDIED = ("study", "small.toml")
 
 
 @pytest.fixture(autouse=True)
@@ -52,18 +51,25 @@ def test_every_verb_has_the_options(verb) -> None:
     assert "--json" in text and "--quiet" in text
 
 
-@pytest.mark.parametrize("name", CALLS)
-def test_one_json_document_and_nothing_else(name: str) -> None:
-    if name == "study":
-        pytest.importorskip("zarr")
-    code, out, err = run(*CALLS[name], "--json", "--quiet")
+def one_document(*call: str) -> dict:
+    """What a call prints with --json and --quiet: one document, and nothing but warnings."""
+    code, out, err = run(*call, "--json", "--quiet")
     assert code == 0, err
-    assert json.loads(out, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))["schema"]
+    found = json.loads(out, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+    assert found["schema"]
     assert [line for line in err.splitlines() if "warning: " not in line] == []
+    return found
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_one_json_document_and_nothing_else(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if name != "fit":  # the figures of one verb are enough
+        monkeypatch.setattr("jaxfric.cli.folder.Folder.draw", lambda *_: [])
+    one_document(*CALLS[name])
 
 
 def test_the_json_of_a_record_is_what_is_printed() -> None:
-    found = json.loads(run("record", "run.csv", "--json").out)
+    found = one_document("record", "run.csv")
     printed = run("record", "run.csv", "--out", "o").out
     assert f"rows: {found['record']['rows']} used of {found['rows_read']}" in printed
     (_, step) = zip(found["steps"]["times"], found["steps"]["velocities"], strict=True)
@@ -73,13 +79,14 @@ def test_the_json_of_a_record_is_what_is_printed() -> None:
     assert found["figures"] == [str(Path("run-record/record.png"))]
 
 
-def test_codes_of_a_study_are_counted() -> None:
+def test_codes_of_a_study_are_counted_and_quiet_reaches_the_verb() -> None:
     pytest.importorskip("zarr")
-    found = json.loads(run("study", "small.toml", "--json", "--quiet").out)
+    found = one_document(*STUDIED)
     assert found["members"] == found["computed_now"] == 3 and found["shape"] == {"k_p": 3}
     assert sum(found["codes"]["outcome"].values()) == 3
-    again = json.loads(run("study", "small.toml", "--json", "--quiet").out)
+    again = one_document(*STUDIED)
     assert again["computed_now"] == 0 and again["codes"] == found["codes"]
+    assert "chunk" in run(*STUDIED, "--out", "a").err
 
 
 @pytest.mark.parametrize("silent", [True, False])
@@ -87,13 +94,6 @@ def test_quiet_says_nothing_of_progress(silent: bool, capsys: pytest.CaptureFixt
     with telling(silent=silent), told(quiet=False) as progress:
         progress("drawing figures")
     assert capsys.readouterr().err == ("" if silent else "jaxfric: drawing figures\n")
-
-
-def test_quiet_reaches_the_verb() -> None:
-    call = ("study", "small.toml")
-    pytest.importorskip("zarr")
-    assert "chunk" in run(*call, "--out", "a").err
-    assert run(*call, "--out", "b", "--quiet").err == ""
 
 
 def test_the_codes_stand_in_the_help_and_in_the_docstring() -> None:
@@ -127,8 +127,7 @@ def test_files_say_what_made_them() -> None:
     from PIL import Image
 
     call = ("run", "long.csv", *STIFFNESS, "--out", "r")
-    motion = "\n".join(["time [s],load_point_displacement [um],friction [1]", *long_rows()])
-    written(Path("long.csv"), motion + "\n")
+    written(Path("long.csv"), record_text())
     assert run(*call).code == 0
     command = f"jaxfric run long.csv {' '.join(STIFFNESS)} --out r"
     told_by = json.loads(Path("r/run.json").read_text())["made_by"]
@@ -149,16 +148,10 @@ def test_files_say_what_made_them() -> None:
     assert before["step"] == "1" and float(before["A"]) == pytest.approx(float(after["A"]), 1e-4)
 
 
-def long_rows() -> list[str]:
-    """Rows of a run with one velocity step."""
-    return record_text().splitlines()[1:]
-
-
 def test_a_drawing_says_what_made_it() -> None:
     from xml.etree import ElementTree
 
-    call = ("simulate", *LAW, "--velocity", "2 mm/s", "--kp", "6 kN/m", "--duration", "3 s")
-    assert run(*call, "--out", "s <& é>").code == 0
+    one_document(*SIMULATE, "--out", "s <& é>")
     folder = Path("s <& é>")
     root = ElementTree.parse(folder / "motion.svg").getroot()
     assert root[0].tag.endswith("desc") and "--out 's <& é>'" in (root[0].text or "")
