@@ -114,8 +114,9 @@ def test_the_file_is_inference_data_in_the_units_of_the_record(folder):
     assert arviz.rhat(found)["A"] < 1.01
 
 
-def test_gains_take_its_draws_as_samples(folder, tmp_path):
+def test_gains_take_its_draws_as_samples(folder, tmp_path, monkeypatch):
     at, _ = folder
+    monkeypatch.setattr("jaxfric.cli.folder.Folder.draw", lambda *_: [])
     file = at / "out" / "posterior.nc"
     source = law_from_fit(file, normal_force=500.0, samples=50, seed=4)
     data = arviz.from_netcdf(file).posterior
@@ -150,11 +151,8 @@ def test_a_posterior_at_hand_gives_the_law_of_its_file(fitted, tmp_path, monkeyp
         here = law_from_fit(found, normal_force="500 N", **more)
         file = law_from_fit(tmp_path / "posterior.nc", normal_force=500.0, **more)
         same_samples(here, file)
-        assert (here.velocity, here.seen, here.warnings) == (
-            file.velocity,
-            file.seen,
-            file.warnings,
-        )
+        for name in ("velocity", "seen", "warnings"):
+            assert getattr(here, name) == getattr(file, name)
     assert here.samples.A.shape == (10,) and float(here.law.A) == 500 * found.maximum()["A"]
     for kept in (1, 3):
         assert here.text.split()[kept] == file.text.split()[kept]
@@ -272,9 +270,8 @@ def test_draws_that_are_not_relied_on_end_in_exit_code_1(folder, tmp_path, monke
     at, _ = folder
     monkeypatch.setattr(sys.modules["jaxfric.posterior.posterior"], "nuts", draws_of_the_normal_law)
     options = ("--prior", at / "priors.toml", "--draws", "20", "--chains", "2")
-    code, _, err = run(
-        "fit", at / "run.csv", *STIFFNESS, *STEPS, *options, "--out", tmp_path / "few"
-    )
+    options += ("--out", tmp_path / "few")
+    code, _, err = run("fit", at / "run.csv", *STIFFNESS, *STEPS, *options)
     assert code == 1
     assert "too few independent draws" in err and "claims nothing" in err
     assert_refused(run("gains", "--from", tmp_path / "few/posterior.nc", *FORCE), "claims nothing")
@@ -318,7 +315,7 @@ def test_beside_a_posterior_stands_the_fit_of_its_weighting(wandering):
     other = jaxfric.fit(
         wandering.record, stiffness=STIFFNESS[1], steps=STEPS[1], weighting="whitened"
     )
-    found = find_posterior(wandering, {"L": {"lognormal": [15.0, 0.01], "unit": "um"}})
+    found = find_posterior(wandering, WIDE | {"L": {"lognormal": [15.0, 0.01], "unit": "um"}})
     assert found.parameters["L"].mean == pytest.approx(15e-6, rel=0.02)
     for name, one in found.fitted().items():
         expected = other.A_minus_B if name == "A_minus_B" else other.parameters[name]
@@ -330,8 +327,8 @@ def test_beside_a_posterior_stands_the_fit_of_its_weighting(wandering):
     assert table["fit"].tolist() == [one.value for one in found.fitted().values()]
     labels = [text.get_text() for text in posterior_figure(found).legends[0].get_texts()]
     assert "whitened fit, no prior" in labels
-    assert find_posterior(other, {}).whitened is None
-    assert find_posterior(other, {}).fit_name == "whitened fit"
+    alone = find_posterior(other, WIDE)
+    assert alone.whitened is None and alone.fit_name == "whitened fit"
 
 
 def test_a_difference_of_weighting_is_not_laid_to_the_prior(wandering):
@@ -411,9 +408,15 @@ def test_a_fit_without_its_numbers_has_no_posterior(fitted):
         find_posterior(dataclasses.replace(fitted, solved=None), {})
 
 
-def test_the_figure_has_a_panel_for_every_pair(fitted):
-    found = find_posterior(fitted, {name: WIDE[name] for name in "BL"})
-    figure = posterior_figure(found)
+@pytest.fixture(scope="module")
+def of_L(fitted):
+    """A posterior of a prior of L alone, and its figure."""
+    found = find_posterior(fitted, {"L": WIDE["L"]})
+    return found, posterior_figure(found)
+
+
+def test_the_figure_has_a_panel_for_every_pair(fitted, of_L):
+    found, figure = of_L
     words = [text.get_text() for text in figure.axes[12].texts]
     assert words == ["prior: flat in ln A"] == [f"prior: {found.priors[1].text()}"]
     shown = [axis for axis in figure.axes if axis.axison]
@@ -437,11 +440,11 @@ def test_nuts_and_the_normal_law_agree_on_a_record(fitted):
         assert one.std == pytest.approx(about[name].std, rel=0.15), name
 
 
-def test_points_of_a_pair_lie_about_its_ellipse(fitted) -> None:
+def test_points_of_a_pair_lie_about_its_ellipse(of_L) -> None:
     """Every second of 4096 draws of a Sobol sequence was half of one parameter's range."""
-    found = jaxfric.find_posterior(fitted, priors={"L": {"lognormal": [20.0, 0.5], "unit": "um"}})
+    found, figure = of_L
     draws = np.log(found.laplace.draws[:, list(found.names).index("A")])
-    axes = np.array(posterior_figure(found).axes).reshape(len(found.names) + 1, -1)
+    axes = np.array(figure.axes).reshape(len(found.names) + 1, -1)
     row = 1 + list(found.names).index("A")
     points = np.log(axes[row, 0].lines[0].get_ydata())
     assert abs(points.mean() - draws.mean()) < 0.1 * draws.std()
