@@ -2,7 +2,8 @@
 
 That every command parses, and that its options take their values, is asked in `test_advice.py`.
 Here those run that need nothing but `data/` and what the commands before them on a page wrote;
-the ones that take minutes are left to `-m long`.
+the ones that take minutes are left to `-m long`. Those that README has not are run without their
+figures, which the tests of their verbs draw.
 """
 
 import re
@@ -106,6 +107,8 @@ def test_there_are_commands():
 
 @pytest.mark.parametrize("line", sorted(commands(slow=False), key=lambda x: "-fit/" in x))
 def test_a_command(line, folder, monkeypatch):
+    if line not in blocks_of(ROOT / "README.md", "sh"):
+        monkeypatch.setattr("jaxfric.cli.folder.Folder.draw", lambda *_: [])
     runs(line, folder, monkeypatch)
 
 
