@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -15,12 +16,18 @@ from jaxfric.report.found import FoundResult, find_results
 FITS = Path(__file__).parents[1] / "fits"
 
 
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fitted")
+    path = written(folder / "run.csv", record_text())
+    assert run("fit", path, *STIFFNESS, *STEPS, "--out", folder / "a fit & more").code == 0
+    return folder
+
+
 @pytest.fixture
-def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def results(fitted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    written(Path("run.csv"), record_text())
-    assert run("fit", "run.csv", *STIFFNESS, *STEPS, "--out", "a fit & more").code == 0
-    return tmp_path
+    return shutil.copytree(fitted, tmp_path, dirs_exist_ok=True)
 
 
 class _Links(HTMLParser):
