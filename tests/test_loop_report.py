@@ -842,7 +842,7 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(tmp_path: 
     old = [float(row[-1]) for row in by_velocity(loop).rows]
     assert np.divide(old[-2:], steps[-2:]) == pytest.approx(1.25, rel=0.002)
     assert steps[1] == old[1] and content["noise"]["sigma_held_out"] == 1.25 * loop.sigma
-    DRAWERS["residual"](noisy, tmp_path)
+    residual_figure(noisy).savefig(tmp_path / "residual.svg")
     drawing = (tmp_path / "residual.svg").read_text()
     for number in held:
         assert f"held-out error {number:.2f} σ" in drawing
