@@ -1,5 +1,7 @@
 """Rodas5P and the derivatives along its steps, against closed forms, SciPy and diffrax."""
 
+import functools
+
 import diffrax
 import equinox as eqx
 import jax
@@ -26,7 +28,7 @@ from jaxfric.simulation.rodas import Rodas5P, inverted
 from jaxfric.simulation.trajectory import RESULTS
 
 MOTION = PiecewiseVelocity(np.array([0.0, 10.0, 25.0]), np.array([1e-6, 1e-5, 2e-6]))
-TIMES = jnp.linspace(0.0, 40.0, 301)
+TIMES = jnp.linspace(0.0, 40.0, 257)
 
 
 def fixed(rate, y0, end, steps, at):
@@ -177,16 +179,29 @@ RIGS = {
     "bulky": bulky,
 }
 VALUES = jnp.array([2e3, 0.01, 0.014, 1.2e-5])
+SAME = jnp.zeros(4)
 
 
-def friction(name, values, rtol, **more):
-    return simulate(RIGS[name](values), MOTION, TIMES, rtol=rtol, **more).force
+def ran(name, x, times, rtol=1e-6, **more):
+    """With parameters exp(x) times as large."""
+    return simulate(RIGS[name](VALUES * jnp.exp(x)), MOTION, times, rtol=rtol, **more)
+
+
+@functools.cache
+def jacobian(name, rtol=1e-6, **more):
+    """Of friction at some times in x, and the trajectory."""
+
+    def force(x, times):
+        found = ran(name, x, times, rtol, **more)
+        return found.force, found
+
+    return jax.jit(jax.jacfwd(force, has_aux=True))
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_derivatives_are_those_of_differences(name):
-    found = jax.jit(jax.jacfwd(lambda x: friction(name, VALUES * jnp.exp(x), 1e-6)))(jnp.zeros(4))
-    sharp = jax.jit(lambda x: friction(name, VALUES * jnp.exp(x), 1e-10))
+    found = np.asarray(jacobian(name)(SAME, TIMES)[0])
+    sharp = jax.jit(lambda x: ran(name, x, TIMES, 1e-10).force)
     for i, unit in enumerate(1e-4 * np.eye(4)):
         change = np.asarray(sharp(unit) - sharp(-unit)) / 2e-4
         assert np.abs(found[:, i] - change).max() < 1e-4 * np.abs(change).max(), i
@@ -194,10 +209,9 @@ def test_derivatives_are_those_of_differences(name):
 
 @pytest.mark.parametrize("name", ["damped", "pressed"])
 def test_derivatives_are_those_of_an_explicit_solver(name):
-    def jacobian(rtol, **more):
-        return jax.jit(jax.jacfwd(lambda p: friction(name, p, rtol, **more)))(VALUES) * VALUES
-
-    found, known = jacobian(1e-6), jacobian(1e-8, solver=diffrax.Tsit5())
+    found, _ = jacobian(name)(SAME, TIMES)
+    known, _ = jacobian(name, 1e-8, solver=diffrax.Tsit5())(SAME, TIMES)
+    found, known = np.asarray(found), np.asarray(known)
     assert np.abs(found - known).max(axis=0) == pytest.approx(
         0.0, abs=1e-4 * float(np.abs(known).max(axis=0).min())
     )
@@ -207,66 +221,58 @@ def test_derivatives_of_more_steps_than_are_taken_side_by_side():
     many = PiecewiseVelocity(np.arange(24) * 8.0, np.tile([1e-6, 1e-5], 12))
     times = jnp.linspace(0.0, 192.0, 400)
 
-    def ran(p, rtol, **more):
-        return simulate(plain(p), many, times, rtol=rtol, **more)
+    def slope(rtol, **more):
+        def force(p):
+            found = simulate(plain(p), many, times, rtol=rtol, **more)
+            return found.force, found.num_steps
 
-    assert int(ran(VALUES, 1e-6).num_steps) > 300
-    found = jax.jit(jax.jacfwd(lambda p: ran(p, 1e-6).force))(VALUES) * VALUES
-    known = jax.jit(jax.jacfwd(lambda p: ran(p, 1e-8, solver=diffrax.Tsit5()).force))
-    known = np.asarray(known(VALUES) * VALUES)
+        found, steps = jax.jit(jax.jacfwd(force, has_aux=True))(VALUES)
+        return np.asarray(found * VALUES), int(steps)
+
+    found, steps = slope(1e-6)
+    assert steps > 300
+    known, _ = slope(1e-8, solver=diffrax.Tsit5())
     for i in range(4):
         assert np.abs(found[:, i] - known[:, i]).max() < 2e-4 * np.abs(known[:, i]).max(), i
 
 
 def test_derivatives_of_a_batch_are_those_one_by_one():
-    batch = VALUES * jnp.array([[1.0, 1, 1, 1], [1.5, 1.1, 0.9, 2.0], [8.0, 0.6, 1.2, 1.0]])
-    slope = jax.jacfwd(lambda p: friction("plain", p, 1e-6))
-    together = jax.jit(jax.vmap(slope))(batch)
+    batch = np.log([[1.0, 1, 1, 1], [1.5, 1.1, 0.9, 2.0], [8.0, 0.6, 1.2, 1.0]])
+    slope = jacobian("plain")
+    together, _ = jax.jit(jax.vmap(slope, (0, None)))(batch, TIMES)
     for one, own in zip(batch, together, strict=True):
-        alone = jax.jit(slope)(one)
-        assert own * one == pytest.approx(np.asarray(alone * one), abs=1e-9)
+        assert own == pytest.approx(np.asarray(slope(one, TIMES)[0]), abs=1e-9)
 
 
 def test_a_simulation_without_length_stays_where_it_begins():
-    still = jnp.zeros(3)
-
-    def force(p):
-        out = simulate(plain(p), MOTION, still).force
-        return out, out
-
-    slope, found = jax.jit(jax.jacfwd(force, has_aux=True))(VALUES)
-    assert found == pytest.approx(np.full(3, 0.6))
+    slope, found = jacobian("plain")(SAME, 0 * TIMES)
+    assert found.force == pytest.approx(np.full(len(TIMES), 0.6))
     assert np.all(np.isfinite(slope))
 
 
 def test_reverse_mode_by_an_adjoint():
     adjoint = diffrax.RecursiveCheckpointAdjoint()
 
-    def total(p, **more):
-        return jnp.sum(friction("plain", p, 1e-7, **more) ** 2)
+    def total(x):
+        return jnp.sum(ran("plain", x, TIMES, adjoint=adjoint).force ** 2)
 
-    back = jax.jit(jax.grad(lambda p: total(p, adjoint=adjoint)))(VALUES) * VALUES
-    ahead = jax.jit(jax.jacfwd(total))(VALUES) * VALUES
-    assert back == pytest.approx(np.asarray(ahead), rel=1e-4)
+    slope, found = jacobian("plain")(SAME, TIMES)
+    ahead = 2 * np.asarray(found.force) @ np.asarray(slope)
+    assert jax.jit(jax.grad(total))(SAME) == pytest.approx(ahead, rel=1e-4)
 
 
 def test_steps_as_samples_have_derivatives_too():
-    def ran(p):
-        out = simulate(plain(p), MOTION, TIMES, at_steps=True, max_steps=256)
-        return out.force, out
-
-    slope, out = jax.jit(jax.jacfwd(ran, has_aux=True))(VALUES)
+    slope, out = jacobian("plain", at_steps=True, max_steps=len(TIMES) - 1)(SAME, TIMES)
     last = int(np.flatnonzero(np.diff(out.time) > 0)[-1]) + 1
-    times = out.time[: last + 1]
-    known = jax.jit(jax.jacfwd(lambda p: simulate(plain(p), MOTION, times).force))(VALUES)
-    error = np.abs(np.asarray(slope[: last + 1] - known) * VALUES).max()
-    assert error < 1e-5 * np.abs(np.asarray(known) * VALUES).max()
-    assert eqx.tree_equal(slope[last], slope[-1])
+    known, _ = jacobian("plain")(SAME, out.time)
+    slope, known = np.asarray(slope), np.asarray(known)
+    assert np.abs(slope - known).max() < 1e-5 * np.abs(known).max()
+    assert np.array_equal(slope[last], slope[-1])
 
 
 def test_a_slider_below_the_critical_stiffness_sticks_and_slips():
     """What `sticks` is for: its velocity swings over decades within the record."""
-    speed = jax.jit(lambda p: simulate(sticks(p), MOTION, TIMES).velocity)(VALUES)
+    speed = jacobian("sticks")(SAME, TIMES)[1].velocity
     assert speed.max() > 1e3 * speed.min()
 
 
