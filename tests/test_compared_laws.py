@@ -89,9 +89,14 @@ def test_a_second_state_is_named() -> None:
     assert "asks for the second state" in found.sentence
 
 
-def test_a_tie_is_said_to_be_one() -> None:
+@pytest.fixture(scope="module")
+def tied() -> LawComparison:
     """Small steps in much noise: to first order in the step the laws are the same."""
-    found = compared("slip", SMALL, 1e-3)
+    return compared("slip", SMALL, 1e-3)
+
+
+def test_a_tie_is_said_to_be_one(tied) -> None:
+    found = tied
     assert found.supported is None and len(found.rivals) == 1
     assert "cannot tell: " in found.sentence and "slip" in found.sentence
     assert "less than the 10 that decide" in found.sentence
@@ -125,8 +130,8 @@ def test_the_figure_says_which_law_and_what_did_not_converge(of_slip) -> None:
     assert figure.axes[1].get_ylabel() == "record − fit\n[σ]"
 
 
-def test_the_figure_of_a_tie_names_no_law() -> None:
-    figure = comparison_figure(compared("slip", SMALL, 1e-3))
+def test_the_figure_of_a_tie_names_no_law(tied) -> None:
+    figure = comparison_figure(tied)
     assert "the record cannot tell which law, " in figure.get_suptitle()
 
 

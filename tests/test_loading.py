@@ -24,6 +24,12 @@ def record():
     return jaxfric.read(DATA / "velocity_step.csv")
 
 
+@pytest.fixture(scope="module")
+def true(record):
+    """A fit with the true stiffness."""
+    return jaxfric.fit(record, stiffness=K)
+
+
 def seen(record):
     forward, sign = forward_steps(record, steps_of(record, None))
     return steepest_loading(record, sign, forward)
@@ -134,15 +140,15 @@ def test_no_true_stiffness_is_called_too_large(ratio, L):
     assert len(doubts(found, 100 * K, "1")) == 1
 
 
-def test_a_fit_with_a_stiffness_too_large_is_warned_of_in_its_file_too(record):
+def test_a_fit_with_a_stiffness_too_large_is_warned_of_in_its_file_too(record, true):
     told = jaxfric.fit(record, stiffness="5e-2/um").to_json()["warnings"]
     (line,) = (x for x in told if "as on a spring" in x)
     assert "0.0036/µm, not of 0.05/µm: after the step at 40" in line
     assert sum(map(is_of_misfit, told)) == 1
-    assert not any(map(is_of_misfit, jaxfric.fit(record, stiffness=K).warnings))
+    assert not any(map(is_of_misfit, true.warnings))
 
 
-def test_a_fit_with_a_stiffness_too_small_is_warned_of(record):
+def test_a_fit_with_a_stiffness_too_small_is_warned_of(record, true):
     found = jaxfric.fit(record, stiffness="2e-3/um")
     assert sum("contradicts the rows" in line for line in found.warnings) == 1
-    assert not any("contradicts" in line for line in jaxfric.fit(record, stiffness=K).warnings)
+    assert not any("contradicts" in line for line in true.warnings)

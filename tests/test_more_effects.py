@@ -61,6 +61,11 @@ def predict(built):
     return simulated(built)[0]
 
 
+@jax.jit
+def ratios(history, times):
+    return jax.vmap(history.ratio)(times)
+
+
 def relative_error(id, stiffness, embed="embed", **values):
     """rms of the error over rms of the effect, by the independent plant."""
     b = base(stiffness)
@@ -75,11 +80,10 @@ def test_history_through_a_noisy_gauge():
     true = np.exp(HUNTING.logarithm(TS))
     noisy = 10 * true * (1 + 5e-5 * np.random.default_rng(0).standard_normal(len(TS)))
     history = recorded_stress(TS, noisy)
-    found = jax.vmap(history.ratio)(jnp.asarray(TS))
+    found = ratios(history, TS)
     assert found[0] == pytest.approx(1.0, abs=1e-12)
     assert np.std(np.asarray(found) / true) < 2.5e-5
-    padded = jax.vmap(history.padded(900).ratio)(jnp.asarray(TS))
-    np.testing.assert_array_equal(padded, found)
+    np.testing.assert_array_equal(ratios(history.padded(900), TS), found)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -102,7 +106,7 @@ def test_the_cubic_of_a_time_is_that_of_the_last_knot_before(length):
     rows = np.vstack([np.zeros((3, length)), np.arange(length)])
     n = NormalStress(jnp.asarray(knots), jnp.asarray(rows), jnp.asarray([0.0, last + 1.0]))
     times = np.concatenate([knots[np.isfinite(knots)], random.uniform(-1, last + 2, 500)])
-    found = np.asarray(jax.vmap(n.ratio)(jnp.asarray(times)))
+    found = np.asarray(ratios(n, times))
     inside = np.clip(times, 0.0, last + 1.0)
     wanted = np.maximum(np.searchsorted(knots, inside, side="right") - 1, 0)
     np.testing.assert_array_equal(found, wanted)
@@ -110,7 +114,7 @@ def test_the_cubic_of_a_time_is_that_of_the_last_knot_before(length):
 
 def test_constant_stress_is_one():
     history = recorded_stress(TS, np.full(len(TS), 5e6))
-    np.testing.assert_allclose(jax.vmap(history.ratio)(jnp.asarray(TS)), 1.0, atol=1e-12)
+    np.testing.assert_allclose(ratios(history, TS), 1.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import simulate_at
 from scipy.integrate import solve_ivp
 
 from jaxfric import (
@@ -182,36 +183,31 @@ VALUES = jnp.array([2e3, 0.01, 0.014, 1.2e-5])
 SAME = jnp.zeros(4)
 
 
-def ran(name, x, times, rtol=1e-6, **more):
-    """With parameters exp(x) times as large."""
-    return simulate(RIGS[name](VALUES * jnp.exp(x)), MOTION, times, rtol=rtol, **more)
-
-
 @functools.cache
-def jacobian(name, rtol=1e-6, **more):
-    """Of friction at some times in x, and the trajectory."""
+def jacobian(name, **more):
+    """Of friction at some times in x, with parameters exp(x) times as large; and the trajectory."""
 
-    def force(x, times):
-        found = ran(name, x, times, rtol, **more)
+    def force(x, times, rtol):
+        found = simulate_at(rtol, RIGS[name](VALUES * jnp.exp(x)), MOTION, times, **more)
         return found.force, found
 
-    return jax.jit(jax.jacfwd(force, has_aux=True))
+    both = jax.jit(jax.jacfwd(force, has_aux=True))
+    return lambda x=SAME, times=TIMES, rtol=1e-6: both(x, times, rtol)
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_derivatives_are_those_of_differences(name):
-    found = np.asarray(jacobian(name)(SAME, TIMES)[0])
-    sharp = jax.jit(lambda x: ran(name, x, TIMES, 1e-10).force)
+    found = np.asarray(jacobian(name)()[0])
     for i, unit in enumerate(1e-4 * np.eye(4)):
-        change = np.asarray(sharp(unit) - sharp(-unit)) / 2e-4
+        ends = [np.asarray(jacobian(name)(x, rtol=1e-10)[1].force) for x in (unit, -unit)]
+        change = (ends[0] - ends[1]) / 2e-4
         assert np.abs(found[:, i] - change).max() < 1e-4 * np.abs(change).max(), i
 
 
 @pytest.mark.parametrize("name", ["damped", "pressed"])
 def test_derivatives_are_those_of_an_explicit_solver(name):
-    found, _ = jacobian(name)(SAME, TIMES)
-    known, _ = jacobian(name, 1e-8, solver=diffrax.Tsit5())(SAME, TIMES)
-    found, known = np.asarray(found), np.asarray(known)
+    found = np.asarray(jacobian(name)()[0])
+    known = np.asarray(jacobian(name, solver=diffrax.Tsit5())(rtol=1e-8)[0])
     assert np.abs(found - known).max(axis=0) == pytest.approx(
         0.0, abs=1e-4 * float(np.abs(known).max(axis=0).min())
     )
@@ -239,13 +235,13 @@ def test_derivatives_of_more_steps_than_are_taken_side_by_side():
 def test_derivatives_of_a_batch_are_those_one_by_one():
     batch = np.log([[1.0, 1, 1, 1], [1.5, 1.1, 0.9, 2.0], [8.0, 0.6, 1.2, 1.0]])
     slope = jacobian("plain")
-    together, _ = jax.jit(jax.vmap(slope, (0, None)))(batch, TIMES)
+    together, _ = jax.jit(jax.vmap(slope))(batch)
     for one, own in zip(batch, together, strict=True):
-        assert own == pytest.approx(np.asarray(slope(one, TIMES)[0]), abs=1e-9)
+        assert own == pytest.approx(np.asarray(slope(one)[0]), abs=1e-9)
 
 
 def test_a_simulation_without_length_stays_where_it_begins():
-    slope, found = jacobian("plain")(SAME, 0 * TIMES)
+    slope, found = jacobian("plain")(times=0 * TIMES)
     assert found.force == pytest.approx(np.full(len(TIMES), 0.6))
     assert np.all(np.isfinite(slope))
 
@@ -254,17 +250,18 @@ def test_reverse_mode_by_an_adjoint():
     adjoint = diffrax.RecursiveCheckpointAdjoint()
 
     def total(x):
-        return jnp.sum(ran("plain", x, TIMES, adjoint=adjoint).force ** 2)
+        rig = plain(VALUES * jnp.exp(x))
+        return jnp.sum(simulate(rig, MOTION, TIMES, rtol=1e-7, adjoint=adjoint).force ** 2)
 
-    slope, found = jacobian("plain")(SAME, TIMES)
+    slope, found = jacobian("plain")(rtol=1e-7)
     ahead = 2 * np.asarray(found.force) @ np.asarray(slope)
     assert jax.jit(jax.grad(total))(SAME) == pytest.approx(ahead, rel=1e-4)
 
 
 def test_steps_as_samples_have_derivatives_too():
-    slope, out = jacobian("plain", at_steps=True, max_steps=len(TIMES) - 1)(SAME, TIMES)
+    slope, out = jacobian("plain", at_steps=True, max_steps=len(TIMES) - 1)()
     last = int(np.flatnonzero(np.diff(out.time) > 0)[-1]) + 1
-    known, _ = jacobian("plain")(SAME, out.time)
+    known, _ = jacobian("plain")(times=out.time)
     slope, known = np.asarray(slope), np.asarray(known)
     assert np.abs(slope - known).max() < 1e-5 * np.abs(known).max()
     assert np.array_equal(slope[last], slope[-1])
@@ -272,7 +269,7 @@ def test_steps_as_samples_have_derivatives_too():
 
 def test_a_slider_below_the_critical_stiffness_sticks_and_slips():
     """What `sticks` is for: its velocity swings over decades within the record."""
-    speed = jacobian("sticks")(SAME, TIMES)[1].velocity
+    speed = jacobian("sticks")()[1].velocity
     assert speed.max() > 1e3 * speed.min()
 
 

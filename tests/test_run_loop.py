@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -161,11 +162,15 @@ def test_what_cannot_be_joined_is_told():
 def alone(velocities, times, t, stiffness):
     """Friction of the slider that begins in steady sliding; times from 0."""
     law = rate_state("slip", TRUE, 1, direct=LogarithmicEffect())
-    motion = PiecewiseVelocity(np.asarray(times), np.asarray(velocities))
-    found = simulate(
-        Rig(QuasiStatic(jnp.asarray(stiffness)), law), motion, jnp.asarray(t), rtol=1e-8
-    )
-    return np.asarray(found.recorded)
+    motion = PiecewiseVelocity(np.asarray(times), np.asarray(velocities)).padded(4)
+    rig = Rig(QuasiStatic(jnp.asarray(stiffness)), law)
+    found = simulated(rig, motion, np.pad(t, (0, 600 - len(t)), "edge"))
+    return np.asarray(found.recorded)[: len(t)]
+
+
+@eqx.filter_jit
+def simulated(rig, motion, ts):
+    return simulate(rig, motion, ts, rtol=1e-8)
 
 
 def problem_of(joined, levels=0):
