@@ -96,10 +96,9 @@ def tied() -> LawComparison:
 
 
 def test_a_tie_is_said_to_be_one(tied) -> None:
-    found = tied
-    assert found.supported is None and len(found.rivals) == 1
-    assert "cannot tell: " in found.sentence and "slip" in found.sentence
-    assert "less than the 10 that decide" in found.sentence
+    assert tied.supported is None and len(tied.rivals) == 1
+    assert "cannot tell: " in tied.sentence and "slip" in tied.sentence
+    assert "less than the 10 that decide" in tied.sentence
 
 
 def test_bic_of_the_true_law_is_that_of_its_noise(of_slip) -> None:
@@ -131,8 +130,7 @@ def test_the_figure_says_which_law_and_what_did_not_converge(of_slip) -> None:
 
 
 def test_the_figure_of_a_tie_names_no_law(tied) -> None:
-    figure = comparison_figure(tied)
-    assert "the record cannot tell which law, " in figure.get_suptitle()
+    assert "the record cannot tell which law, " in comparison_figure(tied).get_suptitle()
 
 
 # ---- the command ---------------------------------------------------------------------------
@@ -158,24 +156,16 @@ def test_the_command(of_slip) -> None:
     assert (code, err) == (0, "")
     found = json.loads(out)
     assert found["schema"] == "jaxfric.comparison/1"
-    assert [(x["law"], x["states"]) for x in found["laws"]] == [
-        ("slip", 1),
-        ("ageing", 1),
-        ("slip", 2),
-        ("ageing", 2),
-    ]
+    models = [(law, n) for n in (1, 2) for law in ("slip", "ageing")]
+    assert [(x["law"], x["states"]) for x in found["laws"]] == models
     assert found["supported"] == {"law": "slip", "states": 1} and found["rivals"] == []
     for one, same in zip(found["laws"], of_slip.scores, strict=True):
         assert one["held_out_rms"] == pytest.approx(same.held_out, rel=1e-2)
     folder = Path("o")
     assert json.loads((folder / "compare.json").read_text()) == found
     table = list(csv.DictReader(io.StringIO((folder / "compare.csv").read_text())))
-    assert [row["model"] for row in table] == [
-        "slip",
-        "ageing",
-        "slip, 2 states",
-        "ageing, 2 states",
-    ]
+    named = ["slip", "ageing", "slip, 2 states", "ageing, 2 states"]
+    assert [row["model"] for row in table] == named
     assert min(float(row["BIC above least"]) for row in table if row["BIC above least"]) == 0
     assert {p.name for p in folder.glob("compare.*")} == {
         f"compare.{kind}" for kind in ("csv", "json", "png", "svg", "tex")

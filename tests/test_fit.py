@@ -250,19 +250,21 @@ def test_a_residual_that_wanders_is_not_taken_for_large_noise():
     assert np.all((slowest >= 1 - 1e-9) | (noise.share == 0)) and float(noise.share.sum()) > 0.9
 
 
-def test_a_given_start_far_off_survives():
+@pytest.fixture(scope="module")
+def clean():
+    return jaxfric.fit(jaxfric.read(DATA / "velocity_step.csv"), stiffness="5e-3/um")
+
+
+def test_a_given_start_far_off_survives(clean):
     """From (2A, 1.3B, 2L) a naive fit dies of a runaway in the middle of a step."""
-    record = jaxfric.read(DATA / "velocity_step.csv")
     start = dict(A=0.020, B=0.0182, L=40e-6)
-    far = jaxfric.fit(record, stiffness="5e-3/um", start=start)
-    near = jaxfric.fit(record, stiffness="5e-3/um")
-    assert far.sum_of_squares == pytest.approx(near.sum_of_squares, rel=1e-4)
+    far = jaxfric.fit(clean.record, stiffness="5e-3/um", start=start)
+    assert far.sum_of_squares == pytest.approx(clean.sum_of_squares, rel=1e-4)
 
 
-def test_glitches_are_passed_over():
+def test_glitches_are_passed_over(clean):
     """Rows of 12 to 300 sigma, two of them neighbours; none of the record without them."""
-    record = jaxfric.read(DATA / "velocity_step.csv")
-    clean = jaxfric.fit(record, stiffness="5e-3/um")
+    record = clean.record
     assert clean.noise.glitches.rows == ()
     rows, friction = [57, 200, 201, 300], np.array(record.friction)
     friction[rows] += clean.noise.sigma * np.array([30.0, -12.0, -12.0, 300.0])

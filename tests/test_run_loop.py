@@ -104,10 +104,8 @@ def test_a_hold_and_what_follows_is_one_unit():
         (1, -1), (3, 0), (0, 1), (3, 1), (1, 2),
     ]  # fmt: skip
     assert [p.time for p in joined.phases] == [50.0, 100.0, 200.0, 300.0, 400.0]
-    assert (
-        joined.steps().text()
-        == "0 s: 1 um/s, 50 s: 3 um/s, 150 s: 0 um/s, 250 s: 3 um/s, 350 s: 1 um/s"
-    )
+    text = "0 s: 1 um/s, 50 s: 3 um/s, 150 s: 0 um/s, 250 s: 3 um/s, 350 s: 1 um/s"
+    assert joined.steps().text() == text
 
 
 def unsteady(time=300.0, stop=500.0, before=3 * UM, after=1 * UM):
