@@ -19,7 +19,7 @@ from jaxfric.runs.decisions import decisions_text, read_decisions
 from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
 from jaxfric.runs.ramps import Ramp
-from jaxfric.runs.stick_slip import Rises, find_rises
+from jaxfric.runs.stick_slip import MIDDLE, Rises, find_rises
 from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.stress_steps import FittedStress
 from jaxfric.runs.table import (
@@ -84,7 +84,14 @@ def test_what_is_printed_is_what_is_written(done):
         assert value == pytest.approx(float(row["A"]), rel=1e-6)
 
 
-def test_events_can_be_changed_and_given_back(done, tmp_path):
+@pytest.fixture
+def steps_alone(monkeypatch):
+    """What a run does for its steps: no holds are fitted and no figures of fits are drawn."""
+    monkeypatch.setattr("jaxfric.runs.holds.fit_holds", lambda *_, **__: ())
+    monkeypatch.setattr(sys.modules["jaxfric.cli.run"], "_draw", lambda *_: None)
+
+
+def test_events_can_be_changed_and_given_back(done, tmp_path, steps_alone):
     """Without the first step, and with the others as they were: the same fits of these."""
     _, _, out, K = done
     text = (out / "events.toml").read_text()
@@ -103,7 +110,7 @@ def test_events_can_be_changed_and_given_back(done, tmp_path):
 
 
 def test_events_that_contradict_the_record_are_told_before_any_is_fitted(
-    done, tmp_path, monkeypatch
+    done, tmp_path, monkeypatch, steps_alone
 ):
     """And not a second time after the fits."""
     _, _, out, K = done
@@ -346,8 +353,14 @@ def test_the_page_shows_stick_slip_and_a_run_without_steps(two_fits):
     assert "stick-slip at 10 um/s from 2 s: not used, fewer than 4 teeth" in found.texts["li"]
 
 
+def never_slips(p, feet, *_):
+    """A slider that no A, B and L lets slip, as `rise_model.rises` tells it."""
+    n, parts = len(feet), len(MIDDLE) + 1
+    return np.ones((n, parts)), np.zeros(n, bool), np.ones((n, parts, len(p))), np.ones((n, parts))
+
+
 def test_a_run_of_stick_slip_alone_has_its_tables(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxfric.runs.rise_fit._MOST", 3)  # straight teeth have no A, B and L
+    monkeypatch.setattr("jaxfric.runs.rise_fit.rises", never_slips)
     t = np.arange(0.05, 120.0, 0.1)
     friction = 0.6 + 0.03 * (t / 10 % 1 - 0.5) + 1e-4 * np.sin(7 * t)
     record = tmp_path / "saw.csv"
