@@ -1,6 +1,7 @@
 """Functions that the tests of studies evaluate, here and in processes of their own."""
 
 import hashlib
+import os
 import signal
 import sys
 import time
@@ -62,18 +63,20 @@ def grid(x: int = 7, y: int = 5, samples: int = 0) -> study.Grid:
 
 
 def slowly(p):
-    """Any Python, five thousandths of a second each; it fails for one member."""
-    time.sleep(0.005)
+    """Any Python, that takes SLOWLY seconds each; it fails for one member."""
+    time.sleep(float(os.environ.get("SLOWLY", "0")))
     if p["x"] == 2.0:
         raise ValueError("no")
     return {"value": np.float64(p["x"] ** 0.5 + p["y"])}
 
 
 SLOWLY = (study.Output("value"),)
+PAUSED = {"SLOWLY": "0.005"}
+"""The environment in which 84 blocks take about one second."""
 
 
 def run_slowly(out, number=28, **policy):
-    """84 blocks of 2 members: about one second; or three times another number."""
+    """84 blocks of 2 members, or three times another number."""
     g = study.Grid((study.linspace("x", 0.0, 3.0, number), study.linspace("y", 0.0, 2.0, 6)))
     return study.run(slowly, g, out, outputs=SLOWLY, kind="host", chunk=2, **policy)
 

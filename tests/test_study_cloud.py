@@ -50,9 +50,15 @@ def contents(url):
     return {name: place.read(name) for name in place._below(None) if name != ".lock"}
 
 
-def test_a_store_in_a_bucket_is_that_of_a_folder(bucket, tmp_path):
+@pytest.fixture(scope="module")
+def kept(bucket):
+    """A study in the bucket, which every test leaves whole; and what its run gave."""
     url = f"{bucket}/here/a.zarr"
-    found = f.run_slowly(url, 4)
+    return url, f.run_slowly(url, 4)
+
+
+def test_a_store_in_a_bucket_is_that_of_a_folder(kept, tmp_path):
+    url, found = kept
     f.run_slowly(tmp_path / "a", 4)
     here = {n: (tmp_path / "a" / n).read_bytes() for n in f.contents(tmp_path / "a")}
     assert contents(url) == here
@@ -64,7 +70,7 @@ def test_a_killed_run_in_a_bucket_goes_on(bucket, tmp_path, monkeypatch):
     monkeypatch.setattr(places, "_ABANDONED", 0.3)
     url = f"{bucket}/killed.zarr"
     command = [sys.executable, f.__file__, "slowly", url, "12"]
-    run = subprocess.Popen(command, env=os.environ, stderr=subprocess.PIPE)
+    run = subprocess.Popen(command, env=os.environ | f.PAUSED, stderr=subprocess.PIPE)
     place = place_of(url)
     while len(place.names("done/c")) < 3 and run.poll() is None:
         time.sleep(0.02)
@@ -78,20 +84,18 @@ def test_a_killed_run_in_a_bucket_goes_on(bucket, tmp_path, monkeypatch):
     assert sorted(contents(url)) == sorted(f.contents(tmp_path / "a"))
 
 
-def test_one_run_writes_a_bucket(bucket, monkeypatch):
+def test_one_run_writes_a_bucket(kept, monkeypatch):
     """A lock that is renewed is another run's."""
     monkeypatch.setattr(places, "_BEAT", 0.05)
-    url = f"{bucket}/held.zarr"
-    f.run_slowly(url, 4)
+    url, _ = kept
     with place_of(url).lock(print), pytest.raises(InputError, match="written by another run"):
         f.run_slowly(url, 4)
     study.load(url)
 
 
 @pytest.mark.parametrize("damage", ["coordinate", "chunk"])
-def test_damage_in_a_bucket(bucket, damage):
-    url = f"{bucket}/{damage}.zarr"
-    f.run_slowly(url, 4)
+def test_damage_in_a_bucket(kept, damage):
+    url, _ = kept
     place, whole = place_of(url), contents(url)
     place.remove("x/c/0" if damage == "coordinate" else "value/c/0/1")
     with pytest.raises(InputError, match="is damaged"):

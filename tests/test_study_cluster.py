@@ -32,7 +32,11 @@ def cluster():
     folder = str(Path(__file__).parent)
     os.environ["PYTHONPATH"] = os.pathsep.join([folder, os.environ.get("PYTHONPATH", "")])
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None
+        n_workers=2,
+        threads_per_worker=1,
+        dashboard_address=None,
+        worker_dashboard_address=None,
+        env=f.PAUSED,
     ) as made:
         yield made
 
@@ -144,10 +148,16 @@ def test_killed_workers_lose_nothing(cluster, tmp_path, undisturbed):
     assert f.contents(tmp_path / "a") == undisturbed
 
 
-def test_a_lost_scheduler_leaves_a_store(tmp_path, undisturbed):
+def test_a_lost_scheduler_leaves_a_store(tmp_path, undisturbed, monkeypatch):
     """The scheduler goes away in the middle; the study goes on without it."""
+    monkeypatch.setenv("SLOWLY", f.PAUSED["SLOWLY"])
     made = distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        dashboard_address=None,
+        worker_dashboard_address=None,
     )
     path = tmp_path / "a"
 
@@ -161,6 +171,7 @@ def test_a_lost_scheduler_leaves_a_store(tmp_path, undisturbed):
     with pytest.raises(study.Stopped, match=r"scheduler at tcp.* is lost; \d+ of 84 chunks"):
         f.run_slowly(path, scheduler=made.scheduler_address)
     closer.join()
+    monkeypatch.undo()
     f.run_slowly(path)
     assert f.contents(path) == undisturbed
 
@@ -183,7 +194,7 @@ def test_a_future_may_change_after_it_was_done(status, outcome):
 
 
 def test_no_scheduler(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxfric.study.cluster._PATIENCE", 1.0)
+    monkeypatch.setattr("jaxfric.study.cluster._PATIENCE", 0.2)
     with pytest.raises(InputError, match="no Dask scheduler answers there"):
         f.run_slowly(tmp_path / "a", scheduler="tcp://127.0.0.1:9")
     assert not list(tmp_path.iterdir())

@@ -29,7 +29,7 @@ def process(*arguments, **environment):
     f.heed_interrupts()
     return subprocess.Popen(
         [sys.executable, SCRIPT, *map(str, arguments)],
-        env=os.environ | environment,
+        env=os.environ | f.PAUSED | environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
     )
@@ -140,12 +140,13 @@ def marks(path):
     return len(list(folder.iterdir())) if folder.exists() else 0
 
 
-def killed(path, after, how=signal.SIGKILL):
+def killed(path, after, how=signal.SIGKILL, meanwhile=lambda: None):
     """Run, wait for a chunk to be written, and then `after` [s] more."""
     before = marks(path)
     run = process("slowly", path)
     while marks(path) == before and run.poll() is None:
         time.sleep(0.002)
+    meanwhile()
     time.sleep(after)
     run.send_signal(how)
     code = run.wait(30)
@@ -322,9 +323,14 @@ def test_urls_that_are_refused(tmp_path, monkeypatch, out, words):
     assert not list(tmp_path.iterdir())
 
 
-def test_an_interrupt_leaves_a_store(tmp_path, undisturbed):
+def test_one_writer_at_a_time_whose_interrupt_leaves_a_store(tmp_path, undisturbed):
     path = tmp_path / "a"
-    code, error = killed(path, 0.1, signal.SIGINT)
+
+    def write():
+        with pytest.raises(InputError, match="written by another run"):
+            f.run_slowly(path)
+
+    code, error = killed(path, 0.1, signal.SIGINT, write)
     assert code != 0 and "KeyboardInterrupt" in error
     f.run_slowly(path)
     assert f.contents(path) == undisturbed
@@ -382,17 +388,6 @@ def test_other_stores_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such store"):
         study.load(tmp_path / "nothing")
     assert f.contents(tmp_path / "a") == before and not list((tmp_path / "b").iterdir())
-
-
-def test_one_writer_at_a_time(tmp_path):
-    path = tmp_path / "a"
-    run = process("slowly", path)
-    while not (path / "done" / "c").exists():
-        time.sleep(0.02)
-    with pytest.raises(InputError, match="written by another run"):
-        f.run_slowly(path)
-    run.kill()
-    run.wait(30)
 
 
 def clash(name):
