@@ -159,22 +159,19 @@ def test_margins_of_a_study_are_those_of_the_package(tmp_path):
     text = 'compute = ["margins"]' + RIG.format(law="slip") + 'm = "2 kg"\n' + axes
     found = run_study(written(tmp_path / "s.toml", text), tmp_path / "a")
 
-    @jax.jit
     def one(k_p, k_v, V0):
         law = jf.RateState(225.0, 4.5, [6.0], [5e-6], 1e-6)
         slider = jf.linearise(jf.Rig(jf.Inertial(2.0, k_p, k_v), law), V0)
-        return margins(slider), is_stable(slider)
+        critical = critical_rate_state(4.5, 6.0, 5e-6, V0, k_v, 2.0)
+        return margins(slider), is_stable(slider), critical
 
-    for i, k_p in enumerate(found.k_p.values):
-        for j, k_v in enumerate(found.k_v.values):
-            for k, V0 in enumerate(found.V0.values):
-                here = found.isel(k_p=i, k_v=j, V0=k)
-                expected, stable = one(k_p, k_v, V0)
-                for name, value in expected.items():
-                    np.testing.assert_allclose(here[name], value, rtol=1e-9, err_msg=name)
-                assert (here.stability == 0) == bool(stable)
-                w_cr, k_cr = critical_rate_state(4.5, 6.0, 5e-6, V0, k_v, 2.0)
-                np.testing.assert_allclose([here.w_cr, here.k_cr], [w_cr, k_cr], rtol=1e-9)
+    grid = np.meshgrid(found.k_p, found.k_v, found.V0, indexing="ij")
+    expected, stable, (w_cr, k_cr) = jax.jit(jax.vmap(one))(*(x.ravel() for x in grid))
+    for name, value in (expected | {"w_cr": w_cr, "k_cr": k_cr}).items():
+        here = found[name].broadcast_like(found.stability).transpose(*found.stability.dims)
+        np.testing.assert_allclose(here.values.ravel(), value, rtol=1e-9, err_msg=name)
+    assert found.stability.shape == (5, 3, 2)
+    np.testing.assert_array_equal(found.stability.values.ravel() == 0, stable)
     assert {name: found[name].attrs["units"] for name in UNITS} == UNITS
     assert found.k_p.attrs["units"] == "N/m" and float(found.V0[0]) == 1e-6
 
@@ -218,9 +215,10 @@ def test_margins_in_single_precision_are_refused(name):
     """In any function of one's own they would be wrong, and nothing would say so."""
     with jax.enable_x64(False):
         law = jf.RateState(225.0, 4.5, [6.0, 4.0], [3e-6, 4e-5], 1e-6)
-        slider = jf.linearise(jf.Rig(jf.Inertial(2.0, 3e5, 1e5), law), 1e-6)
+        rig = jf.Rig(jf.Inertial(2.0, 3e5, 1e5), law)
+        slider = jax.eval_shape(lambda V0: jf.linearise(rig, V0), 1e-6)
         with pytest.raises(jf.InputError, match="64-bit numbers"):
-            jf.margin(name, slider)
+            jax.eval_shape(lambda slider: jf.margin(name, slider), slider)
 
 
 @pytest.fixture(scope="module")
@@ -278,7 +276,7 @@ def test_a_small_step_of_an_unstable_slider_is_not_steady(ends):
     one = jnp.ones(16)
     period = 2 * np.pi * p[:, 2] / p[:, 5]
     span = streaming.Span(0 * one, jnp.asarray(period), -one / period)
-    found = streaming.ends(of, ensemble.stepped(of, one * (1 + 1e-9)), span)
+    found = jax.jit(streaming.ends)(of, ensemble.stepped(of, one * (1 + 1e-9)), span)
     assert unstable.sum() > 5
     assert not np.any(np.asarray(found.code)[unstable] == streaming.STEADY)
 
