@@ -438,7 +438,7 @@ def test_the_memory_of_noise_does_not_change_when_rows_are_thinned(over, memory)
 
 def test_a_noise_like_another_has_its_parts_and_its_own_sizes(monkeypatch):
     """No other parts are sought; of white noise, which has none, they are."""
-    rng, n = np.random.default_rng(15), 1500
+    rng, n = np.random.default_rng(15), 1000
     time, column = np.arange(n) * 1.0, np.ones((n, 1))
     s = [rng.normal()]
     for _ in range(n - 1):
@@ -659,7 +659,7 @@ def test_a_very_long_record_is_sized_in_more_stretches(monkeypatch):
     noise = simulated_noise(rng, time, 1.0, 1.0, tau) + 0.5 * rng.standard_normal(n)
     record = noise_rows(time, np.ones(n), noise, np.ones((n, 1)))
     whole = estimate_noise(record)
-    monkeypatch.setattr(noise_search, "_STRETCH", 256)
+    monkeypatch.setattr(noise_search, "_STRETCH", 192)
     monkeypatch.setattr(noise_search, "_SIZED", 16)
     found = estimate_noise(record)
     assert found.family == whole.family == Family(first=0)
