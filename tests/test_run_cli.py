@@ -46,13 +46,14 @@ def written(made, path):
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
-    """A run of a few events, its truth, what the command said, and its folder."""
+    """A run of a few events, its truth, what the command said, its folder, and how it is fitted."""
     folder = tmp_path_factory.mktemp("run")
     made = generate(21, law="slip", events=4, kinds={"step": 0.7, "hold": 0.3})
     file = written(made, folder / "mine.csv")
     K = f"{made.press.K * 1e-6:.6g}/um"
-    outcome = run("run", file, "--stiffness", K, "--out", folder / "out")
-    return made, outcome, folder / "out", K
+    how = ("--stiffness", K, "--rows", "512")
+    outcome = run("run", file, *how, "--out", folder / "out")
+    return made, outcome, folder / "out", how
 
 
 def test_every_step_of_the_run_is_in_the_table(done):
@@ -93,14 +94,12 @@ def steps_alone(monkeypatch):
 
 def test_events_can_be_changed_and_given_back(done, tmp_path, steps_alone):
     """Without the first step, and with the others as they were: the same fits of these."""
-    _, _, out, K = done
+    _, _, out, how = done
     text = (out / "events.toml").read_text()
     first = text.index("\nfit = true") + 1
     file = tmp_path / "events.toml"
     file.write_text(text[:first] + "fit = false" + text[first + len("fit = true") :])
-    again = run(
-        "run", out.parent / "mine.csv", "--stiffness", K, "--events", file, "--out", tmp_path / "o"
-    )
+    again = run("run", out.parent / "mine.csv", *how, "--events", file, "--out", tmp_path / "o")
     assert again.code == 0, again.err
     before = list(csv.DictReader((out / "table.csv").open()))
     after = list(csv.DictReader((tmp_path / "o" / "table.csv").open()))
@@ -113,13 +112,13 @@ def test_events_that_contradict_the_record_are_told_before_any_is_fitted(
     done, tmp_path, monkeypatch, steps_alone
 ):
     """And not a second time after the fits."""
-    _, _, out, K = done
+    _, _, out, how = done
     events = list(read_decisions(out / "events.toml", np.inf))
     where, step = next((k, event) for k, event in enumerate(events) if event.fitted)
     events[where] = replace(step, before=10 * step.before, after=10 * step.after)
     file = tmp_path / "events.toml"
     file.write_text(decisions_text(tuple(events), "mine"))
-    call = ("run", out.parent / "mine.csv", "--stiffness", K, "--events", file)
+    call = ("run", out.parent / "mine.csv", *how, "--events", file)
     said = "jaxfric: warning: step 1: from 0 s on the steps say"
 
     def stop(*_):
