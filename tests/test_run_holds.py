@@ -30,16 +30,6 @@ from jaxfric.runs.left_out import left_out
 from jaxfric.runs.stiffness import MachineStiffness
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _with_float64():
-    import jax
-
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", before)
-
-
 def event(kind, time, before, after):
     return Event(kind, time, before, after, time, time)
 

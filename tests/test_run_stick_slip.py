@@ -31,16 +31,6 @@ from jaxfric.runs.teeth import find_spikes
 pytestmark = pytest.mark.computes
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _with_float64():
-    import jax
-
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", before)
-
-
 # ---- teeth -----------------------------------------------------------------------------------
 
 V, DROP, PERIOD, ROW = 1e-5, 0.03, 10.0, 0.1
@@ -142,7 +132,7 @@ SLIDERS = {
 SPEEDS = (1e-5, 1e-4)
 
 
-def saw(law, *, teeth=9, rows=120, noise=2e-4, seed=0):
+def saw(law, *, teeth=8, rows=120, noise=2e-4, seed=0):
     """A record of a slider with mass at two velocities, by SciPy."""
     p = SLIDERS[law]
     u = np.log(SPEEDS[0] / 1e-6)

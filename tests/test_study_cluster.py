@@ -24,6 +24,7 @@ from jaxfric import InputError, study
 from jaxfric.study.cluster import _Pool
 
 GOOD = 'outputs = ["k_cr", "stability"]\n' + f.MARGINS
+ALONE = {"threads_per_worker": 1, "dashboard_address": None, "worker_dashboard_address": None}
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +32,7 @@ def cluster():
     """Two workers in processes of their own, one thread each."""
     folder = str(Path(__file__).parent)
     os.environ["PYTHONPATH"] = os.pathsep.join([folder, os.environ.get("PYTHONPATH", "")])
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        dashboard_address=None,
-        worker_dashboard_address=None,
-        env=f.PAUSED,
-    ) as made:
+    with distributed.LocalCluster(n_workers=2, env=f.PAUSED, **ALONE) as made:
         yield made
 
 
@@ -151,14 +146,7 @@ def test_killed_workers_lose_nothing(cluster, tmp_path, undisturbed):
 def test_a_lost_scheduler_leaves_a_store(tmp_path, undisturbed, monkeypatch):
     """The scheduler goes away in the middle; the study goes on without it."""
     monkeypatch.setenv("SLOWLY", f.PAUSED["SLOWLY"])
-    made = distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=1,
-        processes=False,
-        protocol="tcp://",
-        dashboard_address=None,
-        worker_dashboard_address=None,
-    )
+    made = distributed.LocalCluster(n_workers=1, processes=False, protocol="tcp://", **ALONE)
     path = tmp_path / "a"
 
     def close_after(count):
