@@ -215,7 +215,7 @@ def healed(request):
     k = MachineStiffness(made.press.K * made.press.sigma, of_stress=True)
     motion, events = find_events(record, stiffness=k)
     record = without_resets_of(record, motion.position)
-    return made, fit_holds(record, events, HowFitted(k, rows=380))
+    return made, fit_holds(record, events, HowFitted(k, rows=512))
 
 
 def test_the_law_is_told_from_the_holds(healed):
