@@ -81,7 +81,9 @@ def test_the_json_of_a_record_is_what_is_printed() -> None:
 
 def test_codes_of_a_study_are_counted_and_quiet_reaches_the_verb() -> None:
     pytest.importorskip("zarr")
-    found = one_document(*STUDIED)
+    code, out, err = run(*STUDIED, "--json", "--quiet")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
     assert found["members"] == found["computed_now"] == 3 and found["shape"] == {"k_p": 3}
     assert sum(found["codes"]["outcome"].values()) == 3
     again = one_document(*STUDIED)

@@ -25,7 +25,7 @@ from jaxfric.laws.loop_source import law_from_loop
 from jaxfric.laws.source import stack
 from jaxfric.members import run_study
 from jaxfric.plot.stability import law_name
-from jaxfric.rig.friction import Conditions
+from jaxfric.rig.friction import AbstractEvolution, Conditions
 from jaxfric.simulation import ensemble
 from jaxfric.stability.analysis import study
 
@@ -282,7 +282,17 @@ def test_a_blend_holds_the_law_that_it_begins_with(plant):
     np.testing.assert_allclose(rate, plant.rates(7 * UM, [0.004]), rtol=1e-12)
 
 
-@pytest.mark.parametrize("evolution", [jf.SlipEvolution(), jf.AgeingEvolution()])
+class Relaxing(AbstractEvolution):
+    """Half as fast as the slip law's: linear in the state, and none that has a closed form."""
+
+    def rate(self, r, theta, B, L, V0):
+        return -0.5 * r * V0 / L * (theta + B * jnp.log(r))
+
+    def steady_state(self, r, B, V0):
+        return -B * jnp.log(r)
+
+
+@pytest.mark.parametrize("evolution", [jf.SlipEvolution(), jf.AgeingEvolution(), Relaxing()])
 def test_a_state_held_at_a_velocity_goes_as_its_equation(evolution):
     """Starting values carry it exactly, through steps far longer than L/V."""
     B, L, theta = np.array([0.01, 0.02]), np.array([5e-6, 2e-5]), np.array([0.02, -0.01])

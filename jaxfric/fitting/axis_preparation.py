@@ -86,6 +86,7 @@ class Means(AbstractSampler):
 
     every: int = eqx.field(static=True)
 
+    @eqx.filter_jit
     def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
         """The row of samples k..k+every-1 stands at their middle."""
         return jnp.mean(signal.reshape(-1, self.every), axis=1)
@@ -101,6 +102,7 @@ class Decimator(AbstractSampler):
     after: int = eqx.field(static=True)
     every: int = eqx.field(static=True)
 
+    @eqx.filter_jit
     def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
         """The row of sample k is at that sample, or where the phase of `gain` puts it."""
         m, more = self.margin, self.after

@@ -159,6 +159,7 @@ def _quadratic(c: Float[Array, " 3"]) -> Complex[Array, " 2"]:
     return jnp.stack(pair)
 
 
+@jax.jit
 def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     """The iteration, root by root in real arithmetic: a batch then is long plain loops."""
     scaled, unit, x, y = _start(c)
