@@ -546,7 +546,7 @@ FAULTS = (
           "from ..rig.friction import LogarithmicEffect\n"
           "        return rate_state(self.law, p, self.states, LogarithmicEffect())", REGULARISED),
     Fault("the first few members are followed again, whoever lacks", "members/motions.py",
-          "jnp.argsort(~lacks)", "jnp.arange(len(lacks))",
+          "jnp.where(lacks, share, jnp.inf)", "jnp.where(lacks, jnp.inf, share)",
           "tests/test_study_sliders.py -k ends_with_mass"),
     Fault("only one group is followed again", "members/motions.py",
           "lambda s: s[0] < count", "lambda s: s[0] < jnp.minimum(count, 1)",
