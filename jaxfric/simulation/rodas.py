@@ -19,10 +19,12 @@ Source: Steinebach 2023 (doi:10.1007/s10543-023-00967-x), coefficients in the fo
 Wanner, Solving ODEs II, IV.7.
 """
 
+import functools
 from collections.abc import Sequence
 from typing import ClassVar
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -226,44 +228,53 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
         made_jump: bool | Array | np.ndarray,
     ) -> tuple[PyTree[Array], PyTree[Array], dict[str, PyTree[Array]], None, diffrax.RESULTS]:
         del solver_state, made_jump
-        y, back = ravel_pytree(y0)
-        h, start = jnp.asarray(t1 - t0, y.dtype), jnp.asarray(t0, y.dtype)
+        end, error, dense = _stepped(terms, t0, t1, y0, args)
+        return end, error, dense, None, diffrax.RESULTS.successful
 
-        def rate(t: Array, y: Array) -> Array:
-            return ravel_pytree(terms.vf(t, back(y), args))[0]
 
-        def push(tangent: Array) -> tuple[Array, Array]:
-            return jax.jvp(rate, (start, y), (tangent[-1], tangent[:-1]))
+@functools.partial(eqx.filter_jit, inline=True)  # pyright: ignore
+def _stepped(
+    terms: diffrax.AbstractTerm, t0: RealScalar, t1: RealScalar, y0: PyTree[Array], args: PyTree
+) -> tuple[PyTree[Array], PyTree[Array], dict[str, PyTree[Array]]]:
+    """A step, its error and what its interpolant needs; traced once where diffrax asks again."""
+    y, back = ravel_pytree(y0)
+    h, start = jnp.asarray(t1 - t0, y.dtype), jnp.asarray(t0, y.dtype)
 
-        n = len(y)
-        first, slopes = jax.vmap(push, out_axes=(None, -1))(jnp.eye(n + 1, dtype=y.dtype))
-        by_time = h * slopes[:, n]
-        matrix = jnp.eye(n, dtype=y.dtype) / (h * GAMMA) - slopes[:, :n]
-        inverse = inverted(jax.lax.stop_gradient(matrix))
-        least = h <= _LEAST * jnp.spacing(jnp.abs(jnp.asarray(t1, y.dtype)))
+    def rate(t: Array, y: Array) -> Array:
+        return ravel_pytree(terms.vf(t, back(y), args))[0]
 
-        def solved(side: Array) -> Array:
-            # a step of refinement, which carries the derivatives of the matrix
-            k = jax.lax.stop_gradient(inverse @ side)
-            return k + inverse @ (side - matrix @ k)
+    def push(tangent: Array) -> tuple[Array, Array]:
+        return jax.jvp(rate, (start, y), (tangent[-1], tangent[:-1]))
 
-        def stage(ks: Array, row: tuple[Array, ...]) -> tuple[Array, None]:
-            i, a, c, node, d = row
-            side = rate(start + node * h, y + a @ ks) + (c @ ks) / h + d * by_time
-            return ks.at[i].set(solved(side)), None
+    n = len(y)
+    first, slopes = jax.vmap(push, out_axes=(None, -1))(jnp.eye(n + 1, dtype=y.dtype))
+    by_time = h * slopes[:, n]
+    matrix = jnp.eye(n, dtype=y.dtype) / (h * GAMMA) - slopes[:, :n]
+    inverse = inverted(jax.lax.stop_gradient(matrix))
+    least = h <= _LEAST * jnp.spacing(jnp.abs(jnp.asarray(t1, y.dtype)))
 
-        ks = jnp.zeros((STAGES, n), y.dtype).at[0].set(solved(first + D[0] * by_time))
-        rows = (np.arange(STAGES), *(np.asarray(x, y.dtype) for x in (A, C, NODES, D)))
-        ks, _ = jax.lax.scan(stage, ks, jax.tree.map(lambda x: jnp.asarray(x[1:]), rows))
-        pulled = inverted(matrix + (1 - 1 / GAMMA) * jnp.eye(n, dtype=y.dtype) / h) @ first
-        pulled = jnp.where(pulled * first >= 0, pulled, h * first)
-        pulled = pulled / jnp.maximum(1.0, jnp.max(jnp.abs(pulled)))
-        end = y + jnp.where(least, pulled, jnp.asarray(A[-1], y.dtype) @ ks + ks[-1])
-        # summed: for a product of matrices XLA calls a library, which takes longer than the stages
-        inside = jnp.sum(jnp.asarray(DENSE, y.dtype)[:, :, None] * ks, axis=1)
-        error, inside = (jnp.where(least, 0.0, x) for x in (ks[-1], inside))
-        dense = {"y0": y0, "y1": back(end), "k": jax.vmap(back)(inside)}
-        return back(end), back(error), dense, None, diffrax.RESULTS.successful
+    def solved(side: Array) -> Array:
+        # a step of refinement, which carries the derivatives of the matrix
+        k = jax.lax.stop_gradient(inverse @ side)
+        return k + inverse @ (side - matrix @ k)
+
+    def stage(ks: Array, row: tuple[Array, ...]) -> tuple[Array, None]:
+        i, a, c, node, d = row
+        side = rate(start + node * h, y + a @ ks) + (c @ ks) / h + d * by_time
+        return ks.at[i].set(solved(side)), None
+
+    ks = jnp.zeros((STAGES, n), y.dtype).at[0].set(solved(first + D[0] * by_time))
+    rows = (np.arange(STAGES), *(np.asarray(x, y.dtype) for x in (A, C, NODES, D)))
+    ks, _ = jax.lax.scan(stage, ks, jax.tree.map(lambda x: jnp.asarray(x[1:]), rows))
+    pulled = inverted(matrix + (1 - 1 / GAMMA) * jnp.eye(n, dtype=y.dtype) / h) @ first
+    pulled = jnp.where(pulled * first >= 0, pulled, h * first)
+    pulled = pulled / jnp.maximum(1.0, jnp.max(jnp.abs(pulled)))
+    end = y + jnp.where(least, pulled, jnp.asarray(A[-1], y.dtype) @ ks + ks[-1])
+    # summed: for a product of matrices XLA calls a library, which takes longer than the stages
+    inside = jnp.sum(jnp.asarray(DENSE, y.dtype)[:, :, None] * ks, axis=1)
+    error, inside = (jnp.where(least, 0.0, x) for x in (ks[-1], inside))
+    dense = {"y0": y0, "y1": back(end), "k": jax.vmap(back)(inside)}
+    return back(end), back(error), dense
 
 
 def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
