@@ -298,6 +298,7 @@ def test_a_record_is_its_clean_friction_and_noise():
         assert np.std(moved) == pytest.approx(0.02, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_seed_fixes_a_record():
     first = record()
     again = generate.make(generate.Request(77, ("second_state",), 0.5))
@@ -330,6 +331,7 @@ def test_an_unreachable_rho_is_an_error():
     )
 
 
+@pytest.mark.long
 def test_files_are_read_and_hide_the_truth(tmp_path):
     common = ["--seed", "4", "--out", str(tmp_path), "--channels", "slip,load_point,normal_stress"]
     generate.main(["--effect", "none", *common])

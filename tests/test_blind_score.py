@@ -529,6 +529,7 @@ def test_a_failure_is_noted_and_the_study_goes_on(tmp_path, monkeypatch):
     assert after.st_mtime_ns == before.st_mtime_ns  # made once
 
 
+@pytest.mark.long
 def test_records_are_treated_in_processes(tmp_path, capsys):
     """An unreadable record, through the command itself: noted, scored, and left alone after."""
     (item,) = study.selected(share=0.01, only=("null-white",))

@@ -48,6 +48,7 @@ def test_the_store_is_that_of_one_machine(cluster, tmp_path, undisturbed):
     assert f.contents(tmp_path / "a") == undisturbed
 
 
+@pytest.mark.long
 def test_processes_of_this_machine_give_the_same_store(tmp_path, undisturbed):
     f.run_slowly(tmp_path / "a", processes=2)
     assert f.contents(tmp_path / "a") == undisturbed
