@@ -18,8 +18,7 @@ x_c enters through its velocity, the drive's lag through its displacement, so a 
 slow drive needs no derivative of the lag.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -31,21 +30,13 @@ from ..motion import AbstractMotion, PiecewiseVelocity
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
 from .start import Start, law_with_states
-from .steps import RealScalar
+from .steps import RealScalar, traced_once
 
 _FOLLOWS = 3e-4
 
 Scalar = Float[Array, ""]
 Unknowns = dict[str, Array]
 """The scaled unknowns by name: q, psi, and phi, v or w where there are such."""
-
-
-M = TypeVar("M", bound=Callable)
-
-
-def _once(method: M) -> M:
-    """A method that is traced once where a solver, its tangents and a response ask it again."""
-    return eqx.filter_jit(method, inline=True)  # pyright: ignore
 
 
 class Slider(NamedTuple):
@@ -113,7 +104,7 @@ class SliderEquation(eqx.Module):
         del args
         return self._rates(jnp.asarray(t), y)
 
-    @_once
+    @traced_once
     def _rates(self, t: Scalar, y: Unknowns) -> Unknowns:
         law, scale = self.law, self.law.force_scale()
         now, following = self._now(t, y)
@@ -135,7 +126,7 @@ class SliderEquation(eqx.Module):
         """Force, velocity, slip and state that belong to the scaled unknowns at time `t`."""
         return self._now(jnp.asarray(t), y)[0]
 
-    @_once
+    @traced_once
     def _now(self, t: Scalar, y: Unknowns) -> tuple[Slider, Array | None]:
         """The slider, and dw/dt of one that is late."""
         law, machine = self.law, self.rig.machine

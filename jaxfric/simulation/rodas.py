@@ -19,19 +19,17 @@ Source: Steinebach 2023 (doi:10.1007/s10543-023-00967-x), coefficients in the fo
 Wanner, Solving ODEs II, IV.7.
 """
 
-import functools
 from collections.abc import Sequence
 from typing import ClassVar
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int, PyTree
 
-from .steps import RealScalar
+from .steps import RealScalar, traced_once
 
 _CLOSED_FORM = 6
 """The inverse of a system of up to so many equations is written out."""
@@ -232,7 +230,7 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
         return end, error, dense, None, diffrax.RESULTS.successful
 
 
-@functools.partial(eqx.filter_jit, inline=True)  # pyright: ignore
+@traced_once
 def _stepped(
     terms: diffrax.AbstractTerm, t0: RealScalar, t1: RealScalar, y0: PyTree[Array], args: PyTree
 ) -> tuple[PyTree[Array], PyTree[Array], dict[str, PyTree[Array]]]:

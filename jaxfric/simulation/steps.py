@@ -1,4 +1,4 @@
-"""Step sizes at which derivatives are right too.
+"""Step sizes at which derivatives are right too, and what solvers share.
 
 In steady sliding a solver sees no error and lets its steps grow without limit. An explicit one then
 leaves its region of stability: the motion, exactly at rest there, does not notice, but its
@@ -7,6 +7,7 @@ kept below a multiple of the fastest time scale of the linearised equation.
 """
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import diffrax
 import equinox as eqx
@@ -24,6 +25,13 @@ Truth = bool | Array | np.ndarray
 # Tsit5 is stable for real rates up to 3.3 per step, for oscillating ones up to about 2.5.
 _LIMIT = 1.8
 _SQUARINGS = 6
+
+F = TypeVar("F", bound=Callable)
+
+
+def traced_once(function: F) -> F:
+    """A function that is traced once where a solver, its tangents and a response ask it again."""
+    return eqx.filter_jit(function, inline=True)  # pyright: ignore
 
 
 def padded_norm(y: PyTree) -> Float[Array, ""]:
