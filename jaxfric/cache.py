@@ -51,7 +51,7 @@ def whole_loops() -> bool:
 
     By default XLA looks up what to compute next in every turn of a loop, which takes longer than a
     step of a solver or a row of a filter. Loops over up to 128 MiB of memory are made one function:
-    a simulation takes 0.8 of the time, one of a batch 0.65, a loop 0.75 to 0.9. Set by `XLA_FLAGS`
+    a simulation takes 0.3 of the time, one of a batch 0.55, a loop 0.75 to 0.9. Set by `XLA_FLAGS`
     in the environment, so before anything is computed with JAX. Nothing where that has such an
     option already, for jaxlib before 0.8, and from 0.12 on, which does so by itself.
     """
