@@ -1,8 +1,7 @@
 """Motions of many sliders after a step of the command: how they end, and friction in time.
 
 Simulations of massless sliders under the slip and ageing laws go through `simulation.ensemble`, all
-at once; others through `gains.settle`, mapped, which takes some fifty times as long a
-member.
+at once; others through `gains.settle`, mapped, which takes some twenty times as long a member.
 """
 
 import functools
@@ -169,6 +168,7 @@ class Motions:
         first, share = followed(p, _FEW_STEPS)
         lacks = first["end"] == streaming.FAILED
         few = at_once(_AGAIN)
+        share = jnp.fmin(share, 2.0)  # nan, of a time that is no number, too
         order = jnp.argsort(jnp.where(lacks, share, jnp.inf))
         order = jnp.pad(order, (0, -len(lacks) % few), mode="edge")
 
