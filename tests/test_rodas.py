@@ -64,6 +64,7 @@ def test_order_of_steps_and_of_what_is_between():
     between = [np.abs(e).max() for e in errors]
     assert np.log2(ends[0] / ends[1]) > 4.7 and np.log2(ends[1] / ends[2]) > 4.7
     assert np.log2(between[0] / between[1]) > 4.7 and np.log2(between[1] / between[2]) > 4.7
+    assert np.all(np.divide(between, ends) < 1.5)  # as exact between the steps as at their ends
 
 
 def drawn(t, y, stiffness):
