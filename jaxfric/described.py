@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from arviz import InferenceData  # pyright: ignore[reportMissingImports]
+    from arviz import InferenceData
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset

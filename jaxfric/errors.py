@@ -11,7 +11,7 @@ Outside of the command it is said in the words of Python (`drop_bad=True`, `step
 import contextlib
 import difflib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 
 # Options of the command that are another word in Python; the others are the same word.
 _ARGUMENTS = {
@@ -38,7 +38,7 @@ _LIKE = 0.55
 
 
 @contextlib.contextmanager
-def words_of_the_command() -> Iterator[None]:
+def words_of_the_command() -> Generator[None]:
     """Within the block errors speak of options, outside of arguments."""
     before, _of_the_command[0] = _of_the_command[0], True
     try:

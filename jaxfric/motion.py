@@ -52,8 +52,11 @@ class PiecewiseVelocity(AbstractMotion):
     reached (see `padded`), so that motions of different length share one compilation.
     """
 
-    times: Float[Array, " n"] = eqx.field(converter=as_floats)
-    velocities: Float[Array, " n"] = eqx.field(converter=as_floats)
+    times: Float[Array, " n"]
+    velocities: Float[Array, " n"]
+
+    def __init__(self, times: ArrayLike, velocities: ArrayLike):
+        self.times, self.velocities = as_floats(times), as_floats(velocities)
 
     def __check_init__(self):
         if self.times.ndim != 1 or self.times.shape != self.velocities.shape:

@@ -91,7 +91,7 @@ class Quantity:
     def allows(self, value: Array | np.ndarray) -> Array | np.ndarray:
         """Elementwise: finite, and within the bounds."""
         above = (value >= self.lower) if self.closed else (value > self.lower)
-        return above & (value < self.upper) & (abs(value) < math.inf)
+        return above & (value < self.upper) & (abs(value) < math.inf)  # ty: ignore[invalid-argument-type]
 
     def _range(self) -> str:
         if math.isinf(self.upper):
@@ -169,7 +169,7 @@ def quantities(module: eqx.Module | type) -> dict[str, Quantity]:
     """The quantities that a module declares itself, by field name, in order."""
     return {
         f.name: f.metadata["quantity"]
-        for f in dataclasses.fields(module)  # pyright: ignore[reportArgumentType]
+        for f in dataclasses.fields(module)  # ty: ignore[invalid-argument-type]
         if "quantity" in f.metadata
     }
 
@@ -203,7 +203,7 @@ def all_inside(module: eqx.Module) -> Bool[Array, ""]:
 
 def _declared(module: eqx.Module) -> Iterator[tuple[Quantity, Array]]:
     """Every quantity with its value, of a module and of the modules in it."""
-    for field in dataclasses.fields(module):  # pyright: ignore[reportArgumentType]
+    for field in dataclasses.fields(module):
         value = getattr(module, field.name, None)
         if "quantity" in field.metadata and value is not None:
             yield field.metadata["quantity"], value

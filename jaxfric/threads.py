@@ -35,7 +35,7 @@ def on_processor() -> bool:
     """Whether JAX computes on the processor: by `jax.default_device`, or having nothing else."""
     import jax
 
-    device = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+    device = jax.config.jax_default_device  # ty: ignore[missing-attribute]
     platform = jax.default_backend() if device is None else getattr(device, "platform", device)
     return platform == "cpu"
 
@@ -51,7 +51,7 @@ def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
         return [one(*each) for each in asked]
     import jax  # not where the command begins
 
-    end, long = threading.Event(), bool(jax.config.jax_enable_x64)  # pyright: ignore
+    end, long = threading.Event(), bool(jax.config.jax_enable_x64)  # ty: ignore[missing-attribute]
 
     def work(each: tuple) -> T:
         _own.end = end

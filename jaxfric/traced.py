@@ -93,7 +93,7 @@ class Traced(Generic[P, R]):
     @functools.cached_property
     def jitted(self) -> Callable[..., R]:
         """What runs where nothing is kept."""
-        return eqx.filter_jit(self.function, compiler_options=_quickly())  # pyright: ignore
+        return eqx.filter_jit(self.function, compiler_options=_quickly())  # ty: ignore[no-matching-overload]
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """The function of `args`. With arguments by name, or traced ones, as `eqx.filter_jit`."""
@@ -129,12 +129,12 @@ class Traced(Generic[P, R]):
         name = self._name(args, key)
         if name is None:
             return None
-        file = _folder[0] / f"{self.function.__name__}-{name}"
+        file = _folder[0] / f"{self.function.__name__}-{name}"  # ty: ignore[missing-attribute]
         return _read(file) or self._trace(args, file)
 
     def _name(self, args: tuple, key: tuple) -> str | None:
         like = jax.tree.map(lambda x: None if eqx.is_array(x) else x, args)
-        own = self.function.__module__, self.function.__qualname__
+        own = self.function.__module__, self.function.__qualname__  # ty: ignore[missing-attribute]
         tables = [dict(table) for table in _tables]
         if not _of_known_code((like, self.function, tables)):
             return None
@@ -158,7 +158,7 @@ class Traced(Generic[P, R]):
 
         try:
             how = {"platforms": (_platform(),), "disabled_checks": _CHECKED}
-            exported = jax.export.export(jax.jit(flat), **how)(*leaves)
+            exported = jax.export.export(jax.jit(flat), **how)(*leaves)  # ty: ignore[invalid-argument-type]
             blob = pickle.dumps((seen[0], bytes(exported.serialize())), protocol=4)
         except Exception:  # not all that can be compiled can be exported
             return None

@@ -121,7 +121,7 @@ def scale(values: _Values, size: float) -> _Values:
     """values * size; by the whole reciprocal where there is one: 10 um is 1e-5 m exactly."""
     whole = round(1 / size) if 0 < abs(size) < 1 else 0
     exact = whole != 0 and math.isclose(whole * size, 1, rel_tol=1e-15)
-    return values / whole if exact else values * size
+    return values / whole if exact else values * size  # ty: ignore[invalid-explicit-return]
 
 
 def is_unit(text: str) -> bool:
@@ -213,7 +213,7 @@ def _parse(unit: str, what: str = "unit") -> "pint.Quantity":
     """One `unit` as a pint quantity, or an `InputError` that names the nearest known unit."""
     registry = _registry()
     try:
-        return 1.0 * registry.parse_expression(unit) if unit else registry.Quantity(1.0, "")
+        return 1.0 * registry.parse_expression(unit) if unit else registry.Quantity(1.0, "")  # ty: ignore[invalid-explicit-return]
     except Exception:  # pint raises a dozen kinds for text that is not a unit
         hint = did_you_mean(unit, _KNOWN, listed=False)
         raise InputError(f"{what}: '{unit}' is not a known unit{hint}") from None

@@ -75,7 +75,7 @@ def _entry(name: str, registry: Path) -> Mapping[str, str]:
 
 def _fetch(name: str, entry: Mapping[str, str]) -> Path:
     try:
-        import pooch  # pyright: ignore[reportMissingImports]
+        import pooch
     except ImportError:
         raise InputError(f"{name} is not on this machine; to fetch it, pip install pooch") from None
     try:

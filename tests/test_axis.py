@@ -74,7 +74,7 @@ def problem_of(record, effects=(), width=2e-4):
     clear = moving & np.roll(moving, 1) & np.roll(moving, -1)
     weight[: made.rows] = (clear & made.inside)[: made.rows]
     chosen = tuple(AXIS_CATALOGUE[e] for e in effects)
-    model = EncompassingModel(BaseLaw(), chosen)  # pyright: ignore[reportArgumentType]
+    model = EncompassingModel(BaseLaw(), chosen)
     return make_problem(made, weight, model, width=width, noise_scale=1.0)
 
 
@@ -314,7 +314,7 @@ def test_emps_fits(emps):
     weight = np.zeros(len(made.time))
     weight[: made.rows] = made.inside[: made.rows]
     effects = (AXIS_CATALOGUE["direction_asymmetry"],)
-    model = EncompassingModel(BaseLaw(), effects)  # pyright: ignore[reportArgumentType]
+    model = EncompassingModel(BaseLaw(), effects)
     problem = make_problem(made, weight, model, width=1.3e-4, noise_scale=1.0)
     z = start(problem)
     usual = dataclasses.replace(problem, sampler=made.usual, friction=jnp.asarray(made.usual_force))

@@ -123,7 +123,7 @@ def test_the_weight_of_a_joint_is_named(tmp_path):
 def test_a_weight_is_offered_to_rotary_axes(coordinate, found):
     record = SimpleNamespace(coordinate=coordinate)
     asked = Offered(tuple(AXIS_CATALOGUE.values()), (), (), 8)
-    seen = {effect.id for effect in _seen_by(record, asked).effects}  # pyright: ignore
+    seen = {effect.id for effect in _seen_by(record, asked).effects}
     assert seen == set(AXIS_CATALOGUE) - (set() if found else {"gravity"})
 
 
@@ -131,7 +131,7 @@ def test_a_weight_that_a_linear_axis_is_told_to_have_is_refused():
     record = SimpleNamespace(coordinate="linear", provenance=SimpleNamespace(path="slide.csv"))
     asked = Offered(tuple(AXIS_CATALOGUE.values()), ("gravity",), (), 8)
     with pytest.raises(InputError, match=r"slide.csv: effect gravity is of a rotary axis"):
-        _seen_by(record, asked)  # pyright: ignore
+        _seen_by(record, asked)
 
 
 def test_no_ripple_is_looked_for_that_no_record_fixes():

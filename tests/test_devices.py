@@ -88,7 +88,7 @@ def test_a_gpu_takes_a_block_at_once(members, batch, found, gpu, monkeypatch):
         jax, "devices", lambda kind="": real if kind else [SimpleNamespace(platform="gpu")]
     )
     task = SimpleNamespace(batch=batch, blocks=SimpleNamespace(largest=members))
-    assert local._batch(task) == found  # pyright: ignore[reportArgumentType]
+    assert local._batch(task) == found
 
 
 def test_rows_of_a_record_are_the_same_on_a_gpu(gpu):

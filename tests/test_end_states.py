@@ -371,4 +371,4 @@ def test_basin_of_load_point_jumps():
     )  # fmt: skip
     assert found.size < found.lost
     with pytest.raises(InputError, match="kind is 'push'"):
-        basin(rig_of("slip", 1e3), V0, kind="push", horizon=PERIOD)  # pyright: ignore[reportArgumentType]
+        basin(rig_of("slip", 1e3), V0, kind="push", horizon=PERIOD)

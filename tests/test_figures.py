@@ -120,7 +120,7 @@ def test_the_title_of_the_curves_of_a_study_stays_within_the_figure() -> None:
     assert isinstance(figure, matplotlib.figure.Figure)
     assert figure.axes[1].get_xscale() == "log"
     figure.draw_without_rendering()
-    assert figure._suptitle.get_window_extent().x1 <= figure.bbox.x1  # pyright: ignore
+    assert figure._suptitle.get_window_extent().x1 <= figure.bbox.x1
     assert "what nobody knows of 8" in figure.get_suptitle().replace("\n", " ")
 
 
@@ -158,7 +158,7 @@ def test_the_curves_of_a_large_study_stay_of_a_size_that_can_be_read() -> None:
     assert isinstance(figure, matplotlib.figure.Figure)
     figure.draw_without_rendering()
     assert len(figure.axes) == 24 and max(figure.get_size_inches()) < 17
-    assert figure._suptitle.get_window_extent().x1 <= figure.bbox.x1  # pyright: ignore
+    assert figure._suptitle.get_window_extent().x1 <= figure.bbox.x1
     every = [side for axis in figure.axes for side in (axis.xaxis, axis.yaxis)]
     assert all(side.get_offset_text().get_text() == "" for side in every)
     assert all(len(side.get_ticklocs()) < 9 for side in every if side.get_scale() == "linear")
@@ -280,7 +280,7 @@ def test_rates_of_a_run_fill_their_panels(monkeypatch, middle, words) -> None:
     steps[2].fit.pair = (9.0, 5.0)  # nothing is known of it
     monkeypatch.setattr(plot_run, "difference", lambda fit: fit.pair)
     monkeypatch.setattr(plot_run, "misses", lambda step: step is steps[4])
-    figure = plot_run.rates_figure(SimpleNamespace(steps=steps))  # pyright: ignore
+    figure = plot_run.rates_figure(SimpleNamespace(steps=steps))
     figure.draw_without_rendering()
     low, high = figure.axes[0].get_ylim()
     assert 0.7 * (high - low) < 1.6e-4 + 2 * 1.96e-4 < high - low
@@ -309,7 +309,7 @@ def test_numbers_of_steps_beside_each_other_stand_in_two_lines() -> None:
     figure = new_figure(13, 4)
     axis = figure.subplots()
     axis.set_xlim(0, 30000)
-    plot_run._number(axis, record, events)  # pyright: ignore
+    plot_run._number(axis, record, events)
     figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in axis.texts]
     assert [text.get_text() for text in axis.texts] == ["1", "2", "3", "5"]
@@ -332,7 +332,7 @@ def test_a_scale_of_colours_ends_where_its_values_do() -> None:
         found = study_of(slip_amplitude=(lambda k, V, top=top: np.maximum(k, 2e4) + top, "slip"))
         figure = _map(found, "slip_amplitude", ("k_p", "V0"), coded=False)
         assert isinstance(figure, matplotlib.figure.Figure)
-        assert figure.axes[-1]._colorbar.extend == arrows  # pyright: ignore
+        assert figure.axes[-1]._colorbar.extend == arrows
 
 
 def test_the_border_of_stability_is_drawn_finer_than_the_map() -> None:
@@ -350,7 +350,7 @@ def test_the_border_of_stability_is_drawn_finer_than_the_map() -> None:
     coarse = stable(k_p, k_v)
     pairs = np.divmod(np.arange(2 * 121**2), 2)
     result = SimpleNamespace(scenarios=scenarios)
-    finer = gain_map._finer(result, (k_p, k_v), coarse, pairs)  # pyright: ignore
+    finer = gain_map._finer(result, (k_p, k_v), coarse, pairs)
     expected = stable(gain_map._centres(k_p), gain_map._centres(k_v))
     np.testing.assert_array_equal(finer, expected)
     assert not np.array_equal(np.kron(coarse[:-1, :-1], np.ones((5, 5), bool)), expected)

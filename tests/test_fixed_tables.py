@@ -176,4 +176,4 @@ def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
         ),
     )  # fmt: skip
     candidate = SimpleNamespace(effects=("presliding",), z=np.ones(3), noise=None)
-    assert not_fixed(made, candidate, AXIS) == names  # pyright: ignore[reportArgumentType]
+    assert not_fixed(made, candidate, AXIS) == names

@@ -178,7 +178,7 @@ def test_an_optimum_where_two_constraints_meet(monkeypatch):
 
     needed = SimpleNamespace(number=3)
     monkeypatch.setattr(kkt, "_constraints", constraints)
-    found = polish(needed, Scenario(), FREE, FrontierPoint(1.6, 1.3, np.inf))  # pyright: ignore
+    found = polish(needed, Scenario(), FREE, FrontierPoint(1.6, 1.3, np.inf))
     np.testing.assert_allclose(found.gains, (1.0, 1.0), rtol=1e-9)
     # (1, 1) = l (1, 1) + m (0.4, 1): l = 1, m = 0
     assert found.residual < 1e-9 and found.active == (0,) and not found.at_limit
@@ -188,7 +188,7 @@ def test_an_optimum_where_two_constraints_meet(monkeypatch):
         constraints={"type": "ineq", "fun": lambda x: two_constraints(x)[0]},
         options={"gtol": 1e-10, "xtol": 1e-12},
     )  # fmt: skip
-    found = polish(needed, Scenario(), tilted, FrontierPoint(1.6, 1.3, np.inf))  # pyright: ignore
+    found = polish(needed, Scenario(), tilted, FrontierPoint(1.6, 1.3, np.inf))
     np.testing.assert_allclose(found.gains, truth.x, atol=1e-5)
     assert found.residual < 1e-9
 

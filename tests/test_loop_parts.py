@@ -448,7 +448,7 @@ def synthetic_screening(parts):
             blocks.append(shape)
             place += shape.shape[1]
     matrix = np.concatenate(blocks, axis=1)
-    seen = Screening(None, matrix, matrix[:0], (0, 1, 2), tuple(columns))  # pyright: ignore
+    seen = Screening(None, matrix, matrix[:0], (0, 1, 2), tuple(columns))
     engine = SimpleNamespace(free=lambda effects: np.arange(3))
     return alias_cosines(engine, SimpleNamespace(effects=()), seen, matrix, {})
 

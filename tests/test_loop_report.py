@@ -328,7 +328,7 @@ def test_a_bad_page_is_noticed(html: str, words: str) -> None:
 def printed(loop: Loop, width: int = 120) -> str:
     console = Console(file=io.StringIO(), width=width, highlight=False)
     print_loop(loop, console)
-    return console.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
+    return console.file.getvalue()
 
 
 def html_of(loop: Loop) -> str:
@@ -1232,7 +1232,7 @@ def test_a_refit_tells_effects_that_look_alike(delta_bic, converged, words):
 def test_velocities_bear_a_symbol_of_length(unit: str, shown: str) -> None:
     loop = make_loop("effects")
     units = {**loop.record.units, "load_point_displacement": unit}
-    record = dataclasses.replace(loop.record, units=units)  # pyright: ignore[reportArgumentType]
+    record = dataclasses.replace(loop.record, units=units)
     assert by_velocity(dataclasses.replace(loop, record=record)).rows[0][1] == shown
 
 

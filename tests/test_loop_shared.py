@@ -40,7 +40,7 @@ def engine() -> Engine:
         shifted=np.arange(1, STEPS),
     )
     felt = np.delete(np.arange(STEPS - 1), 11)
-    return Engine(problem, split(TIMES, steps), felt, shapes=lambda *_: None)  # pyright: ignore
+    return Engine(problem, split(TIMES, steps), felt, shapes=lambda *_: None)
 
 
 def jacobian(engine: Engine, *, memory: float, slope: float) -> np.ndarray:
@@ -152,7 +152,7 @@ def test_a_users_effect_is_fitted_on_one_thread(own, at_once, monkeypatch):
     model = EncompassingModel(Model(), effects)
     problem = make_problem(TIMES, np.zeros(len(TIMES)), steps, sizes, model)
     blocks = split(TIMES, steps)
-    engine = Engine(problem, blocks, np.zeros(0, int), shapes=lambda *_: None)  # pyright: ignore
+    engine = Engine(problem, blocks, np.zeros(0, int), shapes=lambda *_: None)
     both = threading.Barrier(2, timeout=0.5)
 
     def together(k):

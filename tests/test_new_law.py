@@ -310,7 +310,7 @@ def test_many_sliders_at_once_move_by_its_rate(plant):
         pytest.skip("only a `RateState` is simulated many at once")
     law, V, A = rig_of(plant, K).friction, 7 * UM, plant.p["A"]
     one = np.ones(1)
-    of = ensemble.lanes(stack([law]), K * one, 0.0 * one, V0 * one)  # pyright: ignore
+    of = ensemble.lanes(stack([law]), K * one, 0.0 * one, V0 * one)
     du, dpsi = ensemble.derivative(of)((jnp.log(V / V0) * one, 0.004 / A * one))
     (expected,) = plant.rates(V, [0.004])
     np.testing.assert_allclose(A * dpsi, expected, rtol=1e-12)

@@ -291,9 +291,9 @@ def test_which_alpha_is_claimed(fit, words):
 
 def test_a_record_of_a_force_has_no_alpha():
     record = SimpleNamespace(normal_stress=np.ones(3), friction_unit="N")
-    assert fit_stress_steps(record, [stress_event()], [], None) == ()  # pyright: ignore
+    assert fit_stress_steps(record, [stress_event()], [], None) == ()
     record = SimpleNamespace(normal_stress=None, friction_unit="1")
-    assert fit_stress_steps(record, [stress_event()], [], None) == ()  # pyright: ignore
+    assert fit_stress_steps(record, [stress_event()], [], None) == ()
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,7 @@ def test_of_changes_that_touch_each_event_has_its_own(time, which, monkeypatch):
     monkeypatch.setattr(module, "find_stress_changes", lambda t, stress: changes)
     ones = np.ones(3)
     record = SimpleNamespace(normal_stress=ones, friction_unit="1", relative_time=ones)
-    [found] = fit_stress_steps(record, [stress_event(0.0, 0.0, time)], [], None)  # pyright: ignore
+    [found] = fit_stress_steps(record, [stress_event(0.0, 0.0, time)], [], None)
     assert (found.before, found.after) == changes[which][2:] and "holds" in found.why
 
 

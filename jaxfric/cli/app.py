@@ -7,7 +7,7 @@ import logging
 import os
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Generator
 
 import cyclopts
 
@@ -158,7 +158,7 @@ def _of_another_rig(error: cyclopts.CycloptsError) -> str:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def _quiet() -> Generator[None]:
     """Silence libraries' remarks on fonts, caches and rounding, unless debugging."""
     if _debugging():
         yield

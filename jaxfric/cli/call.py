@@ -4,7 +4,7 @@ import contextlib
 import contextvars
 import inspect
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple
 
 from ..errors import InputError
@@ -36,7 +36,7 @@ def current_call() -> Call:
 @contextlib.contextmanager
 def calling(
     verb: Callable[..., object], bound: inspect.BoundArguments, words: Sequence[str]
-) -> Iterator[None]:
+) -> Generator[None]:
     """Within the block, `current_call` is this one."""
     defaults = inspect.signature(verb).parameters
     given = {

@@ -3,7 +3,7 @@
 import contextlib
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar
 
@@ -44,7 +44,7 @@ AnyRecord = TypeVar("AnyRecord", "Record", "AxisRecord")
 
 def windowed(record: AnyRecord, since: str | None, until: str | None) -> AnyRecord:
     """The rows of a record (of a slider or an axis) that `Since` and `Until` ask for."""
-    return record if since is None and until is None else record.window(since, until)
+    return record if since is None and until is None else record.window(since, until)  # ty: ignore[invalid-explicit-return]
 
 
 class AxisColumns(NamedTuple):
@@ -74,7 +74,7 @@ def axis_roles(columns: list[str] | None) -> dict[str, str] | None:
     return read_pairs(columns or (), "--column", example, form="ROLE=NAME") or None
 
 
-def refuse_unused(by: str, options: dict[str, object], instead: str = "") -> None:
+def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> None:
     """Refuse options that something has no use for."""
     wrong = [option for option, given in options.items() if given]
     if wrong:
@@ -103,7 +103,7 @@ def prepare_jax(*, gpu: bool = False) -> None:
         os.environ.setdefault("JAX_PLATFORMS", "cpu")
     import jax
 
-    if not gpu and jax.config.jax_platforms is None:  # pyright: ignore
+    if not gpu and jax.config.jax_platforms is None:  # ty: ignore[missing-attribute]
         jax.config.update("jax_platforms", os.environ["JAX_PLATFORMS"])
 
     from ..cache import cache_compiled, whole_loops

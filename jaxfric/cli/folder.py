@@ -12,7 +12,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
 
@@ -178,7 +178,7 @@ class Folder:
                 )
 
     @contextlib.contextmanager
-    def results(self) -> Iterator[Path]:
+    def results(self) -> Generator[Path]:
         """Write results: in the folder of the block, which is moved here when it is complete.
 
         What the same verb wrote here before is replaced, or taken away where it is not written

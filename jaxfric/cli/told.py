@@ -14,7 +14,7 @@ import contextvars
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 
 FIRST = 0.6
 """The longest silence [s] before the first word, where there is no terminal."""
@@ -117,7 +117,7 @@ def _begin() -> Teller | Line:
 
 
 @contextlib.contextmanager
-def telling(*, silent: bool = False) -> Iterator[None]:
+def telling(*, silent: bool = False) -> Generator[None]:
     """Tell of all that is done in the block, at the latest until a `told` in it ends; or, where
     `silent`, of nothing."""
     teller = Silent() if silent else _begin()
@@ -130,7 +130,7 @@ def telling(*, silent: bool = False) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def told(*, quiet: bool) -> Iterator[Callable[[str], None]]:
+def told(*, quiet: bool) -> Generator[Callable[[str], None]]:
     """Tell on stderr what is being done, see this file. With `quiet` only silences are broken.
 
     What is printed after the block is not disturbed by a line of a terminal.

@@ -269,7 +269,7 @@ def _wrong_size(about: object, steps: object) -> str | None:
         if size is not None and not (isinstance(size, int | float) and 0 <= size < math.inf):
             return f"'{key}' is {size!r}"
     try:
-        moving = [float(v) for _, v in steps if math.isfinite(v) and v]  # pyright: ignore
+        moving = [float(v) for _, v in steps if math.isfinite(v) and v]  # ty: ignore[not-iterable]
     except (TypeError, ValueError):
         return "'steps' is no list of times and velocities"
     return None if moving else "'steps' has no motion"

@@ -79,7 +79,7 @@ CATALOGUE: dict[str, type[AbstractEffect]] = {}
 """The effects of a slider by id."""
 AXIS_CATALOGUE: dict[str, type[AbstractEffect]] = {}
 """The effects of an axis by id."""
-_CATALOGUES = {Rig: CATALOGUE, AxisRig: AXIS_CATALOGUE}
+_CATALOGUES: dict[type, dict[str, type[AbstractEffect]]] = {Rig: CATALOGUE, AxisRig: AXIS_CATALOGUE}
 STEADY_CURVES = (EvolutionCutoff.id, Viscous.id, Stribeck.id)
 """Effects that only change friction of steady sliding as a function of velocity."""
 

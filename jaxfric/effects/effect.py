@@ -128,7 +128,7 @@ def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quant
 
 def made(effect: type[E], values: Mapping[str, ArrayLike]) -> E:
     """The effect with some of its parameters by field name, the others at their null."""
-    return effect(**values)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    return effect(**values)
 
 
 def null(effect: type[E]) -> E:

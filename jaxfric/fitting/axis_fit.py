@@ -107,7 +107,7 @@ def _moving_states(problem: AxisProblem, free: np.ndarray) -> tuple[AxisProblem,
     idle = tuple(
         e.id
         for e in model.effects
-        if null(e).embed(plain).states and not set(model.columns((e.id,))) & set(free.tolist())  # pyright: ignore[reportArgumentType, reportAttributeAccessIssue]
+        if null(e).embed(plain).states and not set(model.columns((e.id,))) & set(free.tolist())
     )
     effects = tuple(e for e in model.effects if e.id not in idle)
     kept = np.setdiff1d(np.arange(len(model.names())), model.columns(idle))

@@ -44,7 +44,7 @@ class AxisProblem(AbstractProblem):
     typical: Sizes
     hold: Float[Array, "0"]
     channels: tuple[()]
-    model: EncompassingModel = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+    model: EncompassingModel = eqx.field(static=True)  # ty: ignore[incompatible-mutable-override]
 
     @property
     def sizes(self) -> Sizes:
@@ -129,7 +129,7 @@ def make_problem(
                 np.max(np.abs(v)),
                 np.ptp(np.asarray(motion.position)),
                 prepared.time[prepared.rows - 1],
-                _LAG * np.ptp(np.asarray(motion.position)) / np.max(np.abs(v)),
+                _LAG * np.ptp(np.asarray(motion.position)) / np.max(np.abs(v)),  # ty: ignore[unsupported-operator]
             )
         )
     )

@@ -188,7 +188,7 @@ def stated_stiffness(
 
 def require_float64() -> None:
     """Raises `InputError` where JAX has 32-bit numbers."""
-    if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
+    if not jax.config.jax_enable_x64:  # ty: ignore[missing-attribute]
         raise InputError(
             "fit needs 64-bit numbers: add jax.config.update('jax_enable_x64', True) after "
             "'import jax', before any array is made"
@@ -395,7 +395,7 @@ def _solve(
 
 def _evaluate(problem: Problem, solution: Solution) -> Solution:
     residual, jacobian = residual_and_jacobian(problem, solution.z)
-    return solution._replace(residual=residual, jacobian=jacobian)
+    return solution._replace(residual=np.asarray(residual), jacobian=np.asarray(jacobian))
 
 
 def _noise(

@@ -43,7 +43,7 @@ def levenberg_marquardt(
     found = least_squares(
         lambda y: at(y)[0],
         start,
-        jac=lambda y: at(y)[1],  # pyright: ignore[reportArgumentType]
+        jac=lambda y: at(y)[1],
         method="lm",
         x_scale="jac",
         ftol=ftol,

@@ -121,7 +121,7 @@ class Problem(AbstractProblem):
     noise: Noise | None
     channels: tuple[Channel, ...]
     normal_stress: NormalStress | None
-    model: RigModel = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+    model: RigModel = eqx.field(static=True)  # ty: ignore[incompatible-mutable-override]
     rtol: float = eqx.field(static=True, default=1e-5)
     max_steps: int = eqx.field(static=True, default=4096)
     seen: tuple[Float[Array, " m"], Int[Array, " n"]] | None = None

@@ -72,7 +72,7 @@ def state_gains(
     """
     speed = np.geomspace(slowest, fastest, _FEWER)
     # what is the same at all speeds answers to none
-    if not any(np.ptp(np.asarray(values)) > 0 for values in rig.steady(jnp.asarray(speed))):
+    if not any(np.ptp(np.asarray(values)) > 0 for values in rig.steady(jnp.asarray(speed))):  # ty: ignore[unsupported-operator]
         return None
     parts = [_both_optima(rig, position, sign * speed) for sign in (1.0, -1.0)]
     velocity, slope, least = min((damped for damped, _ in parts), key=lambda d: d[1])

@@ -6,7 +6,7 @@ A file is read by h5py alone: it is HDF5, and ArviZ is not needed to use it.
 import contextlib
 import json
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,7 +20,7 @@ from .registry import fixed_states, is_rate_state, law_quantity, rate_state
 from .source import LawSource, force_of_unit, seen_velocities, trend_words
 
 if TYPE_CHECKING:
-    import h5py  # pyright: ignore[reportMissingImports]
+    import h5py
 
 POSTERIOR = "jaxfric.posterior/1"
 _MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -131,9 +131,9 @@ def _read(path: Path) -> PosteriorContent:
 
 
 @contextlib.contextmanager
-def _opened(path: Path) -> Iterator["h5py.File"]:
+def _opened(path: Path) -> Generator["h5py.File"]:
     try:
-        import h5py  # pyright: ignore[reportMissingImports]
+        import h5py
     except ImportError:
         raise InputError(
             f'{path}: a posterior needs h5py; install it: pip install "jaxfric[posterior]"'

@@ -50,7 +50,7 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
         axis.plot(x, away, color=_WITHOUT, lw=1.2, ls="--", label="the same with alpha 0")
         axis.plot(x, np.where(on, fit.predicted, np.nan), color=_FIT, lw=1.2, label="fit")
         known = one.alpha is not None and one.error is not None
-        words = f"alpha {measured(one.alpha, one.error)}" if known else "no alpha"  # pyright: ignore
+        words = f"alpha {measured(one.alpha, one.error)}" if known else "no alpha"
         title = (
             f"{one.time:.6g} s, {one.before / 1e6:.4g} \u2192 {one.after / 1e6:.4g} MPa: {words}"
         )

@@ -149,7 +149,7 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
     figure = new_figure(width, 3.2 * rows + 0.6)
     engine = figure.get_layout_engine()
     assert engine is not None
-    engine.set(w_pad=0.1)  # or the last tick of a panel runs into the first of the next  # pyright: ignore
+    engine.set(w_pad=0.1)  # or the last tick of a panel runs into the first of the next  # ty: ignore[unknown-argument]
     axes = np.ravel(np.asarray(figure.subplots(rows, columns, sharex=True, sharey=True)))
     sides = side_of(found, x), side_of(found, y)
     for axis, panel in zip(axes, panels, strict=False):

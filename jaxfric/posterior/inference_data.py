@@ -28,7 +28,7 @@ from .sampler import MISSING, Draws
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from arviz import InferenceData  # pyright: ignore[reportMissingImports]
+    from arviz import InferenceData
 
 
 def imported_arviz(tries: int = 3) -> "ModuleType":
@@ -44,7 +44,7 @@ def imported_arviz(tries: int = 3) -> "ModuleType":
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)
-            import arviz  # pyright: ignore[reportMissingImports]
+            import arviz
     except ImportError:
         raise InputError(MISSING) from None
     except OSError as error:

@@ -129,9 +129,9 @@ def _chain(
     """One chain from `begin`, a position with its log density and gradient: positions, log
     densities, what the sampler says of each, and the step size, after `counts` of draws that adapt
     it and draws that are kept. `version` of the sampler is what the kept trace depends on."""
-    from blackjax.adaptation import step_size  # pyright: ignore[reportMissingImports]
-    from blackjax.mcmc import hmc  # pyright: ignore[reportMissingImports]
-    from blackjax.mcmc import nuts as sampler  # pyright: ignore[reportMissingImports]
+    from blackjax.adaptation import step_size
+    from blackjax.mcmc import hmc
+    from blackjax.mcmc import nuts as sampler
 
     density, kernel = _log_density(target, y, root), sampler.build_kernel()
     start, adapt, end = step_size.dual_averaging_adaptation(_ACCEPTANCE)
@@ -142,8 +142,7 @@ def _chain(
         number, key = turn
         warming = number < warmup
         size = jnp.where(warming, jnp.exp(sizes.log_step_size), end(sizes))
-        # blackjax annotates traced numbers as floats, here and below
-        state, info = kernel(key, state, density, size, mass, _DOUBLINGS)  # pyright: ignore
+        state, info = kernel(key, state, density, size, mass, _DOUBLINGS)
         adapted = adapt(sizes, info.acceptance_rate)
         sizes = jax.tree.map(lambda new, old: jnp.where(warming, new, old), adapted, sizes)
         told = info.is_divergent, info.acceptance_rate
@@ -151,7 +150,8 @@ def _chain(
         return (state, sizes), (state.position, state.logdensity, jnp.stack([*map(_real, told)]))
 
     turns = jnp.arange(sum(counts)), jax.random.split(key, sum(counts))
-    begun = hmc.HMCState(*begin)  # pyright: ignore[reportArgumentType]
+    # blackjax annotates traced numbers as floats
+    begun = hmc.HMCState(*begin)  # ty: ignore[invalid-argument-type]
     first = begun, jax.tree.map(_real, start(_ACCEPTANCE))
     (_, sizes), out = jax.lax.scan(draw, first, turns)
     position, log_density, told = (x[warmup:] for x in out)

@@ -180,7 +180,7 @@ def _prepared(
     problem = make_problem(
         prepared,
         weight,
-        EncompassingModel(BaseLaw(), effects),  # pyright: ignore[reportArgumentType]
+        EncompassingModel(BaseLaw(), effects),
         width=float(about.get("width", rows.width)),
         noise_scale=noise_from_differences(prepared.force[: prepared.rows][rows.used]),
     )

@@ -1,6 +1,6 @@
 """`predict(model, record)`: what does a saved model say of a record that it has not seen?"""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ..effects import ids_of
@@ -89,7 +89,7 @@ def _record_for(saved: SavedModel, record: Record | AxisRecord | str | Path) -> 
     return record
 
 
-def _refuse(path: Path, kind: str, unused: dict[str, object]) -> None:
+def _refuse(path: Path, kind: str, unused: Mapping[str, object]) -> None:
     given = [name for name, value in unused.items() if value is not None]
     if given:
         raise InputError(

@@ -193,7 +193,7 @@ def build(
     _check_saturation(kept["motor_force"], kind.force_unit, origin.path)
     rows_read, dropped = origin.rows_read + len(rows.lines), {**origin.dropped, **dropped}
     origin = replace(origin, rows_read=rows_read, dropped=dropped)
-    return AxisRecord(**kept, **kind._asdict(), units=dict(units), provenance=origin)
+    return AxisRecord(**kept, **kind._asdict(), units=dict(units), provenance=origin)  # ty: ignore[invalid-argument-type]
 
 
 def _check_encoder(columns: Mapping[str, np.ndarray], coordinate: str, path: str) -> None:

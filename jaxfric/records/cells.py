@@ -76,5 +76,5 @@ def has_decimal_commas(rows: Sequence[str], delimiter: str | None) -> bool:
 
 def decimals(cell: str) -> tuple[int, bool]:
     """Digits after the decimal sign of a number as written, and whether it has an exponent."""
-    mantissa, exponent = re.fullmatch(r"([^eEdD]*)(.*)", cell, re.DOTALL).groups()  # pyright: ignore[reportOptionalMemberAccess]
+    mantissa, exponent = re.fullmatch(r"([^eEdD]*)(.*)", cell, re.DOTALL).groups()  # ty: ignore[missing-union-attribute]
     return len(re.sub(r"^[^.,]*[.,]?", "", mantissa)), len(exponent) > 1

@@ -76,7 +76,7 @@ def text_table(
     own = (f"A-B{unit}", f"A{unit}", f"B{unit}", "L [µm]")
     trend = _trend(fits)
     heads = (head, *given, *own, *trend, "misfit", *more, "")
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for one in fits:
         cells = [_shown(one, name) for name in more]
         misfit = "" if one.fit is None else f"{excess(one.fit):.2f}"

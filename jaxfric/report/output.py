@@ -8,14 +8,14 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 from ..errors import InputError
 
 
 @contextlib.contextmanager
-def output_folder(destination: str | Path) -> Iterator[Path]:
+def output_folder(destination: str | Path) -> Generator[Path]:
     """A temporary folder whose files are moved into `destination` if the block succeeds.
 
     Files of the same name are replaced, others stay. A destination that had to be made and

@@ -72,8 +72,8 @@ class DelayEquation(eqx.Module):
 class Polynomial(diffrax.AbstractLocalInterpolation):
     """The motion in one step: Chebyshev coefficients of (p, v), shape (_NODES + 1, 2)."""
 
-    t0: Float[Array, ""]  # pyright: ignore[reportIncompatibleVariableOverride]
-    t1: Float[Array, ""]  # pyright: ignore[reportIncompatibleVariableOverride]
+    t0: Float[Array, ""]  # ty: ignore[incompatible-attribute-override]
+    t1: Float[Array, ""]  # ty: ignore[incompatible-attribute-override]
     coefficients: Float[Array, "n 2"]
 
     def evaluate(

@@ -148,8 +148,8 @@ DENSE = np.array(
 class QuarticInterpolation(diffrax.AbstractLocalInterpolation):
     """(1 - s) y0 + s {y1 + (1 - s) [k_1 + s (k_2 + s k_3)]}, s from 0 to 1 over the step."""
 
-    t0: RealScalar  # pyright: ignore[reportIncompatibleVariableOverride]
-    t1: RealScalar  # pyright: ignore[reportIncompatibleVariableOverride]
+    t0: RealScalar  # ty: ignore[incompatible-attribute-override]
+    t1: RealScalar  # ty: ignore[incompatible-attribute-override]
     y0: PyTree[Array]
     y1: PyTree[Array]
     k: PyTree[Array]

@@ -31,7 +31,7 @@ F = TypeVar("F", bound=Callable)
 
 def traced_once(function: F) -> F:
     """A function that is traced once where a solver, its tangents and a response ask it again."""
-    return eqx.filter_jit(function, inline=True)  # pyright: ignore
+    return eqx.filter_jit(function, inline=True)  # ty: ignore[no-matching-overload]
 
 
 def padded_norm(y: PyTree) -> Float[Array, ""]:
@@ -62,15 +62,15 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, Re
         self.derivative = derivative
 
     @property
-    def rtol(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+    def rtol(self):  # ty: ignore[incompatible-property-override]
         return self.controller.rtol
 
     @property
-    def atol(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+    def atol(self):  # ty: ignore[incompatible-property-override]
         return self.controller.atol
 
     @property
-    def norm(self):  # pyright: ignore[reportIncompatibleMethodOverride]  # pyright: ignore[reportIncompatibleVariableOverride]
+    def norm(self):  # ty: ignore[incompatible-property-override]
         return self.controller.norm
 
     def wrap(self, direction: int | Array | np.ndarray) -> "StableStepController":

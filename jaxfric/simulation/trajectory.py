@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..described import Described, Drawable, Gridded, Tabular
 
 
-class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
+class RESULTS(diffrax.RESULTS):  # ty: ignore[subclass-of-final-class]
     """How a simulation ended; `successful` or the reason why not."""
 
     successful = ""

@@ -235,7 +235,7 @@ def to_control(slider: LinearSlider):
     Needs python-control: `pip install "jaxfric[control]"`. `control.feedback` closes it.
     """
     try:
-        import control  # pyright: ignore[reportMissingImports]
+        import control
     except ImportError:
         raise InputError(
             'to_control needs python-control; install it with: pip install "jaxfric[control]"'

@@ -12,7 +12,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,7 @@ _PATIENCE = 15.0
 
 
 @contextlib.contextmanager
-def connected(address: str) -> "Iterator[Client]":
+def connected(address: str) -> "Generator[Client]":
     """A client of the scheduler at `address`; what Dask logs of a lost one is not shown.
 
     Raises
@@ -51,14 +51,14 @@ def connected(address: str) -> "Iterator[Client]":
 
 
 @contextlib.contextmanager
-def local_processes(number: int) -> "Iterator[Client]":
+def local_processes(number: int) -> "Generator[Client]":
     """A client of as many processes of this machine, which share what they compile."""
     import jax
     from distributed import LocalCluster
 
     on = os.environ.get("JAX_PLATFORMS", "cpu")  # they would share one GPU
     environment = {"JAX_NUM_CPU_DEVICES": "1", "JAX_PLATFORMS": on}
-    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    folder = jax.config.jax_compilation_cache_dir  # ty: ignore[missing-attribute]
     if folder:
         environment["JAX_COMPILATION_CACHE_DIR"] = str(folder)
         environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
@@ -71,7 +71,7 @@ def local_processes(number: int) -> "Iterator[Client]":
 
 
 @contextlib.contextmanager
-def _without_main() -> Iterator[None]:
+def _without_main() -> Generator[None]:
     """Keep processes that begin meanwhile from running the script that this one runs."""
     main = sys.modules["__main__"]
     kept = {name: vars(main).pop(name) for name in ("__file__", "__spec__") if name in vars(main)}
@@ -179,7 +179,7 @@ def _connect(address: str) -> "Client":
 
 
 @contextlib.contextmanager
-def _silent() -> Iterator[None]:
+def _silent() -> Generator[None]:
     """Quiet the loggers of Dask, which have levels of their own."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = {name: logging.getLogger(name).level for name in names}

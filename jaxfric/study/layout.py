@@ -62,7 +62,7 @@ def outputs_of(task: Task) -> tuple[Output, ...]:
 
 def _attributes(task: Task, label: Label) -> "dict[str, JSON]":
     columns, dims = sampled(task), len(task.grid.shape)
-    found = {
+    found: dict[str, JSON] = {
         "schema": SCHEMA,
         "study": json.dumps(label.description),
         "toml": label.toml,

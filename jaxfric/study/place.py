@@ -15,7 +15,7 @@ import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -174,7 +174,7 @@ class Directory(AbstractPlace):
         return contextlib.nullcontext()
 
     @contextlib.contextmanager
-    def lock(self, tell: Tell) -> Iterator[None]:
+    def lock(self, tell: Tell) -> Generator[None]:
         """Hold a lock of the system, which goes with the process, however that ends."""
         try:
             import fcntl
@@ -227,7 +227,7 @@ class Objects(AbstractPlace):
         with self.faults():
             try:
                 return bytes(self._obstore.get(self._store, name).bytes())
-            except (FileNotFoundError, self._obstore.exceptions.NotFoundError):
+            except (FileNotFoundError, self._obstore.exceptions.NotFoundError):  # ty: ignore[deprecated]
                 return None
 
     def write(self, name: str, content: bytes) -> None:
@@ -275,7 +275,7 @@ class Objects(AbstractPlace):
         return ObjectStore(self._store)
 
     @contextlib.contextmanager
-    def faults(self) -> Iterator[None]:
+    def faults(self) -> Generator[None]:
         """Turn errors of obstore into `OSError`."""
         try:
             yield
@@ -285,7 +285,7 @@ class Objects(AbstractPlace):
             raise OSError(5, _reason(error), self.shown) from None
 
     @contextlib.contextmanager
-    def _refused(self) -> Iterator[None]:
+    def _refused(self) -> Generator[None]:
         """Turn an `OSError` before anything is computed into an `InputError`."""
         try:
             yield
@@ -293,7 +293,7 @@ class Objects(AbstractPlace):
             raise InputError(f"{self.shown}: {error.strerror}") from None
 
     @contextlib.contextmanager
-    def lock(self, tell: Tell) -> Iterator[None]:
+    def lock(self, tell: Tell) -> Generator[None]:
         """Hold a file with the name of its writer, renewed while that lives."""
         owner, stop = uuid.uuid4().hex, threading.Event()
         with self._refused():

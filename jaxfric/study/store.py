@@ -12,7 +12,7 @@ import contextlib
 import json
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +94,7 @@ def open_store(
     *,
     any_versions: bool = False,
     tell: Tell = silent,
-) -> Iterator[Store]:
+) -> Generator[Store]:
     """The store of a study, made where there is none; no other run can write it meanwhile.
 
     Raises

@@ -11,7 +11,7 @@ from ..errors import InputError
 from .view import View, html_of, in_notebook, pandas_of, text_of, xarray_of
 
 if TYPE_CHECKING:
-    from arviz import InferenceData  # pyright: ignore[reportMissingImports]
+    from arviz import InferenceData
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset

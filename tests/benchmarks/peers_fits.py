@@ -102,7 +102,7 @@ def _ours(table: Table, measured: np.ndarray, load_point: np.ndarray, wrong: Cal
 
 def _lmfit(table: Table, measured: np.ndarray, wrong: Callable) -> None:
     try:
-        import lmfit  # pyright: ignore[reportMissingImports]
+        import lmfit
     except ImportError:
         print("  lmfit is not installed")
         return

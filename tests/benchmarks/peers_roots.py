@@ -114,7 +114,7 @@ def _delay(mpmath: ModuleType) -> None:
     each = timed(lambda: jax.block_until_ready(run(*cases))) / cases.shape[1]
     table.ours("batch of 20000", each, wrong(found, exact))
     try:
-        import tdscontrol  # pyright: ignore[reportMissingImports]
+        import tdscontrol
     except ImportError:
         print("  tdscontrol is not installed")
         return

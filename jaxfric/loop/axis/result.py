@@ -126,7 +126,8 @@ class AxisDetails:
         """Parameters and errors of the fits, side by side."""
         fits = [fit for _, fit in self.fits]
         names = list(dict.fromkeys(name for fit in fits for name in fit.values))
-        rows = [(name, *(_of(fit, name) for fit in fits), self._looped(name)) for name in names]
+        rows: list[tuple[str, ...]] = []
+        rows += [(name, *(_of(fit, name) for fit in fits), self._looped(name)) for name in names]
         unit = "m" if self.record.coordinate == "linear" else "rad"
         units = {"inverse dynamics": self.record.force_unit}
         errors = (f"{100 * fit.relative_error:.4g} %" for fit in fits)

@@ -156,7 +156,7 @@ def _likeliest_shape(
             bounds=(grid[k - 1], grid[k + 1]),
             method="bounded",
         )
-        u = float(fine.x)  # pyright: ignore[reportAttributeAccessIssue]
+        u = float(fine.x)
         best = min(best, (deviance(u, n), float(np.exp(u)), n))
     return best[1], best[2]
 
@@ -176,7 +176,7 @@ def _weighted(
     scale = max(float(np.std(force)), 1e-300)
     low, high = np.log(1e-6 * scale), np.log(2 * scale)
     found = minimize_scalar(lambda u: at(u)[1], bounds=(low, high), method="bounded")
-    log_tau = float(found.x)  # pyright: ignore[reportAttributeAccessIssue]
+    log_tau = float(found.x)
     values, deviance = at(log_tau)
     return values, float(np.exp(log_tau)), deviance
 
