@@ -78,7 +78,7 @@ def folded(name: str) -> str:
 
 def in_python(text: str) -> str:
     """A message whose options of the command are arguments of Python."""
-    text = _COLUMN.sub(_column, text)
+    text = _COLUMN.sub(_column, text).replace('"} columns={"', '", "')
     text = text.replace("--column", "columns").replace("--rig axis", "jaxfric.read_axis")
     return _OPTION.sub(_argument, text)
 

@@ -29,7 +29,7 @@ from jaxfric.fitting.axis_problem import make_problem
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.gains.axis import axis_gains
 from jaxfric.loop.axis.details import _borne
-from jaxfric.loop.axis.loop import rotary_unit
+from jaxfric.loop.axis.loop import own_unit
 from jaxfric.loop.axis.split import segments, split
 from jaxfric.loop.steady.loop import close_steady_loop, steady_gains
 from jaxfric.loop.steady.model import fit_model
@@ -293,11 +293,15 @@ def test_output_error_finds_the_plant(recorded):
     assert output_error(problem, light, np.arange(4), recorded) is None
 
 
-def test_units_of_a_rotary_axis():
-    """Torque stays N m; lengths are angles."""
-    pairs = {"kg": "kg m^2", "N m s/m": "N m s/rad", "N m": "N m", "m/s": "rad/s", "s": "s"}
-    pairs |= {"% s^3/m^3": "% s^3/rad^3"}
-    assert {unit: rotary_unit(unit) for unit in pairs} == pairs
+def test_units_of_an_axis():
+    """Torque stays N m; lengths are angles; a mass is force over acceleration."""
+    turning = {"kg": "kg m^2", "N m s/m": "N m s/rad", "N m": "N m", "m/s": "rad/s", "s": "s"}
+    assert {unit: own_unit(unit, "N m", "rad") for unit in turning} == turning
+    per_cent = {"kg": "% s^2/rad", "% s^3/m^3": "% s^3/rad^3", "%": "%"}
+    assert {unit: own_unit(unit, "%", "rad") for unit in per_cent} == per_cent
+    straight = {"kg": "kg", "N s/m": "N s/m", "m": "m"}
+    assert {unit: own_unit(unit, "N", "m") for unit in straight} == straight
+    assert own_unit("kg", "%", "m") == "% s^2/m"
 
 
 # ---- EMPS: published numbers -----------------------------------------------------------------

@@ -224,7 +224,9 @@ def test_matlab_files_refused(tmp_path: Path) -> None:
         "there are: t, x, F",
         columns={"position": "y [mm]"},
     )
-    refusal(mat(path, t=m["t"], x=m["x"], F=m["F"]), "'t' (time) has no unit", '{"time": "t [s]"}')
+    refusal(
+        mat(path, t=m["t"], x=m["x"], F=m["F"]), "'t' (time)", "have no unit", '{"time": "t [s]", "'
+    )
     refusal(
         mat(path, t=m["t"], qm=m["x"], qg=m["x"][:-3], vir=m["F"], gtau=35.0),
         "different length",
@@ -337,9 +339,16 @@ def test_a_servo_export_without_units(tmp_path: Path) -> None:
     path = written(
         tmp_path / "a.csv", head + "".join(f"{t},{v:.4f},{f:.4f},0.0\n" for t, v, f in rows)
     )
-    refusal(path, "column 'Servo motor speed' (velocity) has no unit")
+    both = "columns 'Servo motor speed' (velocity) and 'Torque' (motor_force) have no unit"
+    said = '{"velocity": "Servo motor speed [mm/s]", "motor_force": "Torque [N]"}'
+    refusal(path, f"{both}; give them, as in columns={said}, or [rad/s] where it turns")
     columns = {"velocity": "Servo motor speed [rpm]"}
-    refusal(path, "column 'Torque' (motor_force) has no unit", columns=columns)
+    message = refusal(path, "column 'Torque' (motor_force) has no unit", "[N m]", columns=columns)
+    assert "where it turns" not in message
+    counts = {**columns, "motor_force": "Torque [0.113 %]"}
+    record = read_axis(path, columns=counts)
+    assert record.force_unit == "%" and np.allclose(record.motor_force, 0.113 * m["F"], atol=1e-5)
+    refusal(path, "'Torque'", "'%'", columns={**columns, "motor_force": "Torque [0 %]"})
     record = read_axis(
         path, columns={**columns, "motor_force": "Torque [%]"}, rated_torque="1.3 N m"
     )
@@ -573,6 +582,14 @@ def test_a_saturated_force() -> None:
     coarse = np.round(np.random.default_rng(0).normal(0, 6, 200))
     assert len(axis_from_arrays(m["t"], coarse, position=m["x"])) == 200
     assert len(axis_from_arrays(m["t"], np.full(200, 3.0), position=m["x"])) == 200
+    # A smooth top that is recorded in steps stays long in the last one, and in those below it.
+    turns = np.sin(np.linspace(0, 2 * np.pi, 400))
+    for top in (40.0, 40.49):
+        steps = np.round(top * turns)
+        assert np.mean(np.abs(steps) == 40) > 0.05
+        assert len(axis_from_arrays(np.arange(400) / 100, steps, position=turns)) == 400
+        with pytest.raises(InputError, match="at exactly 35 N"):
+            axis_from_arrays(np.arange(400) / 100, np.clip(steps, -35, 35), position=turns)
     with pytest.raises(InputError, match="saturated"):
         axis_from_arrays(m["t"], 10 * np.sign(m["v"] + 1e-9), position=m["x"])
 

@@ -148,7 +148,12 @@ def test_matlab_files_that_are_no_slider(tmp_path: Path) -> None:
 
     path = tmp_path / "run.mat"
     refusal(mat(path, t=T, x=2 * T, mu=SLIDER["mu"]), "no column for load_point_displacement")
-    refusal(mat(path, t=T, disp=2 * T, mu=SLIDER["mu"]), "'t' (time) has no unit", '"t [s]"')
+    refusal(
+        mat(path, t=T, disp=2 * T, mu=SLIDER["mu"]),
+        "'t' (time) and 'disp'",
+        "have no unit",
+        '"t [s]"',
+    )
     refusal(mat(path, run={"t": T}), "no numeric vector", "run (struct)", "-v7")
     refusal(mat(path, t=T, qm=T, qg=T, vir=T, gtau=35.0), "servo axis", "read_axis")
     refusal(

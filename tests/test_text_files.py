@@ -1,5 +1,6 @@
 """Text as spreadsheets, recorders and old programs write it: each file holds the same record."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 from jaxfric.errors import InputError, words_of_the_command
 from jaxfric.records import read, read_axis, read_steady, read_table
 from jaxfric.records.record import Record
+from jaxfric.records.registers import with_signs
+from jaxfric.records.table import Table
 
 ROWS = 40
 TIME = 0.25 * np.arange(ROWS)
@@ -289,18 +292,93 @@ def test_a_nought_of_numbers_of_any_length(tmp_path: Path) -> None:
 
 
 def test_a_log_of_records(tmp_path: Path) -> None:
-    log = '{"kp": 3, "entries": [{"position": 0.1, "load": 2}, {"position": 0.2, "load": 3}]}'
-    for text in (log, " " + log, "[1, 2]", '{"t": [0, 1], "x": [1, 2]}'):
-        path = tmp_path / "run.json"
+    """The same numbers as in a table of text, whichever way JSON writes them."""
+    t = np.arange(200) * 0.01
+    columns = {"timestamp": t, "position": np.sin(t), "load": np.cos(3 * t), "on": t > 1}
+    columns = {name: values.tolist() for name, values in columns.items()}
+    entries = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    entries[5] = {"temp": None, "raw": [1, 2], **entries[5]}
+    units = {
+        "time": "timestamp [s]",
+        "position": "position [rad]",
+        "motor_force": "load [N m]",
+        "velocity": "none",
+    }
+    about = {"kp": 3, "motor": "one", "entries": entries, "few": [{"a": 1, "b": 2}], "v": [1, 2]}
+    path = tmp_path / "run.json"
+    for text in (
+        json.dumps(about),
+        "\ufeff " + json.dumps({"log": about}, indent=1),
+        json.dumps(entries),
+        "\n".join(map(json.dumps, entries)),
+        json.dumps(columns | {"few": [1, 2], "name": "one"}),
+    ):
+        path.write_text(text, encoding="utf-8")
+        record = read_axis(path, columns=units)
+        assert np.array_equal(record.time, t)
+        assert np.array_equal(record.position, np.sin(t))
+        assert np.array_equal(record.motor_force, np.cos(3 * t))
+        logged = read_table(path)
+        assert np.array_equal(logged.columns[logged.names.index("on")], t > 1)
+    path.write_text(json.dumps(about))
+    notes = read_axis(path, columns=units).provenance.notes
+    assert "the log says besides: kp 3, motor one" in notes
+    entries[7]["load"] = entries[8]["load"] = None
+    path.write_text(json.dumps(entries))
+    with pytest.raises(InputError, match=r"2 rows .*the first in row 8 \(motor_force\)"):
+        read_axis(path, columns=units)
+    for text in (
+        "[1, 2]",
+        "{}",
+        '{"a": {"b": 1}}',
+        '{"t": [0, 1]}',
+        '{"t": [0,',
+        "[[1, 2], [3, 4]]",
+    ):
         path.write_text(text)
         for reader in (read, read_axis):
-            with pytest.raises(InputError, match=r"is JSON, .*not read yet.*CSV"):
+            with pytest.raises(InputError, match=r"is JSON, no log .*CSV"):
                 reader(path)
-    path.write_text(log)
-    with pytest.raises(InputError, match="a log of records with the fields position, load"):
-        read_axis(path)
-    with pytest.raises(InputError, match=r"0 files of runs.*1 \.json: logs of records"):
+    with pytest.raises(InputError, match=r"0 files of runs.*1 \.json: logs"):
         read_steady(tmp_path)
+
+
+def test_registers_that_lost_their_sign(tmp_path: Path) -> None:
+    """-1 that is logged as 65535, or as 4294967295, is -1; a note says so."""
+    t = np.arange(300) * 0.01
+    force = np.round(900 * np.sin(3 * t)).astype(int)
+    path = tmp_path / "run.csv"
+    for bits in (16, 32):
+        rows = zip(t, np.sin(t), force % 2**bits, np.arange(300) * 200, strict=True)
+        body = "\n".join(f"{a:.2f},{b:.9f},{c},{d}" for a, b, c, d in rows)
+        path.write_text(f"time [s],position [rad],motor_force [N m],ticks\n{body}\n")
+        record = read_axis(path)
+        assert np.array_equal(record.motor_force, force)
+        [note] = [n for n in record.provenance.notes if "sign was lost" in n]
+        assert (
+            f"signed {bits}-bit" in note and f"{2**bits} is taken off {(force < 0).sum()} " in note
+        )
+
+
+def test_what_is_no_register_keeps_its_numbers() -> None:
+    """Only whole numbers from 0 on, with none between small ones and those near the top."""
+    few = np.array([0.0, 3.0, 65530.0, 65535.0])
+    for values in (
+        few + 0.5,
+        few - 1,
+        np.append(few, 65536.0),
+        np.append(few, 20000.0),
+        np.append(few, 40000.0),
+        few[:2],
+        few[2:],
+    ):
+        rows = np.arange(len(values))
+        table = Table(("a",), (None,), (values,), rows, np.zeros(len(values), bool))
+        assert with_signs(table) == (table, {})
+    cells = np.append(few, np.nan)
+    table = Table(("a",), (None,), (cells,), np.arange(5), np.zeros(5, bool))
+    [column] = with_signs(table)[0].columns
+    assert np.array_equal(column, [0, 3, -6, -1, np.nan], equal_nan=True)
 
 
 def test_all_bad_files_of_a_folder(tmp_path: Path) -> None:

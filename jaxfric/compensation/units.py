@@ -5,10 +5,9 @@ import re
 
 from ..errors import InputError
 from ..quantity import Quantity
-from ..records.axis_units import quantity_of
+from ..records.axis_units import FORCE_UNITS, inertia_unit, quantity_of
 from ..units import parse_quantity
 
-_INERTIA = {"N": "kg", "N m": "kg m^2"}
 _SIGNALS = ("V", "A")
 
 
@@ -20,7 +19,7 @@ def amplitude(about: Quantity) -> bool:
 def unit_of(about: Quantity, force: str, length: str) -> str:
     """The unit of a parameter: `force` is that of forces, `length` "m" or "rad"."""
     if about.unit == "kg":
-        return _INERTIA.get(force, f"{force} s^2/{length}")
+        return inertia_unit(force, length)
     return re.sub(r"\bm\b", length, about.unit).replace("F", force)
 
 
@@ -31,7 +30,7 @@ def drive_gain(text: str, force: str, what: str = "--drive-gain") -> tuple[float
     ------
     InputError : no such quantity; a model whose forces are in per cent.
     """
-    if force not in _INERTIA:
+    if force not in FORCE_UNITS.values():
         raise InputError(
             f"{what} would not be used: the forces of this model are in {force}, which is the"
             " drive's own; leave it out"

@@ -28,6 +28,9 @@ COLUMNS = (
 _LEAST_STEPS = 20
 """A position takes at least this many values over a record, and a force, before it is judged."""
 
+_TOP = 0.4
+"""Rows in the step below the last one, for each in that, below which a force is cut off."""
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -218,14 +221,18 @@ def _check_encoder(columns: Mapping[str, np.ndarray], coordinate: str, path: str
 
 
 def _check_saturation(force: np.ndarray, unit: str, path: str) -> None:
-    """Refuse a force that is cut off: its largest magnitude piles up, in runs of rows."""
+    """Refuse a force that is cut off: its largest magnitude piles up, in runs of rows.
+
+    So does the top of a smooth force that is recorded in steps; but of a parabola the step below
+    its last one holds at least sqrt(2) - 1 as many rows.
+    """
     magnitude = np.abs(force)
     levels, counts = np.unique(magnitude, return_counts=True)
     both_signs_of_one = len(levels) == 1 and force.min() < 0 < force.max()
     if len(levels) < _LEAST_STEPS and not both_signs_of_one:
         return
     extreme = magnitude == levels[-1]
-    many = 20 * counts[-1] >= len(force) and (len(levels) == 1 or counts[-1] > counts[-2])
+    many = 20 * counts[-1] >= len(force) and (len(levels) == 1 or _TOP * counts[-1] > counts[-2])
     in_a_run = (extreme[2:] & extreme[1:-1] & extreme[:-2]).any()
     if many and in_a_run:
         raise InputError(

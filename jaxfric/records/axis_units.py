@@ -11,6 +11,11 @@ FORCE_UNITS = {"linear": "N", "rotary": "N m"}
 """Unit of the motor force by coordinate; "%" where the rated torque is not known."""
 
 
+def inertia_unit(force: str, length: str) -> str:
+    """Unit of a mass where forces are in `force`, "%" among them, and lengths in "m" or "rad"."""
+    return {"N": "kg", "N m": "kg m^2"}.get(force, f"{force} s^2/{length}")
+
+
 def si_units(coordinate: str) -> dict[str, str]:
     """SI unit of every role on a "linear" or "rotary" axis."""
     rotary = coordinate == "rotary"

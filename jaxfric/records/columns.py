@@ -19,6 +19,7 @@ _ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
 _MACHINE = re.compile(
     r"(?i)(inc|increments?|qc|pulses?|counts?|cts|ticks?|lsb|bits?|steps|raw|adu)"
 )
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 _PER_CENT = {"%": 1.0, "percent": 1.0, "per cent": 1.0, "‰": 0.1, "permille": 0.1}
 
 
@@ -114,9 +115,11 @@ def assign(
             taken.add(index)
     notes = settle(table, found, named)
     _require(table, schema, found)
-    rotary = _is_rotary((unit for _, unit in found.values()), roles.values())
+    linear, turning = _kinds((unit for _, unit in found.values()), roles.values())
+    rotary = turning > linear
     for name, (index, unit) in found.items():
         _refuse_other_role(table, roles, roles[name], index, unit)
+    _refuse_without_units(table, roles, found, rotary if linear or turning else None)
     uses = {
         name: _with_unit(table, role, *found[name], rotary)
         for name, role in roles.items()
@@ -148,7 +151,13 @@ def spelt(unit: str | None) -> str:
 
 def fits(unit: str, si_unit: str) -> bool:
     """Whether a unit, as `spelt`, is one of `si_unit`, which may be per cent."""
-    return unit.lower() in _PER_CENT if si_unit == "%" else has_dimension(unit, si_unit)
+    return _per_cent(unit) is not None if si_unit == "%" else has_dimension(unit, si_unit)
+
+
+def _per_cent(unit: str) -> float | None:
+    """Size of a unit in per cent, "0.113 %"; None where it is none."""
+    number, size = _NUMBER.match(unit), _PER_CENT.get(_NUMBER.sub("", unit, count=1).lower())
+    return None if size is None else size * (float(number[1]) if number else 1.0) or None
 
 
 def _with_suffixes(table: Table, schema: Schema) -> Table:
@@ -272,13 +281,13 @@ def _of_an_axis(table: Table) -> bool:
     return "force" in needs and any(one is not None and one[0] == "position" for one in known)
 
 
-def _is_rotary(units: Iterable[str | None], roles: Iterable[Role]) -> bool:
-    """Whether the units that are known are rather of a rotation: examples follow them."""
+def _kinds(units: Iterable[str | None], roles: Iterable[Role]) -> tuple[int, int]:
+    """How many of the units that are known are of a line, and how many of a rotation."""
     pairs = {(role.unit, role.turning) for role in roles if role.turning}
     told = [spelt(unit) for unit in units if unit]
     known = [one for one in told if not _MACHINE.fullmatch(one) and not fits(one, "%")]
     linear, rotary = (sum(has_dimension(one, p[k]) for one in known for p in pairs) for k in (0, 1))
-    return rotary > linear
+    return linear, rotary
 
 
 def _refuse_other_role(
@@ -298,15 +307,38 @@ def _refuse_other_role(
         )
 
 
+def _refuse_without_units(
+    table: Table, roles: Mapping[str, Role], found: Found, rotary: bool | None
+) -> None:
+    """Raises for all columns at once that need a unit and have none; `rotary` None: not known."""
+    bare = [
+        roles[name] for name, (_, unit) in found.items() if not unit and roles[name].unit != "1"
+    ]
+    if not bare:
+        return
+    names = {role.name: table.names[found[role.name][0]] for role in bare}
+    these = " and ".join(f"'{names[role.name]}' ({role.name})" for role in bare)
+    give = " ".join(_with_example(role, names[role.name], rotary=bool(rotary)) for role in bare)
+    turning = next((role for role in bare if role.turning and rotary is None), None)
+    either = f", or [{turning.shown(rotary=True)}] where it turns" if turning else ""
+    spare = " ".join(f"--column {role.name}={NO_COLUMN}" for role in bare if not role.need)
+    leave = f", or leave {'it' if len(bare) == 1 else 'what is not needed'} out: {spare}"
+    lacks, it = ("has", "it") if len(bare) == 1 else ("have", "them")
+    raise InputError(
+        f"{table.path}, column{'s' * (len(bare) > 1)} {these} {lacks} no unit; give {it}, as in"
+        f" {give}{either}{leave if spare else ''}"
+    )
+
+
+def _with_example(role: Role, name: str, *, rotary: bool) -> str:
+    example = role.shown(rotary=rotary)
+    return f"--column '{role.name}={name} [{example}]'"
+
+
 def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: bool) -> Use:
     """The size of the unit of a column in SI."""
     name, example = table.names[index], role.shown(rotary=rotary)
     what = f"{table.path}, column '{name}' ({role.name})"
-    if not unit and role.unit != "1":
-        leave = f", or leave it out: --column {role.name}={NO_COLUMN}" if not role.need else ""
-        raise InputError(
-            f"{what} has no unit; give it, as in --column '{role.name}={name} [{example}]'{leave}"
-        )
     read = spelt(unit)
     if _MACHINE.fullmatch(read):
         raise InputError(
@@ -314,7 +346,8 @@ def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: b
             f" --column '{role.name}={name} [0.01 {example}]'"
         )
     si_unit = _si_unit(role, read)
-    size = _PER_CENT[read.lower()] if si_unit == "%" else factor(read, si_unit, what)
+    per_cent = _per_cent(read) if si_unit == "%" else None
+    size = factor(read, si_unit, what) if per_cent is None else per_cent
     return Use(index, unit or "1", si_unit, size)
 
 

@@ -10,11 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import InputError
-from . import delimited, epos, mat, xlook
+from . import delimited, epos, log, mat, xlook
 from .format import Format
 from .table import Table
 
-FORMATS: list[Format] = [xlook.FORMAT, mat.FORMAT, epos.FORMAT, delimited.FORMAT]
+FORMATS: list[Format] = [xlook.FORMAT, mat.FORMAT, epos.FORMAT, log.FORMAT, delimited.FORMAT]
 """The first that knows a file reads it; the last one is of any text."""
 
 
@@ -29,8 +29,8 @@ def suffixes() -> tuple[str, ...]:
 
 
 def read_table(path: str | Path, *, raw: bool = False) -> Table:
-    """Open delimited text (comma, semicolon, tab, blanks), an export of EPOS Studio, a MATLAB file
-    or xlook's binary format; `raw` as it was written, for a reduction.
+    """Open delimited text (comma, semicolon, tab, blanks), an export of EPOS Studio, a log in JSON,
+    a MATLAB file or xlook's binary format; `raw` as it was written, for a reduction.
 
     Raises `InputError` for a file that is missing, empty, a directory, in none of these formats,
     or without a header.

@@ -12,6 +12,7 @@ from .axis_force import Forces, ToldOfDrive
 from .axis_record import AxisKind, AxisRecord, build
 from .columns import Found, fits, spelt, understand
 from .formats import read_table
+from .registers import with_signs
 from .roles import AXIS
 from .table import Table
 
@@ -70,6 +71,7 @@ def _to_record(
     flip: str | Literal[False],
     drop_bad: bool,
 ) -> AxisRecord:
+    table, signs = with_signs(table)
     found = understand(table, columns, AXIS, _not_needed)
     forces = Forces(found, told)
     with np.errstate(all="ignore"):  # what overflows is refused with its row
@@ -78,8 +80,9 @@ def _to_record(
         force_unit = forces.in_unit()
         notes += forces.add_disturbance(force_unit)
     notes += _flip(found.values, flip)
-    origin = replace(found.origin, notes=(*found.origin.notes, *notes))
     uses = found.uses
+    notes += [note for index, note in signs.items() if index in {u.column for u in uses.values()}]
+    origin = replace(found.origin, notes=(*found.origin.notes, *notes))
     units = {role: uses[role].unit if role in uses else force_unit for role in found.values}
     if "disturbance" in uses:
         units["disturbance_force"] = uses["disturbance"].unit

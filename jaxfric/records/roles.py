@@ -197,8 +197,8 @@ AXIS = Schema(
             "mm",
             "positionreference positiondemandvalue demandposition positiondemand commandedposition"
             " positioncommand commandposition positionsetpoint setpointposition targetposition"
-            " positiontarget desiredposition reference setpoint refposition posref refpos xref qref"
-            " qg qd ref",
+            " positiontarget goalposition desiredposition reference setpoint refposition posref"
+            " refpos xref qref qg qd ref",
             turning="rad",
         ),
         Role(

@@ -170,7 +170,7 @@ def _files(folder: Path) -> list[Path]:
         raise InputError(
             f"{folder} holds {len(found)} files of runs ({', '.join(endings)}); a steady curve"
             f" needs at least {MIN_RUNS}, each at a steady speed of its own"
-            + (f" ({logs} .json: logs of records, not read yet)" if logs else "")
+            + (f" ({logs} .json: logs, not looked for in a folder)" if logs else "")
         )
     return found
 

@@ -21,6 +21,7 @@ from ...fitting.axis_problem import AxisProblem, make_problem
 from ...fitting.encompassing import EncompassingModel
 from ...fitting.start import noise_from_differences
 from ...records.axis_record import AxisRecord
+from ...records.axis_units import inertia_unit
 from ...records.given import as_axis_record
 from ...rig.axis import AxisRig, BaseLaw
 from ...silent import silent
@@ -194,10 +195,9 @@ class AxisBench(AbstractBench):
         return ScoredRows(self.counted.used, segment, int(segment.max()) + 1)
 
     def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
-        """The parameters, in the units of a rotary axis where the axis is one."""
-        if self.record.coordinate != "rotary":
-            return dict(parameters)
-        units = {name: rotary_unit(one.unit) for name, one in parameters.items()}
+        """The parameters, in the units of the axis."""
+        force, length = self.record.force_unit, length_of(self.record)
+        units = {name: own_unit(one.unit, force, length) for name, one in parameters.items()}
         return {n: dataclasses.replace(e, unit=units[n]) for n, e in parameters.items()}
 
     def friction_unit(self) -> str:
@@ -250,9 +250,10 @@ def length_of(record: AxisRecord) -> str:
     return "rad" if record.coordinate == "rotary" else "m"
 
 
-def rotary_unit(unit: str) -> str:
-    """The unit of a rotary axis for that of a linear one: rad for m, kg m^2 for kg."""
+def own_unit(unit: str, force: str, length: str) -> str:
+    """The unit of a parameter, `unit` on a linear axis, where forces are in `force` and lengths in
+    `length`: rad for m; kg m^2, or % s^2/rad, for kg."""
     if unit == "kg":
-        return "kg m^2"
-    force = next((f for f in ("N m", "%") if unit.startswith(f)), "")
-    return force + unit[len(force) :].replace("m", "rad")
+        return inertia_unit(force, length)
+    begins = force if unit.startswith(force) else ""
+    return begins + unit[len(begins) :].replace("m", length)

@@ -16,6 +16,7 @@ import numpy as np
 from ...errors import InputError
 from ...fitting.axis_preparation import Preparation, Prepared, acceleration_noise, prepare, usual
 from ...records.axis_record import AxisRecord
+from ...records.axis_units import inertia_unit
 from ..split import Blocks
 from .controller_check import disagreement, stretches
 from .result import AxisRows
@@ -61,8 +62,9 @@ def read_rows(
     prepared, rows, blocks, more = _split(record, force, chosen, width, held, preparation is None)
     rough = rough_fit(prepared, rows.used, rows.width)
     work = float(np.mean((prepared.force[: prepared.rows] * rows.velocity)[rows.used]))
-    mass = "kg m^2" if record.coordinate == "rotary" else "kg"
-    refuse_reversed(rough, work, record.provenance.path, record.force_unit, mass)
+    unit = record.force_unit
+    mass = inertia_unit(unit, "rad" if record.coordinate == "rotary" else "m")
+    refuse_reversed(rough, work, record.provenance.path, unit, mass)
     wrong = disagreement(record, held=force is record.motor_force)
     wrong = wrong or _unexplained(record, prepared, rows)
     notes = tuple(note for note in (*told, why, *more) if note)
