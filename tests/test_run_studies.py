@@ -4,13 +4,14 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT))
 
 from fits.blind.scored import CONFIRMED  # noqa: E402
-from fits.runs import cycles, effects  # noqa: E402
+from fits.runs import cycles, effects, limit  # noqa: E402
 
 FOLDER = ROOT / "fits" / "runs"
 PAGE = " ".join((FOLDER / "README.md").read_text(encoding="utf-8").split())
@@ -94,6 +95,57 @@ def test_hidden_effects():
         f" {sum(map(effects.group, fresh))} are right.",
     ):
         assert sentence in PAGE, sentence
+
+
+def test_what_could_be_named_at_most():
+    rows, done = results("limit.json"), results("effects.json")
+    assert [(r["effect"], r["seed"]) for r in rows] == [
+        (r["effect"], r["seed"]) for r in done if r["effect"]
+    ]
+    slow = [row for row in rows if row["noise"] == "p655-run"]
+
+    def total(some, name):
+        return f"{sum(row[name] for row in some):.1f}"
+
+    for sentence in (
+        f"From all rows it would take {total(rows, 'all')} of the {len(rows)}"
+        f" ({total(slow, 'all')} of {len(slow)} in p655's noise)",
+        f"at first {total(rows, 'fitted')} ({total(slow, 'fitted')} of {len(slow)})",
+        f"and {sum(map(effects.group, done[: len(rows)]))} is between the two",
+    ):
+        assert sentence in PAGE, sentence
+    fewer = [row for row in rows if row["all"] < row["fitted"] - 1e-3]
+    assert not fewer, "rows were left out, and more can be seen"
+
+
+def test_how_large_an_effect_is_against_the_noise():
+    """White noise: the squares that its own basis leaves. Coloured: by inverting all of it."""
+    run, _ = effects.planted("slip_trend", 1001)
+    every = np.ones(len(run.plant.t), bool)
+    left = run.refit.project(run.path.record)
+    assert limit.size(run, (0.0, 1.0), every) == pytest.approx(left @ left, rel=1e-9)
+    phase = effects.phase_of(run.plant)
+    apart = phase[:, None] == phase
+    rows = np.arange(len(phase))
+    colour = 0.7 * np.exp(-np.abs(rows[:, None] - rows) / 9.0) * apart
+    colour[rows, rows] = 1.0
+    used = limit.fitted_rows(run)
+    assert 0.6 < used.mean() < 0.8 and all(len(set(used[phase == k])) == 1 for k in set(phase))
+    white = np.linalg.inv(np.linalg.cholesky(colour[np.ix_(used, used)]))
+    hidden = white @ ((run.path.record - run.refit.clean) / limit.SIGMA)[used]
+    others = white @ run.refit.basis[used]
+    hidden -= others @ np.linalg.lstsq(others, hidden)[0]
+    assert limit.size(run, (0.7, 9.0), used) == pytest.approx(hidden @ hidden, rel=1e-6)
+
+
+def test_the_likeliest_noise_is_the_one_that_was_made(monkeypatch):
+    root = np.linalg.cholesky(limit.covariance(200, 0.6, 8.0))
+    monkeypatch.setattr(
+        limit.measured, "cut", lambda source, counts, rng: root @ rng.standard_normal(*counts)
+    )
+    share, memory = limit.likeliest("made")
+    assert share == pytest.approx(0.6, abs=0.06) and memory == pytest.approx(8.0, rel=0.3)
+    assert limit.likeliest("white") == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from fits.blind.plants import Base, Protocol, simulate
+from jaxfric.cache import whole_loops
 
 F0, A, B, L, K, V0, FASTER = 0.6, 0.010, 0.014, 20e-6, 1e3, 1e-6, 10.0
 AT, END = 10.0, 30.0
@@ -202,6 +203,7 @@ def draw(found: dict[str, list[tuple[int, float]]], path: Path) -> None:
 
 
 def main() -> None:
+    whole_loops()  # as the command does
     jax.config.update("jax_enable_x64", True)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=HERE)

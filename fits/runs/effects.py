@@ -16,13 +16,22 @@ import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from fits.blind import measured
 from fits.blind.draws import LEVELS, SIGMA, UM, Draw, log_uniform
 from fits.blind.generate import Refit, UnreachableError, scale
-from fits.blind.plants import RUNAWAY, Base, Parameters, Protocol, RunawayError, simulate
+from fits.blind.plants import (
+    RUNAWAY,
+    Base,
+    Parameters,
+    Protocol,
+    RunawayError,
+    Trajectory,
+    simulate,
+)
 from fits.blind.scored import CONFIRMED
 
 HERE = Path(__file__).parent
@@ -62,32 +71,50 @@ def draw(rng: np.random.Generator) -> tuple[Draw, list[int]]:
     return Draw(base, ratio, protocol, t - t[0], None), firsts
 
 
-def make(effect: str, seed: int) -> dict:
-    """Columns of a run in SI, its stiffness and the truth."""
+class Planted(NamedTuple):
+    """A run without noise: its plant, the first phase of every later stretch, the refit of its
+    base (where an effect is hidden), that effect, how much of it the refit leaves, its motion."""
+
+    plant: Draw
+    firsts: list[int]
+    refit: Refit | None
+    hidden: Parameters
+    rho: float
+    path: Trajectory
+
+
+def planted(effect: str, seed: int) -> tuple[Planted, np.random.Generator]:
+    """A run without noise, and what draws its noise."""
     for attempt in range(40):
         rng = np.random.default_rng([seed, EFFECTS.index(effect), attempt, 20])
         try:
             plant, firsts = draw(rng)
-            hidden, rho = {}, 0.0
+            hidden, rho, refit = {}, 0.0, None
             if effect:
-                of = np.searchsorted(firsts, _phase(plant), side="right")
-                parameters, rho = scale(effect, plant, Refit(plant, of), RHO, rng)
+                refit = Refit(plant, np.searchsorted(firsts, phase_of(plant), side="right"))
+                parameters, rho = scale(effect, plant, refit, RHO, rng)
                 hidden = {effect: parameters}
             _refuse_runaway(plant, hidden)
             path = simulate(plant.base, plant.protocol, hidden, plant.t)
         except (RunawayError, UnreachableError):
             continue
-        return _unloaded(path, plant, firsts, seed, rng) | {
-            "truth": hidden,
-            "rho": rho,
-            "A": plant.base.A,
-            "B": plant.base.B,
-            "L": plant.base.L,
-        }
+        return Planted(plant, firsts, refit, hidden, rho, path), rng
     raise UnreachableError(f"{effect}, seed {seed}: no draw reaches rho")
 
 
-def _phase(plant: Draw) -> np.ndarray:
+def make(effect: str, seed: int) -> dict:
+    """Columns of a run in SI, its stiffness and the truth."""
+    run, rng = planted(effect, seed)
+    return _unloaded(run.path, run.plant, run.firsts, seed, rng) | {
+        "truth": run.hidden,
+        "rho": run.rho,
+        "A": run.plant.base.A,
+        "B": run.plant.base.B,
+        "L": run.plant.base.L,
+    }
+
+
+def phase_of(plant: Draw) -> np.ndarray:
     """Of every row, which of the commanded velocities it has."""
     return np.searchsorted(plant.protocol.starts, plant.t, side="right") - 1
 
@@ -103,7 +130,7 @@ def _refuse_runaway(plant: Draw, hidden: Parameters) -> None:
 
 def _unloaded(path, plant: Draw, firsts: list[int], seed: int, rng: np.random.Generator) -> dict:
     """The rows with noise, an unloading and another level before every later stretch."""
-    phase = _phase(plant)
+    phase = phase_of(plant)
     noise, kind = SIGMA * rng.standard_normal(len(plant.t)), NOISES[seed % len(NOISES)]
     if kind != "white":
         noise = SIGMA * measured.cut(kind, np.bincount(phase).tolist(), rng)

@@ -97,7 +97,7 @@ class Response(eqx.Module):
 
         def step(y: Array, now: tuple[Array, ...]) -> tuple[Array, Array]:
             propagate, driven, by_start, g = now
-            carried = jnp.sum(propagate[:, :, None] * y, axis=1)
+            carried = jnp.sum(propagate[:, :, None] * y, axis=1)  # no product: as in `rodas`
             y = carried + driven[:, None] * g + by_start[:, None] * first
             return y, y
 

@@ -188,9 +188,14 @@ class Motions:
         scale = rig.friction.force_scale()
         horizon = streaming.horizon_of(slowest, scale, p["k_p"], p["V0"])
         rig = regularised(rig)
-        start = step_start(rig, p["V0"], p["ratio"])
-        how = {"horizon": horizon, "decay": decay, "policy": policy}
-        end, share = end_and_share(rig, p["V0"], start, **how)
+        end, share = end_and_share(
+            rig,
+            p["V0"],
+            step_start(rig, p["V0"], p["ratio"]),
+            horizon=horizon,
+            decay=decay,
+            policy=policy,
+        )
         names = ("steady", "limit_cycle", "escape", "unresolved")
         masks = jnp.stack([end.code == getattr(ENDS, name) for name in names])
         code = jnp.argmax(masks, axis=0).astype(jnp.int8)

@@ -103,7 +103,7 @@ def _(
         across, added = jax.vmap(lambda *step: _across(linear, *step))(*own)
 
         def step(y: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
-            inside = jnp.sum(now[0] * y, axis=-1) + now[1]
+            inside = jnp.sum(now[0] * y, axis=-1) + now[1]  # no product: as in `rodas`
             return inside[-1], jnp.concatenate([y[None], inside])
 
         y, part = jax.lax.scan(step, y, (across, added))
