@@ -24,6 +24,7 @@ from jaxtyping import Array, Bool, Float
 from ..errors import InputError
 from ..motion import AbstractMotion
 from ..rig import Inertial, Rig
+from ..threads import on_processor
 from .blocks import in_blocks
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import Slider, SliderEquation, Unknowns
@@ -229,7 +230,7 @@ def _between(
     assert interpolation is not None
     end = jnp.where(still, interpolation.t0, knots.t1[last])
     reached = jnp.minimum(ts, end)
-    rows = jnp.clip(jnp.searchsorted(knots.t1, reached), 0, last)
+    rows = _steps_of(_constant((knots.t1, last, reached)))
     steps = QuarticInterpolation(knots.t0, knots.t1, knots.y0, knots.y1, knots.k)
 
     def at(t: Array, i: Array) -> Slider:
@@ -237,6 +238,20 @@ def _between(
         return equation.physical(t, jax.tree.map(lambda a, b: jnp.where(still, a, b), initial, y))
 
     return _trajectory(equation.rig, solution, ts, end, in_blocks(at, reached, rows))
+
+
+def _steps_of(found: tuple[Array, Array, Array]) -> Array:
+    """The step that each of some ascending times is in, from the ends of the steps, the last of
+    them, and the times: both are gone through once, in a third of the time of a search."""
+    ends, last, ts = found
+    if not on_processor():
+        return jnp.clip(jnp.searchsorted(ends, ts), 0, last)
+
+    def next_one(k: Array, t: Array) -> tuple[Array, Array]:
+        k = jax.lax.while_loop(lambda k: (ends[k] < t) & (k < last), lambda k: k + 1, k)
+        return k, k
+
+    return jax.lax.scan(next_one, jnp.zeros_like(last), ts)[1]
 
 
 def _sample(
