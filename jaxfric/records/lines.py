@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 _ENOUGH = 1e-4
+_AT_ONCE = 32
+"""Rows of a matrix that are computed at once: as few as stay in the processor's cache."""
 _DIGIT = 4 * float(np.finfo(np.float64).eps)
 
 
@@ -57,22 +59,28 @@ class Sums:
         offset = (sums[1] / n).astype(np.float64) - slope * mean_time
         return Lines(n, slope, offset, mean_time, spread, squares)
 
-    def squares(self, first: np.ndarray, end: np.ndarray, of: np.ndarray) -> np.ndarray:
-        """Sums of squares of the lines through the rows first..end-1, `of` some rows: `first` and
-        `end` are places in it.
+    def squares(self, of: np.ndarray) -> np.ndarray:
+        """Sums of squares of the lines from every row of `of` up to every later one, (m, m); of
+        others they are infinite.
 
-        To `_ENOUGH` of themselves, in doubles, seven times as fast as in the longer numbers of
+        To `_ENOUGH` of themselves, in doubles, many times as fast as in the longer numbers of
         `lines`; these are used where doubles may have lost more than that.
         """
-        sums = self._sums[:, of].astype(np.float64)
-        n = np.maximum(of[end] - of[first], 1).astype(np.float64)
-        slope, _, squares = _about_line(n, [row.take(end) - row.take(first) for row in sums])
-        # each sum has an error of its last digit, that of t y no more than Cauchy allows
-        x, r = (np.sqrt(sums[k]).take(end) for k in (2, 4))
-        lost = _DIGIT * (r + np.abs(slope) * x) ** 2
-        doubtful = np.flatnonzero(~(lost <= _ENOUGH * (squares + n * self.floor**2)))
-        squares[doubtful] = self.lines(of[first[doubtful]], of[end[doubtful]]).sum_squares
-        return squares
+        sums, places = self._sums[:, of].astype(np.float64), np.arange(len(of))
+        x, r = np.sqrt(sums[2]), np.sqrt(sums[4])
+        found = np.full((len(of), len(of)), np.inf)
+        for i in range(0, len(of) - 1, _AT_ONCE):
+            first, end = places[i : i + _AT_ONCE], places[i + 1 :]
+            n = np.maximum(of[end] - of[first, None], 1).astype(np.float64)
+            slope, _, squares = _about_line(n, sums[:, None, end] - sums[:, first, None])
+            # each sum has an error of its last digit, that of t y no more than Cauchy allows
+            lost = _DIGIT * (r[end] + np.abs(slope) * x[end]) ** 2
+            doubtful = ~(lost <= _ENOUGH * (squares + n * self.floor**2))
+            after = end > first[:, None]
+            a, b = np.nonzero(doubtful & after)
+            squares[a, b] = self.lines(of[first[a]], of[end[b]]).sum_squares
+            found[first, i + 1 :] = np.where(after, squares, np.inf)
+        return found
 
     def residual(self, rows: np.ndarray) -> list[np.ndarray]:
         """Residuals of the lines through the groups rows[k]..rows[k+1]-1, one array each."""

@@ -75,7 +75,7 @@ def find_lines(
     if len(t) < 2 * MIN_ROWS:
         return sums, np.array([0, len(t)])
     nodes = _nodes(t, y)
-    squares = _squares(sums, nodes)
+    squares = sums.squares(nodes)
     stiff = _partition(squares, nodes, min(_ROWS_FOR_GLITCHES, len(t) // 2), sums.floor)
     keep = ~_glitches(sums, stiff)
     if keep.all() or passes == 1:
@@ -149,26 +149,19 @@ def _nodes(t: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([coarse, by_travel]))
 
 
-def _squares(sums: Sums, nodes: np.ndarray) -> np.ndarray:
-    """Sums of squares about the line from every node to every later one; infinite elsewhere."""
-    from_, to = np.triu_indices(len(nodes), 1)
-    squares = np.full((len(nodes), len(nodes)), np.inf)
-    squares[from_, to] = sums.squares(from_, to, nodes)
-    return squares
-
-
 def _partition(squares: np.ndarray, nodes: np.ndarray, least_rows: int, floor: float) -> np.ndarray:
     """Separate lines between nodes: least sum of squares plus penalty, by dynamic programming."""
     count = len(nodes)
     rows = nodes[None, :] - nodes[:, None]
     cost = np.where(rows >= least_rows, squares, np.inf)
     penalty = (15 + 3 * np.log(nodes[-1])) * _local_variance(cost, rows, floor)
+    cost += penalty[:, None]
     best = np.full(count, np.inf)
     best[0] = 0.0
     before = np.zeros(count, int)
     for j in range(1, count):
-        total = best[:j] + cost[:j, j] + penalty[:j]
-        before[j] = np.argmin(total)
+        total = best[:j] + cost[:j, j]
+        before[j] = total.argmin()
         best[j] = total[before[j]]
     chain = [count - 1]
     while chain[-1] > 0:
