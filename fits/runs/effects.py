@@ -168,11 +168,12 @@ def study(task: tuple[str, int]) -> dict:
 
     jax.config.update("jax_enable_x64", True)
     import jaxfric as jf
-    from jaxfric.cache import cache_compiled
+    from jaxfric.cache import cache_compiled, whole_loops
     from jaxfric.loop import close_loop
     from jaxfric.runs.fits import decided_events
     from jaxfric.runs.stiffness import MachineStiffness
 
+    whole_loops()  # as the command does
     cache_compiled()
     run = make(effect, seed)
     record = jf.from_arrays(run["t"], run["f"], load_point_displacement=run["x"])
