@@ -371,6 +371,7 @@ def test_what_is_no_register_keeps_its_numbers() -> None:
         np.append(few, 40000.0),
         few[:2],
         few[2:],
+        np.array([0.0, 16000.0, 50000.0, 65000.0]),  # a time with a gap
     ):
         rows = np.arange(len(values))
         table = Table(("a",), (None,), (values,), rows, np.zeros(len(values), bool))
