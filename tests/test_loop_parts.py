@@ -640,9 +640,10 @@ def test_what_is_not_fixed_beside_a_better_one_stood_in_for_it(monkeypatch, alon
     assert set(found.final.effects) == set(kept)
 
 
-def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False):
+def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False, likelier=0.0):
     rms = {"train": train, "select": select, "report": 1.0}
-    return Candidate((), np.zeros(1), np.zeros(1), WHITE, bic, rms, physical, failed)
+    noise = WHITE._replace(log_likelihood=WHITE.log_likelihood + likelier)
+    return Candidate((), np.zeros(1), np.zeros(1), noise, bic, rms, physical, failed)
 
 
 @pytest.mark.parametrize(
@@ -657,6 +658,9 @@ def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False):
         (scored(-200.0, physical=False), "impossible parameters"),
         (scored(-200.0, failed=True), "did not converge"),
         (scored(np.nan), "too little evidence"),
+        (scored(0.1, likelier=10.1), "fits better than it predicts"),
+        (scored(0.1, likelier=9.9), "too little evidence"),
+        (scored(-0.1, likelier=100.0), "too little evidence"),
         (scored(-200.0, train=np.nan), "fits the train block worse"),
     ],
 )

@@ -236,10 +236,13 @@ def fault(current: Candidate, candidate: Candidate, chance: float) -> str:
     likelier: that is no evidence of an effect.
     """
     limit = max(_WORSE * current.rms["select"], (1 + 2 * chance) * candidate.rms["train"])
+    gain = current.bic - candidate.bic
+    fitted = 2 * float(candidate.noise.log_likelihood - current.noise.log_likelihood)
     faults = {
         "did not converge": candidate.failed,
         "impossible parameters": not candidate.physical,
-        "too little evidence": not current.bic - candidate.bic > ACCEPT,
+        "fits better than it predicts": gain < 0 and fitted > 2 * ACCEPT,
+        "too little evidence": not gain > ACCEPT,
         "fits the train block worse": not candidate.rms["train"]
         <= _TRAIN_WORSE * current.rms["train"],
         "predicts the select block worse": not candidate.rms["select"] <= limit,
