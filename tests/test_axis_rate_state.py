@@ -26,6 +26,7 @@ from jaxfric.gains import find_gains
 from jaxfric.gains.axis import axis_gains, state_gains
 from jaxfric.laws.file import law_from_fit
 from jaxfric.motion import MeasuredMotion
+from jaxfric.plain import plain
 from jaxfric.records import Drive, axis_from_arrays
 from jaxfric.rig.axis import AxisRig
 from jaxfric.rig.axis_state import AxisRateState
@@ -525,7 +526,7 @@ def test_the_loop_names_rate_and_state_and_finds_its_weakening():
     loop = close_axis_loop(record(0, 12), held=False, without=without, most=1)
     check_named(loop)
     assert loop.details is not None
-    text = json.loads(json.dumps(loop.details.to_json()))["axis"]["gains"]
+    text = json.loads(json.dumps(plain(loop.details.to_json())))["axis"]["gains"]
     V = np.geomspace(1e-3, 0.06, 4001)
     _, stiffness = closed_form(V)
     assert text["stiff"]["critical_stiffness"] == pytest.approx(stiffness.max(), rel=0.1)

@@ -170,17 +170,22 @@ def per_unit(case: Case, id: str) -> float:
     return float(case.engine.problem.scale(f"{id}.{AMPLITUDES[id]}")) / SIGMA
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.long) for n in ("soft", "stiff")]
-)
+@pytest.mark.parametrize("name", ["soft", pytest.param("stiff", marks=pytest.mark.long)])
 def test_response_gives_the_exact_sensitivities(name, request):
     """Against derivatives of the equation of motion itself, friction and the slip channel.
+
+    The ripple has an amplitude of 1e-5: one of 0 has no part in the motion, and is not resolved by
+    the steps of the solver while all slides steadily (`simulation.tangents`).
 
     The midpoint rule errs by the square of the rows' distance, 0.3 to 3 um here, over the lengths
     in which the sensitivities move: A/K (4 um and 1.3 um), L, and the wavelength over 2 pi.
     Measured: 9e-5 to 3.4e-3 (soft), 4e-5 to 3.8e-3 (stiff).
     """
     case: Case = request.getfixturevalue(name)
+    z = case.z.copy()
+    ripple = case.engine.problem.scale("position_periodic.b")
+    z[case.index("position_periodic", "b")] = 1e-5 / float(ripple)
+    case = case._replace(z=z)
     rows, found = case.engine.evaluate(case.z), seen(case, response_of(case))
     n, train = len(TIMES), case.engine.blocks.train
     for id, (friction, slip) in found.items():

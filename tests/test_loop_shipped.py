@@ -12,7 +12,8 @@ TRUTH = {"A": 0.008, "B": 0.012, "L": 15e-6}
 
 
 def parameters(verb: str, record: Path, *options: str) -> tuple[dict, dict]:
-    out = run(verb, record, "--stiffness", "4e-3/um", "--json", "--out", f"{verb}-out", *options)
+    folder = f"{verb}-{record.stem}"
+    out = run(verb, record, "--stiffness", "4e-3/um", "--json", "--out", folder, *options)
     assert out.code == 0, out.err
     content = json.loads(out.out)
     return content, content["parameters"] if verb == "fit" else content["after"]["parameters"]

@@ -184,7 +184,8 @@ def test_a_simulated_record_is_read_and_fitted() -> None:
     assert len(jaxfric.find_steps(record.time, record.load_point_displacement)) == 2
     # 91 rows with noise, the shape that other tests of the command have compiled already
     lines = Path("simulation/trajectory.csv").read_text().splitlines()
-    head, rows = lines[:5], [line.split(",") for line in lines[5:]]
+    first = 1 + next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    head, rows = lines[:first], [line.split(",") for line in lines[first:]]
     random = np.random.default_rng(3)
     for row in rows:
         row[2] = f"{float(row[2]) + random.normal(0, 2e-3):.6f}"

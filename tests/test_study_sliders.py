@@ -440,7 +440,7 @@ L2 = "40 um"
 V0 = "10 um/s"
 k_p = "10 MN/m"
 [axes]
-B2 = { values = ["0 N", "4 N", "-1000 N"] }
+B2 = { values = ["0 N", "4 N", "1000 N"] }
 [loop]
 noise = "0.15 N"
 rows = 1400
@@ -450,14 +450,15 @@ distance = "200 um"
 
 @pytest.mark.long
 def test_loops_name_the_second_state_where_there_is_one(tmp_path):
-    """The base has one state; the last member strengthens with a thousand newtons: no record."""
+    """The base has one state; the last member weakens by a thousand newtons and runs away: no
+    record."""
     found = run_study(written(tmp_path / "l.toml", LOOP), tmp_path / "l")
     assert names(found.verdict) == ["no_missing_effect", "effects", "no_record"]
     assert names(found.first_effect) == ["none", "second_state", "none"]
     assert found.effects.values.tolist() == [0, 1, 0]
     before, after = found.held_out_before.values, found.held_out_after.values
     assert before[0] == after[0] < 1.06 and before[1] > 5 and after[1] < 1.06
-    assert np.isnan(before[2]) and found.outcome.values.tolist()[:2] == [0, 0]
+    assert np.isnan(before[2]) and found.outcome.values.tolist() == [0, 0, 1]
 
 
 def names(codes):
@@ -476,7 +477,7 @@ def test_what_a_loop_of_a_study_is_asked(tmp_path, monkeypatch):
         )
 
     monkeypatch.setattr("jaxfric.loop.close_loop", close_loop)
-    text = LOOP.replace('"0 N", "4 N", "-1000 N"', '"4 N"') + 'most = 2\nwithout = ["thermal"]\n'
+    text = LOOP.replace('"0 N", "4 N", "1000 N"', '"4 N"') + 'most = 2\nwithout = ["thermal"]\n'
     found = run_study(written(tmp_path / "l.toml", text), tmp_path / "l")
     assert names(found.verdict) == ["effects"] and names(found.first_effect) == ["gain"]
     assert [float(found[f"held_out_{when}"][0]) for when in ("before", "after")] == [4.0, 2.0]
