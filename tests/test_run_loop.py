@@ -200,6 +200,19 @@ def test_a_stretch_is_predicted_as_if_it_were_alone(pressed):
     assert np.abs(predicted[~later] - expected).max() < 2e-6
 
 
+def test_noise_over_rows_is_forgotten_between_two_stretches():
+    """The rows that are left out count, at the pace of those that follow: every half second."""
+    joined = two_stretches()
+    n, time = len(joined.record), joined.record.time
+    clock = np.asarray(problem_of(joined).clock)[:, 2]
+    [begin] = np.flatnonzero(np.diff(joined.stretch)) + 1
+    between = (time[begin] - time[begin - 1]) / 0.5
+    assert between > 50
+    expected = np.arange(n) + np.where(np.arange(n) >= begin, between - 1, 0.0)
+    np.testing.assert_allclose(clock[:n], expected, rtol=1e-9)
+    assert (clock[n:] == clock[n - 1]).all()
+
+
 def test_one_normal_stress_is_none():
     assert two_stretches(first=5e6, second=5.02e6).stress() is None
     assert two_stretches(first=5e6).stress() is None

@@ -89,8 +89,11 @@ def test_what_is_taken_out_takes_its_share():
 
 
 def test_a_clock_of_its_own_moves_with_every_step():
-    clock = own_clock(np.array([2.0, 4.0]), np.array([0, 0, 1, 1]), 6)
-    np.testing.assert_allclose(clock, [0, 0.5, 0.75, 1.0, 1.0, 1.0])
+    pace, step = np.array([2.0, 4.0]), np.array([0, 0, 1, 1])
+    np.testing.assert_allclose(own_clock(pace, step, np.arange(4), 6), [0, 0.5, 0.75, 1, 1, 1])
+    # rows 2 to 9 are left out
+    gap = own_clock(pace, step, np.array([0, 1, 10, 11]), 5)
+    np.testing.assert_allclose(gap, [0, 0.5, 2.75, 3.0, 3.0])
 
 
 def test_noise_with_a_pace_is_told_in_rows():

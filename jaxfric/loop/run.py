@@ -335,11 +335,27 @@ def _in_stretches(problem: Problem, joined: Joined) -> Problem:
     pad = (0, len(problem.time) - len(joined.phase))
     stretch = np.pad(joined.stretch, pad, mode="edge") if len(joined.stretches) > 1 else None
     stress = joined.stress()
+    clock = np.array(problem.clock)
+    clock[:, 2] += np.pad(_left_out(joined), pad, mode="edge")
     return dataclasses.replace(
         problem,
+        clock=jax.device_put(clock),
         stretch=None if stretch is None else jax.device_put(stretch),
         normal_stress=None if stress is None else stress.padded(bucket(len(stress.knots), 4)),
     )
+
+
+def _left_out(joined: Joined) -> np.ndarray:
+    """Rows left out of the run before every row (n,), at the pace of those that follow.
+
+    Between two stretches noise that is forgotten over rows is forgotten, too.
+    """
+    time, stretch = joined.record.time, joined.stretch
+    count = np.zeros(len(time))
+    for k in np.flatnonzero(np.diff(stretch)) + 1:
+        interval = np.median(np.diff(time[joined.phase == joined.phase[k]]))
+        count[k:] += max((time[k] - time[k - 1]) / interval - 1, 0.0)
+    return count
 
 
 def _thinned(joined: Joined, rows: int) -> tuple[Joined, tuple[str, ...]]:

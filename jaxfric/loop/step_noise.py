@@ -54,7 +54,8 @@ def gain_of_pace(likeness: np.ndarray, explained: np.ndarray, step: np.ndarray) 
     return float(np.sum(count * (z - np.average(z, weights=count)) ** 2))
 
 
-def own_clock(pace: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
-    """A clock that moves by 1/pace with every row; `size` rows come out, the last one repeated."""
-    moved = np.cumsum(1 / pace[step])
-    return np.pad(moved - moved[0], (0, size - len(moved)), mode="edge")
+def own_clock(pace: np.ndarray, step: np.ndarray, rows: np.ndarray, size: int) -> np.ndarray:
+    """A clock that moves by 1/pace with every row that the clock `rows` (n,) counts; `size` rows
+    come out, the last one repeated."""
+    moved = np.cumsum(np.diff(rows, prepend=rows[0]) / pace[step])
+    return np.pad(moved, (0, size - len(moved)), mode="edge")
