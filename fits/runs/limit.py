@@ -29,11 +29,13 @@ from fits.blind import measured
 from fits.blind.draws import SIGMA
 from fits.blind.plants import Protocol
 from fits.runs.effects import EFFECTS, NOISES, Planted, group, phase_of, planted
+from jaxfric.loop.split import split_units
+from jaxfric.loop.thresholds import ACCEPT
 
 HERE = Path(__file__).parent
-ACCEPT = 10.0
 PARAMETERS = dict(zip(EFFECTS, (2, 1, 2, 1, 1), strict=False))
 _ROWS, _PIECES = 200, 60
+# up to a tenth of the rows of a velocity: of 14 two are holds, with fewer rows
 _MEMORIES = np.geomspace(1.0, 0.1 * 12 / 14 * _ROWS, 14)
 _SHARES = np.linspace(0.05, 0.98, 20)
 
@@ -78,8 +80,6 @@ def size(run: Planted, noise: tuple[float, float], used: np.ndarray) -> float:
 
 def fitted_rows(run: Planted) -> np.ndarray:
     """The rows (bool) of a run that the loop fits."""
-    from jaxfric.loop.split import split_units
-
     protocol: Protocol = run.plant.protocol
     unit, number = [], -1
     for k in range(len(protocol.velocities)):
@@ -110,7 +110,7 @@ def told(rows: list[dict], done: dict) -> str:
     lines = ["noise        runs  from all rows  from the fitted  named by the loop"]
     for noise in (*NOISES, ""):
         own = [row for row in rows if row["noise"] == noise or not noise]
-        named = [group(done[row["effect"], row["seed"]]) for row in own if _key(row) in done]
+        named = [group(done[_key(row)]) for row in own if _key(row) in done]
         most, fitted = (sum(row[name] for row in own) for name in ("all", "fitted"))
         lines.append(
             f"{noise or 'together':12} {len(own):4d} {most:14.1f} {fitted:16.1f}"

@@ -22,15 +22,14 @@ _MOST_TOLD = 12
 
 def is_log(data: bytes, path: str) -> bool:
     """Whether a file is JSON, or says so by its name."""
-    text = data.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if text[:1] not in (b"{", b"["):
+    if _text(data)[:1] not in (b"{", b"["):
         return False
-    return Path(path).suffix.lower() in _ENDINGS or _loaded(text) is not None
+    return Path(path).suffix.lower() in _ENDINGS or _loaded(data) is not None
 
 
 def parse(data: bytes, path: str) -> Table:
     """The columns of a log; `lines` count its records from 1. JSON gives no units."""
-    columns, about = _columns(_loaded(data.lstrip(b"\xef\xbb\xbf \t\r\n")))
+    columns, about = _columns(_loaded(data))
     if len(columns) < 2:
         raise InputError(
             f"{path} is JSON, no log that could be read: that is a list of records with the same"
@@ -45,8 +44,14 @@ def parse(data: bytes, path: str) -> Table:
     return replace(table, lines=table.lines - 1, notes=(*table.notes, *notes))
 
 
-def _loaded(text: bytes) -> object:
+def _text(data: bytes) -> bytes:
+    """Data without a byte-order mark and blanks before them."""
+    return data.lstrip(b"\xef\xbb\xbf \t\r\n")
+
+
+def _loaded(data: bytes) -> object:
     """The contents of JSON, of one record a line as a list of them; None where it is neither."""
+    text = _text(data)
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
