@@ -130,6 +130,17 @@ def test_every_velocity_gets_another_piece(made_up):
     assert np.array_equal(noise, again) and not np.array_equal(noise, other)
 
 
+def test_nothing_goes_on_over_a_gap(made_up):
+    """The piece after a gap is all its own, others as they are without one."""
+    counts, rng = [230, 275, 250], np.random.default_rng
+    through = measured.cut("basalt", counts, rng(3))
+    apart = measured.cut("basalt", counts, rng(3), gaps=[2])
+    last = sum(counts[:2])
+    factor = apart[0] / through[0]
+    assert np.allclose(apart[:last], through[:last] * factor, rtol=1e-12)
+    assert np.ptp(np.diff(apart[last:])) < 1e-9 < np.ptp(np.diff(through[last:]))
+
+
 def test_pieces_are_joined_without_a_jump(monkeypatch):
     """As neighbouring rows of slow noise differ little, so do those at a joint; and no less there
     than elsewhere is the noise."""

@@ -27,6 +27,7 @@ Imports nothing of jaxfric, and reads the files with readers of its own.
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -160,18 +161,24 @@ def autocorrelation(noises: list[np.ndarray]) -> np.ndarray:
     return np.array([sum(float(r[k:] @ r[:-k]) for r in noises) / power for k in LAGS])
 
 
-def cut(name: str, counts: list[int], rng: np.random.Generator) -> np.ndarray:
-    """Noise of a record whose velocities have `counts` rows: pieces of `name`, rms 1 in all."""
+def cut(
+    name: str, counts: list[int], rng: np.random.Generator, gaps: Sequence[int] = ()
+) -> np.ndarray:
+    """Noise of a record whose velocities have `counts` rows: pieces of `name`, rms 1 in all.
+
+    Before the velocities `gaps` the record has other rows: nothing goes on over them.
+    """
     noises, longest = [noise for _, noise in stretches(name)], max(counts)
     begins = np.concatenate([[0], np.cumsum([max(len(r) - longest, 0) for r in noises])])
     # evenly through the source from a random start, so that pieces overlap no more than they must
     places = (rng.random() + np.arange(len(counts)) / len(counts)) % 1.0 * begins[-1]
     pieces, follows = [], np.zeros(0)
-    for count, place in zip(counts, rng.permutation(places), strict=True):
+    for number, place in enumerate(rng.permutation(places)):
+        count = counts[number]
         k = int(np.searchsorted(begins, place, side="right")) - 1
         first = int(place - begins[k])
         source = rng.choice((-1.0, 1.0)) * noises[k][first:]
-        pieces.append(joined(follows, source[:count]))
+        pieces.append(joined(follows[:0] if number in gaps else follows, source[:count]))
         follows = source[count : count + JOINT]
     noise = np.concatenate(pieces)
     return noise / np.sqrt(np.mean(noise**2))

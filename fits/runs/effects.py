@@ -1,13 +1,14 @@
 """The loop over runs with one hidden effect: `python -m fits.runs.effects [--seeds 0 6]`.
 
 A run has two stretches with an unloading between them, each of a first velocity, four steps and a
-hold: the plants of `fits.blind` (SciPy), their friction cut off by the unloading and lifted by
-another level after it. The events are found as `jaxfric run` finds them, the loop is `jaxfric loop
---run`. Effects are those that one step leaves as each other's aliases, at rho of .5: what a refit
-of A, B, L and a level for every stretch leaves of the noise-free record is half of the noise.
-Counted is: the effect that is named is the true one (exact), or the true one is told as one that
-the run cannot tell from it (group), and no effect is named where there is none. Results are kept
-by record, so a run of this that was broken off goes on.
+hold (twelve events; `--stretches 5 --steps 8` makes fifty): the plants of `fits.blind` (SciPy),
+their friction cut off by the unloading and lifted by another level after it, with noise of its own.
+The events are found as `jaxfric run` finds them, the loop is `jaxfric loop --run`. Effects are
+those that one step leaves as each other's aliases, at rho of .5: what a refit of A, B, L and a
+level for every stretch leaves of the noise-free record is half of the noise. Counted is: the effect
+that is named is the true one (exact), or the true one is told as one that the run cannot tell from
+it (group), and no effect is named where there is none. Results are kept by record, so a run of this
+that was broken off goes on.
 """
 
 import argparse
@@ -38,23 +39,37 @@ HERE = Path(__file__).parent
 EFFECTS = ("second_state", "slip_trend", "thermal", "ageing", "velocity_dependent_L", "")
 NOISES = ("white", "p655-run", "sepiolite-1", "basalt")
 RHO = 0.5
-_SLIP, _ROWS, _HOLD_ROWS, _STEPS, _STRETCHES = 150 * UM, 200, 80, 4, 2
+_SLIP, _ROWS, _HOLD_ROWS = 150 * UM, 200, 80
 
 
-def draw(rng: np.random.Generator) -> tuple[Draw, list[int]]:
+class Size(NamedTuple):
+    """Stretches of a run, and the steps of each (which has a hold and its reload besides)."""
+
+    stretches: int = 2
+    steps: int = 4
+
+    @property
+    def events(self) -> int:
+        return self.stretches * (self.steps + 2)
+
+
+TWELVE = Size()
+
+
+def draw(rng: np.random.Generator, size: Size) -> tuple[Draw, list[int]]:
     """The plant, its protocol and samples, and the first phase of every later stretch."""
     A, L = log_uniform(rng, 0.004, 0.02), log_uniform(rng, 4 * UM, 15 * UM)
     B = A * (log_uniform(rng, 0.6, 0.9) if rng.random() < 0.2 else log_uniform(rng, 1.15, 2.2))
     ratio = log_uniform(rng, 4, 8)
     base = Base(float(rng.uniform(0.5, 0.75)), A, B, L, ratio * max(B - A, 0.2 * B) / L)
     rung, velocities, durations, firsts = int(rng.integers(3)), [], [], []
-    for stretch in range(_STRETCHES):
+    for stretch in range(size.stretches):
         if stretch:
             firsts.append(len(velocities))
         velocities.append(LEVELS[rung])
         durations.append(1.5 * _SLIP / LEVELS[rung])
-        hold = int(rng.integers(1, _STEPS + 1))
-        for step in range(1, _STEPS + 1):
+        hold = int(rng.integers(1, size.steps + 1))
+        for step in range(1, size.steps + 1):
             moves = [r for r in (rung - 2, rung - 1, rung + 1, rung + 2) if 0 <= r < len(LEVELS)]
             rung = int(rng.choice(moves))
             velocities.append(LEVELS[rung])
@@ -83,12 +98,12 @@ class Planted(NamedTuple):
     path: Trajectory
 
 
-def planted(effect: str, seed: int) -> tuple[Planted, np.random.Generator]:
+def planted(effect: str, seed: int, size: Size = TWELVE) -> tuple[Planted, np.random.Generator]:
     """A run without noise, and what draws its noise."""
     for attempt in range(40):
         rng = np.random.default_rng([seed, EFFECTS.index(effect), attempt, 20])
         try:
-            plant, firsts = draw(rng)
+            plant, firsts = draw(rng, size)
             hidden, rho, refit = {}, 0.0, None
             if effect:
                 refit = Refit(plant, np.searchsorted(firsts, phase_of(plant), side="right"))
@@ -102,9 +117,9 @@ def planted(effect: str, seed: int) -> tuple[Planted, np.random.Generator]:
     raise UnreachableError(f"{effect}, seed {seed}: no draw reaches rho")
 
 
-def make(effect: str, seed: int) -> dict:
+def make(effect: str, seed: int, size: Size = TWELVE) -> dict:
     """Columns of a run in SI, its stiffness and the truth."""
-    run, rng = planted(effect, seed)
+    run, rng = planted(effect, seed, size)
     return _unloaded(run.path, run.plant, run.firsts, seed, rng) | {
         "truth": run.hidden,
         "rho": run.rho,
@@ -133,7 +148,7 @@ def _unloaded(path, plant: Draw, firsts: list[int], seed: int, rng: np.random.Ge
     phase = phase_of(plant)
     noise, kind = SIGMA * rng.standard_normal(len(plant.t)), NOISES[seed % len(NOISES)]
     if kind != "white":
-        noise = SIGMA * measured.cut(kind, np.bincount(phase).tolist(), rng)
+        noise = SIGMA * measured.cut(kind, np.bincount(phase).tolist(), rng, gaps=firsts)
     x = np.array([plant.protocol.displacement(np.array([t]))[0] for t in plant.t])
     parts, late, level = [], 0.0, 0.0
     for stretch in range(len(firsts) + 1):
@@ -161,9 +176,9 @@ def _unloaded(path, plant: Draw, firsts: list[int], seed: int, rng: np.random.Ge
     return {"t": t, "x": position, "f": friction, "K": plant.base.K, "noise": kind}
 
 
-def study(task: tuple[str, int]) -> dict:
+def study(task: tuple[str, int, Size]) -> dict:
     """One run through the loop."""
-    effect, seed = task
+    effect, seed, size = task
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -175,10 +190,11 @@ def study(task: tuple[str, int]) -> dict:
 
     whole_loops()  # as the command does
     cache_compiled()
-    run = make(effect, seed)
+    run = make(effect, seed, size)
     record = jf.from_arrays(run["t"], run["f"], load_point_displacement=run["x"])
     stiffness, begun = MachineStiffness(run["K"]), time.monotonic()
-    out = {"effect": effect, "seed": seed, "noise": run["noise"], "rho": run["rho"]}
+    out = {"effect": effect, "seed": seed, "events": size.events}
+    out |= {"noise": run["noise"], "rho": run["rho"]}
     out["truth"] = run["truth"].get(effect, {})
     try:
         record, events = decided_events(record, None, stiffness)
@@ -238,13 +254,16 @@ def _short(row: dict) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", nargs=2, type=int, default=(0, 6), metavar=("FROM", "TO"))
+    parser.add_argument("--stretches", type=int, default=TWELVE.stretches)
+    parser.add_argument("--steps", type=int, default=TWELVE.steps, help="of a stretch")
     parser.add_argument("--effects", nargs="*", default=list(EFFECTS))
     parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=HERE / "effects.json")
     given = parser.parse_args()
     rows = json.loads(given.out.read_text(encoding="utf-8")) if given.out.exists() else []
-    done = {(row["effect"], row["seed"]) for row in rows}
-    tasks = [(e, s) for s in range(*given.seeds) for e in given.effects if (e, s) not in done]
+    size = Size(given.stretches, given.steps)
+    done = {(row["effect"], row["seed"]) for row in rows if row["events"] == size.events}
+    tasks = [(e, s, size) for s in range(*given.seeds) for e in given.effects if (e, s) not in done]
     os.environ.setdefault("NPROC", "1")
     with ProcessPoolExecutor(given.cores) as pool:
         for row in pool.map(study, tasks):

@@ -1,13 +1,18 @@
-"""How long does one simulation take, and a check of gains by simulation?
+"""How long does one simulation take, its Jacobian, and a check of gains by simulation?
 
     python tests/benchmarks/simulation.py
 
-Warm calls, compiled, in 64 bit: one stick-slip simulation with mass and a tenfold step with mass
-(301 samples), the five standard starts of one rig, and a delay law over 50 delays, alone and in a
+Warm calls, compiled as the command compiles, in 64 bit, on one thread. A tenfold step without mass:
+its friction at 2000 samples, all that a trajectory has, the friction's Jacobian by (A, B, L, K),
+and one of a batch of 256 at 100 samples. With mass: a stick-slip simulation and a tenfold step
+(301 samples), the five standard starts of one rig. A delay law over 50 delays, alone and in a
 batch of 256.
 """
 
+import os
 import time
+
+os.environ.setdefault("NPROC", "1")  # read when JAX starts
 
 import equinox as eqx
 import jax
@@ -15,26 +20,55 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxfric as jf
+from jaxfric.cache import whole_loops
 from jaxfric.gains.check import check_starts
 
 UM = 1e-6
 LAW = (0.6, 0.010, [0.015], [10 * UM], UM)
 
 
-def report(name: str, function, *arguments, repeats: int = 9, members: int = 1) -> None:
+def report(
+    name: str, function, *arguments, repeats: int = 9, calls: int = 1, members: int = 1
+) -> float:
+    """Prints the median of repeats, each a mean of calls; returns it [ms]."""
     begun = time.perf_counter()
     jax.block_until_ready(function(*arguments))
     first = time.perf_counter() - begun
     spent = []
     for _ in range(repeats):
         begun = time.perf_counter()
-        jax.block_until_ready(function(*arguments))
-        spent.append((time.perf_counter() - begun) / members * 1e3)
+        for _ in range(calls):
+            jax.block_until_ready(function(*arguments))
+        spent.append((time.perf_counter() - begun) / (calls * members) * 1e3)
     middle, low, high = np.median(spent), min(spent), max(spent)
     print(
         f"{name:32s} {middle:8.3f} ms each   ({low:.3f} to {high:.3f}); first call {first:.1f} s",
         flush=True,
     )
+    return float(middle)
+
+
+def without_mass() -> None:
+    """A = .010, B = .015, L = 10 um, K = 2000 /m: four times the critical stiffness."""
+    step = jf.PiecewiseVelocity([0.0, 10.0], [UM, 10 * UM])
+    values = jnp.array([0.010, 0.015, 10 * UM, 2e3])
+
+    def motion(values, ts):
+        A, B, L, K = values
+        rig = jf.Rig(jf.QuasiStatic(K), jf.RateState(0.6, A, [B], [L], UM))
+        return jf.simulate(rig, step, ts)
+
+    ts, few = jnp.linspace(0.0, 30.0, 2000), jnp.linspace(0.0, 30.0, 100)
+    force = jax.jit(lambda values: motion(values, ts).force)
+    one = report("tenfold step, friction", force, values, calls=50)
+    whole = eqx.filter_jit(lambda values: motion(values, ts))
+    report("the same, all of a trajectory", whole, values, calls=50)
+    slopes = jax.jit(jax.jacfwd(lambda values: motion(values, ts).force))
+    four = report("the same, friction's Jacobian", slopes, values, calls=50)
+    print(f"{'':32s} {four / one:8.2f} times its friction")
+    many = jax.jit(jax.vmap(lambda values: motion(values, few).force))
+    batch = values * jnp.linspace(0.95, 1.05, 256)[:, None]
+    report("tenfold step, batch of 256", many, batch, calls=5, members=256)
 
 
 def with_mass() -> None:
@@ -64,5 +98,7 @@ def with_delay() -> None:
 
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", True)
+    whole_loops()
+    without_mass()
     with_mass()
     with_delay()
