@@ -207,6 +207,16 @@ def test_a_column_is_told_in_one_unit(tmp_path: Path, units, told) -> None:
     assert "file" not in lines["friction"] + lines["time"]
 
 
+def test_what_is_no_normal_stress_is_named(tmp_path: Path) -> None:
+    """A column of scatter, 1e-6 to 1e-3, called a normal stress."""
+    path = written(tmp_path, table_text("time [s],displacement [um],tau [MPa],NormStress"))
+    read(path, columns={"normal_stress": "NormStress [MPa]"})
+    words = r"'tau' over 'NormStress', .* in row \d+, where 'NormStress' is .* MPa: is that the"
+    with pytest.raises(InputError, match=words) as refused:
+        read(path, columns={"normal_stress": "NormStress [Pa]"})
+    assert '"friction": "tau [0.2]"' in str(refused.value)
+
+
 @pytest.mark.parametrize("unit", ["kN", "N"])
 @pytest.mark.parametrize("role", ["shear_stress", "friction", "shear_force"])
 def test_shear_and_normal_force(tmp_path: Path, role: str, unit: str) -> None:
@@ -237,7 +247,10 @@ def test_shear_and_normal_force(tmp_path: Path, role: str, unit: str) -> None:
             "time [s],displacement [um],tau,normal_stress [MPa]",
             ["'tau'", "shear_stress", "no unit"],
         ),
-        ("time [s],displacement [um],tau [MPa],x", ["'tau'", '"normal_stress": "NAME [MPa]"']),
+        (
+            "time [s],displacement [um],tau [MPa],x",
+            ["'tau'", '"normal_stress": "NAME [MPa]"', '"friction": "tau [0.2]"'],
+        ),
         (
             "time,displacement [um],friction,normal_stress [MPa]",
             ["'time'", "has no unit", "time [s]"],

@@ -5,6 +5,7 @@ import json
 import sys
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -258,7 +259,6 @@ def test_a_run_without_a_step(steady):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ([], ["--stiffness is missing", "--fit-stiffness"]),
         (["--stiffness", "3 s"], ["--stiffness", "'s' is not a unit"]),
         (["--stiffness", "1e-3/um", "--events", "none.toml"], ["none.toml", "cannot be read"]),
         (["--stiffness", "1e-3/um", "--law", "slippery"], ["slippery"]),
@@ -366,7 +366,7 @@ def test_a_run_of_stick_slip_alone_has_its_tables(tmp_path, monkeypatch):
     columns = np.column_stack([t, 10 * t, friction])
     np.savetxt(record, columns, "%.6f", ",", header="time [s],displacement [um],friction [1]",
                comments="")  # fmt: skip
-    done = run("run", record, "--stiffness", "3e-4/um", "--out", tmp_path / "out")
+    done = run("run", record, "--out", tmp_path / "out")  # which asks for no stiffness
     assert done.code == 0, done.err
     assert "no velocity step is fitted" in done.out and "teeth, drop 0.029" in done.out
     assert "nothing is claimed, the fit did not converge" in done.out
@@ -377,6 +377,29 @@ def test_a_run_of_stick_slip_alone_has_its_tables(tmp_path, monkeypatch):
     back = read_decisions(tmp_path / "out" / "events.toml", float(t[-1] - t[0]))
     (teeth,) = find_rises(jf.read(record), back)
     assert f"{teeth.count} teeth, drop 0.029" in done.out
+
+
+def test_a_record_of_teeth_is_sent_to_run(tmp_path):
+    t = np.arange(0.05, 120.0, 0.1)
+    columns = np.column_stack([t, 10 * t, 0.6 + 0.03 * (t / 10 % 1 - 0.5)])
+    record = tmp_path / "saw.csv"
+    header = "time [s],displacement [um],friction [1]"
+    np.savetxt(record, columns, "%.6f", ",", header=header, comments="")
+    words = "it stick-slips from 0 s to 110 s, and what its teeth tell is told by jaxfric run"
+    assert_refused(run("fit", record, "--fit-stiffness", "--quiet"), "no velocity step", words)
+    shown = run("record", record)
+    assert shown.code == 0 and words in shown.err
+    columns[:, 2] = 0.6  # and nothing of the kind where friction is steady
+    np.savetxt(record, columns, "%.6f", ",", header=header, comments="")
+    assert_refused(run("fit", record, "--fit-stiffness", "--quiet"), "Give the steps")
+
+
+def test_a_run_of_steps_asks_for_its_stiffness(tmp_path):
+    out = tmp_path / "out"
+    steps = Path(__file__).parents[1] / "data" / "velocity_steps.csv"
+    outcome = run("run", steps, "--out", out, "--quiet")
+    assert_refused(outcome, "--stiffness is missing", "--fit-stiffness")
+    assert not out.exists() or not any(out.iterdir())
 
 
 def test_a_table_is_a_data_frame(two_fits):

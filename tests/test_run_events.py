@@ -7,12 +7,12 @@ import pytest
 
 import jaxfric as jf
 from fits.runs.generate import generate
+from jaxfric.fitting.teeth import find_spikes, find_teeth, turns
 from jaxfric.runs import KINDS, Event, find_events
 from jaxfric.runs.cautions import cautions
 from jaxfric.runs.decisions import decisions_text, read_decisions
 from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.stress import find_stress_changes, polyline
-from jaxfric.runs.teeth import find_spikes, find_teeth, turns
 
 RNG = np.random.default_rng(11)
 T = np.arange(0, 400, 0.1)

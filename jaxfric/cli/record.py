@@ -78,6 +78,7 @@ def _slider(
     reduced: bool,
     json: bool,
 ) -> int:
+    from ..fitting.teeth import slips_told
     from ..plot.raw import draw_raw
     from ..plot.record import draw_record
     from ..records import VelocitySteps, read_table, record_steps
@@ -96,7 +97,7 @@ def _slider(
 
     content = record_content(measured, found) if json else None
     code = _show(folder, draw, describe(measured, found), content)
-    warn(filter(None, [speeds_without_steps(measured, found)]))
+    warn(filter(None, [speeds_without_steps(measured, found), slips_told(measured, found)]))
     return code
 
 

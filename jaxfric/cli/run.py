@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from ..runs.holds import Hold
 
 
+_ALONE = ("stick_slip", "glitch")
+"""Events of which nothing is asked that needs a stiffness."""
+_NO_STIFFNESS = (
+    "--stiffness is missing; give that of machine and specimen, as in --stiffness 1.6e-3/um, or let"
+    " every step find its own (--fit-stiffness)"
+)
 _NO_STEP = "no velocity step is fitted; events.toml says what was found and why"
 
 
@@ -71,11 +77,6 @@ def run(
     stick_slip_laws.csv, and figures, to the output folder, by default ./NAME-run/ with the options
     that differ from their default.
     """
-    if stiffness is None and not fit_stiffness:
-        raise InputError(
-            "--stiffness is missing; give that of machine and specimen, as in --stiffness"
-            " 1.6e-3/um, or let every step find its own (--fit-stiffness)"
-        )
     from ..runs.findings import findings_of, ramps_stiffness_of
     from ..runs.fits import HowFitted, contradictions, decided_events
     from ..runs.holds import fit_holds, warnings_of
@@ -94,6 +95,8 @@ def run(
             how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
         record, found = decided_events(record, events, how.stiffness)
+        if stiffness is None and not fit_stiffness and any(e.kind not in _ALONE for e in found):
+            raise InputError(_NO_STIFFNESS)
         early = [] if events is None else contradictions(record, found)
         warn(early)
         result = _fitted(record, found, how, folder, progress)

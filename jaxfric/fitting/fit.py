@@ -53,6 +53,7 @@ from .start import (
     one_state_starts,
     split_state,
 )
+from .teeth import slips_told
 from .uncertainty import data_part, fair_hold
 
 WEIGHTINGS = ("ordinary", "whitened")
@@ -229,6 +230,8 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
     if len(steps) < 2 or np.ptp(steps.velocities) == 0:
         how = "none was found in the load-point motion" if found else "none was given"
         why = speeds_without_steps(record, steps) if found else None
+        if found and (slips := slips_told(record, steps)):
+            raise InputError(f"{record.provenance.path}: no velocity step: {why or how}; {slips}")
         raise InputError(
             f"{record.provenance.path}: no velocity step: {why or how}; A, B and L need at least"
             " one change of velocity. Give the steps, as in --steps '0 s: 2 um/s, 60 s: 20 um/s'"

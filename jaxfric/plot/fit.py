@@ -50,8 +50,8 @@ def fit_figure(fit: Fit) -> Figure:
     states = "" if fit.model.states == 1 else f", {fit.model.states} states"
     title = f"{name}: {fit.model.law} law{states}"
     colour = "black" if fit.converged else _FIT
-    title += "" if fit.converged else "; did not converge, its numbers mean nothing"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False, color=colour)
+    title += "" if fit.converged else "\ndid not converge, its numbers mean nothing"
+    figure.suptitle(title, x=0.01, y=0.995, ha="left", fontsize=11, parse_math=False, color=colour)
     figure.align_ylabels(list(axes))
     return figure
 

@@ -71,7 +71,7 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
     figure.legend(handles=handles, loc="outside lower left", ncol=8, frameon=False, fontsize=9)
     fitted = sum(event.fitted for event in events)
     name = printable(record.provenance.path)
-    title = f"{name}: events: {len(events)}, steps to fit (shaded): {fitted}"
+    title = f"{name}: events: {len(events)}, steps to fit: {fitted}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     for path in paths:
         figure.savefig(str(path), dpi=130)

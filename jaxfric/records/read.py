@@ -8,11 +8,12 @@ import numpy as np
 
 from ..errors import InputError
 from ..units import has_dimension
-from .columns import Found, spelt, understand
+from .columns import Found, Use, spelt, understand
 from .formats import read_table
 from .record import Record, build
 from .reduction import reduced
 from .roles import SLIDER
+from .sizes import SIZES
 from .table import Table
 
 
@@ -62,7 +63,7 @@ def to_record(
     if "shear_stress" in values:
         stress, of_forces = values.pop("shear_stress"), found.uses["normal_stress"].si_unit == "N"
         normal = values["normal_stress"]
-        values["friction"] = _quotient(table, stress, normal, found.rows.lines, of_forces)
+        values["friction"] = _quotient(table, found.uses, stress, normal, found.rows.lines)
         units["friction"] = "1"
         if of_forces:  # over an area that is not known
             del values["normal_stress"], units["normal_stress"]
@@ -93,7 +94,9 @@ def _stresses(table: Table, found: Found, named: set[str]) -> list[str]:
     if "normal_stress" not in found:
         raise InputError(
             f"{table.path} has a shear stress, '{shear}', and neither friction nor a normal stress;"
-            f" it has: {table.describe()}; map one, as in --column 'normal_stress=NAME [MPa]'"
+            f" it has: {table.describe()}; map one, as in --column 'normal_stress=NAME [MPa]';"
+            " where it was constant and not recorded, friction is the share of it, as in --column"
+            f" 'friction={shear} [0.2]' for MPa under 5 MPa"
             + (f", or --column 'friction={shear} [kN]' of a force" if forced else "")
         )
     note = f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"
@@ -137,20 +140,36 @@ def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool
 
 
 def _quotient(
-    table: Table, shear: np.ndarray, normal: np.ndarray, lines: np.ndarray, of_forces: bool
+    table: Table,
+    uses: Mapping[str, Use],
+    shear: np.ndarray,
+    normal: np.ndarray,
+    lines: np.ndarray,
 ) -> np.ndarray:
     """Friction where shear and normal stress, or force, were recorded.
 
-    Raises `InputError` where the normal stress is not positive, or recorded as negative in all.
+    Raises `InputError` where the normal stress is not positive, or recorded as negative in all, and
+    where it is so small that it is none.
     """
+    of_forces = uses["normal_stress"].si_unit == "N"
+    what, unit, size = ("force", "kN", 1e3) if of_forces else ("stress", "MPa", 1e6)
     wrong = np.isfinite(normal) & ~(normal > 0)
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
-        what, unit, size = ("force", "kN", 1e3) if of_forces else ("stress", "MPa", 1e6)
         turned = f", or turn its sign: --column 'normal_stress=NAME [-1 {unit}]'"
         raise InputError(
             f"{table.path}: friction is shear {what} over normal {what}, and the normal {what} is"
             f" {normal[first] / size:.6g} {unit} in row {lines[first]} ({wrong.sum()} rows); cut"
             f" the rows without load out{turned if wrong.all() else ''}"
         )
-    return shear / normal
+    found = shear / normal
+    worst = int(np.argmax(np.nan_to_num(np.abs(found))))
+    if abs(found[worst]) > SIZES["friction", "1"].most:
+        over, under = (table.names[uses[r].column] for r in ("shear_stress", "normal_stress"))
+        raise InputError(
+            f"{table.path}: friction is '{over}' over '{under}', {found[worst]:.3g} in row"
+            f" {lines[worst]}, where '{under}' is {normal[worst] / size:.3g} {unit}: is that the"
+            f" normal {what}, and its unit right? Where it was constant and not recorded: --column"
+            f" normal_stress=none --column 'friction={over} [0.2]' for MPa under 5 MPa"
+        )
+    return found

@@ -30,19 +30,21 @@ from .page import (
 
 _COLOUR = "#1f4e79"
 _KINDS = {
-    "step": "velocity steps",
-    "stress": "changes of normal stress",
-    "hold": "holds",
-    "reload": "reloads",
-    "unload": "unloadings",
-    "stick_slip": "stretches of stick-slip",
-    "glitch": "glitches of the recorder",
+    "step": ("velocity step", "velocity steps"),
+    "stress": ("change of normal stress", "changes of normal stress"),
+    "hold": ("hold", "holds"),
+    "reload": ("reload", "reloads"),
+    "unload": ("unloading", "unloadings"),
+    "stick_slip": ("stretch of stick-slip", "stretches of stick-slip"),
+    "glitch": ("glitch of the recorder", "glitches of the recorder"),
 }
+"""One of a kind, and more."""
 _FIGURES = {
     "events.png": (
         "What happened",
-        "Friction, speed of the load point and normal stress by row, with the time above, and what"
-        " was found in them: windows that are fitted are shaded. A decision that is wrong can be"
+        "Friction, speed of the load point and normal stress (where there is one) by row, with the"
+        " time above, and what was found in them: windows of steps that are fitted are shaded, and"
+        " stretches of stick-slip. A decision that is wrong can be"
         " changed in events.toml, which --events takes.",
     ),
     "rates.png": (
@@ -119,7 +121,7 @@ def page(
     headline = headline_of(run)
     if not run.steps:
         kinds = _counts(run)
-        seen = [f"{_KINDS[k]}: {kinds[k]}" for k in ("hold", "stick_slip") if kinds[k]]
+        seen = [f"{_KINDS[k][1]}: {kinds[k]}" for k in ("hold", "stick_slip") if kinds[k]]
         headline = "; ".join(["No velocity step to fit", *seen])
     shared = told_of_all(run.steps)
     head = paragraph(f"{name}: a whole run", "of") + f"<h1>{escaped(headline)}</h1>"
@@ -163,7 +165,7 @@ def _counts(run: RunFit) -> Counter[str]:
 def _cards(run: RunFit) -> str:
     kinds = _counts(run)
     cards = [(str(len(run.record)), "rows")]
-    cards += [(str(kinds[kind]), words) for kind, words in _KINDS.items() if kinds[kind]]
+    cards += [(str(n), words[n > 1]) for kind, words in _KINDS.items() if (n := kinds[kind])]
     inside = "".join(f"<li><b>{escaped(b)}</b><span>{escaped(s)}</span></li>" for b, s in cards)
     return f'<ul class="cards">{inside}</ul>'
 

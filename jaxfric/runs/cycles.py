@@ -38,7 +38,9 @@ _MASS = 0.3
 """Mass counts where the slider moves this share of L while it swings once."""
 _HELD = 0.9
 """K L/(B - A) above which a spring is stiff enough, or nearly, for the slider not to slip."""
-_SMOOTHED = "; rows that are running means look so, too"
+_AVERAGED = 0.02
+"""A drop is said to be larger where rows are running means from this share of it on."""
+_SMOOTHED = "rows that are running means look so, too; those of the recorder itself would tell"
 _NAMES = ("A", "B", "A-B", "L", "K")
 
 
@@ -106,12 +108,14 @@ def doubt_of(fit: RiseFit, fastest: float) -> str:
     if fit.misfit > _ROUGH:
         return f"it leaves {100 * fit.misfit:.2g} % of a drop: it does not describe the rises"
     if fit.values["softness"] > _HELD:
-        return f"it would have a spring that is stiff enough to hold the slider steady{_SMOOTHED}"
+        part = fit.values["softness"]
+        return f"K would be {part:.2g} of what holds a slider steady: {_SMOOTHED}"
     way = fit.period * fastest
     if way > _MASS * fit.values["L"]:
         return (
-            f"mass counts while the slider creeps: it moves {1e6 * way:.3g} um in one swing,"
-            f" and L would be {1e6 * fit.values['L']:.3g} um{_SMOOTHED}"
+            f"a drop lasts {0.5 * fit.period:.2g} s, in which the load point moves"
+            f" {0.5e6 * way:.3g} um, and L would be {1e6 * fit.values['L']:.3g} um: mass counts"
+            f" while the slider creeps, or it slips slowly; {_SMOOTHED}"
         )
     return ""
 
@@ -205,6 +209,8 @@ def rows(found: StickSlip | None) -> list[dict[str, Cell]]:
             ):
                 row[name] = short(float(values.mean()))
                 row[f"scatter of {name}"] = short(float(np.std(values, ddof=1)), 4)
+            if one.resolved:
+                row["drop lasts [s]"] = short(one.fall, 4)
         row["result"] = one.why or "used"
         out.append(row)
     return out
@@ -281,7 +287,14 @@ def told(found: StickSlip | None) -> list[str]:
             continue
         drop = measured(float(one.drops.mean()), _error(one.drops))
         every = measured(float(one.periods.mean()), _error(one.periods))
-        lines.append(f"{line}{one.count} teeth, drop {drop}{force} every {every} s")
+        line += f"{one.count} teeth, drop {drop}{force} every {every} s"
+        mean = float(one.drops.mean())
+        if one.averaged > max(_error(one.drops), _AVERAGED * mean):
+            line += (
+                f"; a drop lasts {one.fall:.2g} s: if rows are running means over as long, it is"
+                f" {mean + one.averaged:.3g}{force}"
+            )
+        lines.append(line)
     if line := drop_by_velocity(found):
         way = "falls" if line.slope < 0 else "rises"
         by = f"{way} by {measured(abs(line.slope), line.error)}"

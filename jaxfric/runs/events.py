@@ -27,12 +27,12 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..fitting.start import noise_from_differences
+from ..fitting.teeth import Teeth, find_spikes, find_teeth
 from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
 from ..units import format_si
 from .stiffness import MachineStiffness
 from .stress import StressChange, find_stress_changes, is_constant
-from .teeth import Teeth, find_spikes, find_teeth
 
 KINDS = ("step", "stress", "hold", "reload", "unload", "stick_slip", "glitch")
 

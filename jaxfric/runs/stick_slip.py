@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fitting.teeth import find_teeth, turns_from_foot
 from ..records import Record
 from .events import Event
-from .teeth import find_teeth, turns_from_foot
 
 EDGES = np.array([0.04, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62, 0.72, 0.80, 0.87, 0.93, 0.97, 1.0])
 """Parts of a rise, by time: its begin, where a machine still swings, is left out, and the parts
@@ -52,7 +52,8 @@ class Rises:
     `means` (teeth, parts): friction in the parts of a rise (`EDGES`); `lasts` (teeth,): its time
     [s]; `drops`, `periods` (teeth,): drop of friction, time between drops [s]; `row` the time
     between rows [s]; `swing`: period of the slip [s] by the time of a drop, not above what the
-    rows resolve where not `resolved`. `why` says why there is none of this.
+    rows resolve where not `resolved`; `fall` the time [s] of a drop on a straight line. `why` says
+    why there is none of this.
     """
 
     start: float
@@ -66,6 +67,7 @@ class Rises:
     row: float = 0.0
     swing: float = 0.0
     resolved: bool = False
+    fall: float = 0.0
     why: str = ""
 
     @property
@@ -77,6 +79,12 @@ class Rises:
     def loading(self) -> np.ndarray:
         """How fast friction rises while the slider sticks, by load-point motion [1/m] (teeth,)."""
         return straight(self.means.T)[0] / (self.lasts * self.velocity)
+
+    @property
+    def averaged(self) -> float:
+        """By how much more friction drops if the rows are running means over the time of a drop:
+        they take half of what friction rises in it from the tip, and half from the foot."""
+        return float(self.loading.mean()) * self.velocity * self.fall if self.resolved else 0.0
 
 
 def straight(rises: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -122,7 +130,7 @@ def _rises(record: Record, event: Event) -> Rises:
 
     found = _teeth(time, friction)
     if len(found) < _FEWEST:
-        return without(f"fewer than {_FEWEST} teeth after the first ones")
+        return without(f"{len(found)} teeth after the first {_FIRST}; {_FEWEST} are needed")
     if np.median([tooth.tip - tooth.foot for tooth in found]) < _ROWS:
         return without(f"fewer than {_ROWS} rows in a rise")
     drops = np.array([friction[k.high] - friction[k.low] for k in found])
@@ -152,6 +160,7 @@ def _rises(record: Record, event: Event) -> Rises:
         row,
         2 * max(fall, row) / _COSINE,
         fall > _RESOLVED * row,
+        fall / (_HIGH - _LOW),
     )
 
 

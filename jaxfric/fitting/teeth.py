@@ -1,10 +1,11 @@
-"""What friction alone shows in a run: the saw teeth of stick-slip, and rows that stand out."""
+"""What friction alone shows: the saw teeth of stick-slip, and rows that stand out."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting.start import noise_from_differences
+from ..records import Record, VelocitySteps
+from .start import noise_from_differences
 
 _HEIGHT, _LEAST = 8.0, 0.004
 """A tooth is so many times as high as the noise of neighbours, and this share of friction."""
@@ -117,6 +118,19 @@ def _alike(value: float, others: np.ndarray) -> bool:
     """Whether a value is within a factor of the median of others."""
     usual = float(np.median(others))
     return usual / _ALIKE < value < usual * _ALIKE
+
+
+def slips_told(record: Record, steps: VelocitySteps) -> str | None:
+    """A sentence on a record without a velocity step that stick-slips; None where it does not."""
+    if len(steps) > 1:
+        return None
+    found = find_teeth(record.relative_time, record.friction)
+    if not found:
+        return None
+    return (
+        f"it stick-slips from {found[0].start:.4g} s to {found[-1].stop:.4g} s, and what its"
+        " teeth tell is told by jaxfric run"
+    )
 
 
 def find_spikes(friction: np.ndarray) -> np.ndarray:
