@@ -387,7 +387,7 @@ def test_a_record_of_teeth_is_sent_to_run(tmp_path):
     np.savetxt(record, columns, "%.6f", ",", header=header, comments="")
     words = "it stick-slips from 0 s to 110 s, and what its teeth tell is told by jaxfric run"
     assert_refused(run("fit", record, "--fit-stiffness", "--quiet"), "no velocity step", words)
-    shown = run("record", record)
+    shown = run("record", record, "--out", tmp_path / "seen")
     assert shown.code == 0 and words in shown.err
     columns[:, 2] = 0.6  # and nothing of the kind where friction is steady
     np.savetxt(record, columns, "%.6f", ",", header=header, comments="")

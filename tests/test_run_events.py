@@ -63,6 +63,20 @@ def test_small_turns_do_not_tear_teeth():
     assert find_teeth(T, 0.6 + saw(T, 20, 0.02, fall=2 / 7)) == []  # that slow from the begin
 
 
+def test_an_odd_tooth_between_teeth_does_not_part_them():
+    """One that falls as slowly as it rises; but a rest of five periods, or teeth five times as
+    high, begin another stretch."""
+    odd = np.where((T >= 160) & (T < 180), saw(T, 20, 0.08, fall=0.5), saw(T, 20, 0.08))
+    (whole,) = find_teeth(T, 0.6 + odd)
+    assert whole.start < 5 and whole.stop > 375
+    assert whole.drop == pytest.approx(0.08, rel=0.02) and whole.period == pytest.approx(20, 0.02)
+    rest = np.where((T >= 160) & (T < 260), 0.0, saw(T, 20, 0.08))
+    before, after = find_teeth(T, 0.6 + rest)
+    assert before.stop < 165 and after.start > 240
+    higher = np.where(T < 200, saw(T, 20, 0.02), saw(T, 20, 0.1))
+    assert [t.drop for t in find_teeth(T, 0.6 + higher)] == pytest.approx([0.02, 0.1], rel=0.02)
+
+
 def test_teeth_end_where_they_end():
     friction = 0.6 + np.where((T > 105) & (T < 255), saw(T, 15, 0.02), 0.0)
     (found,) = find_teeth(T, friction + 2e-4 * RNG.standard_normal(len(T)))

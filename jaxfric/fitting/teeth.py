@@ -13,6 +13,9 @@ _TEETH, _ALIKE, _STEEP, _LESS_STEEP = 4, 4.0, 0.34, 0.42
 """So many teeth in a row, whose drops and times between drops are alike within this factor, each
 drop faster than the rise before it by this factor, or within one row; after the first one by the
 last factor."""
+_BEFORE, _ODD = 1.5, 2.5
+"""Periods that the rise before the first tooth may last, and the time from a drop to the next tip
+where an odd tooth lies between."""
 _SMALL = 0.3
 """What turns by less than this share of the usual drop is no tooth of its own."""
 _SPIKE, _WIDE, _WINDOW, _AROUND = 18.0, 3, 9, 200
@@ -24,7 +27,8 @@ _OWN = 0.5
 
 
 class Teeth(NamedTuple):
-    """Stick-slip from `start` to `stop` [s]: drop, and time from drop to drop [s] (medians)."""
+    """Stick-slip from `start` to `stop` [s]: drop, and time from drop to drop [s] (medians, or
+    means of the medians on both sides of an odd tooth)."""
 
     start: float
     stop: float
@@ -75,7 +79,7 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     number = len(ends)
     steep, go_on = ratio <= _STEEP, ratio <= _LESS_STEEP
     wait = np.diff(time[tips], prepend=np.nan)
-    out, first = [], 0
+    out, firsts, first = [], [], 0
     for k in range(number + 1):
         if k < number and (steep[k] if k == first else go_on[k]):
             if k == first:
@@ -86,10 +90,27 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
         if k - first >= _TEETH:
             period = float(np.median(wait[first + 1 : k]))
             # what rises before the first tooth may be something else
-            start = max(float(time[feet[first]]), float(time[tips[first]]) - 1.5 * period)
+            start = max(float(time[feet[first]]), float(time[tips[first]]) - _BEFORE * period)
             stop = float(time[ends[k - 1]])
             out.append(Teeth(start, stop, float(np.median(drop[first:k])), period))
+            firsts.append(float(time[tips[first]]))
         first = k if k < number and steep[k] else k + 1
+    return _joined(out, firsts)
+
+
+def _joined(stretches: list[Teeth], firsts: list[float]) -> list[Teeth]:
+    """Stretches whose teeth are alike as one, where one tooth is between; `firsts`: their first
+    tips [s]."""
+    out: list[Teeth] = []
+    for one, first in zip(stretches, firsts, strict=True):
+        last = out[-1] if out else one
+        alike = all(_alike(one[k], np.array([last[k]])) for k in (2, 3))
+        if out and alike and first - last.stop <= _ODD * max(one.period, last.period):
+            weights = np.array([each.stop - each.start for each in (last, one)])
+            drop, period = (float(np.average([last[k], one[k]], weights=weights)) for k in (2, 3))
+            out[-1] = Teeth(last.start, one.stop, drop, period)
+        else:
+            out.append(one)
     return out
 
 
