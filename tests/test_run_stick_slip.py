@@ -321,7 +321,7 @@ def test_claims_no_law_of_which_nothing_is_claimed_is_preferred():
         (rise_fit(numbers={"L": (np.nan, 1e-6)}), "did not converge"),
         (rise_fit(misfit=0.03), "leaves 3 % of a drop"),
         (rise_fit(misfit=0.019), ""),
-        (rise_fit(period=0.04), "a drop lasts 0.02 s, in which the load point moves 2 um"),
+        (rise_fit(period=0.04), "a drop would last 0.02 s, in which the load point moves 2 um"),
         (rise_fit(period=0.04), "or it slips slowly; rows that are running means look so"),
         (rise_fit(period=0.029), ""),
         (rise_fit(numbers={"softness": (0.95, 0.1)}), "K would be 0.95 of what holds a slider"),

@@ -113,7 +113,7 @@ def doubt_of(fit: RiseFit, fastest: float) -> str:
     way = fit.period * fastest
     if way > _MASS * fit.values["L"]:
         return (
-            f"a drop lasts {0.5 * fit.period:.2g} s, in which the load point moves"
+            f"a drop would last {0.5 * fit.period:.2g} s, in which the load point moves"
             f" {0.5e6 * way:.3g} um, and L would be {1e6 * fit.values['L']:.3g} um: mass counts"
             f" while the slider creeps, or it slips slowly; {_SMOOTHED}"
         )
