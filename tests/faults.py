@@ -1019,6 +1019,8 @@ FAULTS = (
           "BEGIN, END = 0.5, 1.5", "BEGIN, END = 0.5, 0.5", TEETH),
     Fault("teeth that are half as high count", "runs/stick_slip.py",
           "_usual(drops) & _usual(heights)", "_usual(drops)", TEETH),
+    Fault("long runs have the steps of short ones", "fitting/problem.py",
+          "1 << (256 * velocities - 1).bit_length()", "4096", "tests/test_fit.py -k many_steps"),
     Fault("running means take nothing off a drop", "runs/stick_slip.py",
           "fall / (_HIGH - _LOW)", "0.0", AVERAGED),
     Fault("what no row resolves is taken for a mean", "runs/stick_slip.py",

@@ -20,7 +20,7 @@ from jaxfric.fitting import NoiseEstimate, NoisePart
 from jaxfric.fitting.assemble import _plausible, edge_warnings
 from jaxfric.fitting.fit import _noise, _Task, prepare
 from jaxfric.fitting.plausible import bounds_of
-from jaxfric.fitting.problem import Model, residual_and_jacobian, to_free
+from jaxfric.fitting.problem import Model, most_steps, residual_and_jacobian, to_free
 from jaxfric.fitting.result import Estimate, Fit
 from jaxfric.fitting.start import one_state_starts
 from jaxfric.fitting.table import summary
@@ -49,14 +49,17 @@ def test_descents_are_counted_within_their_stage(monkeypatch):
         return SimpleNamespace(z=zeros)
 
     rig = SimpleNamespace(machine=SimpleNamespace(stiffness=1.0))
-    problem: Any = SimpleNamespace(rig=lambda z: rig, motion=None, with_model=lambda model: None)
+    problem: Any = SimpleNamespace(
+        rig=lambda z: rig, motion=None, with_model=lambda model: None, max_steps=4096
+    )
     data = SimpleNamespace(time=zeros, friction=zeros, rows=zeros)
     monkeypatch.setattr(module, "_solve", solve)
     monkeypatch.setattr(module, "prepare", lambda *_, **__: problem)
     monkeypatch.setattr(module, "one_state_starts", lambda *_, **__: np.ones((1, 4)))
     monkeypatch.setattr(module, "more_state_starts", lambda *_, **__: np.ones((1, 6)))
     monkeypatch.setattr(module, "average", lambda *_: data)
-    monkeypatch.setattr(module, "simulate", lambda *_: SimpleNamespace(velocity=zeros, slip=zeros))
+    moved = SimpleNamespace(velocity=zeros, slip=zeros)
+    monkeypatch.setattr(module, "simulate", lambda *_, **__: moved)
     record: Any = SimpleNamespace(relative_time=zeros, friction=zeros)
     for states in (1, 2):
         steps: Any = None
@@ -416,6 +419,35 @@ def test_jacobian_against_finite_differences():
         up, down = (residual_and_jacobian(problem, z.at[i].add(s * h))[0] for s in (1, -1))
         slope = (up - down) / (2 * h)
         assert jnp.max(jnp.abs(slope - jacobian[:, i])) <= 1e-5 * jnp.max(jnp.abs(slope)), i
+
+
+@pytest.mark.parametrize(
+    ("velocities", "most"), [(1, 4096), (16, 4096), (17, 8192), (32, 8192), (55, 16384)]
+)
+def test_many_velocities_may_take_many_steps(velocities, most):
+    assert most_steps(velocities) == most
+
+
+def test_a_record_of_many_steps_is_followed_to_its_end():
+    """64 velocities at 3 K_cr take more steps than a simulation takes by itself; at the end of
+    each of them friction is its steady value, a closed form."""
+    velocities = 1e-6 * np.resize([1.0, 10.0], 64)
+    ends = np.cumsum(400e-6 / velocities)
+    steps = VelocitySteps(np.concatenate([[0.0], ends[:-1]]), velocities)
+    t = np.sort(np.concatenate([ends - 1e-3 * ends[0], np.linspace(0.0, ends[-1], 100)]))
+    record = jaxfric.from_arrays(
+        t, 0.6 + 1e-6 * np.sin(t), load_point_displacement=steps.displacement(t)
+    )
+    f0, A, B, L = 0.6, 0.010, 0.014, 1e-5
+    problem = prepare(record, steps, Model(), stiffness=3.0 * (B - A) / L, force_scale=A)
+    z = to_free(problem, jnp.array([[f0, A, B, L]]))[0]
+    predicted, _, ended = problem.predict(z)
+    assert ended
+    seen = np.asarray(predicted)[np.searchsorted(t, ends - 1e-3 * ends[0])]
+    steady = f0 + (A - B) * np.log(velocities / velocities[0])
+    np.testing.assert_allclose(seen, steady, rtol=0, atol=2e-5)
+    few = dataclasses.replace(problem, max_steps=4096)
+    assert not few.predict(z)[2]
 
 
 def test_quantile_is_that_of_the_normal_distribution():

@@ -353,7 +353,12 @@ def _solve_in_stages(
     first = _solve(problem, starts, None, _within("stage 1 of 2, one state", progress))
     data = average(time, friction, steps)
     full = data.rows > 0
-    motion = simulate(problem.rig(first.z), problem.motion, jnp.asarray(data.time[full]))
+    motion = simulate(
+        problem.rig(first.z),
+        problem.motion,
+        jnp.asarray(data.time[full]),
+        max_steps=problem.max_steps,
+    )
     seen = OneStateMotion(
         data.time[full],
         data.friction[full],
