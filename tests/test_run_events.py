@@ -7,7 +7,7 @@ import pytest
 
 import jaxfric as jf
 from fits.runs.generate import generate
-from jaxfric.fitting.teeth import find_spikes, find_teeth, turns
+from jaxfric.records.teeth import find_spikes, find_teeth, turns
 from jaxfric.runs import KINDS, Event, find_events
 from jaxfric.runs.cautions import cautions
 from jaxfric.runs.decisions import decisions_text, read_decisions

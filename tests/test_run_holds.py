@@ -8,7 +8,7 @@ from scipy.stats import linregress
 
 import jaxfric as jf
 from fits.runs.generate import generate
-from jaxfric.fitting.start import noise_from_differences
+from jaxfric.records.differences import noise_from_differences
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.fits import HowFitted, without_resets_of
 from jaxfric.runs.holds import (

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from fits.runs.saw import Slider, move
-from jaxfric.fitting.teeth import find_spikes
+from jaxfric.records.teeth import find_spikes
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.cycles import (
     StickSlip,

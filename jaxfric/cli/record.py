@@ -78,11 +78,11 @@ def _slider(
     reduced: bool,
     json: bool,
 ) -> int:
-    from ..fitting.teeth import slips_told
     from ..plot.raw import draw_raw
     from ..plot.record import draw_record
     from ..records import VelocitySteps, read_table, record_steps
     from ..records.steps import speeds_without_steps
+    from ..records.teeth import slips_told
     from ..report.record_json import record_content
     from ..report.record_text import describe
 

@@ -18,8 +18,10 @@ import numpy as np
 from ..errors import InputError
 from ..laws.registry import evolution_of, fixed_states, refuse_unknown_law
 from ..records import Record, VelocitySteps, record_steps
+from ..records.differences import noise_from_differences
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
+from ..records.teeth import slips_told
 from ..records.thin import blur, blur_warning, thinned
 from ..silent import silent
 from ..simulation import simulate
@@ -49,11 +51,9 @@ from .start import (
     OneStateMotion,
     average,
     more_state_starts,
-    noise_from_differences,
     one_state_starts,
     split_state,
 )
-from .teeth import slips_told
 from .uncertainty import data_part, fair_hold
 
 WEIGHTINGS = ("ordinary", "whitened")

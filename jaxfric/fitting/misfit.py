@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..records.differences import noise_from_differences
 from .result import Fit
-from .start import noise_from_differences
 
 EXCESS = 2.0
 """From so many times the scatter of neighbouring rows on, a model lacks an effect, or noise is

@@ -13,9 +13,9 @@ from ..fitting import fit
 from ..fitting.fit import few_rows, stated_stiffness, steps_of
 from ..fitting.padding import bucket
 from ..fitting.problem import Problem, free_of
-from ..fitting.start import noise_from_differences
 from ..laws.registry import refuse_unknown_law
 from ..records import Record, VelocitySteps
+from ..records.differences import noise_from_differences
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from ..runs.events import Event

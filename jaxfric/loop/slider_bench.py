@@ -18,9 +18,9 @@ from ..fitting.fit import prepare
 from ..fitting.misfit import is_of_misfit
 from ..fitting.noise_estimate import noise_words
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem
-from ..fitting.start import noise_from_differences
 from ..laws.registry import refuse_untaken, takes
 from ..records import Record, VelocitySteps
+from ..records.differences import noise_from_differences
 from ..traced import traced
 from .driver import AbstractBench, Offered
 from .engine import Candidate, Choice, Engine

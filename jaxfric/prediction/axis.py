@@ -21,11 +21,11 @@ from ..fitting.axis_fit import inverse_dynamics
 from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
 from ..fitting.encompassing import EncompassingModel
-from ..fitting.start import noise_from_differences
 from ..loop.axis.details import as_published
 from ..loop.axis.result import AxisRows
 from ..loop.axis.rows import rows_of
 from ..records.axis_record import AxisRecord
+from ..records.differences import noise_from_differences
 from ..rig.axis import AxisRig, BaseLaw
 from ..simulation.axis_closed_loop import ClosedLoop, Controller, simulate_closed_loop, substeps
 from .model import SavedModel

@@ -23,10 +23,10 @@ from ..fitting.noise_search import estimate_noise, noise_rows
 from ..fitting.padding import bucket
 from ..fitting.problem import FAILED_MISFIT, Model, Problem, free_of, residual_and_jacobian
 from ..fitting.result import unit_of
-from ..fitting.start import noise_from_differences
 from ..fitting.uncertainty import spread_of
 from ..loop.sampling import seen_between
 from ..records import Record, VelocitySteps
+from ..records.differences import noise_from_differences
 from ..rig.normal_stress import recorded_stress
 from ..units import parse_quantity
 from .model import SavedModel

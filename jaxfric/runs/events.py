@@ -26,10 +26,10 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from ..fitting.start import noise_from_differences
-from ..fitting.teeth import Teeth, find_spikes, find_teeth
 from ..records import Record
+from ..records.differences import noise_from_differences
 from ..records.run_motion import RunMotion, run_motion
+from ..records.teeth import Teeth, find_spikes, find_teeth
 from ..units import format_si
 from .stiffness import MachineStiffness
 from .stress import StressChange, find_stress_changes, is_constant

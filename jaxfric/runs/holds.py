@@ -22,8 +22,8 @@ from ..fitting import Fit
 from ..fitting.misfit import excess
 from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
 from ..fitting.problem import clock_of
-from ..fitting.start import noise_from_differences
 from ..records import Record, VelocitySteps
+from ..records.differences import noise_from_differences
 from ..silent import silent
 from .events import Event
 from .fits import HowFitted

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting.teeth import find_teeth, turns_from_foot
 from ..records import Record
+from ..records.teeth import find_teeth, turns_from_foot
 from .events import Event
 
 EDGES = np.array([0.04, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62, 0.72, 0.80, 0.87, 0.93, 0.97, 1.0])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting.start import noise_from_differences
+from ..records.differences import noise_from_differences
 
 _LEAST = 0.01
 """A change of the normal stress by this share of the larger one counts."""

@@ -15,8 +15,8 @@ from ..fitting.abstract_problem import FAILED_MISFIT
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise
 from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
-from ..fitting.start import noise_from_differences
 from ..fitting.whitened import whitened
+from ..records.differences import noise_from_differences
 from .fits import StepFit
 from .joint import is_known, names_of, vector_of
 from .stress_problem import (

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..fitting.start import noise_from_differences
+from ..records.differences import noise_from_differences
 from .stress_problem import CORNERS
 
 _LEVEL = 50

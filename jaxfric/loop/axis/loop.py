@@ -19,9 +19,9 @@ from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation
 from ...fitting.axis_problem import AxisProblem, make_problem
 from ...fitting.encompassing import EncompassingModel
-from ...fitting.start import noise_from_differences
 from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
+from ...records.differences import noise_from_differences
 from ...records.given import as_axis_record
 from ...rig.axis import AxisRig, BaseLaw
 from ...silent import silent

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..records import Record, VelocitySteps
-from .start import noise_from_differences
+from .differences import noise_from_differences
+from .record import Record
+from .steps import VelocitySteps
 
 _HEIGHT, _LEAST = 8.0, 0.004
 """A tooth is so many times as high as the noise of neighbours, and this share of friction."""
