@@ -1022,7 +1022,7 @@ FAULTS = (
     Fault("long runs have the steps of short ones", "fitting/problem.py",
           "1 << (256 * velocities - 1).bit_length()", "4096", "tests/test_fit.py -k many_steps"),
     Fault("running means take nothing off a drop", "runs/stick_slip.py",
-          "fall / (_HIGH - _LOW)", "0.0", AVERAGED),
+          "float(between) / (_HIGH - _LOW)", "0.0", AVERAGED),
     Fault("what no row resolves is taken for a mean", "runs/stick_slip.py",
           "self.fall if self.resolved else 0.0", "self.fall", AVERAGED),
     Fault("a mean is told of every drop", "runs/cycles.py", "_AVERAGED = 0.02", "_AVERAGED = 0.0",

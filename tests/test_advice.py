@@ -153,7 +153,7 @@ FILLED = {
     ("--column", "{role.name}={name} [{example}]"): ["disturbance=u [N]", "velocity=v [mm/s]"],
     ("--column", "{role.name}={name} [0.01 {example}]"): ["position=x [0.01 rad]"],
     ("--column", "friction={shear} [kN]"): ["friction=Scherkraft [kN]"],
-    ("--column", "friction={shear} [0.2]"): ["friction=tau [0.2]"],
+    ("--column", "friction={name} [0.2]"): ["friction=tau [0.2]"],
     ("--column", "friction={over} [0.2]"): ["friction=tau [0.2]"],
     ("--column", "normal_stress=NAME [-1 {unit}]"): ["normal_stress=NAME [-1 MPa]"],
     ("--column", "{role}=none"): ["normal_stress=none"],

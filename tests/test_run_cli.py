@@ -358,14 +358,19 @@ def never_slips(p, feet, *_):
     return np.ones((n, parts)), np.zeros(n, bool), np.ones((n, parts, len(p))), np.ones((n, parts))
 
 
+def at_one_velocity(path, t, friction):
+    """A file of friction at 10 um/s."""
+    columns = np.column_stack([t, 10 * t, friction])
+    header = "time [s],displacement [um],friction [1]"
+    np.savetxt(path, columns, "%.6f", ",", header=header, comments="")
+
+
 def test_a_run_of_stick_slip_alone_has_its_tables(tmp_path, monkeypatch):
     monkeypatch.setattr("jaxfric.runs.rise_fit.rises", never_slips)
     t = np.arange(0.05, 120.0, 0.1)
     friction = 0.6 + 0.03 * (t / 10 % 1 - 0.5) + 1e-4 * np.sin(7 * t)
     record = tmp_path / "saw.csv"
-    columns = np.column_stack([t, 10 * t, friction])
-    np.savetxt(record, columns, "%.6f", ",", header="time [s],displacement [um],friction [1]",
-               comments="")  # fmt: skip
+    at_one_velocity(record, t, friction)
     done = run("run", record, "--out", tmp_path / "out")  # which asks for no stiffness
     assert done.code == 0, done.err
     assert "no velocity step is fitted" in done.out and "teeth, drop 0.029" in done.out
@@ -381,16 +386,13 @@ def test_a_run_of_stick_slip_alone_has_its_tables(tmp_path, monkeypatch):
 
 def test_a_record_of_teeth_is_sent_to_run(tmp_path):
     t = np.arange(0.05, 120.0, 0.1)
-    columns = np.column_stack([t, 10 * t, 0.6 + 0.03 * (t / 10 % 1 - 0.5)])
     record = tmp_path / "saw.csv"
-    header = "time [s],displacement [um],friction [1]"
-    np.savetxt(record, columns, "%.6f", ",", header=header, comments="")
+    at_one_velocity(record, t, 0.6 + 0.03 * (t / 10 % 1 - 0.5))
     words = "it stick-slips from 0 s to 110 s, and what its teeth tell is told by jaxfric run"
     assert_refused(run("fit", record, "--fit-stiffness", "--quiet"), "no velocity step", words)
     shown = run("record", record, "--out", tmp_path / "seen")
     assert shown.code == 0 and words in shown.err
-    columns[:, 2] = 0.6  # and nothing of the kind where friction is steady
-    np.savetxt(record, columns, "%.6f", ",", header=header, comments="")
+    at_one_velocity(record, t, np.full(len(t), 0.6))  # nothing of the kind where it is steady
     assert_refused(run("fit", record, "--fit-stiffness", "--quiet"), "Give the steps")
 
 

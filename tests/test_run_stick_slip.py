@@ -359,11 +359,11 @@ def test_drops_fall_with_velocity():
 @pytest.mark.parametrize(("fall", "words"), [(0.03, ""), (0.06, "it is 0.0927")])
 def test_a_drop_that_may_be_of_running_means_says_so(fall, words):
     """`teeth` rise by .09 in 2 s at first: .0027 in .06 s is 3 %, twice the error and more."""
-    one = replace(teeth(1e-5, 0.09), resolved=True, fall=fall)
+    one = replace(teeth(1e-5, 0.09), row=1e-3, fall=fall)
     scale = 0.09 / (one.loading.mean() * one.velocity * 2.0)
     (line,) = told(StickSlip((replace(one, means=scale * one.means),), {}, None, {}))
     assert line.endswith(f"running means over as long, {words}" if words else "every 2 s")
-    (unresolved,) = told(StickSlip((replace(one, resolved=False),), {}, None, {}))
+    (unresolved,) = told(StickSlip((replace(one, row=0.5),), {}, None, {}))
     assert unresolved.endswith("every 2 s")
 
 

@@ -173,8 +173,8 @@ def cut(
     # evenly through the source from a random start, so that pieces overlap no more than they must
     places = (rng.random() + np.arange(len(counts)) / len(counts)) % 1.0 * begins[-1]
     pieces, follows = [], np.zeros(0)
-    for number, place in enumerate(rng.permutation(places)):
-        count = counts[number]
+    drawn = zip(counts, rng.permutation(places), strict=True)
+    for number, (count, place) in enumerate(drawn):
         k = int(np.searchsorted(begins, place, side="right")) - 1
         first = int(place - begins[k])
         source = rng.choice((-1.0, 1.0)) * noises[k][first:]

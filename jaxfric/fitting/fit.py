@@ -230,12 +230,11 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
     if len(steps) < 2 or np.ptp(steps.velocities) == 0:
         how = "none was found in the load-point motion" if found else "none was given"
         why = speeds_without_steps(record, steps) if found else None
-        if found and (slips := slips_told(record, steps)):
-            raise InputError(f"{record.provenance.path}: no velocity step: {why or how}; {slips}")
-        raise InputError(
-            f"{record.provenance.path}: no velocity step: {why or how}; A, B and L need at least"
-            " one change of velocity. Give the steps, as in --steps '0 s: 2 um/s, 60 s: 20 um/s'"
+        advice = (found and slips_told(record, steps)) or (
+            "A, B and L need at least one change of velocity. Give the steps, as in --steps"
+            " '0 s: 2 um/s, 60 s: 20 um/s'"
         )
+        raise InputError(f"{record.provenance.path}: no velocity step: {why or how}; {advice}")
     if steps.velocities[0] == 0:
         raise InputError(
             f"{record.provenance.path}: the record starts at rest; the fit starts from steady "

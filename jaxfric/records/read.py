@@ -95,8 +95,7 @@ def _stresses(table: Table, found: Found, named: set[str]) -> list[str]:
         raise InputError(
             f"{table.path} has a shear stress, '{shear}', and neither friction nor a normal stress;"
             f" it has: {table.describe()}; map one, as in --column 'normal_stress=NAME [MPa]';"
-            " where it was constant and not recorded, friction is the share of it, as in --column"
-            f" 'friction={shear} [0.2]' for MPa under 5 MPa"
+            f" {_share_of(shear)}"
             + (f", or --column 'friction={shear} [kN]' of a force" if forced else "")
         )
     note = f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"
@@ -125,6 +124,14 @@ def _refuse_force(table: Table, found: Found, role: str) -> None:
     )
 
 
+def _share_of(name: str) -> str:
+    """What to do with a shear stress where no normal stress was recorded."""
+    return (
+        "where it was constant and not recorded, friction is the share of it, as in --column"
+        f" 'friction={name} [0.2]' for MPa under 5 MPa"
+    )
+
+
 def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool) -> None:
     """Refuse a friction whose unit says that it is none."""
     what = f"{table.path}, column '{table.names[index]}' (friction)"
@@ -133,18 +140,13 @@ def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool
     if is_stress:
         raise InputError(
             f"{what} is a stress [{unit}]; friction is a coefficient or a force [N], or shear over"
-            " normal stress: map the latter, as in --column 'normal_stress=NAME [MPa]'; where it"
-            " was constant and not recorded, friction is the share of it, as in --column"
-            " 'friction=NAME [0.2]' for MPa under 5 MPa"
+            " normal stress: map the latter, as in --column 'normal_stress=NAME [MPa]';"
+            f" {_share_of('NAME')}"
         )
 
 
 def _quotient(
-    table: Table,
-    uses: Mapping[str, Use],
-    shear: np.ndarray,
-    normal: np.ndarray,
-    lines: np.ndarray,
+    table: Table, uses: Mapping[str, Use], shear: np.ndarray, normal: np.ndarray, lines: np.ndarray
 ) -> np.ndarray:
     """Friction where shear and normal stress, or force, were recorded.
 

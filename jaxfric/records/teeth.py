@@ -28,10 +28,11 @@ _OWN = 0.5
 
 
 class Teeth(NamedTuple):
-    """Stick-slip from `start` to `stop` [s]: drop, and time from drop to drop [s] (medians, or
-    means of the medians on both sides of an odd tooth)."""
+    """Stick-slip from `start` to `stop` [s], first tip at `tip`: drop, time from drop to drop [s]
+    (medians, or means of the medians on both sides of an odd tooth)."""
 
     start: float
+    tip: float
     stop: float
     drop: float
     period: float
@@ -80,38 +81,36 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     number = len(ends)
     steep, go_on = ratio <= _STEEP, ratio <= _LESS_STEEP
     wait = np.diff(time[tips], prepend=np.nan)
-    out, firsts, first = [], [], 0
+    out, first = [], 0
     for k in range(number + 1):
         if k < number and (steep[k] if k == first else go_on[k]):
             if k == first:
                 continue
-            waits = wait[first + 1 : k + 1]
-            if _alike(drop[k], drop[first:k]) and _alike(wait[k], waits):
+            waits, drops = wait[first + 1 : k + 1], drop[first:k]
+            if _alike(drop[k], np.median(drops)) and _alike(wait[k], np.median(waits)):
                 continue
         if k - first >= _TEETH:
             period = float(np.median(wait[first + 1 : k]))
             # what rises before the first tooth may be something else
-            start = max(float(time[feet[first]]), float(time[tips[first]]) - _BEFORE * period)
-            stop = float(time[ends[k - 1]])
-            out.append(Teeth(start, stop, float(np.median(drop[first:k])), period))
-            firsts.append(float(time[tips[first]]))
+            tip, stop = float(time[tips[first]]), float(time[ends[k - 1]])
+            start = max(float(time[feet[first]]), tip - _BEFORE * period)
+            out.append(Teeth(start, tip, stop, float(np.median(drop[first:k])), period))
         first = k if k < number and steep[k] else k + 1
-    return _joined(out, firsts)
+    return _joined(out)
 
 
-def _joined(stretches: list[Teeth], firsts: list[float]) -> list[Teeth]:
-    """Stretches whose teeth are alike as one, where one tooth is between; `firsts`: their first
-    tips [s]."""
-    out: list[Teeth] = []
-    for one, first in zip(stretches, firsts, strict=True):
-        last = out[-1] if out else one
-        alike = all(_alike(one[k], np.array([last[k]])) for k in (2, 3))
-        if out and alike and first - last.stop <= _ODD * max(one.period, last.period):
-            weights = np.array([each.stop - each.start for each in (last, one)])
-            drop, period = (float(np.average([last[k], one[k]], weights=weights)) for k in (2, 3))
-            out[-1] = Teeth(last.start, one.stop, drop, period)
+def _joined(stretches: list[Teeth]) -> list[Teeth]:
+    """Stretches whose teeth are alike as one, where one tooth is between."""
+    out = stretches[:1]
+    for b in stretches[1:]:
+        a = out[-1]
+        near = b.tip - a.stop <= _ODD * max(a.period, b.period)
+        if near and _alike(b.drop, a.drop) and _alike(b.period, a.period):
+            weights = (a.stop - a.start, b.stop - b.start)
+            drop, period = np.average([a[-2:], b[-2:]], axis=0, weights=weights).tolist()
+            out[-1] = Teeth(a.start, a.tip, b.stop, drop, period)
         else:
-            out.append(one)
+            out.append(b)
     return out
 
 
@@ -136,10 +135,9 @@ def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> _Turns:
     return _Turns(feet, tips, ends, friction[tips] - friction[ends], ratio)
 
 
-def _alike(value: float, others: np.ndarray) -> bool:
-    """Whether a value is within a factor of the median of others."""
-    usual = float(np.median(others))
-    return usual / _ALIKE < value < usual * _ALIKE
+def _alike(value: float | np.floating, usual: float | np.floating) -> bool:
+    """Whether a value is within a factor of the usual one."""
+    return bool(usual / _ALIKE < value < usual * _ALIKE)
 
 
 def slips_told(record: Record, steps: VelocitySteps) -> str | None:

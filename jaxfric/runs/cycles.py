@@ -108,8 +108,7 @@ def doubt_of(fit: RiseFit, fastest: float) -> str:
     if fit.misfit > _ROUGH:
         return f"it leaves {100 * fit.misfit:.2g} % of a drop: it does not describe the rises"
     if fit.values["softness"] > _HELD:
-        part = fit.values["softness"]
-        return f"K would be {part:.2g} of what holds a slider steady: {_SMOOTHED}"
+        return f"K would be {fit.values['softness']:.2g} of what holds a slider steady: {_SMOOTHED}"
     way = fit.period * fastest
     if way > _MASS * fit.values["L"]:
         return (
@@ -285,14 +284,13 @@ def told(found: StickSlip | None) -> list[str]:
         if one.why:
             lines.append(f"{line}not used, {one.why}")
             continue
-        drop = measured(float(one.drops.mean()), _error(one.drops))
+        drop, error = float(one.drops.mean()), _error(one.drops)
         every = measured(float(one.periods.mean()), _error(one.periods))
-        line += f"{one.count} teeth, drop {drop}{force} every {every} s"
-        mean = float(one.drops.mean())
-        if one.averaged > max(_error(one.drops), _AVERAGED * mean):
+        line += f"{one.count} teeth, drop {measured(drop, error)}{force} every {every} s"
+        if one.averaged > max(error, _AVERAGED * drop):
             line += (
                 f"; a drop lasts {one.fall:.2g} s: if rows are running means over as long, it is"
-                f" {mean + one.averaged:.3g}{force}"
+                f" {drop + one.averaged:.3g}{force}"
             )
         lines.append(line)
     if line := drop_by_velocity(found):

@@ -51,9 +51,8 @@ class Rises:
 
     `means` (teeth, parts): friction in the parts of a rise (`EDGES`); `lasts` (teeth,): its time
     [s]; `drops`, `periods` (teeth,): drop of friction, time between drops [s]; `row` the time
-    between rows [s]; `swing`: period of the slip [s] by the time of a drop, not above what the
-    rows resolve where not `resolved`; `fall` the time [s] of a drop on a straight line. `why` says
-    why there is none of this.
+    between rows [s]; `fall` the time [s] of a drop on a straight line. `why` says why there is none
+    of this.
     """
 
     start: float
@@ -65,8 +64,6 @@ class Rises:
     drops: np.ndarray
     periods: np.ndarray
     row: float = 0.0
-    swing: float = 0.0
-    resolved: bool = False
     fall: float = 0.0
     why: str = ""
 
@@ -79,6 +76,16 @@ class Rises:
     def loading(self) -> np.ndarray:
         """How fast friction rises while the slider sticks, by load-point motion [1/m] (teeth,)."""
         return straight(self.means.T)[0] / (self.lasts * self.velocity)
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the rows tell how long a drop takes."""
+        return (_HIGH - _LOW) * self.fall > _RESOLVED * self.row
+
+    @property
+    def swing(self) -> float:
+        """Period of the slip [s], not above what the rows resolve where not `resolved`."""
+        return 2 * max((_HIGH - _LOW) * self.fall, self.row) / _COSINE
 
     @property
     def averaged(self) -> float:
@@ -145,9 +152,7 @@ def _rises(record: Record, event: Event) -> Rises:
     slope, foot = straight(rise)
     if not (slope > 0 and rise[-1] > foot):
         return without("friction does not rise steadily between its drops")
-    row = float(np.median(np.diff(time)))
-    falls = [_fall(time, friction, tooth) for tooth in found]
-    fall = float(np.median(falls))
+    between = np.median([_fall(time, friction, tooth) for tooth in found])
     return Rises(
         event.time,
         event.stop,
@@ -157,10 +162,8 @@ def _rises(record: Record, event: Event) -> Rises:
         np.array([lasts for _, lasts in each]),
         drops[kept],
         periods[kept],
-        row,
-        2 * max(fall, row) / _COSINE,
-        fall > _RESOLVED * row,
-        fall / (_HIGH - _LOW),
+        float(np.median(np.diff(time))),
+        float(between) / (_HIGH - _LOW),
     )
 
 
