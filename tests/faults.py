@@ -13,6 +13,7 @@ FIT, GAINS, AXIS, STEPS, FIXED, PREDICTION = (
 )
 FAMILY, FORMATS = "tests/test_family_tables.py", "tests/test_formats.py"
 SPECTRUM = "tests/test_noise_spectrum.py"
+TURNS = "tests/test_starts_in_turn.py"
 ORDER = "tests/test_noise.py -k any_order"
 GLITCHES, QUANTISATION = "tests/test_glitches.py", "tests/test_quantisation.py"
 RIVALS = "tests/test_rival_tables.py"
@@ -351,6 +352,29 @@ FAULTS = (
     Fault("a third number lies on the second", "plot/run.py",
           "        if line is None:\n            continue\n", "        line = line or 0\n",
           "tests/test_figures.py -k two_lines"),
+    Fault("others are tried though the first is down to the noise", "fitting/solve.py",
+          "        if cost < _NOISE_REACHED * samples:\n            break\n", "", TURNS),
+    Fault("a start is asked for twice", "fitting/solve.py",
+          "descend(problem, z, tolerance, known=known)", "descend(problem, z, tolerance)", TURNS),
+    Fault("starts have their turn as they come", "fitting/solve.py",
+          "order = np.argsort(cost)\n", "order = np.arange(len(cost))\n", TURNS),
+    Fault("a first that runs away has no turn", "fitting/solve.py",
+          "if i > 0 or not able", "if i > 0", TURNS),
+    Fault("what runs away once is not tried with a dashpot", "fitting/solve.py",
+          "runs_away=bool(cost[i] >= away)", "runs_away=False", TURNS),
+    Fault("rows passed over have no misfit", "fitting/assemble.py",
+          "problem.noise is not None or not np.array_equal(problem.weight, every)",
+          "problem.noise is not None", "tests/test_fit_tables.py"),
+    Fault("a whitened residual is the misfit", "fitting/assemble.py",
+          "problem.noise is not None or not np", "not np", "tests/test_fit_tables.py"),
+    Fault("time and path tell the same", "fitting/noise_spectrum.py",
+          "_SAME_CLOCK = 1e-3", "_SAME_CLOCK = 1e9", SPECTRUM),
+    Fault("a line has more than its least rows", "records/segments.py",
+          'nodes - least_rows, side="right"', 'nodes - least_rows, side="left"',
+          "tests/test_lines.py"),
+    Fault("windows of too few rows tell the scatter", "records/segments.py",
+          "(size >= least_rows) & np.isfinite(window)", "np.isfinite(window)",
+          "tests/test_lines.py"),
     Fault("doubles are always good enough", "records/lines.py",
           "_ENOUGH = 1e-4", "_ENOUGH = 1e9", "tests/test_lines.py"),
     Fault("a sum's error knows no slope", "records/lines.py",

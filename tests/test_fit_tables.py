@@ -3,12 +3,15 @@
 The covariance of the noise is any positive matrix here: that of a noise model has its own tests.
 """
 
+import dataclasses
 from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxfric.fitting.assemble import _misfit
 from jaxfric.fitting.uncertainty import covariance, determined, fair_hold, normal_inverse
 
 ROWS = 30
@@ -104,3 +107,31 @@ def test_what_a_record_determines(positive, std, known):
     model = SimpleNamespace(names=lambda: ("A",), quantity=lambda name: about)
     problem = SimpleNamespace(model=model, sizes=SimpleNamespace(force=2.0))
     assert determined(problem, np.asarray([std]), 2.0) == [known]
+
+
+@dataclasses.dataclass
+class Weighed:
+    """What the misfit of a fit asks of its problem."""
+
+    weight: np.ndarray
+    noise: float | None
+    noise_scale: float = 0.5
+
+
+@pytest.mark.parametrize("noise", [None, 3.0], ids=["ordinary", "whitened"])
+@pytest.mark.parametrize("passed_over", [[], [2]], ids=["all rows", "a glitch"])
+def test_the_misfit_is_that_of_all_rows_in_the_unit_of_friction(noise, passed_over, monkeypatch):
+    """Rows 5 and 6 are padding. A whitened residual is in other units, and 0 where it is not
+    counted."""
+    off = np.array([1.0, -2.0, 30.0, 0.5, -1.5, 0.0, 0.0])
+
+    def residual_and_jacobian(problem, z):
+        unit = problem.noise_scale if problem.noise is None else problem.noise
+        return np.asarray(problem.weight) * off / unit, None
+
+    monkeypatch.setattr("jaxfric.fitting.assemble.residual_and_jacobian", residual_and_jacobian)
+    weight = (np.arange(7) < 5).astype(float)
+    weight[passed_over] = 0.0
+    problem: Any = Weighed(weight, noise)
+    solution: Any = SimpleNamespace(z=None, residual=residual_and_jacobian(problem, None)[0])
+    np.testing.assert_allclose(_misfit(problem, solution, 5), off[:5])

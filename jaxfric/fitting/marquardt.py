@@ -25,13 +25,14 @@ def levenberg_marquardt(
     ftol: float,
     xtol: float,
     most: int,
+    known: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Descent:
     """The descent from `start` to a least-squares point.
 
     `both` gives residual (r,) and Jacobian (r, p) at a point (p,); it is called once for each of
-    the at most `most` points that are tried.
+    the at most `most` points that are tried, but not at `start` where those there are `known`.
     """
-    last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+    last = {} if known is None else {start.tobytes(): known}
 
     def at(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = y.tobytes()

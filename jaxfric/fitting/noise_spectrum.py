@@ -26,11 +26,12 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 
 from .noise import Numbers
 
 _SAME_SPEED, _SAME_STEP = 0.02, 0.5  # relative changes from row to row within a piece
+_SAME_CLOCK = 1e-3  # relative difference of two clocks that tell the same
 _FEWEST = 64  # rows of a piece
 _LEFT_OUT = 0.1  # most rows in shorter pieces
 _BAND = 0.04
@@ -78,11 +79,14 @@ def gains_of_parts(
 ) -> tuple[float, float]:
     """By how much a part raises 2 log L above that of white noise: the likeliest exponential, and
     the likeliest resonator. Memories go from `shortest` to `longest` (k,) of every clock."""
-    once, twice = [], []
+    once, twice, known = [], [], []
     for k in np.flatnonzero(longest > shortest):
         away = seen.step[:, k] / np.geomspace(shortest[k], longest[k], _MEMORIES)[:, None]
+        if any(np.allclose(away, other, rtol=_SAME_CLOCK, atol=0.0) for other in known):
+            continue  # as rows and time of even sampling
+        known.append(away)
         keep = np.exp(-away)
-        shape = np.real(_exponential(keep, seen.angle))
+        shape = _exponential(keep, seen.angle)
         once.append(_mixed(shape, _SIZES))
         if either_sign:
             keep = np.min(keep, axis=1, keepdims=True)
@@ -109,20 +113,26 @@ def _most(seen: Spectrum, shapes: list[np.ndarray]) -> float:
     return float(np.max(gain - np.log(s) @ seen.number))
 
 
-def _exponential(keep: np.ndarray, angle: np.ndarray) -> Complex[np.ndarray, "m b"]:
-    """Spectrum of what keeps a (complex) share from row to row, of variance 1."""
+def _exponential(keep: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Spectrum (m, b) of what keeps a share, which may be complex, from row to row, of variance
+    1."""
+    square = keep * keep
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = (1 - keep * keep) / (1 - 2 * keep * np.cos(angle) + keep * keep) + 0j
+        found = (1 - square) / (1 - 2 * keep * np.cos(angle) + square)
     return np.where(np.isfinite(found), found, 1.0)  # a clock that stands, at frequency 0
 
 
 def _resonator(away: np.ndarray, beta: float, angle: np.ndarray) -> np.ndarray:
     """Spectrum of a resonator (see `noise`) of variance 1 whose rows are `away` in memories."""
-    s = np.sqrt(-(beta if abs(beta) > 1e-6 else 1e-6) + 0j)
-    slower = 1 - s.real  # a memory is the longer of two
-    slow, fast = (np.exp(-(1 + sign * s) * away / slower) for sign in (-1, 1))
-    both = (1 + 1 / s) * _exponential(slow, angle) + (1 - 1 / s) * _exponential(fast, angle)
-    return np.maximum(0.5 * both.real, 0.0)
+    beta = beta if abs(beta) > 1e-6 else 1e-6
+    if beta > 0:  # of two parts that are conjugate
+        s = 1j * np.sqrt(beta)
+        both = (2 * (1 + 1 / s) * _exponential(np.exp((s - 1) * away), angle)).real
+    else:
+        s = np.sqrt(-beta)
+        slow, fast = (np.exp(-(1 + sign * s) / (1 - s) * away) for sign in (-1, 1))
+        both = (1 + 1 / s) * _exponential(slow, angle) + (1 - 1 / s) * _exponential(fast, angle)
+    return np.maximum(0.5 * both, 0.0)
 
 
 def _pieces(steps: Float[np.ndarray, "r k"]) -> list[tuple[int, int]]:

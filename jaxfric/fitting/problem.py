@@ -352,22 +352,25 @@ def make_problem(
     if len(shifted):  # to a few lengths; the first velocity has no step and no error
         shifted = np.pad(shifted, (0, bucket(len(shifted), 4) - len(shifted)))
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
-    pad, put = (0, bucket(n, 256) - n), jax.device_put
+    pad = (0, bucket(n, 256) - n)
+    arrays = {
+        "time": np.pad(time, pad, mode="edge"),
+        "friction": np.pad(friction, pad, mode="edge"),
+        "weight": np.pad(np.ones(n), pad),
+        "clock": np.pad(clock, (pad, (0, 0)), mode="edge"),
+        "shifted": shifted,
+        "shift_scale": errors[shifted].astype(float),
+        "hold": np.ones(len(shifted)),
+        "V0": np.array(sizes.V0, float),
+        "stiffness": np.array(sizes.stiffness, float),
+        "noise_scale": np.array(sizes.noise, float),
+        "force_scale": np.array(sizes.force, float),
+        "slip_scale": np.array(path[-1] - path[0], float),
+    }
     motion = PiecewiseVelocity(steps.times, steps.velocities)
     return Problem(
-        time=put(np.pad(time, pad, mode="edge")),
-        friction=put(np.pad(friction, pad, mode="edge")),
-        weight=put(np.pad(np.ones(n), pad)),
-        clock=put(np.pad(clock, (pad, (0, 0)), mode="edge")),
+        **jax.device_put(arrays),
         motion=motion.padded(bucket(len(steps), 4)),
-        shifted=put(shifted),
-        shift_scale=put(errors[shifted].astype(float)),
-        hold=put(np.ones(len(shifted))),
-        V0=put(np.array(sizes.V0, float)),
-        stiffness=put(np.array(sizes.stiffness, float)),
-        noise_scale=put(np.array(sizes.noise, float)),
-        force_scale=put(np.array(sizes.force, float)),
-        slip_scale=put(np.array(path[-1] - path[0], float)),
         damping=None,
         noise=None,
         channels=(),

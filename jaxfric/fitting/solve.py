@@ -7,7 +7,7 @@ solver's whole memory at every step, which costs more than the batch saves on a 
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import jax
@@ -38,32 +38,67 @@ class Solution(NamedTuple):
     cost: float
 
 
+class Evaluated(NamedTuple):
+    """Residual and Jacobian at a point; where a trial ran away the Jacobian, of which nothing is
+    known there, is 0."""
+
+    residual: Float[np.ndarray, " r"]
+    jacobian: Float[np.ndarray, "r q"]
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residual @ self.residual)
+
+
+class _Start(NamedTuple):
+    """Where a descent begins; what is known there, None: not asked or not kept; whether the motion
+    runs away there."""
+
+    z: np.ndarray
+    known: Evaluated | None
+    runs_away: bool
+
+
 def misfits(problem: Problem, starts: np.ndarray) -> np.ndarray:
     """Sum of squared residuals at every start.
 
     By the function that the descent needs anyway: compiling another costs more than its Jacobians.
     """
-    residuals = [residual_and_jacobian(problem, jax.device_put(z))[0] for z in starts]
-    return np.array([float(r @ r) for r in map(np.asarray, residuals)])
+    return np.array([_evaluated(problem, z).cost for z in starts])
+
+
+def _evaluated(problem: Problem, z: np.ndarray) -> Evaluated:
+    residual, jacobian = residual_and_jacobian(problem, jax.device_put(z))
+    known = np.asarray(jacobian)
+    if not np.isfinite(known).all():
+        known = np.nan_to_num(known, posinf=0.0, neginf=0.0)
+    return Evaluated(np.asarray(residual), known)
 
 
 def descend(
-    problem: Problem, z: np.ndarray, tolerance: float, free: np.ndarray | None = None
+    problem: Problem,
+    z: np.ndarray,
+    tolerance: float,
+    free: np.ndarray | None = None,
+    *,
+    known: Evaluated | None = None,
 ) -> Descent:
     """One descent from `z` in the parameters with the indices `free`; None: in all.
 
-    Where a trial ran away the Jacobian, of which nothing is known there, is 0.
+    `known` is what is known at `z`, where that was asked before.
     """
     index = np.arange(len(z)) if free is None else free
     z = np.array(z)
 
     def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         z[index] = y
-        residual, jacobian = residual_and_jacobian(problem, jax.device_put(z))
-        known = np.nan_to_num(np.asarray(jacobian), posinf=0.0, neginf=0.0)
-        return np.asarray(residual), known[:, index]
+        residual, jacobian = _evaluated(problem, z)
+        return residual, jacobian[:, index]
 
-    return levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_XTOL, most=_TRIALS[1])
+    pair = None if known is None else (known.residual, known.jacobian[:, index])
+    most = _TRIALS[1]
+    return levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_XTOL, most=most, known=pair)
 
 
 def solve(
@@ -74,51 +109,54 @@ def solve(
     tolerance: float = 1e-8,
     progress: Callable[[str], None] = silent,
 ) -> Solution:
-    """Minimise the sum of squared residuals from up to `refine` of the `starts`.
+    """Minimise the sum of squared residuals from up to `refine` of the `starts`, likeliest first.
 
-    A descent ends when the sum falls, and is foreseen to fall, by less than `tolerance` of itself.
-    `progress` is told which descent it is, and how long one takes at the pace of the starts.
+    No other is tried where a descent comes down to the noise. A descent ends when the sum falls,
+    and is foreseen to fall, by less than `tolerance` of itself. `progress` is told which descent it
+    is, and how long one takes.
     """
-    first = misfits(problem, starts[:1])  # compiles: the pace is that of the others
-    begun = time.perf_counter()
-    found_misfits = np.concatenate([first, misfits(problem, starts[1:])])
-    pace = (time.perf_counter() - begun) / max(len(starts) - 1, 1)
-    order = np.argsort(found_misfits)
-    if found_misfits[order[0]] >= FAILED_MISFIT**2 and problem.damping is None:
-        # every start runs away: the record lies near that edge. Approach it with a dashpot.
-        order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
     samples = float(np.sum(np.asarray(problem.weight) > 0))
+    most, few = min(refine, len(starts)), f"{_TRIALS[0]} to {_TRIALS[1]} trials"
     found: list[Solution] = []
-    last: float | None = None
-    for k, i in enumerate(order[:refine]):
-        begun = time.perf_counter()
-        progress(
-            f"descent {k + 1} of at most {min(refine, len(order))} over {int(samples)} rows,"
-            f" {_length(pace, last)}"
-        )
-        feasible = bool(found_misfits[i] < FAILED_MISFIT**2)
-        ended = _descend_safely(problem, starts[i], feasible, tolerance)
+    begun, length = time.perf_counter(), f"{few}, the first, compiled where it must be,"
+    took = None
+    for start in _in_turn(problem, starts, most):
+        took = time.perf_counter() - begun if took is None else took
+        which = f"descent {len(found) + 1} of at most {most} over {int(samples)} rows"
+        progress(f"{which}, {length} took {took:.2g} s")
+        begun, length = time.perf_counter(), "the one before"
+        ended = _descend_safely(problem, start, tolerance)
+        took = time.perf_counter() - begun
         cost = float(ended.residual @ ended.residual)
         found.append(Solution(jax.device_put(ended.y), *ended[1:], cost))
-        last = time.perf_counter() - begun
         if cost < _NOISE_REACHED * samples:
             break
     return min(found, key=lambda s: s.cost)
 
 
-def _length(pace: float, last: float | None) -> str:
-    """How long a descent takes, from the time of a trial or of the descent before."""
-    if last is not None:
-        return f"the one before took {last:.2g} s"
-    few, many = (f"{pace * trials:.2g}" for trials in _TRIALS)
-    return f"{few} to {many} s and compiling where this is the first of its kind"
+def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[_Start]:
+    """The first start and, where more are asked for, those of least misfit; a first from which the
+    slider runs away has its turn among them."""
+    first = _evaluated(problem, starts[0])
+    away = FAILED_MISFIT**2
+    able = first.cost < away
+    if able:
+        yield _Start(starts[0], first, runs_away=False)
+    cost = np.concatenate([[first.cost], misfits(problem, starts[1:])])
+    order = np.argsort(cost)
+    if cost[order[0]] >= away and problem.damping is None:
+        # every start runs away: the record lies near that edge. Approach it with a dashpot.
+        order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
+    for i in [i for i in order if i > 0 or not able][: most - able]:
+        yield _Start(starts[i], None, runs_away=bool(cost[i] >= away))
 
 
-def _descend_safely(problem: Problem, z: np.ndarray, feasible: bool, tolerance: float) -> Descent:
+def _descend_safely(problem: Problem, start: _Start, tolerance: float) -> Descent:
     """Descend; from a start that runs away, first with ever weaker dashpots that forbid it."""
+    z, known, runs_away = start
     for strength in _DASHPOTS:
-        if feasible:
+        if not runs_away:
             break
         z = descend(problem.damped(strength), z, tolerance).y
-        feasible = bool(misfits(problem, z[None])[0] < FAILED_MISFIT**2)
-    return descend(problem, z, tolerance)
+        runs_away = bool(misfits(problem, z[None])[0] >= FAILED_MISFIT**2)
+    return descend(problem, z, tolerance, known=known)

@@ -98,18 +98,18 @@ def one_state_starts(
     dt = np.pad(np.diff(data.end, prepend=0.0), (0, pad))
     load = steps.displacement(data.end)
     velocity = np.diff(load, prepend=0.0) / np.diff(data.end, prepend=0.0)
-    put = jax.device_put
-    members = Members(*(put(column) for column in grid.T))
-    intervals = Intervals(
-        put(dt),
-        put(np.pad(load, (0, pad), mode="edge")),
-        put(np.pad(velocity, (0, pad), mode="edge")),
-        put(np.pad(data.friction, (0, pad))),
-        put(np.pad(data.rows, (0, pad))),
+    intervals = (
+        dt,
+        np.pad(load, (0, pad), mode="edge"),
+        np.pad(velocity, (0, pad), mode="edge"),
+        np.pad(data.friction, (0, pad)),
+        np.pad(data.rows, (0, pad)),
     )
-    begin, evolution = put(np.asarray(steps.velocities[0])), first_evolution(model.law)
-    start = put(np.asarray(V0, float))
-    linear, misfit = _grid_misfit(members, intervals, start, begin, evolution, model.slip_trend)
+    numbers = tuple(grid.T), intervals, np.asarray(V0, float), np.asarray(steps.velocities[0])
+    members, intervals, reference, begin = jax.device_put(numbers)
+    evolution = first_evolution(model.law)
+    members, intervals = Members(*members), Intervals(*intervals)
+    linear, misfit = _grid_misfit(members, intervals, reference, begin, evolution, model.slip_trend)
     linear, misfit = np.asarray(linear), np.asarray(misfit)
     kept: list[int] = []
     shape = np.log(np.abs(grid[:, [0, 2, 3]]))
@@ -221,13 +221,13 @@ def first_evolution(law: str) -> AbstractEvolution:
 
 def held(
     evolution: AbstractEvolution,
-    r: Float[Array, " m"],
+    u: Float[Array, " m"],
     theta: Float[Array, " m"],
     of: Members,
     V0: Float[Array, ""],
     time: Float[Array, ""],
 ) -> Float[Array, " m"]:
-    """States, one of each member, after `time` [s] at the constant velocities r V0.
+    """States, one of each member, after `time` [s] at the constant velocities exp(u) V0.
 
     Of the slip and ageing laws exactly: theta relaxes to -B ln(V/V0) over L, Theta to L/V. Of
     another by an exponential step,
@@ -236,9 +236,10 @@ def held(
 
     exact where the rate is linear in theta, and near enough to begin with.
     """
+    r = jnp.exp(u)
     if isinstance(evolution, SlipEvolution):
         kept = jnp.exp(-r * V0 * time / of.L)
-        return theta * kept - of.B * jnp.log(r) * (1 - kept)
+        return theta * kept - of.B * u * (1 - kept)
     if isinstance(evolution, AgeingEvolution):
         age = jnp.exp(jnp.clip(theta / of.B, -40.0, 40.0))  # V0 Theta/L
         return of.B * jnp.log(1 / r + (age - 1 / r) * jnp.exp(-r * V0 * time / of.L))
@@ -283,7 +284,7 @@ def _grid_misfit(
 
         def balance(u: Array) -> tuple[Array, Array]:
             """Friction minus spring force after the step to log velocity u; the state."""
-            state = held(evolution, jnp.exp(u), theta, members, V0, h)
+            state = held(evolution, u, theta, members, V0, h)
             return A * u + state - K * (x_m - x - V0 * jnp.exp(u) * h), state
 
         speed = jnp.maximum(jnp.abs(v), 1e-6 * jnp.abs(first_velocity))
@@ -393,7 +394,7 @@ def _memory(
     of = Members(one, one, Ls, one)
 
     def step(h: Array, interval: tuple[Array, Array]) -> tuple[Array, Array]:
-        h = held(evolution, interval[0] / V0 * one, h, of, V0, interval[1])
+        h = held(evolution, jnp.log(interval[0] / V0) * one, h, of, V0, interval[1])
         return h, h
 
     _, later = jax.lax.scan(step, -start_u * one, (V, dt))

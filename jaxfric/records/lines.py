@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _ENOUGH = 1e-4
-_AT_ONCE = 32
+_AT_ONCE = 16
 """Rows of a matrix that are computed at once: as few as stay in the processor's cache."""
 _DIGIT = 4 * float(np.finfo(np.float64).eps)
 
@@ -60,26 +60,27 @@ class Sums:
         return Lines(n, slope, offset, mean_time, spread, squares)
 
     def squares(self, of: np.ndarray) -> np.ndarray:
-        """Sums of squares of the lines from every row of `of` up to every later one, (m, m); of
-        others they are infinite.
+        """Sums of squares of the lines up to every row of `of` (axis 0) from every earlier one
+        (axis 1), (m, m); of others they are infinite.
 
         To `_ENOUGH` of themselves, in doubles, many times as fast as in the longer numbers of
         `lines`; these are used where doubles may have lost more than that.
         """
         sums, places = self._sums[:, of].astype(np.float64), np.arange(len(of))
         x, r = np.sqrt(sums[2]), np.sqrt(sums[4])
-        found = np.full((len(of), len(of)), np.inf)
-        for i in range(0, len(of) - 1, _AT_ONCE):
-            first, end = places[i : i + _AT_ONCE], places[i + 1 :]
-            n = np.maximum(of[end] - of[first, None], 1).astype(np.float64)
-            slope, _, squares = _about_line(n, sums[:, None, end] - sums[:, first, None])
+        found, doubtful = np.full((len(of), len(of)), np.inf), np.zeros((len(of), len(of)), bool)
+        for j in range(1, len(of), _AT_ONCE):
+            end = places[j : j + _AT_ONCE, None]
+            first = places[: end[-1, 0]]
+            n = np.maximum(of[end] - of[first], 1).astype(np.float64)
+            slope, _, squares = _about_line(n, [one[end] - one[first] for one in sums])
             # each sum has an error of its last digit, that of t y no more than Cauchy allows
             lost = _DIGIT * (r[end] + np.abs(slope) * x[end]) ** 2
-            doubtful = ~(lost <= _ENOUGH * (squares + n * self.floor**2))
-            after = end > first[:, None]
-            a, b = np.nonzero(doubtful & after)
-            squares[a, b] = self.lines(of[first[a]], of[end[b]]).sum_squares
-            found[first, i + 1 :] = np.where(after, squares, np.inf)
+            after, block = end > first, (slice(j, j + _AT_ONCE), slice(len(first)))
+            found[block] = np.where(after, squares, np.inf)
+            doubtful[block] = after & ~(lost <= _ENOUGH * (squares + n * self.floor**2))
+        end, first = np.nonzero(doubtful)
+        found[end, first] = self.lines(of[first], of[end]).sum_squares
         return found
 
     def residual(self, rows: np.ndarray) -> list[np.ndarray]:
@@ -105,7 +106,8 @@ def _about_line(
     """Slopes, sums of squares of the times about their means, and of the rows about the lines, of
     groups of `n` rows with the `sums` of t, y, tt, ty and yy."""
     st, sy, stt, sty, syy = sums
-    centred = stt - st * st / n, sty - st * sy / n, syy - sy * sy / n
+    mean = st / n
+    centred = stt - st * mean, sty - sy * mean, syy - sy * sy / n
     ctt, cty, cyy = (x.astype(np.float64, copy=False) for x in centred)
     slope = cty / np.where(ctt > 0, ctt, 1.0)
     return slope, ctt, np.maximum(cyy - slope * cty, 0.0)

@@ -150,33 +150,37 @@ def _nodes(t: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _partition(squares: np.ndarray, nodes: np.ndarray, least_rows: int, floor: float) -> np.ndarray:
-    """Separate lines between nodes: least sum of squares plus penalty, by dynamic programming."""
+    """Separate lines between nodes: least sum of squares plus penalty, by dynamic programming.
+
+    `squares` are those of lines up to every node (axis 0) from every earlier one (axis 1).
+    """
     count = len(nodes)
-    rows = nodes[None, :] - nodes[:, None]
-    cost = np.where(rows >= least_rows, squares, np.inf)
-    penalty = (15 + 3 * np.log(nodes[-1])) * _local_variance(cost, rows, floor)
-    cost += penalty[:, None]
-    best = np.full(count, np.inf)
-    best[0] = 0.0
-    before = np.zeros(count, int)
-    for j in range(1, count):
-        total = best[:j] + cost[:j, j]
-        before[j] = total.argmin()
-        best[j] = total[before[j]]
+    penalty = (15 + 3 * np.log(nodes[-1])) * _local_variance(squares, nodes, least_rows, floor)
+    # least cost of lines up to a node and of beginning one there; how many nodes are early enough
+    cost, before = np.full(count, np.inf), np.zeros(count, int)
+    cost[0], total = penalty[0], np.empty(count)
+    early = np.searchsorted(nodes, nodes - least_rows, side="right")
+    for j in np.flatnonzero(early).tolist():
+        number = early[j]
+        np.add(cost[:number], squares[j, :number], out=total[:number])
+        before[j] = total[:number].argmin()
+        cost[j] = total[before[j]] + penalty[j]
     chain = [count - 1]
     while chain[-1] > 0:
         chain.append(int(before[chain[-1]]))
     return nodes[np.array(chain[::-1])]
 
 
-def _local_variance(cost: np.ndarray, rows: np.ndarray, floor: float) -> np.ndarray:
+def _local_variance(
+    squares: np.ndarray, nodes: np.ndarray, least_rows: int, floor: float
+) -> np.ndarray:
     """Variance about a line at every node, from windows short enough to miss most joints."""
-    count = len(cost)
+    count = len(nodes)
     width = min(8, count - 1)
     start = np.arange(count - width)
-    size = rows[start, start + width]
-    window = cost[start, start + width] / np.maximum(size - 2, 1)
-    usable = np.flatnonzero(np.isfinite(window))
+    size = nodes[start + width] - nodes[start]
+    window = squares[start + width, start] / np.maximum(size - 2, 1)
+    usable = np.flatnonzero((size >= least_rows) & np.isfinite(window))
     if len(usable) == 0:
         return np.full(count, floor**2)
     window = np.interp(start, usable, window[usable])

@@ -1,0 +1,92 @@
+"""From which starts a fit descends, and how often it asks for a residual: tables."""
+
+import numpy as np
+import pytest
+
+from jaxfric.fitting.abstract_problem import FAILED_MISFIT
+from jaxfric.fitting.solve import solve
+
+ROWS = 50
+MODEL = np.column_stack([np.ones(ROWS), np.linspace(-1, 1, ROWS)])
+REST = np.where(np.arange(ROWS) % 2, 1.0, -1.0)
+REST = REST - MODEL @ np.linalg.lstsq(MODEL, REST, rcond=None)[0]
+REST /= np.sqrt(np.mean(REST**2))
+EDGE = 100.0
+
+
+class Basins:
+    """A problem with basins around centres (c, 0), in each of which the best fit leaves a mean
+    square; from beyond `EDGE` in the second variable the motion runs away, but for a dashpot."""
+
+    def __init__(self, left, damping=None, asked=None):
+        self.left, self.damping, self.weight = left, damping, np.ones(ROWS)
+        self.asked = [] if asked is None else asked
+
+    def damped(self, strength):
+        return Basins(self.left, strength, self.asked)
+
+    def residual_and_jacobian(self, z):
+        z = np.asarray(z)
+        self.asked.append((*z.tolist(), self.damping is not None))
+        if z[1] > EDGE and self.damping is None:
+            return np.full(ROWS, FAILED_MISFIT), np.full((ROWS, 2), np.nan)
+        centre = min(self.left, key=lambda c: abs(z[0] - c))
+        return MODEL @ (z - [centre, 0]) + np.sqrt(self.left[centre]) * REST, MODEL
+
+
+@pytest.fixture(autouse=True)
+def stand_in(monkeypatch):
+    module = "jaxfric.fitting.solve"
+    monkeypatch.setattr(f"{module}.residual_and_jacobian", Basins.residual_and_jacobian)
+    monkeypatch.setattr(f"{module}.jax.device_put", lambda x: x)
+
+
+def plain(problem):
+    """Points that were asked for, without a dashpot."""
+    return [point[:2] for point in problem.asked if not point[2]]
+
+
+def test_where_the_first_comes_down_to_the_noise_no_other_is_asked():
+    problem = Basins({0.0: 1.05, 50.0: 0.2})
+    found = solve(problem, np.array([[1.0, 2.0], [51.0, 0.0]]))
+    np.testing.assert_allclose(found.z, [0, 0], atol=1e-9)
+    assert all(point[0] < 25 for point in plain(problem))
+    assert len(set(plain(problem))) == len(plain(problem)) == found.trials
+
+
+def test_a_start_is_asked_for_once():
+    problem = Basins({0.0: 4.0, 50.0: 0.5})
+    found = solve(problem, np.array([[1.0, 2.0], [51.0, 0.0]]))
+    assert plain(problem).count((1.0, 2.0)) == 1
+    assert found.cost == pytest.approx(0.5 * ROWS)
+    np.testing.assert_allclose(found.residual, np.sqrt(0.5) * REST, atol=1e-9)
+
+
+def test_after_the_first_those_of_least_misfit_have_their_turn():
+    """Of four starts three descend: the first, whatever its misfit, then the nearest two. The
+    basin of the second is the best, but is not tried."""
+    problem = Basins({0.0: 4.0, 50.0: 3.0, 100.0: 2.0, 150.0: 1.2})
+    starts = np.array([[9.0, 9.0], [155.0, 0.0], [53.0, 0.0], [101.0, 0.0]])
+    said = []
+    found = solve(problem, starts, progress=said.append)
+    np.testing.assert_allclose(found.z, [100, 0], atol=1e-9)
+    assert [text.split(" over")[0] for text in said] == [
+        f"descent {k} of at most 3" for k in (1, 2, 3)
+    ]
+    assert "the first" in said[0] and "the one before" in said[1]
+
+
+def test_a_first_that_runs_away_waits_for_its_turn():
+    problem = Basins({0.0: 4.0, 50.0: 1.0})
+    found = solve(problem, np.array([[0.0, 2 * EDGE], [52.0, 0.0]]))
+    np.testing.assert_allclose(found.z, [50, 0], atol=1e-9)
+    assert not any(point[2] for point in problem.asked)  # no dashpot was needed
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_where_all_run_away_a_dashpot_leads_back(number):
+    problem = Basins({0.0: 1.0})
+    found = solve(problem, np.array([[0.0, 2 * EDGE], [1.0, 3 * EDGE]])[:number])
+    np.testing.assert_allclose(found.z, [0, 0], atol=1e-9)
+    assert found.converged and found.cost == pytest.approx(ROWS)
+    assert any(point[2] for point in problem.asked)
