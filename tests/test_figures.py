@@ -21,6 +21,7 @@ from jaxfric.plot.side import by_factors
 from jaxfric.plot.stability import new_figure
 from jaxfric.plot.study import _map, _shares, _without_noise, draw_study
 from jaxfric.plot.ticks import plain_log, whole_numbers
+from jaxfric.plot.written import write
 from jaxfric.records.steady import SteadyCurve
 
 
@@ -409,3 +410,24 @@ def test_every_cosine_that_reads_as_alike_is_framed(cosine, text, framed) -> Non
     axis = new_figure(3, 3).subplots()
     _cell(axis, 1, 0, cosine)
     assert axis.texts[0].get_text() == text and bool(axis.patches) == framed
+
+
+def test_a_figure_is_laid_out_once_for_all_its_files(tmp_path, monkeypatch):
+    """As matplotlib lays it out, which draws it once more for the layout of every file."""
+    made = []
+    for _ in range(2):
+        figure = new_figure(5, 4)
+        left, right = figure.subplots(1, 2)
+        left.set_ylabel("friction\nof a slider")
+        right.set_title("a long title that takes room")
+        made.append(figure)
+    drawn = []
+    draw = matplotlib.figure.Figure.draw
+    monkeypatch.setattr(
+        matplotlib.figure.Figure, "draw", lambda *args: (drawn.append(1), draw(*args))
+    )
+    write(made[0], tmp_path / "one.png", tmp_path / "one.svg")
+    assert len(drawn) == 2 and all(file.stat().st_size for file in tmp_path.iterdir())
+    made[1].savefig(tmp_path / "two.png", dpi=130)
+    for a, b in zip(made[0].axes, made[1].axes, strict=True):
+        np.testing.assert_allclose(a.get_position().bounds, b.get_position().bounds, atol=1e-12)

@@ -12,6 +12,7 @@ from ..records.strokes import Strokes, position_of
 from .label import legend_beside, printable
 from .palette import BLACK, BLUE, GREY, ORANGE
 from .stability import new_figure, prefixed, tidy
+from .written import write
 
 _WINDOW = 200
 """Part of the longest stroke's rows over which speeds are averaged."""
@@ -19,7 +20,7 @@ _WINDOW = 200
 
 def draw_axis_record(record: AxisRecord, strokes: Strokes, path: str | Path) -> None:
     """Write the figure of a record to `path`."""
-    axis_record_figure(record, strokes).savefig(str(path), dpi=150)
+    write(axis_record_figure(record, strokes), path, dpi=150)
 
 
 def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
@@ -83,7 +84,7 @@ def draw_curve(curve: SteadyCurve, path: str | Path) -> None:
     axes.set_xlabel(f"speed [{unit}]")
     axes.set_ylabel(f"motor {'torque' if rotary else 'force'} [{force_unit}]")
     tidy(axes, f"{printable(curve.provenance.path)}: {len(curve)} steady runs, mean ± its error")
-    figure.savefig(str(path), dpi=150)
+    write(figure, path, dpi=150)
 
 
 def _position(axis: Axes, record: AxisRecord, time: np.ndarray, size: float, unit: str) -> None:

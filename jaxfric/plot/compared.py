@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from ..loop.law_comparison import LawComparison, LawScore, amount
 from .label import friction_label, printable
 from .palette import BLACK, EIGHT, HELD, SLATE
+from .written import write
 
 _COLOURS = EIGHT[:6]
 _RECORD, _STEP, _HELD = BLACK, SLATE, HELD
@@ -17,8 +18,7 @@ _RECORD, _STEP, _HELD = BLACK, SLATE, HELD
 def draw_comparison(found: LawComparison, *paths: str | Path) -> None:
     """Write the figure to each of `paths` (PNG, SVG or PDF by its ending)."""
     figure = comparison_figure(found)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    write(figure, *paths)
 
 
 def comparison_figure(found: LawComparison) -> Figure:

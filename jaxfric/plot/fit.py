@@ -13,6 +13,7 @@ from ..fitting.table import rows
 from .label import friction_label, printable
 from .noise import clocks, draw_autocorrelation, mark_glitches
 from .palette import BLUE, GREY, ORANGE
+from .written import write
 
 _DATA, _FIT, _STEP, _BAND, _WIDE = BLUE, ORANGE, GREY, "0.82", "0.93"
 _ALIKE = 1.1
@@ -22,8 +23,7 @@ _ALIKE = 1.1
 def draw_fit(fit: Fit, *paths: str | Path) -> None:
     """Write the figure of a fit to each of `paths` (PNG, SVG or PDF by its ending)."""
     figure = fit_figure(fit)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    write(figure, *paths)
 
 
 def fit_figure(fit: Fit) -> Figure:

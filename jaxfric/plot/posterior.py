@@ -13,6 +13,7 @@ from ..posterior.inference_data import unit_name, unit_size
 from ..posterior.result import DIFFERENCE, Posterior
 from .label import printable
 from .palette import BLUE, GREY, ORANGE
+from .written import write
 
 _DRAWS, _LAPLACE, _PRIOR = BLUE, ORANGE, GREY
 _BINS, _MOST = 30, 2000
@@ -25,8 +26,7 @@ _REACH = 3.6
 def draw_posterior(posterior: Posterior, *paths: str | Path) -> None:
     """Write the figure of a posterior to each of `paths` (PNG, SVG or PDF by its ending)."""
     figure = posterior_figure(posterior)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    write(figure, *paths)
 
 
 def posterior_figure(posterior: Posterior) -> Figure:

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from ..records import Table
 from .palette import BLUE
+from .written import write
 
 _DATA = BLUE
 
@@ -27,4 +28,4 @@ def draw_raw(table: Table, path: str | Path) -> None:
     title = f"{Path(table.path).name} as recorded: {len(table)} rows"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(list(axes))
-    figure.savefig(str(path), dpi=130)
+    write(figure, path)

@@ -12,6 +12,7 @@ from ..records.steps import VelocitySteps
 from .label import friction_label, legend_beside, printable
 from .palette import BLUE, GREY, ORANGE
 from .ticks import plain_log
+from .written import write
 
 _DATA, _LINE, _STEP = BLUE, ORANGE, GREY
 _MOST_LABELS = 8
@@ -19,7 +20,7 @@ _MOST_LABELS = 8
 
 def draw_record(record: Record, steps: VelocitySteps | None, path: str | Path) -> None:
     """Write a figure of a record to `path` (PNG, PDF or SVG by its ending)."""
-    record_figure(record, steps).savefig(str(path), dpi=150)
+    write(record_figure(record, steps), path, dpi=150)
 
 
 def record_figure(record: Record, steps: VelocitySteps | None) -> Figure:

@@ -18,6 +18,7 @@ from ..runs.table import difference, misses
 from .label import printable
 from .palette import BLACK, BLUE, GOLD, MAGENTA, MINT, ORANGE, SKY, SLATE
 from .ticks import plain_log, whole_numbers
+from .written import write
 
 _DATA = BLUE
 _COLOURS = {
@@ -73,8 +74,7 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
     name = printable(record.provenance.path)
     title = f"{name}: events: {len(events)}, steps to fit: {fitted}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    write(figure, *paths)
 
 
 def _limits(axis: Axes, values: np.ndarray) -> None:
@@ -142,8 +142,7 @@ def _times(axis: Axes, record: Record) -> None:
 def draw_rates(run: RunFit, *paths: str | Path) -> None:
     """Write A-B of all fitted steps against velocity, displacement and normal stress."""
     figure = rates_figure(run)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    write(figure, *paths)
 
 
 def rates_figure(run: RunFit) -> Figure:
@@ -258,5 +257,4 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
     for axis in (left, right):
         axis.spines[["top", "right"]].set_visible(False)
     figure.suptitle("slide-hold-slide", x=0.01, ha="left", fontsize=11)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    write(figure, *paths)

@@ -14,6 +14,7 @@ from ..runs.stress_steps import FittedStress
 from ..runs.table import measured
 from .palette import BLUE, GREY, ORANGE, SKY
 from .ticks import plain_log
+from .written import write
 
 _DATA, _FIT, _WITHOUT = BLUE, ORANGE, GREY
 _LAWS = {"slip": ORANGE, "ageing": SKY}
@@ -61,8 +62,7 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
     handles, labels = axes.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncol=3, frameon=False, fontsize=9)
     figure.suptitle("steps of the normal stress", x=0.01, ha="left", fontsize=11)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    write(figure, *paths)
 
 
 def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
@@ -77,8 +77,7 @@ def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
     figure.legend(handles, labels, loc="outside lower left", ncol=4, frameon=False, fontsize=9)
     title = "stick-slip: how far the slider creeps before it slips, and how far friction drops"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    for path in paths:
-        figure.savefig(str(path), dpi=130)
+    write(figure, *paths)
 
 
 def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:

@@ -33,6 +33,7 @@ from ..stability.analysis import (
 from ..stability.delay_analysis import delay_stiffness
 from .palette import BAND, BLACK, BLUE, ORANGE, STABLE, UNSTABLE
 from .ticks import plain_log
+from .written import write
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 _CURVE, _MAP, _LOCUS = 400, 161, 800
@@ -48,9 +49,7 @@ def new_figure(width: float, height: float) -> Figure:
 def save(figure: Figure, folder: Path, name: str) -> list[str]:
     """Write NAME.png and NAME.svg; the names written."""
     names = [f"{name}.png", f"{name}.svg"]
-    for written in names:
-        figure.savefig(str(folder / written), dpi=130)
-        figure.set_layout_engine("none")  # it is laid out now
+    write(figure, *(folder / written for written in names))
     return names
 
 
