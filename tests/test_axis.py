@@ -145,6 +145,12 @@ def test_segments_and_blocks():
     assert not parts[0] & parts[1] and not parts[1] & parts[2] and all(parts)
     with pytest.raises(jaxfric.InputError, match=r"x\.csv: the axis moves in one direction only"):
         split(segment, ~slow, np.abs(velocity), "x.csv")
+    # an encoder that creeps back while the axis sticks is no reversal
+    creep = np.where(velocity < 0, -0.01, velocity)
+    with pytest.raises(jaxfric.InputError, match="moves in one direction only"):
+        split(segment, ~slow, creep, "x.csv")
+    with pytest.raises(jaxfric.InputError, match="back and forth, but in one direction never"):
+        split(segment, velocity > 0, velocity, "x.csv")
     with pytest.raises(jaxfric.InputError, match="2 motion segments"):
         split(np.minimum(segment, 1), ~slow, velocity, "x.csv")
 

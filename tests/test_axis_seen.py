@@ -53,13 +53,25 @@ def test_a_fit_that_explains_little_or_drives_is_doubted():
     problem.noise_scale = 2.0
     engine: Any = SimpleNamespace(problem=problem)
 
-    def told(z, share):
+    def told(z, share, effects=(), report=(0.2, 0.1)):
         force = found.prepared.force[:n]
         residual = share * (force - force[rows.used].mean()) / 2.0
-        candidate: Any = SimpleNamespace(z=np.asarray([z]), residual=residual)
-        return doubts(engine, candidate, rows)
+        noise = SimpleNamespace(sigma=0.05)  # 0.1 in the unit of the force
+        base, final = (
+            SimpleNamespace(
+                z=np.asarray([z]), residual=residual, noise=noise, effects=of, rms={"report": rms}
+            )
+            for of, rms in zip(((), effects), report, strict=True)
+        )
+        search: Any = SimpleNamespace(base=base, final=final)
+        return doubts(engine, search, rows)
 
-    assert told(1.0, 0.4) == []
+    assert told(1.0, 0.4) == told(1.0, 0.4, ("stribeck",)) == []
+    assert told(1.0, 0.4, ("stribeck",), (0.2, 0.3)) == [
+        "rows that were never fitted are predicted worse with stribeck than without, by 50 %"
+    ]
+    # both are as small as the noise; and without an effect there is nothing to blame
+    assert told(1.0, 0.4, ("stribeck",), (0.100, 0.105)) == told(1.0, 0.4, (), (0.2, 0.3)) == []
     assert told(1.0, 0.6) == ["the model leaves 60 % of the force unexplained"]
     assert len(told(-1.0, 0.4)) == 1 and "would drive the axis" in told(-1.0, 0.4)[0]
 

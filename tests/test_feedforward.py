@@ -19,6 +19,7 @@ import jaxfric as jf
 from jaxfric.compensation import NothingToCompensate, fade_speed
 from jaxfric.compensation.fade import Memory, return_distance
 from jaxfric.errors import InputError
+from jaxfric.laws.loop_source import verdict_words
 from jaxfric.report.feedforward_text import spoken
 
 ROOT = Path(__file__).parents[1]
@@ -740,3 +741,25 @@ def test_the_shipped_loop_of_a_measured_axis(old, slowest, tmp_path):
     sign = math.tanh(0.1 / found.fade.speed)  # which fades over speeds the record does not tell
     assert width < WIDTH
     assert float(found.friction(0.1)) == pytest.approx(told + sign * bend, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("effects", "after", "told"),
+    [
+        (("viscous",), 2.4, True),
+        (("viscous",), 2.1, False),
+        ((), 2.4, False),
+        (("viscous",), None, False),
+    ],
+)
+def test_a_loop_that_predicts_worse_than_its_base_says_so(effects, after, told):
+    content = {
+        "verdict": "outside_catalogue",
+        "sentence": "What is missing is not named.",
+        "effects": effects,
+        "before": {"in_sigma": {"report": 2.2}},
+        "after": {"in_sigma": {"report": after}} if after else {},
+    }
+    (said,) = verdict_words(content)
+    assert ("worse than the base does (2.40 sigma for 2.20)" in said) == told
+    assert verdict_words(content | {"verdict": "effects"}) == []

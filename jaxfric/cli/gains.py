@@ -96,13 +96,13 @@ def gains(
         raise InputError("--velocity is missing; give the velocities of the machine: '1..100 um/s'")
     prepare_jax()
     required = Requirement.with_default(margin or ())
+    if samples < 0:
+        raise InputError(f"--samples is {samples}; it must be 0 or more")
+    source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
     velocities = np.asarray(parse_values(velocity, "m/s", "--velocity"))
     masses = read_masses(mass)
     sampled = optional_quantity(sample_time, "s", "--sample-time")
     late = optional_quantity(delay, "s", "--delay")
-    if samples < 0:
-        raise InputError(f"--samples is {samples}; it must be 0 or more")
-    source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
     from ..gains import check_gains, find_gains
     from ..plot.gains import draw_gains
     from ..report.gains_text import describe

@@ -422,7 +422,7 @@ class AxisServoLag(AbstractLinearAxisEffect):
     equation: ClassVar[str] = "tau F_m' = F - F_m"
     meaning: ClassVar[str] = "The motor's force follows the recorded one late."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lag", "presliding")
-    separated_by: ClassVar[str] = "the motor's current"
+    separated_by: ClassVar[str] = "the motor's measured current in place of its command"
     channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the motor", default=0.0)
 
@@ -462,7 +462,7 @@ class AxisSensorDelay(AbstractLinearAxisEffect):
     equation: ClassVar[str] = "q_recorded(t) = q(t - d)"
     meaning: ClassVar[str] = "Position and force are recorded at different moments."
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_lag", "presliding")
-    separated_by: ClassVar[str] = "the motor's current"
+    separated_by: ClassVar[str] = "the motor's measured current in place of its command"
     channel: ClassVar[str | None] = None
     d: Float[Array, ""] = quantity("d", "s", "delay of the position behind the force", default=0.0)
 

@@ -224,10 +224,21 @@ def verdict_words(content: Mapping) -> list[str]:
         return []
     sentence = str(content.get("sentence") or "").strip().rstrip(".")
     more = f" ({sentence})" if sentence else ""
-    return [
+    text = (
         f"the loop's verdict is {content['verdict']}{more}: the law of its last model is used,"
         " which does not describe the record"
+    )
+    errors = [
+        ((content.get(when) or {}).get("in_sigma") or {}).get("report")
+        for when in ("before", "after")
     ]
+    before, after = (float(x) if isinstance(x, int | float) else np.nan for x in errors)
+    if content.get("effects") and after > before:
+        text += (
+            f"; rows that were never fitted it predicts worse than the base does ({after:.2f} sigma"
+            f" for {before:.2f}): run the loop again without an effect (--without)"
+        )
+    return [text]
 
 
 def _left_out(

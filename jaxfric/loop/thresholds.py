@@ -13,3 +13,5 @@ SIGNIFICANT = 0.01
 """Chance that noise alone leaves something, at any of the questions that are asked of it."""
 FAR = 1.5
 """A held-out error of so many times what noise gives is not a little that is left."""
+HELD_OUT = 1.06
+"""A held-out error of so many times the noise is at least allowed to a model that describes it."""

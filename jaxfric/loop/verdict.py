@@ -17,10 +17,9 @@ from .residual_tests import QUESTIONS, p_text, structure
 from .rivals import rival_fits
 from .screen import orthonormal
 from .search import Search
-from .thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT
+from .thresholds import ACCEPT, ALIAS, FAR, HELD_OUT, SIGNIFICANT
 from .unfixed import Unfixed, unfixed, words_of_unfixed
 
-_HELD_OUT = 1.06
 _TRAIN = 1.04
 _QUESTIONS = 12
 """About as many as are asked of a residual (`structure.asked`)."""
@@ -96,7 +95,7 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
         found,
         size * _level(engine, rows.residual, columns, engine.blocks.train, noise),
         size * _level(engine, rows.residual, columns, held, noise),
-        max(_HELD_OUT, largest_rms(float(np.hypot(later, chance)), errors)),
+        max(HELD_OUT, largest_rms(float(np.hypot(later, chance)), errors)),
         max(_TRAIN, largest_rms(chance, np.zeros(0))),
     )
 
@@ -262,7 +261,7 @@ def _verdict(
     if not reasons:
         return "no_missing_effect"
     gains = [base.bic - c.bic for c in search.tried if c.effects and not c.failed]
-    strong = base.rms["train"] / floor.sigma > _HELD_OUT
+    strong = base.rms["train"] / floor.sigma > HELD_OUT
     weak = gains and _HINT < max(gains) <= ACCEPT
     return "outside_catalogue" if strong and not weak else "too_weak"
 

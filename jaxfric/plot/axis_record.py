@@ -64,7 +64,8 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
     beside.set_ylabel(f"motor {name} [{record.force_unit}]")
     tidy(beside, f"{name} against speed")
     panels[0].set_title("grey: the strokes", loc="left", fontsize=9)
-    text = f"{printable(record.provenance.path)}: {record.sampling()}; {len(strokes)} strokes"
+    number = f"{len(strokes)} stroke{'' if len(strokes) == 1 else 's'}"
+    text = f"{printable(record.provenance.path)}: {record.sampling()}; {number}"
     figure.suptitle(text, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(panels)
     return figure

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .axis_record import AxisRecord
+from .axis_record import WITHIN_A_TURN, AxisRecord
 from .formats import suffixes
 from .read_axis import read_axis
 from .record import Provenance
@@ -223,7 +223,15 @@ def _provenance(
         )
     notes += [f"{run.name} is left out: {run.refused}" for run in runs if run.refused]
     notes += [f"{run.name}: {run.note}" for run in used if run.note]
-    common = [note for note in records[used[0].name].provenance.notes if "recorded" not in note]
+    own = {run.name: records[run.name].provenance.notes for run in used}
+    turned = [name for name, all_ in own.items() if any(WITHIN_A_TURN in note for note in all_)]
+    if turned:
+        notes.append(
+            f"the position {WITHIN_A_TURN}: unwound where it jumps, in {', '.join(turned)}"
+        )
+    common = [
+        note for note in own[used[0].name] if "recorded" not in note and WITHIN_A_TURN not in note
+    ]
     dropped: dict[str, int] = {}
     for run in used:
         for reason, count in records[run.name].provenance.dropped.items():

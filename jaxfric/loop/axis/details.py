@@ -66,7 +66,7 @@ def details_of(
     # the slope and its error are those of one model: the loop's, in the rows that count
     rig = problem.rig(jnp.asarray(found.final.z))
     unit = "rad" if record.coordinate == "rotary" else "m"
-    known = seen(engine, found.final, rows, prepared, unit)
+    known = seen(engine, found, rows, prepared, unit)
     place = float(np.median(rows.position))
     gains = _gains(rig, place, known, record.drive)
     return AxisDetails(

@@ -210,7 +210,7 @@ class AxisBench(AbstractBench):
     def warnings(self, engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
         """Warnings of the record, of its rows, and of what was seen at low speed."""
         final = found.final
-        seen = doubts(engine, final, self.counted)
+        seen = doubts(engine, found, self.counted)
         if not self.held:
             interval = float(np.median(np.diff(self.record.time)))
             seen += held_command(engine.values(final.z), final.effects, interval)

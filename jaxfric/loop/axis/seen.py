@@ -18,6 +18,9 @@ from ...fitting.axis_problem import AxisProblem
 from ...fitting.uncertainty import normal_inverse
 from ...stability.claims import Above, Unseen, above_curve
 from ..engine import Candidate, Engine
+from ..family import listed
+from ..search import Search
+from ..thresholds import HELD_OUT
 from .result import AxisRows
 
 _BINS, _FEWEST_ROWS = 12, 8
@@ -39,9 +42,15 @@ class Seen(NamedTuple):
 
 
 def seen(
-    engine: Engine[AxisProblem], found: Candidate, rows: AxisRows, prepared: Prepared, unit: str
+    engine: Engine[AxisProblem],
+    search: Search,
+    rows: AxisRows,
+    prepared: Prepared,
+    unit: str,
 ) -> Seen:
-    """What supports the slope of the fit `found`; `unit` is that of the position, for texts."""
+    """What supports the slope of the last fit of a `search`; `unit` is that of the position, for
+    texts."""
+    found = search.final
     speed = np.abs(rows.velocity[rows.used])
     fastest = float(speed.max())
     unseen = []
@@ -60,7 +69,7 @@ def seen(
         )
     slowest, why = slowest_told(speed, rows.width, unit, [one.speed for one in unseen])
     unseen = [Unseen(why, np.nextafter(slowest, 0.0)), *unseen]
-    unseen += [Unseen(why, np.inf) for why in doubts(engine, found, rows)]
+    unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows)]
     error = slope_error(engine, found, float(np.median(rows.position)))
     return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
 
@@ -90,9 +99,9 @@ def slowest_told(
     return max(limits)
 
 
-def doubts(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> list[str]:
-    """Why a fit describes no friction at all, in words."""
-    why = []
+def doubts(engine: Engine[AxisProblem], search: Search, rows: AxisRows) -> list[str]:
+    """Why the last fit of a search describes no friction at all, in words."""
+    why, found = [], search.final
     if not engine.problem.possible(jnp.asarray(found.z)):
         why.append("the fitted friction would drive the axis, so that the model is wrong")
     force = np.asarray(engine.problem.friction)[: len(rows.time)][rows.used]
@@ -100,6 +109,13 @@ def doubts(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> lis
     share = float(np.sqrt(np.mean(left**2)) / np.std(force))
     if share > _UNEXPLAINED:
         why.append(f"the model leaves {100 * share:.0f} % of the force unexplained")
+    before, after = (one.rms["report"] for one in (search.base, found))
+    noise = float(engine.problem.noise_scale) * float(found.noise.sigma)
+    if found.effects and after > max(before, HELD_OUT * noise):
+        why.append(
+            f"rows that were never fitted are predicted worse with {listed(found.effects)} than"
+            f" without, by {100 * (after / before - 1):.0f} %"
+        )
     return why
 
 

@@ -13,6 +13,7 @@ _FEWEST = 4
 _ROWS = 20
 _SHARE = 1 / 6
 _BACK = 0.02
+"""Share of the way back in that forth up to which an axis moves in one direction."""
 _ALIKE = 1.1
 
 
@@ -38,18 +39,16 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
     InputError : no reversal, or too few segments or rows.
     """
     moving = velocity[used]
-    if not (np.any(moving > 0) and np.any(moving < 0)):
-        both = velocity[velocity > 0].sum(), -velocity[velocity < 0].sum()
-        if min(both) > _BACK * max(both):
-            raise InputError(
-                f"{path}: the axis moves back and forth, but in one direction never faster than"
-                " twice the noise of its velocity, where friction has no sign. Low-pass the"
-                " position at a lower frequency (--cutoff), record a faster motion, or with a"
-                " finer encoder"
-            )
+    if _one_way(moving) and _one_way(velocity):
         raise InputError(
             f"{path}: the axis moves in one direction only; Coulomb friction cannot be told from an"
             " offset without a reversal. Record motion back and forth"
+        )
+    if _one_way(moving):
+        raise InputError(
+            f"{path}: the axis moves back and forth, but in one direction never faster than twice"
+            " the noise of its velocity, where friction has no sign. Low-pass the position at a"
+            " lower frequency (--cutoff), record a faster motion, or with a finer encoder"
         )
     rows = np.bincount(segment[used], minlength=int(segment.max()) + 1)
     count = int(np.sum(rows > 0))
@@ -70,6 +69,12 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
                 " or longer strokes"
             )
     return blocks
+
+
+def _one_way(velocity: np.ndarray) -> bool:
+    """Whether nearly all of the way is in one direction."""
+    ways = float(velocity[velocity > 0].sum()), -float(velocity[velocity < 0].sum())
+    return min(ways) <= _BACK * max(ways)
 
 
 def _extremes(

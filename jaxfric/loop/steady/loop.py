@@ -73,7 +73,8 @@ def close_steady_loop(
     if len(speed) < _FEWEST or min(forward, backward) < 3:
         raise InputError(
             f"the curve has {forward} speeds forwards and {backward} backwards; {_FEWEST} in all"
-            " and 3 of each direction are needed"
+            " and 3 of each direction are needed: one direction alone does not tell Coulomb"
+            " friction from an offset of the force. Record more speeds, both ways"
         )
     unknown = sorted({*with_, *without} - set(STEADY_EFFECTS))
     if unknown:
