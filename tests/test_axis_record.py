@@ -8,7 +8,7 @@ import pytest
 from command import assert_refused, run
 
 from jaxfric.errors import InputError
-from jaxfric.records import axis_from_arrays, read_axis
+from jaxfric.records import axis_from_arrays, read_axis, read_steady
 from jaxfric.records.strokes import encoder_step, find_strokes
 
 DATA = Path(__file__).parents[1] / "data"
@@ -105,6 +105,28 @@ def test_the_verb_on_steady_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert outcome.code == 0, outcome.err
     assert "steady runs: 4" in outcome.out and "-20.csv" in outcome.out
     assert (tmp_path / "runs-record" / "record.png").is_file()
+    long = ("--from", "3 s")
+    for verb in (("record", "--rig", "steady"), ("steady",)):
+        assert_refused(run(*verb, "runs", *long), "--from '3 s'", "lasts 1.99 s")
+
+
+def test_a_window_is_of_every_steady_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A start-up that the force shows and the speed does not: 2 N more, gone after 0.5 s."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs").mkdir()
+    t, random = 0.01 * np.arange(300), np.random.default_rng(2)
+    for speed in (-40, -20, 20, 40):
+        force = np.sign(speed) * (3 + 2 * (t < 0.5)) + random.normal(0, 0.01, 300)
+        moved = speed + random.normal(0, 0.2, 300)
+        rows = [f"{a:.2f},{b:.3f},{c:.4f}" for a, b, c in zip(t, moved, force, strict=True)]
+        text = "\n".join(["time [s],velocity [mm/s],motor_force [N]", *rows]) + "\n"
+        (tmp_path / "runs" / f"{speed}.csv").write_text(text)
+    whole, part = read_steady("runs"), read_steady("runs", window=("0.6 s", 2.5))
+    np.testing.assert_allclose(np.abs(whole.force), 3 + 2 * 50 / 300, atol=0.01)
+    np.testing.assert_allclose(np.abs(part.force), 3, atol=0.01)
+    assert (part.samples <= 191).all() and "rows from 0.6 to 2.5 s" in part.provenance.notes
+    outcome = run("record", "runs", "--rig", "steady", "--from", "0.6 s")
+    assert outcome.code == 0 and "rows from 0.6 to 2.99 s" in outcome.out
 
 
 def test_options_that_would_not_be_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

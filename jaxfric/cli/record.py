@@ -51,7 +51,7 @@ def record(
     unused = {
         "slider": signals | loops,
         "axis": {"--steps": steps, "--reduce": reduce},
-        "steady": {"--steps": steps, "--reduce": reduce, **loops, "--from": since, "--to": until},
+        "steady": {"--steps": steps, "--reduce": reduce, **loops},
     }[rig]
     other = "slider" if rig == "axis" else "axis"
     refuse_unused(f"--rig {rig}", unused, f", or choose --rig {other}")
@@ -62,7 +62,8 @@ def record(
         slider = read_record(file, column, drop_bad, since, until, reduce=reduce)
         return _slider(slider, file, steps, out, reduced=reduce is not None, json=json)
     if rig == "steady":
-        return _steady(read_steady(file, **columns._asdict()), file, out, json=json)
+        curve = read_steady(file, **columns._asdict(), window=(since, until))
+        return _steady(curve, file, out, json=json)
     measured = read_axis(
         file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
     )

@@ -27,14 +27,17 @@ def steady(
     flip: options.Flip = None,
     column: options.Columns = None,
     drop_bad: options.DropBad = False,
+    since: options.Since = None,
+    until: options.Until = None,
     out: options.Out = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
     """Name the effect that the friction of steady speeds has beyond Coulomb and viscous friction.
 
-    Every run of the folder is one speed. Writes steady.json and the figures curve and noise to the
-    output folder, by default ./NAME-loop/ with the options that differ from their default.
+    Every run of the folder is one speed; --from and --to cut all of them alike. Writes steady.json
+    and the figures curve and noise to the output folder, by default ./NAME-loop/ with the options
+    that differ from their default.
     """
     declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
     columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
@@ -45,7 +48,7 @@ def steady(
     from ..records import read_steady
     from ..report.steady_text import to_json
 
-    curve = read_steady(file, **columns._asdict())
+    curve = read_steady(file, **columns._asdict(), window=(since, until))
     folder = choose_folder(out, input_name(file), file)
     with told(quiet=json) as progress:
         progress("fitting the curve of friction over velocity")

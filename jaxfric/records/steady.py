@@ -15,6 +15,7 @@ from .formats import suffixes
 from .read_axis import read_axis
 from .record import Provenance
 from .steady_run import Run, SteadyRows, steady_run
+from .window import Bound
 
 MIN_RUNS = 4
 """Least number of runs of a curve."""
@@ -69,6 +70,7 @@ def read_steady(
     rated_torque: str | None = None,
     flip: bool | str = False,
     drop_bad: bool = False,
+    window: tuple[Bound, Bound] = (None, None),
 ) -> SteadyCurve:
     """Read a folder of runs at steady speeds, at any depth, as one curve.
 
@@ -79,7 +81,9 @@ def read_steady(
     or whose direction is not determined are left out with a note. The speed is that of the
     velocity, else that of the position.
 
-    **Arguments:** as for `read_axis`.
+    **Arguments:** as for `read_axis`; of every run only the rows of the `window` count, from a
+    time since its first row to another (seconds, or "0.6 s"; None: its beginning or end), as where
+    a start-up is seen in the force but not in the speed.
 
     Raises `InputError` for a folder that is none, files that cannot be read, runs in different
     units, and fewer than 4 steady runs.
@@ -93,7 +97,7 @@ def read_steady(
         flip=flip,
         drop_bad=drop_bad,
     )
-    records = _read_all(folder, one)
+    records = _read_all(folder, one if window == (None, None) else lambda p: one(p).window(*window))
     runs = [steady_run(name, record) for name, record in records.items()]
     used = sorted((run for run in runs if not run.refused), key=lambda run: (run.speed, run.name))
     _check_runs(folder, runs, used, records)
