@@ -117,7 +117,12 @@ def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
     [
         (1e-5, [], 0.02, "only 2 % of the rows are slower"),
         (0.01, [], 0.04, "rows below 0.02 m/s do not count"),
-        (1e-5, [0.5], 0.51, "only 2 % of the rows above 0.5 m/s are slower"),
+        (
+            1e-5,
+            [0.5],
+            0.51,
+            "no steady motion up to 0.5 m/s was seen, and only 2 % of the rows above are slower",
+        ),
         (0.2, [0.5], 0.8, "rows below 0.4 m/s do not count"),
     ],
 )

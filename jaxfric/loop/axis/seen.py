@@ -94,7 +94,7 @@ def slowest_told(
     edge = max(unseen, default=0.0)
     faster = speed[speed > edge]
     if edge and len(faster):
-        text = f"{rare} above {edge:.2g} {unit}/s are slower"
+        text = f"no steady motion up to {edge:.2g} {unit}/s was seen, and {rare} above are slower"
         limits.append((float(np.quantile(faster, _QUANTILE)), text))
     return max(limits)
 
