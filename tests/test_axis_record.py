@@ -8,6 +8,7 @@ import pytest
 from command import assert_refused, run
 
 from jaxfric.errors import InputError
+from jaxfric.plot.axis_record import axis_record_figure, ordinary
 from jaxfric.records import axis_from_arrays, read_axis, read_steady
 from jaxfric.records.strokes import encoder_step, find_strokes
 
@@ -108,6 +109,37 @@ def test_the_verb_on_steady_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     long = ("--from", "3 s")
     for verb in (("record", "--rig", "steady"), ("steady",)):
         assert_refused(run(*verb, "runs", *long), "--from '3 s'", "lasts 1.99 s")
+
+
+@pytest.mark.parametrize(
+    ("values", "beyond"),
+    [
+        (np.sin(np.arange(1000) / 9), 0),
+        (np.where(np.arange(1000) < 4, 30.0, np.sin(np.arange(1000) / 9)), 4),
+        (np.where(np.arange(1000) == 5, -4.5, np.sin(np.arange(1000) / 9)), 0),
+        (np.where(np.arange(1000) < 20, 30.0, np.sin(np.arange(1000) / 9)), 0),
+        (np.zeros(1000), 0),
+    ],
+    ids=["a sine", "a spike", "a small one", "2 % of the rows", "none"],
+)
+def test_a_few_wild_rows_do_not_set_the_limits_of_a_force(values, beyond):
+    (low, high), found = ordinary(values)
+    assert found == beyond
+    if beyond:
+        np.testing.assert_allclose([low, high], [-3, 3], rtol=0.01)
+
+
+@pytest.mark.parametrize("disturbed", [False, True])
+def test_rows_beyond_the_panel_are_told(disturbed):
+    """But where a disturbance is drawn too, all of both is."""
+    t = 0.01 * np.arange(1000)
+    force = np.sign(np.cos(t)) + 0.01 * np.sin(99 * t)
+    force[:3] = 50.0
+    more = {"disturbance_force": 40 * (t > 5)} if disturbed else {}
+    record = axis_from_arrays(t, force, position=np.sin(t), **more)
+    panel = axis_record_figure(record, find_strokes(record)).axes[0]
+    assert (panel.get_ylim()[1] > 50) == disturbed
+    assert ("3 rows lie beyond the panel" in panel.get_title(loc="left")) == (not disturbed)
 
 
 def test_a_window_is_of_every_steady_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,12 +63,29 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
     beside.set_xlabel(f"speed [{units['velocity']}]")
     beside.set_ylabel(f"motor {name} [{record.force_unit}]")
     tidy(beside, f"{name} against speed")
-    panels[0].set_title("grey: the strokes", loc="left", fontsize=9)
+    said = "grey: the strokes"
+    limits, beyond = ordinary(record.motor_force)
+    if beyond and record.disturbance_force is None:
+        panels[0].set_ylim(*limits)
+        beside.set_ylim(*limits)
+        rows = "1 row lies" if beyond == 1 else f"{beyond} rows lie"
+        said += f"; {rows} beyond the panel"
+    panels[0].set_title(said, loc="left", fontsize=9)
     number = f"{len(strokes)} stroke{'' if len(strokes) == 1 else 's'}"
     text = f"{printable(record.provenance.path)}: {record.sampling()}; {number}"
     figure.suptitle(text, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels(panels)
     return figure
+
+
+def ordinary(values: np.ndarray) -> tuple[tuple[float, float], int]:
+    """Limits that a few wild rows do not decide, and how many are beyond: none where all rows keep
+    within four times the range of 99 % of them."""
+    low, high = (float(x) for x in np.quantile(values, [0.005, 0.995]))
+    limits = low - (high - low), high + (high - low)
+    if np.ptp(values) <= 4 * (high - low):
+        return limits, 0
+    return limits, int(np.sum((values < limits[0]) | (values > limits[1])))
 
 
 def draw_curve(curve: SteadyCurve, path: str | Path) -> None:
