@@ -77,7 +77,8 @@ def test_shares_of_the_mean_square(rms, refit, sigma, shares):
 )
 def test_parameters_that_differ_do_so_by_three_errors(shift, named):
     text = prediction(2.0, 1.0, 1.0, shift).sentence
-    assert (f"({shift.name} differ)" in text) == named and "have changed" in text
+    assert (f"its parameters have changed ({shift.name} differ)" in text) == named
+    assert ("none differs by more than 3 of its errors" in text) != named
 
 
 @pytest.mark.parametrize(
@@ -150,6 +151,7 @@ def test_velocities_beyond_those_of_the_model(here, told):
 def test_rows_faster_than_any_of_the_model(share, speed, told):
     """A model of 0.3 m/s at most: of more than one row in twenty beyond a fifth more it is told."""
     velocity = np.where(np.arange(100) < 100 * share, speed, 0.1)
+    velocity = velocity * np.where(np.arange(100) % 2, 1, -1)
     rows = SimpleNamespace(velocity=velocity, used=np.ones(100, bool))
     record = SimpleNamespace(coordinate="linear")
     for made in (
@@ -159,6 +161,15 @@ def test_rows_faster_than_any_of_the_model(share, speed, told):
         texts = axis._warnings(SimpleNamespace(saved=made, rows=rows, record=record))
         assert len(texts) == told
         assert not told or "are faster than 0.3 m/s" in texts[0]
+
+
+def test_a_record_of_one_direction_is_told():
+    record = SimpleNamespace(coordinate="linear")
+    for back, told in ((-0.2, 0), (-1e-4, 1), (0.1, 1)):
+        velocity = np.where(np.arange(100) < 50, 0.2, back)
+        rows = SimpleNamespace(velocity=velocity, used=np.ones(100, bool))
+        texts = axis._warnings(SimpleNamespace(saved=saved([0.3]), rows=rows, record=record))
+        assert len(texts) == told and all("in one direction only" in text for text in texts)
 
 
 def test_an_error_is_compared_with_what_was_recorded():

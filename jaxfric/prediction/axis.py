@@ -24,6 +24,7 @@ from ..fitting.encompassing import EncompassingModel
 from ..loop.axis.details import as_published
 from ..loop.axis.result import AxisRows
 from ..loop.axis.rows import rows_of
+from ..loop.axis.split import one_way
 from ..records.axis_record import AxisRecord
 from ..records.differences import noise_from_differences
 from ..rig.axis import AxisRig, BaseLaw
@@ -310,5 +311,10 @@ def _warnings(setting: _AxisSetting) -> tuple[str, ...]:
         told.append(
             f"{100 * beyond:.0f} % of the rows are faster than {fastest:.3g} {unit}, the most that"
             " the model has seen: there it extrapolates"
+        )
+    if one_way(rows.velocity[rows.used]):
+        told.append(
+            "the record moves in one direction only, so that a fit to it knows Coulomb friction and"
+            " the offset together, not each"
         )
     return tuple(told)

@@ -127,10 +127,15 @@ class Prediction(Described, Drawable, Gridded, Tabular):
             )
         beyond = self.refit_rms > _AT_NOISE * self.sigma
         left = f"; that too is more than the noise: {lacks}" if beyond else ", which is the noise"
-        names = f" ({', '.join(moved)} differ)" if moved else ""
+        changed = f"its parameters have changed ({', '.join(moved)} differ)"
+        if not moved:
+            changed = (
+                "other parameters fit it better together, though none differs by more than"
+                f" {_SHIFTED:g} of its errors"
+            )
         return (
             f"{begin}. A fit of the same model to this record would leave"
-            f" {self.refit_rms:.3g}{unit}{left}: its parameters have changed{names}."
+            f" {self.refit_rms:.3g}{unit}{left}: {changed}."
         )
 
     def to_json(self) -> dict:

@@ -31,7 +31,7 @@ def _errors(found: Prediction) -> TextTable:
     shares = [
         (what, f"{100 * share:.0f} %")
         for what, share in zip(
-            ("parameters that have changed", "beyond the noise in any fit", "noise"),
+            ("what other parameters would explain", "beyond the noise in any fit", "noise"),
             found.shares().values(),
             strict=True,
         )

@@ -9,7 +9,7 @@ from .view import Arrays, Frame, Page, Variable, View
 
 _VERDICTS = {
     "noise": "as good as the noise allows",
-    "parameters": "its parameters have changed",
+    "parameters": "other parameters fit this record better",
     "model": "the model lacks an effect here",
 }
 

@@ -39,12 +39,12 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
     InputError : no reversal, or too few segments or rows.
     """
     moving = velocity[used]
-    if _one_way(moving) and _one_way(velocity):
+    if one_way(moving) and one_way(velocity):
         raise InputError(
             f"{path}: the axis moves in one direction only; Coulomb friction cannot be told from an"
             " offset without a reversal. Record motion back and forth"
         )
-    if _one_way(moving):
+    if one_way(moving):
         raise InputError(
             f"{path}: the axis moves back and forth, but in one direction never faster than twice"
             " the noise of its velocity, where friction has no sign. Low-pass the position at a"
@@ -71,7 +71,7 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
     return blocks
 
 
-def _one_way(velocity: np.ndarray) -> bool:
+def one_way(velocity: np.ndarray) -> bool:
     """Whether nearly all of the way is in one direction."""
     ways = float(velocity[velocity > 0].sum()), -float(velocity[velocity < 0].sum())
     return min(ways) <= _BACK * max(ways)
