@@ -407,7 +407,7 @@ FAULTS = (
           "if beyond and record.disturbance_force is None", "if beyond",
           "tests/test_axis_record.py -k beyond"),
     Fault("parameters have changed though none differs", "prediction/result.py",
-          "        if not moved:\n", "        if moved:\n", "tests/test_prediction_tables.py"),
+          "        if moved:\n", "        if not moved:\n", "tests/test_prediction_tables.py"),
     Fault("a fit to one direction is trusted", "prediction/axis.py",
           "if one_way(rows.velocity[rows.used]):", "if not len(rows.used):",
           "tests/test_prediction_tables.py"),

@@ -118,20 +118,23 @@ def solve(
     samples = float(np.sum(np.asarray(problem.weight) > 0))
     most, few = min(refine, len(starts)), f"{_TRIALS[0]} to {_TRIALS[1]} trials"
     found: list[Solution] = []
-    begun, length = time.perf_counter(), f"{few}, the first, compiled where it must be,"
-    took = None
+    begun, length = time.perf_counter(), ""
     for start in _in_turn(problem, starts, most):
-        took = time.perf_counter() - begun if took is None else took
+        trial = f"{few}, the first, compiled where it must be, took {_since(begun)}"
         which = f"descent {len(found) + 1} of at most {most} over {int(samples)} rows"
-        progress(f"{which}, {length} took {took:.2g} s")
-        begun, length = time.perf_counter(), "the one before"
+        progress(f"{which}, {length or trial}")
+        begun = time.perf_counter()
         ended = _descend_safely(problem, start, tolerance)
-        took = time.perf_counter() - begun
+        length = f"the one before took {_since(begun)}"
         cost = float(ended.residual @ ended.residual)
         found.append(Solution(jax.device_put(ended.y), *ended[1:], cost))
         if cost < _NOISE_REACHED * samples:
             break
     return min(found, key=lambda s: s.cost)
+
+
+def _since(begun: float) -> str:
+    return f"{time.perf_counter() - begun:.2g} s"
 
 
 def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[_Start]:

@@ -17,8 +17,7 @@ _RECORD, _STEP, _HELD = BLACK, SLATE, HELD
 
 def draw_comparison(found: LawComparison, *paths: str | Path) -> None:
     """Write the figure to each of `paths` (PNG, SVG or PDF by its ending)."""
-    figure = comparison_figure(found)
-    write(figure, *paths)
+    write(comparison_figure(found), *paths)
 
 
 def comparison_figure(found: LawComparison) -> Figure:

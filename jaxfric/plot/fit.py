@@ -22,8 +22,7 @@ _ALIKE = 1.1
 
 def draw_fit(fit: Fit, *paths: str | Path) -> None:
     """Write the figure of a fit to each of `paths` (PNG, SVG or PDF by its ending)."""
-    figure = fit_figure(fit)
-    write(figure, *paths)
+    write(fit_figure(fit), *paths)
 
 
 def fit_figure(fit: Fit) -> Figure:

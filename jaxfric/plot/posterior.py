@@ -25,8 +25,7 @@ _REACH = 3.6
 
 def draw_posterior(posterior: Posterior, *paths: str | Path) -> None:
     """Write the figure of a posterior to each of `paths` (PNG, SVG or PDF by its ending)."""
-    figure = posterior_figure(posterior)
-    write(figure, *paths)
+    write(posterior_figure(posterior), *paths)
 
 
 def posterior_figure(posterior: Posterior) -> Figure:

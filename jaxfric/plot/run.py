@@ -141,8 +141,7 @@ def _times(axis: Axes, record: Record) -> None:
 
 def draw_rates(run: RunFit, *paths: str | Path) -> None:
     """Write A-B of all fitted steps against velocity, displacement and normal stress."""
-    figure = rates_figure(run)
-    write(figure, *paths)
+    write(rates_figure(run), *paths)
 
 
 def rates_figure(run: RunFit) -> Figure:

@@ -4,10 +4,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-DPI = 130
 
-
-def write(figure: Figure, *paths: str | Path, dpi: float = DPI) -> None:
+def write(figure: Figure, *paths: str | Path, dpi: float = 130) -> None:
     """Write a figure to each of `paths`, PNG, SVG or PDF by its ending.
 
     `Figure.savefig` draws all of it once more for the layout of every file, which takes as long.

@@ -127,8 +127,9 @@ class Prediction(Described, Drawable, Gridded, Tabular):
             )
         beyond = self.refit_rms > _AT_NOISE * self.sigma
         left = f"; that too is more than the noise: {lacks}" if beyond else ", which is the noise"
-        changed = f"its parameters have changed ({', '.join(moved)} differ)"
-        if not moved:
+        if moved:
+            changed = f"its parameters have changed ({', '.join(moved)} differ)"
+        else:
             changed = (
                 "other parameters fit it better together, though none differs by more than"
                 f" {_SHIFTED:g} of its errors"

@@ -13,7 +13,7 @@ from .axis_units import FORCE_UNITS, si_units
 from .record import Provenance, Sampling, cut, frozen, vector
 from .rows import FileRows, refuse_few, whole_rows
 from .sizes import refuse_sizes
-from .turns import in_turn_with, unwound
+from .turns import columns_unwound
 from .window import Bound, bounds
 
 COLUMNS = (
@@ -25,9 +25,6 @@ COLUMNS = (
     "disturbance_force",
 )
 """The columns that a record may have."""
-
-WITHIN_A_TURN = "is given within one turn"
-"""Words of a note on an angle that was unwound."""
 
 _LEAST_STEPS = 20
 """A position takes at least this many values over a record, and a force, before it is judged."""
@@ -192,9 +189,11 @@ def build(
     if "position" not in columns and "velocity" not in columns:
         raise InputError(f"{origin.path}: an axis needs its position or its velocity")
     columns, keep, dropped = whole_rows(columns, origin.path, rows, drop_bad)
-    kept, notes = _of_turns({role: x[keep] for role, x in columns.items()}, kind.coordinate)
-    kept = {role: frozen(values) for role, values in kept.items()}
     refuse_few(int(keep.sum()), origin.path)
+    columns, notes = {role: values[keep] for role, values in columns.items()}, []
+    if kind.coordinate == "rotary":
+        columns, notes = columns_unwound(columns)
+    kept = {role: frozen(values) for role, values in columns.items()}
     shown = {**si_units(kind.coordinate), "motor_force": kind.force_unit}
     refuse_sizes(kept, shown, units, origin.path, rows.lines[keep])
     _check_encoder(kept, kind.coordinate, origin.path)
@@ -203,28 +202,6 @@ def build(
     notes = (*origin.notes, *notes)
     origin = replace(origin, rows_read=rows_read, dropped=dropped, notes=notes)
     return AxisRecord(**kept, **kind._asdict(), units=dict(units), provenance=origin)  # ty: ignore[invalid-argument-type]
-
-
-def _of_turns(
-    columns: dict[str, np.ndarray], coordinate: str
-) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Columns with angles that go on over the end of a turn; what is told of it."""
-    angles = [role for role in ("position", "reference_position") if role in columns]
-    if coordinate != "rotary" or not angles or not len(columns[angles[0]]):
-        return columns, []
-    found = {role: unwound(columns[role]) for role in angles}
-    notes = [
-        f"the {role.replace('_', ' ')} {WITHIN_A_TURN}: unwound where it jumps,"
-        f" {jumps} time{'s' if jumps > 1 else ''}"
-        for role, (_, jumps) in found.items()
-        if jumps
-    ]
-    if not notes:
-        return columns, []
-    columns = columns | {role: angle for role, (angle, _) in found.items()}
-    if len(angles) == 2:
-        columns["reference_position"] = in_turn_with(*(columns[role] for role in angles[::-1]))
-    return columns, notes
 
 
 def _check_encoder(columns: Mapping[str, np.ndarray], coordinate: str, path: str) -> None:

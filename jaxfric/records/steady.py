@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .axis_record import WITHIN_A_TURN, AxisRecord
+from .axis_record import AxisRecord
 from .formats import suffixes
 from .read_axis import read_axis
 from .record import Provenance
 from .steady_run import Run, SteadyRows, steady_run
+from .turns import WITHIN_A_TURN
 from .window import Bound
 
 MIN_RUNS = 4
