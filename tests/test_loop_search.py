@@ -198,9 +198,9 @@ def nothing_was_found(loop, truth) -> None:
 
 
 def test_what_is_compiled_ahead_is_what_the_loop_needs(tmp_path, monkeypatch):
-    """Before the base is fitted, and nothing of the two functions that take longest after that."""
+    """While the base is fitted, and nothing of the two functions that take longest after that."""
     monkeypatch.setattr(traced, "_folder", [tmp_path])
-    work, compiled, fits = [], [], []
+    work, compiled = [], []
     monkeypatch.setattr(ahead, "beside", work.append)
 
     def shapes() -> list[int]:
@@ -208,11 +208,12 @@ def test_what_is_compiled_ahead_is_what_the_loop_needs(tmp_path, monkeypatch):
         return [sum(key[0] == tmp_path and one.ready for key, one in own.items()) for own in known]
 
     def fit(*args, **more):
+        found = jf.fit(*args, **more)
+        assert len(work) == 1
         while work:
             work.pop(0)()  # also what the first asks for in its turn
         compiled.append(shapes())
-        fits[:] = fits or [jf.fit(*args, **more)]
-        return fits[0]
+        return found
 
     monkeypatch.setattr(loop_module, "fit", fit)
     record, stiffness, _ = blind(Request(SEED + 1))

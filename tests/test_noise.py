@@ -36,6 +36,7 @@ from jaxfric.fitting.noise_search import (
     parts_at,
     profile_noise,
     restricted,
+    restricted_white,
     stretches,
 )
 from jaxfric.fitting.padding import counted_rows
@@ -153,6 +154,22 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     values, sigmas = np.array(truth).T
     np.testing.assert_allclose(np.diff(found), np.diff(values), atol=1e-6)
     np.testing.assert_allclose(sigma, sigmas, rtol=1e-8)
+
+
+def test_white_noise_is_that_of_the_rows_that_count():
+    rng = np.random.default_rng(12)
+    n, on = 90, np.arange(90) % 3 > 0
+    columns = rng.normal(size=(n, 4))
+    columns[~on] = 1e6
+    scale = np.where(np.arange(n) < 40, 1.0, 3.0)
+    value, sigma = restricted_white(on.astype(float), columns, scale)
+    white = (columns / scale[:, None])[on]
+    left = np.linalg.lstsq(white[:, 1:], white[:, 0])[1][0]
+    assert sigma == pytest.approx(np.sqrt(left / (60 - 3)), rel=1e-9)
+
+    noise = np.zeros((1, 2)), np.ones((1, 2, 1)), np.array([EXPONENTIAL])
+    wanted, _ = restricted(np.arange(n)[:, None], on.astype(float), columns, scale, *noise)
+    assert value == pytest.approx(wanted[0], abs=1e-6)
 
 
 def test_likelihoods_of_many_noises_are_those_of_each_in_any_order():

@@ -14,19 +14,16 @@ from pathlib import Path
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import pytest
 from jax.extend.core import jaxprs_in_params
 
 import jaxfric
 from jaxfric import threads
-from jaxfric.fitting.noise_search import restricted
 from jaxfric.simulation.rodas import inverted
 from jaxfric.threads import beside, go_on, leave, side_by_side
 
 LAPACK = {"lu", "triangular_solve", "cholesky", "qr", "geqrf", "eigh", "svd"}
 KNOWN = {
-    "fitting/noise_search.py": "one system after the other",
     "simulation/method_of_steps.py": "on one thread only, one after the other",
     "stability/linear.py": "the exponential of one matrix",
 }
@@ -171,18 +168,7 @@ def batches(jaxpr):
 
 
 def test_no_batch_of_lapack_is_computed_side_by_side():
-    rows, columns, noises, clocks = 12, 3, 5, 1
-    given = (
-        jnp.arange(float(rows))[:, None],
-        jnp.ones(rows),
-        jnp.asarray(np.random.default_rng(0).standard_normal((rows, columns))),
-        jnp.ones(rows),
-        jnp.zeros((noises, 2)),
-        jnp.ones((noises, 2, clocks)),
-        jnp.ones(noises),
-    )
     assert batches(jax.make_jaxpr(jnp.linalg.inv)(jnp.ones((4, 9, 9))).jaxpr)  # it can be found
-    assert not batches(jax.make_jaxpr(restricted.function)(*given).jaxpr)
     for n in (2, 9):
         assert not batches(jax.make_jaxpr(jax.vmap(inverted))(jnp.ones((4, n, n))).jaxpr)
 

@@ -248,3 +248,26 @@ def test_it_is_ready_for_what_it_was_compiled_for(folder):
     assert not one.ready(jnp.ones(2))
     module._folder[:] = []
     assert not one.ready(law()) and not module.keeping()
+
+
+def test_what_is_to_begin_begins_when_a_function_has_been_traced(folder, traces, monkeypatch):
+    """Once, on the thread that asked, before what was traced is compiled, and not later."""
+    order, ran = [], Traced._run
+    monkeypatch.setattr(Traced, "_run", lambda *args: order.append("run") or ran(*args))
+    one = Traced(critical_stiffness)
+    with one.when_traced(lambda: order.append(len(traces))):
+        other = threading.Thread(target=lambda: one(law(2)))
+        other.start()
+        other.join()
+        assert order == ["run"]
+        one(law())
+        one(law())
+    assert order == ["run", 2, "run", "run"]
+
+    with one.when_traced(lambda: order.append("known")):
+        one(law())
+    assert order[4:] == ["known", "run"]
+    with one.when_traced(lambda: order.append("not asked")):
+        pass
+    one(law())
+    assert order[6:] == ["run"]

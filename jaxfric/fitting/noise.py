@@ -30,7 +30,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Complex, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..traced import traced
 
@@ -349,11 +349,8 @@ def sandwich(
 ) -> Float[Array, "p p"]:
     """J^T Sigma J for the noise covariance Sigma, in one pass."""
     scaled = jacobian * jnp.broadcast_to(noise.scale, jacobian.shape[:1])[:, None]
-    white = 1 - noise.share[0] - noise.share[1]
-    total = white * scaled.T @ scaled
-    for size, rate in _terms(clock, noise):
-        total = total + (size * _correlated(scaled, jnp.exp(-rate))).real
-    return jnp.asarray(noise.sigma**2 * total)
+    white = (1 - noise.share[0] - noise.share[1]) * scaled.T @ scaled
+    return jnp.asarray(noise.sigma**2 * (white + _correlated(scaled, _terms(clock, noise))))
 
 
 def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> list[tuple[Array, Array]]:
@@ -378,21 +375,22 @@ def neighbours(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, " n"
 
 
 def _correlated(
-    jacobian: Float[Numbers, "n p"], turn: Complex[Array, " n"]
-) -> Complex[Array, "p p"]:
-    """J^T R J, R_ij the product of `turn` from row i to row j."""
-    turn = jnp.concatenate([jnp.ones_like(turn[:1]), turn[:-1]])
+    columns: Float[Numbers, "n p"], terms: list[tuple[Array, Array]]
+) -> Float[Array, "p p"]:
+    """C^T R C, R_ij the sum over `terms` (as `_terms`) of what is kept from row i to row j."""
+    columns, sizes = jnp.asarray(columns), jnp.stack([size + 0j for size, _ in terms])
+    keep = jnp.exp(-jnp.stack([d for _, d in terms], axis=1))
+    keep = jnp.concatenate([jnp.ones_like(keep[:1]), keep[:-1]])
 
     def step(carry: Array, row: tuple[Array, Array]) -> tuple[Array, Array]:
-        j, k = row
-        carry = k * carry + j
-        return carry, carry
+        c, k = row
+        carry = k[:, None] * carry + c
+        return carry, jnp.sum(sizes[:, None] * carry, axis=0).real
 
-    start = jnp.zeros(jacobian.shape[1], complex)
-    jacobian = jnp.asarray(jacobian)
-    _, tail = jax.lax.scan(step, start, (jacobian, turn))
-    one_sided = jacobian.T @ tail
-    return one_sided + one_sided.T - jacobian.T @ jacobian
+    start = jnp.zeros((len(terms), columns.shape[1]), complex)
+    _, before = jax.lax.scan(step, start, (columns, keep))
+    one_sided = columns.T @ before
+    return one_sided + one_sided.T - jnp.sum(sizes).real * columns.T @ columns
 
 
 def rms_error(clock: Float[Numbers, "n *k"], used: ArrayLike, noise: Noise) -> float:
@@ -411,7 +409,6 @@ def _squares(
 ) -> Float[Array, ""]:
     """Sum over all pairs of rows of the square of their correlation, times both sizes."""
     terms = _terms(clock, noise)
-    total = (1 - jnp.sum(noise.share) ** 2) * jnp.sum(sizes**2) + 0j
-    for (a, p), (b, q) in itertools.product(terms, terms):
-        total = total + a * b * _correlated(sizes[:, None], jnp.exp(-p - q))[0, 0]
-    return total.real
+    pairs = [(a * b, p + q) for (a, p), (b, q) in itertools.product(terms, terms)]
+    white = (1 - jnp.sum(noise.share) ** 2) * jnp.sum(sizes**2)
+    return white + _correlated(sizes[:, None], pairs)[0, 0]

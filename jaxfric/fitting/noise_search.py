@@ -37,7 +37,7 @@ from .noise import (
     moves_of,
 )
 from .noise_spectrum import gains_of_parts, spectrum
-from .padding import WIDE, counted_rows, padded_columns
+from .padding import counted_rows, padded_columns
 
 LONGEST = 0.1
 """Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
@@ -199,8 +199,7 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
 
 def _white(record: NoiseRows) -> Found:
     """White noise with its restricted likelihood."""
-    columns = padded_columns(record.columns, size=WIDE)
-    value, sigma = map(float, restricted_white(record.weight, columns, record.scale))
+    value, sigma = restricted_white(record.weight, record.columns, record.scale)
     nothing = np.zeros(0)
     return Found(noise_at(record, Family(), nothing, sigma, value), Family(), nothing, value)
 
@@ -541,11 +540,10 @@ def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
     # a pass without resonators, or without a swing, takes less time (`noise.moves_of`)
     order = np.argsort((parts[2] > EXPONENTIAL) + 1.0 * (parts[2] > 0), kind="stable")
 
-    def some(begin: int) -> list[np.ndarray]:
+    def some(begin: int) -> tuple[np.ndarray, np.ndarray]:
         at = order[np.minimum(np.arange(begin, begin + size), count - 1)]  # few shapes are compiled
         own = (x[at] for x in parts)
-        found = restricted(record.clock, record.weight, record.columns, record.scale, *own)
-        return [np.asarray(x) for x in found]
+        return restricted(record.clock, record.weight, record.columns, record.scale, *own)
 
     found = zip(*each(some, range(0, count, size)), strict=True)
     back = np.argsort(order)
@@ -574,7 +572,6 @@ def products(
     return jnp.einsum("gni,gnj->gij", white, white), log_determinant
 
 
-@traced
 def restricted(
     clock: Float[Numbers, "n k"],
     weight: Float[Numbers, " n"],
@@ -583,54 +580,44 @@ def restricted(
     share: Float[Numbers, "g 2"],
     rates: Float[Numbers, "g 2 k"],
     beta: Float[Numbers, " g"],
-) -> tuple[Float[Array, " g"], Float[Array, " g"]]:
+) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
     """Restricted log-likelihood and sigma of every noise; column 0 is the residual."""
-    gram, log_determinant = products(clock, weight, columns, scale, share, rates, beta)
-    return _profiled(gram, log_determinant, jnp.sum(weight > 0))
+    found = products(clock, weight, columns, scale, share, rates, beta)
+    gram, log_determinant = (np.asarray(x) for x in found)
+    return _profiled(gram, log_determinant, int(np.sum(np.asarray(weight) > 0)))
 
 
-@traced
 def restricted_white(
     weight: Float[Numbers, " n"], columns: Float[Numbers, "n m"], scale: Float[Numbers, " *n"]
-) -> tuple[Float[Array, ""], Float[Array, ""]]:
+) -> tuple[float, float]:
     """Restricted log-likelihood and sigma of white noise; column 0 is the residual."""
-    on = weight > 0
-    scale = jnp.broadcast_to(scale, weight.shape)
-    white = jnp.where(on[:, None], columns / scale[:, None], 0.0)
-    log_determinant = 2 * jnp.sum(jnp.where(on, jnp.log(scale), 0.0))
-    value, sigma = _profiled((white.T @ white)[None], log_determinant[None], jnp.sum(on))
-    return value[0], sigma[0]
+    on = np.asarray(weight) > 0
+    scale = np.broadcast_to(np.asarray(scale), on.shape)[on]
+    white = np.asarray(columns)[on] / scale[:, None]
+    log_determinant = 2 * np.sum(np.log(scale))
+    n = len(scale)
+    value, sigma = _profiled((white.T @ white)[None], log_determinant[None], n)
+    return float(value[0]), float(sigma[0])
 
 
 def _profiled(
-    gram: Float[Array, "g m m"], log_determinant: Float[Array, " g"], n: Numbers
-) -> tuple[Float[Array, " g"], Float[Array, " g"]]:
-    """Restricted log-likelihood and sigma from the products of whitened columns of `n` rows."""
-    design = gram[:, 1:, 1:]
-    diagonal = jnp.diagonal(design, axis1=1, axis2=2)
-    used = diagonal > 0  # columns of zeros are padding
-    p = jnp.sum(used[0])
-    size = jnp.where(used, 1 / jnp.sqrt(jnp.where(used, diagonal, 1.0)), 1.0)
-    ridge = jnp.where(used, 1e-12, 1.0)[:, :, None] * jnp.eye(design.shape[1])
-    scaled = design * size[:, :, None] * size[:, None, :] + ridge
-    projection = gram[:, 1:, 0] * size
-    solved, log_size = jax.lax.map(_solved, (scaled, projection))
-    left = jnp.maximum(gram[:, 0, 0] - jnp.sum(projection * solved, axis=1), 1e-300)
-    variance = left / (n - p)
-    log_det = log_size - 2 * jnp.sum(jnp.log(size), axis=1)
-    deviance = (n - p) * (jnp.log(variance) + 1) + log_det + log_determinant
-    return -0.5 * deviance, jnp.sqrt(variance)
+    gram: Float[np.ndarray, "g m m"], log_determinant: Float[np.ndarray, " g"], n: int
+) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
+    """Restricted log-likelihood and sigma from the products of whitened columns of `n` rows.
 
-
-def _solved(
-    system: tuple[Float[Array, "m m"], Float[Array, " m"]],
-) -> tuple[Float[Array, " m"], Float[Array, ""]]:
-    """Solution of one system, and the logarithm of its determinant.
-
-    One after the other: a batch of LAPACK's calls waits for the threads that XLA computes on, and
-    two of them at once, of fits side by side, wait for each other without end.
+    What is left of the residual, its square without what the other columns explain, is the ratio of
+    two determinants: with the residual, and without.
     """
-    matrix, side = system
-    factors, pivots = jax.scipy.linalg.lu_factor(matrix)
-    solved = jax.scipy.linalg.lu_solve((factors, pivots), side)
-    return solved, jnp.sum(jnp.log(jnp.abs(jnp.diagonal(factors))))
+    diagonal = np.einsum("gii->gi", gram)
+    used = diagonal > 0  # columns of zeros are padding
+    p = int(np.sum(used[0, 1:]))
+    size = np.where(used, 1 / np.sqrt(np.where(used, diagonal, 1.0)), 1.0)
+    ridge = np.where(used, 1e-12, 1.0)[:, :, None] * np.eye(len(gram[0]))
+    scaled = gram * size[:, :, None] * size[:, None, :] + ridge
+    log_size = np.linalg.slogdet(scaled[:, 1:, 1:])[1]
+    log_left = np.linalg.slogdet(scaled)[1] - log_size
+    left = np.maximum(np.exp(log_left) * diagonal[:, 0], 1e-300)
+    variance = left / (n - p)
+    log_det = log_size - 2 * np.sum(np.log(size[:, 1:]), axis=1)
+    deviance = (n - p) * (np.log(variance) + 1) + log_det + log_determinant
+    return -0.5 * deviance, np.sqrt(variance)

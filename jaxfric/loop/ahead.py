@@ -1,19 +1,21 @@
-"""What a slider's loop compiles, compiled on another thread while its base is being fitted.
+"""What a slider's loop compiles, compiled on other threads while its base is being fitted.
 
 Most of a first loop is tracing and compiling two functions of the encompassing model, whose shapes
-are known as soon as the record is read. Neither needs the base fit, but for numbers.
+are known as soon as the record is read. Neither needs the base fit, but for numbers. They are
+traced one after the other, when what the base fit waits for has been traced.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 
 from ..fitting.fit import require_float64
-from ..fitting.problem import Problem, free_of
+from ..fitting.problem import Problem, free_of, residual_and_jacobian
 from ..records import Record, VelocitySteps
 from ..threads import beside
 from ..traced import keeping
-from .engine import Engine, compiled
+from .engine import Engine, compiled, when_evaluated
 from .slider_bench import scales_of
 
 _SLIP_LENGTH = 0.1
@@ -25,15 +27,15 @@ def compile_ahead(
     steps: VelocitySteps,
     stiffness: float,
     engine_with: Callable[[Mapping[str, float]], Engine[Problem]],
-) -> None:
-    """Begin to compile, and go on. Nothing where what is compiled is not kept (`cache_compiled`),
-    or where a loop of that shape was compiled already.
+) -> AbstractContextManager[None]:
+    """Within it the base is fitted, and compiling begins beside that. Nothing where what is
+    compiled is not kept (`cache_compiled`), or where a loop of that shape was compiled already.
 
     `engine_with` gives the engine for values of the base (SI), here typical ones, with which no
     slider runs away: A larger than B. What fails here will fail again where it is asked for.
     """
     if not keeping():
-        return
+        return nullcontext()
 
     def work() -> None:
         require_float64()  # on this thread too
@@ -45,10 +47,12 @@ def compile_ahead(
             return
         z = free_of(problem, natural)
         scales = scales_of(record, steps, values["L"])
-        beside(lambda: engine.shapes(engine, z, engine.addable(()), scales))
-        engine.evaluate(z, engine.free(()))
+        with when_evaluated(
+            lambda: beside(lambda: engine.shapes(engine, z, engine.addable(()), scales))
+        ):
+            engine.evaluate(z, engine.free(()))
 
-    beside(work)
+    return residual_and_jacobian.when_traced(lambda: beside(work))
 
 
 def _typical(record: Record, steps: VelocitySteps, stiffness: float) -> dict[str, float]:

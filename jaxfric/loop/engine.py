@@ -629,6 +629,10 @@ def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], directions: Float
     return jax.vmap(push, out_axes=(None, -1))(directions)
 
 
+when_evaluated = _evaluate.when_traced
+"""As `Traced.when_traced`, of the function by which an engine evaluates."""
+
+
 @traced
 def _natural(problem: AbstractProblem, z: Float[Array, " q"]):
     return problem.from_free(z)

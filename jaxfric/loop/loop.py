@@ -121,8 +121,8 @@ def _step_bench(
         return engine_of(problem, blocks, felt, Choice(asked.with_, asked.without))
 
     K = stated_stiffness(stiffness, record, found_steps, law)
-    compile_ahead(record, found_steps, K, engine_with)
-    base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
+    with compile_ahead(record, found_steps, K, engine_with):
+        base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
     refuse_failed(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
     problem, felt = problem_with(base_fit.values(), blocks)

@@ -70,9 +70,9 @@ def run_bench(
         problem, felt = _problem(joined, law, values, steps, blocks, asked)
         return engine_of(problem, blocks, felt, Choice(asked.with_, asked.without))
 
-    compile_ahead(joined.record, steps, stiffness, engine_with)
-    start = _start(record, events, how, progress)
-    base_fit = _base_fit(joined, levels, how, start, progress)
+    with compile_ahead(joined.record, steps, stiffness, engine_with):
+        start = _start(record, events, how, progress)
+        base_fit = _base_fit(joined, levels, how, start, progress)
     refuse_failed(joined.record, base_fit)
     problem, felt = _problem(joined, law, base_fit.values(), steps, blocks, asked)
     bench = RunBench(
