@@ -30,7 +30,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..traced import traced
 
@@ -83,13 +83,17 @@ def _columns(clock: Float[Numbers, "n *k"]) -> Float[Numbers, "n k"]:
     return clock[:, None] if clock.ndim == 1 else clock
 
 
-def _forgotten(
-    clock: Float[Numbers, "n *k"], rates: Float[Numbers, "*g 2 k"]
-) -> Float[Array, "*g 2 n"]:
-    """Distance to the next row in memories of each part, of one noise or of many."""
+def distances(clock: Float[Numbers, "n *k"]) -> Float[Array, "n k"]:
+    """How far every clock goes to the next row; 0 from the last one."""
     steps = jnp.abs(jnp.diff(_columns(clock), axis=0))
-    steps = jnp.concatenate([steps, jnp.zeros_like(steps[:1])])
-    return jnp.einsum("nk,...pk->...pn", steps, rates)
+    return jnp.concatenate([steps, jnp.zeros_like(steps[:1])])
+
+
+def _forgotten(
+    away: Float[Numbers, "n k"], rates: Float[Numbers, "*g 2 k"]
+) -> Float[Array, "*g 2 n"]:
+    """Some `distances` in memories of each part, of one noise or of many."""
+    return jnp.einsum("nk,...pk->...pn", away, rates)
 
 
 class Moves(NamedTuple):
@@ -101,27 +105,30 @@ class Moves(NamedTuple):
     """Transition of the second part: b and its slope, in units of what it forgets."""
     added: tuple[Array, Array, Array]
     """Covariance that the second part gains."""
-    slope: Array
-    """Variance of its slope, (*g,)."""
 
 
 def moves_of(
-    clock: Float[Numbers, "n *k"], rates: Float[Numbers, "*g 2 k"], beta: Float[Numbers, "*g"]
+    away: Float[Numbers, "n k"], rates: Float[Numbers, "*g 2 k"], beta: Float[Numbers, "*g"]
 ) -> Moves:
-    """The moves of one noise or of many.
+    """The moves of one noise or of many over some `distances`.
 
     Sines, and resonators at all, are computed only where one of the noises has them: they take half
     of the time of a filter.
     """
-    forgotten = _forgotten(clock, rates)
+    forgotten = _forgotten(away, rates)
     first, second = forgotten[..., 0, :], forgotten[..., 1, :]
-    beta = jnp.asarray(beta)
-    alone = beta <= EXPONENTIAL
-    size = jnp.where(alone, 1.0, 1 + jnp.where(beta > 0, beta, -(_damped(beta) ** 2)))
+    own = jnp.asarray(beta)[..., None]
     turn, added = jax.lax.cond(
-        jnp.all(alone), _of_exponentials, _of_resonators, second, beta[..., None], size[..., None]
+        jnp.all(own <= EXPONENTIAL), _of_exponentials, _of_resonators, second, own, _steepness(own)
     )
-    return Moves(jnp.exp(-first), turn, added, size)
+    return Moves(jnp.exp(-first), turn, added)
+
+
+def _steepness(beta: Float[Numbers, "*g"]) -> Float[Array, "*g"]:
+    """Variance of the slope of second parts, in units of their own and of what they forget."""
+    beta = jnp.asarray(beta)
+    own = 1 + jnp.where(beta > 0, beta, -(_damped(beta) ** 2))
+    return jnp.where(beta <= EXPONENTIAL, 1.0, own)
 
 
 _Second = tuple[tuple[Array, Array, Array, Array], tuple[Array, Array, Array]]
@@ -179,17 +186,12 @@ def innovations(
     noise: Noise,
 ) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
     """Columns whitened as by `whiten` for sigma = 1, and the log-determinant of that covariance."""
-    return innovations_of(weight, columns, noise, moves_of(clock, noise.rates, noise.beta))
-
-
-def innovations_of(
-    weight: Float[Numbers, " n"], columns: Float[Numbers, "n m"], noise: Noise, moves: Moves
-) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
-    """As `innovations`, with the moves of the noise given."""
-    scale = jnp.broadcast_to(noise.scale, weight.shape)
-    found, log_inverse = _filtered(weight, columns / scale[:, None], noise, moves)
-    log_scale = jnp.sum(jnp.where(weight > 0, jnp.log(noise.scale), 0.0))
-    return found * (weight > 0)[:, None], 2 * log_scale - jnp.sum(log_inverse)
+    scale, used = jnp.broadcast_to(noise.scale, weight.shape), weight > 0
+    moves = moves_of(distances(clock), noise.rates, noise.beta)
+    begun = at_first_row(columns, noise.share, noise.beta)
+    _, (found, log_inverse) = filtered(used, columns / scale[:, None], noise.share, moves, begun)
+    log_scale = jnp.sum(jnp.where(used, jnp.log(scale), 0.0))
+    return found * used[:, None], 2 * log_scale - jnp.sum(log_inverse)
 
 
 @traced
@@ -203,31 +205,50 @@ def coloured(
 
     Rows of zero weight come out as 0.
     """
-    white = white * (weight > 0)[:, None]
-    moves = moves_of(clock, noise.rates, noise.beta)
-    found, _ = _filtered(weight, white, noise, moves, backwards=True)
+    used = weight > 0
+    moves = moves_of(distances(clock), noise.rates, noise.beta)
+    begun = at_first_row(white, noise.share, noise.beta)
+    white = white * used[:, None]
+    _, (found, _) = filtered(used, white, noise.share, moves, begun, backwards=True)
     scale = noise.sigma * jnp.broadcast_to(noise.scale, weight.shape)
-    return found * (scale * (weight > 0))[:, None]
+    return found * (scale * used)[:, None]
 
 
-def _filtered(
-    weight: Float[Numbers, " n"],
+class Carried(NamedTuple):
+    """What a filter carries from row to row: a, b and the slope of b, of every column their means,
+    of all columns alike their covariances (11, 12, 13, 22, 23, 33)."""
+
+    mean: list[Float[Array, " m"]]
+    spread: list[Float[Array, ""]]
+
+
+def at_first_row(
+    columns: Float[Numbers, "n m"], share: Float[Numbers, " 2"], beta: Float[Numbers, ""]
+) -> Carried:
+    """What a filter of some columns begins with."""
+    first, second = jnp.asarray(share)
+    zero, none = jnp.zeros_like(columns[0]), jnp.zeros_like(first)
+    return Carried([zero] * 3, [first, none, none, second, none, second * _steepness(beta)])
+
+
+def filtered(
+    used: Bool[Numbers, " n"],
     columns: Float[Numbers, "n m"],
-    noise: Noise,
+    share: Float[Numbers, " 2"],
     moves: Moves,
+    begun: Carried,
     *,
     backwards: bool = False,
-) -> tuple[Float[Array, "n m"], Float[Array, " n"]]:
+) -> tuple[Carried, tuple[Float[Array, "n m"], Float[Array, " n"]]]:
     """Innovations of columns of scale 1, or `backwards` the columns of such innovations; and the
-    logarithm of the inverse variance of each row's misfit, (n,)."""
-    used = weight > 0
-    first, second = noise.share
+    logarithm of the inverse variance of each row's misfit, (n,). Rows not `used` are to be passed
+    over. Goes on from what is carried, and tells what is carried on."""
+    first, second = share
     white = 1 - first - second
 
     def advance(
-        carry: tuple[list[Array], list[Array]],
-        row: tuple[Array, Array, Array, list[Array], list[Array]],
-    ) -> tuple[tuple[list[Array], list[Array]], tuple[Array, Array]]:
+        carry: Carried, row: tuple[Array, Array, Array, list[Array], list[Array]]
+    ) -> tuple[Carried, tuple[Array, Array]]:
         mean, spread = carry
         y, hidden, f, turn, added = row
         gain, inverse, spread = _update(spread, white + hidden)
@@ -239,10 +260,8 @@ def _filtered(
         spread = _forecast(spread, f, turn)
         spread[0] = spread[0] + first * (1 - f * f)
         spread[3:] = [x + second * q for x, q in zip(spread[3:], added, strict=True)]
-        return (mean, spread), (out, jnp.where(hidden > 0, 0.0, jnp.log(inverse)))
+        return Carried(mean, spread), (out, jnp.where(hidden > 0, 0.0, jnp.log(inverse)))
 
-    zero, none = jnp.zeros_like(columns[0]), jnp.zeros_like(first)
-    start = ([zero] * 3, [first, none, none, second, none, second * moves.slope])
     rows = (
         jnp.asarray(columns),
         jnp.where(used, 0.0, _HIDDEN),
@@ -250,7 +269,7 @@ def _filtered(
         list(moves.turn),
         list(moves.added),
     )
-    return jax.lax.scan(advance, start, rows)[1]
+    return jax.lax.scan(advance, begun, rows)
 
 
 class Whitening(NamedTuple):
@@ -286,7 +305,7 @@ def whitening(clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], noise
     """The `Whitening` of this noise of a scale that is the same in all rows."""
     used = weight > 0
     first, second = noise.share
-    moves = moves_of(clock, noise.rates, noise.beta)
+    moves = moves_of(distances(clock), noise.rates, noise.beta)
 
     def advance(
         spread: list[Array], row: tuple[Array, Array, list[Array], list[Array]]
@@ -298,8 +317,7 @@ def whitening(clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], noise
         spread[3:] = [x + second * q for x, q in zip(spread[3:], added, strict=True)]
         return spread, (jnp.stack(gain), inverse)
 
-    none = jnp.zeros_like(first)
-    start = [first, none, none, second, none, second * moves.slope]
+    start = at_first_row(jnp.zeros((1, 0)), noise.share, noise.beta).spread
     rows = (jnp.where(used, 0.0, _HIDDEN), moves.keep, list(moves.turn), list(moves.added))
     _, (gain, inverse) = jax.lax.scan(advance, start, rows)
     size = jnp.where(used, jnp.sqrt(inverse) / (noise.sigma * noise.scale), 0.0)
@@ -358,7 +376,7 @@ def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> list[tuple[Array, Arr
 
     Sizes and exponents are complex; the sum is real.
     """
-    first, second = _forgotten(clock, noise.rates) + 0j
+    first, second = _forgotten(distances(clock), noise.rates) + 0j
     near = jnp.where(jnp.abs(noise.beta) < _CRITICAL**2, _CRITICAL**2, noise.beta)
     alone = noise.beta <= EXPONENTIAL
     s = jnp.where(alone, 0.5, jnp.sqrt(-near + 0j))

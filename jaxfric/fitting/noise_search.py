@@ -24,15 +24,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..threads import one_by_one, side_by_side
+from ..threads import side_by_side
 from ..traced import traced
 from .noise import (
     EXPONENTIAL,
     PARTS,
-    Moves,
+    Carried,
     Noise,
     Numbers,
-    innovations_of,
+    at_first_row,
+    distances,
+    filtered,
     limit_of_negative,
     moves_of,
 )
@@ -64,6 +66,8 @@ _BETWEEN = (0.0, 0.5, 1.0)
 _SIZES_AROUND = (-1.5, 0.0, 1.5)
 _MEMORIES_AROUND = (-0.7, 0.0, 0.7)
 _ALONE = 64  # noises by which a residual alone is whitened in one pass
+_BLOCK = 512
+"""Rows that are whitened before their products are added: they are still in the cache then."""
 _LIKELY = 12
 """Starts of a family, likeliest for the residual alone, whose restricted likelihood is asked."""
 FAR_FROM = 0.5
@@ -534,9 +538,6 @@ def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
     """Restricted log-likelihoods and sigmas (g,) of noises with some `parts` (as of `parts_at`)."""
     columns, count = record.columns.shape[1], len(parts[2])
     size = _ALONE if columns == 1 and count > _ALONE // 2 else _TOGETHER
-    each = side_by_side
-    if record.rows > _SIZED * _STRETCH:  # memory
-        size, each = 1, one_by_one
     # a pass without resonators, or without a swing, takes less time (`noise.moves_of`)
     order = np.argsort((parts[2] > EXPONENTIAL) + 1.0 * (parts[2] > 0), kind="stable")
 
@@ -545,7 +546,7 @@ def _values(record: NoiseRows, parts: _Parts) -> tuple[np.ndarray, np.ndarray]:
         own = (x[at] for x in parts)
         return restricted(record.clock, record.weight, record.columns, record.scale, *own)
 
-    found = zip(*each(some, range(0, count, size)), strict=True)
+    found = zip(*side_by_side(some, range(0, count, size)), strict=True)
     back = np.argsort(order)
     value, sigma = (np.concatenate(part)[:count][back] for part in found)
     return np.where(np.isfinite(value), value, -np.inf), sigma
@@ -562,14 +563,28 @@ def products(
     beta: Float[Numbers, " g"],
 ) -> tuple[Float[Array, "g m m"], Float[Array, " g"]]:
     """Products of the columns whitened under every noise of sigma 1, and its log-determinants."""
-    one = jnp.ones(())
+    scale, used = jnp.broadcast_to(scale, weight.shape), weight > 0
+    each = _BLOCK if len(weight) % _BLOCK == 0 else len(weight)
+    rows = (distances(clock), used, columns / scale[:, None])
+    blocks = jax.tree.map(lambda x: x.reshape(-1, each, *x.shape[1:]), rows)
 
-    def under(share: Numbers, rates: Numbers, beta: Numbers, moves: Moves) -> tuple[Array, Array]:
-        return innovations_of(weight, columns, Noise(one, share, rates, beta, scale, one), moves)
+    def add(
+        carry: tuple[Carried, Array, Array], block: tuple[Array, Array, Array]
+    ) -> tuple[tuple[Carried, Array, Array], None]:
+        begun, gram, log_inverse = carry
+        away, on, own = block
+        under = jax.vmap(lambda *noise: filtered(on, own, *noise))
+        begun, (white, more) = under(share, moves_of(away, rates, beta), begun)
+        white = white * on[:, None]
+        gram = gram + jnp.einsum("gni,gnj->gij", white, white)
+        return (begun, gram, log_inverse + jnp.sum(more, axis=1)), None
 
-    moves = moves_of(clock, rates, beta)
-    white, log_determinant = jax.vmap(under)(share, rates, beta, moves)
-    return jnp.einsum("gni,gnj->gij", white, white), log_determinant
+    begun = jax.vmap(at_first_row, (None, 0, 0))(columns, share, beta)
+    g, m = len(beta), columns.shape[1]
+    (_, gram, log_inverse), _ = jax.lax.scan(
+        add, (begun, jnp.zeros((g, m, m)), jnp.zeros(g)), blocks
+    )
+    return gram, 2 * jnp.sum(jnp.where(used, jnp.log(scale), 0.0)) - log_inverse
 
 
 def restricted(

@@ -95,21 +95,21 @@ class Response(eqx.Module):
         """Change of recorded friction and slip by forces at the start and at every middle."""
         first, along = forces[0], forces[1:]
 
-        def step(y: Array, now: tuple[Array, ...]) -> tuple[Array, Array]:
-            propagate, driven, by_start, g = now
+        def step(y: Array, now: tuple[Array, ...]) -> tuple[Array, tuple[Array, Array]]:
+            propagate, driven, by_start, read, direct, read_slip, g = now
             carried = jnp.sum(propagate[:, :, None] * y, axis=1)  # no product: as in `rodas`
             y = carried + driven[:, None] * g + by_start[:, None] * first
-            return y, y
+            # read here: kept for every row the states of many forces would fill the memory
+            force = jnp.sum(read[:, None] * y, axis=0) + direct[0] * g + direct[1] * first
+            return y, (force, jnp.sum(read_slip[:, None] * y, axis=0))
 
         y0 = self.begin[:, None] * first
-        inputs = (self.propagate, self.driven, self.by_start, along)
-        _, y = jax.lax.scan(step, y0, inputs)
-        out = jnp.einsum("kd,kdm->km", self.read, y)
-        out = out + self.read_directly[:, :1] * along + self.read_directly[:, 1:] * first
+        linear = self.propagate, self.driven, self.by_start
+        inputs = (*linear, self.read, self.read_directly, self.read_slip, along)
+        _, (out, slip) = jax.lax.scan(step, y0, inputs)
         begin = self.read[0] @ y0 + self.read_directly[0, 0] * first
         begin = begin + self.read_directly[0, 1] * first
         out = jnp.concatenate([begin[None], out])[self.rows]
-        slip = jnp.einsum("kd,kdm->km", self.read_slip, y)
         slip = jnp.concatenate([jnp.zeros_like(slip[:1]), slip])[self.rows]
         quiet = self.rig.sensor.read(self.time, jnp.zeros_like(self.time))
         seen = jax.vmap(lambda c: self.rig.sensor.read(self.time, c) - quiet, 1, 1)

@@ -15,13 +15,18 @@ from ..fitting.problem import Problem
 
 # Shares of the distance back to the row before.
 _BETWEEN = np.asarray((1 / 2, 1 / 8, 1 / 32))
+_SHARE, _MOST = 0.25, 1024
+"""Share of all rows that are the coarsest ones, and the most of them: in a longer record the rows
+after a step are finer, or there are more of them where friction does not bend."""
 
 
-def seen_between(problem: Problem, bend: float, length: float, share: float = 0.25) -> Problem:
+def seen_between(
+    problem: Problem, bend: float, length: float, number: int | None = None
+) -> Problem:
     """A copy of the problem in which the sensor sees friction before the coarsest rows, too.
 
     `bend` and `length` [m] are A/K and L. The coarsest rows are those with the most slip since the
-    last one, soon after a step: a `share` of all, so as many in every problem of that size.
+    last one, soon after a step: `number` of them, by default as many in every problem of that size.
     """
     time = np.asarray(problem.time)
     back = np.diff(time, prepend=time[0])
@@ -30,7 +35,7 @@ def seen_between(problem: Problem, bend: float, length: float, share: float = 0.
     since = speeds[step] * (time - jumps[step])
     coarse = speeds[step] * back * np.exp(-0.5 * np.maximum(since, 0.0) / (bend + length))
     chosen = np.argsort(-np.where(step > 0, coarse, 0.0), kind="stable")
-    chosen = chosen[: int(share * len(time))]
+    chosen = chosen[: min(int(_SHARE * len(time)), _MOST) if number is None else number]
     between = (time[chosen, None] - back[chosen, None] * _BETWEEN).ravel()
     times = np.concatenate([time, between])
     order = np.argsort(times, kind="stable")

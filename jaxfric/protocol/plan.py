@@ -390,7 +390,8 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         channels=channels,
     )
     # every row: the slope that a small lag of the sensor needs is that at the row
-    problem = seen_between(problem, values["A"] / planned.stiffness, values["L"], share=1.0)
+    every = len(problem.time)
+    problem = seen_between(problem, values["A"] / planned.stiffness, values["L"], every)
     return problem, split(times, variant.steps())
 
 
