@@ -369,6 +369,23 @@ def test_a_sensor_and_rows_far_apart(id, name, short):
     assert wrong(fine) < 0.3 * wrong(problem)
 
 
+@pytest.mark.parametrize(("rows", "coarse"), [(400, 128), (9000, 1024)])
+def test_a_long_record_has_no_more_coarse_rows_than_a_shorter_one(rows, coarse):
+    """Three more times before each, where the load point has gone on most since the row before."""
+    steps = jf.VelocitySteps(np.array([0.0, 40.0, 70.0]), np.array([1e-6, 1e-5, 1e-6]))
+    time = np.linspace(0.0, 100.0, rows)
+    sizes = ProblemSizes(1e-6, 1e4, 1e-3, 0.01)
+    problem = make_problem(time, np.full(rows, 0.6), steps, sizes, Model())
+    times, places = map(np.asarray, seen_between(problem, 1e-6, 1e-5).seen)
+    every = np.asarray(problem.time)
+    np.testing.assert_array_equal(times[places], every)
+    assert len(times) == len(every) + 3 * coarse
+    more = np.setdiff1d(np.unique(times), every)
+    assert np.all(more > 40 - 100 / rows)
+    soon = [np.sum((x > 40) & (x < 42)) for x in (more, time)]
+    assert soon[0] == pytest.approx(3 * soon[1], abs=3)  # all of them
+
+
 def test_refit_recovers_the_plant_of_a_clean_record(soft):
     """From 20 % beside it. What is left is the solver's error, 1e-5 of friction's change."""
     far = start(soft.engine, (F0, 1.2 * A, 0.85 * B, 1.2 * L))

@@ -34,6 +34,7 @@ from jaxfric.fitting.noise_search import (
     noise_rows,
     noises_around,
     parts_at,
+    products,
     profile_noise,
     restricted,
     restricted_white,
@@ -154,6 +155,29 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     values, sigmas = np.array(truth).T
     np.testing.assert_allclose(np.diff(found), np.diff(values), atol=1e-6)
     np.testing.assert_allclose(sigma, sigmas, rtol=1e-8)
+
+
+def test_the_likelihood_goes_on_from_block_to_block():
+    """1024 rows are whitened in two blocks; a long memory and a resonator, by dense matrices."""
+    rng = np.random.default_rng(13)
+    time = uneven(rng, 1024)
+    columns = np.column_stack([rng.normal(size=1024), np.ones(1024), np.sin(time / 200)])
+    weight = (rng.uniform(size=1024) < 0.9).astype(float)
+    weight[512] = 0.0
+    share, rates = np.array([0.6, 0.3]), np.array([[1 / 70], [1 / 9]])
+    away = np.abs(time[:, None] - time)
+    for beta in (EXPONENTIAL, 4.0):
+        swing = np.cos(2 * away / 9) + 0.5 * np.sin(2 * away / 9) if beta > 0 else 1.0
+        dense = 0.6 * np.exp(-away / 70) + 0.3 * np.exp(-away / 9) * swing + 0.1 * np.eye(1024)
+        on = weight > 0
+        root = np.linalg.cholesky(dense[np.ix_(on, on)])
+        white = np.linalg.solve(root, columns[on])
+        gram, log_determinant = products(
+            time[:, None], weight, columns, np.ones(()), share[None], rates[None], np.array([beta])
+        )
+        np.testing.assert_allclose(gram[0], white.T @ white, rtol=1e-8)
+        wanted = 2 * np.sum(np.log(np.diag(root)))
+        assert float(log_determinant[0]) == pytest.approx(wanted, abs=1e-6)
 
 
 def test_white_noise_is_that_of_the_rows_that_count():

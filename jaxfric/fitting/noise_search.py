@@ -623,16 +623,16 @@ def _profiled(
     What is left of the residual, its square without what the other columns explain, is the ratio of
     two determinants: with the residual, and without.
     """
-    diagonal = np.einsum("gii->gi", gram)
+    diagonal = np.diagonal(gram, axis1=1, axis2=2)
     used = diagonal > 0  # columns of zeros are padding
     p = int(np.sum(used[0, 1:]))
     size = np.where(used, 1 / np.sqrt(np.where(used, diagonal, 1.0)), 1.0)
     ridge = np.where(used, 1e-12, 1.0)[:, :, None] * np.eye(len(gram[0]))
-    scaled = gram * size[:, :, None] * size[:, None, :] + ridge
-    log_size = np.linalg.slogdet(scaled[:, 1:, 1:])[1]
-    log_left = np.linalg.slogdet(scaled)[1] - log_size
-    left = np.maximum(np.exp(log_left) * diagonal[:, 0], 1e-300)
-    variance = left / (n - p)
-    log_det = log_size - 2 * np.sum(np.log(size[:, 1:]), axis=1)
-    deviance = (n - p) * (np.log(variance) + 1) + log_det + log_determinant
-    return -0.5 * deviance, np.sqrt(variance)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of more columns than rows
+        scaled = gram * size[:, :, None] * size[:, None, :] + ridge
+        log_size = np.linalg.slogdet(scaled[:, 1:, 1:])[1]
+        log_left = np.linalg.slogdet(scaled)[1] - log_size
+        variance = np.maximum(np.exp(log_left) * diagonal[:, 0], 1e-300) / (n - p)
+        log_det = log_size - 2 * np.sum(np.log(size[:, 1:]), axis=1)
+        deviance = (n - p) * (np.log(variance) + 1) + log_det + log_determinant
+        return -0.5 * deviance, np.sqrt(variance)
