@@ -157,6 +157,31 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     np.testing.assert_allclose(sigma, sigmas, rtol=1e-8)
 
 
+def test_columns_nearly_alike_do_not_disturb_the_likelihood():
+    """33 mixtures of 25 curves, as of effects that a record cannot tell apart, against a basis of
+    what they span: from noise to noise the likelihood goes as smoothly, to a part of what decides.
+    """
+    rng = np.random.default_rng(14)
+    n, g = 2048, 20
+    time = np.cumsum(rng.uniform(0.5, 1.5, n))
+    x = time / time[-1]
+    curves = np.stack([x**k for k in range(14)] + [np.exp(-k * x) for k in range(1, 12)], axis=1)
+    mixed = curves @ rng.normal(size=(25, 33))
+    basis, sizes, _ = np.linalg.svd(mixed, full_matrices=False)
+    basis = basis[:, sizes > 1e-6 * sizes[0]]
+    residual = 0.05 * np.cumsum(rng.normal(size=n)) + rng.normal(size=n)
+    residual -= basis @ (basis.T @ residual)
+    shares = np.tile([0.3, 0.0], (g, 1))
+    rates = np.stack([np.geomspace(0.5, 1e-2, g), np.ones(g)], axis=1)[:, :, None]
+
+    def values(columns):
+        rows = time[:, None], np.ones(n), np.column_stack([residual, columns]), np.ones(())
+        return restricted(*rows, shares, rates, np.full(g, EXPONENTIAL))[0]
+
+    rough, smooth = np.diff(values(mixed), 4), np.diff(values(basis), 4)
+    assert np.max(np.abs(rough - smooth)) < 0.1
+
+
 def test_the_likelihood_goes_on_from_block_to_block():
     """1024 rows are whitened in two blocks; a long memory and a resonator, by dense matrices."""
     rng = np.random.default_rng(13)

@@ -618,21 +618,20 @@ def restricted_white(
 def _profiled(
     gram: Float[np.ndarray, "g m m"], log_determinant: Float[np.ndarray, " g"], n: int
 ) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
-    """Restricted log-likelihood and sigma from the products of whitened columns of `n` rows.
-
-    What is left of the residual, its square without what the other columns explain, is the ratio of
-    two determinants: with the residual, and without.
-    """
-    diagonal = np.diagonal(gram, axis1=1, axis2=2)
+    """Restricted log-likelihood and sigma from the products of whitened columns of `n` rows."""
+    design = gram[:, 1:, 1:]
+    diagonal = np.diagonal(design, axis1=1, axis2=2)
     used = diagonal > 0  # columns of zeros are padding
-    p = int(np.sum(used[0, 1:]))
+    p = int(np.sum(used[0]))
     size = np.where(used, 1 / np.sqrt(np.where(used, diagonal, 1.0)), 1.0)
-    ridge = np.where(used, 1e-12, 1.0)[:, :, None] * np.eye(len(gram[0]))
+    ridge = np.where(used, 1e-12, 1.0)[:, :, None] * np.eye(len(design[0]))
     with np.errstate(divide="ignore", invalid="ignore"):  # of more columns than rows
-        scaled = gram * size[:, :, None] * size[:, None, :] + ridge
-        log_size = np.linalg.slogdet(scaled[:, 1:, 1:])[1]
-        log_left = np.linalg.slogdet(scaled)[1] - log_size
-        variance = np.maximum(np.exp(log_left) * diagonal[:, 0], 1e-300) / (n - p)
-        log_det = log_size - 2 * np.sum(np.log(size[:, 1:]), axis=1)
+        scaled = design * size[:, :, None] * size[:, None, :] + ridge
+        projection = gram[:, 1:, 0] * size
+        # what is left is no ratio of determinants: of columns nearly alike those are not known
+        solved = np.linalg.solve(scaled, projection[..., None])[..., 0]
+        left = np.maximum(gram[:, 0, 0] - np.sum(projection * solved, axis=1), 1e-300)
+        variance = left / (n - p)
+        log_det = np.linalg.slogdet(scaled)[1] - 2 * np.sum(np.log(size), axis=1)
         deviance = (n - p) * (np.log(variance) + 1) + log_det + log_determinant
         return -0.5 * deviance, np.sqrt(variance)
