@@ -660,6 +660,11 @@ FAULTS = (
     Fault("what the columns take has no volume", "fitting/noise_search.py",
           "log_det = np.linalg.slogdet(scaled)[1] - 2 * np", "log_det = 0 * np",
           "tests/test_noise.py -k restricted"),
+    Fault("strokes shorter than a hundredth of the longest are rest", "records/strokes.py",
+          "if path >= _BACK_AND_FORTH", "if False and path >= _BACK_AND_FORTH",
+          "tests/test_axis_record.py -k strokes"),
+    Fault("a servo that overshoots makes strokes", "records/strokes.py",
+          "_BACK_AND_FORTH = 1.2", "_BACK_AND_FORTH = 1.0", "tests/test_axis_record.py -k strokes"),
     Fault("what is left is a ratio of determinants", "fitting/noise_search.py",
           "left = np.maximum(gram[:, 0, 0] - np.sum(projection * solved, axis=1), 1e-300)",
           "k = 1 / np.sqrt(gram[:, 0, 0])[:, None]; q = projection * k; one = np.ones_like(k);"

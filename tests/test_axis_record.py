@@ -52,6 +52,23 @@ def test_noise_of_a_position_makes_no_strokes() -> None:
     np.testing.assert_allclose(found.travel, np.tile([0.04, -0.04], 5), rtol=0.03)
 
 
+def test_strokes_that_become_short_are_strokes() -> None:
+    """As those of a chirp: 62 of them, each a tenth shorter than the one before. A servo that
+    overshoots 1 m by 5 mm, or gives way by 1 mm in a stroke of 60 mm, makes none."""
+    moves = 0.1 * 0.9 ** np.arange(62) * np.where(np.arange(62) % 2, -1.0, 0.8)
+    knots = np.concatenate([[0.0], np.cumsum(moves)])
+    t = np.arange(0, len(knots) - 1, 2e-3)
+    x = np.interp(t, np.arange(len(knots)), knots)
+    found = find_strokes(axis_from_arrays(t, np.sin(t) + t, position=x))
+    np.testing.assert_allclose(found.travel, moves, rtol=0.05)
+
+    over = 1e-3 * np.array([0, 1005, 1000, 1000, -5, 0, 0, 30, 29, 60, 60])
+    t = np.arange(0, len(over) - 1, 2e-3)
+    x = np.interp(t, np.arange(len(over)), over)
+    found = find_strokes(axis_from_arrays(t, np.sin(t) + t, position=x))
+    np.testing.assert_allclose(found.travel, [1.0, -1.0, 0.06], rtol=0.08)
+
+
 def test_steps_of_an_encoder() -> None:
     random = np.random.default_rng(0)
     walk = np.cumsum(random.integers(-3, 4, 4000))

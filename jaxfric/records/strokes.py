@@ -12,6 +12,8 @@ _LEAST_TRAVEL = 0.01
 _LEAST_STEPS = 4.0
 _LEAST_NOISE, _RARE = 5.0, 0.01
 """A stroke is also this many times the scatter beyond neighbours (its 1 - `_RARE` quantile)."""
+_BACK_AND_FORTH = 1.2
+"""Within a stroke whose reversals make its path so many times its travel, they are strokes too."""
 _END = 0.01
 """A stroke begins and ends where it is this share of its travel from its ends."""
 _PARTS = 20
@@ -51,13 +53,12 @@ def position_of(record: AxisRecord) -> np.ndarray:
 
 
 def find_strokes(record: AxisRecord) -> Strokes:
-    """The strokes of a record. What moves less than a hundredth of the travel, a few steps of the
-    encoder or the noise of the position is rest."""
+    """The strokes of a record. What moves less than a hundredth of the travel around it, a few
+    steps of the encoder or the noise of the position is rest."""
     time, position = record.relative_time, position_of(record)
     step = encoder_step(position) or 0.0
     noise = float(np.quantile(beyond_neighbours(position), 1 - _RARE))
-    least = max(_LEAST_TRAVEL * float(np.ptp(position)), _LEAST_STEPS * step, _LEAST_NOISE * noise)
-    turns = _turns(position, least)
+    turns = _all_turns(position, max(_LEAST_STEPS * step, _LEAST_NOISE * noise))
     rows = [_moving(position, i, j) for i, j in pairwise(turns)]
     found = [(i, j) for i, j in rows if j > i]
     return Strokes(
@@ -90,6 +91,22 @@ def beyond_neighbours(values: np.ndarray) -> np.ndarray:
     low = np.minimum(values[:-2], values[2:])
     high = np.maximum(values[:-2], values[2:])
     return np.maximum(np.maximum(values[1:-1] - high, low - values[1:-1]), 0.0)
+
+
+def _all_turns(position: np.ndarray, least: float) -> list[int]:
+    """`_turns` of a hundredth of the travel, or `least`; and in its turn of what goes back and
+    forth between two of them, as the end of a chirp."""
+    turns = _turns(position, max(_LEAST_TRAVEL * float(np.ptp(position)), least))
+    found = turns[:1]
+    for i, j in pairwise(turns):
+        own = position[i : j + 1]
+        if len(turns) > 2 or float(np.ptp(own)) < float(np.ptp(position)):
+            more = _all_turns(own, least)
+            path = float(np.sum(np.abs(np.diff(own[more]))))
+            if path >= _BACK_AND_FORTH * abs(own[-1] - own[0]):
+                found += [i + k for k in more[1:-1]]
+        found.append(j)
+    return found
 
 
 def _turns(position: np.ndarray, least: float) -> list[int]:
