@@ -192,7 +192,7 @@ def test_what_the_model_leaves_is_told_beside_the_errors_of_its_terms(
     content = json.loads(path.read_text())
     content["after"]["report_rms"], content["noise"] = rms, {"sigma": sigma}
     path.write_text(json.dumps(content))
-    said = [x for x in jf.feedforward(path, **options).cautions if "held out" in x]
+    said = [x for x in jf.feedforward(path, **options).cautions if "scored once" in x]
     assert bool(said) == bool(words) and all(words in text for text in said)
 
 
@@ -208,7 +208,7 @@ def test_an_error_that_is_that_of_the_terms_alone_says_so(rms, sigma, told, tmp_
     found = jf.feedforward(path)
     assert found.missed == pytest.approx(math.sqrt(max(rms**2 - sigma**2, 0)))
     for text in (found.sentence, spoken(found, found.at(0.05))):
-        assert ("terms alone: rows that were held out it misses by 0.57 N" in text) == told
+        assert ("terms alone: rows that were scored once it misses by 0.57 N" in text) == told
 
 
 def test_rows_that_noise_alone_misses_as_far_are_no_fault_of_the_model(tmp_path):

@@ -87,7 +87,7 @@ class Identified:
     claim: str = ""
     """What is said of stability."""
     left: tuple[float, float] | None = None
-    """Root mean square of what the model leaves of rows that were held out, and the noise [F]; None
+    """Root mean square of what the model leaves of the report block, and the noise [F]; None
     where the file has none."""
     warnings: tuple[str, ...] = ()
 
@@ -227,8 +227,8 @@ def _of_axis(content: Content, source: str) -> Identified:
 
 
 def _left(content: Content) -> tuple[float, float] | None:
-    """What the model after a loop leaves of held-out rows, and how much of it is noise [F]: all of
-    it where noise alone gives as much."""
+    """What the model after a loop leaves of the report block, and how much of it is noise [F]: all
+    of it where noise alone gives as much."""
     noise = content.get("noise") or {}
     sigma = noise.get("sigma_held_out") or noise.get("sigma")
     found = content["after"].get("report_rms"), sigma

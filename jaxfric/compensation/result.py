@@ -179,18 +179,18 @@ class Feedforward(Described, Drawable, Tabular):
         )
 
     def within(self, here: FrictionAt) -> str:
-        """In brackets, where the model misses held-out rows by more than the errors of friction
-        `here`: that these are errors of the model's terms alone; else nothing."""
+        """In brackets, where the model misses the rows of the report block by more than the errors
+        of friction `here`: that these are errors of the model's terms alone; else nothing."""
         if not self.missed > here.mean.std:
             return ""
         return (
-            " (errors of the model's terms alone: rows that were held out it misses by"
+            " (errors of the model's terms alone: rows that were scored once it misses by"
             f" {self.missed:.2g} {self.about.force_unit} besides their noise)"
         )
 
     @property
     def missed(self) -> float:
-        """By how much the model misses rows that were held out, without their noise, root mean
+        """By how much the model misses the rows of the report block, without their noise, root mean
         square [F]; 0 where noise alone gives as much, or where it is not told."""
         if self.about.left is None:
             return 0.0
@@ -233,7 +233,7 @@ class Feedforward(Described, Drawable, Tabular):
         if about.left is not None:
             rms, noise = about.left
             unit = about.force_unit
-            text = f"Of rows that were held out the model leaves {rms:.2g} {unit}"
+            text = f"Of the rows that were scored once the model leaves {rms:.2g} {unit}"
             if self.missed:
                 text += (
                     f" (root mean square), noise {noise:.2g} {unit}: it misses the force by"
