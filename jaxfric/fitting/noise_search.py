@@ -610,8 +610,7 @@ def restricted_white(
     scale = np.broadcast_to(np.asarray(scale), on.shape)[on]
     white = np.asarray(columns)[on] / scale[:, None]
     log_determinant = 2 * np.sum(np.log(scale))
-    n = len(scale)
-    value, sigma = _profiled((white.T @ white)[None], log_determinant[None], n)
+    value, sigma = _profiled((white.T @ white)[None], log_determinant[None], len(scale))
     return float(value[0]), float(sigma[0])
 
 

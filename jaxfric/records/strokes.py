@@ -100,7 +100,7 @@ def _all_turns(position: np.ndarray, least: float) -> list[int]:
     found = turns[:1]
     for i, j in pairwise(turns):
         own = position[i : j + 1]
-        if len(turns) > 2 or float(np.ptp(own)) < float(np.ptp(position)):
+        if len(own) < len(position):
             more = _all_turns(own, least)
             path = float(np.sum(np.abs(np.diff(own[more]))))
             if path >= _BACK_AND_FORTH * abs(own[-1] - own[0]):
