@@ -13,11 +13,14 @@ from test_axis_rotary import rotary_text
 
 import jaxfric
 from jaxfric.axis import close_axis_loop
+from jaxfric.effects.axis import AxisSensorDelay
 from jaxfric.fitting.axis_preparation import Preparation, acceleration_noise, prepare, usual
+from jaxfric.fitting.axis_problem import make_problem
+from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.loop.axis.controller_check import disagreement
 from jaxfric.loop.axis.reading import _from_row_to_row, read_rows
 from jaxfric.records import Drive, axis_from_arrays, read_axis
-from jaxfric.rig.axis import AxisRig
+from jaxfric.rig.axis import AxisRig, BaseLaw
 from jaxfric.simulation.axis_closed_loop import Controller, simulate_closed_loop
 
 H = 1e-3
@@ -202,7 +205,7 @@ def test_a_low_cutoff_takes_little_of_what_rows_show(cutoff, rows):
     t, w = np.arange(8000) * H, 2 * np.pi * 20
     force = 95 * 0.5 * np.sin(w * t)
     made = prepare(t, force / -(95 * w**2), None, force, preparation=usual(H, cutoff))
-    assert made.means.every == rows
+    assert made.preparation.decimation == rows
     inside = made.inside[: made.rows]
     left = 95 * np.asarray(made.forces(made.motion.acceleration)) - made.force
     left = left[: made.rows][inside]
@@ -215,21 +218,68 @@ def test_a_low_cutoff_takes_little_of_what_rows_show(cutoff, rows):
 
 def test_rows_of_a_low_cutoff_against_dense_algebra():
     """Responses to impulses: white noise stays white, and that of the acceleration is known."""
-    t, every = np.arange(4000) * H, 40
-    made = prepare(t, np.sin(t), None, t, preparation=usual(H, 25.0))
-    k = len(made.motion.time)
-    own = np.stack([np.asarray(made.forces(jnp.eye(1, k, 2000 + j)[0])) for j in range(every)])
-    found = [np.sum(own[:, lag:] * own[:, : own.shape[1] - lag]) for lag in range(4)]
-    np.testing.assert_allclose(np.asarray(found) * every, [1, 0, 0, 0], atol=0.06)
-    # a straight line comes out at the middle of a row
-    line = np.asarray(made.forces(jnp.arange(float(k))))[20:60]
-    np.testing.assert_allclose(line, np.arange(20, 60) * every + 0.5 * (every - 1), rtol=1e-6)
+    t, pulses = np.arange(4000) * H, np.eye(40, 4000, 2000)
+    made, kept = prepare(t, np.sin(t), None, t, preparation=usual(H, 25.0)), 20
+    recorded = [prepare(t, t, None, pulse, preparation=usual(H, 25.0)).force for pulse in pulses]
+    motion = np.eye(kept, len(made.motion.time), 1000)
+    predicted = [np.asarray(made.forces(jnp.asarray(pulse))) for pulse in motion]
+    for own in (np.stack(recorded), np.stack(predicted)):
+        found = [np.sum(own[:, lag:] * own[:, : own.shape[1] - lag]) for lag in range(4)]
+        np.testing.assert_allclose(np.asarray(found) * len(own), [1, 0, 0, 0], atol=0.06)
     error = []
-    for j in range(every):
-        moved = prepare(t, np.eye(1, 4000, 2000 + j)[0], None, t, preparation=usual(H, 25.0))
+    for pulse in pulses:
+        moved = prepare(t, pulse, None, t, preparation=usual(H, 25.0))
         error.append(np.asarray(moved.forces(moved.motion.acceleration)))
     truth = np.sqrt(np.sum(np.square(error)))
     assert acceleration_noise(made) / made.white == pytest.approx(truth, rel=0.01)
+
+
+@pytest.mark.parametrize("every", [40, 100, 220, 230])
+def test_long_rows_of_recorded_and_predicted_force_are_of_one_time(every):
+    """A straight line: the middle of a row, to half a sample where an even number stands for one;
+    published rows at the first of them."""
+    t, one = np.arange(40_000) * H, 0.1 * 1e3 / every
+    made = prepare(t, np.sin(t), None, t, preparation=Preparation(one, every))
+    few = slice(60, made.rows - 60)  # beyond the ringing of the ends
+    middle = (np.arange(made.rows)[few] + 0.5) * every * H
+    assert np.max(np.abs(made.time[few] - middle)) <= 0.5001 * H
+    for rows in (np.asarray(made.forces(made.motion.time)), made.force):
+        np.testing.assert_allclose(rows[few], made.time[few], rtol=1e-5)
+    first = np.asarray(made.motion.time).reshape(-1, made.means.every)[few, 0]
+    for rows in (np.asarray(made.usual(made.motion.time)), made.usual_force):
+        np.testing.assert_allclose(rows[few], first, rtol=1e-5)
+
+
+def test_a_motion_thinned_for_a_low_cutoff_predicts_what_all_samples_do():
+    """Coulomb friction and a mass on two sines, 10 kHz, from the position's own derivatives."""
+    t, width = np.arange(100_000) * 1e-4, 0.02
+    w = 2 * np.pi * np.array([[0.7], [2.9]])
+    q, v, a = (
+        np.sum(np.array([[0.3], [0.05]]) * x, axis=0)
+        for x in (np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t))
+    )
+    force = 2 * a + 5 * np.tanh(v / width)
+    made = prepare(t, q, None, force, preparation=usual(1e-4, 50.0))
+    assert (made.preparation.decimation, made.means.every) == (200, 20)
+    own = AxisRig(2.0, 0.0, 5.0, 0.0, width=width)
+    left = (np.asarray(made.forces(own.force(made.motion))) - made.force)[: made.rows]
+    inside = made.inside[: made.rows]
+    assert np.sqrt(np.mean(left[inside] ** 2)) < 0.01 * 5
+    assert np.median(np.abs(left[inside])) < 1e-3 * 5
+
+
+def test_a_force_moved_in_time_is_moved_by_that_time_where_the_motion_is_thinned():
+    """An encoder 3 ms late: its force is that of the place 3 ms before, of a sine of 2 Hz."""
+    t, w, late = np.arange(40_000) * 1e-4, 2 * np.pi * 2.0, 3e-3
+    made = prepare(t, 0.1 * np.sin(w * t), None, t, preparation=usual(1e-4, 50.0))
+    weight = np.ones(len(made.time))
+    model = EncompassingModel(BaseLaw(), (AxisSensorDelay,))
+    problem = make_problem(made, weight, model, width=1e-3, noise_scale=1.0)
+    z = problem.to_free(jnp.asarray([2.0, 30.0, 0.0, 0.0, late]))
+    at = made.time[: made.rows][made.inside[: made.rows]] + late
+    truth = 0.1 * (30 * w * np.cos(w * at) - 2 * w**2 * np.sin(w * at))
+    found = np.asarray(problem.predict(z))[: made.rows][made.inside[: made.rows]]
+    np.testing.assert_allclose(found[20:-20], truth[20:-20], atol=2e-3 * np.max(truth))
 
 
 def test_slow_records_have_all_rows_at_their_cutoff_and_fewer_below_it():

@@ -58,8 +58,7 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
     The error is relative to the recorded force of these rows, as is usual. `free` are the indices
     of the parameters that are fitted, from `z`.
     """
-    index = _padded(free, len(z))
-    found = _solve(lambda z: _force_error(problem, z, index), z, free)
+    found = _solve(lambda z, index: _force_error(problem, z, index), z, free)
     used = np.asarray(problem.weight) > 0
     found = found._replace(residual=found.residual[used])
     recorded = np.asarray(problem.friction)[used]
@@ -92,8 +91,7 @@ def output_error(
     added = record.disturbance_force
     disturbance = jnp.zeros(len(record)) if added is None else jnp.asarray(added)
     setting = _Setting(controller, jnp.asarray(reference), measured, disturbance, number)
-    index = _padded(free, len(z))
-    found = _solve(lambda z: _position_error(problem, setting, z, index), z, free)
+    found = _solve(lambda z, index: _position_error(problem, setting, z, index), z, free)
     return _fit("closed-loop output error", problem, found, free, np.asarray(measured)[::_COMPARED])
 
 
@@ -131,13 +129,17 @@ class _Minimum(NamedTuple):
 
 
 def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> _Minimum:
-    """Least squares over the parameters `free`; `both` returns the residual and its Jacobian."""
+    """Least squares over the parameters `free`; `both` returns the residual and its Jacobian by a
+    few of them, for it is compiled for one number."""
     z = np.array(z)
+    beyond = (0, -len(free) % _AT_ONCE)
+    parts = np.pad(free, beyond, constant_values=len(z)).reshape(-1, _AT_ONCE)
 
     def at(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         z[free] = y
-        residual, jacobian = both(jnp.asarray(z))
-        return np.asarray(residual), np.asarray(jacobian)[:, : len(free)]
+        found = [both(jnp.asarray(z), index) for index in parts]
+        jacobian = np.concatenate([np.asarray(slopes) for _, slopes in found], axis=1)
+        return np.asarray(found[0][0]), jacobian[:, : len(free)]
 
     scale = float(np.sqrt(np.mean(at(z[free])[0] ** 2))) or 1.0
 
@@ -148,11 +150,6 @@ def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> _Minimum:
     found = levenberg_marquardt(scaled, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
     z[free] = found.y
     return _Minimum(z, scale * found.residual, scale * found.jacobian, found.converged)
-
-
-def _padded(free: np.ndarray, beyond: int) -> np.ndarray:
-    """Indices filled up with one that does not exist: few numbers of parameters are compiled."""
-    return np.pad(free, (0, -len(free) % _AT_ONCE), constant_values=beyond)
 
 
 def _fit(

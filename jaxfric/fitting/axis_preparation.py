@@ -1,7 +1,9 @@
-"""Preparation of an axis record: filtered motion at the full rate, fewer rows to compare.
+"""Preparation of an axis record: filtered motion, fewer rows to compare.
 
 The position is low-passed without phase (Butterworth, 4th order, forwards and backwards) and
-differenced centrally. Forces, recorded and predicted alike, are then taken to fewer rows, by one of
+differenced centrally. Where rows are long, 20 to 39 samples of this motion are kept for each: they
+hold what the low-pass lets through, and a force along all of them takes as much longer. Forces,
+recorded and predicted alike, are then taken to rows, by one of
 
 - `Means`: means of consecutive samples. White noise stays white, so the loop uses these rows.
 - the low-pass of longer rows: magnitude 1/sqrt(1 + (f/f_N)^8) without phase, f_N half the rate of
@@ -12,7 +14,7 @@ differenced centrally. Forces, recorded and predicted alike, are then taken to f
 """
 
 import abc
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -36,6 +38,7 @@ _UNEVEN = 0.01
 _MARGIN = 0.5
 _SAME_ROWS = 0.49
 _FEWEST_ROWS = 10
+_SAMPLES = 20
 
 
 class Preparation(NamedTuple):
@@ -68,11 +71,17 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
         return Preparation(first, rows)
     if cutoff > 0 and cutoff < _SAME_ROWS * first:
         rows = round(rows * first / cutoff)
-    return Preparation(cutoff, rows)
+    thin = max(rows // _SAMPLES, 1)
+    return Preparation(cutoff, thin * round(rows / thin))
+
+
+def _thinned(every: int) -> int:
+    """One of how many samples of the motion is kept, where rows have `every`: a divisor of it."""
+    return next(k for k in range(max(every // _SAMPLES, 1), 0, -1) if every % k == 0)
 
 
 class AbstractSampler(eqx.Module):
-    """Takes a signal at the full rate to fewer rows."""
+    """Takes a signal along the motion to fewer rows."""
 
     every: eqx.AbstractVar[int]
 
@@ -140,7 +149,9 @@ class Prepared(NamedTuple):
     """Filters forces and takes them to the rows of the loop, at the times of those of `means`."""
     usual: Decimator
     interval: float
-    """Time between samples [s]."""
+    """Time between samples of the record [s]."""
+    step: float
+    """Time between those of the motion [s]."""
     time: np.ndarray
     """Times of the rows (n), from 0 [s]."""
     force: np.ndarray
@@ -176,12 +187,12 @@ def acceleration_noise(prepared: Prepared) -> float:
 
     White noise through the low-pass (both ways), the central differences and that of a row.
     """
-    h, every = prepared.interval, prepared.means.every
+    h, every = prepared.interval, prepared.preparation.decimation
     f = np.linspace(0, 0.5 / h, _BINS + 1)[1:]
     low = 1 / (1 + (f / prepared.preparation.cutoff) ** (2 * _ORDER))
     slope = np.sin(2 * np.pi * f * h) / h
     row = np.sinc(f * every * h) / np.sinc(f * h)
-    if prepared.forces is not prepared.means:
+    if not isinstance(prepared.forces, Means):
         row = _of_rows(f, h, every)
     gain = slope ** (2 if prepared.of_position else 1) * low * row
     return prepared.white * float(np.sqrt(np.mean(gain**2)))
@@ -215,30 +226,27 @@ def prepare(
     smooth = _low_pass(raw, chosen.cutoff, interval)
     every = chosen.decimation
     more = (0, -(-bucket(len(time), 1024) // every) * every - len(time))
-    motion = _motion(smooth, interval, more, of_position=position is not None)
     size = len(time) + more[1]
-    means, (long_rows, usual_rows) = Means(every), _decimators(size, interval, every)
-    forces = long_rows if every > usual(interval).decimation else means
+    thin = _thinned(every)
+    kept = slice(thin // 2, None, thin)
+    motion = _motion(smooth, interval, more, kept, of_position=position is not None)
+    along, recording = _samplers(size, interval, every, thin)
     padded = np.pad(recorded, more, "edge")
     acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
-    at = (np.arange(size // every) * every + 0.5 * (every - 1)) * interval
+    at = (np.arange(size // every) * every + kept.start + 0.5 * (every - thin)) * interval
     inside = (at >= chosen.edge) & (at <= time[-1] - chosen.edge)
-    above = usual(interval).cutoff  # what a lower filter takes away is motion too
-    least = smooth if above == chosen.cutoff else _low_pass(raw, above, interval)
-    within = slice(round(chosen.edge / interval), len(raw) - round(chosen.edge / interval))
-    white = float(np.std((raw - least)[within])) / np.sqrt(max(1 - 2 * above * interval, 1e-3))
     return Prepared(
         motion,
-        means,
-        forces,
-        usual_rows,
+        Means(every // thin),
+        *along,
         interval,
+        thin * interval,
         at,
-        np.asarray(forces(jnp.asarray(acting))),
-        np.asarray(usual_rows(jnp.asarray(padded))),
+        np.asarray(recording[0](jnp.asarray(acting))),
+        np.asarray(recording[1](jnp.asarray(padded))),
         len(time) // every,
         inside,
-        white,
+        _white(raw, smooth, chosen, interval),
         position is not None,
         np.sqrt(np.mean(np.pad((raw - smooth) ** 2, more).reshape(-1, every), axis=1)),
         _floor(raw),
@@ -272,10 +280,26 @@ def _low_pass(raw: np.ndarray, cutoff: float, interval: float) -> np.ndarray:
     return signal.sosfiltfilt(signal.butter(_ORDER, cutoff * 2 * interval, output="sos"), raw)
 
 
+def _white(raw: np.ndarray, smooth: np.ndarray, chosen: Preparation, interval: float) -> float:
+    """The scatter of what the usual low-pass takes away: a lower one takes motion too."""
+    above, edge = usual(interval).cutoff, round(chosen.edge / interval)
+    least = smooth if above == chosen.cutoff else _low_pass(raw, above, interval)
+    scatter = float(np.std((raw - least)[edge : len(raw) - edge]))
+    return scatter / np.sqrt(max(1 - 2 * above * interval, 1e-3))
+
+
 def _motion(
-    smooth: np.ndarray, interval: float, more: tuple[int, int], *, of_position: bool
+    smooth: np.ndarray,
+    interval: float,
+    more: tuple[int, int],
+    kept: slice,
+    *,
+    of_position: bool,
 ) -> MeasuredMotion:
-    """Motion from a smooth position or velocity; `more` samples at rest are added at the ends."""
+    """Motion from a smooth position or velocity, at the samples that are `kept`.
+
+    `more` samples at rest are added at the ends before.
+    """
     if of_position:
         q, v = smooth, np.gradient(smooth, interval)
     else:
@@ -283,11 +307,11 @@ def _motion(
         q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * interval)])
     a = np.gradient(v, interval)
     return MeasuredMotion(
-        jnp.asarray(np.arange(len(q) + sum(more)) * interval),
-        jnp.asarray(np.pad(q, more, mode="edge")),
-        jnp.asarray(np.pad(v, more)),
-        jnp.asarray(np.pad(a, more)),
-        jnp.asarray(np.pad(np.cumsum(np.abs(v)) * interval, more, mode="edge")),
+        jnp.asarray((np.arange(len(q) + sum(more)) * interval)[kept]),
+        jnp.asarray(np.pad(q, more, mode="edge")[kept]),
+        jnp.asarray(np.pad(v, more)[kept]),
+        jnp.asarray(np.pad(a, more)[kept]),
+        jnp.asarray(np.pad(np.cumsum(np.abs(v)) * interval, more, mode="edge")[kept]),
     )
 
 
@@ -316,21 +340,39 @@ def _of_rows(f: np.ndarray, interval: float, every: int) -> np.ndarray:
     return 1 / np.sqrt(1 + (2 * f * every * interval) ** (2 * _ORDER))
 
 
-def _decimators(size: int, interval: float, every: int) -> tuple[Decimator, Decimator]:
-    """Decimators for a loop's rows, in the middle of every so many samples, and as published."""
+_Samplers: TypeAlias = tuple[AbstractSampler, Decimator]
+"""Of a loop's rows, and as published."""
+
+
+def _samplers(size: int, interval: float, every: int, thin: int) -> tuple[_Samplers, _Samplers]:
+    """Those of a force along the motion, and of a recorded one."""
+    begin, middle = thin // 2 * interval, 0.5 * (every - thin) * interval
+    along = _decimators(size // thin, thin * interval, every // thin, middle)
+    if every > usual(interval).decimation:
+        return along, _decimators(size, interval, every, middle, begin)
+    return (Means(every), along[1]), (Means(every), along[1])
+
+
+def _decimators(
+    size: int, interval: float, every: int, middle: float, begin: float = 0.0
+) -> tuple[Decimator, Decimator]:
+    """Decimators for a loop's rows and as published, which stand `begin` after every so many
+    samples [s], those of a loop `middle` later."""
     from scipy import signal
     from scipy.fft import next_fast_len
 
     margin = max(8, min(round(_MARGIN / interval), size - 2))
     n = int(next_fast_len(size + 2 * margin, real=True) or size + 2 * margin)
     f = np.fft.rfftfreq(n, interval)
-    long = _of_rows(f, interval, every) * np.exp(1j * np.pi * f * (every - 1) * interval)
+    long = _of_rows(f, interval, every) * np.exp(2j * np.pi * f * (begin + middle))
     published = np.ones_like(f)
     if every > 1:
         low = signal.cheby1(8, _RIPPLE, _PASS / every, output="sos")
         _, response = signal.sosfreqz(low, worN=2 * np.pi * f * interval)
         level = np.abs(np.asarray(response))
         published = (level / level[0]) ** 2
+    if begin:
+        published = published * np.exp(2j * np.pi * f * begin)
     after = n - size - margin
     return (
         Decimator(gain=jnp.asarray(long), margin=margin, after=after, every=every),

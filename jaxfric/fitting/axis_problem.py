@@ -141,7 +141,7 @@ def make_problem(
         clock=jnp.asarray(prepared.time)[:, None],
         motion=motion,
         sampler=prepared.forces,
-        interval=jnp.asarray(prepared.interval),
+        interval=jnp.asarray(prepared.step),
         noise_scale=jnp.asarray(noise_scale),
         width=jnp.asarray(width),
         reach=jnp.asarray(slowest * float(prepared.time[1] - prepared.time[0])),
