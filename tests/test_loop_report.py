@@ -1203,6 +1203,20 @@ def test_a_velocity_without_rows_that_count_has_not_failed():
     assert rows[1][3:] == ("failed", "failed")
 
 
+def test_of_many_velocities_those_with_the_largest_errors_are_shown():
+    """In the order of time; one that failed is shown, one that does not count is not."""
+    loop = make_loop("effects")
+    whole = by_velocity(loop)
+    count, steps = len(whole.rows), loop.blocks.step
+    assert by_velocity(loop, most=count) == whole
+    last = np.array([3.0, 1.0, np.nan, 2.0, np.nan, *np.ones(len(loop.after.per_step) - 5)])
+    blocks = loop.blocks._replace(**{n: loop.blocks.of(n) & (steps != 4) for n in NAMES})
+    score = dataclasses.replace(loop.after, per_step=tuple(last))
+    few = by_velocity(dataclasses.replace(loop, after=score, blocks=blocks), most=3)
+    assert [row[0] for row in few.rows] == [whole.rows[k][0] for k in (0, 2, 3)]
+    assert few.note.startswith(f"the 3 of {count} with the largest errors")
+
+
 @pytest.mark.parametrize(
     ("delta_bic", "converged", "words"),
     [

@@ -12,6 +12,7 @@ from .loop_next import meanings, next_steps
 from .loop_text import (
     answer,
     apart,
+    by_velocity,
     candidates,
     headline,
     splitting,
@@ -114,8 +115,8 @@ _VERDICTS = (
 
 def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str) -> str:
     """The page, with those SVG `figures` of `FIGURES` that there are; `command` made it."""
-    error, velocities, parameters, tests, _, *more = tables(loop)
-    blocks = html_table(error) + paragraph(splitting(loop), "note") + html_table(velocities)
+    error, _, parameters, tests, _, *more = tables(loop)
+    blocks = html_table(error) + paragraph(splitting(loop), "note") + html_table(by_velocity(loop))
     name = printable(loop.record.provenance.path)
     parts = [
         _head(loop, name),

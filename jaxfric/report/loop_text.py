@@ -34,6 +34,8 @@ BLOCKS = {
 }
 _TOLD = 10.0
 _MOST_CANDIDATES = 10
+_MOST_STEPS = 40
+"""Velocities or segments that a terminal shows."""
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
 _BELOW = 0.8
 """Errors of a model, in sigma, below which chance does not bring them."""
@@ -65,10 +67,10 @@ def _far_off(loop: Loop) -> bool:
 
 
 def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[TextTable]:
-    """Tables of both reports: errors by block and by velocity, parameters, tests, candidates."""
+    """Tables for a terminal: errors by block and by velocity, parameters, tests, candidates."""
     return [
         errors(loop),
-        by_velocity(loop),
+        by_velocity(loop, most=_MOST_STEPS),
         moved(loop),
         significance(loop),
         candidates(loop, most=most),
@@ -196,9 +198,9 @@ def _errors(both: list[float], size: float, sigma: float) -> tuple[str, ...]:
     return (*(f"{size * v:.4g}" for v in both), *(f"{v / sigma:.3f}" for v in both))
 
 
-def by_velocity(loop: Loop) -> TextTable:
-    """rms [sigma] of every velocity of the record."""
-    steps, rows = loop.base_fit.steps, []
+def by_velocity(loop: Loop, *, most: int | None = None) -> TextTable:
+    """rms [sigma] of every velocity of the record, or of the `most` with the largest after."""
+    steps, rows, worst = loop.base_fit.steps, [], []
     length = _length(loop)
     for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
         here = loop.blocks.step == k
@@ -210,8 +212,13 @@ def by_velocity(loop: Loop) -> TextTable:
         both = [s.per_step[k] / loop.sigma_of(here) for s in (loop.before, loop.after)]
         errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
         rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
+        worst.append(both[1] if np.isfinite(both[1]) else np.inf if blocks else 0.0)
     head = ("from", loop.words.velocity.lower(), "block", "before [σ]", "after [σ]")
-    return TextTable(loop.words.errors, head, rows)
+    if most is None or len(rows) <= most:
+        return TextTable(loop.words.errors, head, rows)
+    few = np.sort(np.argsort(worst, kind="stable")[-most:])
+    note = f"the {most} of {len(rows)} with the largest errors after; all are in loop.html"
+    return TextTable(loop.words.errors, head, [rows[k] for k in few], note)
 
 
 def moved(loop: Loop) -> TextTable:
