@@ -204,7 +204,7 @@ def _unit_factor(unit: str, si_unit: str, what: str) -> float:
 
 
 def _wrong_dimension(unit: str, si_unit: str, what: str) -> InputError:
-    found = f"'{unit}' is not" if unit else "without a unit it is not"
+    found = f"'{unit}' is not" if unit else "a pure number is not"
     wanted = "dimensionless" if si_unit == "1" else f"a unit of {si_unit}"
     return InputError(f"{what}: {found} {wanted}; write it as in '{_example(si_unit)}'")
 

@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 from jaxfric.errors import InputError
 from jaxfric.records.axis_record import AxisRecord, Drive, axis_from_arrays
 from jaxfric.records.axis_units import quantity_of, spelling
+from jaxfric.records.read import read
 from jaxfric.records.read_axis import read_axis
 from jaxfric.records.steady import SteadyCurve, read_steady
 from jaxfric.records.steady_mean import effective_samples, outliers
@@ -360,6 +361,28 @@ def test_a_servo_export_without_units(tmp_path: Path) -> None:
     refusal(
         none, "no column for position", "a velocity will do", 'columns={"velocity": "NAME [rpm]"}'
     )
+
+
+def test_what_a_motor_is_told_is_no_column_of_its_force(tmp_path: Path) -> None:
+    """A duty cycle and an angle: which columns there could be, and what the gain of a drive is."""
+    rows = "".join(f"{0.01 * k:.2f},{k % 2},{0.1 * k:.1f}\n" for k in range(300))
+    path = written(tmp_path / "a.csv", "Time (s),Duty cycle,Rotor position (rad)\n" + rows)
+    columns = {"position": "Rotor position"}
+    hints = '"NAME [N m]"', '"control_signal": "NAME [V]"', 'drive_gain="0.05 N m/V" (or /A)'
+    refusal(path, "no column for motor_force", *hints, columns=columns)
+    columns["control_signal"] = "Duty cycle"
+    refusal(path, "'Duty cycle' (control_signal) has no unit", "what 1 is: [24 V]", columns=columns)
+    columns["control_signal"] = "Duty cycle [1]"
+    refusal(path, "(control_signal): a pure number is not a unit of V", columns=columns)
+    columns["control_signal"] = "Duty cycle [24 V]"
+    told = read_axis(path, columns=columns, drive_gain="0.05 N m/V")
+    np.testing.assert_allclose(told.motor_force, 1.2 * (np.arange(300) % 2))
+    with pytest.raises(InputError, match="of an axis or a joint: jaxfric"):
+        read(path)
+    press = written(tmp_path / "b.csv", "Time (s),Load,Displacement (mm)\n" + rows)
+    with pytest.raises(InputError) as refused:
+        read(press)
+    assert "axis" not in str(refused.value)
 
 
 def test_epos_exports_refused(tmp_path: Path) -> None:

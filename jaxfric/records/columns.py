@@ -238,7 +238,8 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
     missing = [names[0] for names in needs.values() if not found.keys() & names]
     if not missing:
         return
-    unit = schema.roles[missing[0]].example
+    turns = _kinds(table.units, AXIS.roles.values())[1] > 0
+    unit = schema.roles[missing[0]].shown(rotary=turns)
     rate = f", {HOW}" if "time" in missing else ""
     if table.doubt:
         rows = len(table.lines)
@@ -264,8 +265,16 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
         unit = unit if unit in ("s", "1") else f"0.01 {unit}"
         hint = f" ({machine} are machine units: give what one is);"
     text = f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}"
+    if schema is SLIDER and turns:
+        text += "; of an axis or a joint: --rig axis ('jaxfric record'), or 'jaxfric axis'"
     if "position" in missing:
         text += "; a velocity will do: --column 'velocity=NAME [rpm]'"
+    if "motor_force" in missing:
+        gain = schema.roles["motor_force"].shown(rotary=turns)
+        text += (
+            "; of what commands the motor, or its current: --column 'control_signal=NAME [V]' or"
+            f" 'motor_current=NAME [A]', with --drive-gain '0.05 {gain}/V' (or /A)"
+        )
     if "friction" in missing:
         text += (
             "; of shear and normal force, or stress: --column 'shear_force=NAME [kN]' and"
@@ -321,12 +330,13 @@ def _refuse_without_units(
     give = " ".join(_with_example(role, names[role.name], rotary=bool(rotary)) for role in bare)
     turning = next((role for role in bare if role.turning and rotary is None), None)
     either = f", or [{turning.shown(rotary=True)}] where it turns" if turning else ""
+    share = ", of a duty cycle what 1 is: [24 V]" if "control_signal" in names else ""
     spare = " ".join(f"--column {role.name}={NO_COLUMN}" for role in bare if not role.need)
     leave = f", or leave {'it' if len(bare) == 1 else 'what is not needed'} out: {spare}"
     lacks, it = ("has", "it") if len(bare) == 1 else ("have", "them")
     raise InputError(
         f"{table.path}, column{'s' * (len(bare) > 1)} {these} {lacks} no unit; give {it}, as in"
-        f" {give}{either}{leave if spare else ''}"
+        f" {give}{either}{share}{leave if spare else ''}"
     )
 
 
