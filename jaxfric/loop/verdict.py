@@ -315,7 +315,8 @@ def sentence_of(
     if verdict == "outside_catalogue":
         helped, closer = named and _helped(told), _closer(search)
         what = "Not all that is missing is" if helped else "What is missing is not"
-        what += " named." if closer else " in the catalogue."
+        changes = ", or not the same along all of the record" if named and not helped else ""
+        what += " named." if closer else f" in the catalogue{changes}."
         if told.after <= told.most:
             which = " that this record fixes" if closer else ""
             what = (
