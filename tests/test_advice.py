@@ -167,6 +167,7 @@ FILLED = {
         "35.15 N/V",
         *(f"0.05 {force}/{unit}" for force in FORCE_UNITS.values() for unit in "VA"),
     ],
+    ("--drive-gain", "0.05 {gain}/V"): ["0.05 N/V", "0.05 N m/V"],
     ("--rated-torque", "{rated_torque}"): [],
     ("--slip-per-step", "{self.slip} {self.length}"): ["150 um", "0.2 mm"],
     ("--velocity", "{'..'.join(ends)} {unit}"): ["1..10 um/s", "0.5..2 mm/s"],
