@@ -121,18 +121,19 @@ def test_a_client_that_waits_says_so(monkeypatch):
 
 
 def test_killed_workers_lose_nothing(cluster, tmp_path, undisturbed):
-    stop = threading.Event()
+    """One for every eight blocks: by the clock, a busy machine would never begin another."""
+    stop, written_once, killed = threading.Event(), [], []
 
     def kill():
-        while not stop.wait(0.4):
+        while not stop.wait(0.02):
             workers = list(cluster.workers.values())
-            for worker in workers[:1]:
+            for worker in workers[: len(written_once) >= 8 * len(killed)]:
                 if worker.process is not None and worker.process.pid:
                     os.kill(worker.process.pid, signal.SIGKILL)
+                    killed.append(worker.process.pid)
 
     killer = threading.Thread(target=kill)
     killer.start()
-    written_once = []
     try:
         f.run_slowly(
             tmp_path / "a", scheduler=cluster.scheduler_address, progress=written_once.append
@@ -140,6 +141,7 @@ def test_killed_workers_lose_nothing(cluster, tmp_path, undisturbed):
     finally:
         stop.set()
         killer.join()
+    assert len(killed) > 5
     assert len(written_once) == 84  # each block once
     assert f.contents(tmp_path / "a") == undisturbed
 
