@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from ..described import Described, Drawable, Gridded, Tabular
 from ..errors import InputError
 from .axis_units import FORCE_UNITS, si_units
+from .held import REPEATED, columns_renewed
 from .record import Provenance, Sampling, cut, frozen, vector
 from .rows import FileRows, refuse_few, whole_rows
 from .sizes import refuse_sizes
@@ -149,6 +150,8 @@ def axis_from_arrays(
     **Arguments:** `coordinate` is "linear" (m, N) or "rotary" (rad, N m); `force_unit` that of
     the coordinate, or "%".
 
+    Of a motion that was measured less often than it was written, one row of each new value is kept.
+
     Raises `InputError` for columns of unequal length, values that are not finite, a time that
     goes back, fewer than 20 rows, neither position nor velocity, a position that takes fewer than
     20 values, and a force that is saturated.
@@ -193,9 +196,13 @@ def build(
     columns, notes = {role: values[keep] for role, values in columns.items()}, []
     if kind.coordinate == "rotary":
         columns, notes = columns_unwound(columns)
-    kept = {role: frozen(values) for role, values in columns.items()}
     shown = {**si_units(kind.coordinate), "motor_force": kind.force_unit}
-    refuse_sizes(kept, shown, units, origin.path, rows.lines[keep])
+    refuse_sizes(columns, shown, units, origin.path, rows.lines[keep])
+    columns, renewed, note = columns_renewed(columns)
+    if renewed is not None:
+        dropped, notes = {**dropped, REPEATED: int(keep.sum()) - len(renewed)}, [*notes, note]
+        refuse_few(len(renewed), origin.path)
+    kept = {role: frozen(values) for role, values in columns.items()}
     _check_encoder(kept, kind.coordinate, origin.path)
     _check_saturation(kept["motor_force"], kind.force_unit, origin.path)
     rows_read, dropped = origin.rows_read + len(rows.lines), {**origin.dropped, **dropped}
