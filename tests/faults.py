@@ -202,6 +202,8 @@ FAULTS = (
     Fault("the slowest strokes are held back", "loop/axis/split.py",
           "_blocks(segment, used, rows, fastest | slowest)",
           "_blocks(segment, used, rows, fastest)", "tests/test_axis.py -k segments"),
+    Fault("a cutoff is no reason for few rows", "loop/axis/reading.py",
+          "    if not better < chosen.cutoff:", "    if False:", f"{READING} -k is_named"),
     Fault("a slow encoder repeats its rows", "records/held.py",
           "rows if np.mean(step > _BEYOND * np.min(step)) > _MANY else 1", "rows",
           "tests/test_held_rows.py -k how_many"),

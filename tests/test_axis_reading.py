@@ -12,6 +12,7 @@ from command import assert_refused, run, written
 from test_axis_rotary import rotary_text
 
 import jaxfric
+from jaxfric import InputError
 from jaxfric.axis import close_axis_loop
 from jaxfric.effects.axis import AxisSensorDelay
 from jaxfric.fitting.axis_preparation import Preparation, acceleration_noise, prepare, usual
@@ -280,6 +281,14 @@ def test_a_force_moved_in_time_is_moved_by_that_time_where_the_motion_is_thinned
     truth = 0.1 * (30 * w * np.cos(w * at) - 2 * w**2 * np.sin(w * at))
     found = np.asarray(problem.predict(z))[: made.rows][made.inside[: made.rows]]
     np.testing.assert_allclose(found[20:-20], truth[20:-20], atol=2e-3 * np.max(truth))
+
+
+def test_a_cutoff_that_leaves_too_few_rows_is_named():
+    """Not the record: at 100 Hz, which it would be given, it has 800 rows."""
+    too_low = usual(H, 8.0)
+    with pytest.raises(InputError, match=r"of 8 Hz a row is 126 ms long: .* or raise it"):
+        read_rows(a_record(), preparation=too_low, width=None, held=False)
+    read_rows(a_record(), preparation=None, width=None, held=False)
 
 
 def test_slow_records_have_all_rows_at_their_cutoff_and_fewer_below_it():

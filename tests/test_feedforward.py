@@ -180,7 +180,7 @@ def test_in_the_drives_own_signal(tmp_path):
             "leaves 0.83 N (root mean square), noise 0.6 N: it misses the force by 0.57",
         ),
         (0.84, 0.6, {"drive_gain": "20 N/V"}, "leaves 0.042 V (root mean square), noise 0.03 V"),
-        (0.59, 0.6, {}, "leaves 0.59 N, which is no more than their noise"),
+        (0.59, 0.6, {}, "leaves 0.59 N, no more than what the loop took for their noise"),
         (None, 0.6, {}, None),
         (0.83, None, {}, None),
     ],

@@ -241,7 +241,7 @@ class Feedforward(Described, Drawable, Tabular):
                     " errors of its terms"
                 )
             else:
-                text += ", which is no more than their noise"
+                text += ", no more than what the loop took for their noise"
             lines.append(text)
         lines.append(low_speeds(about, self.fade))
         if self.fade.speed > about.slowest:

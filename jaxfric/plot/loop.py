@@ -121,7 +121,7 @@ def _record_and_model(axis: Axes, loop: Loop, along: np.ndarray) -> None:
     for score, colour, label in lines:
         y = np.insert(friction + score.residual, pauses, np.nan)
         axis.plot(x, y, color=colour, lw=1.1, label=label, zorder=2)
-    axis.set_ylabel("friction" if unit == "1" else f"friction [{unit}]")
+    axis.set_ylabel(loop.words.force if unit == "1" else f"{loop.words.force} [{unit}]")
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=3, fontsize=8, frameon=False)
     tidy(axis, "Record and model")
 

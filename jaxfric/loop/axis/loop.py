@@ -214,7 +214,7 @@ class AxisBench(AbstractBench):
         if not self.held:
             interval = float(np.median(np.diff(self.record.time)))
             seen += held_command(engine.values(final.z), final.effects, interval)
-        return (*self.reading.warnings, *self.counted.warnings(), *seen)
+        return (*self.reading.warnings, *self.counted.warnings(length_of(self.record)), *seen)
 
     def words(self) -> LoopWords:
         """Words of reports about an axis."""

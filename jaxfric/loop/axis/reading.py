@@ -225,6 +225,11 @@ def _split(
         )
     assert refused is not None
     better = _cutoff(record, force, held)[0].cutoff
-    if free or not better < chosen.cutoff:
+    if free:
         raise refused
+    if not better < chosen.cutoff:
+        raise InputError(
+            f"{refused}. At a cutoff of {chosen.cutoff:.3g} Hz a row is"
+            f" {1e3 * chosen.decimation * interval:.3g} ms long: leave --cutoff out, or raise it"
+        )
     raise InputError(f"{refused}. Try --cutoff '{better:.2g} Hz'")

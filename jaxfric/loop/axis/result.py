@@ -39,11 +39,11 @@ class AxisRows:
         mean = [float(np.mean(self.velocity[self.segment == k])) for k in range(count)]
         return VelocitySteps(self.time[first] - self.time[0], np.asarray(mean))
 
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings for the user about the preparation."""
-        share = float(np.mean(self.stuck))
+    def warnings(self, unit: str) -> tuple[str, ...]:
+        """Warnings for the user about the preparation; `unit` is that of the position."""
+        share, slowest = float(np.mean(self.stuck)), f"{2 * self.width:.2g} {unit}/s"
         if share > 0.5:
-            return (f"{100 * share:.0f} % of the rows are at rest and do not count",)
+            return (f"{100 * share:.0f} % of the rows are slower than {slowest} and do not count",)
         return ()
 
     def as_record(self, record: AxisRecord, force: np.ndarray) -> "PreparedRecord":
