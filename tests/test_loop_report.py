@@ -66,6 +66,7 @@ from jaxfric.report.loop_text import (
     splitting,
     traded,
 )
+from jaxfric.stability.claims import Curve, Unseen
 
 HOSTILE = "<b>&.csv"
 KEYS = (
@@ -1284,7 +1285,9 @@ def test_a_drive_of_which_nothing_is_known_has_no_column(drive, columns) -> None
     ],
 )
 def test_the_answer_on_an_axis_comes_first(verdict: str, friction: str) -> None:
-    details: Any = SimpleNamespace(short=lambda: "stick-slip: nothing can be said", tables=list)
+    details: Any = SimpleNamespace(
+        short=lambda: "stick-slip: nothing can be said", tables=list, doubted=lambda: False
+    )
     plain = make_loop(verdict)
     loop = dataclasses.replace(plain, details=details, words=plain.words._replace(base=AXIS.base))
     text = " ".join(printed(loop).split())
@@ -1299,6 +1302,29 @@ def test_the_answer_on_an_axis_comes_first(verdict: str, friction: str) -> None:
     )
     assert all(line in page_of(loop).text for line in (first, second, third))
     assert answer(plain) == []
+
+
+@pytest.mark.parametrize("verdict", ["no_missing_effect", "effects", "too_weak"])
+def test_a_model_that_is_no_friction_is_no_answer(verdict: str) -> None:
+    """What it leaves may be as white as noise, and nearly all of the force."""
+    details: Any = SimpleNamespace(short=lambda: "stick-slip: ?", tables=list, doubted=lambda: True)
+    plain = make_loop(verdict)
+    loop = dataclasses.replace(plain, details=details, words=plain.words._replace(base=AXIS.base))
+    said = answer(loop)[0]
+    assert ("these rows do not tell it, though what Coulomb" in said) == (verdict != "too_weak")
+    assert ("do not describe it" in said) == (verdict == "too_weak")
+    assert all(id in said for id in loop.effects)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "doubted"), [((), False), ((0.1, 3.0), False), ((0.1, np.inf), True)]
+)
+def test_a_reason_against_all_speeds_is_a_doubt(speeds: tuple[float, ...], doubted: bool) -> None:
+    record: Any = SimpleNamespace(force_unit="N", drive=None, coordinate="linear")
+    curve = Curve(1.0, 0.1, 0.5, 2.0, unseen=tuple(Unseen("why", speed) for speed in speeds))
+    for own, said in ((curve, doubted), (None, False)):
+        gains = AxisGains(1.0, -2.0, 2.0, None, curve=own)
+        assert AxisDetails((), Preparation(50.0, 1), 1e-3, record, gains).doubted() is said
 
 
 def test_what_helps_is_named_where_it_is_not_all():

@@ -252,6 +252,10 @@ class RunDetails:
         """Nothing: a run's motion is that of the press."""
         return ""
 
+    def doubted(self) -> bool:
+        """No: a run is told by its stretches."""
+        return False
+
     def tables(self) -> list[TextTable]:
         """A row for every stretch."""
         rows = []

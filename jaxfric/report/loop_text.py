@@ -89,8 +89,11 @@ def answer(loop: Loop) -> list[str]:
     means = "" if loop.details is None else loop.details.short()
     if not means:
         return []
-    base = loop.words.base
-    if loop.verdict == "no_missing_effect":
+    base, doubted = loop.words.base, loop.details is not None and loop.details.doubted()
+    if doubted and loop.verdict in ("no_missing_effect", "effects"):
+        fitted = listed([base, *loop.effects])
+        found = f"these rows do not tell it, though what {fitted} leave looks like noise"
+    elif loop.verdict == "no_missing_effect":
         found = f"{base} describe all that the rows show"
     elif loop.verdict == "effects" and not loop.families:
         found = f"{base}, and {listed([_named(loop, id) for id in loop.effects])}"

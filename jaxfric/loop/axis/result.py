@@ -160,6 +160,11 @@ class AxisDetails:
         """Whether the axis stick-slips, and what holds it."""
         return f"stick-slip: {self.gains.short(*self._units())}"
 
+    def doubted(self) -> bool:
+        """Whether a reason against its slope concerns all speeds."""
+        curve = self.gains.curve
+        return curve is not None and any(np.isinf(one.speed) for one in curve.unseen)
+
     def _said(self) -> str:
         return self.gains.sentence(*self._units())
 
