@@ -348,9 +348,9 @@ def _samplers(size: int, interval: float, every: int, thin: int) -> tuple[_Sampl
     """Those of a force along the motion, and of a recorded one."""
     begin, middle = thin // 2 * interval, 0.5 * (every - thin) * interval
     along = _decimators(size // thin, thin * interval, every // thin, middle)
-    if every > usual(interval).decimation:
-        return along, _decimators(size, interval, every, middle, begin)
-    return (Means(every), along[1]), (Means(every), along[1])
+    if every <= usual(interval).decimation:
+        along = Means(every), along[1]
+    return along, along if thin == 1 else _decimators(size, interval, every, middle, begin)
 
 
 def _decimators(

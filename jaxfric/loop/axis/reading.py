@@ -224,9 +224,9 @@ def _split(
             ],
         )
     assert refused is not None
-    better = _cutoff(record, force, held)[0].cutoff
     if free:
         raise refused
+    better = _cutoff(record, force, held)[0].cutoff
     if not better < chosen.cutoff:
         raise InputError(
             f"{refused}. At a cutoff of {chosen.cutoff:.3g} Hz a row is"
