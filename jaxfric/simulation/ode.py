@@ -240,8 +240,7 @@ class SliderEquation(eqx.Module):
             drift = drift + still.force * jax.jvp(self._stress, (t,), (jnp.ones_like(t),))[1]
         load = self.rig.drive.lag_rate(self.motion, t) + self._not_yet(t, mass / whole)
         pull_rate = machine.stiffness * (self.motion.velocity(t) - load - V)
-        # by the mass alone: what the rest does to it is nothing at the null
-        change = -mass * jax.lax.stop_gradient((pull_rate - drift) / (whole**2 * V))
+        change = -mass * (pull_rate - drift) / (whole**2 * V)
         change = change / jnp.sqrt(1 + change**2)
         force = still.force + slope * V * change
         return Slider(force, V * jnp.exp(change), still.slip, still.state)

@@ -114,7 +114,8 @@ def smallest(
         start = x
         x = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
         better = jax.lax.stop_gradient(square(x) < square(start))
-        return square(jnp.where(better, x, start))
+        # the last step carries the derivative, which the least value has from the second order on
+        return square(newton(_NEWTON_STEPS, jnp.where(better, x, start)))
 
     places = jnp.append(best + 1, jnp.argmin(value))
     low, high = jnp.maximum(places - 1, 0), jnp.minimum(places + 1, value.shape[0] - 1)

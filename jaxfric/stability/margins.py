@@ -228,7 +228,7 @@ def modulus(of: Analysis) -> Float[Array, ""]:
         )
         if of.slider.mass is None:
             slope = slope[:-1]  # the leading terms cancel
-        y = jnp.abs(jax.lax.stop_gradient(poly.roots(slope)))
+        y = jnp.abs(poly.roots(slope))  # its derivative counts from the second order on
         y = jnp.where(y < poly.LARGEST, y, 0.0)
         square = _square(whole, y) / _nonzero(_square(load, y))
         distances = [_root(jnp.min(jnp.where(y > 0, square, jnp.inf), initial=jnp.inf))]

@@ -172,9 +172,9 @@ class ExtendedLaw(AbstractInvertibleLaw):
                 total = total + term.force(self._contact(V, part, at))
             return total if damping is None else total + damping * V
 
-        # Newton in ln V; only the last step carries derivatives
-        for _ in range(_NEWTON_STEPS):
-            V = _newton(excess, jax.lax.stop_gradient(V))
+        # Newton in ln V; the last two steps carry derivatives, an order each
+        for i in range(_NEWTON_STEPS):
+            V = _newton(excess, V if i == _NEWTON_STEPS - 1 else jax.lax.stop_gradient(V))
         return V
 
     def _contact(self, V: Scalar, part: States, at: Conditions) -> Contact:
