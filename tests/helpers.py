@@ -7,9 +7,7 @@ catch a planted error in `test_laws.py`. Numbers are SI with friction as a coeff
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from unittest import mock
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -122,18 +120,8 @@ def solve_with_drive(law: reference.Law, motion, stiffness, ts, *, damping=0.0, 
 
 
 def simulate_at(rtol, rig, motion, ts, **policy):
-    """`simulate` with a traced rtol, so that one compilation serves all tolerances.
-
-    `simulate` refuses a traced one. It uses rtol to set the step size controller and for nothing
-    else, which `test_compiled_batch_is_the_same_as_one_by_one` (test_simulate.py) checks.
-    """
-    original = diffrax.PIDController
-
-    def controller(*, rtol: float, atol: float, factor=rtol / 1e-4, **rest):
-        return original(rtol=rtol * factor, atol=atol * factor, **rest)
-
-    with mock.patch.object(diffrax, "PIDController", controller):
-        return jf.simulate(rig, motion, ts, rtol=1e-4, **policy)
+    """`simulate` with `rtol` as an argument, so that one compilation serves all tolerances."""
+    return jf.simulate(rig, motion, ts, rtol=rtol, **policy)
 
 
 def trajectory_errors(trajectory, truth: reference.Solution) -> dict[str, float]:

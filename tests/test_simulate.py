@@ -6,7 +6,6 @@ what that lacks. One compilation per kind of rig and tolerance is shared by all 
 
 import dataclasses
 import functools
-import sys
 
 import diffrax
 import equinox as eqx
@@ -30,7 +29,6 @@ from reference import Law, Motion, solve
 import jaxfric as jf
 from jaxfric.errors import InputError
 from jaxfric.simulation.blocks import in_blocks
-from jaxfric.simulation.simulate import _steps_of
 from jaxfric.simulation.steps import _spectral_radius
 
 RTOLS = (1e-4, 1e-6, 1e-8)
@@ -434,19 +432,3 @@ def test_rows_in_blocks_are_rows_at_once(n):
     push = lambda c: in_blocks(lambda x: jnp.sin(c * x), rows[0])  # noqa: E731
     slope = jax.jvp(push, (2.0,), (1.0,))[1]
     np.testing.assert_allclose(slope, rows[0] * np.cos(2 * np.asarray(rows[0])), rtol=1e-12)
-
-
-@pytest.mark.parametrize("processor", [True, False])
-def test_the_step_that_a_time_is_in(processor, monkeypatch):
-    """As NumPy finds it: ends that times hit, several times in one step, none in another."""
-    module = sys.modules["jaxfric.simulation.simulate"]
-    monkeypatch.setattr(module, "on_processor", lambda: processor)
-    ends = np.array([0.5, 1.0, 1.0, 1.5, 4.0, np.inf, np.inf])
-    some = np.array([0.0, 0.5, 0.6, 1.0, 1.1, 1.2, 3.0, 4.0, 4.0])
-    for last in (0, 2, 4):
-        found = _steps_of((jnp.asarray(ends), jnp.asarray(last), jnp.asarray(some)))
-        assert found.tolist() == np.minimum(np.searchsorted(ends, some), last).tolist()
-    both = jnp.stack([some, np.full(9, 1.2)])
-    many = jax.vmap(lambda last, ts: _steps_of((jnp.asarray(ends), last, ts)))
-    expected = [np.searchsorted(ends, some), [2] * 9]
-    assert many(jnp.array([4, 2]), both).tolist() == [list(map(int, x)) for x in expected]

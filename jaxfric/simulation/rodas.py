@@ -29,9 +29,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int, PyTree
 
+from .ode import SliderEquation, Unknowns
 from .steps import RealScalar, traced_once
 
-_CLOSED_FORM = 6
+_CLOSED_FORM = 5
 """The inverse of a system of up to so many equations is written out."""
 
 _LEAST = 8
@@ -165,20 +166,19 @@ class QuarticInterpolation(diffrax.AbstractLocalInterpolation):
         return jax.tree.map(lambda y0, y1, k: quartic(s, y0, y1, k), self.y0, self.y1, self.k)
 
 
-def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "3 ..."]) -> Array:
-    """The interpolant of `QuarticInterpolation` at `s`."""
-    return (1 - s) * y0 + s * (y1 + (1 - s) * (k[0] + s * (k[1] + s * k[2])))
+def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "rows ..."]) -> Array:
+    """The interpolant of `QuarticInterpolation` at `s`; with more rows of k one of higher order."""
+    inside = k[-1]
+    for row in k[-2::-1]:
+        inside = row + s * inside
+    return (1 - s) * y0 + s * (y1 + (1 - s) * inside)
 
 
 def through(
     shares: Sequence[float], y0: Float[Array, "s *n"], y1: Float[Array, "s *n"], *inside: Array
-) -> Float[Array, "s 3 *n"]:
-    """k of the polynomials through both ends of steps and the values at some `shares` of them.
-
-    Three values inside fix a quartic; of a cubic, which two fix, k_3 is 0.
-    """
-    weights = np.zeros((3, len(shares)))
-    weights[: len(shares)] = np.linalg.inv(np.vander(shares, increasing=True))
+) -> Float[Array, "s rows *n"]:
+    """k of the polynomials through both ends of steps and the values at the `shares` of them."""
+    weights = np.linalg.inv(np.vander(shares, increasing=True))
     beyond = [
         (y - (1 - s) * y0 - s * y1) / (s * (1 - s)) for y, s in zip(inside, shares, strict=True)
     ]
@@ -228,6 +228,14 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
         del solver_state, made_jump
         end, error, dense = _stepped(terms, t0, t1, y0, args)
         return end, error, dense, None, diffrax.RESULTS.successful
+
+
+def stiff_step(
+    equation: SliderEquation, t0: Array, t1: Array, y0: Unknowns
+) -> tuple[Unknowns, Unknowns, Unknowns]:
+    """Unknowns at t1, their error, and k of the interpolant (3 rows)."""
+    y1, error, dense = _stepped(diffrax.ODETerm(equation.derivative), t0, t1, y0, None)
+    return y1, error, dense["k"]
 
 
 @traced_once

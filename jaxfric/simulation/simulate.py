@@ -1,45 +1,42 @@
 """One entry point: `simulate(rig, motion, ts)`.
 
-The solver takes the steps it needs and keeps them with its own interpolant; all samples are
-then evaluated at once. Handing thousands of sample times to the solver instead costs four to
-eight times as much, and a cubic through the steps is less accurate than the solver. For stick-slip
-over many periods the steps themselves are the better samples (`at_steps`): they crowd where the
-slider slips, and take a tenth of the memory of an interpolant.
+By default the motion is stepped in segments (`stepping`), with Tsit5 where the slider has no mass
+and is not stiff and with `Rodas5P` elsewhere; derivatives of every order and mode follow from the
+steps that were taken (`tangents`). Where a solver, a controller or an adjoint is given, and at
+steps, it is `diffrax.diffeqsolve`, with derivatives of its own.
 
-The solver is `Rodas5P`, and derivatives follow from the steps it took (`tangents`). A recorded
-normal stress makes many steps necessary; without mass the cheaper ones of Tsit5 are then better.
-Where a solver or an adjoint is given derivatives are diffrax's own.
+For stick-slip over many periods the steps themselves are better samples than given times
+(`at_steps`): they crowd where the slider slips, and take a tenth of the memory of an interpolant.
 """
 
-import functools
 import math
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..errors import InputError
-from ..motion import AbstractMotion
+from ..motion import AbstractMotion, PiecewiseVelocity
+from ..quantity import is_known
 from ..rig import Inertial, Rig
-from ..threads import on_processor
 from .blocks import in_blocks
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import Slider, SliderEquation, Unknowns
-from .rodas import QuarticInterpolation, Rodas5P, through
-from .start import Start
+from .rodas import Rodas5P
+from .start import Start, law_with_states
+from .stepping import How, Motion, constant, follow
 from .steps import StableStepController, padded_norm
-from .tangents import Knots, differentiable
 from .trajectory import RESULTS, Trajectory, only_if
 
 # The controller bounds the error of one step. Over a record errors add up and the interpolant
 # adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py).
 _SAFETY = 0.03
-_QUARTERS = (0.25, 0.5, 0.75)
-
-T = TypeVar("T")
+_STIFF = 1500.0
+"""Relaxations of the spring on the way, from which the stiff method takes less time."""
 
 
 def simulate(
@@ -49,16 +46,19 @@ def simulate(
     *,
     start: Start | None = None,
     at_steps: bool = False,
-    rtol: float = 1e-6,
+    rtol: ArrayLike = 1e-6,
     max_steps: int = 4096,
     runaway: float = 1e4,
+    stiff: bool | None = None,
     solver: diffrax.AbstractSolver | None = None,
+    controller: diffrax.AbstractStepSizeController | None = None,
     adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> Trajectory:
     """Simulate a slider, by default from steady sliding at the motion's first velocity.
 
-    Equations: see `simulate.ode` and the laws. Jittable and vmappable; differentiable with
-    respect to every array of `rig` and `motion` except the times of the motion's jumps.
+    Equations: see `simulate.ode` and the laws. For `jit`, `vmap`, forward mode, reverse mode and
+    forward over reverse, with respect to every array of `rig`, `motion`, `start` and `ts` except
+    the times of the motion's jumps; derivatives are right to second order.
 
     Parameters
     ----------
@@ -71,16 +71,15 @@ def simulate(
         all arrays get the length `max_steps` + 1, and the last row repeats to the end.
     rtol : error wanted, relative to the range over which each quantity moves. The result
         was within 10 rtol of an independent solution for rtol 1e-4 to 1e-8 in all rigs tested.
-    max_steps : no more solver steps than this are taken; also the length of the
-        solver's memory, so a batch runs faster with a small one.
+    max_steps : no more solver steps than this are taken.
     runaway : end the simulation when the slider moves `runaway` times faster than the
         largest commanded speed.
-    solver : default `Rodas5P()`; without mass, but with an `adjoint` or a recorded normal
-        stress, `diffrax.Tsit5()`. The spring relaxes over A/K of slip, mass within A/(m V): an
-        explicit solver may take no longer steps.
-    adjoint : by default forward mode (`jax.jvp`, `jax.jacfwd`), right for a handful of
-        parameters: `tangents`, or at steps and with a `solver` `diffrax.ForwardMode()`. For
-        reverse mode (`jax.grad`, `jax.vjp`) pass `diffrax.RecursiveCheckpointAdjoint()`.
+    stiff : whether steps are those of the stiff method, `Rodas5P`, or those of Tsit5. The spring
+        relaxes over A/K of slip, mass within A/(m V), and an explicit method may take no longer
+        steps. None: stiff with a mass, or where K times the path of the load point is known, when
+        this is called, to be more than 1500 A.
+    solver, controller, adjoint : of diffrax. Where one of them is given, `diffrax.diffeqsolve`
+        simulates, and derivatives are those of the adjoint (default `diffrax.ForwardMode()`).
 
     Returns
     -------
@@ -95,81 +94,104 @@ def simulate(
         motion, no steady sliding to start from.
     TypeError : a delay law (see `simulate_delay`), or a law without direct effect without mass.
     """
-    how = _Solving(at_steps, rtol, max_steps, runaway, solver, adjoint)
-    return _solve(rig, motion, ts, Start() if start is None else start, how)
-
-
-class _Solving(NamedTuple):
-    """How a simulation is solved and recorded; see `simulate`."""
-
-    at_steps: bool
-    rtol: float
-    max_steps: int
-    runaway: float
-    solver: diffrax.AbstractSolver | None
-    adjoint: diffrax.AbstractAdjoint | None
-
-    @property
-    def own(self) -> bool:
-        """Whether derivatives are those of `tangents`; at steps, which may be very many and need
-        no interpolant, they are the solver's."""
-        return not self.at_steps and self.solver is None and self.adjoint is None
-
-
-def _solve(
-    rig: Rig, motion: AbstractMotion, ts: Float[Array, " n"], begin: Start, how: _Solving
-) -> Trajectory:
-    rtol, runaway = how.rtol, how.runaway
-    if not (0 < rtol <= 0.1) or math.isnan(rtol):
+    if (isinstance(rtol, float) or is_known(rtol)) and not 0 < rtol <= 0.1:
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
     if not runaway > 1:
         raise InputError(f"simulate: runaway is {runaway}; it is a factor above 1")
+    begin = Start() if start is None else start
     refuse_impossible("simulate", rig, ts, begin, motion=motion)
+    if stiff is None:
+        stiff = _is_stiff(rig, motion, ts)
     ts = jnp.asarray(ts)
     equation = SliderEquation(rig, motion, begin)
     initial = equation.initial()
     refuse_no_steady_state(initial, motion.first_velocity())
     possible = is_possible(rig, ts, begin, initial, motion=motion)
-    first, last = (jnp.where(possible, t, 0.0) for t in (ts[0], ts[-1]))
+    ts_used = jnp.where(possible, ts, 0.0)
     initial = jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial)
-    if how.own:
-        start = _constant((equation, first, last, initial))
-        solution = _integrated(*start, how)
-        knots = differentiable(equation, initial, _knots(solution))
-        found = _between(equation, solution, (initial, knots), ts)
+    tolerance, away = _SAFETY * rtol, math.log(runaway)
+    if not at_steps and solver is None and controller is None and adjoint is None:
+        how = How(stiff, max_steps, away)
+        motion_of_it = follow(equation, initial, ts_used, jnp.asarray(tolerance), how)
+        found = _sampled(equation, motion_of_it, ts)
     else:
-        solution = _integrated(equation, first, last, initial, how)
-        found = _at_steps(equation, solution) if how.at_steps else _sample(equation, solution, ts)
+        own = _Diffrax(at_steps, tolerance, max_steps, away, solver, controller, adjoint)
+        solution = own.solve(equation, ts_used, initial, stiff=stiff)
+        found = (_at_steps if at_steps else _interpolated)(equation, solution, ts)
     return only_if(possible, found)
 
 
-def _integrated(
-    equation: SliderEquation, first: Array, last: Array, initial: Unknowns, how: _Solving
-) -> diffrax.Solution:
-    rig, own, solver = equation.rig, how.own, how.solver
-    if solver is None:
-        free = how.adjoint is None and rig.normal_stress is None
-        stiff = isinstance(rig.machine, Inertial) or free
-        solver = Rodas5P() if stiff else diffrax.Tsit5()
-    return diffrax.diffeqsolve(
-        diffrax.ODETerm(equation.derivative),
-        solver,
-        first,
-        last,
-        None,
-        initial,
-        saveat=diffrax.SaveAt(t0=True, steps=True) if how.at_steps else diffrax.SaveAt(dense=True),
-        stepsize_controller=_controller(how.rtol, equation, None if own else solver),
-        event=diffrax.Event(_RanAway(equation, math.log(how.runaway))),
-        adjoint=diffrax.ForwardMode() if how.adjoint is None else how.adjoint,
-        max_steps=how.max_steps,
-        throw=False,
-    )
+def _is_stiff(rig: Rig, motion: AbstractMotion, ts: Array) -> bool:
+    """Whether a slider has a mass, or its spring relaxes very often on the way; see `simulate`."""
+    if isinstance(rig.machine, Inertial) or not isinstance(motion, PiecewiseVelocity):
+        return True
+    scale, K = law_with_states(rig).force_scale(), rig.machine.stiffness
+    if not all(is_known(x) for x in (scale, K, motion.times, motion.velocities, ts)):
+        return False
+    times, last = np.asarray(motion.times), np.asarray(ts)[-1]
+    lasts = np.diff(np.minimum(np.append(times, np.inf), last))
+    path = float(np.sum(np.abs(np.asarray(motion.velocities)) * lasts))
+    return bool(np.asarray(K) * path > _STIFF * np.asarray(scale))
 
 
-def _constant(tree: T) -> T:
-    """The same numbers, without derivatives."""
-    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, tree)
+def _sampled(equation: SliderEquation, found: Motion, ts: Float[Array, " n"]) -> Trajectory:
+    """The motion at `ts`."""
+    reached = jnp.minimum(ts, found.end)
+    slider = in_blocks(equation.physical, reached, found.y)
+    stopped = RESULTS.where(found.ran_away, RESULTS.ran_away, RESULTS.max_steps_reached)
+    result = RESULTS.where(found.reached, RESULTS.successful, stopped)
+    return _trajectory(equation.rig, ts, slider, result, found.end, found.steps)
+
+
+class _Diffrax(NamedTuple):
+    """How `diffrax.diffeqsolve` solves a motion."""
+
+    at_steps: bool
+    tolerance: ArrayLike
+    max_steps: int
+    log_runaway: float
+    solver: diffrax.AbstractSolver | None
+    controller: diffrax.AbstractStepSizeController | None
+    adjoint: diffrax.AbstractAdjoint | None
+
+    def solve(
+        self, equation: SliderEquation, ts: Float[Array, " n"], initial: Unknowns, *, stiff: bool
+    ) -> diffrax.Solution:
+        """The solution between the first and the last of `ts`."""
+        solver = self.solver
+        if solver is None:
+            solver = Rodas5P() if stiff else diffrax.Tsit5()
+        saveat = (
+            diffrax.SaveAt(t0=True, steps=True) if self.at_steps else diffrax.SaveAt(dense=True)
+        )
+        return diffrax.diffeqsolve(
+            diffrax.ODETerm(equation.derivative),
+            solver,
+            ts[0],
+            ts[-1],
+            None,
+            initial,
+            saveat=saveat,
+            stepsize_controller=self._controller(equation, solver),
+            event=diffrax.Event(_RanAway(equation, self.log_runaway)),
+            adjoint=diffrax.ForwardMode() if self.adjoint is None else self.adjoint,
+            max_steps=self.max_steps,
+            throw=False,
+        )
+
+    def _controller(
+        self, equation: SliderEquation, solver: diffrax.AbstractSolver
+    ) -> diffrax.AbstractStepSizeController:
+        controller = self.controller
+        if controller is None:
+            tolerance = self.tolerance
+            controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
+            if not isinstance(solver, diffrax.AbstractImplicitSolver | Rodas5P):
+                controller = StableStepController(controller, constant(equation).derivative)
+        jumps = equation.motion.breakpoints()
+        if jumps.shape[0] == 0:  # which the clipping controller cannot take
+            return controller
+        return diffrax.ClipStepSizeController(controller, jump_ts=jumps)
 
 
 class _RanAway(eqx.Module):
@@ -183,78 +205,7 @@ class _RanAway(eqx.Module):
         return self.equation.log_speed(t, y) > self.limit
 
 
-def _controller(
-    rtol: float, equation: SliderEquation, solver: diffrax.AbstractSolver | None
-) -> diffrax.AbstractStepSizeController:
-    """The controller for a `solver` whose tangents go with it; None: they do not."""
-    tolerance = _SAFETY * rtol
-    controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
-    if not (solver is None or isinstance(solver, diffrax.AbstractImplicitSolver | Rodas5P)):
-        controller = StableStepController(controller, _constant(equation).derivative)
-    jumps = equation.motion.breakpoints()
-    if jumps.shape[0] == 0:  # which the clipping controller cannot take
-        return controller
-    return diffrax.ClipStepSizeController(controller, jump_ts=jumps)
-
-
-def _knots(solution: diffrax.Solution) -> Knots:
-    """The steps of a solution whose interpolant is a quartic."""
-    path = _constant(solution.interpolation)
-    assert isinstance(path, diffrax.DenseInterpolation)
-    t0, t1, count = path.ts[:-1], path.ts[1:], jnp.asarray(path.ts_size) - 1
-    own = path.infos
-    if path.interpolation_cls is QuarticInterpolation:
-        return Knots(t0, t1, **own, count=count)
-    y0, y1 = own["y0"], own["y1"]
-
-    def inside(share: float) -> Unknowns:
-        local = jax.vmap(lambda t0, t1, own: path.interpolation_cls(t0=t0, t1=t1, **own))
-        ends = jnp.zeros_like(t0), jnp.ones_like(t1)
-        return jax.vmap(lambda one: one.evaluate(jnp.asarray(share)))(local(*ends, own))
-
-    k = jax.tree.map(functools.partial(through, _QUARTERS), y0, y1, *map(inside, _QUARTERS))
-    return Knots(t0, t1, y0, y1, k, count)
-
-
-def _between(
-    equation: SliderEquation,
-    solution: diffrax.Solution,
-    path: tuple[Unknowns, Knots],
-    ts: Float[Array, " n"],
-) -> Trajectory:
-    """The motion at `ts` from `path`: where it begins, and its knots."""
-    initial, knots = path
-    last = jnp.maximum(knots.count - 1, 0)
-    still = knots.count == 0
-    interpolation = _constant(solution.interpolation)
-    assert interpolation is not None
-    end = jnp.where(still, interpolation.t0, knots.t1[last])
-    reached = jnp.minimum(ts, end)
-    rows = _steps_of(_constant((knots.t1, last, reached)))
-    steps = QuarticInterpolation(knots.t0, knots.t1, knots.y0, knots.y1, knots.k)
-
-    def at(t: Array, i: Array) -> Slider:
-        y = jax.tree.map(lambda x: x[i], steps).evaluate(t)
-        return equation.physical(t, jax.tree.map(lambda a, b: jnp.where(still, a, b), initial, y))
-
-    return _trajectory(equation.rig, solution, ts, end, in_blocks(at, reached, rows))
-
-
-def _steps_of(found: tuple[Array, Array, Array]) -> Array:
-    """The step that each of some ascending times is in, from the ends of the steps, the last of
-    them, and the times: both are gone through once, in a third of the time of a search."""
-    ends, last, ts = found
-    if not on_processor():
-        return jnp.clip(jnp.searchsorted(ends, ts), 0, last)
-
-    def next_one(k: Array, t: Array) -> tuple[Array, Array]:
-        k = jax.lax.while_loop(lambda k: (ends[k] < t) & (k < last), lambda k: k + 1, k)
-        return k, k
-
-    return jax.lax.scan(next_one, jnp.zeros_like(last), ts)[1]
-
-
-def _sample(
+def _interpolated(
     equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
 ) -> Trajectory:
     interpolation = solution.interpolation
@@ -262,19 +213,22 @@ def _sample(
     end = interpolation.t1
     reached = jnp.minimum(ts, end)
     slider = jax.vmap(lambda t: equation.physical(t, interpolation.evaluate(t)))(reached)
-    return _trajectory(equation.rig, solution, ts, end, slider)
+    return _of_diffrax(equation.rig, solution, ts, end, slider)
 
 
-def _at_steps(equation: SliderEquation, solution: diffrax.Solution) -> Trajectory:
+def _at_steps(
+    equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
+) -> Trajectory:
+    del ts
     assert solution.ts is not None
     last = solution.stats["num_accepted_steps"]
     rows = jnp.minimum(jnp.arange(solution.ts.shape[0]), last)
     ts, ys = jax.tree.map(lambda x: x[rows], (solution.ts, solution.ys))
     slider = jax.vmap(equation.physical)(ts, ys)
-    return _trajectory(equation.rig, solution, ts, ts[-1], slider)
+    return _of_diffrax(equation.rig, solution, ts, ts[-1], slider)
 
 
-def _trajectory(
+def _of_diffrax(
     rig: Rig,
     solution: diffrax.Solution,
     ts: Float[Array, " n"],
@@ -283,6 +237,17 @@ def _trajectory(
 ) -> Trajectory:
     ran_away = solution.result == diffrax.RESULTS.event_occurred
     result = RESULTS.where(ran_away, RESULTS.ran_away, RESULTS.promote(solution.result))
+    return _trajectory(rig, ts, slider, result, end, solution.stats["num_steps"])
+
+
+def _trajectory(
+    rig: Rig,
+    ts: Float[Array, " n"],
+    slider: Slider,
+    result: RESULTS,
+    end: Float[Array, ""],
+    steps: Int[Array, ""],
+) -> Trajectory:
     return Trajectory(
         time=ts,
         force=slider.force,
@@ -292,5 +257,5 @@ def _trajectory(
         state=slider.state,
         result=result,
         end=end,
-        num_steps=solution.stats["num_steps"],
+        num_steps=steps,
     )

@@ -5,55 +5,65 @@ a motion that is known, y' = f(t, y; p), it solves the linear equation
 
     d(dy/dp)/dt = J(t) dy/dp + df/dp,   J = df/dy
 
-whose J and df/dp follow at all times side by side. They are computed at three points of every step
-of the solver, and the step itself is Radau IIA of order 5, implicit and so stable wherever the
+whose J and df/dp follow at all times side by side. They are computed at four points of every step
+of the solver, and the step itself is Radau IIA of order 7, implicit and so stable wherever the
 solver was; what is left to do one after the other is a product of small matrices. To follow a
 solver with tangents instead costs five times as much, and an explicit one must also be kept from
 steps that are stable for the motion and not for its derivative.
 
-A cubic through the points is the derivative between the steps. What has no part in the motion yet,
-as a ripple of amplitude 0, and is shorter than a step of the solver, is not resolved.
+A quartic through the points is the derivative between the steps. What has no part in the motion
+yet, as a ripple of amplitude 0, and is shorter than a step of the solver, is not resolved.
+
+The rule of differentiation asks for the path again, and with it for the path's own derivatives: so
+derivatives of any order follow from it. All of it is arithmetic on arrays of a length that is known
+beforehand, which reverse mode can follow.
 
 Source: Hairer and Wanner, Solving ODEs II, IV.5 for Radau IIA.
 """
 
-import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from .ode import SliderEquation, Unknowns
 from .rodas import inverted, quartic, through
 
-_AT_ONCE = 128
-"""Steps whose matrices are computed side by side."""
-
-_ROOT = np.sqrt(6)
-_NODES = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
-_RADAU = np.array(
-    [
-        [(88 - 7 * _ROOT) / 360, (296 - 169 * _ROOT) / 1800, (-2 + 3 * _ROOT) / 225],
-        [(296 + 169 * _ROOT) / 1800, (88 + 7 * _ROOT) / 360, (-2 - 3 * _ROOT) / 225],
-        [(16 - _ROOT) / 36, (16 + _ROOT) / 36, 1 / 9],
-    ]
-)
+STAGES = 4
+"""Points of a step at which its derivatives are found; the polynomial through them and the start
+is of the degree of `rodas.quartic`."""
 
 
-class Knots(eqx.Module):
-    """Steps of a solver: times of both ends, and the quartic between them (`rodas.quartic`)."""
+def _radau() -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, "s s"]]:
+    """Nodes and matrix of Radau IIA: collocation at the zeros of d^(s-1)/dx^(s-1) [x^(s-1)
+    (x-1)^s], the last of which is 1."""
+    polynomial = np.polynomial.Polynomial.fromroots([0.0] * (STAGES - 1) + [1.0] * STAGES)
+    nodes = np.sort(polynomial.deriv(STAGES - 1).roots().real)
+    nodes[-1] = 1.0
+    powers = np.vander(nodes, increasing=True)
+    integrals = powers * nodes[:, None] / np.arange(1, STAGES + 1)
+    return nodes, integrals @ np.linalg.inv(powers)
+
+
+_NODES, _RADAU = _radau()
+
+
+class Knots(NamedTuple):
+    """Steps of a solver: times of both ends, and the quartic between them (`rodas.quartic`).
+
+    A row without length is no step: there y0, y1 are where the motion has come to, and k is 0.
+    """
 
     t0: Float[Array, " s"]
     t1: Float[Array, " s"]
     y0: PyTree[Float[Array, "s ..."]]
     y1: PyTree[Float[Array, "s ..."]]
     k: PyTree[Float[Array, "s 3 ..."]]
-    count: Int[Array, ""]
-    """Number of steps taken; the rest of the arrays is padding."""
 
 
 Pieces = tuple[PyTree[Float[Array, "s ..."]], PyTree[Float[Array, "s ..."]], PyTree]
@@ -61,12 +71,13 @@ Pieces = tuple[PyTree[Float[Array, "s ..."]], PyTree[Float[Array, "s ..."]], PyT
 
 
 def differentiable(equation: SliderEquation, begin: Unknowns, knots: Knots) -> Knots:
-    """The same knots, with derivatives by everything in `equation` and `begin`.
+    """The same knots, with derivatives by everything in `equation` and `begin`, of any order and in
+    both modes.
 
-    `knots` are those of the solution of `equation` from `begin`. For forward mode.
+    `knots` are those of the solution of `equation` from `begin`, and constants.
     """
     y0, y1, k = _pieces(equation, begin, knots)
-    return dataclasses.replace(knots, y0=y0, y1=y1, k=k)
+    return knots._replace(y0=y0, y1=y1, k=k)
 
 
 @eqx.filter_custom_jvp
@@ -83,10 +94,9 @@ def _(
     equation, begin, knots = primals
     # asked again, not taken from the arguments: so they carry the derivatives of the next order
     pieces = _pieces(equation, begin, knots)
-    knots = dataclasses.replace(knots, y0=pieces[0], y1=pieces[1], k=pieces[2])
     params, rest = eqx.partition(equation, eqx.is_inexact_array)
     moved = _or_zeros(params, tangents[0])
-    first, back = ravel_pytree(begin)
+    back = ravel_pytree(begin)[1]
     begun = ravel_pytree(_or_zeros(begin, tangents[1]))[0]
 
     def rate(params: PyTree, t: Array, y: Array) -> Array:
@@ -96,26 +106,16 @@ def _(
         slope = jax.jacfwd(rate, 2)(params, t, y)
         return slope, jax.jvp(lambda p: rate(p, t, y), (params,), (moved,))[1]
 
-    padded = _padded(knots)
-    count, size = knots.count, knots.t0.shape[0]
+    flat = jax.vmap(lambda y: ravel_pytree(y)[0])
+    y0, y1, k = flat(pieces[0]), flat(pieces[1]), jax.vmap(flat)(pieces[2])
+    rows = (knots.t0, knots.t1, y0, y1, k)
+    across, added = jax.vmap(lambda *step: _across(linear, *step))(*rows)
 
-    def some(i: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
-        y, found = carry
-        at = i * _AT_ONCE
-        own = jax.tree.map(lambda x: jax.lax.dynamic_slice_in_dim(x, at, _AT_ONCE), padded)
-        across, added = jax.vmap(lambda *step: _across(linear, *step))(*own)
+    def step(y: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
+        inside = jnp.sum(now[0] * y, axis=-1) + now[1]  # no product: as in `rodas`
+        return inside[-1], jnp.concatenate([y[None], inside])
 
-        def step(y: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
-            inside = jnp.sum(now[0] * y, axis=-1) + now[1]  # no product: as in `rodas`
-            return inside[-1], jnp.concatenate([y[None], inside])
-
-        y, part = jax.lax.scan(step, y, (across, added))
-        return y, jax.lax.dynamic_update_slice_in_dim(found, part, at, 0)
-
-    rows = padded[0].shape[0]
-    found = jnp.zeros((rows, 4, len(first)), first.dtype)
-    _, found = jax.lax.fori_loop(0, -(-count // _AT_ONCE), some, (begun, found))
-    return pieces, _cubic(found[:size], back)
+    return pieces, _through_nodes(jax.lax.scan(step, begun, (across, added))[1], back)
 
 
 Linear = Callable[[Array, Array], tuple[Array, Array]]
@@ -124,7 +124,7 @@ Linear = Callable[[Array, Array], tuple[Array, Array]]
 
 def _across(
     linear: Linear, t0: Array, t1: Array, y0: Array, y1: Array, k: Array
-) -> tuple[Float[Array, "3 n n"], Float[Array, "3 n"]]:
+) -> tuple[Float[Array, "stages n n"], Float[Array, "stages n"]]:
     """The derivative at the points of a step: a matrix times that at its start, plus a vector."""
     h, nodes = t1 - t0, jnp.asarray(_NODES, y0.dtype)
     # a step of the command belongs to the next step of the solver, whose time the end may be
@@ -133,32 +133,16 @@ def _across(
     ys = jax.vmap(lambda s: quartic(s, y0, y1, k))(nodes)
     slopes, driven = jax.vmap(linear)(ts, ys)
     n, weights = len(y0), h * jnp.asarray(_RADAU, y0.dtype)
-    coupled = jnp.einsum("ij,jab->iajb", weights, slopes).reshape(3 * n, 3 * n)
-    inverse = inverted(jnp.eye(3 * n, dtype=y0.dtype) - coupled).reshape(3, n, 3, n)
+    coupled = jnp.einsum("ij,jab->iajb", weights, slopes).reshape(STAGES * n, STAGES * n)
+    inverse = inverted(jnp.eye(STAGES * n, dtype=y0.dtype) - coupled)
+    inverse = inverse.reshape(STAGES, n, STAGES, n)
     return jnp.sum(inverse, axis=2), jnp.einsum("iajb,jb->ia", inverse, weights @ driven)
 
 
-def _padded(knots: Knots) -> tuple[Array, ...]:
-    """t0, t1, y0, y1 and k in whole parts of `_AT_ONCE`; padding repeats the first step's start,
-    with no length."""
-    size = knots.t0.shape[0]
-    taken = jnp.arange(size) < knots.count
-    flat = jax.vmap(lambda y: ravel_pytree(y)[0])
-    y0, y1, k = flat(knots.y0), flat(knots.y1), jax.vmap(flat)(knots.k)
-    t0, t1 = (jnp.where(taken, t, knots.t0[0]) for t in (knots.t0, knots.t1))
-    y0, y1 = (jnp.where(taken[:, None], y, y0[0]) for y in (y0, y1))
-    k = jnp.where(taken[:, None, None], k, 0.0)
-    more = -size % _AT_ONCE
-    return tuple(
-        jnp.concatenate([x, jnp.broadcast_to(last, (more, *x.shape[1:]))])
-        for x, last in ((t0, t0[0]), (t1, t0[0]), (y0, y0[0]), (y1, y0[0]), (k, jnp.zeros(())))
-    )
-
-
-def _cubic(values: Float[Array, "s 4 n"], back: Callable[[Array], PyTree]) -> Pieces:
-    """y0, y1 and k of the cubic through the start of every step and its three points."""
-    y0, one, two, y1 = jnp.moveaxis(values, 1, 0)
-    k = through(_NODES[:2].tolist(), y0, y1, one, two)
+def _through_nodes(values: Float[Array, "s points n"], back: Callable[[Array], PyTree]) -> Pieces:
+    """y0, y1 and k of the polynomial through the start of every step and its points."""
+    y0, *inside, y1 = jnp.moveaxis(values, 1, 0)
+    k = through(_NODES[:-1].tolist(), y0, y1, *inside)
     unflat = jax.vmap(back)
     return unflat(y0), unflat(y1), jax.vmap(unflat)(k)
 

@@ -1,0 +1,297 @@
+"""From the start of a motion to its sample times, in segments of a few steps.
+
+A segment takes up to `ROWS` steps, finds their derivatives (`tangents`), evaluates the interpolant
+at the sample times that it covers, and forgets its steps. So memory follows the samples, not the
+steps, and a derivative of any order and mode is one of a loop over segments:
+
+    while a member of the batch goes on: segment(equation, point, samples) -> point, samples
+
+As the loop, and in it each step, goes on while any member of a batch does, its counters are the
+same for all members and arrays are written in place. Without derivatives it is a `while_loop`. With
+them it is a scan over all segments that `max_steps` allows, which passes over those that no member
+needs: reverse mode needs the number of turns in advance.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import equinox.internal as eqxi
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from .explicit import explicit_step
+from .ode import SliderEquation, Unknowns
+from .rodas import quartic, stiff_step
+from .steps import padded_norm
+from .tangents import Knots, differentiable
+
+ROWS = 32
+"""Steps of a segment, where few samples are asked for."""
+_SAMPLES_EACH, _MOST_PARTS = 256, 16
+"""Samples for which a segment gets `ROWS` steps more, and the most times that it does."""
+_FAN = 16
+"""Segments, or groups of them, that a scan passes over at once."""
+_SHRINK, _GROW, _CAUTION = 0.2, 10.0, 0.9
+_ROUNDINGS = 4.0
+"""Length of the shortest step, in roundings of time."""
+
+
+class How(NamedTuple):
+    """How a motion is stepped."""
+
+    stiff: bool
+    """Rodas5P, or else Tsit5."""
+    max_steps: int
+    log_runaway: float
+    """ln of the speed, over the largest commanded one, at which a motion ends."""
+
+
+class Point(NamedTuple):
+    """Where a motion has come to."""
+
+    time: Float[Array, ""]
+    y: Unknowns
+    slope: Unknowns
+    """dy/dt, for the explicit pair, whose last stage is the next step's first."""
+    size: Float[Array, ""]
+    """Length of the next step [s]; 0: to be guessed."""
+    going: Bool[Array, ""]
+    ran_away: Bool[Array, ""]
+    steps: Int[Array, ""]
+    """Steps taken, rejected ones included."""
+
+
+class Motion(NamedTuple):
+    """Scaled unknowns at the sample times, and how the motion ended."""
+
+    y: PyTree[Float[Array, "n ..."]]
+    end: Float[Array, ""]
+    reached: Bool[Array, ""]
+    ran_away: Bool[Array, ""]
+    steps: Int[Array, ""]
+
+
+def follow(
+    equation: SliderEquation,
+    initial: Unknowns,
+    ts: Float[Array, " n"],
+    tolerance: Float[Array, ""],
+    how: How,
+) -> Motion:
+    """The solution of `equation` from `initial` at `ts[0]`, at the ascending times `ts`.
+
+    `tolerance` is the error of a step, relative and absolute, in the scaled unknowns. Derivatives
+    by every array of `equation`, `initial` and `ts`, times of jumps apart.
+    """
+    return _followed(equation, initial, ts, _Policy(tolerance, how))
+
+
+class _Policy(eqx.Module):
+    tolerance: Float[Array, ""]
+    how: How = eqx.field(static=True)
+
+
+@eqx.filter_custom_jvp
+def _followed(
+    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
+) -> Motion:
+    carry, segment = _begun(equation, initial, ts, policy)
+
+    def goes_on(carry: "_Carry") -> Bool[Array, ""]:
+        return eqxi.unvmap_any(carry[0].going)
+
+    return _ended(ts, *jax.lax.while_loop(goes_on, segment, carry))
+
+
+@_followed.def_jvp
+def _(primals: tuple, tangents: tuple) -> tuple[Motion, Motion]:
+    return eqx.filter_jvp(_by_scan, primals, tangents)
+
+
+def _by_scan(
+    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
+) -> Motion:
+    carry, segment = _begun(equation, initial, ts, policy)
+    segments = -(-policy.how.max_steps // (ROWS * _parts(ts)))
+    loop, length = jax.checkpoint(segment), segments
+    while length > 1:
+        turns = min(length, _FAN)
+        loop = _repeated(loop, turns)
+        length = -(-length // turns)
+    return _ended(ts, *loop(carry))
+
+
+_Carry = tuple[Point, PyTree[Float[Array, "n ..."]]]
+
+
+def _repeated(loop, turns: int):
+    """`loop`, `turns` times, each only where a member of the batch still goes on."""
+
+    def once(carry: _Carry, _: None) -> tuple[_Carry, None]:
+        going = eqxi.unvmap_any(carry[0].going)
+        return jax.lax.cond(going, loop, lambda carry: carry, carry), None
+
+    return lambda carry: jax.lax.scan(once, carry, None, length=turns)[0]
+
+
+def _parts(ts: Float[Array, " n"]) -> int:
+    return int(np.clip(ts.shape[0] // _SAMPLES_EACH, 1, _MOST_PARTS))
+
+
+def _begun(equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy):
+    """Where the loop over segments begins, and a segment of it."""
+    zero, fixed = jnp.zeros((), ts.dtype), constant(equation)
+    stops = jnp.append(fixed.motion.breakpoints(), jnp.inf)
+    last = jax.lax.stop_gradient(ts[-1])
+    first = jax.lax.stop_gradient(ts[0])
+    slope = jax.tree.map(jnp.zeros_like, initial)
+    going = last > first
+    point = Point(first, initial, slope, zero, going, ~going & False, jnp.zeros((), jnp.int32))
+    ys = jax.tree.map(lambda y: jnp.broadcast_to(y, (ts.shape[0], *y.shape)), initial)
+    parts = _parts(ts)
+
+    def step(point: Point, _: None) -> tuple[Point, Knots]:
+        going = eqxi.unvmap_any(point.going)
+        taken = lambda point: _step(fixed, point, jnp.minimum(stops, last), last, policy)  # noqa: E731
+        return jax.lax.cond(going, taken, _still, point)
+
+    def part(point: Point, _: None) -> tuple[Point, Knots]:
+        begin = point.y
+        point, knots = jax.lax.scan(step, constant(point), None, length=ROWS)
+        knots = differentiable(equation, begin, knots)
+        y = jax.tree.map(lambda y: y[-1], knots.y1)
+        return point._replace(y=y), knots
+
+    def idle(point: Point, _: None) -> tuple[Point, Knots]:
+        row = _still(constant(point))[1]
+        y0, y1 = (
+            jax.tree.map(lambda a: jnp.broadcast_to(a, (ROWS, *a.shape)), y) for y in 2 * [point.y]
+        )
+        rows = jax.tree.map(lambda a: jnp.broadcast_to(a, (ROWS, *a.shape)), row)
+        return point, Knots(rows.t0, rows.t1, y0, y1, rows.k)
+
+    def segment(carry: _Carry) -> _Carry:
+        point, ys = carry
+        begin = point.time
+        if parts == 1:
+            point, knots = part(point, None)
+        else:
+
+            def some(point: Point, _: None) -> tuple[Point, Knots]:
+                going = eqxi.unvmap_any(point.going)
+                return jax.lax.cond(going, part, idle, point, None)
+
+            point, knots = jax.lax.scan(some, point, None, length=parts)
+            knots = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), knots)
+        found = _between(knots, jnp.minimum(ts, point.time))
+        inside = ts > begin
+        return point, jax.tree.map(lambda new, old: _where(inside, new, old), found, ys)
+
+    return (point, ys), segment
+
+
+def _ended(ts: Float[Array, " n"], point: Point, ys: PyTree[Float[Array, "n ..."]]) -> Motion:
+    reached = ~point.ran_away & (point.time >= jax.lax.stop_gradient(ts[-1]))
+    return Motion(ys, point.time, reached, point.ran_away, point.steps)
+
+
+def _step(
+    equation: SliderEquation, point: Point, stops: Float[Array, " s"], last: Array, policy: _Policy
+) -> tuple[Point, Knots]:
+    """One step, taken or rejected; of a motion that has ended nothing changes."""
+    how, tolerance = policy.how, jax.lax.stop_gradient(policy.tolerance)
+    t, y = point.time, point.y
+    fresh, slope = point.size == 0, point.slope
+    begins = eqxi.unvmap_any(fresh & point.going)
+    slope = jax.lax.cond(begins, lambda: equation.derivative(t, y), lambda: slope)
+    size = _first_size(slope, y, tolerance)
+    size = jnp.where(fresh, size, point.size)
+    stop = jnp.min(jnp.where(stops > t, stops, jnp.inf), initial=last)
+    shortest = _ROUNDINGS * jnp.spacing(jnp.abs(t))
+    room = stop - t
+    lands = size >= room * (1 - 1e-12)
+    end = jnp.where(lands, stop, t + jnp.maximum(size, shortest))
+    # a jump of the command belongs to the next step
+    before = jnp.where(lands, stop - _ROUNDINGS * jnp.spacing(jnp.abs(stop)), end)
+    before = jnp.where(before > t, before, end)
+    if how.stiff:
+        y1, error, k = stiff_step(equation, t, before, y)
+        later = slope
+    else:
+        y1, error, k, later = explicit_step(equation, t, before, y, slope)
+    wrong = _norm(error, y, y1, tolerance)
+    fine = jnp.isfinite(wrong)
+    good = fine & (wrong <= 1)
+    factor = _CAUTION * jnp.where(fine & (wrong > 0), wrong, 1e-10) ** -0.2
+    factor = jnp.where(fine, jnp.clip(factor, _SHRINK, jnp.where(good, _GROW, 1.0)), _SHRINK)
+    length = before - t
+    vanished = point.going & ~good & (length <= 2 * shortest) & (not how.stiff)
+    taken = point.going & good
+    away = taken & (equation.log_speed(before, y1) > how.log_runaway)
+    new = Point(
+        jnp.where(taken, end, t),
+        _choose(taken, y1, y),
+        _choose(taken, later, slope),
+        jnp.where(good & lands, 0.0, length * factor),
+        point.going
+        & ~away
+        & ~vanished
+        & ~(taken & (end >= last))
+        & (point.steps + 1 < how.max_steps),
+        point.ran_away | away | vanished,
+        point.steps + point.going,
+    )
+    none = jax.tree.map(jnp.zeros_like, k)
+    return new, Knots(t, new.time, y, new.y, _choose(taken, k, none))
+
+
+def _still(point: Point) -> tuple[Point, Knots]:
+    """No step."""
+    none = jax.tree.map(lambda y: jnp.zeros((3, *y.shape), y.dtype), point.y)
+    return point, Knots(point.time, point.time, point.y, point.y, none)
+
+
+def _first_size(slope: Unknowns, y: Unknowns, tolerance: Float[Array, ""]) -> Float[Array, ""]:
+    """Length of a step after a jump: the unknowns change by a little more than an error may."""
+    rate = padded_norm(jax.tree.map(lambda d, y: d / (1 + jnp.abs(y)), slope, y))
+    return jnp.where(rate > 0, tolerance**0.2 / jnp.where(rate > 0, rate, 1.0), jnp.inf)
+
+
+def _norm(
+    error: Unknowns, y0: Unknowns, y1: Unknowns, tolerance: Float[Array, ""]
+) -> Float[Array, ""]:
+    def scaled(e: Array, a: Array, b: Array) -> Array:
+        return e / (tolerance * (1 + jnp.maximum(jnp.abs(a), jnp.abs(b))))
+
+    return padded_norm(jax.tree.map(scaled, error, y0, y1))
+
+
+def _between(knots: Knots, ts: Float[Array, " n"]) -> PyTree[Float[Array, "n ..."]]:
+    """The interpolant at ascending times up to the last knot."""
+    ends = jax.lax.stop_gradient(knots.t1)
+    rows = jnp.searchsorted(ends, jax.lax.stop_gradient(ts))
+    rows = jnp.minimum(rows, ends.shape[0] - 1)
+
+    def at(t: Array, i: Array) -> Unknowns:
+        t0, t1, y0, y1, k = jax.tree.map(
+            lambda x: x[i], (knots.t0, knots.t1, knots.y0, knots.y1, knots.k)
+        )
+        share = (t - t0) / jnp.where(t1 > t0, t1 - t0, 1.0)
+        return jax.tree.map(lambda y0, y1, k: quartic(share, y0, y1, k), y0, y1, k)
+
+    return jax.vmap(at)(ts, rows)
+
+
+def _choose(which: Bool[Array, ""], one: PyTree, other: PyTree) -> PyTree:
+    return jax.tree.map(lambda a, b: jnp.where(which, a, b), one, other)
+
+
+def _where(which: Bool[Array, " n"], one: Array, other: Array) -> Array:
+    return jnp.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+
+
+def constant(tree: PyTree) -> PyTree:
+    """The same numbers, without derivatives."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, tree)
