@@ -14,6 +14,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from snapshots import compared
 
 from jaxfric.cache import whole_loops
 
@@ -33,6 +34,17 @@ _QUICK_COMPILER = " ".join(
 )
 """Half of what the tests do is trace and compile; so it takes half the time, and rounds otherwise.
 With XLA_FLAGS set, if only to nothing, they run what a user runs."""
+
+
+def pytest_addoption(parser):
+    parser.addoption("--update-snapshots", action="store_true", help="keep the texts of today")
+
+
+@pytest.fixture
+def snapshot(request):
+    """`snapshot(name, text)` fails where the text is not that of tests/snapshots/NAME.txt."""
+    anew = request.config.getoption("--update-snapshots")
+    return lambda name, text: compared(name, text, anew=anew)
 
 
 def pytest_configure(config):

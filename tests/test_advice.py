@@ -229,9 +229,8 @@ def accepted(option: str, value: str) -> None:
         pytest.fail(f"{option} '{value}' is proposed and refused: {error}")
 
 
-def test_there_is_much_to_test() -> None:
-    assert len(in_messages()) > 25
-    assert ("--stiffness", "1.6e-3/um") in in_messages()
+def test_there_is_something_to_test() -> None:
+    assert in_messages()
 
 
 @pytest.mark.parametrize(("option", "value"), in_messages())

