@@ -17,7 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..errors import InputError
 from ..motion import AbstractMotion, PiecewiseVelocity
@@ -46,7 +46,7 @@ def simulate(
     *,
     start: Start | None = None,
     at_steps: bool = False,
-    rtol: ArrayLike = 1e-6,
+    rtol: float | Float[Array, ""] = 1e-6,
     max_steps: int = 4096,
     runaway: float = 1e4,
     stiff: bool | None = None,
@@ -94,7 +94,7 @@ def simulate(
         motion, no steady sliding to start from.
     TypeError : a delay law (see `simulate_delay`), or a law without direct effect without mass.
     """
-    if (isinstance(rtol, float) or is_known(rtol)) and not 0 < rtol <= 0.1:
+    if not isinstance(rtol, jax.core.Tracer) and not 0 < rtol <= 0.1:
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
     if not runaway > 1:
         raise InputError(f"simulate: runaway is {runaway}; it is a factor above 1")
@@ -138,7 +138,9 @@ def _sampled(equation: SliderEquation, found: Motion, ts: Float[Array, " n"]) ->
     """The motion at `ts`."""
     reached = jnp.minimum(ts, found.end)
     slider = in_blocks(equation.physical, reached, found.y)
-    stopped = RESULTS.where(found.ran_away, RESULTS.ran_away, RESULTS.max_steps_reached)
+    stopped = RESULTS.where(
+        found.ran_away, RESULTS.ran_away, RESULTS.promote(diffrax.RESULTS.max_steps_reached)
+    )
     result = RESULTS.where(found.reached, RESULTS.successful, stopped)
     return _trajectory(equation.rig, ts, slider, result, found.end, found.steps)
 
@@ -147,7 +149,7 @@ class _Diffrax(NamedTuple):
     """How `diffrax.diffeqsolve` solves a motion."""
 
     at_steps: bool
-    tolerance: ArrayLike
+    tolerance: float | Float[Array, ""]
     max_steps: int
     log_runaway: float
     solver: diffrax.AbstractSolver | None
