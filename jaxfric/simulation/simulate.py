@@ -17,6 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from ..errors import InputError
@@ -94,7 +95,7 @@ def simulate(
         motion, no steady sliding to start from.
     TypeError : a delay law (see `simulate_delay`), or a law without direct effect without mass.
     """
-    if not isinstance(rtol, jax.core.Tracer) and not 0 < rtol <= 0.1:
+    if not isinstance(rtol, Tracer) and not 0 < rtol <= 0.1:
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
     if not runaway > 1:
         raise InputError(f"simulate: runaway is {runaway}; it is a factor above 1")
