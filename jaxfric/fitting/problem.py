@@ -34,6 +34,9 @@ from .noise import Noise, whiten
 from .padding import bucket
 
 _TIME_SHARE = 1e-3
+_STIFF = 500.0
+"""Spring force over the whole path, in changes of friction, from which the stiff method is used: A
+is about a third of such a change, and an explicit step as long as three relaxations over A/K."""
 _MACHINE_QUANTITIES = quantities(QuasiStatic)
 _LEVEL = Quantity("level", "F", "friction of a later stretch of a run less that of the first")
 
@@ -124,6 +127,8 @@ class Problem(AbstractProblem):
     model: RigModel = eqx.field(static=True)  # ty: ignore[incompatible-mutable-override]
     rtol: float = eqx.field(static=True, default=1e-5)
     max_steps: int = eqx.field(static=True, default=4096)
+    stiff: bool = eqx.field(static=True, default=True)
+    """Whether the spring relaxes so often over the record that the stiff method is the faster."""
     seen: tuple[Float[Array, " m"], Int[Array, " n"]] | None = None
     """Times at which the sensor sees friction, ascending, and which of them are the rows; None: it
     sees the rows only. Between them it takes friction as straight."""
@@ -213,6 +218,7 @@ class Problem(AbstractProblem):
             times,
             rtol=self.rtol,
             max_steps=self.max_steps,
+            stiff=self.stiff,
             runaway=1e4 if self.damping is None else 1e9,
         )
         seen = tuple(self._channel(channel.kind, rig, out.slip[rows]) for channel in self.channels)
@@ -377,6 +383,7 @@ def make_problem(
         normal_stress=None,
         model=model,
         max_steps=most_steps(len(steps)),
+        stiff=bool(sizes.stiffness * (path[-1] - path[0]) > _STIFF * sizes.force),
     )
 
 
