@@ -1,6 +1,8 @@
 """Fitting rate-and-state friction to velocity-step records."""
 
 from .fit import fit as fit
+from .minimise import Minimum as Minimum
+from .minimise import minimise as minimise
 from .noise_estimate import NoiseEstimate as NoiseEstimate
 from .noise_estimate import NoisePart as NoisePart
 from .problem import Model as Model
