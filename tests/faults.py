@@ -410,7 +410,7 @@ FAULTS = (
           "        if line is None:\n            continue\n", "        line = line or 0\n",
           "tests/test_figures.py -k two_lines"),
     Fault("others are tried though the first is down to the noise", "fitting/solve.py",
-          "        if cost < _NOISE_REACHED * samples:\n            break\n", "", TURNS),
+          "        if cost < NOISE_REACHED * samples:\n            break\n", "", TURNS),
     Fault("a start is asked for twice", "fitting/solve.py",
           "descend(problem, z, tolerance, known=known)", "descend(problem, z, tolerance)", TURNS),
     Fault("starts have their turn as they come", "fitting/solve.py",

@@ -99,9 +99,11 @@ def minimise(
     -------
     Minimum. Look at its `converged`: a descent that does not converge raises nothing.
     """
-    function = residual
     if isinstance(residual, AbstractProblem):
-        function, args = _of_problem, residual
+        function: Residual = _of_problem
+        args = residual
+    else:
+        function = residual
     found = optx.least_squares(
         _Once(function),
         _Marquardt(rtol, atol),
@@ -239,8 +241,8 @@ class _Marquardt(optx.AbstractGaussNewton):
     rtol: float
     atol: float
     norm: Callable[[PyTree], Array]
-    descent: "_Damped"
-    search: optx.ClassicalTrustRegion
+    descent: "_Damped"  # ty: ignore[incompatible-mutable-override]
+    search: optx.ClassicalTrustRegion  # ty: ignore[incompatible-mutable-override]
     verbose: Callable[..., None]
 
     def __init__(self, rtol: float, atol: float):
