@@ -195,7 +195,7 @@ def _in_batches(work: Callable, *inputs: list) -> list:
     groups: dict[tuple, list[int]] = {}
     for i, each in enumerate(zip(*inputs, strict=True)):
         leaves, tree = jax.tree.flatten(each)
-        shapes = tuple((np.shape(x), np.result_type(x)) for x in leaves)
+        shapes = tuple((np.shape(x), str(np.asarray(x).dtype)) for x in leaves)
         groups.setdefault((tree, shapes), []).append(i)
     parts = []
     for (tree, _), members in groups.items():
