@@ -56,6 +56,7 @@ NAMES = [
     "find_posterior",
     "find_steps",
     "fit",
+    "fit_many",
     "from_arrays",
     "jump_start",
     "law_from_fit",
