@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .fitting import Estimate as Estimate
     from .fitting import Fit as Fit
     from .fitting import fit as fit
+    from .fitting import fit_many as fit_many
     from .gains import check_gains as check_gains
     from .gains import find_gains as find_gains
     from .gains import schedule as schedule
@@ -105,6 +106,7 @@ _HOMES = {
     "Estimate": "fitting",
     "Fit": "fitting",
     "fit": "fitting",
+    "fit_many": "fitting",
     "check_gains": "gains",
     "find_gains": "gains",
     "law_from_fit": "laws",

@@ -56,6 +56,7 @@ NAMES = [
     "find_posterior",
     "find_steps",
     "fit",
+    "fit_many",
     "from_arrays",
     "jump_start",
     "law_from_fit",
@@ -202,7 +203,7 @@ print(set({PACKAGES}) - set(dir(jaxfric)))
 print(jaxfric.gains.schedule.__name__, jaxfric.stability.linear.to_control.__name__)
 print(jaxfric.study.Grid.__name__, jaxfric.plot.draw_fit.__name__)
 [getattr(jaxfric, name) for name in jaxfric.__all__]
-print(before == dict(jax.config.values), jax.config.jax_enable_x64)
+print(all(jax.config.values[k] == v for k, v in before.items()), jax.config.jax_enable_x64)
 print(jax.config.jax_compilation_cache_dir)
 for first in ('stability.theorem', 'fitting.fit', 'plot.fit'):
     jaxfric = anew('jaxfric.' + first)

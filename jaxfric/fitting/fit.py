@@ -124,7 +124,7 @@ def fit(
     return dataclasses.replace(found, warnings=(*warnings, *task.doubts, *found.warnings))
 
 
-class _Task(NamedTuple):
+class Task(NamedTuple):
     """A record, steps that begin forwards and the sign of friction that goes with them, the model,
     the stiffness where it is known, and the reference velocity [m/s]."""
 
@@ -136,6 +136,21 @@ class _Task(NamedTuple):
     V0: float
     doubts: tuple[str, ...] = ()
     """Warnings about the stated stiffness."""
+    given: VelocitySteps | None = None
+    """The steps as given or found, which may begin backwards."""
+
+
+def task_of(
+    record: Record | str | Path,
+    stiffness: float | str | None,
+    steps: VelocitySteps | str | None,
+    model: Model,
+    reference_velocity: float | str | None,
+) -> Task:
+    """What `fit` begins with; raises what it does."""
+    record = as_record(record)
+    K = _stiffness(stiffness, record, model.fit_stiffness)
+    return _task(record, steps_of(record, steps), model, K, reference_velocity)
 
 
 def _task(
@@ -144,7 +159,7 @@ def _task(
     model: Model,
     stiffness: float | None,
     reference_velocity: float | str | None,
-) -> _Task:
+) -> Task:
     if stiffness is not None:
         _refuse_soft(stiffness, record, steps)
     V0 = _reference(reference_velocity, steps)
@@ -155,10 +170,10 @@ def _task(
         seen, unit = steepest_loading(record, sign, forward), record.friction_unit
         refuse_contradicted(seen, stiffness, unit)
         said = loading_doubts(seen, stiffness, unit)
-    return _Task(record, forward, sign, model, stiffness, V0, said)
+    return Task(record, forward, sign, model, stiffness, V0, said, steps)
 
 
-def _with_noise(task: _Task, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
+def _with_noise(task: Task, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
     """The solution with the noise that it leaves, found again where that noise changes it: without
     glitches, with fair weights on the times of steps, and `whitened` by it."""
     written = recorded_steps(task.record.friction)
@@ -203,6 +218,11 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
     if lost < _BLUR:
         return few, ()
     return few, (blur_warning(-(-len(record) // rows), lost),)
+
+
+def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -> Model:
+    """The model that is asked for. Raises `InputError` for one that there is not."""
+    return _model(law, states, fit_stiffness, slip_trend, "ordinary")
 
 
 def _model(law: str, states: int, fit_stiffness: bool, slip_trend: bool, weighting: str) -> Model:
@@ -312,10 +332,7 @@ def prepare(
     """
     friction = sign * record.friction
     noise_scale = max(noise_from_differences(friction), least_noise(recorded_steps(friction)))
-    shifted = None
-    if steps.time_errors is not None:
-        slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
-        shifted = np.flatnonzero(stiffness * slack > _FELT * noise_scale)
+    shifted = _felt(steps, stiffness, noise_scale)
     sizes = ProblemSizes(
         abs(steps.velocities[0]) if V0 is None else V0,
         stiffness,
@@ -325,14 +342,33 @@ def prepare(
     return make_problem(record.relative_time, friction, steps, sizes, model, shifted=shifted)
 
 
+def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | None:
+    """Indices of the steps whose errors in time are felt above the noise; None: they are exact."""
+    if steps.time_errors is None:
+        return None
+    slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
+    return np.flatnonzero(stiffness * slack > _FELT * noise)
+
+
+def uncertain_steps(task: Task, problem: Problem) -> tuple[str, ...]:
+    """A warning where step times are taken as exact though the fit feels their errors."""
+    felt = _felt(task.steps, float(problem.stiffness), float(problem.noise_scale))
+    if felt is None or not len(felt):
+        return ()
+    return (
+        f"the times of {len(felt)} velocity steps were found in the load-point motion and taken as"
+        " exact, though their errors exceed the noise: jaxfric.fit refines them",
+    )
+
+
 def _solve_in_stages(
-    task: _Task, start: Mapping[str, float] | None, progress: Callable[[str], None]
+    task: Task, start: Mapping[str, float] | None, progress: Callable[[str], None]
 ) -> tuple[Problem, Solution]:
     """Fit one state first; the velocity that it finds then serves to start more states.
 
     A law that is no `RateState` begins with one state of the slip law.
     """
-    record, steps, sign, model, K, V0, _ = task
+    record, steps, sign, model, K, V0, *_ = task
     time, friction = record.relative_time, sign * record.friction
     law = model.law if evolution_of(model.law) is not None else "slip"
     one = model._replace(states=1, law=law)

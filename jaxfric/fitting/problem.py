@@ -34,7 +34,7 @@ from .noise import Noise, whiten
 from .padding import bucket
 
 _TIME_SHARE = 1e-3
-_STIFF = 500.0
+_STIFF = 1000.0
 """Spring force over the whole path, in changes of friction, from which the stiff method is used: A
 is about a third of such a change, and an explicit step as long as three relaxations over A/K."""
 _MACHINE_QUANTITIES = quantities(QuasiStatic)

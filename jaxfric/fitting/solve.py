@@ -20,7 +20,7 @@ from .problem import FAILED_MISFIT, Problem, residual_and_jacobian
 
 # A descent from which the misfit per sample is below this is not compared with others: it
 # fits to the noise (measured from second differences of the record).
-_NOISE_REACHED = 1.1
+NOISE_REACHED = 1.1
 _TRIALS = (10, 80)  # of a descent
 _XTOL = 1e-6
 _DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)
@@ -128,7 +128,7 @@ def solve(
         length = f"the one before took {_since(begun)}"
         cost = float(ended.residual @ ended.residual)
         found.append(Solution(jax.device_put(ended.y), *ended[1:], cost))
-        if cost < _NOISE_REACHED * samples:
+        if cost < NOISE_REACHED * samples:
             break
     return min(found, key=lambda s: s.cost)
 

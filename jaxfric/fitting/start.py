@@ -21,7 +21,7 @@ so f = f0 + A ln(V/V0) + sum_i B_i h_i (+ s x) is linear in all but the L_i, whi
 record is then in the regressors, and a fast state of negative B wins.)
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -35,15 +35,29 @@ from ..traced import traced
 from .padding import bucket
 from .problem import Model
 
-_INTERVALS = 160
-_GRID_A = np.geomspace(0.6, 8.0, 9)  # times the largest jump per unit of ln V
-_GRID_B = np.array([-1.0, -0.4, 0.0, 0.4, 1.0])  # same unit, around what the levels say
 _SAME = 0.05  # change of ln V below which two velocities found are one commanded velocity
 _HOLD = 3.0  # change of ln V for which the reload after a hold counts at least
-_GRID_L = 16
-_GRID_K = 8
 _GRID_PAIRS = 16
 _NEWTON_STEPS = 4
+
+
+class Fineness(NamedTuple):
+    """How closely starting values are sought."""
+
+    intervals: int = 160
+    """Means of the record, about."""
+    A: tuple[float, ...] = tuple(np.geomspace(0.6, 8.0, 9))
+    """Values of A, in units of the largest jump per unit of ln V."""
+    B: tuple[float, ...] = (-1.0, -0.4, 0.0, 0.4, 1.0)
+    """Values of B in the same unit, around what the levels say."""
+    L: int = 16
+    K: int = 8
+    """Numbers of slip lengths and of stiffnesses; K where it is not known."""
+
+
+FINE = Fineness()
+COARSE = Fineness(48, tuple(np.geomspace(0.7, 5.0, 5)), (-0.5, 0.0, 0.7), 8, 5)
+"""For many records: a tenth of the time, and rarely another basin."""
 
 
 class Averaged(NamedTuple):
@@ -55,11 +69,13 @@ class Averaged(NamedTuple):
     rows: np.ndarray
 
 
-def average(t: np.ndarray, f: np.ndarray, steps: VelocitySteps) -> Averaged:
+def average(
+    t: np.ndarray, f: np.ndarray, steps: VelocitySteps, *, intervals: int = FINE.intervals
+) -> Averaged:
     """Average a record over intervals that begin at every step and grow geometrically."""
     edges = [np.zeros(1)]
     times = steps.times[steps.times < t[-1]]
-    per_segment = max(16, _INTERVALS // len(times))
+    per_segment = max(16, intervals // len(times))
     for start, end in zip(times, np.append(times[1:], t[-1]), strict=True):
         rows = np.count_nonzero((t >= start) & (t < end))
         first = (end - start) * min(2.0 / max(rows, 1), 0.25)
@@ -77,6 +93,35 @@ def average(t: np.ndarray, f: np.ndarray, steps: VelocitySteps) -> Averaged:
     return Averaged(edge[1:], np.where(count > 0, mean_t, edge[1:]), mean_f, count.astype(float))
 
 
+def seek(
+    t: np.ndarray,
+    f: np.ndarray,
+    steps: VelocitySteps,
+    *,
+    V0: float,
+    stiffness: float | None,
+    fineness: Fineness = FINE,
+) -> "Sought":
+    """What the search for one-state starts of a record compares, as NumPy arrays."""
+    t, f, steps = _before_reversal(t, f, steps)
+    data = average(t, f, steps, intervals=fineness.intervals)
+    grid = _grid(data, steps, stiffness, fineness)
+    # the fewest intervals that hold as many means, so that others need not compile again
+    grid_columns: Any = grid.T
+    pad = bucket(len(data.time), 256 if fineness == FINE else 64) - len(data.time)
+    dt: Any = np.pad(np.diff(data.end, prepend=0.0), (0, pad))
+    load = steps.displacement(data.end)
+    velocity = np.diff(load, prepend=0.0) / np.diff(data.end, prepend=0.0)
+    rest: list[Any] = [
+        np.pad(load, (0, pad), mode="edge"),
+        np.pad(velocity, (0, pad), mode="edge"),
+        np.pad(data.friction, (0, pad)),
+        np.pad(data.rows, (0, pad)),
+    ]
+    begun: list[Any] = [np.asarray(V0, float), np.asarray(steps.velocities[0])]
+    return Sought(Members(*grid_columns), Intervals(dt, *rest), *begun)
+
+
 def one_state_starts(
     t: np.ndarray,
     f: np.ndarray,
@@ -91,37 +136,11 @@ def one_state_starts(
 
     `stiffness` None scans it over the decades above the steepest loading seen.
     """
-    t, f, steps = _before_reversal(t, f, steps)
-    data = average(t, f, steps)
-    grid = _grid(data, steps, stiffness)
-    pad = bucket(len(data.time), 256) - len(data.time)
-    dt = np.pad(np.diff(data.end, prepend=0.0), (0, pad))
-    load = steps.displacement(data.end)
-    velocity = np.diff(load, prepend=0.0) / np.diff(data.end, prepend=0.0)
-    intervals = (
-        dt,
-        np.pad(load, (0, pad), mode="edge"),
-        np.pad(velocity, (0, pad), mode="edge"),
-        np.pad(data.friction, (0, pad)),
-        np.pad(data.rows, (0, pad)),
-    )
-    numbers = tuple(grid.T), intervals, np.asarray(V0, float), np.asarray(steps.velocities[0])
-    members, intervals, reference, begin = jax.device_put(numbers)
+    sought = seek(t, f, steps, V0=V0, stiffness=stiffness)
+    members, intervals, reference, begin = jax.device_put(sought)
     evolution = first_evolution(model.law)
-    members, intervals = Members(*members), Intervals(*intervals)
     linear, misfit = _grid_misfit(members, intervals, reference, begin, evolution, model.slip_trend)
-    linear, misfit = np.asarray(linear), np.asarray(misfit)
-    kept: list[int] = []
-    shape = np.log(np.abs(grid[:, [0, 2, 3]]))
-    for i in np.argsort(np.where(np.isfinite(misfit), misfit, np.inf)):
-        if all(np.max(np.abs(shape[i] - shape[j])) > 0.5 for j in kept):
-            kept.append(int(i))
-        if len(kept) == number:
-            break
-    A, B, L, K = grid[kept].T
-    columns = [linear[kept, 0], A, B, L]
-    columns += [K] * model.fit_stiffness + [linear[kept, 1]] * model.slip_trend
-    return np.stack(columns, axis=1)
+    return sought.best(np.asarray(linear), np.asarray(misfit), model, number)
 
 
 def _before_reversal(
@@ -136,7 +155,9 @@ def _before_reversal(
     return t[keep], f[keep], VelocitySteps(steps.times[:first], steps.velocities[:first])
 
 
-def _grid(data: Averaged, steps: VelocitySteps, stiffness: float | None) -> np.ndarray:
+def _grid(
+    data: Averaged, steps: VelocitySteps, stiffness: float | None, fineness: Fineness
+) -> np.ndarray:
     """Values of A, B, L and K to try, one row each."""
     times, velocities = steps.times, steps.velocities
     full = data.rows > 0
@@ -161,14 +182,17 @@ def _grid(data: Averaged, steps: VelocitySteps, stiffness: float | None) -> np.n
     slope = np.polyfit(logs, levels, 1)[0] if np.ptp(logs) > _SAME else 0.0
     jump = max(jump, 1e-4 * np.ptp(friction), 1e-12)
     travel = float(np.sum(np.abs(velocities) * np.diff(np.append(times, data.end[-1]))))
-    Ls = np.geomspace(max(0.3 * min(resolved, travel), 1e-5 * travel), travel, _GRID_L)
+    Ls = np.geomspace(max(0.3 * min(resolved, travel), 1e-5 * travel), travel, fineness.L)
     if stiffness is None:
         steepest = _steepest_loading(data, steps, travel)
-        Ks = np.geomspace(0.8 * steepest, 20.0 * steepest, _GRID_K)
+        Ks = np.geomspace(0.8 * steepest, 20.0 * steepest, fineness.K)
     else:
         Ks = np.array([stiffness])
     A, offset, L, K = (
-        g.ravel() for g in np.meshgrid(jump * _GRID_A, jump * _GRID_B, Ls, Ks, indexing="ij")
+        g.ravel()
+        for g in np.meshgrid(
+            jump * np.array(fineness.A), jump * np.array(fineness.B), Ls, Ks, indexing="ij"
+        )
     )
     B = A - slope + offset
     return np.stack([A, np.where(B == 0, 1e-3 * A, B), L, K], axis=1)
@@ -212,6 +236,36 @@ class Intervals(NamedTuple):
     velocity: Float[Array, " n"]
     friction: Float[Array, " n"]
     rows: Float[Array, " n"]
+
+
+class Sought(NamedTuple):
+    """A record by intervals, the sliders that are tried on it, reference and first velocity [m/s];
+    of many records with an axis for them in front."""
+
+    members: Members
+    intervals: Intervals
+    V0: Float[Array, ""]
+    first_velocity: Float[Array, ""]
+
+    def best(
+        self, linear: np.ndarray, misfit: np.ndarray, model: Model, number: int
+    ) -> Float[np.ndarray, "s p"]:
+        """The `number` best members that are not alike; rows in the order of `model.names()`.
+
+        `linear` (m, 2) and `misfit` (m,) are those of `grid_misfit`.
+        """
+        grid = np.stack(self.members, axis=1)
+        kept: list[int] = []
+        shape = np.log(np.abs(grid[:, [0, 2, 3]]))
+        for i in np.argsort(np.where(np.isfinite(misfit), misfit, np.inf)):
+            if all(np.max(np.abs(shape[i] - shape[j])) > 0.5 for j in kept):
+                kept.append(int(i))
+            if len(kept) == number:
+                break
+        A, B, L, K = grid[kept].T
+        columns = [linear[kept, 0], A, B, L]
+        columns += [K] * model.fit_stiffness + [linear[kept, 1]] * model.slip_trend
+        return np.stack(columns, axis=1)
 
 
 def first_evolution(law: str) -> AbstractEvolution:
@@ -259,6 +313,18 @@ _Moved = tuple[Array, Array, Array, Array]
 
 @traced
 def _grid_misfit(
+    members: Members,
+    intervals: Intervals,
+    V0: Float[Array, ""],
+    first_velocity: Float[Array, ""],
+    evolution: AbstractEvolution,
+    trend: bool,
+) -> tuple[Float[Array, "m 2"], Float[Array, " m"]]:
+    """`grid_misfit` of one record, compiled."""
+    return grid_misfit(members, intervals, V0, first_velocity, evolution, trend)
+
+
+def grid_misfit(
     members: Members,
     intervals: Intervals,
     V0: Float[Array, ""],

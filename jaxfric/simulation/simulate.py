@@ -36,7 +36,7 @@ from .trajectory import RESULTS, Trajectory, only_if
 # The controller bounds the error of one step. Over a record errors add up and the interpolant
 # adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py).
 _SAFETY = 0.03
-_STIFF = 1500.0
+_STIFF = 3000.0
 """Relaxations of the spring on the way, from which the stiff method takes less time."""
 
 
@@ -78,7 +78,7 @@ def simulate(
     stiff : whether steps are those of the stiff method, `Rodas5P`, or those of Tsit5. The spring
         relaxes over A/K of slip, mass within A/(m V), and an explicit method may take no longer
         steps. None: stiff with a mass, or where K times the path of the load point is known, when
-        this is called, to be more than 1500 A.
+        this is called, to be more than 3000 A.
     solver, controller, adjoint : of diffrax. Where one of them is given, `diffrax.diffeqsolve`
         simulates, and derivatives are those of the adjoint (default `diffrax.ForwardMode()`).
 

@@ -1,0 +1,1 @@
+"""How fast, and how surely, many records are fitted at once."""

@@ -1,0 +1,429 @@
+"""`fit_many(records, stiffness=...)`: many records of velocity steps by a few compiled calls.
+
+Records are padded to a few sizes. All of one size are fitted in batches: starting values from a
+coarse grid, then one descent by `minimise`. Its cost is the number of points that are tried times
+one simulation with all tangents; the rest (averages, errors, warnings) is done a record at a time.
+
+A batch lasts as long as its slowest member. So a descent is cut after a few points, and the records
+that have not ended go on in batches of their own. A second and a third descent, from other starting
+values, are made only for records that the first did not fit to their noise.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..errors import InputError
+from ..laws.registry import evolution_of
+from ..records import Record, VelocitySteps
+from ..rig.friction import AbstractEvolution
+from ..silent import silent
+from ..simulation import simulate
+from ..threads import at_once, side_by_side
+from ..traced import traced
+from .assemble import assemble
+from .fit import Task, prepare, require_float64, task_of, uncertain_steps, wanted_model
+from .glitches import NO_GLITCHES
+from .minimise import minimise
+from .noise import noise_of
+from .padding import bucket
+from .problem import FAILED_MISFIT, Model, Problem, to_free
+from .quantisation import least_noise, recorded_steps
+from .result import Fit
+from .solve import NOISE_REACHED, Solution
+from .solved import Solved
+from .start import (
+    COARSE,
+    OneStateMotion,
+    Sought,
+    average,
+    first_evolution,
+    grid_misfit,
+    more_state_starts,
+    seek,
+    split_state,
+)
+
+_AT_ONCE = 32
+"""Records of a batch: more wait longer for the slowest, fewer leave vector units idle."""
+_POINTS = (10, 80)
+"""Most points of a descent before it is cut, and of one that goes on."""
+_DESCENTS = 3
+_FEWEST_ROWS = 8
+_SCATTER = 4.0
+"""Two standard errors, times the root of the rows, of the noise's variance from differences: of 16
+records of 500 rows four would otherwise be fitted two times more for nothing."""
+
+
+def fit_many(
+    records: Iterable[Record | str | Path],
+    *,
+    stiffness: float | str | Sequence[float | str] | None = None,
+    law: str = "slip",
+    states: int = 1,
+    fit_stiffness: bool = False,
+    slip_trend: bool = False,
+    steps: VelocitySteps | str | Sequence[VelocitySteps | str] | None = None,
+    reference_velocity: float | str | None = None,
+    progress: Callable[[str], None] = silent,
+) -> list[Fit]:
+    """Fit f0, A, B_i, L_i (and K, and a slip trend) to each of many records of velocity steps.
+
+    The model is that of `jaxfric.fit`, which fits one record with more care. This one leaves out:
+    correlated noise (it is taken as white), rows that are outliers, times of steps as parameters
+    (they are taken as exact), `weighting`, `profile` and starting values of your own. Errors are
+    therefore too small where noise is correlated; fit such a record with `jaxfric.fit`.
+
+    Parameters
+    ----------
+    records : as for `jaxfric.fit`; they may have different lengths and velocities.
+    stiffness : one for all records [1/m for a coefficient, N/m for a force], or "1.6e-3/um"; or a
+        sequence with one for each record.
+    law, states, fit_stiffness, slip_trend, reference_velocity : as for `jaxfric.fit`.
+    steps : velocity steps for all records, or a sequence with those of each; found where None.
+    progress : told what is being done.
+
+    Returns
+    -------
+    A list with one `Fit` for each record, in their order. Look at `converged` and `warnings` of
+    each: a record that cannot be fitted does not change the others.
+
+    Raises
+    ------
+    InputError : before anything is computed, for an argument out of range, and for a record without
+        a step, with values that are not finite, too few rows or times that do not ascend. It names
+        the record by its index.
+    """
+    require_float64()
+    model = wanted_model(law, states, fit_stiffness, slip_trend)
+    asked = list(records)
+    stiff, timed = _for_each(stiffness, asked, "stiffness"), _for_each(steps, asked, "steps")
+    tasks = [
+        _task(i, *own, model, reference_velocity)
+        for i, own in enumerate(zip(asked, stiff, timed, strict=True))
+    ]
+    if not tasks:
+        return []
+    # a law that is no `RateState` has no states one by one: its search begins as the slip law's
+    one = model._replace(states=1, law=model.law if evolution_of(model.law) else "slip")
+    progress(f"starting values of {len(tasks)} records")
+    begun = _with_starts(tasks, one)
+    progress(f"fitting {len(tasks)} records")
+    ended = _solved_in_batches(begun)
+    if model.states > 1:
+        progress(f"fitting {len(tasks)} records with {model.states} states")
+        ended = _solved_in_batches(_with_more_states(tasks, ended, model))
+    progress("errors")
+    return [_fit(task, end) for task, end in zip(tasks, ended, strict=True)]
+
+
+def _for_each(given: object, records: list, name: str) -> list:
+    """`given` for each record: one for all of them, or a sequence with as many."""
+    if given is None or isinstance(given, str | float | int | VelocitySteps | np.number):
+        return [given] * len(records)
+    several = list(given)  # ty: ignore[invalid-argument-type]
+    if len(several) != len(records):
+        raise InputError(
+            f"{name}: {len(several)} are given for {len(records)} records; give one for all, or one"
+            " for each"
+        )
+    return several
+
+
+def _task(
+    index: int,
+    record: Record | str | Path,
+    stiffness: float | str | None,
+    steps: VelocitySteps | str | None,
+    model: Model,
+    reference_velocity: float | str | None,
+) -> Task:
+    """What is to be fitted to one record. Raises `InputError` with its index."""
+    try:
+        if isinstance(record, Record):
+            _refuse_bad(record)
+        return task_of(record, stiffness, steps, model, reference_velocity)
+    except InputError as wrong:
+        raise InputError(f"record {index}: {wrong}") from None
+
+
+def _refuse_bad(record: Record) -> None:
+    time, friction = np.asarray(record.time), np.asarray(record.friction)
+    if len(time) < _FEWEST_ROWS:
+        raise InputError(f"it has {len(time)} rows; a fit needs {_FEWEST_ROWS}: leave it out")
+    bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(friction)))
+    if len(bad):
+        raise InputError(
+            f"row {bad[0]} is not finite ({len(bad)} such rows): drop them, as by --drop-bad"
+        )
+    still = np.flatnonzero(~(np.diff(time) > 0))
+    if len(still):
+        raise InputError(
+            f"time does not ascend from row {still[0]} to row {still[0] + 1}: sort the rows and"
+            " drop those that repeat a time"
+        )
+
+
+class _Begun(NamedTuple):
+    """A least-squares problem and where its descents begin, unbounded, best first."""
+
+    problem: Problem
+    starts: Float[np.ndarray, "s q"]
+
+
+class _Ended(NamedTuple):
+    problem: Problem
+    solution: Solution
+
+
+# --- batches ---------------------------------------------------------------------------------
+
+
+def _in_batches(work: Callable, *inputs: list) -> list:
+    """work(batch) of `inputs` stacked along a new first axis, and taken apart again.
+
+    Inputs of different shapes go in different batches. The last one is filled up with copies, so
+    that few sizes are compiled.
+    """
+    groups: dict[tuple, list[int]] = {}
+    for i, each in enumerate(zip(*inputs, strict=True)):
+        leaves, tree = jax.tree.flatten(each)
+        shapes = tuple((np.shape(x), str(np.asarray(x).dtype)) for x in leaves)
+        groups.setdefault((tree, shapes), []).append(i)
+    parts = []
+    for (tree, _), members in groups.items():
+        most = at_once(_AT_ONCE)
+        size = min(bucket(len(members), 4), most)
+        for begin in range(0, len(members), size):
+            parts.append((tree, size, members[begin : begin + size]))
+
+    def run(tree: object, size: int, members: list[int]) -> list:
+        filled = members + [members[-1]] * (size - len(members))
+        rows = [jax.tree.leaves([each[i] for each in inputs]) for i in filled]
+        stacked = [np.stack([np.asarray(x) for x in column]) for column in zip(*rows, strict=True)]
+        batch = jax.tree.unflatten(tree, jax.device_put(stacked))
+        out = jax.tree.map(np.asarray, work(*batch))
+        return [jax.tree.map(lambda x, k=k: x[k], out) for k in range(len(members))]
+
+    found: list = [None] * len(inputs[0])
+    for (_, _, members), out in zip(
+        parts, side_by_side(run, *zip(*parts, strict=True)), strict=True
+    ):
+        for i, one in zip(members, out, strict=True):
+            found[i] = one
+    return found
+
+
+@traced
+def _grids(
+    sought: Sought, evolution: AbstractEvolution, trend: bool
+) -> tuple[Float[Array, "r m 2"], Float[Array, "r m"]]:
+    """`grid_misfit` of many records."""
+
+    def one(own: Sought) -> tuple[Array, Array]:
+        return grid_misfit(*own, evolution, trend)
+
+    return jax.vmap(one)(sought)
+
+
+class _Point(NamedTuple):
+    """Where the descents of a batch ended."""
+
+    z: Float[Array, "r q"]
+    residual: Float[Array, "r n"]
+    jacobian: Float[Array, "r n q"]
+    cost: Float[Array, " r"]
+    converged: Bool[Array, " r"]
+    points: Int[Array, " r"]
+
+
+@traced
+def _descents(problems: Problem, zs: Float[Array, "r q"], most: int) -> _Point:
+    """A descent of at most `most` points for each of many problems."""
+
+    def one(problem: Problem, z: Float[Array, " q"]) -> _Point:
+        found = minimise(problem, z, max_steps=most)
+        return _Point(
+            found.value,
+            found.residual,
+            found.jacobian,
+            found.cost,
+            found.converged,
+            found.evaluations,
+        )
+
+    return eqx.filter_vmap(one)(problems, zs)
+
+
+@traced
+def _motions(
+    problems: Problem, zs: Float[Array, "r q"], times: Float[Array, "r m"]
+) -> tuple[Float[Array, "r m"], Float[Array, "r m"]]:
+    """Velocity [m/s] and slip [m] of many sliders at times of their own."""
+
+    def one(problem: Problem, z: Array, time: Array) -> tuple[Array, Array]:
+        rig = problem.rig(z)
+        found = simulate(rig, problem.motion, time, max_steps=problem.max_steps)
+        return found.velocity, found.slip
+
+    return eqx.filter_vmap(one)(problems, zs, times)
+
+
+# --- starting values -------------------------------------------------------------------------
+
+
+def _with_starts(tasks: list[Task], model: Model) -> list[_Begun]:
+    """The one-state problem of each record, and the best starts of a coarse grid."""
+    sought = [
+        seek(
+            task.record.relative_time,
+            task.sign * task.record.friction,
+            task.steps,
+            V0=task.V0,
+            stiffness=task.stiffness,
+            fineness=COARSE,
+        )
+        for task in tasks
+    ]
+    evolution = first_evolution(model.law)
+    found = _in_batches(lambda batch: _grids(batch, evolution, model.slip_trend), sought)
+    begun = []
+    for task, own, (linear, misfit) in zip(tasks, sought, found, strict=True):
+        one = task.model._replace(states=1, law=model.law)
+        starts = own.best(linear, misfit, one, _DESCENTS)
+        K = float(starts[0, one.names().index("K")]) if task.stiffness is None else task.stiffness
+        exact = VelocitySteps(task.steps.times, task.steps.velocities)
+        problem = prepare(
+            task.record,
+            exact,
+            one,
+            stiffness=K,
+            V0=task.V0,
+            sign=task.sign,
+            force_scale=float(starts[0, 1]),
+        )
+        begun.append((problem, starts))
+    return _unbounded(begun)
+
+
+def _unbounded(begun: list[tuple[Problem, np.ndarray]]) -> list[_Begun]:
+    """The same with starts as unbounded variables."""
+    return [_Begun(p, np.asarray(to_free(p, jnp.asarray(starts)))) for p, starts in begun]
+
+
+def _with_more_states(tasks: list[Task], ended: list[_Ended], model: Model) -> list[_Begun]:
+    """The problem with more states of each record, started by the motion of its one-state fit."""
+    data = [
+        average(task.record.relative_time, task.sign * task.record.friction, task.steps)
+        for task in tasks
+    ]
+    lengths = [int(np.sum(own.rows > 0)) for own in data]
+    size = bucket(max(lengths), 64)
+    times = [
+        np.pad(own.time[own.rows > 0], (0, size - length), mode="edge")
+        for own, length in zip(data, lengths, strict=True)
+    ]
+    problems, zs = [end.problem for end in ended], [np.asarray(end.solution.z) for end in ended]
+    moved = _in_batches(_motions, problems, zs, times)
+    begun = []
+    for task, end, own, (velocity, slip) in zip(tasks, ended, data, moved, strict=True):
+        full = own.rows > 0
+        n = int(np.sum(full))
+        seen = OneStateMotion(
+            own.time[full], own.friction[full], velocity[:n], slip[:n], np.sqrt(own.rows[full])
+        )
+        wanted = task.model._replace(states=model.states, law=model.law)
+        values = np.asarray(end.problem.from_free(jnp.asarray(end.solution.z)))
+        K = (
+            float(values[end.problem.model.names().index("K")])
+            if model.fit_stiffness
+            else float(end.problem.stiffness)
+        )
+        starts = more_state_starts(seen, V0=task.V0, stiffness=K, model=wanted, number=_DESCENTS)
+        if len(starts) == 0:
+            starts = split_state(values, model.states)
+        begun.append((end.problem.with_model(wanted), starts))
+    return _unbounded(begun)
+
+
+# --- descents --------------------------------------------------------------------------------
+
+
+def _solved_in_batches(begun: list[_Begun]) -> list[_Ended]:
+    """The best of up to three descents of each problem; one where it comes down to the noise."""
+    best: list[_Point | None] = [None] * len(begun)
+    for k in range(_DESCENTS):
+        open_ = [
+            i for i, own in enumerate(begun) if k < len(own.starts) and not _fits(best[i], own)
+        ]
+        found = _descended([begun[i].problem for i in open_], [begun[i].starts[k] for i in open_])
+        for i, point in zip(open_, found, strict=True):
+            best[i] = _better(best[i], point)
+    return [
+        _Ended(own.problem, _solution(point))
+        for own, point in zip(begun, best, strict=True)
+        if point is not None
+    ]
+
+
+def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[_Point]:
+    """One descent of each problem; those that are cut go on together."""
+    found = _in_batches(lambda p, z: _descents(p, z, _POINTS[0]), problems, zs) if zs else []
+    cut = [i for i, own in enumerate(found) if not own.converged and own.cost < FAILED_MISFIT**2]
+    if cut:
+        again = _in_batches(
+            lambda p, z: _descents(p, z, _POINTS[1]),
+            [problems[i] for i in cut],
+            [found[i].z for i in cut],
+        )
+        for i, point in zip(cut, again, strict=True):
+            found[i] = point._replace(points=point.points + found[i].points)
+    return found
+
+
+def _fits(point: _Point | None, own: _Begun) -> bool:
+    """Whether a descent came down to the noise of its record."""
+    samples = float(np.sum(np.asarray(own.problem.weight) > 0))
+    most = NOISE_REACHED * (1 + _SCATTER / np.sqrt(samples)) * samples
+    return point is not None and bool(point.converged & (point.cost < most))
+
+
+def _better(one: _Point | None, other: _Point) -> _Point:
+    if one is None:
+        return other
+    return other if (other.converged, -other.cost) > (one.converged, -one.cost) else one
+
+
+def _solution(point: _Point) -> Solution:
+    return Solution(
+        jnp.asarray(point.z),
+        np.asarray(point.residual),
+        np.asarray(point.jacobian),
+        bool(point.converged),
+        int(point.points),
+        float(point.cost),
+    )
+
+
+# --- results ---------------------------------------------------------------------------------
+
+
+def _fit(task: Task, end: _Ended) -> Fit:
+    """The `Fit` of one record, under white noise."""
+    problem, solution = end
+    rows = float(np.sum(np.asarray(problem.weight) > 0))
+    free = max(rows - len(problem.model.names()), 1.0)
+    written = recorded_steps(task.record.friction)
+    sigma = max(np.sqrt(solution.cost / free), least_noise(written) / float(problem.noise_scale))
+    noise = noise_of(float(sigma), memory=np.ones(problem.clock.shape[1]))
+    solved = Solved(problem, solution, noise, NO_GLITCHES, written)
+    found = assemble(task.record, task.given or task.steps, task.sign, solved, profile=None)
+    doubts = (*task.doubts, *uncertain_steps(task, problem))
+    return dataclasses.replace(found, warnings=(*doubts, *found.warnings))

@@ -1,0 +1,99 @@
+"""`fit_many` against `fit` and the truth of records that SciPy made; what it refuses."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxfric
+from fits.many.__main__ import made
+from jaxfric.fitting import minimise
+
+SEEDS = (0, 1, 2)
+
+
+def record_of(seed):
+    """Record, steps, truth and stiffness."""
+    ts, friction, (times, velocities), truth, K = made(seed)
+    late = np.maximum(ts - times[1], 0.0)
+    load = velocities[0] * ts + (velocities[1] - velocities[0]) * late
+    record = jaxfric.from_arrays(ts, friction, load_point_displacement=load)
+    return record, jaxfric.VelocitySteps(times, velocities), truth, K
+
+
+RECORDS, STEPS, TRUTHS, STIFFNESS = (
+    list(x) for x in zip(*(record_of(seed) for seed in SEEDS), strict=True)
+)
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """Good records with one among them that no slider makes."""
+    noise = np.random.default_rng(5).standard_normal(len(RECORDS[0]))
+    bad = dataclasses.replace(RECORDS[0], friction=0.6 + 1e-3 * noise)
+    several = [*RECORDS, bad]
+    how = {"stiffness": [*STIFFNESS, STIFFNESS[0]], "steps": [*STEPS, STEPS[0]]}
+    return jaxfric.fit_many(several, **how)
+
+
+def test_each_record_has_the_fit_of_its_own(fits):
+    for found, record, steps, K in zip(fits[:1], RECORDS, STEPS, STIFFNESS, strict=False):
+        alone = jaxfric.fit(record, stiffness=K, steps=steps)
+        assert found.sum_of_squares <= alone.sum_of_squares * (1 + 1e-6)
+        for name in found.free:
+            one, other = found.parameters[name], alone.parameters[name]
+            assert abs(one.value - other.value) < 2e-3 * other.std
+            assert one.std == pytest.approx(other.std, rel=0.1)
+        assert found.A_minus_B.std == pytest.approx(alone.A_minus_B.std, rel=0.1)
+        assert found.rms == pytest.approx(alone.rms, rel=1e-6)
+
+
+def test_the_truth_is_within_the_errors(fits):
+    for found, truth in zip(fits, TRUTHS, strict=False):
+        assert found.converged and found.result == "converged"
+        for name, value in truth.items():
+            assert abs(found.parameters[name].value - value) < 5 * found.parameters[name].std
+
+
+def test_a_record_without_friction_s_memory_spoils_no_other(fits):
+    open_ = [name for name, one in fits[3].parameters.items() if not one.determined]
+    assert not fits[3].converged or open_
+
+
+def test_derivatives_of_the_fit_by_its_record_are_those_of_refits(fits):
+    problem, z = fits[0].solved.problem, jnp.asarray(fits[0].solved.solution.z)
+
+    def refit(friction):
+        own = dataclasses.replace(problem, friction=friction)
+        return minimise(own, z, rtol=1e-8).value
+
+    friction, row, step = problem.friction, 130, 1e-5
+    along = jnp.zeros_like(friction).at[row].set(1.0)
+    exact = jax.jit(lambda f: jax.jvp(refit, (f,), (along,))[1])(friction)
+    again = jax.jit(refit)
+    refits = (again(friction + step * along) - again(friction - step * along)) / (2 * step)
+    assert np.max(np.abs(exact - refits)) < 1e-4 * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"time": lambda t, f: np.where(np.arange(len(t)) == 7, t[6], t)}, "record 1: time does"),
+        ({"friction": lambda t, f: np.where(t > t[9], f, np.nan)}, "record 1: row 0 is not finite"),
+    ],
+)
+def test_bad_records_are_named_by_their_index(change, words):
+    t, f = np.asarray(RECORDS[1].time), np.asarray(RECORDS[1].friction)
+    bad = dataclasses.replace(RECORDS[1], **{k: make(t, f) for k, make in change.items()})
+    with pytest.raises(jaxfric.InputError, match=words):
+        jaxfric.fit_many([RECORDS[0], bad], stiffness=STIFFNESS[:2], steps=STEPS[:2])
+
+
+def test_bad_arguments_are_refused():
+    with pytest.raises(jaxfric.InputError, match="record 1: stiffness is -1 1/m"):
+        jaxfric.fit_many(RECORDS[:2], stiffness=[STIFFNESS[0], -1.0], steps=STEPS[:2])
+    with pytest.raises(jaxfric.InputError, match="stiffness: 1 are given for 2 records"):
+        jaxfric.fit_many(RECORDS[:2], stiffness=[1.0])
+    assert jaxfric.fit_many([], stiffness=1.0) == []
