@@ -1,0 +1,168 @@
+"""Derivatives of `simulate`: first and second order, both modes, under jit and vmap.
+
+First ones are compared with differences of a simulation at a tight tolerance, second ones with
+differences of first ones. One rig has many effects away from their null, one has them at it.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxfric import Inertial, PiecewiseVelocity, QuasiStatic, RateState, Rig, simulate
+from jaxfric.effects import effect_of, made
+
+MOTION = PiecewiseVelocity(np.array([0.0, 10.0, 25.0]), np.array([1e-6, 1e-5, 2e-6]))
+TIMES = jnp.linspace(0.0, 40.0, 60)
+BASE = {"K": 2e3, "A": 0.01, "B": 0.014, "L": 1.2e-5}
+
+# Effects by their parameters: a value, and the size by which one that is 0 is moved.
+AWAY = {
+    "viscous": {"c": 30.0},
+    "stribeck": {"fs": 4e-3, "Vs": 3e-6, "d": 1.3},
+    "thermal": {"a_T": 1e-3, "tau_T": 4.0},
+    "aging": {"q": 0.2},
+    "velocity_dependent_L": {"n": 0.1},
+    "slip_trend": {"s": 20.0},
+}
+SIZES = {"c": 30.0, "s": 20.0, "q": 0.2, "n": 0.1, "r": 1e-5}
+AT_NULL = {
+    "viscous": {"c": 0.0},
+    "slip_trend": {"s": 0.0},
+    "aging": {"q": 0.0},
+    "velocity_dependent_L": {"n": 0.0},
+    "time_drift": {"r": 0.0},
+}
+
+
+def slider(p, mass=None, damping=None):
+    law = RateState(0.6, p["A"], p["B"][None], p["L"][None], 1e-6)
+    machine = QuasiStatic(p["K"], damping) if mass is None else Inertial(mass, p["K"], damping)
+    return Rig(machine, law)
+
+
+def with_effects(effects, p):
+    rig = slider(p)
+    for id, own in effects.items():
+        rig = made(effect_of(id), {name: p[name] for name in own}).embed(rig)
+    return rig
+
+
+def parameters(effects=()):
+    values = dict(BASE)
+    for own in dict(effects).values():
+        values |= own
+    return values
+
+
+# How the rig is made of its parameters, their values, whether the stiff method is used.
+RIGS = {
+    "plain": (slider, parameters(), False),
+    "stiff": (slider, parameters(), True),
+    "dashpot": (functools.partial(slider, damping=50.0), parameters(), False),
+    "mass": (functools.partial(slider, mass=1e4, damping=0.0), parameters(), True),
+    "effects": (functools.partial(with_effects, AWAY), parameters(AWAY), False),
+    "nulls": (functools.partial(with_effects, AT_NULL), parameters(AT_NULL), False),
+}
+# Minutes of compiling for what the others show are too much for every run.
+LONG = {"stiff", "dashpot", "mass", "effects"}
+rigs = pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in RIGS]
+)
+
+
+class Loss:
+    """Weighted sum of squared friction by x: the factor exp(x) of a parameter, or, of one that is
+    0, x times its size."""
+
+    def __init__(self, name):
+        self.build, values, self.stiff = RIGS[name]
+        self.names = list(values)
+        self.values = np.array(list(values.values()))
+        self.sizes = np.array([SIZES.get(n, 0.0) for n in self.names])
+
+    def __call__(self, x, rtol=1e-6):
+        p = jnp.where(self.values == 0, self.sizes * x, self.values * jnp.exp(x))
+        rig = self.build(dict(zip(self.names, p, strict=True)))
+        found = simulate(rig, MOTION, TIMES, rtol=rtol, stiff=self.stiff)
+        return jnp.sum(jnp.cos(TIMES) * (found.force / 0.01) ** 2)
+
+    @property
+    def start(self):
+        return np.zeros(len(self.names))
+
+
+@functools.cache
+def of(name):
+    """The loss of a rig, and its compiled value, gradient and Hessian."""
+    loss = Loss(name)
+    return loss, jax.jit(loss), jax.jit(jax.grad(loss)), jax.jit(jax.jacfwd(jax.grad(loss)))
+
+
+@rigs
+def test_gradients_are_those_of_differences(name):
+    loss, value, gradient, _ = of(name)
+    found = gradient(loss.start)
+    for i, unit in enumerate(1e-4 * np.eye(len(loss.names))):
+        ends = [float(value(loss.start + side * unit, 1e-10)) for side in (2, 1, -1, -2)]
+        slope = (8 * (ends[1] - ends[2]) - (ends[0] - ends[3])) / (12 * 1e-4)
+        assert abs(found[i] - slope) < 1e-6 * np.abs(found).max(), loss.names[i]
+
+
+@rigs
+def test_second_derivatives_are_those_of_differences(name):
+    loss, _, gradient, hessian = of(name)
+    found = np.asarray(hessian(loss.start))
+    units = 1e-4 * np.eye(len(loss.names))
+    sides = [gradient(loss.start + u) - gradient(loss.start - u) for u in units]
+    known = np.stack([np.asarray(x) for x in sides], axis=1) / 2e-4
+    size = np.sqrt(np.abs(np.outer(np.diag(known), np.diag(known))))
+    assert (np.abs(found - known) / (size + 1e-3 * np.abs(known).max())).max() < 1e-3
+    assert found == pytest.approx(found.T, rel=1e-9, abs=1e-9 * np.abs(found).max())
+
+
+def test_both_modes_and_batches_agree():
+    loss, _, gradient, hessian = of("plain")
+    x = np.array([[0.0, 0.0, 0.0, 0.0], [0.3, -0.2, 0.1, 0.5], [-0.3, 0.2, 0.1, 0.0]])
+    one = np.stack([gradient(row) for row in x])
+    rounding = 1e-8 * np.abs(one).max()  # of another order of sums
+    assert jax.jit(jax.vmap(jax.grad(loss)))(x) == pytest.approx(one, abs=rounding)
+    assert jax.jit(jax.vmap(jax.jacfwd(loss)))(x) == pytest.approx(one, abs=rounding)
+    assert jax.grad(loss)(x[1]) == pytest.approx(one[1], abs=rounding)
+    twice = jax.jit(jax.jacfwd(jax.jacfwd(loss)))(x[1])
+    assert hessian(x[1]) == pytest.approx(np.asarray(twice), rel=1e-8)
+
+
+def test_one_that_runs_away_does_not_spoil_the_gradient_of_others():
+    """Member 1 is far below the critical stiffness; the sum is over those that ended well."""
+    loss = Loss("plain")
+
+    def total(x):
+        p = loss.values * jnp.exp(x)
+        rig = slider(dict(zip(loss.names, p, strict=True)))
+        found = simulate(rig, MOTION, TIMES, stiff=False)
+        return jnp.where(found.end >= TIMES[-1], jnp.sum(found.force**2), 0.0)
+
+    x = np.array([[0.0, 0, 0, 0], [-5.0, 0, 0.5, 0], [0.3, 0, 0, 0]])
+    each = jax.jit(jax.grad(lambda x: jnp.sum(jax.vmap(total)(x))))(x)
+    assert np.all(np.isfinite(each))
+    assert each[1] == pytest.approx(np.zeros(4))
+    assert each[0] == pytest.approx(np.asarray(jax.grad(total)(x[0])), rel=1e-9)
+
+
+def test_a_member_of_a_batch_takes_its_own_steps():
+    """Equal to one by one, whatever its neighbours do: other steps, an end long before theirs."""
+    K = jnp.array([2e3, 1e2, 8e3, 5e3])
+    base = {name: jnp.asarray(value) for name, value in BASE.items()}
+
+    def run(K):
+        return simulate(slider({**base, "K": K}), MOTION, TIMES, stiff=False)
+
+    batch = jax.jit(jax.vmap(run))(K)
+    for i, k in enumerate(K):
+        one = run(k)
+        assert batch.force[i] == pytest.approx(np.asarray(one.force), abs=1e-12)
+        assert int(batch.num_steps[i]) == int(one.num_steps)
+    assert len(set(map(int, batch.num_steps))) > 2
