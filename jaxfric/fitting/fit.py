@@ -124,7 +124,7 @@ def fit(
     return dataclasses.replace(found, warnings=(*warnings, *task.doubts, *found.warnings))
 
 
-class Task(NamedTuple):
+class FitTask(NamedTuple):
     """A record, steps that begin forwards and the sign of friction that goes with them, the model,
     the stiffness where it is known, and the reference velocity [m/s]."""
 
@@ -146,7 +146,7 @@ def task_of(
     steps: VelocitySteps | str | None,
     model: Model,
     reference_velocity: float | str | None,
-) -> Task:
+) -> FitTask:
     """What `fit` begins with; raises what it does."""
     record = as_record(record)
     K = _stiffness(stiffness, record, model.fit_stiffness)
@@ -159,7 +159,7 @@ def _task(
     model: Model,
     stiffness: float | None,
     reference_velocity: float | str | None,
-) -> Task:
+) -> FitTask:
     if stiffness is not None:
         _refuse_soft(stiffness, record, steps)
     V0 = _reference(reference_velocity, steps)
@@ -170,10 +170,10 @@ def _task(
         seen, unit = steepest_loading(record, sign, forward), record.friction_unit
         refuse_contradicted(seen, stiffness, unit)
         said = loading_doubts(seen, stiffness, unit)
-    return Task(record, forward, sign, model, stiffness, V0, said, steps)
+    return FitTask(record, forward, sign, model, stiffness, V0, said, steps)
 
 
-def _with_noise(task: Task, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
+def _with_noise(task: FitTask, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
     """The solution with the noise that it leaves, found again where that noise changes it: without
     glitches, with fair weights on the times of steps, and `whitened` by it."""
     written = recorded_steps(task.record.friction)
@@ -350,7 +350,7 @@ def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | 
     return np.flatnonzero(stiffness * slack > _FELT * noise)
 
 
-def uncertain_steps(task: Task, problem: Problem) -> tuple[str, ...]:
+def uncertain_steps(task: FitTask, problem: Problem) -> tuple[str, ...]:
     """A warning where step times are taken as exact though the fit feels their errors."""
     felt = _felt(task.steps, float(problem.stiffness), float(problem.noise_scale))
     if felt is None or not len(felt):
@@ -362,7 +362,7 @@ def uncertain_steps(task: Task, problem: Problem) -> tuple[str, ...]:
 
 
 def _solve_in_stages(
-    task: Task, start: Mapping[str, float] | None, progress: Callable[[str], None]
+    task: FitTask, start: Mapping[str, float] | None, progress: Callable[[str], None]
 ) -> tuple[Problem, Solution]:
     """Fit one state first; the velocity that it finds then serves to start more states.
 

@@ -29,7 +29,7 @@ from ..simulation import simulate
 from ..threads import at_once, side_by_side
 from ..traced import traced
 from .assemble import assemble
-from .fit import Task, prepare, require_float64, task_of, uncertain_steps, wanted_model
+from .fit import FitTask, prepare, require_float64, task_of, uncertain_steps, wanted_model
 from .glitches import NO_GLITCHES
 from .minimise import minimise
 from .noise import noise_of
@@ -144,7 +144,7 @@ def _task(
     steps: VelocitySteps | str | None,
     model: Model,
     reference_velocity: float | str | None,
-) -> Task:
+) -> FitTask:
     """What is to be fitted to one record. Raises `InputError` with its index."""
     try:
         if isinstance(record, Record):
@@ -233,7 +233,7 @@ def _grids(
     return jax.vmap(one)(sought)
 
 
-class _Point(NamedTuple):
+class _Descended(NamedTuple):
     """Where the descents of a batch ended."""
 
     z: Float[Array, "r q"]
@@ -245,12 +245,12 @@ class _Point(NamedTuple):
 
 
 @traced
-def _descents(problems: Problem, zs: Float[Array, "r q"], most: int) -> _Point:
+def _descents(problems: Problem, zs: Float[Array, "r q"], most: int) -> _Descended:
     """A descent of at most `most` points for each of many problems."""
 
-    def one(problem: Problem, z: Float[Array, " q"]) -> _Point:
+    def one(problem: Problem, z: Float[Array, " q"]) -> _Descended:
         found = minimise(problem, z, max_steps=most)
-        return _Point(
+        return _Descended(
             found.value,
             found.residual,
             found.jacobian,
@@ -279,7 +279,7 @@ def _motions(
 # --- starting values -------------------------------------------------------------------------
 
 
-def _with_starts(tasks: list[Task], model: Model) -> list[_Begun]:
+def _with_starts(tasks: list[FitTask], model: Model) -> list[_Begun]:
     """The one-state problem of each record, and the best starts of a coarse grid."""
     sought = [
         seek(
@@ -318,7 +318,7 @@ def _unbounded(begun: list[tuple[Problem, np.ndarray]]) -> list[_Begun]:
     return [_Begun(p, np.asarray(to_free(p, jnp.asarray(starts)))) for p, starts in begun]
 
 
-def _with_more_states(tasks: list[Task], ended: list[_Ended], model: Model) -> list[_Begun]:
+def _with_more_states(tasks: list[FitTask], ended: list[_Ended], model: Model) -> list[_Begun]:
     """The problem with more states of each record, started by the motion of its one-state fit."""
     data = [
         average(task.record.relative_time, task.sign * task.record.friction, task.steps)
@@ -358,7 +358,7 @@ def _with_more_states(tasks: list[Task], ended: list[_Ended], model: Model) -> l
 
 def _solved_in_batches(begun: list[_Begun]) -> list[_Ended]:
     """The best of up to three descents of each problem; one where it comes down to the noise."""
-    best: list[_Point | None] = [None] * len(begun)
+    best: list[_Descended | None] = [None] * len(begun)
     for k in range(_DESCENTS):
         open_ = [
             i for i, own in enumerate(begun) if k < len(own.starts) and not _fits(best[i], own)
@@ -373,7 +373,7 @@ def _solved_in_batches(begun: list[_Begun]) -> list[_Ended]:
     ]
 
 
-def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[_Point]:
+def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[_Descended]:
     """One descent of each problem; those that are cut go on together."""
     found = _in_batches(lambda p, z: _descents(p, z, _POINTS[0]), problems, zs) if zs else []
     cut = [i for i, own in enumerate(found) if not own.converged and own.cost < FAILED_MISFIT**2]
@@ -388,20 +388,20 @@ def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[_Point]:
     return found
 
 
-def _fits(point: _Point | None, own: _Begun) -> bool:
+def _fits(point: _Descended | None, own: _Begun) -> bool:
     """Whether a descent came down to the noise of its record."""
     samples = float(np.sum(np.asarray(own.problem.weight) > 0))
     most = NOISE_REACHED * (1 + _SCATTER / np.sqrt(samples)) * samples
     return point is not None and bool(point.converged & (point.cost < most))
 
 
-def _better(one: _Point | None, other: _Point) -> _Point:
+def _better(one: _Descended | None, other: _Descended) -> _Descended:
     if one is None:
         return other
     return other if (other.converged, -other.cost) > (one.converged, -one.cost) else one
 
 
-def _solution(point: _Point) -> Solution:
+def _solution(point: _Descended) -> Solution:
     return Solution(
         jnp.asarray(point.z),
         np.asarray(point.residual),
@@ -415,7 +415,7 @@ def _solution(point: _Point) -> Solution:
 # --- results ---------------------------------------------------------------------------------
 
 
-def _fit(task: Task, end: _Ended) -> Fit:
+def _fit(task: FitTask, end: _Ended) -> Fit:
     """The `Fit` of one record, under white noise."""
     problem, solution = end
     rows = float(np.sum(np.asarray(problem.weight) > 0))

@@ -32,6 +32,7 @@ import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from ..simulation.rodas import inverted
 from .abstract_problem import AbstractProblem
 
 Residual = Callable[[Float[Array, " q"], Any], Float[Array, " n"]]
@@ -42,6 +43,8 @@ _LEVEL = 1e-14
 simulation decide whether a step is a gain: the descent has ended."""
 
 
+_UNSEEN = 1e-12
+"""Share of a column's square below which what is left of it, beside the others, is rounding."""
 _DAMPING = 1e-3
 """First l of Marquardt: nearly the step of Gauss and Newton."""
 
@@ -217,7 +220,7 @@ class _Damped(optx.AbstractDescent):
         left, jacobian = state
         unit, size = _unit_columns(jacobian)
         damped = unit.T @ unit + _DAMPING / step_size * jnp.eye(unit.shape[1])
-        return -jnp.linalg.solve(damped, unit.T @ left) / size, optx.RESULTS.successful
+        return -(inverted(damped) @ (unit.T @ left)) / size, optx.RESULTS.successful
 
 
 def _unit_columns(jacobian: Float[Array, "n q"]) -> tuple[Float[Array, "n q"], Float[Array, " q"]]:
@@ -272,7 +275,5 @@ class _Marquardt(optx.AbstractGaussNewton):
 def _gain(left: Float[Array, " n"], jacobian: Float[Array, "n q"]) -> Float[Array, ""]:
     """|J d|^2 of the Gauss-Newton step d; directions that J does not see do not count."""
     unit, _ = _unit_columns(jacobian)
-    values, vectors = jnp.linalg.eigh(unit.T @ unit)
-    along = vectors.T @ (unit.T @ left)
-    seen = values > 1e-14 * left.shape[0]
-    return jnp.sum(jnp.where(seen, along**2 / jnp.where(seen, values, 1.0), 0.0))
+    slope = unit.T @ left
+    return slope @ (inverted(unit.T @ unit + _UNSEEN * jnp.eye(unit.shape[1])) @ slope)

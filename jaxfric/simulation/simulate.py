@@ -29,7 +29,7 @@ from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import Slider, SliderEquation, Unknowns
 from .rodas import Rodas5P
 from .start import Start, law_with_states
-from .stepping import How, Motion, constant, follow
+from .stepping import How, Sampled, constant, follow
 from .steps import StableStepController, padded_norm
 from .trajectory import RESULTS, Trajectory, only_if
 
@@ -135,7 +135,7 @@ def _is_stiff(rig: Rig, motion: AbstractMotion, ts: Array) -> bool:
     return bool(np.asarray(K) * path > _STIFF * np.asarray(scale))
 
 
-def _sampled(equation: SliderEquation, found: Motion, ts: Float[Array, " n"]) -> Trajectory:
+def _sampled(equation: SliderEquation, found: Sampled, ts: Float[Array, " n"]) -> Trajectory:
     """The motion at `ts`."""
     reached = jnp.minimum(ts, found.end)
     slider = in_blocks(equation.physical, reached, found.y)

@@ -34,6 +34,9 @@ _SAMPLES_EACH, _MOST_PARTS = 256, 16
 _FAN = 16
 """Segments, or groups of them, that a scan passes over at once."""
 _SHRINK, _GROW, _CAUTION = 0.2, 10.0, 0.9
+_STABLE = 2.5
+"""Rate of the fastest change times the longest step. Tsit5 is stable to 3.3 for real rates."""
+_SMALL = 1e-4
 _ROUNDINGS = 4.0
 """Length of the shortest step, in roundings of time."""
 
@@ -48,7 +51,7 @@ class How(NamedTuple):
     """ln of the speed, over the largest commanded one, at which a motion ends."""
 
 
-class Point(NamedTuple):
+class Underway(NamedTuple):
     """Where a motion has come to."""
 
     time: Float[Array, ""]
@@ -57,13 +60,15 @@ class Point(NamedTuple):
     """dy/dt, for the explicit pair, whose last stage is the next step's first."""
     size: Float[Array, ""]
     """Length of the next step [s]; 0: to be guessed."""
+    longest: Float[Array, ""]
+    """Length of the longest step for which the explicit pair is stable [s]."""
     going: Bool[Array, ""]
     ran_away: Bool[Array, ""]
     steps: Int[Array, ""]
     """Steps taken, rejected ones included."""
 
 
-class Motion(NamedTuple):
+class Sampled(NamedTuple):
     """Scaled unknowns at the sample times, and how the motion ended."""
 
     y: PyTree[Float[Array, "n ..."]]
@@ -79,7 +84,7 @@ def follow(
     ts: Float[Array, " n"],
     tolerance: Float[Array, ""],
     how: How,
-) -> Motion:
+) -> Sampled:
     """The solution of `equation` from `initial` at `ts[0]`, at the ascending times `ts`.
 
     `tolerance` is the error of a step, relative and absolute, in the scaled unknowns. Derivatives
@@ -96,7 +101,7 @@ class _Policy(eqx.Module):
 @eqx.filter_custom_jvp
 def _followed(
     equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
-) -> Motion:
+) -> Sampled:
     carry, segment = _begun(equation, initial, ts, policy)
 
     def goes_on(carry: "_Carry") -> Bool[Array, ""]:
@@ -106,13 +111,13 @@ def _followed(
 
 
 @_followed.def_jvp
-def _(primals: tuple, tangents: tuple) -> tuple[Motion, Motion]:
+def _(primals: tuple, tangents: tuple) -> tuple[Sampled, Sampled]:
     return eqx.filter_jvp(_by_scan, primals, tangents)
 
 
 def _by_scan(
     equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
-) -> Motion:
+) -> Sampled:
     carry, segment = _begun(equation, initial, ts, policy)
     segments = -(-policy.how.max_steps // (ROWS * _parts(ts)))
     loop, length = jax.checkpoint(segment), segments
@@ -123,7 +128,7 @@ def _by_scan(
     return _ended(ts, *loop(carry))
 
 
-_Carry = tuple[Point, PyTree[Float[Array, "n ..."]]]
+_Carry = tuple[Underway, PyTree[Float[Array, "n ..."]]]
 
 
 def _repeated(loop, turns: int):
@@ -148,23 +153,25 @@ def _begun(equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], 
     first = jax.lax.stop_gradient(ts[0])
     slope = jax.tree.map(jnp.zeros_like, initial)
     going = last > first
-    point = Point(first, initial, slope, zero, going, ~going & False, jnp.zeros((), jnp.int32))
+    point = Underway(
+        first, initial, slope, zero, zero, going, ~going & False, jnp.zeros((), jnp.int32)
+    )
     ys = jax.tree.map(lambda y: jnp.broadcast_to(y, (ts.shape[0], *y.shape)), initial)
     parts = _parts(ts)
 
-    def step(point: Point, _: None) -> tuple[Point, Knots]:
+    def step(point: Underway, _: None) -> tuple[Underway, Knots]:
         going = eqxi.unvmap_any(point.going)
         taken = lambda point: _step(fixed, point, jnp.minimum(stops, last), last, policy)  # noqa: E731
         return jax.lax.cond(going, taken, _still, point)
 
-    def part(point: Point, _: None) -> tuple[Point, Knots]:
+    def part(point: Underway, _: None) -> tuple[Underway, Knots]:
         begin = point.y
         point, knots = jax.lax.scan(step, constant(point), None, length=ROWS)
         knots = differentiable(equation, begin, knots)
         y = jax.tree.map(lambda y: y[-1], knots.y1)
         return point._replace(y=y), knots
 
-    def idle(point: Point, _: None) -> tuple[Point, Knots]:
+    def idle(point: Underway, _: None) -> tuple[Underway, Knots]:
         row = _still(constant(point))[1]
         y0, y1 = (
             jax.tree.map(lambda a: jnp.broadcast_to(a, (ROWS, *a.shape)), y) for y in 2 * [point.y]
@@ -179,7 +186,7 @@ def _begun(equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], 
             point, knots = part(point, None)
         else:
 
-            def some(point: Point, _: None) -> tuple[Point, Knots]:
+            def some(point: Underway, _: None) -> tuple[Underway, Knots]:
                 going = eqxi.unvmap_any(point.going)
                 return jax.lax.cond(going, part, idle, point, None)
 
@@ -192,22 +199,31 @@ def _begun(equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], 
     return (point, ys), segment
 
 
-def _ended(ts: Float[Array, " n"], point: Point, ys: PyTree[Float[Array, "n ..."]]) -> Motion:
+def _ended(ts: Float[Array, " n"], point: Underway, ys: PyTree[Float[Array, "n ..."]]) -> Sampled:
     reached = ~point.ran_away & (point.time >= jax.lax.stop_gradient(ts[-1]))
-    return Motion(ys, point.time, reached, point.ran_away, point.steps)
+    return Sampled(ys, point.time, reached, point.ran_away, point.steps)
 
 
 def _step(
-    equation: SliderEquation, point: Point, stops: Float[Array, " s"], last: Array, policy: _Policy
-) -> tuple[Point, Knots]:
+    equation: SliderEquation,
+    point: Underway,
+    stops: Float[Array, " s"],
+    last: Array,
+    policy: _Policy,
+) -> tuple[Underway, Knots]:
     """One step, taken or rejected; of a motion that has ended nothing changes."""
     how, tolerance = policy.how, jax.lax.stop_gradient(policy.tolerance)
     t, y = point.time, point.y
     fresh, slope = point.size == 0, point.slope
+
+    def begin() -> tuple[Unknowns, Array]:
+        return equation.derivative(t, y), _longest(equation, equation.log_speed(t, y))
+
     begins = eqxi.unvmap_any(fresh & point.going)
-    slope = jax.lax.cond(begins, lambda: equation.derivative(t, y), lambda: slope)
-    size = _first_size(slope, y, tolerance)
+    slope, longest = jax.lax.cond(begins, begin, lambda: (slope, point.longest))
+    size = _first_size(slope, y, last - t, tolerance)
     size = jnp.where(fresh, size, point.size)
+    size = size if how.stiff else jnp.minimum(size, longest)
     stop = jnp.min(jnp.where(stops > t, stops, jnp.inf), initial=last)
     shortest = _ROUNDINGS * jnp.spacing(jnp.abs(t))
     room = stop - t
@@ -229,12 +245,14 @@ def _step(
     length = before - t
     vanished = point.going & ~good & (length <= 2 * shortest) & (not how.stiff)
     taken = point.going & good
-    away = taken & (equation.log_speed(before, y1) > how.log_runaway)
-    new = Point(
+    log_speed = equation.log_speed(before, y1)
+    away = taken & (log_speed > how.log_runaway)
+    new = Underway(
         jnp.where(taken, end, t),
         _choose(taken, y1, y),
         _choose(taken, later, slope),
         jnp.where(good & lands, 0.0, length * factor),
+        jnp.where(taken, _longest(equation, log_speed), longest),
         point.going
         & ~away
         & ~vanished
@@ -247,16 +265,31 @@ def _step(
     return new, Knots(t, new.time, y, new.y, _choose(taken, k, none))
 
 
-def _still(point: Point) -> tuple[Point, Knots]:
+def _still(point: Underway) -> tuple[Underway, Knots]:
     """No step."""
     none = jax.tree.map(lambda y: jnp.zeros((3, *y.shape), y.dtype), point.y)
     return point, Knots(point.time, point.time, point.y, point.y, none)
 
 
-def _first_size(slope: Unknowns, y: Unknowns, tolerance: Float[Array, ""]) -> Float[Array, ""]:
-    """Length of a step after a jump: the unknowns change by a little more than an error may."""
+def _longest(equation: SliderEquation, log_speed: Array) -> Float[Array, ""]:
+    """A little less than the relaxation of the spring, over F/K of slip, allows an explicit step.
+
+    A longer one makes of rounding, in steady sliding, an error as large as the tolerance.
+    """
+    slip = _STABLE * equation.law.force_scale() / equation.rig.machine.stiffness
+    return slip / equation.motion.largest_speed() * jnp.exp(-jnp.clip(log_speed, -60.0, 60.0))
+
+
+def _first_size(
+    slope: Unknowns, y: Unknowns, left: Array, tolerance: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Length of a step after a jump: the unknowns change by a little more than an error may.
+
+    Where nothing changes it is a small part of the time that is `left`: a derivative may change
+    there, as that by an effect that is absent.
+    """
     rate = padded_norm(jax.tree.map(lambda d, y: d / (1 + jnp.abs(y)), slope, y))
-    return jnp.where(rate > 0, tolerance**0.2 / jnp.where(rate > 0, rate, 1.0), jnp.inf)
+    return jnp.minimum(tolerance**0.2 / jnp.where(rate > 0, rate, 1e-300), _SMALL * left)
 
 
 def _norm(
