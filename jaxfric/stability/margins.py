@@ -36,6 +36,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..errors import InputError
 from . import polynomial as poly
+from .choice import least, with_derivative_where
 from .delay import unstable_roots
 from .delay_roots import rightmost_roots
 from .frequency import crossings, encirclements, smallest
@@ -46,17 +47,21 @@ from .theorem import apply_theorem
 
 UNITS = {name: one.unit for name, one in MARGINS.items()}
 """Units of the margins of this package; `MARGINS` has also those that were added."""
+_ENDS = (0.0, 1e300)
+"""What stands for w = 0 and for w = infinity where places are compared."""
 LIMITS = {name: one.limit for name, one in MARGINS.items()}
 """Values of the margins at the limit of stability."""
 
 
 class Crossing(NamedTuple):
-    """Frequencies at which the loop meets a curve; `some` is False on rows without a crossing."""
+    """Frequencies at which the loop meets a curve; `some` is False on rows without a crossing,
+    `known` where the crossing has no derivative, as the loop only touches the curve."""
 
     frequency: Float[Array, " n"]
     real: Float[Array, " n"]
     imaginary: Float[Array, " n"]
     some: Bool[Array, " n"]
+    known: Bool[Array, " n"]
 
 
 def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
@@ -110,15 +115,26 @@ def _function(name: str) -> Callable[["Analysis"], Float[Array, ""]]:
 def poles(slider: LinearSlider) -> Complex[Array, " n"]:
     """Poles of the closed loop [1/s]; of a delay the rightmost one.
 
+    The derivatives of a pole that is no simple one are nan.
+
     Raises
     ------
     InputError : the kernel is a table, or a delay without mass.
     """
+    s, known = _poles(slider)
+    return with_derivative_where(known, s)
+
+
+def _poles(slider: LinearSlider) -> tuple[Complex[Array, " n"], Bool[Array, " n"]]:
+    """The poles, and which have a derivative."""
     kernel = _kernel(slider)
     if isinstance(kernel, AbstractRationalKernel):
-        return poly.roots(slider.polynomials()[0])
+        whole = slider.polynomials()[0]
+        s = poly.roots(whole)
+        return s, poly.simple(whole, s)
     if isinstance(kernel, DelayKernel):
-        return rightmost_roots(*_delay_slider(slider, kernel))
+        s = rightmost_roots(*_delay_slider(slider, kernel))
+        return s, jnp.ones(s.shape, bool)
     raise InputError(
         f"the poles of a {type(kernel).__name__} are not available; its margins of"
         " stiffness, modulus, gain, phase and delay are"
@@ -160,9 +176,14 @@ class Analysis:
         return is_stable(self.slider)
 
     @functools.cached_property
+    def known_poles(self) -> tuple[Complex[Array, " n"], Bool[Array, " n"]]:
+        """Poles of the closed loop [1/s], and which have a derivative."""
+        return _poles(self.slider)
+
+    @property
     def poles(self) -> Complex[Array, " n"]:
         """Poles of the closed loop [1/s]."""
-        return poles(self.slider)
+        return self.known_poles[0]
 
     @functools.cached_property
     def real(self) -> Crossing:
@@ -195,7 +216,8 @@ def stiffness(of: Analysis) -> Float[Array, ""]:
 
 def decay(of: Analysis) -> Float[Array, ""]:
     """-max Re s over the poles s of the closed loop [1/s]."""
-    return -jnp.max(of.poles.real)
+    s, known = of.known_poles
+    return least(-s.real, jnp.abs(s.imag), known)
 
 
 def damping(of: Analysis) -> Float[Array, ""]:
@@ -203,10 +225,11 @@ def damping(of: Analysis) -> Float[Array, ""]:
 
     A delay has poles without number, which come ever closer to 0: of it, that of the rightmost.
     """
-    s = of.poles
+    s, known = of.known_poles
     square = s.real**2 + s.imag**2
-    size = jnp.sqrt(jnp.where(square == 0, 1.0, square))
-    return jnp.min(jnp.where(square == 0, 0.0, -s.real / size))
+    some = square > 0
+    size = jnp.sqrt(jnp.where(some, square, 1.0))
+    return least(jnp.where(some, -s.real / size, 0.0), size, known & some)
 
 
 def modulus(of: Analysis) -> Float[Array, ""]:
@@ -216,7 +239,8 @@ def modulus(of: Analysis) -> Float[Array, ""]:
     Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
     """
     if not isinstance(of.slider.friction.kernel, AbstractRationalKernel):
-        distances = [smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))]
+        w, square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))
+        y = w**2
     else:
         whole, controller, load = of.slider.polynomials()
         real, _ = poly.cross(controller, load)
@@ -231,38 +255,40 @@ def modulus(of: Analysis) -> Float[Array, ""]:
         y = jnp.abs(poly.roots(slope))  # its derivative counts from the second order on
         y = jnp.where(y < poly.LARGEST, y, 0.0)
         square = _square(whole, y) / _nonzero(_square(load, y))
-        distances = [_root(jnp.min(jnp.where(y > 0, square, jnp.inf), initial=jnp.inf))]
-    distances += [jnp.where(some, jnp.abs(1 + L), jnp.inf) for L, some in _ends(of.slider)]
-    return _signed(of, functools.reduce(jnp.minimum, distances))
+        square = jnp.where(y > 0, square, jnp.inf)
+    L, some = _ends(of.slider)
+    square = jnp.concatenate([square, jnp.where(some, (1 + L) ** 2, jnp.inf)])
+    places = jnp.concatenate([y, jnp.asarray(_ENDS)])
+    square = least(square, places, square > 0)
+    return _signed(of, jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), square))
 
 
 def gain(of: Analysis) -> Float[Array, ""]:
     """Smallest factor by which L, multiplied or divided, reaches -1."""
     at = of.real
-    ends = _ends(of.slider)
-    real = jnp.concatenate([at.real, jnp.stack([L for L, _ in ends])])
-    some = jnp.concatenate([at.some, jnp.stack([some for _, some in ends])])
-    negative = some & (real < 0)
+    L, finite = _ends(of.slider)
+    real = jnp.concatenate([at.real, L])
+    negative = jnp.concatenate([at.some, finite]) & (real < 0)
     size = jnp.where(negative, -real, 1.0)
-    factor = jnp.min(jnp.where(negative, jnp.maximum(size, 1 / size), jnp.inf), initial=jnp.inf)
+    factors = jnp.where(negative, jnp.maximum(size, 1 / size), jnp.inf)
+    known = jnp.concatenate([at.known, jnp.ones(2, bool)]) & (factors != 1)
+    factor = least(factors, jnp.concatenate([at.frequency, jnp.asarray(_ENDS)]), known)
     return jnp.where(of.stable, factor, 1 / factor)
 
 
 def phase(of: Analysis) -> Float[Array, ""]:
     """Smallest angle by which L, turned either way, reaches -1 [rad]."""
-    lag = _lag(of.unit)
-    angle = jnp.where(of.unit.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)
-    return _signed(of, jnp.min(angle, initial=jnp.inf))
+    at, lag = of.unit, _lag(of.unit)
+    angle = jnp.where(at.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)
+    return _signed(of, least(angle, at.frequency, at.known & (angle > 0)))
 
 
 def delay(of: Analysis) -> Float[Array, ""]:
     """Smallest delay in the loop that reaches -1 [s]."""
     at = of.unit
     lag = _lag(at)
-    stable = jnp.min(jnp.where(at.some, lag / at.frequency, jnp.inf), initial=jnp.inf)
-    lead = (2 * jnp.pi - lag) / at.frequency
-    unstable = jnp.min(jnp.where(at.some, lead, jnp.inf), initial=jnp.inf)
-    found = jnp.where(of.stable, stable, -unstable)
+    time = jnp.where(of.stable, lag, 2 * jnp.pi - lag) / at.frequency
+    found = _signed(of, least(jnp.where(at.some, time, jnp.inf), at.frequency, at.known))
     if of.slider.mass is not None:
         return found
     at_once = jnp.abs(of.slider.damping) > jnp.abs(of.slider.friction.slope)
@@ -272,41 +298,36 @@ def delay(of: Analysis) -> Float[Array, ""]:
 def _real_crossings(slider: LinearSlider) -> Crossing:
     """Frequencies w > 0 at which L(i w) is real."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        w, some = crossings(slider, lambda w: jnp.angle(slider.loop(1j * w)), wrapped=True)
+        w, some, known = crossings(slider, lambda w: jnp.angle(slider.loop(1j * w)), wrapped=True)
         L = jax.vmap(lambda w: slider.loop(1j * w))(w)
-        return Crossing(w, L.real, L.imag, some)
+        return Crossing(w, L.real, L.imag, some, known)
     _, controller, load = slider.polynomials()
     real, imaginary = poly.cross(controller, load)
     size, _ = poly.cross(load, load)
-    y, some = poly.positive_roots(imaginary)
-    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
+    y, some, known = poly.positive_roots(imaginary)
+    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some, known)
 
 
 def _unit_crossings(slider: LinearSlider) -> Crossing:
     """Frequencies w > 0 at which |L(i w)| = 1."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        w, some = crossings(slider, lambda w: jnp.log(jnp.abs(slider.loop(1j * w))))
+        w, some, known = crossings(slider, lambda w: jnp.log(jnp.abs(slider.loop(1j * w))))
         L = jax.vmap(lambda w: slider.loop(1j * w))(w)
-        return Crossing(w, L.real, L.imag, some)
+        return Crossing(w, L.real, L.imag, some, known)
     _, controller, load = slider.polynomials()
     real, imaginary = poly.cross(controller, load)
     size, _ = poly.cross(load, load)
     above, _ = poly.cross(controller, controller)
-    y, some = poly.positive_roots(poly.total(above, -size))
-    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
+    y, some, known = poly.positive_roots(poly.total(above, -size))
+    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some, known)
 
 
-def _ends(slider: LinearSlider) -> list[tuple[Array, Array]]:
+def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
     """L, real there, at w = 0 and at infinity, and whether it is finite."""
-    friction = slider.friction
-    ends = [_ratio(slider.stiffness, friction.trend)]
-    if slider.mass is None:
-        return [*ends, _ratio(slider.damping, friction.slope)]
-    return [*ends, (jnp.zeros_like(ends[0][0]), jnp.ones((), bool))]
-
-
-def _ratio(above: ArrayLike, below: ArrayLike) -> tuple[Array, Array]:
-    above, below = jnp.broadcast_arrays(jnp.asarray(above), jnp.asarray(below))
+    friction, zero = slider.friction, jnp.zeros(())
+    last = (zero, zero + 1) if slider.mass is not None else (slider.damping, friction.slope)
+    above = jnp.stack(jnp.broadcast_arrays(slider.stiffness, last[0]))
+    below = jnp.stack(jnp.broadcast_arrays(friction.trend, last[1]))
     some = below != 0
     return above / jnp.where(some, below, 1.0), some
 
@@ -324,11 +345,6 @@ def _square(c: Array, y: Array) -> Array:
     """|c(i w)|^2 at y = w^2, without cancellation between squares."""
     even, odd = poly.on_axis(c)
     return poly.value(even, y) ** 2 + y * poly.value(odd, y) ** 2
-
-
-def _root(x: Array) -> Array:
-    """Square root with a finite derivative at 0."""
-    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
 
 
 def _at(y: Array, real: Array, imaginary: Array, size: Array) -> tuple[Array, Array]:
