@@ -1,4 +1,4 @@
-"""Derivatives against differences, a line for each function: `python -m fits.derivatives [WORD ...]`.
+"""Derivatives against differences, a line a function: `python -m fits.derivatives [WORD ...]`.
 
 Prints the worst errors of first derivatives, |J - D|_i/(|D_i| + 1e-3 max|D|), and of second ones,
 |H - F|_ij/(sqrt|F_ii F_jj| + 1e-3 max|F|), over the scalars and points of an entry, and which

@@ -72,7 +72,9 @@ class Derivatives:
         moved = q[:, None, None] + h * _STEPS[:, None, None] * np.eye(n)
         # in batches of the number of points, for which `both` is compiled
         rows = [self.both(x)[:2] for x in moved.reshape(-1, points, n)]
-        value, jacobian = (np.concatenate([np.asarray(x) for x in one]) for one in zip(*rows))
+        value, jacobian = (
+            np.concatenate([np.asarray(x) for x in one]) for one in zip(*rows, strict=True)
+        )
         shape = (points, len(_STEPS), n)
 
         def difference(x: np.ndarray) -> np.ndarray:

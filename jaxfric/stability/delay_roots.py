@@ -228,7 +228,8 @@ def rightmost_roots(
     ones for any alpha w, at full precision (half the digits where two roots nearly coincide).
     Where alpha (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6 the roots are so dense that
     rounding may replace one by a neighbour or by a point between two. Derivatives of any order with
-    respect to all five arguments, by the implicit function theorem; nan where two roots meet. A root that does not exist (alpha = 0 has two) is -inf. Scalars in.
+    respect to all five arguments, by the implicit function theorem; nan where two
+    roots meet. A root that does not exist (alpha = 0 has two) is -inf. Scalars in.
     Raises `InputError` if `number` is less than 1.
     """
     if number < 1:
