@@ -178,7 +178,7 @@ def test_generic_search_agrees_with_25():
 
     def both(A, B, L, V, m, k_v):
         kernel = ExponentialKernel((B / L)[None], (V / L)[None])
-        w, k, _, complete = critical_points(kernel, A / V + k_v, m, number=2, points=512)
+        w, k, complete = critical_points(kernel, A / V + k_v, m, number=2, points=512)
         return w[0], k[0], complete, w[1]
 
     w, k, complete, more = jax.jit(jax.vmap(both))(A, B, L, V, m, k_v)

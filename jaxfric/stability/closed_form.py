@@ -71,8 +71,6 @@ def critical_two_exponentials(
     g, r = jnp.asarray(amplitude), jnp.asarray(rate)
     constant = (damping * r[0] * r[1] - g[0] * r[1] - g[1] * r[0]) * r[0] * r[1]
     linear = damping * jnp.sum(r**2) - jnp.sum(g * r)
-    square, real, _ = poly.positive_roots(
-        jnp.stack(jnp.broadcast_arrays(constant, linear, damping))
-    )
+    square, real = poly.positive_roots(jnp.stack(jnp.broadcast_arrays(constant, linear, damping)))
     stiffness = mass * square + square * jnp.sum(g / (r**2 + square[:, None]), axis=1)
     return jnp.where(real, jnp.sqrt(square), 0.0), jnp.where(real, stiffness, 0.0)

@@ -25,8 +25,6 @@ _ROWS = 10
 _SMOOTH = 1e-11
 # Where Re G or |G| is below this part of the largest, rounding may hide how smooth it is.
 _FAINT = 1e-7
-# Slope of Re G over ln w, as a part of |G|, below which rounding decides where the solution is.
-_LEAST_SLOPE = 1e-7
 
 
 class _Table(NamedTuple):
@@ -44,11 +42,8 @@ def critical_points(
     *,
     number: int,
     points: int,
-) -> tuple[
-    Float[Array, " number"], Float[Array, " number"], Bool[Array, " number"], Bool[Array, ""]
-]:
-    """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), which of them have a
-    derivative, and whether these are all.
+) -> tuple[Float[Array, " number"], Float[Array, " number"], Bool[Array, ""]]:
+    """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether these are all.
 
     inf and -inf where there are fewer. `points` is the length of the table. Derivatives of any
     order are those of the implicit function; a w_n at which Re G only touches f_v + k_v has none.
@@ -63,7 +58,6 @@ def critical_points(
     x, G, slope = jax.lax.cond(table.smooth, _by_table, _by_transform, *fixed)
 
     step = (fixed[2] - G.real) / jnp.where(slope.real == 0, 1.0, slope.real)
-    known = jnp.abs(slope.real) > _LEAST_SLOPE * jnp.abs(G)
 
     def finish(x: Float[Array, ""], G: Complex[Array, ""]):
         x = _solution(kernel, damping, x)
@@ -72,7 +66,7 @@ def critical_points(
 
     w, k = jax.vmap(finish)(x + step, G + slope * step)
     complete = (value[-1] < 0) & (jnp.sum(change) <= number)
-    return jnp.where(some, w, jnp.inf), jnp.where(some, k, -jnp.inf), known, complete
+    return jnp.where(some, w, jnp.inf), jnp.where(some, k, -jnp.inf), complete
 
 
 def _response(kernel: AbstractKernel, x: Float[Array, ""]) -> Complex[Array, ""]:

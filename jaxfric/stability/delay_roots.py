@@ -204,13 +204,9 @@ def _implicit_jvp(primals: tuple[_Slider, Array], tangents: tuple[_Slider, Array
     found = jnp.isfinite(root.real)
     s = jnp.where(found, root, 0.0)
     _, change = jax.jvp(lambda slider: _residual(slider, s)[0], (slider,), (tangents[0],))
-    slope = jnp.where(found, _residual(slider, s)[1], 1.0)
-    # where two roots meet only half the digits of the root are right, and none of the slope's
-    size = 2 * slider.mass * jnp.abs(s) + jnp.abs(slider.k_v)
-    size = size + jnp.abs(slider.k_f * jnp.exp(-slider.alpha * s) * (1 - slider.alpha * s))
-    known = ~found | (jnp.abs(slope) > jnp.finfo(size.dtype).eps ** 0.5 * 10 * size)
-    change = -change / jnp.where(slope == 0, 1.0, slope)
-    return root, jnp.where(found, change, 0.0) * jnp.where(known, 1.0, jnp.nan)
+    slope = _residual(slider, s)[1]
+    safe = found & (slope != 0)
+    return root, jnp.where(safe, -change / jnp.where(safe, slope, 1.0), 0.0)
 
 
 def rightmost_roots(
@@ -228,7 +224,7 @@ def rightmost_roots(
     ones for any alpha w, at full precision (half the digits where two roots nearly coincide).
     Where alpha (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6 the roots are so dense that
     rounding may replace one by a neighbour or by a point between two. Derivatives of any order with
-    respect to all five arguments, by the implicit function theorem; nan where two
+    respect to all five arguments, by the implicit function theorem; they are unbounded where two
     roots meet. A root that does not exist (alpha = 0 has two) is -inf. Scalars in.
     Raises `InputError` if `number` is less than 1.
     """

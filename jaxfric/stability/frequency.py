@@ -54,9 +54,8 @@ def crossings(
     function: Callable[[Float[Array, ""]], Float[Array, ""]],
     *,
     wrapped: bool = False,
-) -> tuple[Float[Array, " n"], Bool[Array, " n"], Bool[Array, " n"]]:
-    """Frequencies at which `function` of frequency is zero, which of the rows hold one, and of
-    which rows the derivatives are known: a function that only touches zero has none.
+) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
+    """Frequencies at which `function` of frequency is zero, and which of the rows hold one.
 
     `wrapped` tells that the function is an angle: then also where it is +-pi. First and second
     derivatives are those of the implicit function; higher ones are not.
@@ -81,31 +80,29 @@ def crossings(
             return jnp.sin(value) if wrapped else value
 
         def step(x: Float[Array, ""]):
-            """A Newton step, 0 where it would leave the two grid points, and whether it is one."""
+            """A Newton step, 0 where it would leave the two grid points."""
             e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
             slope = jax.lax.stop_gradient(slope)
             change = e / jnp.where(slope == 0, 1.0, slope)
             inside = (jnp.abs(slope) > _LEAST_SLOPE) & (jnp.abs(change) <= high - low)
-            return jnp.where(inside, change, 0.0), inside
+            return jnp.where(inside, change, 0.0)
 
         def newton(_: Array, x: Float[Array, ""]):
-            return jnp.clip(x - step(x)[0], low, high)
+            return jnp.clip(x - step(x), low, high)
 
         x = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
-        known = jnp.ones((), bool)
         for _ in range(2):  # carry first and second derivatives
-            change, inside = step(x)
-            x, known = x - change, known & inside
-        return jnp.exp(x), known
+            x = x - step(x)
+        return jnp.exp(x)
 
-    w, known = jax.vmap(refine)(start, low, high)
-    return jnp.where(some, w, 1.0), some, known
+    w = jax.vmap(refine)(start, low, high)
+    return jnp.where(some, w, 1.0), some
 
 
 def smallest(
     slider: LinearSlider, function: Callable[[Float[Array, ""]], Complex[Array, ""]]
-) -> tuple[Float[Array, " minima"], Float[Array, " minima"]]:
-    """Frequencies and squared magnitudes of the lowest minima of |function| over the grid, refined;
+) -> Float[Array, " minima"]:
+    """Squared magnitudes of the lowest minima of |function| over the grid, refined;
     the least one is among them. Derivatives of the squares are right up to the third order."""
     grid = axis(slider)
 
@@ -135,7 +132,7 @@ def smallest(
         end = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
         x = step(x, end)
         x = step(x, newton(_NEWTON_STEPS, x))  # carries the derivative of the place
-        return jnp.exp(x), square(x)
+        return square(x)
 
     places = jnp.append(best + 1, jnp.argmin(value))
     low, high = jnp.maximum(places - 1, 0), jnp.minimum(places + 1, value.shape[0] - 1)

@@ -36,7 +36,6 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..errors import InputError
 from . import polynomial as poly
-from .choice import least, with_derivative_where
 from .delay import unstable_roots
 from .delay_roots import rightmost_roots
 from .frequency import crossings, encirclements, smallest
@@ -47,21 +46,17 @@ from .theorem import apply_theorem
 
 UNITS = {name: one.unit for name, one in MARGINS.items()}
 """Units of the margins of this package; `MARGINS` has also those that were added."""
-_ENDS = (0.0, 1e300)
-"""What stands for w = 0 and for w = infinity where places are compared."""
 LIMITS = {name: one.limit for name, one in MARGINS.items()}
 """Values of the margins at the limit of stability."""
 
 
 class Crossing(NamedTuple):
-    """Frequencies at which the loop meets a curve; `some` is False on rows without a crossing,
-    `known` where the crossing has no derivative, as the loop only touches the curve."""
+    """Frequencies at which the loop meets a curve; `some` is False on rows without a crossing."""
 
     frequency: Float[Array, " n"]
     real: Float[Array, " n"]
     imaginary: Float[Array, " n"]
     some: Bool[Array, " n"]
-    known: Bool[Array, " n"]
 
 
 def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
@@ -115,26 +110,15 @@ def _function(name: str) -> Callable[["Analysis"], Float[Array, ""]]:
 def poles(slider: LinearSlider) -> Complex[Array, " n"]:
     """Poles of the closed loop [1/s]; of a delay the rightmost one.
 
-    The derivatives of a pole that is no simple one are nan.
-
     Raises
     ------
     InputError : the kernel is a table, or a delay without mass.
     """
-    s, known = _poles(slider)
-    return with_derivative_where(known, s)
-
-
-def _poles(slider: LinearSlider) -> tuple[Complex[Array, " n"], Bool[Array, " n"]]:
-    """The poles, and which have a derivative."""
     kernel = _kernel(slider)
     if isinstance(kernel, AbstractRationalKernel):
-        whole = slider.polynomials()[0]
-        s = poly.roots(whole)
-        return s, poly.simple(whole, s)
+        return poly.roots(slider.polynomials()[0])
     if isinstance(kernel, DelayKernel):
-        s = rightmost_roots(*_delay_slider(slider, kernel))
-        return s, jnp.ones(s.shape, bool)
+        return rightmost_roots(*_delay_slider(slider, kernel))
     raise InputError(
         f"the poles of a {type(kernel).__name__} are not available; its margins of"
         " stiffness, modulus, gain, phase and delay are"
@@ -176,14 +160,9 @@ class Analysis:
         return is_stable(self.slider)
 
     @functools.cached_property
-    def known_poles(self) -> tuple[Complex[Array, " n"], Bool[Array, " n"]]:
-        """Poles of the closed loop [1/s], and which have a derivative."""
-        return _poles(self.slider)
-
-    @property
     def poles(self) -> Complex[Array, " n"]:
         """Poles of the closed loop [1/s]."""
-        return self.known_poles[0]
+        return poles(self.slider)
 
     @functools.cached_property
     def real(self) -> Crossing:
@@ -216,8 +195,7 @@ def stiffness(of: Analysis) -> Float[Array, ""]:
 
 def decay(of: Analysis) -> Float[Array, ""]:
     """-max Re s over the poles s of the closed loop [1/s]."""
-    s, known = of.known_poles
-    return least(-s.real, jnp.abs(s.imag), known)
+    return -jnp.max(of.poles.real)
 
 
 def damping(of: Analysis) -> Float[Array, ""]:
@@ -225,11 +203,11 @@ def damping(of: Analysis) -> Float[Array, ""]:
 
     A delay has poles without number, which come ever closer to 0: of it, that of the rightmost.
     """
-    s, known = of.known_poles
+    s = of.poles
     square = s.real**2 + s.imag**2
     some = square > 0
     size = jnp.sqrt(jnp.where(some, square, 1.0))
-    return least(jnp.where(some, -s.real / size, 0.0), size, known & some)
+    return jnp.min(jnp.where(some, -s.real / size, 0.0))
 
 
 def modulus(of: Analysis) -> Float[Array, ""]:
@@ -239,8 +217,7 @@ def modulus(of: Analysis) -> Float[Array, ""]:
     Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
     """
     if not isinstance(of.slider.friction.kernel, AbstractRationalKernel):
-        w, square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))
-        y = w**2
+        square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))
     else:
         whole, controller, load = of.slider.polynomials()
         real, _ = poly.cross(controller, load)
@@ -258,8 +235,7 @@ def modulus(of: Analysis) -> Float[Array, ""]:
         square = jnp.where(y > 0, square, jnp.inf)
     L, some = _ends(of.slider)
     square = jnp.concatenate([square, jnp.where(some, (1 + L) ** 2, jnp.inf)])
-    places = jnp.concatenate([y, jnp.asarray(_ENDS)])
-    square = least(square, places, square > 0)
+    square = _least(square)
     return _signed(of, jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), square))
 
 
@@ -271,8 +247,7 @@ def gain(of: Analysis) -> Float[Array, ""]:
     negative = jnp.concatenate([at.some, finite]) & (real < 0)
     size = jnp.where(negative, -real, 1.0)
     factors = jnp.where(negative, jnp.maximum(size, 1 / size), jnp.inf)
-    known = jnp.concatenate([at.known, jnp.ones(2, bool)]) & (factors != 1)
-    factor = least(factors, jnp.concatenate([at.frequency, jnp.asarray(_ENDS)]), known)
+    factor = _least(factors)
     return jnp.where(of.stable, factor, 1 / factor)
 
 
@@ -280,7 +255,7 @@ def phase(of: Analysis) -> Float[Array, ""]:
     """Smallest angle by which L, turned either way, reaches -1 [rad]."""
     at, lag = of.unit, _lag(of.unit)
     angle = jnp.where(at.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)
-    return _signed(of, least(angle, at.frequency, at.known & (angle > 0)))
+    return _signed(of, _least(angle))
 
 
 def delay(of: Analysis) -> Float[Array, ""]:
@@ -288,7 +263,7 @@ def delay(of: Analysis) -> Float[Array, ""]:
     at = of.unit
     lag = _lag(at)
     time = jnp.where(of.stable, lag, 2 * jnp.pi - lag) / at.frequency
-    found = _signed(of, least(jnp.where(at.some, time, jnp.inf), at.frequency, at.known))
+    found = _signed(of, _least(jnp.where(at.some, time, jnp.inf)))
     if of.slider.mass is not None:
         return found
     at_once = jnp.abs(of.slider.damping) > jnp.abs(of.slider.friction.slope)
@@ -298,28 +273,28 @@ def delay(of: Analysis) -> Float[Array, ""]:
 def _real_crossings(slider: LinearSlider) -> Crossing:
     """Frequencies w > 0 at which L(i w) is real."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        w, some, known = crossings(slider, lambda w: jnp.angle(slider.loop(1j * w)), wrapped=True)
+        w, some = crossings(slider, lambda w: jnp.angle(slider.loop(1j * w)), wrapped=True)
         L = jax.vmap(lambda w: slider.loop(1j * w))(w)
-        return Crossing(w, L.real, L.imag, some, known)
+        return Crossing(w, L.real, L.imag, some)
     _, controller, load = slider.polynomials()
     real, imaginary = poly.cross(controller, load)
     size, _ = poly.cross(load, load)
-    y, some, known = poly.positive_roots(imaginary)
-    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some, known)
+    y, some = poly.positive_roots(imaginary)
+    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
 
 
 def _unit_crossings(slider: LinearSlider) -> Crossing:
     """Frequencies w > 0 at which |L(i w)| = 1."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        w, some, known = crossings(slider, lambda w: jnp.log(jnp.abs(slider.loop(1j * w))))
+        w, some = crossings(slider, lambda w: jnp.log(jnp.abs(slider.loop(1j * w))))
         L = jax.vmap(lambda w: slider.loop(1j * w))(w)
-        return Crossing(w, L.real, L.imag, some, known)
+        return Crossing(w, L.real, L.imag, some)
     _, controller, load = slider.polynomials()
     real, imaginary = poly.cross(controller, load)
     size, _ = poly.cross(load, load)
     above, _ = poly.cross(controller, controller)
-    y, some, known = poly.positive_roots(poly.total(above, -size))
-    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some, known)
+    y, some = poly.positive_roots(poly.total(above, -size))
+    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
 
 
 def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
@@ -339,6 +314,12 @@ def _delay_slider(slider: LinearSlider, kernel: DelayKernel) -> tuple[ArrayLike,
     friction = slider.friction
     stiffness = slider.stiffness + friction.trend
     return slider.mass, stiffness, slider.damping + friction.slope, kernel.strength, kernel.delay
+
+
+def _least(values: Float[Array, " n"]) -> Float[Array, ""]:
+    """The least value, inf if there is none, with the derivative of one where several are."""
+    values = jnp.append(values, jnp.inf)
+    return values[jnp.argmin(values)]
 
 
 def _square(c: Array, y: Array) -> Array:

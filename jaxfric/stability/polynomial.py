@@ -16,8 +16,6 @@ _MAX_ITERATIONS = 60
 _NEARLY = 0.02
 # A root of a polynomial in w^2 counts as real below this ratio of its imaginary part.
 _REAL = 1e-6
-# Error of a derivative, as a share of it, from which on it is not known.
-_UNKNOWN = 1e-2
 # Decades, over n, that roots may spread on either side of the middle one: squares of polynomials
 # must be numbers.
 _SPREAD = 140.0
@@ -35,7 +33,7 @@ def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     Ehrlich from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694): no
     matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(140/n) on both
     sides of the middle one. Derivatives of any order by ds = -sum dc[k] s^k / p'(s); 0 at
-    infinity. Of roots that are not `simple` they are no numbers to rely on (0 if p'(s) is 0).
+    infinity. Of roots that nearly meet they are no numbers to rely on (0 if p'(s) is 0).
     """
     n = c.shape[0] - 1
     if n == 0:
@@ -57,30 +55,12 @@ def _roots_jvp(primals: tuple[Array], tangents: tuple[Array]):
     return s, jnp.where(usable, -value(dc, safe) / jnp.where(usable, slope, 1.0), 0.0)
 
 
-def simple(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"]:
-    """Which roots are simple ones, of which the derivative has two right digits at least.
-
-    A root is off by e = eps sum |c[k] s^k|/|p'(s)|, and its derivative by the share e |p''/p'|: all
-    of it at a double root.
-    """
-    first = derivative(c)
-    slope = jnp.abs(value(first, s))
-    bend = jnp.abs(value(derivative(first), s))
-    some = (slope > 0) & jnp.isfinite(slope)
-    safe = jnp.where(some, slope, 1.0)
-    error = jnp.finfo(c.dtype).eps * value(jnp.abs(c), jnp.abs(s)) / safe
-    return jnp.where(some, error * (bend / safe) < _UNKNOWN, slope > 0)
-
-
-def positive_roots(
-    c: Float[Array, " n+1"],
-) -> tuple[Float[Array, " n"], Bool[Array, " n"], Bool[Array, " n"]]:
-    """Real parts of all roots; which are real and positive (the others read 1); and `simple`."""
+def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
+    """Real parts of all roots, and which of them are real and positive (the others read 1)."""
     s = roots(c)
-    known = simple(c, s)
     real = (jnp.abs(s.imag) <= _REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
     real = real & (s.real < LARGEST)
-    return jnp.where(real, s.real, 1.0), real, known
+    return jnp.where(real, s.real, 1.0), real
 
 
 def is_hurwitz(c: Float[Array, " n+1"]) -> Bool[Array, ""]:

@@ -16,7 +16,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from . import polynomial as poly
-from .choice import choose, with_derivative_where
 from .closed_form import critical_one_exponential
 from .critical_points import critical_points
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, kernel_total
@@ -30,14 +29,12 @@ class Theorem(eqx.Module):
     """(18)-(20) for one slider. Stiffness is k_p + f_x, in force/m; frequency in rad/s."""
 
     frequencies: Float[Array, " n"]
-    """All solutions w_n of (19); inf where there are fewer than n. The derivatives of a double one
-    are nan."""
+    """All solutions w_n of (19); inf where there are fewer than n."""
     stiffnesses: Float[Array, " n"]
     """k(w_n) of (20); -inf where there is no w_n."""
     critical_stiffness: Float[Array, ""]
     """k_cr: max_n k(w_n); 0 where every positive stiffness is stable; inf where none suffices
-    (f_v + k_v <= 0, or a hypothesis on g fails and damping does not suffice). Its derivatives
-    are nan where two k(w_n) are the largest."""
+    (f_v + k_v <= 0, or a hypothesis on g fails and damping does not suffice)."""
     critical_frequency: Float[Array, ""]
     """w_cr; 0 where k_cr is 0, inf where k_cr is inf."""
     integrable: Bool[Array, ""]
@@ -101,28 +98,26 @@ def theorem(
     damping, mass = jnp.asarray(damping), jnp.asarray(mass)
     largest = total = kernel_total(kernel)
     if isinstance(kernel, AbstractRationalKernel):
-        w, k, known, integrable, complete = _rational(kernel, damping, mass)
+        w, k, integrable, complete = _rational(kernel, damping, mass)
     elif isinstance(kernel, DelayKernel):
         w = jnp.full((1,), jnp.inf)
-        k, known, integrable, complete = -w, w > 0, jnp.zeros((), bool), jnp.ones((), bool)
+        k, integrable, complete = -w, jnp.zeros((), bool), jnp.ones((), bool)
         largest = jnp.abs(total)
     else:
-        w, k, known, complete = critical_points(kernel, damping, mass, number=number, points=points)
+        w, k, complete = critical_points(kernel, damping, mass, number=number, points=points)
         integrable = jnp.ones((), bool)
     damped = damping > 0
     if isinstance(kernel, AbstractRationalKernel):
         applies = damped & integrable
     else:
         applies = damped & (integrable | (damping >= largest))
-    best, has_derivative = choose(-k, w, known)
+    best = jnp.argmax(k)
     some = applies & (k[best] > 0)
 
     def critical(values: Float[Array, " n"]):
-        value = with_derivative_where(has_derivative, jnp.where(some, values[best], 1.0))
-        return jnp.where(some, value, jnp.where(applies, 0.0, jnp.inf))
+        return jnp.where(some, jnp.where(some, values[best], 1.0), jnp.where(applies, 0.0, jnp.inf))
 
     w_cr, k_cr = critical(w), critical(k)
-    w, k = (with_derivative_where(known, x) for x in (w, k))
     return Theorem(w, k, k_cr, w_cr, integrable, damped, damping < total, complete)
 
 
@@ -136,18 +131,18 @@ def apply_theorem(slider: LinearSlider, *, number: int = 4, points: int = 512) -
 def _rational(kernel: AbstractRationalKernel, damping: Float[Array, ""], mass: Float[Array, ""]):
     """Solutions of (19) as real roots in y = w^2 of Re(N conj D) - damping |D|^2."""
     N, D = kernel.fraction()
-    stable, true = poly.is_hurwitz(D), jnp.ones((), bool)
+    stable = poly.is_hurwitz(D)
     if D.shape[0] == 1:
-        return jnp.full((1,), jnp.inf), jnp.full((1,), -jnp.inf), true[None], stable, true
+        return jnp.full((1,), jnp.inf), jnp.full((1,), -jnp.inf), stable, jnp.ones((), bool)
     if D.shape[0] == 2:
         w, k = critical_one_exponential(N[0], D[0], damping, mass)
         some = (w > 0) & jnp.isfinite(w)
         w, k = jnp.where(some, w, jnp.inf)[None], jnp.where(some, k, -jnp.inf)[None]
-        return w, k, true[None], stable, true
+        return w, k, stable, jnp.ones((), bool)
     real, imaginary = poly.cross(N, D)
     size, _ = poly.cross(D, D)
-    y, some, known = poly.positive_roots(poly.total(real, -damping * size))
+    y, some = poly.positive_roots(poly.total(real, -damping * size))
     # w int g sin(w t) dt = -w Im G(i w) = -y I(y)/|D|^2
     k = mass * y - y * poly.value(imaginary, y) / poly.value(size, y)
     w = jnp.where(some, jnp.sqrt(y), jnp.inf)
-    return w, jnp.where(some, k, -jnp.inf), known, stable, true
+    return w, jnp.where(some, k, -jnp.inf), stable, jnp.ones((), bool)
