@@ -45,8 +45,8 @@ def critical_points(
 ) -> tuple[Float[Array, " number"], Float[Array, " number"], Bool[Array, ""]]:
     """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether these are all.
 
-    inf and -inf where there are fewer. `points` is the length of the table. First derivatives
-    are exact; higher ones are not to be had.
+    inf and -inf where there are fewer. `points` is the length of the table. Derivatives of any
+    order are those of the implicit function; a w_n at which Re G only touches f_v + k_v has none.
     """
     table = _table(kernel, points)
     value = table.G.real - jax.lax.stop_gradient(damping)
@@ -57,14 +57,14 @@ def critical_points(
     fixed = jax.lax.stop_gradient((kernel, table, damping, left))
     x, G, slope = jax.lax.cond(table.smooth, _by_table, _by_transform, *fixed)
 
-    def finish(x: Float[Array, ""], G: Complex[Array, ""], slope: Complex[Array, ""]):
-        """One more Newton step, which carries the derivatives."""
-        G = _with_derivative(kernel, x, G)
-        step = (damping - G.real) / jnp.where(slope.real == 0, 1.0, slope.real)
-        w = jnp.exp(x + step)
-        return w, mass * w**2 - w * (G.imag + slope.imag * step)
+    step = (fixed[2] - G.real) / jnp.where(slope.real == 0, 1.0, slope.real)
 
-    w, k = jax.vmap(finish)(x, G, slope)
+    def finish(x: Float[Array, ""], G: Complex[Array, ""]):
+        x = _solution(kernel, damping, x)
+        w, G = jnp.exp(x), _known_response(kernel, x, G)
+        return w, mass * w**2 - w * G.imag
+
+    w, k = jax.vmap(finish)(x + step, G + slope * step)
     complete = (value[-1] < 0) & (jnp.sum(change) <= number)
     return jnp.where(some, w, jnp.inf), jnp.where(some, k, -jnp.inf), complete
 
@@ -162,19 +162,46 @@ def _by_transform(
 
 
 @eqx.filter_custom_jvp
-def _with_derivative(kernel: AbstractKernel, x: Float[Array, ""], G: Complex[Array, ""]):
-    """G, known to be the kernel's response at the fixed x, with its derivative by the kernel."""
+def _solution(kernel: AbstractKernel, damping: Float[Array, ""], x: Float[Array, ""]):
+    """x, known to solve (19), with the derivatives of the implicit function."""
+    del kernel, damping
+    return x
+
+
+@_solution.def_jvp
+def _solution_jvp(
+    primals: tuple[AbstractKernel, Array, Array], tangents: tuple[AbstractKernel, Array, Array]
+):
+    kernel, damping, x = primals
+    x = _solution(kernel, damping, x)
+    _, slope = jax.jvp(lambda x: _response(kernel, x).real, (x,), (jnp.ones_like(x),))
+    change = -_change(kernel, tangents[0], x).real
+    if tangents[1] is not None:
+        change = change + tangents[1]
+    return x, change / jnp.where(slope == 0, 1.0, slope)
+
+
+@eqx.filter_custom_jvp
+def _known_response(kernel: AbstractKernel, x: Float[Array, ""], G: Complex[Array, ""]):
+    """G, known to be the kernel's response at x, with the derivatives of that response."""
     del kernel, x
     return G
 
 
-@_with_derivative.def_jvp
-def _with_derivative_jvp(
+@_known_response.def_jvp
+def _known_response_jvp(
     primals: tuple[AbstractKernel, Array, Array], tangents: tuple[AbstractKernel, Array, Array]
 ):
     kernel, x, G = primals
-    change = tangents[0]
+    change = _change(kernel, tangents[0], x)
+    if tangents[1] is not None:
+        _, by_place = jax.jvp(lambda x: _response(kernel, x), (x,), (tangents[1],))
+        change = change + by_place
+    return _known_response(kernel, x, G), change
+
+
+def _change(kernel: AbstractKernel, change: AbstractKernel, x: Float[Array, ""]):
+    """Derivative of the response at x as the kernel changes."""
     if all(leaf is None for leaf in jax.tree.leaves(change, is_leaf=lambda leaf: leaf is None)):
-        return G, jnp.zeros_like(G)
-    _, dG = eqx.filter_jvp(lambda kernel: _response(kernel, x), (kernel,), (change,))
-    return G, dG
+        return jnp.zeros((), complex)
+    return eqx.filter_jvp(lambda kernel: _response(kernel, x), (kernel,), (change,))[1]

@@ -19,6 +19,10 @@ _NUMBER = 64
 _MINIMA = 4
 _NEWTON_STEPS = 4
 _BEYOND = 1e2
+# Slope over ln w from which on a crossing has a derivative: below it rounding moves the place by
+# as much as the slope changes.
+_LEAST_SLOPE = 1e-7
+_ROUNDING = 1e-12
 
 
 def axis(slider: LinearSlider) -> Float[Array, " points"]:
@@ -53,7 +57,8 @@ def crossings(
 ) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
     """Frequencies at which `function` of frequency is zero, and which of the rows hold one.
 
-    `wrapped` tells that the function is an angle: then also where it is +-pi.
+    `wrapped` tells that the function is an angle: then also where it is +-pi. First and second
+    derivatives are those of the implicit function; higher ones are not.
     """
     grid = axis(slider)
     value = jax.lax.stop_gradient(jax.vmap(function)(grid))
@@ -74,14 +79,21 @@ def crossings(
             value = function(jnp.exp(x))
             return jnp.sin(value) if wrapped else value
 
-        def newton(_: int | Array, x: Float[Array, ""]):
-            x = jnp.clip(x, low, high)
+        def step(x: Float[Array, ""]):
+            """A Newton step, 0 where it would leave the two grid points."""
             e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
             slope = jax.lax.stop_gradient(slope)
-            return x - e / jnp.where(slope == 0, 1.0, slope)
+            change = e / jnp.where(slope == 0, 1.0, slope)
+            inside = (jnp.abs(slope) > _LEAST_SLOPE) & (jnp.abs(change) <= high - low)
+            return jnp.where(inside, change, 0.0)
 
-        x = jax.lax.stop_gradient(jax.lax.fori_loop(1, _NEWTON_STEPS, newton, x))
-        return jnp.exp(newton(_NEWTON_STEPS, x))  # the last step carries the derivative
+        def newton(_: Array, x: Float[Array, ""]):
+            return jnp.clip(x - step(x), low, high)
+
+        x = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
+        for _ in range(2):  # carry first and second derivatives
+            x = x - step(x)
+        return jnp.exp(x)
 
     w = jax.vmap(refine)(start, low, high)
     return jnp.where(some, w, 1.0), some
@@ -89,8 +101,9 @@ def crossings(
 
 def smallest(
     slider: LinearSlider, function: Callable[[Float[Array, ""]], Complex[Array, ""]]
-) -> Float[Array, ""]:
-    """Least magnitude of a complex function of frequency, refined at the grid's lowest minima."""
+) -> Float[Array, " minima"]:
+    """Squared magnitudes of the lowest minima of |function| over the grid, refined;
+    the least one is among them. Derivatives of the squares are right up to the third order."""
     grid = axis(slider)
 
     def square(x: Float[Array, ""]):
@@ -111,16 +124,19 @@ def smallest(
             first, second = jax.jvp(slope, (x,), (jnp.ones_like(x),))
             return jnp.clip(x - first / jnp.where(second > 0, second, jnp.inf), low, high)
 
-        start = x
-        x = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
-        better = jax.lax.stop_gradient(square(x) < square(start))
-        # the last step carries the derivative, which the least value has from the second order on
-        return square(newton(_NEWTON_STEPS, jnp.where(better, x, start)))
+        def step(x: Float[Array, ""], to: Float[Array, ""]):
+            """`to` where it is no worse than x."""
+            better = jax.lax.stop_gradient(square(to) <= square(x) * (1 + _ROUNDING))
+            return jnp.where(better, to, x)
+
+        end = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
+        x = step(x, end)
+        x = step(x, newton(_NEWTON_STEPS, x))  # carries the derivative of the place
+        return square(x)
 
     places = jnp.append(best + 1, jnp.argmin(value))
     low, high = jnp.maximum(places - 1, 0), jnp.minimum(places + 1, value.shape[0] - 1)
-    least = jnp.min(jax.vmap(refine)(points[places], points[low], points[high]))
-    return jnp.where(least > 0, jnp.sqrt(jnp.where(least > 0, least, 1.0)), 0.0)
+    return jax.vmap(refine)(points[places], points[low], points[high])
 
 
 def encirclements(slider: LinearSlider) -> Int[Array, ""]:

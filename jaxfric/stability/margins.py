@@ -205,8 +205,9 @@ def damping(of: Analysis) -> Float[Array, ""]:
     """
     s = of.poles
     square = s.real**2 + s.imag**2
-    size = jnp.sqrt(jnp.where(square == 0, 1.0, square))
-    return jnp.min(jnp.where(square == 0, 0.0, -s.real / size))
+    some = square > 0
+    size = jnp.sqrt(jnp.where(some, square, 1.0))
+    return jnp.min(jnp.where(some, -s.real / size, 0.0))
 
 
 def modulus(of: Analysis) -> Float[Array, ""]:
@@ -216,7 +217,7 @@ def modulus(of: Analysis) -> Float[Array, ""]:
     Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
     """
     if not isinstance(of.slider.friction.kernel, AbstractRationalKernel):
-        distances = [smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))]
+        square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))
     else:
         whole, controller, load = of.slider.polynomials()
         real, _ = poly.cross(controller, load)
@@ -231,38 +232,38 @@ def modulus(of: Analysis) -> Float[Array, ""]:
         y = jnp.abs(poly.roots(slope))  # its derivative counts from the second order on
         y = jnp.where(y < poly.LARGEST, y, 0.0)
         square = _square(whole, y) / _nonzero(_square(load, y))
-        distances = [_root(jnp.min(jnp.where(y > 0, square, jnp.inf), initial=jnp.inf))]
-    distances += [jnp.where(some, jnp.abs(1 + L), jnp.inf) for L, some in _ends(of.slider)]
-    return _signed(of, functools.reduce(jnp.minimum, distances))
+        square = jnp.where(y > 0, square, jnp.inf)
+    L, some = _ends(of.slider)
+    square = jnp.concatenate([square, jnp.where(some, (1 + L) ** 2, jnp.inf)])
+    square = _least(square)
+    return _signed(of, jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), square))
 
 
 def gain(of: Analysis) -> Float[Array, ""]:
     """Smallest factor by which L, multiplied or divided, reaches -1."""
     at = of.real
-    ends = _ends(of.slider)
-    real = jnp.concatenate([at.real, jnp.stack([L for L, _ in ends])])
-    some = jnp.concatenate([at.some, jnp.stack([some for _, some in ends])])
-    negative = some & (real < 0)
+    L, finite = _ends(of.slider)
+    real = jnp.concatenate([at.real, L])
+    negative = jnp.concatenate([at.some, finite]) & (real < 0)
     size = jnp.where(negative, -real, 1.0)
-    factor = jnp.min(jnp.where(negative, jnp.maximum(size, 1 / size), jnp.inf), initial=jnp.inf)
+    factors = jnp.where(negative, jnp.maximum(size, 1 / size), jnp.inf)
+    factor = _least(factors)
     return jnp.where(of.stable, factor, 1 / factor)
 
 
 def phase(of: Analysis) -> Float[Array, ""]:
     """Smallest angle by which L, turned either way, reaches -1 [rad]."""
-    lag = _lag(of.unit)
-    angle = jnp.where(of.unit.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)
-    return _signed(of, jnp.min(angle, initial=jnp.inf))
+    at, lag = of.unit, _lag(of.unit)
+    angle = jnp.where(at.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)
+    return _signed(of, _least(angle))
 
 
 def delay(of: Analysis) -> Float[Array, ""]:
     """Smallest delay in the loop that reaches -1 [s]."""
     at = of.unit
     lag = _lag(at)
-    stable = jnp.min(jnp.where(at.some, lag / at.frequency, jnp.inf), initial=jnp.inf)
-    lead = (2 * jnp.pi - lag) / at.frequency
-    unstable = jnp.min(jnp.where(at.some, lead, jnp.inf), initial=jnp.inf)
-    found = jnp.where(of.stable, stable, -unstable)
+    time = jnp.where(of.stable, lag, 2 * jnp.pi - lag) / at.frequency
+    found = _signed(of, _least(jnp.where(at.some, time, jnp.inf)))
     if of.slider.mass is not None:
         return found
     at_once = jnp.abs(of.slider.damping) > jnp.abs(of.slider.friction.slope)
@@ -296,17 +297,12 @@ def _unit_crossings(slider: LinearSlider) -> Crossing:
     return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
 
 
-def _ends(slider: LinearSlider) -> list[tuple[Array, Array]]:
+def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
     """L, real there, at w = 0 and at infinity, and whether it is finite."""
-    friction = slider.friction
-    ends = [_ratio(slider.stiffness, friction.trend)]
-    if slider.mass is None:
-        return [*ends, _ratio(slider.damping, friction.slope)]
-    return [*ends, (jnp.zeros_like(ends[0][0]), jnp.ones((), bool))]
-
-
-def _ratio(above: ArrayLike, below: ArrayLike) -> tuple[Array, Array]:
-    above, below = jnp.broadcast_arrays(jnp.asarray(above), jnp.asarray(below))
+    friction, zero = slider.friction, jnp.zeros(())
+    last = (zero, zero + 1) if slider.mass is not None else (slider.damping, friction.slope)
+    above = jnp.stack(jnp.broadcast_arrays(slider.stiffness, last[0]))
+    below = jnp.stack(jnp.broadcast_arrays(friction.trend, last[1]))
     some = below != 0
     return above / jnp.where(some, below, 1.0), some
 
@@ -320,15 +316,16 @@ def _delay_slider(slider: LinearSlider, kernel: DelayKernel) -> tuple[ArrayLike,
     return slider.mass, stiffness, slider.damping + friction.slope, kernel.strength, kernel.delay
 
 
+def _least(values: Float[Array, " n"]) -> Float[Array, ""]:
+    """The least value, inf if there is none, with the derivative of one where several are."""
+    values = jnp.append(values, jnp.inf)
+    return values[jnp.argmin(values)]
+
+
 def _square(c: Array, y: Array) -> Array:
     """|c(i w)|^2 at y = w^2, without cancellation between squares."""
     even, odd = poly.on_axis(c)
     return poly.value(even, y) ** 2 + y * poly.value(odd, y) ** 2
-
-
-def _root(x: Array) -> Array:
-    """Square root with a finite derivative at 0."""
-    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
 
 
 def _at(y: Array, real: Array, imaginary: Array, size: Array) -> tuple[Array, Array]:

@@ -32,7 +32,8 @@ def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     Up to the second degree in closed form, above by the simultaneous iteration of Aberth and
     Ehrlich from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694): no
     matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(140/n) on both
-    sides of the middle one. Derivatives by ds = -sum dc[k] s^k / p'(s); 0 at infinity.
+    sides of the middle one. Derivatives of any order by ds = -sum dc[k] s^k / p'(s); 0 at
+    infinity. Of roots that nearly meet they are no numbers to rely on (0 if p'(s) is 0).
     """
     n = c.shape[0] - 1
     if n == 0:

@@ -112,9 +112,12 @@ def theorem(
     else:
         applies = damped & (integrable | (damping >= largest))
     best = jnp.argmax(k)
-    some = k[best] > 0
-    k_cr = jnp.where(applies, jnp.where(some, jnp.where(some, k[best], 1.0), 0.0), jnp.inf)
-    w_cr = jnp.where(applies, jnp.where(some, jnp.where(some, w[best], 1.0), 0.0), jnp.inf)
+    some = applies & (k[best] > 0)
+
+    def critical(values: Float[Array, " n"]):
+        return jnp.where(some, jnp.where(some, values[best], 1.0), jnp.where(applies, 0.0, jnp.inf))
+
+    w_cr, k_cr = critical(w), critical(k)
     return Theorem(w, k, k_cr, w_cr, integrable, damped, damping < total, complete)
 
 

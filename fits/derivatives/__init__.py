@@ -1,0 +1,1 @@
+"""First and second derivatives of what jaxfric computes, against differences."""
