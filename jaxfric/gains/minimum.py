@@ -29,8 +29,12 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from ..errors import InputError
 from ..laws.registry import Law
 from ..rig.friction import AbstractDelayLaw
-from ..stability.linear import LinearFriction, linear_friction, refuse_no_law
-from ..stability.linear import refuse_without_steady_state
+from ..stability.linear import (
+    LinearFriction,
+    linear_friction,
+    refuse_no_law,
+    refuse_without_steady_state,
+)
 from ..stability.margin_table import MARGINS
 from .natural import natural_units, sizes
 from .newton import Local, Step, sqp_step
@@ -41,8 +45,6 @@ from .requirement import Requirement
 _RATIOS = np.geomspace(1e-4, 1e4, 14)
 _RADII = np.concatenate([[0.0], np.geomspace(3e-3, 3e3, 13)])
 _HALVINGS = 4
-# Gains in natural units whose worst scenarios the search carries.
-_PROBES = np.asarray([[0.3, 1.5], [3.0, 1.0]])
 # Rounds of choosing the worst scenarios of all, how many, steps in each, constraints of a step.
 _ROUNDS, _CARRIED, _STEPS, _LOWEST_ONES = 7, 8, 4, 6
 # A step may change the norm by this share at first, and by less and less.
@@ -134,6 +136,11 @@ class _Problem(eqx.Module):
     def number(self) -> int:
         """Number of scenarios."""
         return self.friction.slope.shape[0]
+
+    @property
+    def masses(self) -> Float[Array, " n"]:
+        """The masses; 0 without mass."""
+        return jnp.zeros(self.number) if self.mass is None else self.mass
 
     def at(self, index: Int[Array, " k"]) -> "_Problem":
         """The problem of some of the scenarios."""
@@ -303,19 +310,30 @@ def _linearised(law: Law, V: Float[Array, " n"], sample: Array | None) -> Linear
 # ---- the search ------------------------------------------------------------------------------
 
 
+class _Near(NamedTuple):
+    """The branches of the worst scenarios at a point, in any order."""
+
+    scenario: Int[Array, " k"]
+    branch: Int[Array, " k"]
+    c: Float[Array, " k"]
+    g: Float[Array, "k 2"]
+    H: Float[Array, "k 2 2"]
+
+
 class _End(NamedTuple):
     """Where a local search ended."""
 
     y: Float[Array, " 2"]
+    slack: Float[Array, " n"]
+    near: _Near
     slots: Int[Array, " 2"]
-    """The constraints that decide, as indices of all branches and then the limits; -1: none."""
+    """The constraints that decide: rows of `near`, and after these the four limits; -1: none."""
     converged: Bool[Array, ""]
 
 
 def _search(problem: _Problem) -> _End:
     """Local optima from the start with more stiffness and that with more damping; axis 0 is two."""
-    starts = _starts(problem)
-    return jax.vmap(lambda y: _descend(problem, y))(starts)
+    return jax.vmap(lambda y: _descend(problem, y))(_starts(problem))
 
 
 def _starts(problem: _Problem) -> Float[Array, "2 2"]:
@@ -323,107 +341,106 @@ def _starts(problem: _Problem) -> Float[Array, "2 2"]:
 
     Where no gains on the rays of one half are feasible, those that miss the requirement least.
     """
-    unit = problem.unit / problem.scale
     few = problem.at(_hardest(problem))
+    unit = problem.unit / problem.scale
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
     ray = np.concatenate([[[1.0, 0.0]], np.stack([1 / _RATIOS, _RATIOS], 1) ** 0.5, [[0.0, 1.0]]])
     ray = ray / np.linalg.norm(ray, axis=1)[:, None]
+    radii = jnp.asarray(_RADII)
 
-    def point(radius: Array) -> Float[Array, "rays ... 2"]:
-        way = jnp.asarray(ray).reshape(len(ray), *[1] * (radius.ndim - 1), 2)
-        return jnp.clip(radius[..., None] * way * unit, low, high)
+    def point(radius: Array) -> Float[Array, "rays 2"]:
+        return jnp.clip(radius[:, None] * ray * unit, low, high)
 
-    def slack(radius: Array) -> Array:
-        y = point(radius)
-        found = jax.vmap(lambda y: jnp.min(few.slacks(y)))(y.reshape(-1, 2))
-        return found.reshape(y.shape[:-1])
-
-    grid = jnp.broadcast_to(jnp.asarray(_RADII), (len(ray), len(_RADII)))
-    found = slack(grid)
-    good = found >= 0
-    first, some = jnp.argmax(good, axis=1), jnp.any(good, axis=1)
-    compromise = jnp.argmax(jnp.where(jnp.isnan(found), -jnp.inf, found), axis=1)
-    low_r = jnp.asarray(_RADII)[jnp.maximum(first - 1, 0)]
-    high_r = jnp.asarray(_RADII)[jnp.where(some, first, compromise)]
-    low_r = jnp.where(some, low_r, high_r)
-
-    def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        near, far = ends
+    def look(state: tuple) -> tuple:
+        k, halved, near, far, held, best, compromise = state
         middle = jnp.where(near > 0, jnp.sqrt(near * far), 0.5 * far)
-        held = slack(middle) >= 0
-        keep = some & ~held
-        return jnp.where(keep, middle, near), jnp.where(some & held, middle, far)
+        radius = jnp.where(held, middle, radii[jnp.minimum(k, radii.size - 1)])
+        slack = jax.vmap(lambda y: jnp.min(few.slacks(y)))(point(radius))
+        good = slack >= 0
+        better = ~held & (slack > best)
+        return (
+            k + 1,
+            halved + held,
+            jnp.where(good, near, radius),
+            jnp.where(good, radius, far),
+            held | good,
+            jnp.where(better, slack, best),
+            jnp.where(better, radius, compromise),
+        )
 
-    _, radius = jax.lax.fori_loop(0, _HALVINGS, halve, (low_r, high_r))
-    y = point(radius)
-    # infeasible rays come after all feasible ones, by how much they miss
-    best = jnp.max(jnp.where(jnp.isnan(found), -jnp.inf, found), axis=1)
-    cost = jnp.where(some, jnp.linalg.norm(y, axis=1), 1e30 * (2 - jnp.tanh(best)))
+    def unfinished(state: tuple) -> Array:
+        k, halved, _, _, held, *_ = state
+        return jnp.any(jnp.where(held, halved < _HALVINGS, k < radii.size))
+
+    zero = jnp.zeros(len(ray))
+    begin = (0, zero, zero, zero, zero > 0, zero - jnp.inf, zero)
+    _, _, _, far, held, best, compromise = jax.lax.while_loop(unfinished, look, begin)
+    y = point(jnp.where(held, far, compromise))
+    # rays without feasible gains come after all others, by how much they miss
+    cost = jnp.where(held, jnp.linalg.norm(y, axis=1), _FAR * (2 - jnp.tanh(best)))
     half = len(ray) // 2
-    at = jnp.stack([jnp.argmin(cost[:half]), half + jnp.argmin(cost[half:])])
-    return y[at]
+    return y[jnp.stack([jnp.argmin(cost[:half]), half + jnp.argmin(cost[half:])])]
 
 
 def _hardest(problem: _Problem) -> Int[Array, " k"]:
-    """The scenarios that need most stiffness, most damping, and the worst at a few gains."""
-    mass = jnp.zeros(problem.number) if problem.mass is None else problem.mass
-    of = sizes(problem.friction, mass)
-    probes = jnp.asarray(_PROBES) * problem.unit / problem.scale
-    slack = jax.vmap(lambda y: jnp.min(problem.slacks(y), axis=1))(probes)
+    """The scenarios that need most stiffness and most damping, the softest and the stiffest."""
+    of = sizes(problem.friction, problem.masses)
     critical = jnp.where(jnp.isnan(of.critical), -jnp.inf, of.critical)
-    found = [jnp.argmax(critical), jnp.argmax(of.fall - of.slope), *jnp.argmin(slack, axis=1)]
-    return jnp.stack(found)
+    inertia = of.mass * of.rate**2 + of.slope * of.rate
+    found = [critical, of.fall - of.slope, inertia, -inertia]
+    return jnp.stack([jnp.argmax(x) for x in found])
+
+
+class _State(NamedTuple):
+    """A local search under way; `size` is how much a step may change the norm."""
+
+    end: _End
+    size: Float[Array, ""]
+    count: Int[Array, ""]
 
 
 def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _End:
-    """Rounds of steps under the worst scenarios of all, until a step has settled."""
+    """Rounds of steps under the worst scenarios of all, until a whole round changes nothing."""
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
+    number = min(_CARRIED, problem.number)
 
-    def round_of(state: tuple) -> tuple:
-        y, _, _, trust, count = state
-        worst = _worst(problem, y)
+    def round_of(state: _State) -> _State:
+        y = begun = state.end.y
+        slack = jnp.min(problem.slacks(y), axis=1)
+        worst = jax.lax.top_k(-jnp.where(jnp.isnan(slack), -jnp.inf, slack), number)[1]
         few = problem.at(worst)
 
-        def one(_: int, state: tuple[Array, Array]) -> tuple[Array, Array]:
-            y, trust = state
-            found, _ = _step(few, y)
+        def step(_: int, state: tuple) -> tuple:
+            y, size, *_ = state
+            near = _branches(few, worst, y)
+            found, slots = _step(few, y, near)
             length = jnp.linalg.norm(found.d)
-            d = found.d * jnp.minimum(1.0, trust * jnp.linalg.norm(y) / _above_zero(length))
-            return jnp.clip(y + d, low, high), trust * _SHRINK
+            d = found.d * jnp.minimum(1.0, size * jnp.linalg.norm(y) / _above_zero(length))
+            settled = found.feasible & (length <= _SETTLED * jnp.linalg.norm(y))
+            return jnp.clip(y + d, low, high), size * _SHRINK, near, slots, settled
 
-        y, trust = jax.lax.fori_loop(0, _STEPS, one, (y, trust))
-        return (y, *_checked(problem, y), trust, count + 1)
+        nothing = jax.tree.map(
+            lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(step, 0, (y, state.size))[2:]
+        )
+        y, size, near, slots, settled = jax.lax.fori_loop(
+            0, _STEPS, step, (y, state.size, *nothing)
+        )
+        still = jnp.linalg.norm(y - begun) <= _SETTLED * jnp.linalg.norm(y)
+        return _State(_End(y, slack, near, slots, settled & still), size, state.count + 1)
 
-    def unfinished(state: tuple) -> Array:
-        return ~state[2] & (state[4] < _ROUNDS)
+    def unfinished(state: _State) -> Array:
+        return ~state.end.converged & (state.count < _ROUNDS)
 
-    none = jnp.full(2, -1)
-    begin = (start, none, jnp.zeros((), bool), jnp.asarray(_TRUST), jnp.asarray(0))
-    y, slots, converged, *_ = jax.lax.while_loop(unfinished, round_of, begin)
-    return _End(y, slots, converged)
-
-
-def _worst(problem: _Problem, y: Array) -> Int[Array, " k"]:
-    slack = jnp.min(problem.slacks(y), axis=1)
-    slack = jnp.where(jnp.isnan(slack), -jnp.inf, slack)
-    return jax.lax.top_k(-slack, min(_CARRIED, problem.number))[1]
-
-
-def _checked(problem: _Problem, y: Array) -> tuple[Array, Array]:
-    """The constraints that decide at y, and whether y is an optimum under all scenarios."""
-    worst = _worst(problem, y)
-    found, slots = _step(problem.at(worst), y)
-    each = problem.slacks(y).shape[1]
-    inner = (slots >= 0) & (slots < worst.size * each)
-    scenario = worst[jnp.where(inner, slots // each, 0)] * each + slots % each
-    limit = slots - worst.size * each + problem.number * each
-    slots = jnp.where(slots < 0, -1, jnp.where(inner, scenario, limit))
-    settled = jnp.linalg.norm(found.d) <= _SETTLED * jnp.linalg.norm(y)
-    return slots, settled & found.feasible
+    blank = jax.eval_shape(
+        lambda: round_of(_State(_End(start, *[None] * 4), jnp.asarray(_TRUST), jnp.asarray(0)))
+    )
+    begin = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), blank)
+    begin = _State(begin.end._replace(y=start), jnp.asarray(_TRUST), jnp.asarray(0))
+    return jax.lax.while_loop(unfinished, round_of, begin).end
 
 
-def _step(few: _Problem, y: Array) -> tuple[Step, Int[Array, " 2"]]:
-    """A step under the constraints that are nearest, and which ones decide it."""
+def _branches(few: _Problem, worst: Int[Array, " k"], y: Array) -> _Near:
+    """All branches of a few scenarios, with first and second derivatives."""
 
     def values(y: Array) -> tuple[Array, Array]:
         c = few.slacks(y).reshape(-1)
@@ -434,22 +451,35 @@ def _step(few: _Problem, y: Array) -> tuple[Step, Int[Array, " 2"]]:
         return g, (c, g)
 
     H, (c, g) = jax.jacfwd(slopes, has_aux=True)(y)
+    each = c.size // worst.size
     # what has no derivative (a double root, a margin that is not finite) is no constraint here
     fine = jnp.isfinite(c) & jnp.all(jnp.isfinite(g), axis=1)
-    g = jnp.where(fine[:, None], g, 0.0)
-    H = jnp.where(jnp.isfinite(H) & fine[:, None, None], H, 0.0)
-    size = jnp.linalg.norm(g, axis=1)
-    distance = jnp.where(size > 0, c / _above_zero(size), jnp.inf)
-    near = jax.lax.top_k(-distance, min(_LOWEST_ONES, c.size))[1]
-    limits = few.limits(y)
+    return _Near(
+        jnp.repeat(worst, each),
+        jnp.tile(jnp.arange(each), worst.size),
+        c,
+        jnp.where(fine[:, None], g, 0.0),
+        jnp.where(jnp.isfinite(H) & fine[:, None, None], H, 0.0),
+    )
+
+
+def _step(few: _Problem, y: Array, near: _Near) -> tuple[Step, Int[Array, " 2"]]:
+    """A step under the constraints that are nearest, and the rows of those that decide it."""
+    distance = near.c / _above_zero(jnp.linalg.norm(near.g, axis=1))
+    number = min(_LOWEST_ONES, near.c.size)
+    rows = jax.lax.top_k(-jnp.where(jnp.any(near.g != 0, axis=1), distance, jnp.inf), number)[1]
     here = Local(
-        jnp.concatenate([c[near], limits]),
-        jnp.concatenate([g[near], jnp.eye(2), -jnp.eye(2)]),
-        jnp.concatenate([H[near], jnp.zeros((4, 2, 2))]),
+        jnp.concatenate([near.c[rows], few.limits(y)]),
+        jnp.concatenate([near.g[rows], _LIMITS]),
+        jnp.concatenate([near.H[rows], jnp.zeros((4, 2, 2))]),
     )
     found = sqp_step(y, here)
-    index = jnp.concatenate([near, c.size + jnp.arange(4)])
+    index = jnp.concatenate([rows, near.c.size + jnp.arange(4)])
     return found, jnp.where(found.active >= 0, index[found.active], -1)
+
+
+_LIMITS = np.concatenate([np.eye(2), -np.eye(2)])
+"""Gradients of `_Problem.limits`."""
 
 
 def _above_zero(x: Array) -> Array:
@@ -463,27 +493,20 @@ def _solve(problem: _Problem, possible: Bool[Array, ""]) -> MinimumGains:
     fixed = jax.lax.stop_gradient(problem)
     ends = jax.lax.stop_gradient(_search(fixed))
     norms = jnp.where(ends.converged & possible, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
-    best = jnp.argmin(norms)
-    some = jnp.isfinite(norms[best])
-    feasible = jax.vmap(lambda y: jnp.min(fixed.slacks(y)))(ends.y)
-    # without an optimum, the end that misses least is looked at
-    best = jnp.where(some, best, jnp.argmax(feasible))
-    y, slots = ends.y[best], ends.slots[best]
-    each = fixed.slacks(y)
-    kkt = _multipliers(fixed, y, slots)
-    derivative = _derivative(fixed, y, slots, kkt, each)
-    derivative = DERIVATIVE.where(some, derivative, DERIVATIVE.no_optimum)
+    # without an optimum, the end that misses least is given
+    missed = jnp.argmax(jnp.min(ends.slack, axis=1))
+    some = jnp.any(jnp.isfinite(norms))
+    end = jax.tree.map(lambda x: x[jnp.where(some, jnp.argmin(norms), missed)], ends)
+    kkt = _kkt(fixed, end)
+    derivative = DERIVATIVE.where(some, _derivative(fixed, end, kkt), DERIVATIVE.no_optimum)
     exists = derivative == DERIVATIVE.exists
-    gains = _carried(problem, y, kkt, slots, exists) * problem.scale
-    held = some | (possible & (feasible[best] >= -_FEASIBLE))
-    gains = _undefined(jnp.where(held, gains, jnp.nan), ~exists)
-    lowest = jnp.all(y * fixed.scale <= fixed.lower * (1 + 1e-12))
+    held = some | (possible & jnp.all(end.slack >= -_FEASIBLE))
+    y = _carried(problem, end, kkt, exists)
+    gains = _undefined(jnp.where(held, y * problem.scale, jnp.nan), ~exists)
+    lowest = jnp.all(end.y * fixed.scale <= fixed.lower * (1 + 1e-9))
     result = GAINS.where(lowest, GAINS.none_needed, GAINS.optimal)
     failed = GAINS.where(held, GAINS.not_converged, GAINS.infeasible)
-    result = GAINS.where(some, result, failed)
-    result = GAINS.where(possible, result, GAINS.impossible)
-    branches = each.shape[1]
-    limit = slots >= each.size
+    result = GAINS.where(possible, GAINS.where(some, result, failed), GAINS.impossible)
     optima, norms = _sides(fixed, ends.y, norms)
     return MinimumGains(
         k_p=gains[0],
@@ -491,10 +514,10 @@ def _solve(problem: _Problem, possible: Bool[Array, ""]) -> MinimumGains:
         norm=_norm(gains / problem.scale),
         result=result,
         derivative=derivative,
-        active=jnp.where((slots >= 0) & ~limit, slots // branches, -1),
-        multipliers=kkt.l / _above_zero(kkt.size),
-        at_limit=limit,
-        slack=jnp.min(each, axis=1),
+        active=jnp.where(kkt.inner, end.near.scenario[jnp.where(kkt.inner, end.slots, 0)], -1),
+        multipliers=kkt.multiplier / kkt.size,
+        at_limit=end.slots >= end.near.c.size,
+        slack=end.slack,
         residual=kkt.residual,
         optima=optima,
         norms=norms,
@@ -516,98 +539,90 @@ def _sides(problem: _Problem, y: Array, norms: Array) -> tuple[Array, Array]:
 
 
 class _KKT(NamedTuple):
-    """Multipliers of the deciding constraints, whose gradients have length 1."""
+    """The two constraints that decide, in units in which their gradients have length 1."""
 
-    l: Float[Array, " 2"]
+    inner: Bool[Array, " 2"]
+    """Whether the constraint is a branch of a margin, not a limit and not missing."""
+    used: Bool[Array, " 2"]
+    multiplier: Float[Array, " 2"]
     n: Float[Array, "2 2"]
+    H: Float[Array, "2 2 2"]
     size: Float[Array, " 2"]
     """Lengths of the gradients before."""
     residual: Float[Array, ""]
 
-
-def _deciding(problem: _Problem, y: Array, slots: Array) -> Float[Array, " 2"]:
-    """Values of the two deciding constraints; 0 where there is none."""
-    branches = jax.eval_shape(problem.slacks, y).shape[1]
-    count = problem.number * branches
-    inner = (slots >= 0) & (slots < count)
-    # a slot that is empty or a limit looks at the scenario of the other
-    row = jnp.where(inner, slots // branches, 0)
-    row = jnp.where(inner, row, row[::-1])
-    c = problem.at(row).slacks(y)[jnp.arange(2), jnp.where(inner, slots % branches, 0)]
-    limit = problem.limits(y)[jnp.clip(slots - count, 0, 3)]
-    return jnp.where(inner, c, jnp.where(slots >= count, limit, 0.0))
+    @property
+    def sine(self) -> Float[Array, ""]:
+        """Sine of the angle between the two."""
+        return self.n[0, 0] * self.n[1, 1] - self.n[0, 1] * self.n[1, 0]
 
 
-def _multipliers(problem: _Problem, y: Array, slots: Array) -> _KKT:
-    """Least-squares multipliers: exact at an optimum."""
-    g = jax.jacfwd(lambda y: _deciding(problem, y, slots))(y)
-    size = jnp.sqrt(jnp.sum(g**2, axis=1))
-    n = g / _above_zero(size)[:, None]
-    used = slots >= 0
-    both = used[0] & used[1]
-    sine = n[0, 0] * n[1, 1] - n[0, 1] * n[1, 0]
-    safe = jnp.where(both & (sine != 0), sine, 1.0)
+def _kkt(problem: _Problem, end: _End) -> _KKT:
+    """The constraints that decide at an end, and their multipliers."""
+    used = end.slots >= 0
+    g = jnp.concatenate([end.near.g, _LIMITS])[end.slots]
+    H = jnp.concatenate([end.near.H, jnp.zeros((4, 2, 2))])[end.slots]
+    size = _above_zero(jnp.linalg.norm(g, axis=1))
+    n, H = g / size[:, None], H / size[:, None, None]
+    found = _KKT(used & (end.slots < end.near.c.size), used, size, n, H, size, size[0])
+    y, both = end.y, used[0] & used[1]
+    safe = jnp.where(both & (found.sine != 0), found.sine, 1.0)
     pair = jnp.stack([y[0] * n[1, 1] - y[1] * n[1, 0], n[0, 0] * y[1] - n[0, 1] * y[0]]) / safe
-    l = jnp.where(both, pair, jnp.where(used, n @ y, 0.0))
-    return _KKT(l, n, size, _norm(y - l @ n) / _above_zero(_norm(y)))
+    multiplier = jnp.where(both, pair, jnp.where(used, n @ y, 0.0))
+    residual = jnp.linalg.norm(y - multiplier @ n) / _above_zero(jnp.linalg.norm(y))
+    return found._replace(multiplier=multiplier, residual=residual)
 
 
-def _derivative(
-    problem: _Problem, y: Array, slots: Array, kkt: _KKT, slacks: Array
-) -> DERIVATIVE:
+def _derivative(problem: _Problem, end: _End, kkt: _KKT) -> DERIVATIVE:
     """Whether the optimum moves smoothly with what it depends on."""
-    used, length = slots >= 0, _norm(y)
-    weak = jnp.any(used & (kkt.l <= _WEAK * length))
-    # other constraints that are met as well, measured by their distance
-    worst = _worst(problem, y)
-    few = problem.at(worst)
-    c, g = few.slacks(y).reshape(-1), jax.jacfwd(lambda y: few.slacks(y).reshape(-1))(y)
-    size = jnp.sqrt(jnp.sum(g**2, axis=1))
-    branches = slacks.shape[1]
-    own = (worst[:, None] * branches + jnp.arange(branches)).reshape(-1)
-    close = (jnp.abs(c) <= _CLOSE * length * size) & jnp.all(own[:, None] != slots, axis=1)
-    limits = jnp.abs(problem.limits(y)) <= 1e-3 * _POSITIVE * problem.unit[0] / problem.scale[0]
-    others = slacks.size + jnp.arange(4)
-    crowded = jnp.any(close) | jnp.any(limits & jnp.all(others[:, None] != slots, axis=1))
-    both = used[0] & used[1]
-    sine = kkt.n[0, 0] * kkt.n[1, 1] - kkt.n[0, 1] * kkt.n[1, 0]
+    length = jnp.linalg.norm(end.y)
+    weak = jnp.any(kkt.used & (kkt.multiplier <= _WEAK * length))
+    # other constraints that are met as well, by their distance
+    near = end.near
+    size = jnp.linalg.norm(near.g, axis=1)
+    met = (jnp.abs(near.c) <= _CLOSE * length * size) & (size > 0)
+    at_limit = (
+        jnp.abs(problem.limits(end.y)) <= 1e-3 * _POSITIVE * problem.unit[0] / problem.scale[0]
+    )
+    met = jnp.concatenate([met, at_limit])
+    crowded = jnp.any(met & jnp.all(jnp.arange(met.size)[:, None] != end.slots, axis=1))
     t = jnp.stack([-kkt.n[0, 1], kkt.n[0, 0]])
-
-    def lagrangian(y: Array) -> Array:
-        weights = jnp.where(used, kkt.l / _above_zero(kkt.size), 0.0)
-        return 0.5 * jnp.sum(y**2) - weights @ _deciding(problem, y, slots)
-
-    curvature = t @ jax.jacfwd(jax.jacfwd(lagrangian))(y) @ t
-    flat = jnp.where(both, jnp.abs(sine) <= _SHARP, curvature <= _SHARP)
-    wild = ~jnp.all(jnp.isfinite(kkt.n)) | ~jnp.isfinite(curvature)
+    curvature = 1 - kkt.multiplier[0] * (t @ kkt.H[0] @ t)
+    both = kkt.used[0] & kkt.used[1]
+    flat = jnp.where(both, jnp.abs(kkt.sine) <= _SHARP, curvature <= _SHARP)
     found = DERIVATIVE.where(weak, DERIVATIVE.weak, DERIVATIVE.exists)
     found = DERIVATIVE.where(crowded, DERIVATIVE.crowded, found)
-    return DERIVATIVE.where(flat | wild, DERIVATIVE.singular, found)
+    return DERIVATIVE.where(flat | (kkt.residual > _WEAK), DERIVATIVE.singular, found)
 
 
-def _carried(
-    problem: _Problem, y: Array, kkt: _KKT, slots: Array, exists: Array
-) -> Float[Array, " 2"]:
+def _carried(problem: _Problem, end: _End, kkt: _KKT, exists: Array) -> Float[Array, " 2"]:
     """The optimum y with its derivatives of first and second order.
 
-    Two steps of Newton's method on y - sum l_i dc_i/dy = 0 and c_i = 0 from the solution: each makes
-    one more order exact. A slot without a constraint has the equation l_i = 0.
+    Two steps of Newton's method on y - sum l_i dc_i/dy = 0 and c_i = 0 from the solution: each
+    makes one more order exact. Where a constraint is missing its equation is l_i = 0.
     """
-    used, size = slots >= 0, _above_zero(kkt.size)
+    row = jnp.where(kkt.inner, end.slots, 0)
+    row = jnp.where(kkt.inner, row, row[::-1])  # instead of none, the scenario of the other
+    branch, limit = end.near.branch[row], jnp.maximum(end.slots - end.near.c.size, 0)
+    two = problem.at(end.near.scenario[row])
 
     def equations(z: Array) -> Float[Array, " 4"]:
         def constraints(y: Array) -> tuple[Array, Array]:
-            c = _deciding(problem, y, slots) / size
+            c = two.slacks(y)[jnp.arange(2), branch]
+            c = jnp.where(kkt.inner, c, problem.limits(y)[limit]) / kkt.size
             return c, c
 
         g, c = jax.jacfwd(constraints, has_aux=True)(z[:2])
-        return jnp.concatenate([z[:2] - z[2:] @ g, jnp.where(used, c, z[2:])])
+        return jnp.concatenate([z[:2] - z[2:] @ g, jnp.where(kkt.used, c, z[2:])])
 
-    z = jnp.concatenate([y, jnp.where(used, kkt.l, 0.0)])
-    for _ in range(2):
-        J = jax.jacfwd(equations)(z)
-        z = z - jnp.linalg.solve(jnp.where(exists, J, jnp.eye(4)), equations(z))
-    return y + (z[:2] - jax.lax.stop_gradient(z[:2]))
+    def newton(z: Array, _: None) -> tuple[Array, None]:
+        J, F = jax.jacfwd(lambda z: (lambda F: (F, F))(equations(z)), has_aux=True)(z)
+        F = jnp.where(jnp.isfinite(F), F, 0.0)  # a double root: the value stays
+        return z - jnp.linalg.solve(jnp.where(exists, J, jnp.eye(4)), F), None
+
+    begin = jnp.concatenate([end.y, jnp.where(kkt.used, kkt.multiplier, 0.0)])
+    z, _ = jax.lax.scan(newton, begin, length=2)
+    return end.y + (z[:2] - jax.lax.stop_gradient(z[:2]))
 
 
 @jax.custom_jvp

@@ -10,7 +10,6 @@ none, one or two linearised constraints are met are listed, and the best feasibl
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -54,7 +53,9 @@ def sqp_step(y: Float[Array, " 2"], here: Local) -> Step:
     d = jnp.concatenate([steps[0], steps[1], steps[3]])
     value = jnp.concatenate([-0.5 * jnp.sum(y**2)[None], steps[2], steps[4]])
     rows = np.arange(here.c.shape[0])
-    active = np.concatenate([[[-1, -1]], np.stack([rows, 0 * rows - 1], 1), np.stack([first, second], 1)])
+    active = np.concatenate(
+        [[[-1, -1]], np.stack([rows, 0 * rows - 1], 1), np.stack([first, second], 1)]
+    )
     missed = jnp.max(jnp.where(some, -(c + d @ n.T), -jnp.inf), axis=1)
     usable = jnp.all(jnp.isfinite(d), axis=1) & jnp.isfinite(value)
     missed = jnp.where(usable, missed, jnp.inf)
@@ -64,7 +65,9 @@ def sqp_step(y: Float[Array, " 2"], here: Local) -> Step:
     # how far away a compromise is counts too: else parallel constraints send it to infinity
     least = jnp.argmin(missed + 1e-3 * jnp.linalg.norm(d, axis=1))
     chosen = jnp.where(jnp.any(feasible), best, least)
-    return Step(jnp.where(usable[chosen], d[chosen], 0.0), jnp.asarray(active)[chosen], jnp.any(feasible))
+    return Step(
+        jnp.where(usable[chosen], d[chosen], 0.0), jnp.asarray(active)[chosen], jnp.any(feasible)
+    )
 
 
 def _single(y: Array, c: Array, n: Array, H: Array) -> tuple[Array, Array]:
