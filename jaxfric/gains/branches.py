@@ -1,8 +1,8 @@
 """The smooth branches of a margin: the margin is the least of them.
 
-A margin is a minimum over poles or over frequencies, and its gradient jumps where two of them change
-places. An optimum often lies just there. Each branch alone is smooth, so the optimum is then the
-point at which two smooth constraints meet.
+A margin is a minimum over poles or over frequencies, and its gradient jumps where two of them
+change places. An optimum often lies just there. Each branch alone is smooth, so the optimum is then
+the point at which two smooth constraints meet.
 """
 
 from collections.abc import Callable
@@ -47,9 +47,9 @@ def _damping(slider: LinearSlider) -> Float[Array, " n"]:
 def _modulus(slider: LinearSlider) -> Float[Array, " n"]:
     """|1 + L(i w)| at every w where it may be least, and at w = 0 and infinity.
 
-    |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W; candidates are the roots
-    of Q' M - Q M' in y = w^2. A root that is not real gives an upper bound of the margin, so it
-    may stay. Of an unstable slider all branches are minus the least distance.
+    |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W; candidates are the
+    roots of Q' M - Q M' in y = w^2. A root that is not real gives an upper bound of the margin, so
+    it may stay. Of an unstable slider all branches are minus the least distance.
     """
     whole, controller, load = slider.polynomials()
     real, _ = poly.cross(controller, load)

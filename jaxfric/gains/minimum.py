@@ -6,8 +6,8 @@
 The feasible set is not convex: stiffness above critical holds a slider with little damping, and
 enough damping holds it at almost any stiffness. So there are two stages, both of fixed shapes:
 
-1. the least feasible radius along 16 rays of k_v/k_p, for the few scenarios that ask for most, gives
-   one start with more stiffness and one with more damping than the natural units;
+1. the least feasible radius along 16 rays of k_v/k_p, for the few scenarios that ask for most,
+   gives one start with more stiffness and one with more damping than the natural units;
 2. from each start, steps of sequential quadratic programming (`newton`) under the worst scenarios
    of all; the feasible end with the smaller norm is the result.
 
@@ -17,7 +17,7 @@ solution, carry the derivatives of first and second order instead.
 
 import functools
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -51,13 +51,14 @@ _ROUNDS, _CARRIED, _STEPS, _LOWEST_ONES = 7, 8, 4, 6
 _TRUST, _SHRINK = 0.5, 0.9
 # "Any positive stiffness" in natural units.
 _POSITIVE = 1e-9
-# Distances in |y| below which a step has settled, a constraint is met, or is one that may be active.
+# Shares of |y| below which a step has settled, a constraint is met, or may be active.
 _SETTLED, _FEASIBLE, _CLOSE = 1e-8, 1e-9, 1e-7
 # Share of |y| below which a multiplier times its gradient counts as zero.
 _WEAK = 1e-6
 # Least sine of the angle between two active constraints, and least curvature along one.
 _SHARP = 1e-6
 _FAR = 1e30
+Pair: TypeAlias = tuple[ArrayLike, ArrayLike]
 
 
 class GAINS(eqx.Enumeration):
@@ -169,12 +170,12 @@ def minimum_gains(
     law: Law,
     velocity: ArrayLike,
     mass: ArrayLike | None,
-    requirement: Requirement | Mapping[str, ArrayLike],
+    requirement: Requirement | Mapping[str, float | Array],
     *,
     sample: ArrayLike | None = None,
-    scale: ArrayLike | None = None,
-    lower: ArrayLike = (0.0, 0.0),
-    upper: ArrayLike = (np.inf, np.inf),
+    scale: ArrayLike | Pair | None = None,
+    lower: ArrayLike | Pair = (0.0, 0.0),
+    upper: ArrayLike | Pair = (np.inf, np.inf),
     delay: ArrayLike | None = None,
 ) -> MinimumGains:
     """The gains (k_p, k_v) of least norm whose margins hold in all scenarios. Pure JAX.
@@ -240,7 +241,7 @@ def minimum_gains(
 
 
 def _requirement(
-    given: Requirement | Mapping[str, ArrayLike],
+    given: Requirement | Mapping[str, float | Array],
     mass: ArrayLike | None,
     delay: ArrayLike | None,
     law: Law,
@@ -268,7 +269,7 @@ def _refuse(
     delay: Array | None,
     lower: Array,
     upper: Array,
-    scale: ArrayLike | None,
+    scale: ArrayLike | Pair | None,
 ) -> None:
     """Raise `InputError` for numbers that are wrong, where their values are known."""
     checks = [("velocity", V, "m/s", 0.0, False), ("lower limit", lower, "(SI)", 0.0, True)]
@@ -404,14 +405,14 @@ def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _End:
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
     number = min(_CARRIED, problem.number)
 
-    def round_of(state: _State) -> _State:
-        y = begun = state.end.y
+    def round_of(y: Array, size: Array, count: Array) -> _State:
+        begun = y
         slack = jnp.min(problem.slacks(y), axis=1)
         worst = jax.lax.top_k(-jnp.where(jnp.isnan(slack), -jnp.inf, slack), number)[1]
         few = problem.at(worst)
 
         def step(_: int, state: tuple) -> tuple:
-            y, size, *_ = state
+            y, size = state[:2]
             near = _branches(few, worst, y)
             found, slots = _step(few, y, near)
             length = jnp.linalg.norm(found.d)
@@ -420,23 +421,20 @@ def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _End:
             return jnp.clip(y + d, low, high), size * _SHRINK, near, slots, settled
 
         nothing = jax.tree.map(
-            lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(step, 0, (y, state.size))[2:]
+            lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(step, 0, (y, size))[2:]
         )
-        y, size, near, slots, settled = jax.lax.fori_loop(
-            0, _STEPS, step, (y, state.size, *nothing)
-        )
+        y, size, near, slots, settled = jax.lax.fori_loop(0, _STEPS, step, (y, size, *nothing))
         still = jnp.linalg.norm(y - begun) <= _SETTLED * jnp.linalg.norm(y)
-        return _State(_End(y, slack, near, slots, settled & still), size, state.count + 1)
+        return _State(_End(y, slack, near, slots, settled & still), size, count + 1)
 
     def unfinished(state: _State) -> Array:
         return ~state.end.converged & (state.count < _ROUNDS)
 
-    blank = jax.eval_shape(
-        lambda: round_of(_State(_End(start, *[None] * 4), jnp.asarray(_TRUST), jnp.asarray(0)))
-    )
-    begin = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), blank)
-    begin = _State(begin.end._replace(y=start), jnp.asarray(_TRUST), jnp.asarray(0))
-    return jax.lax.while_loop(unfinished, round_of, begin).end
+    size, count = jnp.asarray(_TRUST), jnp.asarray(0)
+    blank = jax.eval_shape(round_of, start, size, count)
+    nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), blank)
+    begin = _State(nothing.end._replace(y=start), size, count)
+    return jax.lax.while_loop(unfinished, lambda s: round_of(s.end.y, s.size, s.count), begin).end
 
 
 def _branches(few: _Problem, worst: Int[Array, " k"], y: Array) -> _Near:

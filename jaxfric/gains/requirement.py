@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from ..errors import InputError
 from ..pairs import read_pairs
@@ -29,11 +30,11 @@ class Requirement(eqx.Module):
     """Margins by name and the values they must reach, in the units of `MARGINS`."""
 
     names: tuple[str, ...] = eqx.field(static=True)
-    values: tuple[ArrayLike, ...]
+    values: tuple[Any, ...]
     kept: bool = eqx.field(static=True)
     """Whether `DEFAULT` is among them without having been named."""
 
-    def __init__(self, margins: Mapping[str, ArrayLike], *, kept: bool = False):
+    def __init__(self, margins: Mapping[str, float | Array], *, kept: bool = False):
         if not margins:
             raise InputError(f"margin: none is required; give one, as in {DEFAULT}")
         for name, value in margins.items():
@@ -43,9 +44,8 @@ class Requirement(eqx.Module):
         self.kept = kept
         self.names = tuple(margins)
         # NumPy's numbers are traced by jit, Python's are not: one compilation for all values
-        self.values = tuple(
-            value if isinstance(value, Tracer) else np.float64(value) for value in margins.values()
-        )
+        values = [x if isinstance(x, Tracer) else np.float64(x) for x in margins.values()]
+        self.values = tuple(values)
 
     @staticmethod
     def parse(texts: list[str]) -> "Requirement":
@@ -104,7 +104,7 @@ class Requirement(eqx.Module):
 
 
 def _stiffness_slack(
-    slider: LinearSlider, required: ArrayLike, unit: Float[Array, " 2"]
+    slider: LinearSlider, required: float, unit: Float[Array, " 2"]
 ) -> Float[Array, " n"]:
     """k_p + f_x - required k(w_n) for every critical frequency, and the damping f_v + k_v."""
     friction = slider.friction
