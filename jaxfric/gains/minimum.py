@@ -11,8 +11,8 @@ enough damping holds it at almost any stiffness. So there are two stages, both o
 2. from each start, steps of sequential quadratic programming (`newton`) under the worst scenarios
    of all; the feasible end with the smaller norm is the result.
 
-No derivative passes the search. Two steps of Newton's method on the KKT equations, begun at the
-solution, carry the derivatives of first and second order instead.
+No derivative passes the search: the KKT equations at the solution give those of first and second
+order (`implicit`).
 """
 
 import functools
@@ -24,6 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..errors import InputError
@@ -36,6 +37,7 @@ from ..stability.linear import (
     refuse_without_steady_state,
 )
 from ..stability.margin_table import MARGINS
+from .implicit import implicit
 from .natural import natural_units, sizes
 from .newton import Local, Step, sqp_step
 from .requirement import Requirement
@@ -594,33 +596,41 @@ def _derivative(problem: _Problem, end: _End, kkt: _KKT) -> DERIVATIVE:
 
 
 def _carried(problem: _Problem, end: _End, kkt: _KKT, exists: Array) -> Float[Array, " 2"]:
-    """The optimum y with its derivatives of first and second order.
+    """The optimum y with its derivatives of first and second order: y solves, with l,
 
-    Two steps of Newton's method on y - sum l_i dc_i/dy = 0 and c_i = 0 from the solution: each
-    makes one more order exact. Where a constraint is missing its equation is l_i = 0.
+    y - sum l_i dc_i/dy = 0,  c_i = 0;  where a constraint is missing its equation is l_i = 0.
     """
     row = jnp.where(kkt.inner, end.slots, 0)
     row = jnp.where(kkt.inner, row, row[::-1])  # instead of none, the scenario of the other
     branch, limit = end.near.branch[row], jnp.maximum(end.slots - end.near.c.size, 0)
-    two = problem.at(end.near.scenario[row])
+    two = jax.tree.map(jnp.asarray, problem.at(end.near.scenario[row]))
+    moving, rest = eqx.partition(two, eqx.is_inexact_array)
+    theta, unravel = ravel_pytree(moving)
 
-    def equations(z: Array) -> Float[Array, " 4"]:
+    def equations(z: Array, theta: Array, known: _Known) -> Float[Array, " 4"]:
+        problem, kkt = eqx.combine(unravel(theta), known.rest), known.kkt
+
         def constraints(y: Array) -> tuple[Array, Array]:
-            c = two.slacks(y)[jnp.arange(2), branch]
-            c = jnp.where(kkt.inner, c, problem.limits(y)[limit]) / kkt.size
+            c = problem.slacks(y)[jnp.arange(2), known.branch]
+            c = jnp.where(kkt.inner, c, problem.limits(y)[known.limit]) / kkt.size
             return c, c
 
         g, c = jax.jacfwd(constraints, has_aux=True)(z[:2])
         return jnp.concatenate([z[:2] - z[2:] @ g, jnp.where(kkt.used, c, z[2:])])
 
-    def newton(z: Array, _: None) -> tuple[Array, None]:
-        J, F = jax.jacfwd(lambda z: (lambda F: (F, F))(equations(z)), has_aux=True)(z)
-        F = jnp.where(jnp.isfinite(F), F, 0.0)  # a double root: the value stays
-        return z - jnp.linalg.solve(jnp.where(exists, J, jnp.eye(4)), F), None
+    known = jax.lax.stop_gradient(_Known(rest, kkt, branch, limit, exists))
+    z = jnp.concatenate([end.y, jnp.where(kkt.used, kkt.multiplier, 0.0)])
+    return implicit(equations, jax.lax.stop_gradient(z), theta, known, exists)[:2]
 
-    begin = jnp.concatenate([end.y, jnp.where(kkt.used, kkt.multiplier, 0.0)])
-    z, _ = jax.lax.scan(newton, begin, length=2)
-    return end.y + (z[:2] - jax.lax.stop_gradient(z[:2]))
+
+class _Known(NamedTuple):
+    """What the equations take that has no derivative."""
+
+    rest: _Problem
+    kkt: _KKT
+    branch: Int[Array, " 2"]
+    limit: Int[Array, " 2"]
+    exists: Bool[Array, ""]
 
 
 @jax.custom_jvp
