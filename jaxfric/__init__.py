@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from .fitting import fit as fit
     from .gains import check_gains as check_gains
     from .gains import find_gains as find_gains
+    from .gains import minimum_gains as minimum_gains
     from .gains import schedule as schedule
     from .laws import law_from_fit as law_from_fit
     from .laws import law_from_parameters as law_from_parameters
@@ -107,6 +108,7 @@ _HOMES = {
     "fit": "fitting",
     "check_gains": "gains",
     "find_gains": "gains",
+    "minimum_gains": "gains",
     "law_from_fit": "laws",
     "law_from_parameters": "laws",
     "schedule": "gains",

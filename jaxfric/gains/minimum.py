@@ -73,8 +73,8 @@ class GAINS(eqx.Enumeration):
         "or leave the worst scenario out."
     )
     not_converged = (
-        "The optimality conditions are not met to 1e-8. Use jaxfric.find_gains, which searches "
-        "more finely, or change the scales of the norm."
+        "These gains hold, but are not optimal to 1e-6 of their norm: a double pole, or a slow"
+        " search. Use jaxfric.find_gains, which searches more finely."
     )
     impossible = (
         "A velocity is not above 0, a mass is negative, limits leave nothing between them, or the "
@@ -188,6 +188,11 @@ def minimum_gains(
     Works under jit and vmap, and in both modes of differentiation to the second order: by the
     arrays of the law, velocity, mass, delay, required values, scale and limits. `find_gains` also
     looks between the velocities, leaves samples out and certifies its result by a dense grid.
+
+    Both optima are local. Where the optimum is a double pole, as often with decay or damping, the
+    margin has no slope: `result` is then not_converged and all derivatives are nan, as they are
+    wherever `derivative` is not `exists`. Derivatives of the third order are nan. Where two
+    scenarios set one natural unit together, the derivative by their arrays is that of their mean.
 
     Parameters
     ----------
@@ -398,6 +403,7 @@ class _State(NamedTuple):
     """A local search under way; `size` is how much a step may change the norm."""
 
     end: _End
+    begun: Float[Array, " 2"]
     size: Float[Array, ""]
     count: Int[Array, ""]
 
@@ -427,7 +433,7 @@ def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _End:
         )
         y, size, near, slots, settled = jax.lax.fori_loop(0, _STEPS, step, (y, size, *nothing))
         still = jnp.linalg.norm(y - begun) <= _SETTLED * jnp.linalg.norm(y)
-        return _State(_End(y, slack, near, slots, settled & still), size, count + 1)
+        return _State(_End(y, slack, near, slots, settled & still), begun, size, count + 1)
 
     def unfinished(state: _State) -> Array:
         return ~state.end.converged & (state.count < _ROUNDS)
@@ -435,8 +441,10 @@ def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _End:
     size, count = jnp.asarray(_TRUST), jnp.asarray(0)
     blank = jax.eval_shape(round_of, start, size, count)
     nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), blank)
-    begin = _State(nothing.end._replace(y=start), size, count)
-    return jax.lax.while_loop(unfinished, lambda s: round_of(s.end.y, s.size, s.count), begin).end
+    begin = _State(nothing.end._replace(y=start), start, size, count)
+    last = jax.lax.while_loop(unfinished, lambda s: round_of(s.end.y, s.size, s.count), begin)
+    y = jnp.where(last.end.converged, last.end.y, last.begun)  # that of the slack
+    return last.end._replace(y=y)
 
 
 def _branches(few: _Problem, worst: Int[Array, " k"], y: Array) -> _Near:
@@ -492,9 +500,14 @@ def _above_zero(x: Array) -> Array:
 def _solve(problem: _Problem, possible: Bool[Array, ""]) -> MinimumGains:
     fixed = jax.lax.stop_gradient(problem)
     ends = jax.lax.stop_gradient(_search(fixed))
-    norms = jnp.where(ends.converged & possible, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
-    # without an optimum, the end that misses least is given
-    missed = jnp.argmax(jnp.min(ends.slack, axis=1))
+    residual = jax.vmap(lambda end: _kkt(fixed, end).residual)(ends)
+    sure = ends.converged & (residual <= _WEAK) & possible
+    norms = jnp.where(sure, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
+    # without an optimum: of the ends that hold the shorter, else the one that misses least
+    worst = jnp.min(ends.slack, axis=1)
+    holding = jnp.where(worst >= -_FEASIBLE, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
+    holds = jnp.any(jnp.isfinite(holding))
+    missed = jnp.where(holds, jnp.argmin(holding), jnp.argmax(worst))
     some = jnp.any(jnp.isfinite(norms))
     end = jax.tree.map(lambda x: x[jnp.where(some, jnp.argmin(norms), missed)], ends)
     kkt = _kkt(fixed, end)

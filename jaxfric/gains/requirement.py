@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -30,7 +29,7 @@ class Requirement(eqx.Module):
     """Margins by name and the values they must reach, in the units of `MARGINS`."""
 
     names: tuple[str, ...] = eqx.field(static=True)
-    values: tuple[Any, ...]
+    values: tuple[Float[Array, ""], ...]
     kept: bool = eqx.field(static=True)
     """Whether `DEFAULT` is among them without having been named."""
 
