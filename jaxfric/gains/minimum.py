@@ -515,7 +515,8 @@ def _solve(problem: _Problem, possible: Bool[Array, ""]) -> MinimumGains:
     exists = derivative == DERIVATIVE.exists
     held = some | (possible & jnp.all(end.slack >= -_FEASIBLE))
     y = _carried(problem, end, kkt, exists)
-    gains = _undefined(jnp.where(held, y * problem.scale, jnp.nan), ~exists)
+    missing = jnp.where(held, 0.0, jnp.nan)  # added, so that slopes still pass
+    gains = _undefined(y * problem.scale + missing, ~exists)
     lowest = jnp.all(end.y * fixed.scale <= fixed.lower * (1 + 1e-9))
     result = GAINS.where(lowest, GAINS.none_needed, GAINS.optimal)
     failed = GAINS.where(held, GAINS.not_converged, GAINS.infeasible)
@@ -524,7 +525,7 @@ def _solve(problem: _Problem, possible: Bool[Array, ""]) -> MinimumGains:
     return MinimumGains(
         k_p=gains[0],
         k_v=gains[1],
-        norm=_norm(gains / problem.scale),
+        norm=_undefined(_norm(y) + missing, ~exists),
         result=result,
         derivative=derivative,
         active=jnp.where(kkt.inner, end.near.scenario[jnp.where(kkt.inner, end.slots, 0)], -1),

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -29,7 +30,7 @@ class Requirement(eqx.Module):
     """Margins by name and the values they must reach, in the units of `MARGINS`."""
 
     names: tuple[str, ...] = eqx.field(static=True)
-    values: tuple[Float[Array, ""], ...]
+    values: tuple[float, ...]
     kept: bool = eqx.field(static=True)
     """Whether `DEFAULT` is among them without having been named."""
 
@@ -44,7 +45,7 @@ class Requirement(eqx.Module):
         self.names = tuple(margins)
         # NumPy's numbers are traced by jit, Python's are not: one compilation for all values
         values = [x if isinstance(x, Tracer) else np.float64(x) for x in margins.values()]
-        self.values = tuple(values)
+        self.values = cast("tuple[float, ...]", tuple(values))
 
     @staticmethod
     def parse(texts: list[str]) -> "Requirement":
