@@ -54,7 +54,7 @@ def main() -> None:
     for kind, codes in ((GAINS, found.result), (DERIVATIVE, found.derivative)):
         values, counts = np.unique(np.asarray(codes._value), return_counts=True)
         for code, count in zip(values, counts, strict=True):
-            print(f"{count}: {kind.__name__} {code}: {kind[code] or 'good'}")
+            print(f"{count}: {kind.__name__} {code}")
     worst = 0.0
     for i in range(min(asked.check, asked.laws)):
         known = jf.find_gains(

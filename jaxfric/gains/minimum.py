@@ -422,7 +422,7 @@ def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _End:
         def step(_: int, state: tuple) -> tuple:
             y, size = state[:2]
             near = _branches(few, worst, y)
-            found, slots = _step(few, y, near)
+            found, slots = _step(few, y, near, size)
             length = jnp.linalg.norm(found.d)
             d = found.d * jnp.minimum(1.0, size * jnp.linalg.norm(y) / _above_zero(length))
             settled = found.feasible & (length <= _SETTLED * jnp.linalg.norm(y))
@@ -471,7 +471,7 @@ def _branches(few: _Problem, worst: Int[Array, " k"], y: Array) -> _Near:
     )
 
 
-def _step(few: _Problem, y: Array, near: _Near) -> tuple[Step, Int[Array, " 2"]]:
+def _step(few: _Problem, y: Array, near: _Near, size: Array) -> tuple[Step, Int[Array, " 2"]]:
     """A step under the constraints that are nearest, and the rows of those that decide it."""
     distance = near.c / _above_zero(jnp.linalg.norm(near.g, axis=1))
     number = min(_LOWEST_ONES, near.c.size)
@@ -481,7 +481,7 @@ def _step(few: _Problem, y: Array, near: _Near) -> tuple[Step, Int[Array, " 2"]]
         jnp.concatenate([near.g[rows], _LIMITS]),
         jnp.concatenate([near.H[rows], jnp.zeros((4, 2, 2))]),
     )
-    found = sqp_step(y, here)
+    found = sqp_step(y, here, size * jnp.linalg.norm(y))
     index = jnp.concatenate([rows, near.c.size + jnp.arange(4)])
     return found, jnp.where(found.active >= 0, index[found.active], -1)
 

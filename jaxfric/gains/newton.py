@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 # Least curvature of the Lagrangian along a constraint, relative to that of the norm.
 _CURVATURE = 0.1
@@ -38,10 +38,12 @@ class Step(NamedTuple):
     feasible: Bool[Array, ""]
 
 
-def sqp_step(y: Float[Array, " 2"], here: Local) -> Step:
+def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) -> Step:
     """The step from `y` to the least norm under the linearised constraints.
 
-    Where these contradict each other it is the candidate that misses them least.
+    Of the candidates farther than `radius`, where the linearised constraints mean little, only the
+    nearest one counts, and only where none is within. Where the constraints contradict each other
+    it is the candidate that misses them least.
     """
     size = jnp.linalg.norm(here.g, axis=1)
     some = size > 0
@@ -57,13 +59,18 @@ def sqp_step(y: Float[Array, " 2"], here: Local) -> Step:
         [[[-1, -1]], np.stack([rows, 0 * rows - 1], 1), np.stack([first, second], 1)]
     )
     missed = jnp.max(jnp.where(some, -(c + d @ n.T), -jnp.inf), axis=1)
-    usable = jnp.all(jnp.isfinite(d), axis=1) & jnp.isfinite(value)
+    usable = jnp.concatenate([jnp.ones(1, bool), some, some[first] & some[second]])
+    usable &= jnp.all(jnp.isfinite(d), axis=1) & jnp.isfinite(value)
     missed = jnp.where(usable, missed, jnp.inf)
     length = jnp.sqrt(jnp.sum(y**2))
     feasible = missed <= _ROUNDING * length
-    best = jnp.argmin(jnp.where(feasible, value, jnp.inf))
+    far = jnp.linalg.norm(d, axis=1)
+    within = feasible & (far <= radius)
+    nearest = jnp.argmin(jnp.where(feasible, far, jnp.inf))
+    best = jnp.argmin(jnp.where(within, value, jnp.inf))
+    best = jnp.where(jnp.any(within), best, nearest)
     # how far away a compromise is counts too: else parallel constraints send it to infinity
-    least = jnp.argmin(missed + 1e-3 * jnp.linalg.norm(d, axis=1))
+    least = jnp.argmin(missed + 1e-3 * far)
     chosen = jnp.where(jnp.any(feasible), best, least)
     return Step(
         jnp.where(usable[chosen], d[chosen], 0.0), jnp.asarray(active)[chosen], jnp.any(feasible)
