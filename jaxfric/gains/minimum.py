@@ -189,7 +189,7 @@ def minimum_gains(
     arrays of the law, velocity, mass, delay, required values, scale and limits. `find_gains` also
     looks between the velocities, leaves samples out and certifies its result by a dense grid.
 
-    Both optima are local. Where the optimum is a double pole, as often with decay or damping, the
+    Both optima are local. Where the optimum is a double pole (of decay or damping), the
     margin has no slope: `result` is then not_converged and all derivatives are nan, as they are
     wherever `derivative` is not `exists`. Derivatives of the third order are nan. Where two
     scenarios set one natural unit together, the derivative by their arrays is that of their mean.
