@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .fitting import fit_many as fit_many
     from .gains import check_gains as check_gains
     from .gains import find_gains as find_gains
+    from .gains import minimum_gains as minimum_gains
     from .gains import schedule as schedule
     from .laws import law_from_fit as law_from_fit
     from .laws import law_from_parameters as law_from_parameters
@@ -109,6 +110,7 @@ _HOMES = {
     "fit_many": "fitting",
     "check_gains": "gains",
     "find_gains": "gains",
+    "minimum_gains": "gains",
     "law_from_fit": "laws",
     "law_from_parameters": "laws",
     "schedule": "gains",

@@ -63,6 +63,7 @@ NAMES = [
     "law_from_parameters",
     "linearise",
     "margin",
+    "minimum_gains",
     "predict",
     "read",
     "read_axis",

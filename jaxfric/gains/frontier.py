@@ -7,15 +7,12 @@ so the smallest norm lies on the frontier u(v), and its local minima along v are
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from ..rig.friction import AbstractLaw
-from ..stability.kernel import kernel_total
-from ..stability.linear import LinearFriction
-from ..stability.theorem import theorem
+from .natural import Sizes, natural_units, sizes
 from .requirement import Requirement
 from .scenarios import Scenarios, tiles
 from .slack import slacks
@@ -39,46 +36,21 @@ class Region(NamedTuple):
         return np.sqrt(np.sum(np.square(np.asarray(gains) / self.scale), axis=-1))
 
 
-def natural_units(scenarios: Scenarios) -> np.ndarray:
-    """(K0, C0): the stiffness that stabilises without damping, the damping that needs no stiffness.
-
-    The largest over the scenarios; where none is needed, or no stiffness suffices, stiffness and
-    damping at which the gains begin to matter take their place.
-    """
-    k_cr, fall, slope, rate, mass = _sizes(scenarios)
-    need = np.max(fall - slope)
-    C0 = need if need > 0 else np.max(np.abs(slope) + np.abs(fall))
-    finite = np.isfinite(k_cr) & (k_cr > 0)
-    heaviest = np.max(mass)
-    if finite.any():
-        K0 = np.max(k_cr[finite])
-    elif np.any(fall != 0):
-        K0 = np.max(np.abs(fall) * rate + mass * rate**2)
-    elif C0 > 0:  # no memory: the stiffness that this damping damps critically
-        K0 = C0**2 / heaviest if heaviest > 0 else 0.0
-    else:  # no friction that changes: the pace of its states is all there is
-        K0, C0 = np.max(mass * rate**2), np.max(mass * rate)
-    return np.where(np.asarray([K0, C0]) > 0, [K0, C0], 1.0)
+def region_units(scenarios: Scenarios) -> np.ndarray:
+    """The natural units (K0, C0) of many scenarios (`natural_units`)."""
+    return np.asarray(natural_units(_sizes(scenarios)))
 
 
-@eqx.filter_jit
-def _sizes_of(friction: LinearFriction, mass: Array) -> tuple[Array, ...]:
-    def one(friction: LinearFriction, mass: Array) -> tuple[Array, ...]:
-        low, high = friction.kernel.frequencies()
-        known = theorem(friction.kernel, friction.slope, mass)
-        rate = jnp.where(low == high, low, jnp.sqrt(low * high))
-        return (known.critical_stiffness, kernel_total(friction.kernel), friction.slope, rate, mass)
-
-    return jax.vmap(one)(friction, mass)
+_sizes_of = eqx.filter_jit(sizes)
 
 
-def _sizes(scenarios: Scenarios) -> list[np.ndarray]:
+def _sizes(scenarios: Scenarios) -> Sizes:
     parts = []
     for rows, used in tiles(len(scenarios), scenarios.tile):
         some = scenarios.take(rows)
         mass = np.zeros(len(rows)) if some.mass is None else some.mass
         parts.append([np.asarray(x)[:used] for x in _sizes_of(some.friction, jnp.asarray(mass))])
-    return [np.concatenate(part) for part in zip(*parts, strict=True)]
+    return Sizes(*(jnp.asarray(np.concatenate(part)) for part in zip(*parts, strict=True)))
 
 
 def axes(region: Region) -> tuple[np.ndarray, np.ndarray]:

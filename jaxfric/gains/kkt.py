@@ -68,18 +68,19 @@ def polish(
             known[x.tobytes()] = _Model(c, g, weight * x / least)
         return known[x.tobytes()]
 
+    each = (model(begin).c.size - 4) // len(scenarios)  # branches of one scenario
     best, found = begin, _multipliers(model(begin))
     x = begin
     for _ in range(_RESTARTS):
-        x = _descend(model, x, region, number * requirement.number)
+        x = _descend(model, x, region, number * each)
         multipliers, here = _multipliers(model(x)), model(x)
         better = found.residual > multipliers.residual or np.min(model(best).c) <= -FEASIBLE
         if np.min(here.c) > -FEASIBLE and better:
             best, found = x, multipliers
         if found.residual < _SETTLED:
             break
-    count = len(scenarios) * requirement.number
-    rows = {i // requirement.number for i in found.values if i < count}
+    count = len(scenarios) * each
+    rows = {i // each for i in found.values if i < count}
     gains = best * region.unit
     return Optimum(
         gains,

@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ..errors import InputError
@@ -13,8 +15,8 @@ from ..pairs import read_pairs
 from ..stability.kernel import DelayKernel
 from ..stability.linear import LinearFriction, LinearSlider
 from ..stability.margin_table import MARGINS, known_margin
-from ..stability.margins import margin
 from ..stability.theorem import apply_theorem
+from .branches import branches
 
 # A margin beyond this many times its requirement, or inf, counts as this many.
 _ENOUGH = 10.0
@@ -32,20 +34,18 @@ class Requirement(eqx.Module):
     kept: bool = eqx.field(static=True)
     """Whether `DEFAULT` is among them without having been named."""
 
-    def __init__(self, margins: Mapping[str, float], *, kept: bool = False):
+    def __init__(self, margins: Mapping[str, float | Array], *, kept: bool = False):
         if not margins:
             raise InputError(f"margin: none is required; give one, as in {DEFAULT}")
         for name, value in margins.items():
-            _check(name, value)
+            known_margin(name)
+            if not isinstance(value, Tracer):
+                _check(name, float(value))
         self.kept = kept
         self.names = tuple(margins)
         # NumPy's numbers are traced by jit, Python's are not: one compilation for all values
-        self.values = tuple(np.float64(value) for value in margins.values())
-
-    @property
-    def number(self) -> int:
-        """Number of entries of `slack`."""
-        return len(self.names) + ("stiffness" in self.names)
+        values = [x if isinstance(x, Tracer) else np.float64(x) for x in margins.values()]
+        self.values = cast("tuple[float, ...]", tuple(values))
 
     @staticmethod
     def parse(texts: list[str]) -> "Requirement":
@@ -81,32 +81,43 @@ class Requirement(eqx.Module):
         unit: Float[Array, " 2"],
         delay: Float[Array, ""] | None = None,
     ) -> Float[Array, " n"]:
-        """How far each margin exceeds its requirement, relative to it, for gains (k_p, k_v).
+        """How far each branch of each margin exceeds its requirement, relative to it.
 
-        Zero at the requirement, negative where it is missed, at most 9. `delay` [s] is that by
-        which the controller answers late. The margin of stiffness is two. One is a difference,
-        k_p + f_x less the stiffness required, over `unit[0]`: it stays smooth where the critical
-        stiffness goes to zero. The other is the theorem's hypothesis f_v + k_v > 0, over `unit[1]`:
-        friction without memory has no other limit. For a delay law, of which the theorem does not
-        hold, it is f_v + k_v > |k_f|.
+        Zero at the requirement, negative where it is missed, at most 9. The least entry is that of
+        the margins; each entry is smooth in the gains (`branches`). `delay` [s] is that by which
+        the controller answers late. The margin of stiffness has entries k_p + f_x less the
+        stiffness required, over `unit[0]`, one for each critical frequency, and one more: the
+        theorem's hypothesis f_v + k_v > 0, over `unit[1]`, the only limit of friction without
+        memory. For a delay law, of which the theorem does not hold, it is f_v + k_v > |k_f|.
         """
         slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
         slacks = []
         for name, required in zip(self.names, self.values, strict=True):
             if name == "stiffness":
-                damping = gains[1] + friction.slope
-                if isinstance(friction.kernel, DelayKernel):  # no critical stiffness, only damping
-                    damping = damping - jnp.abs(friction.kernel.strength)
-                k_cr = apply_theorem(slider).critical_stiffness
-                needed = required * jnp.where(damping > 0, jnp.minimum(k_cr, 1e9 * unit[0]), 0.0)
-                slacks.append((gains[0] + friction.trend - needed) / unit[0])
-                slacks.append(damping / unit[1] - _POSITIVE)
+                slacks.append(_stiffness_slack(slider, required, unit))
                 continue
-            value = margin(name, slider)
             scale = jnp.where(required > 0, required, 1.0)
             most = required + (_ENOUGH - 1) * scale
-            slacks.append((jnp.clip(value, -1e9 * scale, most) - required) / scale)
-        return jnp.stack(slacks)
+            value = jnp.clip(branches(name, slider), -1e9 * scale, most)
+            slacks.append((value - required) / scale)
+        return jnp.concatenate(slacks)
+
+
+def _stiffness_slack(
+    slider: LinearSlider, required: float, unit: Float[Array, " 2"]
+) -> Float[Array, " n"]:
+    """k_p + f_x - required k(w_n) for every critical frequency, and the damping f_v + k_v."""
+    friction = slider.friction
+    damping = slider.damping + friction.slope
+    if isinstance(friction.kernel, DelayKernel):  # no critical stiffness, only damping
+        damping = damping - jnp.abs(friction.kernel.strength)
+    found = apply_theorem(slider)
+    some = (found.stiffnesses > 0) & jnp.isfinite(found.critical_stiffness)
+    k = jnp.where(some, jnp.where(some, found.stiffnesses, 0.0), 0.0)
+    k = jnp.where(jnp.isfinite(found.critical_stiffness), k, jnp.inf)
+    needed = required * jnp.where(damping > 0, jnp.minimum(k, 1e9 * unit[0]), 0.0)
+    stiff = (slider.stiffness + friction.trend - needed) / unit[0]
+    return jnp.append(stiff, damping / unit[1] - _POSITIVE)
 
 
 def _check(name: str, value: float) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
-from .frontier import FrontierPoint, Region, alone, minima, natural_units, zoom
+from .frontier import FrontierPoint, Region, alone, minima, region_units, zoom
 from .kkt import Optimum, polish
 from .margins import margin_values
 from .requirement import Requirement
@@ -70,7 +70,7 @@ def make_region(scenarios: Scenarios, scale: Pair, lower: Pair, upper: Pair) -> 
 
     Scales default to the natural units; k_p has the lower limit 1e-9 K0: any positive stiffness.
     """
-    unit = natural_units(scenarios)
+    unit = region_units(scenarios)
     chosen = np.asarray([u if s is None else s for s, u in zip(scale, unit, strict=True)], float)
     least = [max(_LOWEST * unit[0], lower[0] or 0.0), lower[1] or 0.0]
     most = [np.inf if x is None else x for x in upper]

@@ -1,0 +1,62 @@
+"""Natural units of the gains: the stiffness and the damping at which they begin to matter."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..stability.kernel import kernel_total
+from ..stability.linear import LinearFriction
+from ..stability.theorem import theorem
+
+
+class Sizes(NamedTuple):
+    """What sets the size of the gains, one entry for each scenario."""
+
+    critical: Float[Array, " n"]
+    """k_cr without damping [N/m]."""
+    fall: Float[Array, " n"]
+    """int g dt: how far friction falls after a rise of velocity [N s/m]."""
+    slope: Float[Array, " n"]
+    """f_v [N s/m]."""
+    rate: Float[Array, " n"]
+    """Middle rate of the memory [1/s]."""
+    mass: Float[Array, " n"]
+    """[kg]; 0 without mass."""
+
+
+def sizes(friction: LinearFriction, mass: Float[Array, " n"]) -> Sizes:
+    """The sizes of each scenario; `friction` has a leading axis."""
+
+    def one(friction: LinearFriction, mass: Array) -> Sizes:
+        low, high = friction.kernel.frequencies()
+        known = theorem(friction.kernel, friction.slope, mass)
+        rate = jnp.where(low == high, low, jnp.sqrt(low * high))
+        fall = kernel_total(friction.kernel)
+        return Sizes(known.critical_stiffness, fall, friction.slope, rate, mass)
+
+    return jax.vmap(one)(friction, mass)
+
+
+def natural_units(of: Sizes) -> Float[Array, " 2"]:
+    """(K0, C0): the stiffness that stabilises without damping, the damping that needs no stiffness.
+
+    The largest over the scenarios; where none is needed, or no stiffness suffices, stiffness and
+    damping at which the gains begin to matter take their place.
+    """
+    need = jnp.max(of.fall - of.slope)
+    C0 = jnp.where(need > 0, need, jnp.max(jnp.abs(of.slope) + jnp.abs(of.fall)))
+    some = jnp.isfinite(of.critical) & (of.critical > 0)
+    largest = jnp.max(jnp.where(some, of.critical, 0.0))
+    memory = jnp.max(jnp.abs(of.fall) * of.rate + of.mass * of.rate**2)
+    heaviest = jnp.max(of.mass)
+    # no memory: the stiffness that this damping damps critically
+    critical = jnp.where(heaviest > 0, C0**2 / jnp.where(heaviest > 0, heaviest, 1.0), 0.0)
+    # no friction that changes: the pace of its states is all there is
+    pace = jnp.max(of.mass * of.rate**2), jnp.max(of.mass * of.rate)
+    K0 = jnp.where(C0 > 0, critical, pace[0])
+    K0 = jnp.where(jnp.any(some), largest, jnp.where(jnp.any(of.fall != 0), memory, K0))
+    nothing = ~jnp.any(some) & ~jnp.any(of.fall != 0) & ~(C0 > 0)
+    found = jnp.stack([K0, jnp.where(nothing, pace[1], C0)])
+    return jnp.where(found > 0, found, 1.0)

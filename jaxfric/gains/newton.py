@@ -1,0 +1,110 @@
+"""Least norm under smooth constraints in two unknowns: steps of sequential quadratic programming.
+
+    minimise |y|^2/2   subject to   c_k(y) >= 0
+
+With two unknowns at most two constraints decide. So a step needs no solver: all points at which
+none, one or two linearised constraints are met are listed, and the best feasible one is chosen.
+
+    none: d = -y;   one: along the line c_k + g_k d = 0 by Newton's method;   two: their crossing
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+# Least curvature of the Lagrangian along a constraint, relative to that of the norm.
+_CURVATURE = 0.1
+# Sine of the smallest angle between two constraints that are taken to cross.
+_ANGLE = 1e-9
+# Share of its rounding by which a candidate may miss a linearised constraint.
+_ROUNDING = 1e-12
+
+
+class Local(NamedTuple):
+    """Some constraints at a point: values, gradients and second derivatives."""
+
+    c: Float[Array, " k"]
+    g: Float[Array, "k 2"]
+    H: Float[Array, "k 2 2"]
+
+
+class Step(NamedTuple):
+    """A step and the pair of constraints that are met after it; -1 where there is none."""
+
+    d: Float[Array, " 2"]
+    active: Int[Array, " 2"]
+    feasible: Bool[Array, ""]
+
+
+def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) -> Step:
+    """The step from `y` to the least norm under the linearised constraints.
+
+    Of the candidates farther than `radius`, where the linearised constraints mean little, only the
+    nearest one counts, and only where none is within. Where the constraints contradict each other
+    it is the candidate that misses them least.
+    """
+    size = jnp.linalg.norm(here.g, axis=1)
+    some = size > 0
+    weight = jnp.where(some, 1 / jnp.where(some, size, 1.0), 0.0)
+    c = jnp.where(some, here.c * weight, jnp.inf)
+    n, H = here.g * weight[:, None], here.H * weight[:, None, None]
+    first, second = np.triu_indices(here.c.shape[0], 1)
+    steps = [-y[None], *_single(y, c, n, H), *_pairs(y, c, n, H, first, second)]
+    d = jnp.concatenate([steps[0], steps[1], steps[3]])
+    value = jnp.concatenate([-0.5 * jnp.sum(y**2)[None], steps[2], steps[4]])
+    rows = np.arange(here.c.shape[0])
+    active = np.concatenate(
+        [[[-1, -1]], np.stack([rows, 0 * rows - 1], 1), np.stack([first, second], 1)]
+    )
+    missed = jnp.max(jnp.where(some, -(c + d @ n.T), -jnp.inf), axis=1)
+    usable = jnp.concatenate([jnp.ones(1, bool), some, some[first] & some[second]])
+    usable &= jnp.all(jnp.isfinite(d), axis=1) & jnp.isfinite(value)
+    missed = jnp.where(usable, missed, jnp.inf)
+    length = jnp.sqrt(jnp.sum(y**2))
+    feasible = missed <= _ROUNDING * length
+    far = jnp.linalg.norm(d, axis=1)
+    within = feasible & (far <= radius)
+    nearest = jnp.argmin(jnp.where(feasible, far, jnp.inf))
+    best = jnp.argmin(jnp.where(within, value, jnp.inf))
+    best = jnp.where(jnp.any(within), best, nearest)
+    # how far away a compromise is counts too: else parallel constraints send it to infinity
+    least = jnp.argmin(missed + 1e-3 * far)
+    chosen = jnp.where(jnp.any(feasible), best, least)
+    return Step(
+        jnp.where(usable[chosen], d[chosen], 0.0), jnp.asarray(active)[chosen], jnp.any(feasible)
+    )
+
+
+def _single(y: Array, c: Array, n: Array, H: Array) -> tuple[Array, Array]:
+    """Newton's step along each constraint alone, and the model of the norm after it."""
+    t = jnp.stack([-n[:, 1], n[:, 0]], axis=1)
+    down = -jnp.where(jnp.isfinite(c), c, 0.0)[:, None] * n
+    multiplier = jnp.maximum(jnp.sum((y + down) * n, axis=1), 0.0)
+    L = jnp.eye(2) - multiplier[:, None, None] * H
+    curvature = jnp.maximum(jnp.einsum("ki,kij,kj->k", t, L, t), _CURVATURE)
+    slope = jnp.sum(t * (y + jnp.einsum("kij,kj->ki", L, down)), axis=1)
+    d = down - (slope / curvature)[:, None] * t
+    return d, _model(y, d, L)
+
+
+def _pairs(
+    y: Array, c: Array, n: Array, H: Array, i: np.ndarray, j: np.ndarray
+) -> tuple[Array, Array]:
+    """The step to the crossing of each pair of constraints, and the model of the norm there."""
+    sine = n[i, 0] * n[j, 1] - n[i, 1] * n[j, 0]
+    some = (jnp.abs(sine) > _ANGLE) & jnp.isfinite(c[i]) & jnp.isfinite(c[j])
+    safe = jnp.where(some, sine, 1.0)
+    a, b = jnp.where(some, c[i], 0.0), jnp.where(some, c[j], 0.0)
+    d = jnp.stack([b * n[i, 1] - a * n[j, 1], a * n[j, 0] - b * n[i, 0]], axis=1) / safe[:, None]
+    p = y + d
+    first = jnp.maximum((p[:, 0] * n[j, 1] - p[:, 1] * n[j, 0]) / safe, 0.0)
+    second = jnp.maximum((n[i, 0] * p[:, 1] - n[i, 1] * p[:, 0]) / safe, 0.0)
+    L = jnp.eye(2) - first[:, None, None] * H[i] - second[:, None, None] * H[j]
+    return jnp.where(some[:, None], d, jnp.inf), _model(y, d, L)
+
+
+def _model(y: Array, d: Array, L: Array) -> Array:
+    """y.d + d.L d/2: the change of |y|^2/2 on the curved constraints."""
+    return d @ y + 0.5 * jnp.einsum("ki,kij,kj->k", d, L, d)
