@@ -19,7 +19,7 @@ and Newton's method finds it. Without a term that couples nothing is solved.
 """
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -155,27 +155,20 @@ class ExtendedLaw(AbstractInvertibleLaw):
     def velocity(
         self, force: Scalar, state: States, at: Conditions, *, damping: Scalar | None = None
     ) -> Scalar:
+        if any(term.moves for term in self.terms):
+            return _balanced(self, force, state, at, damping)
+        return self._without_moving(force, state, at, damping)
+
+    def _without_moving(
+        self, force: Scalar, state: States, at: Conditions, damping: Scalar | None
+    ) -> Scalar:
+        """The velocity that `force` would give if the terms that depend on it were absent."""
         theta, parts = self._split(state)
-        pairs = list(zip(self.terms, parts, strict=True))
         still = jnp.ones_like(force)
-        for term, part in pairs:
+        for term, part in zip(self.terms, parts, strict=True):
             if not term.moves:
                 force = force - term.force(self._contact(still, part, at))
-        V = self.base.velocity(force, theta, at, damping=damping)
-        moving = [(term, part) for term, part in pairs if term.moves]
-        if not moving:
-            return V
-
-        def excess(V: Scalar) -> Scalar:
-            total = self.base.force(V, theta, at) - force
-            for term, part in moving:
-                total = total + term.force(self._contact(V, part, at))
-            return total if damping is None else total + damping * V
-
-        # Newton in ln V; the last two steps carry derivatives, an order each
-        for i in range(_NEWTON_STEPS):
-            V = _newton(excess, V if i == _NEWTON_STEPS - 1 else jax.lax.stop_gradient(V))
-        return V
+        return self.base.velocity(force, theta, at, damping=damping)
 
     def _contact(self, V: Scalar, part: States, at: Conditions) -> Contact:
         return Contact(V, at.slip, at.time, part, self.base, at.stress, at.load_velocity)
@@ -197,11 +190,46 @@ class ExtendedLaw(AbstractInvertibleLaw):
         return state[:n], parts
 
 
-def _newton(excess: Callable[[Scalar], Scalar], V: Scalar) -> Scalar:
-    value, slope = jax.jvp(excess, (V,), (jnp.ones_like(V),))
-    rise = jax.lax.stop_gradient(slope * V)
-    step = value / jnp.where(rise == 0, jnp.inf, rise)
-    return V * jnp.exp(jnp.clip(-step, -_LOG_MAX, _LOG_MAX))
+def _excess(
+    law: ExtendedLaw,
+    V: Scalar,
+    force: Scalar,
+    state: States,
+    at: Conditions,
+    damping: Scalar | None,
+) -> Scalar:
+    """Friction and dashpot at `V`, less `force`."""
+    total = law.force(V, state, at) - force
+    return total if damping is None else total + damping * V
+
+
+@eqx.filter_custom_jvp
+def _balanced(
+    law: ExtendedLaw, force: Scalar, state: States, at: Conditions, damping: Scalar | None
+) -> Scalar:
+    """The velocity at which friction and dashpot balance `force`, by Newton's method in ln V."""
+    V = law._without_moving(force, state, at, damping)
+    for _ in range(_NEWTON_STEPS):
+        excess, slope = _by_velocity(law, V, force, state, at, damping)
+        rise = slope * V
+        step = excess / jnp.where(rise == 0, jnp.inf, rise)
+        V = V * jnp.exp(jnp.clip(-step, -_LOG_MAX, _LOG_MAX))
+    return V
+
+
+@_balanced.def_jvp
+def _(primals: tuple, tangents: tuple) -> tuple[Scalar, Scalar]:
+    """dV = -dF/F_V at the solution F = 0, which is asked for again: so its next order is right."""
+    law, *others = primals
+    V = _balanced(*primals)
+    _, change = eqx.filter_jvp(lambda law, *others: _excess(law, V, *others), primals, tangents)
+    _, slope = _by_velocity(law, V, *others)
+    return V, jnp.zeros_like(V) if change is None else -change / slope
+
+
+def _by_velocity(law: ExtendedLaw, V: Scalar, *others: object) -> tuple[Scalar, Scalar]:
+    """The excess and its derivative by V."""
+    return jax.jvp(lambda V: _excess(law, V, *others), (V,), (jnp.ones_like(V),))
 
 
 class BlendedEvolution(AbstractEvolution):
