@@ -39,7 +39,7 @@ from ..stability.linear import (
 from ..stability.margin_table import MARGINS
 from .implicit import implicit
 from .natural import natural_units, sizes
-from .newton import Local, Step, sqp_step
+from .newton import Local, NewtonStep, sqp_step
 from .requirement import Requirement
 
 # The search: rays (half of them with more stiffness than damping), radii in natural units, and
@@ -328,7 +328,7 @@ class _Near(NamedTuple):
     H: Float[Array, "k 2 2"]
 
 
-class _End(NamedTuple):
+class _SearchEnd(NamedTuple):
     """Where a local search ended."""
 
     y: Float[Array, " 2"]
@@ -339,7 +339,7 @@ class _End(NamedTuple):
     converged: Bool[Array, ""]
 
 
-def _search(problem: _Problem) -> _End:
+def _search(problem: _Problem) -> _SearchEnd:
     """Local optima from the start with more stiffness and that with more damping; axis 0 is two."""
     return jax.vmap(lambda y: _descend(problem, y))(_starts(problem))
 
@@ -402,13 +402,13 @@ def _hardest(problem: _Problem) -> Int[Array, " k"]:
 class _State(NamedTuple):
     """A local search under way; `size` is how much a step may change the norm."""
 
-    end: _End
+    end: _SearchEnd
     begun: Float[Array, " 2"]
     size: Float[Array, ""]
     count: Int[Array, ""]
 
 
-def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _End:
+def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _SearchEnd:
     """Rounds of steps under the worst scenarios of all, until a whole round changes nothing."""
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
     number = min(_CARRIED, problem.number)
@@ -433,7 +433,7 @@ def _descend(problem: _Problem, start: Float[Array, " 2"]) -> _End:
         )
         y, size, near, slots, settled = jax.lax.fori_loop(0, _STEPS, step, (y, size, *nothing))
         still = jnp.linalg.norm(y - begun) <= _SETTLED * jnp.linalg.norm(y)
-        return _State(_End(y, slack, near, slots, settled & still), begun, size, count + 1)
+        return _State(_SearchEnd(y, slack, near, slots, settled & still), begun, size, count + 1)
 
     def unfinished(state: _State) -> Array:
         return ~state.end.converged & (state.count < _ROUNDS)
@@ -471,7 +471,7 @@ def _branches(few: _Problem, worst: Int[Array, " k"], y: Array) -> _Near:
     )
 
 
-def _step(few: _Problem, y: Array, near: _Near, size: Array) -> tuple[Step, Int[Array, " 2"]]:
+def _step(few: _Problem, y: Array, near: _Near, size: Array) -> tuple[NewtonStep, Int[Array, " 2"]]:
     """A step under the constraints that are nearest, and the rows of those that decide it."""
     distance = near.c / _above_zero(jnp.linalg.norm(near.g, axis=1))
     number = min(_LOWEST_ONES, near.c.size)
@@ -571,7 +571,7 @@ class _KKT(NamedTuple):
         return self.n[0, 0] * self.n[1, 1] - self.n[0, 1] * self.n[1, 0]
 
 
-def _kkt(problem: _Problem, end: _End) -> _KKT:
+def _kkt(problem: _Problem, end: _SearchEnd) -> _KKT:
     """The constraints that decide at an end, and their multipliers."""
     used = end.slots >= 0
     g = jnp.concatenate([end.near.g, _LIMITS])[end.slots]
@@ -587,7 +587,7 @@ def _kkt(problem: _Problem, end: _End) -> _KKT:
     return found._replace(multiplier=multiplier, residual=residual)
 
 
-def _derivative(problem: _Problem, end: _End, kkt: _KKT) -> DERIVATIVE:
+def _derivative(problem: _Problem, end: _SearchEnd, kkt: _KKT) -> DERIVATIVE:
     """Whether the optimum moves smoothly with what it depends on."""
     length = jnp.linalg.norm(end.y)
     weak = jnp.any(kkt.used & (kkt.multiplier <= _WEAK * length))
@@ -609,7 +609,7 @@ def _derivative(problem: _Problem, end: _End, kkt: _KKT) -> DERIVATIVE:
     return DERIVATIVE.where(flat | (kkt.residual > _WEAK), DERIVATIVE.singular, found)
 
 
-def _carried(problem: _Problem, end: _End, kkt: _KKT, exists: Array) -> Float[Array, " 2"]:
+def _carried(problem: _Problem, end: _SearchEnd, kkt: _KKT, exists: Array) -> Float[Array, " 2"]:
     """The optimum y with its derivatives of first and second order: y solves, with l,
 
     y - sum l_i dc_i/dy = 0,  c_i = 0;  where a constraint is missing its equation is l_i = 0.
@@ -621,7 +621,7 @@ def _carried(problem: _Problem, end: _End, kkt: _KKT, exists: Array) -> Float[Ar
     moving, rest = eqx.partition(two, eqx.is_inexact_array)
     theta, unravel = ravel_pytree(moving)
 
-    def equations(z: Array, theta: Array, known: _Known) -> Float[Array, " 4"]:
+    def equations(z: Array, theta: Array, known: _KnownPoint) -> Float[Array, " 4"]:
         problem, kkt = eqx.combine(unravel(theta), known.rest), known.kkt
 
         def constraints(y: Array) -> tuple[Array, Array]:
@@ -632,12 +632,12 @@ def _carried(problem: _Problem, end: _End, kkt: _KKT, exists: Array) -> Float[Ar
         g, c = jax.jacfwd(constraints, has_aux=True)(z[:2])
         return jnp.concatenate([z[:2] - z[2:] @ g, jnp.where(kkt.used, c, z[2:])])
 
-    known = jax.lax.stop_gradient(_Known(rest, kkt, branch, limit, exists))
+    known = jax.lax.stop_gradient(_KnownPoint(rest, kkt, branch, limit, exists))
     z = jnp.concatenate([end.y, jnp.where(kkt.used, kkt.multiplier, 0.0)])
     return implicit(equations, jax.lax.stop_gradient(z), theta, known, exists)[:2]
 
 
-class _Known(NamedTuple):
+class _KnownPoint(NamedTuple):
     """What the equations take that has no derivative."""
 
     rest: _Problem

@@ -11,7 +11,7 @@ from ..stability.linear import LinearFriction
 from ..stability.theorem import theorem
 
 
-class Sizes(NamedTuple):
+class NaturalSizes(NamedTuple):
     """What sets the size of the gains, one entry for each scenario."""
 
     critical: Float[Array, " n"]
@@ -26,20 +26,20 @@ class Sizes(NamedTuple):
     """[kg]; 0 without mass."""
 
 
-def sizes(friction: LinearFriction, mass: Float[Array, " n"]) -> Sizes:
+def sizes(friction: LinearFriction, mass: Float[Array, " n"]) -> NaturalSizes:
     """The sizes of each scenario; `friction` has a leading axis."""
 
-    def one(friction: LinearFriction, mass: Array) -> Sizes:
+    def one(friction: LinearFriction, mass: Array) -> NaturalSizes:
         low, high = friction.kernel.frequencies()
         known = theorem(friction.kernel, friction.slope, mass)
         rate = jnp.where(low == high, low, jnp.sqrt(low * high))
         fall = kernel_total(friction.kernel)
-        return Sizes(known.critical_stiffness, fall, friction.slope, rate, mass)
+        return NaturalSizes(known.critical_stiffness, fall, friction.slope, rate, mass)
 
     return jax.vmap(one)(friction, mass)
 
 
-def natural_units(of: Sizes) -> Float[Array, " 2"]:
+def natural_units(of: NaturalSizes) -> Float[Array, " 2"]:
     """(K0, C0): the stiffness that stabilises without damping, the damping that needs no stiffness.
 
     The largest over the scenarios; where none is needed, or no stiffness suffices, stiffness and

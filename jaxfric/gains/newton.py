@@ -30,7 +30,7 @@ class Local(NamedTuple):
     H: Float[Array, "k 2 2"]
 
 
-class Step(NamedTuple):
+class NewtonStep(NamedTuple):
     """A step and the pair of constraints that are met after it; -1 where there is none."""
 
     d: Float[Array, " 2"]
@@ -38,7 +38,7 @@ class Step(NamedTuple):
     feasible: Bool[Array, ""]
 
 
-def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) -> Step:
+def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) -> NewtonStep:
     """The step from `y` to the least norm under the linearised constraints.
 
     Of the candidates farther than `radius`, where the linearised constraints mean little, only the
@@ -72,7 +72,7 @@ def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) ->
     # how far away a compromise is counts too: else parallel constraints send it to infinity
     least = jnp.argmin(missed + 1e-3 * far)
     chosen = jnp.where(jnp.any(feasible), best, least)
-    return Step(
+    return NewtonStep(
         jnp.where(usable[chosen], d[chosen], 0.0), jnp.asarray(active)[chosen], jnp.any(feasible)
     )
 

@@ -220,16 +220,27 @@ def _balanced(
 @_balanced.def_jvp
 def _(primals: tuple, tangents: tuple) -> tuple[Scalar, Scalar]:
     """dV = -dF/F_V at the solution F = 0, which is asked for again: so its next order is right."""
-    law, *others = primals
-    V = _balanced(*primals)
+    law, force, state, at, damping = primals
+    V = _balanced(law, force, state, at, damping)
     _, change = eqx.filter_jvp(lambda law, *others: _excess(law, V, *others), primals, tangents)
-    _, slope = _by_velocity(law, V, *others)
+    _, slope = _by_velocity(law, V, force, state, at, damping)
     return V, jnp.zeros_like(V) if change is None else -change / slope
 
 
-def _by_velocity(law: ExtendedLaw, V: Scalar, *others: object) -> tuple[Scalar, Scalar]:
+def _by_velocity(
+    law: ExtendedLaw,
+    V: Scalar,
+    force: Scalar,
+    state: States,
+    at: Conditions,
+    damping: Scalar | None,
+) -> tuple[Scalar, Scalar]:
     """The excess and its derivative by V."""
-    return jax.jvp(lambda V: _excess(law, V, *others), (V,), (jnp.ones_like(V),))
+
+    def excess(V: Scalar) -> Scalar:
+        return _excess(law, V, force, state, at, damping)
+
+    return jax.jvp(excess, (V,), (jnp.ones_like(V),))
 
 
 class BlendedEvolution(AbstractEvolution):
