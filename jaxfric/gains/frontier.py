@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..rig.friction import AbstractLaw
-from .natural import Sizes, natural_units, sizes
+from .natural import NaturalSizes, natural_units, sizes
 from .requirement import Requirement
 from .scenarios import Scenarios, tiles
 from .slack import slacks
@@ -44,13 +44,13 @@ def region_units(scenarios: Scenarios) -> np.ndarray:
 _sizes_of = eqx.filter_jit(sizes)
 
 
-def _sizes(scenarios: Scenarios) -> Sizes:
+def _sizes(scenarios: Scenarios) -> NaturalSizes:
     parts = []
     for rows, used in tiles(len(scenarios), scenarios.tile):
         some = scenarios.take(rows)
         mass = np.zeros(len(rows)) if some.mass is None else some.mass
         parts.append([np.asarray(x)[:used] for x in _sizes_of(some.friction, jnp.asarray(mass))])
-    return Sizes(*(jnp.asarray(np.concatenate(part)) for part in zip(*parts, strict=True)))
+    return NaturalSizes(*(jnp.asarray(np.concatenate(part)) for part in zip(*parts, strict=True)))
 
 
 def axes(region: Region) -> tuple[np.ndarray, np.ndarray]:
