@@ -12,6 +12,7 @@ them it is a scan over all segments that `max_steps` allows, which passes over t
 needs: reverse mode needs the number of turns in advance.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -93,6 +94,10 @@ def follow(
     return _followed(equation, initial, ts, _Policy(tolerance, how))
 
 
+_Carry = tuple[Underway, PyTree[Float[Array, "n ..."]]]
+"""Where a motion has come to, and the unknowns at the samples that it has passed."""
+
+
 class _Policy(eqx.Module):
     tolerance: Float[Array, ""]
     how: How = eqx.field(static=True)
@@ -104,7 +109,7 @@ def _followed(
 ) -> Sampled:
     carry, segment = _begun(equation, initial, ts, policy)
 
-    def goes_on(carry: "_Carry") -> Bool[Array, ""]:
+    def goes_on(carry: _Carry) -> Bool[Array, ""]:
         return eqxi.unvmap_any(carry[0].going)
 
     return _ended(ts, *jax.lax.while_loop(goes_on, segment, carry))
@@ -128,10 +133,7 @@ def _by_scan(
     return _ended(ts, *loop(carry))
 
 
-_Carry = tuple[Underway, PyTree[Float[Array, "n ..."]]]
-
-
-def _repeated(loop, turns: int):
+def _repeated(loop: Callable[[_Carry], _Carry], turns: int) -> Callable[[_Carry], _Carry]:
     """`loop`, `turns` times, each only where a member of the batch still goes on."""
 
     def once(carry: _Carry, _: None) -> tuple[_Carry, None]:
@@ -145,12 +147,13 @@ def _parts(ts: Float[Array, " n"]) -> int:
     return int(np.clip(ts.shape[0] // _SAMPLES_EACH, 1, _MOST_PARTS))
 
 
-def _begun(equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy):
+def _begun(
+    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
+) -> tuple[_Carry, Callable[[_Carry], _Carry]]:
     """Where the loop over segments begins, and a segment of it."""
     zero, fixed = jnp.zeros((), ts.dtype), constant(equation)
-    stops = jnp.append(fixed.motion.breakpoints(), jnp.inf)
-    last = jax.lax.stop_gradient(ts[-1])
-    first = jax.lax.stop_gradient(ts[0])
+    first, last = jax.lax.stop_gradient((ts[0], ts[-1]))
+    stops = jnp.minimum(jnp.append(fixed.motion.breakpoints(), jnp.inf), last)
     slope = jax.tree.map(jnp.zeros_like, initial)
     going = last > first
     point = Underway(
@@ -160,9 +163,10 @@ def _begun(equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], 
     parts = _parts(ts)
 
     def step(point: Underway, _: None) -> tuple[Underway, Knots]:
-        going = eqxi.unvmap_any(point.going)
-        taken = lambda point: _step(fixed, point, jnp.minimum(stops, last), last, policy)  # noqa: E731
-        return jax.lax.cond(going, taken, _still, point)
+        def taken(point: Underway) -> tuple[Underway, Knots]:
+            return _step(fixed, point, stops, last, policy)
+
+        return jax.lax.cond(eqxi.unvmap_any(point.going), taken, _still, point)
 
     def part(point: Underway, _: None) -> tuple[Underway, Knots]:
         begin = point.y
