@@ -18,7 +18,7 @@ import jaxfric
 from jaxfric import InputError, VelocitySteps
 from jaxfric.fitting import NoiseEstimate, NoisePart
 from jaxfric.fitting.assemble import _plausible, edge_warnings
-from jaxfric.fitting.fit import Task, _noise, prepare
+from jaxfric.fitting.fit import FitTask, _noise, prepare
 from jaxfric.fitting.plausible import bounds_of
 from jaxfric.fitting.problem import Model, most_steps, residual_and_jacobian, to_free
 from jaxfric.fitting.result import Estimate, Fit
@@ -63,7 +63,7 @@ def test_descents_are_counted_within_their_stage(monkeypatch):
     record: Any = SimpleNamespace(relative_time=zeros, friction=zeros)
     for states in (1, 2):
         steps: Any = None
-        task = Task(record, steps, 1.0, Model(states=states), 1.0, 1.0)
+        task = FitTask(record, steps, 1.0, Model(states=states), 1.0, 1.0)
         module._solve_in_stages(task, None, told.append)
     assert told == [
         "descent 1 of at most 3",
