@@ -24,6 +24,7 @@ from jaxfric.threads import beside, go_on, leave, side_by_side
 
 LAPACK = {"lu", "triangular_solve", "cholesky", "qr", "geqrf", "eigh", "svd"}
 KNOWN = {
+    "gains/implicit.py": "derivatives of least gains, which no thread computes beside another",
     "simulation/method_of_steps.py": "on one thread only, one after the other",
     "stability/linear.py": "the exponential of one matrix",
 }

@@ -37,7 +37,7 @@ _FAN = 16
 _SHRINK, _GROW, _CAUTION = 0.2, 10.0, 0.9
 _STABLE = 2.5
 """Rate of the fastest change times the longest step. Tsit5 is stable to 3.3 for real rates."""
-_SMALL = 1e-4
+_SMALL = 0.01
 _ROUNDINGS = 4.0
 """Length of the shortest step, in roundings of time."""
 
@@ -225,7 +225,7 @@ def _step(
 
     begins = eqxi.unvmap_any(fresh & point.going)
     slope, longest = jax.lax.cond(begins, begin, lambda: (slope, point.longest))
-    size = _first_size(slope, y, last - t, tolerance)
+    size = _first_size(equation, slope, y, tolerance)
     size = jnp.where(fresh, size, point.size)
     size = size if how.stiff else jnp.minimum(size, longest)
     stop = jnp.min(jnp.where(stops > t, stops, jnp.inf), initial=last)
@@ -280,20 +280,26 @@ def _longest(equation: SliderEquation, log_speed: Array) -> Float[Array, ""]:
 
     A longer one makes of rounding, in steady sliding, an error as large as the tolerance.
     """
-    slip = _STABLE * equation.law.force_scale() / equation.rig.machine.stiffness
-    return slip / equation.motion.largest_speed() * jnp.exp(-jnp.clip(log_speed, -60.0, 60.0))
+    return _STABLE * _relaxation(equation) * jnp.exp(-jnp.clip(log_speed, -60.0, 60.0))
+
+
+def _relaxation(equation: SliderEquation) -> Float[Array, ""]:
+    """Time in which the spring relaxes at the largest commanded speed, F/(K V) [s]."""
+    slip = equation.law.force_scale() / equation.rig.machine.stiffness
+    return slip / equation.motion.largest_speed()
 
 
 def _first_size(
-    slope: Unknowns, y: Unknowns, left: Array, tolerance: Float[Array, ""]
+    equation: SliderEquation, slope: Unknowns, y: Unknowns, tolerance: Float[Array, ""]
 ) -> Float[Array, ""]:
     """Length of a step after a jump: the unknowns change by a little more than an error may.
 
-    Where nothing changes it is a small part of the time that is `left`: a derivative may change
-    there, as that by an effect that is absent.
+    Where nothing changes it is a small part of the time in which the spring relaxes: a derivative
+    may change there, as that by an effect that is absent.
     """
     rate = padded_norm(jax.tree.map(lambda d, y: d / (1 + jnp.abs(y)), slope, y))
-    return jnp.minimum(tolerance**0.2 / jnp.where(rate > 0, rate, 1e-300), _SMALL * left)
+    guess = tolerance**0.2 / jnp.where(rate > 0, rate, 1e-300)
+    return jnp.minimum(guess, _SMALL * _relaxation(equation))
 
 
 def _norm(
