@@ -41,6 +41,7 @@ from .implicit import implicit
 from .natural import natural_units, sizes
 from .newton import Local, NewtonStep, sqp_step
 from .requirement import Requirement
+from .scenarios import linearised
 
 # The search: rays (half of them with more stiffness than damping), radii in natural units, and
 # halvings of the interval at whose end a ray becomes feasible.
@@ -307,12 +308,7 @@ def _refuse(
 def _linearised(law: Law, V: Float[Array, " n"], sample: Array | None) -> LinearFriction:
     if sample is None:
         return jax.vmap(lambda v: linear_friction(law, v))(V)
-    arrays, rest = eqx.partition(law, eqx.is_array)
-
-    def one(v: Array, index: Array) -> LinearFriction:
-        return linear_friction(eqx.combine(jax.tree.map(lambda x: x[index], arrays), rest), v)
-
-    return jax.vmap(one)(V, sample)
+    return linearised(law, V, sample)
 
 
 # ---- the search ------------------------------------------------------------------------------

@@ -74,7 +74,7 @@ class Scenarios:
         velocity, sample = np.asarray(velocity, float), np.asarray(sample)
         parts = []
         for index, used in tiles(len(velocity), _SMALL_TILE if len(velocity) <= 512 else _TILE):
-            part = _linearise(laws, jnp.asarray(velocity[index]), jnp.asarray(sample[index]))
+            part = linearised(laws, jnp.asarray(velocity[index]), jnp.asarray(sample[index]))
             parts.append(jax.tree.map(lambda leaf, used=used: np.asarray(leaf)[:used], part))
         friction = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
         refuse_without_steady_state(velocity, friction)
@@ -133,7 +133,8 @@ def number_of_samples(laws: Law) -> int:
 
 
 @eqx.filter_jit
-def _linearise(laws: Law, velocity: Array, sample: Array) -> LinearFriction:
+def linearised(laws: Law, velocity: Array, sample: Array) -> LinearFriction:
+    """Friction of the samples of a law, by their index, linearised about velocities [m/s], (n,)."""
     arrays, rest = eqx.partition(laws, eqx.is_array)
 
     def one(V: Array, index: Array) -> LinearFriction:

@@ -113,8 +113,8 @@ def simulate(
     tolerance, away = _SAFETY * rtol, math.log(runaway)
     if not at_steps and solver is None and controller is None and adjoint is None:
         how = How(stiff, max_steps, away)
-        motion_of_it = follow(equation, initial, ts_used, jnp.asarray(tolerance), how)
-        found = _sampled(equation, motion_of_it, ts)
+        sampled = follow(equation, initial, ts_used, jnp.asarray(tolerance), how)
+        found = _sampled(equation, sampled, ts)
     else:
         own = _Diffrax(at_steps, tolerance, max_steps, away, solver, controller, adjoint)
         solution = own.solve(equation, ts_used, initial, stiff=stiff)
