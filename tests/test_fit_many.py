@@ -69,7 +69,8 @@ def test_derivatives_of_the_fit_by_its_record_are_those_of_refits(fits):
         own = dataclasses.replace(problem, friction=friction)
         return minimise(own, z, rtol=1e-8).value
 
-    friction, row, step = problem.friction, 130, 1e-5
+    # far above 1e-8, which a refit's end moves when one more step of the solver is refused
+    friction, row, step = problem.friction, 130, 1e-3
     along = jnp.zeros_like(friction).at[row].set(1.0)
     exact = jax.jit(lambda f: jax.jvp(refit, (f,), (along,))[1])(friction)
     again = jax.jit(refit)

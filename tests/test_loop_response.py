@@ -273,7 +273,7 @@ def test_jacobian_in_parts_is_a_difference_quotient(soft):
 
     index = np.arange(len(z))[::-1]
     assert len(index) > 16
-    rows, step = soft.engine.evaluate(z, index), 1e-4
+    rows, step = soft.engine.evaluate(z, index), 1e-3  # well above what acceptance of steps moves
     for column, k in enumerate(index):
         ends = []
         for side in (1, -1):
