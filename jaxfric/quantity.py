@@ -82,6 +82,17 @@ class Quantity:
             return self.upper - _of(free).exp(free)
         return self.lower + (self.upper - self.lower) / (1 + _of(free).exp(-free))
 
+    def slope(self, free: Float[Array, " *s"], *, scale: ArrayLike = 1.0) -> Float[Array, " *s"]:
+        """Derivative of `from_free` by `free`."""
+        if math.isinf(self.lower) and math.isinf(self.upper):
+            return 0 * free + scale
+        if math.isinf(self.upper):
+            return _of(free).exp(free)
+        if math.isinf(self.lower):
+            return -_of(free).exp(free)
+        share = 1 / (1 + _of(free).exp(-free))
+        return (self.upper - self.lower) * share * (1 - share)
+
     def check(self, value: float, where: str) -> float:
         """Return `value` if it is finite and within the bounds, else raise `InputError`."""
         if not self.allows(np.asarray(value)):

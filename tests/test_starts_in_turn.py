@@ -1,5 +1,10 @@
-"""From which starts a fit descends, and how often it asks for a residual: tables."""
+"""From which starts a fit descends, and how often it asks for a residual: tables.
 
+A descent ends within a thousandth of a standard error of the parameters."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -14,62 +19,71 @@ REST /= np.sqrt(np.mean(REST**2))
 EDGE = 100.0
 
 
-class Basins:
+ASKED: list[tuple[float, ...]] = []
+"""Points at which a residual was asked for, and whether there was a dashpot."""
+
+
+class Basins(eqx.Module):
     """A problem with basins around centres (c, 0), in each of which the best fit leaves a mean
     square; from beyond `EDGE` in the second variable the motion runs away, but for a dashpot."""
 
-    def __init__(self, left, damping=None, asked=None):
-        self.left, self.damping, self.weight = left, damping, np.ones(ROWS)
-        self.asked = [] if asked is None else asked
+    centres: jax.Array
+    left: jax.Array
+    damping: jax.Array | None = None
+    weight: jax.Array = eqx.field(default_factory=lambda: jnp.ones(ROWS))
 
     def damped(self, strength):
-        return Basins(self.left, strength, self.asked)
+        return Basins(self.centres, self.left, jnp.asarray(strength))
 
-    def residual_and_jacobian(self, z):
-        z = np.asarray(z)
-        self.asked.append((*z.tolist(), self.damping is not None))
-        if z[1] > EDGE and self.damping is None:
-            return np.full(ROWS, FAILED_MISFIT), np.full((ROWS, 2), np.nan)
-        centre = min(self.left, key=lambda c: abs(z[0] - c))
-        return MODEL @ (z - [centre, 0]) + np.sqrt(self.left[centre]) * REST, MODEL
-
-
-@pytest.fixture(autouse=True)
-def stand_in(monkeypatch):
-    module = "jaxfric.fitting.solve"
-    monkeypatch.setattr(f"{module}.residual_and_jacobian", Basins.residual_and_jacobian)
-    monkeypatch.setattr(f"{module}.jax.device_put", lambda x: x)
+    def residual(self, z):
+        damped = self.damping is not None
+        jax.debug.callback(lambda z: ASKED.append((*z.tolist(), damped)), z)
+        near = jnp.argmin(jnp.abs(z[0] - self.centres))
+        centre = jnp.stack([self.centres[near], 0.0])
+        seen = MODEL @ (z - centre) + jnp.sqrt(self.left[near]) * REST
+        return seen if damped else jnp.where(z[1] > EDGE, FAILED_MISFIT, seen)
 
 
-def plain(problem):
+def basins(left):
+    ASKED.clear()
+    return Basins(jnp.asarray(list(left)), jnp.asarray(list(left.values())))
+
+
+def solved(problem, starts, **how):
+    found = solve(problem, starts, **how)
+    jax.effects_barrier()
+    return found
+
+
+def plain():
     """Points that were asked for, without a dashpot."""
-    return [point[:2] for point in problem.asked if not point[2]]
+    return [point[:2] for point in ASKED if not point[2]]
 
 
 def test_where_the_first_comes_down_to_the_noise_no_other_is_asked():
-    problem = Basins({0.0: 1.05, 50.0: 0.2})
-    found = solve(problem, np.array([[1.0, 2.0], [51.0, 0.0]]))
-    np.testing.assert_allclose(found.z, [0, 0], atol=1e-9)
-    assert all(point[0] < 25 for point in plain(problem))
-    assert len(set(plain(problem))) == len(plain(problem)) == found.trials
+    problem = basins({0.0: 1.05, 50.0: 0.2})
+    found = solved(problem, np.array([[1.0, 2.0], [51.0, 0.0]]))
+    np.testing.assert_allclose(found.z, [0, 0], atol=1e-3)
+    assert all(point[0] < 25 for point in plain())
+    assert len(set(plain())) == len(plain()) == found.trials
 
 
 def test_a_start_is_asked_for_once():
-    problem = Basins({0.0: 4.0, 50.0: 0.5})
-    found = solve(problem, np.array([[1.0, 2.0], [51.0, 0.0]]))
-    assert plain(problem).count((1.0, 2.0)) == 1
+    problem = basins({0.0: 4.0, 50.0: 0.5})
+    found = solved(problem, np.array([[1.0, 2.0], [51.0, 0.0]]))
+    assert plain().count((1.0, 2.0)) == 1
     assert found.cost == pytest.approx(0.5 * ROWS)
-    np.testing.assert_allclose(found.residual, np.sqrt(0.5) * REST, atol=1e-9)
+    np.testing.assert_allclose(found.residual, np.sqrt(0.5) * REST, atol=1e-3)
 
 
 def test_after_the_first_those_of_least_misfit_have_their_turn():
     """Of four starts three descend: the first, whatever its misfit, then the nearest two. The
     basin of the second is the best, but is not tried."""
-    problem = Basins({0.0: 4.0, 50.0: 3.0, 100.0: 2.0, 150.0: 1.2})
+    problem = basins({0.0: 4.0, 50.0: 3.0, 100.0: 2.0, 150.0: 1.2})
     starts = np.array([[9.0, 9.0], [155.0, 0.0], [53.0, 0.0], [101.0, 0.0]])
     said = []
-    found = solve(problem, starts, progress=said.append)
-    np.testing.assert_allclose(found.z, [100, 0], atol=1e-9)
+    found = solved(problem, starts, progress=said.append)
+    np.testing.assert_allclose(found.z, [100, 0], atol=1e-3)
     assert [text.split(" over")[0] for text in said] == [
         f"descent {k} of at most 3" for k in (1, 2, 3)
     ]
@@ -77,16 +91,16 @@ def test_after_the_first_those_of_least_misfit_have_their_turn():
 
 
 def test_a_first_that_runs_away_waits_for_its_turn():
-    problem = Basins({0.0: 4.0, 50.0: 1.0})
-    found = solve(problem, np.array([[0.0, 2 * EDGE], [52.0, 0.0]]))
-    np.testing.assert_allclose(found.z, [50, 0], atol=1e-9)
-    assert not any(point[2] for point in problem.asked)  # no dashpot was needed
+    problem = basins({0.0: 4.0, 50.0: 1.0})
+    found = solved(problem, np.array([[0.0, 2 * EDGE], [52.0, 0.0]]))
+    np.testing.assert_allclose(found.z, [50, 0], atol=1e-3)
+    assert not any(point[2] for point in ASKED)  # no dashpot was needed
 
 
 @pytest.mark.parametrize("number", [1, 2])
 def test_where_all_run_away_a_dashpot_leads_back(number):
-    problem = Basins({0.0: 1.0})
-    found = solve(problem, np.array([[0.0, 2 * EDGE], [1.0, 3 * EDGE]])[:number])
-    np.testing.assert_allclose(found.z, [0, 0], atol=1e-9)
+    problem = basins({0.0: 1.0})
+    found = solved(problem, np.array([[0.0, 2 * EDGE], [1.0, 3 * EDGE]])[:number])
+    np.testing.assert_allclose(found.z, [0, 0], atol=1e-3)
     assert found.converged and found.cost == pytest.approx(ROWS)
-    assert any(point[2] for point in problem.asked)
+    assert any(point[2] for point in ASKED)

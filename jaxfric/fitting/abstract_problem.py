@@ -7,6 +7,7 @@ for those that do not count; residuals are (predicted - recorded)/noise_scale.
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, Self
 
@@ -120,19 +121,24 @@ class AbstractProblem(eqx.Module):
 
     def scale(self, name: str) -> Array:
         """A typical size of an unbounded parameter, from its unit."""
-        about, sizes = self.model.quantity(name), self.sizes
-        if np.isfinite(about.lower) or np.isfinite(about.upper):
-            return sizes.force**0
-        if about.unit == "s":  # a lag, not the length of the record
-            return sizes.lag
-        if about.unit == "F s^2/m":
-            return sizes.force / sizes.velocity * _MASS_SHARE * sizes.duration
-        force, length, time = powers(about.unit)
-        if length == -time:  # a velocity
-            return sizes.force**force * sizes.velocity**length
-        return sizes.force**force * sizes.length**length * sizes.duration**time
+        return typical_size(self.model.quantity(name), self.sizes)
 
 
+def typical_size(about: Quantity, sizes: Sizes) -> Array:
+    """A typical size of an unbounded parameter of a record, from its unit."""
+    if np.isfinite(about.lower) or np.isfinite(about.upper):
+        return sizes.force**0
+    if about.unit == "s":  # a lag, not the length of the record
+        return sizes.lag
+    if about.unit == "F s^2/m":
+        return sizes.force / sizes.velocity * _MASS_SHARE * sizes.duration
+    force, length, time = powers(about.unit)
+    if length == -time:  # a velocity
+        return sizes.force**force * sizes.velocity**length
+    return sizes.force**force * sizes.length**length * sizes.duration**time
+
+
+@functools.cache
 def powers(unit: str) -> tuple[int, int, int]:
     """Powers of F, m and s in a unit such as "F s^2/m"."""
     powers = dict.fromkeys("Fms1", 0)

@@ -20,11 +20,10 @@ from .problem import (
     Model,
     Problem,
     natural,
-    residual_and_jacobian,
     step_times_at,
 )
 from .result import Estimate, Fit, unit_of
-from .solve import Solution
+from .solve import Solution, known_at
 from .solved import Solved
 from .uncertainty import (
     QUANTILE,
@@ -69,8 +68,8 @@ def assemble(
     plausible = _plausible(record, steps, sign, problem, solution)
     estimates, matrix = _estimates(record, problem, solution, spread, ended, plausible, profile)
     names, unit = problem.model.names(), record.friction_unit
-    for name, value in (("K", problem.stiffness), ("V0", problem.V0)):
-        if name not in estimates:
+    for name, value in (("K", problem.stiffness), ("V0", problem.V0), ("m", problem.mass)):
+        if name not in estimates and value is not None:
             v = float(value)
             estimates[name] = Estimate(v, 0.0, v, v, unit_of(name, unit), free=False)
     scale, longest = float(problem.noise_scale), longest_memory(problem.clock)
@@ -105,7 +104,7 @@ def _misfit(problem: Problem, solution: Solution, rows: int) -> np.ndarray:
     plain = solution.residual
     if problem.noise is not None or not np.array_equal(problem.weight, every):
         seen = dataclasses.replace(problem, noise=None, weight=jax.device_put(every))
-        plain, _ = residual_and_jacobian(seen, solution.z)
+        plain = known_at(seen, solution.z).residual
     return np.asarray(plain)[:rows] * float(problem.noise_scale)
 
 
@@ -156,9 +155,7 @@ def _estimates(
         if profiles is not None and known[i]:
             profiles(f"profile of {name} ({i + 1} of {p})")
             ends[:, i] = profile_interval(problem, solution, i, float(std[i]))
-    values, slopes = (
-        np.asarray(x) for x in natural(problem, jax.device_put(np.vstack([z[None], ends])))
-    )
+    values, slopes = natural(problem, np.vstack([z[None], ends]))
     value, slope = values[0], slopes[0]
     for i, name in enumerate(problem.model.names()):
         estimates[name] = Estimate(
@@ -185,8 +182,7 @@ def _plausible(
 ) -> list[bool]:
     """Whether each free parameter has a value that a record of this size can show."""
     noise, friction = float(problem.noise_scale), sign * record.friction
-    three = jax.device_put(np.tile(np.asarray(solution.z), (3, 1)))  # as in `_estimates`
-    values = np.asarray(natural(problem, three)[0])[0]
+    values = natural(problem, np.asarray(solution.z)[None])[0][0]
     forward = VelocitySteps(steps.times, np.abs(steps.velocities))
     within = []
     for name, value in zip(problem.model.names(), values, strict=True):

@@ -40,12 +40,11 @@ from .problem import (
     RigModel,
     make_problem,
     quantity_of,
-    residual_and_jacobian,
     to_free,
 )
 from .quantisation import least_noise, recorded_steps
 from .result import Fit, unit_of
-from .solve import Solution, solve
+from .solve import Solution, known_at, solve
 from .solved import Solved
 from .start import (
     OneStateMotion,
@@ -66,6 +65,7 @@ def fit(
     record: Record | str | Path,
     *,
     stiffness: float | str | None = None,
+    mass: float | str | None = None,
     law: str = "slip",
     states: int = 1,
     fit_stiffness: bool = False,
@@ -80,13 +80,17 @@ def fit(
 ) -> Fit:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
 
-    A massless slider in steady sliding at the first velocity (`rig.QuasiStatic`), on a spring:
-    f = f0 + A ln(V/V0) + sum_i theta_i (+ s x), K (x_m - x) = f - f_start.
+    A slider in steady sliding at the first velocity, on a spring, without mass (`rig.QuasiStatic`)
+    or with one that is stated (`rig.Inertial`):
+    f = f0 + A ln(V/V0) + sum_i theta_i (+ s x), K (x_m - x) = f - f_start (+ m dV/dt).
 
     Parameters
     ----------
     record : as read by `jaxfric.read`, or the path of one that needs no more words.
     stiffness : of spring and specimen [1/m for a coefficient, N/m for a force], or "1.6e-3/um".
+    mass : of what slides [kg for a force, kg/N = s^2/m for a coefficient: over the normal force],
+        or "12 kg"; None: it is so small that it does not count. What is recorded is friction: the
+        pull of the spring less m dV/dt.
     law : "slip" or "ageing".
     states : number of state variables, 1 to 3.
     fit_stiffness, slip_trend : also fit K (`stiffness`, needed otherwise, is a start); also fit s.
@@ -107,16 +111,16 @@ def fit(
     ------
     InputError : float64 is off, an argument is out of range, or the record has no step.
 
-    Not tried: records with mass (inertia) fitted, more than 3 states.
+    Not tried: a mass that is fitted, more than 3 states.
     """
     require_float64()
     record = as_record(record)
     model = _model(law, states, fit_stiffness, slip_trend, weighting)
-    K = _stiffness(stiffness, record, fit_stiffness)
+    K, m = _stiffness(stiffness, record, fit_stiffness), _mass(mass, record)
     progress("velocity steps")
     steps = steps_of(record, steps)
     record, warnings = (record, ()) if rows is None else few_rows(record, rows, steps)
-    task = _task(record, steps, model, K, reference_velocity)
+    task = _task(record, steps, model, K, reference_velocity, m)
     progress(f"compiling, then fitting {len(record)} rows")
     problem, solution = _solve_in_stages(task, start, progress)
     solved = _with_noise(task, problem, solution, whitened=weighting == "whitened")
@@ -126,7 +130,7 @@ def fit(
 
 class FitTask(NamedTuple):
     """A record, steps that begin forwards and the sign of friction that goes with them, the model,
-    the stiffness where it is known, and the reference velocity [m/s]."""
+    the stiffness where it is known, the reference velocity [m/s], and the mass where it counts."""
 
     record: Record
     steps: VelocitySteps
@@ -134,23 +138,25 @@ class FitTask(NamedTuple):
     model: Model
     stiffness: float | None
     V0: float
-    doubts: tuple[str, ...] = ()
+    mass: float | None
+    doubts: tuple[str, ...]
     """Warnings about the stated stiffness."""
-    given: VelocitySteps | None = None
+    given: VelocitySteps
     """The steps as given or found, which may begin backwards."""
 
 
 def task_of(
     record: Record | str | Path,
     stiffness: float | str | None,
+    mass: float | str | None,
     steps: VelocitySteps | str | None,
     model: Model,
     reference_velocity: float | str | None,
 ) -> FitTask:
     """What `fit` begins with; raises what it does."""
     record = as_record(record)
-    K = _stiffness(stiffness, record, model.fit_stiffness)
-    return _task(record, steps_of(record, steps), model, K, reference_velocity)
+    K, m = _stiffness(stiffness, record, model.fit_stiffness), _mass(mass, record)
+    return _task(record, steps_of(record, steps), model, K, reference_velocity, m)
 
 
 def _task(
@@ -159,6 +165,7 @@ def _task(
     model: Model,
     stiffness: float | None,
     reference_velocity: float | str | None,
+    mass: float | None = None,
 ) -> FitTask:
     if stiffness is not None:
         _refuse_soft(stiffness, record, steps)
@@ -170,7 +177,7 @@ def _task(
         seen, unit = steepest_loading(record, sign, forward), record.friction_unit
         refuse_contradicted(seen, stiffness, unit)
         said = loading_doubts(seen, stiffness, unit)
-    return FitTask(record, forward, sign, model, stiffness, V0, said, steps)
+    return FitTask(record, forward, sign, model, stiffness, V0, mass, said, steps)
 
 
 def _with_noise(task: FitTask, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
@@ -186,7 +193,7 @@ def _with_noise(task: FitTask, problem: Problem, solution: Solution, *, whitened
         noise = _noise(problem, solution, written, like=found).noise
     if whitened and solution.cost < FAILED_MISFIT**2:
         solution = solve(problem.whitened(noise), np.asarray(solution.z)[None], refine=1)
-        noise = _noise(problem, _evaluate(problem, solution), written, like=found).noise
+        noise = _noise(problem, known_at(problem, solution.z), written, like=found).noise
         problem = problem.whitened(noise)
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
     return solved._replace(problem=problem, solution=solution, noise=noise)
@@ -295,6 +302,14 @@ def _stiffness(stiffness: float | str | None, record: Record, fit_stiffness: boo
     return float(value)
 
 
+def _mass(mass: float | str | None, record: Record) -> float | None:
+    if mass is None:
+        return None
+    unit = unit_of("m", record.friction_unit)
+    value = parse_quantity(mass, unit, "mass") if isinstance(mass, str) else float(mass)
+    return quantity_of("m").check(value, "mass")
+
+
 def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
     """Refuse a stiffness whose spring the whole path of the load point does not load."""
     noise = noise_from_differences(record.friction)
@@ -323,6 +338,7 @@ def prepare(
     *,
     stiffness: float,
     V0: float | None = None,
+    mass: float | None = None,
     sign: float = 1.0,
     force_scale: float | None = None,
 ) -> Problem:
@@ -338,6 +354,7 @@ def prepare(
         stiffness,
         noise_scale,
         float(np.ptp(friction)) if force_scale is None else force_scale,
+        mass,
     )
     return make_problem(record.relative_time, friction, steps, sizes, model, shifted=shifted)
 
@@ -368,7 +385,7 @@ def _solve_in_stages(
 
     A law that is no `RateState` begins with one state of the slip law.
     """
-    record, steps, sign, model, K, V0, *_ = task
+    record, steps, sign, model, K, V0, mass, *_ = task
     time, friction = record.relative_time, sign * record.friction
     law = model.law if evolution_of(model.law) is not None else "slip"
     one = model._replace(states=1, law=law)
@@ -379,6 +396,7 @@ def _solve_in_stages(
         one,
         stiffness=float(starts[0, one.names().index("K")]) if K is None else K,
         V0=V0,
+        mass=mass,
         sign=sign,
         force_scale=float(starts[0, 1]),
     )
@@ -433,12 +451,7 @@ def _solve(
         for name, value in given.items():
             first[names.index(name)] = quantity_of(name).check(float(value), "start")
         starts = first[None]
-    return solve(problem, np.asarray(to_free(problem, jax.device_put(starts))), progress=progress)
-
-
-def _evaluate(problem: Problem, solution: Solution) -> Solution:
-    residual, jacobian = residual_and_jacobian(problem, solution.z)
-    return solution._replace(residual=np.asarray(residual), jacobian=np.asarray(jacobian))
+    return solve(problem, to_free(problem, starts), progress=progress)
 
 
 def _noise(

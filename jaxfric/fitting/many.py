@@ -18,7 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
 from ..laws.registry import evolution_of
@@ -31,13 +31,12 @@ from ..traced import traced
 from .assemble import assemble
 from .fit import FitTask, prepare, require_float64, task_of, uncertain_steps, wanted_model
 from .glitches import NO_GLITCHES
-from .minimise import minimise
 from .noise import noise_of
 from .padding import bucket
 from .problem import FAILED_MISFIT, Model, Problem, to_free
 from .quantisation import least_noise, recorded_steps
 from .result import Fit
-from .solve import NOISE_REACHED, Solution
+from .solve import NOISE_REACHED, Solution, descent, on_host
 from .solved import Solved
 from .start import (
     COARSE,
@@ -66,6 +65,7 @@ def fit_many(
     records: Iterable[Record | str | Path],
     *,
     stiffness: float | str | Sequence[float | str] | None = None,
+    mass: float | str | Sequence[float | str] | None = None,
     law: str = "slip",
     states: int = 1,
     fit_stiffness: bool = False,
@@ -86,6 +86,7 @@ def fit_many(
     records : as for `jaxfric.fit`; they may have different lengths and velocities.
     stiffness : one for all records [1/m for a coefficient, N/m for a force], or "1.6e-3/um"; or a
         sequence with one for each record.
+    mass : as for `jaxfric.fit`, and one for all or for each as the stiffness.
     law, states, fit_stiffness, slip_trend, reference_velocity : as for `jaxfric.fit`.
     steps : velocity steps for all records, or a sequence with those of each; found where None.
     progress : told what is being done.
@@ -104,10 +105,11 @@ def fit_many(
     require_float64()
     model = wanted_model(law, states, fit_stiffness, slip_trend)
     asked = list(records)
-    stiff, timed = _for_each(stiffness, asked, "stiffness"), _for_each(steps, asked, "steps")
+    stated = {"stiffness": stiffness, "mass": mass, "steps": steps}
+    each = [_for_each(given, asked, name) for name, given in stated.items()]
     tasks = [
         _task(i, *own, model, reference_velocity)
-        for i, own in enumerate(zip(asked, stiff, timed, strict=True))
+        for i, own in enumerate(zip(asked, *each, strict=True))
     ]
     if not tasks:
         return []
@@ -141,6 +143,7 @@ def _task(
     index: int,
     record: Record | str | Path,
     stiffness: float | str | None,
+    mass: float | str | None,
     steps: VelocitySteps | str | None,
     model: Model,
     reference_velocity: float | str | None,
@@ -149,7 +152,7 @@ def _task(
     try:
         if isinstance(record, Record):
             _refuse_bad(record)
-        return task_of(record, stiffness, steps, model, reference_velocity)
+        return task_of(record, stiffness, mass, steps, model, reference_velocity)
     except InputError as wrong:
         raise InputError(f"record {index}: {wrong}") from None
 
@@ -233,33 +236,14 @@ def _grids(
     return jax.vmap(one)(sought)
 
 
-class _Descended(NamedTuple):
-    """Where the descents of a batch ended."""
-
-    z: Float[Array, "r q"]
-    residual: Float[Array, "r n"]
-    jacobian: Float[Array, "r n q"]
-    cost: Float[Array, " r"]
-    converged: Bool[Array, " r"]
-    points: Int[Array, " r"]
-
-
 @traced
-def _descents(problems: Problem, zs: Float[Array, "r q"], most: int) -> _Descended:
+def _descents(problems: Problem, zs: Float[Array, "r q"], most: Int[Array, " r"]) -> Solution:
     """A descent of at most `most` points for each of many problems."""
 
-    def one(problem: Problem, z: Float[Array, " q"]) -> _Descended:
-        found = minimise(problem, z, max_steps=most)
-        return _Descended(
-            found.value,
-            found.residual,
-            found.jacobian,
-            found.cost,
-            found.converged,
-            found.evaluations,
-        )
+    def one(problem: Problem, z: Float[Array, " q"], most: Int[Array, ""]) -> Solution:
+        return descent(problem, z, jnp.ones(z.shape, bool), most)
 
-    return eqx.filter_vmap(one)(problems, zs)
+    return eqx.filter_vmap(one)(problems, zs, most)
 
 
 @traced
@@ -306,6 +290,7 @@ def _with_starts(tasks: list[FitTask], model: Model) -> list[_Begun]:
             one,
             stiffness=K,
             V0=task.V0,
+            mass=task.mass,
             sign=task.sign,
             force_scale=float(starts[0, 1]),
         )
@@ -315,7 +300,7 @@ def _with_starts(tasks: list[FitTask], model: Model) -> list[_Begun]:
 
 def _unbounded(begun: list[tuple[Problem, np.ndarray]]) -> list[_Begun]:
     """The same with starts as unbounded variables."""
-    return [_Begun(p, np.asarray(to_free(p, jnp.asarray(starts)))) for p, starts in begun]
+    return [_Begun(p, to_free(p, starts)) for p, starts in begun]
 
 
 def _with_more_states(tasks: list[FitTask], ended: list[_Ended], model: Model) -> list[_Begun]:
@@ -358,7 +343,7 @@ def _with_more_states(tasks: list[FitTask], ended: list[_Ended], model: Model) -
 
 def _solved_in_batches(begun: list[_Begun]) -> list[_Ended]:
     """The best of up to three descents of each problem; one where it comes down to the noise."""
-    best: list[_Descended | None] = [None] * len(begun)
+    best: list[Solution | None] = [None] * len(begun)
     for k in range(_DESCENTS):
         open_ = [
             i for i, own in enumerate(begun) if k < len(own.starts) and not _fits(best[i], own)
@@ -367,49 +352,39 @@ def _solved_in_batches(begun: list[_Begun]) -> list[_Ended]:
         for i, point in zip(open_, found, strict=True):
             best[i] = _better(best[i], point)
     return [
-        _Ended(own.problem, _solution(point))
+        _Ended(own.problem, on_host(point))
         for own, point in zip(begun, best, strict=True)
         if point is not None
     ]
 
 
-def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[_Descended]:
+def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[Solution]:
     """One descent of each problem; those that are cut go on together."""
-    found = _in_batches(lambda p, z: _descents(p, z, _POINTS[0]), problems, zs) if zs else []
+    found = _in_batches(_descents, problems, zs, [_POINTS[0]] * len(zs)) if zs else []
     cut = [i for i, own in enumerate(found) if not own.converged and own.cost < FAILED_MISFIT**2]
     if cut:
         again = _in_batches(
-            lambda p, z: _descents(p, z, _POINTS[1]),
+            _descents,
             [problems[i] for i in cut],
             [found[i].z for i in cut],
+            [_POINTS[1]] * len(cut),
         )
         for i, point in zip(cut, again, strict=True):
-            found[i] = point._replace(points=point.points + found[i].points)
+            found[i] = point._replace(trials=point.trials + found[i].trials)
     return found
 
 
-def _fits(point: _Descended | None, own: _Begun) -> bool:
+def _fits(point: Solution | None, own: _Begun) -> bool:
     """Whether a descent came down to the noise of its record."""
     samples = float(np.sum(np.asarray(own.problem.weight) > 0))
     most = NOISE_REACHED * (1 + _SCATTER / np.sqrt(samples)) * samples
-    return point is not None and bool(point.converged & (point.cost < most))
+    return point is not None and bool(point.converged and point.cost < most)
 
 
-def _better(one: _Descended | None, other: _Descended) -> _Descended:
+def _better(one: Solution | None, other: Solution) -> Solution:
     if one is None:
         return other
     return other if (other.converged, -other.cost) > (one.converged, -one.cost) else one
-
-
-def _solution(point: _Descended) -> Solution:
-    return Solution(
-        jnp.asarray(point.z),
-        np.asarray(point.residual),
-        np.asarray(point.jacobian),
-        bool(point.converged),
-        int(point.points),
-        float(point.cost),
-    )
 
 
 # --- results ---------------------------------------------------------------------------------
@@ -424,6 +399,6 @@ def _fit(task: FitTask, end: _Ended) -> Fit:
     sigma = max(np.sqrt(solution.cost / free), least_noise(written) / float(problem.noise_scale))
     noise = noise_of(float(sigma), memory=np.ones(problem.clock.shape[1]))
     solved = Solved(problem, solution, noise, NO_GLITCHES, written)
-    found = assemble(task.record, task.given or task.steps, task.sign, solved, profile=None)
+    found = assemble(task.record, task.given, task.sign, solved, profile=None)
     doubts = (*task.doubts, *uncertain_steps(task, problem))
     return dataclasses.replace(found, warnings=(*doubts, *found.warnings))

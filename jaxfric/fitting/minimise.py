@@ -79,7 +79,7 @@ def minimise(
     *,
     rtol: float = 1e-3,
     atol: float = 1e-12,
-    max_steps: int = 80,
+    max_steps: int | Int[Array, ""] = 80,
 ) -> Minimum:
     """Minimise |residual(z, args)|^2 from `z0`; see the module for the method.
 
@@ -96,7 +96,8 @@ def minimise(
     args : any pytree, passed on to `residual`.
     rtol : the last step in standard errors of the parameters.
     atol : the last step in units of the residual's norm, for residuals that vanish.
-    max_steps : most evaluations of residual and Jacobian.
+    max_steps : most evaluations of residual and Jacobian; may be traced. With 1 the result is what
+        is known at `z0`.
 
     Returns
     -------
@@ -109,11 +110,11 @@ def minimise(
         function = residual
     found = optx.least_squares(
         _Once(function),
-        _Marquardt(rtol, atol),
+        _Marquardt(rtol, atol, max_steps),
         z0,
         args=args,
         options={"jac": "fwd"},
-        max_steps=max_steps,
+        max_steps=None,  # `_Marquardt` counts them
         adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
         throw=False,
     )
@@ -243,13 +244,15 @@ class _Marquardt(optx.AbstractGaussNewton):
 
     rtol: float
     atol: float
+    max_steps: int | Int[Array, ""]
     norm: Callable[[PyTree], Array]
     descent: "_Damped"  # ty: ignore[incompatible-mutable-override]
     search: optx.ClassicalTrustRegion  # ty: ignore[incompatible-mutable-override]
     verbose: Callable[..., None]
 
-    def __init__(self, rtol: float, atol: float):
-        self.rtol, self.atol, self.norm = rtol, atol, optx.max_norm
+    def __init__(self, rtol: float, atol: float, max_steps: int | Int[Array, ""]):
+        self.rtol, self.atol, self.max_steps = rtol, atol, max_steps
+        self.norm = optx.max_norm
         self.descent, self.search = _Damped(), optx.ClassicalTrustRegion(low_constant=0.1)
         self.verbose = _say_nothing
 
@@ -262,14 +265,19 @@ class _Marquardt(optx.AbstractGaussNewton):
         state: PyTree,
         tags: frozenset[object],
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
-        """Whether the Gauss-Newton step from the last accepted point is small."""
+        """Whether the Gauss-Newton step from the last accepted point is small, or none is left."""
         left, jacobian = state.f_info.residual, state.f_info.jac.as_matrix()
         cost = jnp.sum(left**2)
         gain = _gain(left, jacobian)
         least = self.rtol * jnp.sqrt(cost / left.shape[0]) + self.atol
         level = (state.num_steps_since_acceptance > 0) & (gain <= _LEVEL * cost)
         begun = jnp.logical_not(state.first_step)
-        return begun & ((gain <= least**2) | level), state.result
+        there = begun & ((gain <= least**2) | level)
+        spent = state.num_steps >= self.max_steps
+        out = optx.RESULTS.where(
+            spent & ~there, optx.RESULTS.nonlinear_max_steps_reached, state.result
+        )
+        return there | spent, out
 
 
 def _gain(left: Float[Array, " n"], jacobian: Float[Array, "n q"]) -> Float[Array, ""]:

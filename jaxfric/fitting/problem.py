@@ -11,7 +11,7 @@ of their standard error, each held by one more residual.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import equinox as eqx
 import jax
@@ -23,13 +23,19 @@ from ..laws.registry import fixed_states, law_quantity, rate_state
 from ..motion import PiecewiseVelocity
 from ..quantity import Quantity, numbered_names, quantities
 from ..records import VelocitySteps
-from ..rig import QuasiStatic, Rig
+from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import LogarithmicEffect, RegularisedEffect
 from ..rig.normal_stress import NormalStress
 from ..rig.timing import LateSteps
 from ..simulation import RESULTS, simulate
 from ..traced import traced
-from .abstract_problem import FAILED_MISFIT, AbstractProblem, ParametricModel, Sizes
+from .abstract_problem import (
+    FAILED_MISFIT,
+    AbstractProblem,
+    ParametricModel,
+    Sizes,
+    typical_size,
+)
 from .noise import Noise, whiten
 from .padding import bucket
 
@@ -37,14 +43,14 @@ _TIME_SHARE = 1e-3
 _STIFF = 1000.0
 """Spring force over the whole path, in changes of friction, from which the stiff method is used: A
 is about a third of such a change, and an explicit step as long as three relaxations over A/K."""
-_MACHINE_QUANTITIES = quantities(QuasiStatic)
+_MACHINE_QUANTITIES = quantities(Inertial)
 _LEVEL = Quantity("level", "F", "friction of a later stretch of a run less that of the first")
 
 
 def quantity_of(name: str) -> Quantity:
     """The `Quantity` behind a parameter name such as "A", "L2", "K" or "slip_trend"."""
-    if name == "K":
-        return _MACHINE_QUANTITIES["stiffness"]
+    if name in ("K", "m"):
+        return _MACHINE_QUANTITIES["stiffness" if name == "K" else "mass"]
     if name.startswith("level"):
         return _LEVEL
     return law_quantity(name)
@@ -132,6 +138,8 @@ class Problem(AbstractProblem):
     seen: tuple[Float[Array, " m"], Int[Array, " n"]] | None = None
     """Times at which the sensor sees friction, ascending, and which of them are the rows; None: it
     sees the rows only. Between them it takes friction as straight."""
+    mass: Float[Array, ""] | None = None
+    """Mass [F s^2/m], which is stated; None: it is so small that it does not count."""
     stretch: Int[Array, " n"] | None = None
     """Index of the stretch of every row, where the model has levels of its own for them."""
 
@@ -164,6 +172,9 @@ class Problem(AbstractProblem):
     def rig(self, z: Float[Array, " q"]) -> Rig:
         """The rig with the parameters `z`."""
         rig = self.model.rig(self.from_free(z), self.V0, self.stiffness)
+        if self.mass is not None:
+            heavy = Inertial(self.mass, rig.machine.stiffness, rig.machine.damping)
+            rig = dataclasses.replace(rig, machine=heavy)
         if self.normal_stress is not None:
             rig = eqx.tree_at(
                 lambda r: r.normal_stress, rig, self.normal_stress, is_leaf=lambda x: x is None
@@ -261,38 +272,39 @@ class Problem(AbstractProblem):
         return jnp.concatenate([*rows, self.hold * z[len(self.model.names()) :]])
 
 
-@traced
-def residual_and_jacobian(
-    problem: Problem, z: Float[Array, " q"]
-) -> tuple[Float[Array, " r"], Float[Array, "r q"]]:
-    """Residual and its Jacobian, in forward mode: one solve that carries all tangents."""
-
-    def push(tangent: Array) -> tuple[Array, Array]:
-        return jax.jvp(problem.residual, (z,), (tangent,))
-
-    return jax.vmap(push, out_axes=(None, -1))(jnp.eye(z.shape[0], dtype=z.dtype))
-
-
-@traced
-def to_free(problem: AbstractProblem, values: Float[Array, "s p"]) -> Float[Array, "s q"]:
-    """Unbounded variables of several rows of natural values."""
-    return jax.vmap(problem.to_free)(values)
+def to_free(problem: AbstractProblem, values: Float[np.ndarray, "s p"]) -> Float[np.ndarray, "s q"]:
+    """Unbounded variables of several rows of natural values, by NumPy."""
+    given: Any = np.asarray(values, float).T
+    columns: list[Any] = [
+        about.to_free(x, scale=size) for x, (about, size) in zip(given, _free(problem), strict=True)
+    ]
+    return np.column_stack([*columns, np.zeros((len(values), len(problem.hold)))])
 
 
 def free_of(problem: AbstractProblem, values: Sequence[float] | np.ndarray) -> np.ndarray:
     """Unbounded variables (q,) of one row of natural values (p,)."""
-    return np.array(to_free(problem, jax.device_put(np.asarray(values, float)[None])))[0]
+    return to_free(problem, np.asarray(values, float)[None])[0]
 
 
-@traced
 def natural(
-    problem: AbstractProblem, zs: Float[Array, "s q"]
-) -> tuple[Float[Array, "s p"], Float[Array, "s p"]]:
+    problem: AbstractProblem, zs: Float[np.ndarray, "s q"]
+) -> tuple[Float[np.ndarray, "s p"], Float[np.ndarray, "s p"]]:
     """Natural (SI) values of several rows of unbounded variables, and the derivative of each
-    value by its own variable."""
-    p = len(problem.model.names())
-    slopes = jax.vmap(jax.jacfwd(problem.from_free))(zs)[:, :, :p]
-    return jax.vmap(problem.from_free)(zs), jnp.diagonal(slopes, axis1=1, axis2=2)
+    value by its own variable, by NumPy."""
+    free: Any = np.asarray(zs, float).T
+    columns: list[Any] = [
+        (about.from_free(z, scale=size), about.slope(z, scale=size))
+        for z, (about, size) in zip(free, _free(problem), strict=False)
+    ]
+    values, slopes = zip(*columns, strict=True)
+    return np.stack(values, axis=1), np.stack(slopes, axis=1)
+
+
+def _free(problem: AbstractProblem) -> list[tuple[Quantity, Any]]:
+    """Every free parameter, and its typical size as a number of NumPy."""
+    model, sizes = problem.model, jax.tree.map(np.asarray, problem.on_host().sizes)
+    abouts = [model.quantity(name) for name in model.names()]
+    return [(about, typical_size(about, sizes)) for about in abouts]
 
 
 def _ones(like: Array) -> Array:
@@ -323,13 +335,14 @@ def build_rig(
 
 
 class ProblemSizes(NamedTuple):
-    """Reference velocity [m/s], stiffness [F/m], and the sizes of noise and of friction's changes
-    [F] in which residuals and unbounded parameters are counted."""
+    """Reference velocity [m/s] and stiffness [F/m]; sizes of noise and of friction's changes, in
+    which residuals and unbounded parameters are counted [F]; the mass where it counts [F s^2/m]."""
 
     V0: float
     stiffness: float
     noise: float
     force: float
+    mass: float | None = None
 
 
 def clock_of(time: np.ndarray, steps: VelocitySteps) -> np.ndarray:
@@ -372,18 +385,25 @@ def make_problem(
         "noise_scale": np.array(sizes.noise, float),
         "force_scale": np.array(sizes.force, float),
         "slip_scale": np.array(path[-1] - path[0], float),
+        "mass": None if sizes.mass is None else np.array(sizes.mass, float),
     }
-    motion = PiecewiseVelocity(steps.times, steps.velocities)
+    never = (0, bucket(len(steps), 4) - len(steps))
+    moved = (
+        np.pad(steps.times, never, constant_values=np.inf),
+        np.pad(steps.velocities, never, mode="edge"),
+    )
+    arrays, moved = jax.device_put((arrays, moved))  # together: each call takes as long as an array
     return Problem(
-        **jax.device_put(arrays),
-        motion=motion.padded(bucket(len(steps), 4)),
+        **arrays,
+        motion=PiecewiseVelocity(*moved),
         damping=None,
         noise=None,
         channels=(),
         normal_stress=None,
         model=model,
         max_steps=most_steps(len(steps)),
-        stiff=bool(sizes.stiffness * (path[-1] - path[0]) > _STIFF * sizes.force),
+        stiff=sizes.mass is not None
+        or bool(sizes.stiffness * (path[-1] - path[0]) > _STIFF * sizes.force),
     )
 
 

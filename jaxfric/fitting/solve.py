@@ -1,34 +1,35 @@
-"""Levenberg-Marquardt from the best of several starts.
+"""The best of several descents: `minimise` from one start after the other.
 
-One compiled function does the work, the residual with its Jacobian; the descent is MINPACK's. (A
-compiled descent takes seconds to compile and no less time, as nearly all of it is in that
-function.) Starts are tried one after another rather than batched: a batched `while_loop` copies the
-solver's whole memory at every step, which costs more than the batch saves on a few cores.
+One compiled function does all of it: a descent, what is known at a point (a descent of one step),
+and a descent along a profile, where some parameters are held. Descents of one record are not
+batched: the first often comes down to the noise, and then no other is made. On a step of 500 rows a
+descent takes 5 ms so, and 8 ms by MINPACK, which comes back to Python at every point.
 """
 
 import time
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..silent import silent
-from .marquardt import Descent, levenberg_marquardt
-from .problem import FAILED_MISFIT, Problem, residual_and_jacobian
+from ..traced import traced
+from .minimise import minimise
+from .problem import FAILED_MISFIT, Problem
 
 # A descent from which the misfit per sample is below this is not compared with others: it
 # fits to the noise (measured from second differences of the record).
 NOISE_REACHED = 1.1
 _TRIALS = (10, 80)  # of a descent
-_XTOL = 1e-6
 _DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)
 
 
 class Solution(NamedTuple):
-    """Best parameters found, what they leave, whether the solver says that it converged, and the
-    number of its trials."""
+    """Parameters at which a descent ended, what they leave, whether it converged, and the number of
+    points that it tried; while JAX traces, all of them are its arrays."""
 
     z: Float[Array, " q"]
     residual: Float[np.ndarray, " r"]
@@ -36,69 +37,53 @@ class Solution(NamedTuple):
     converged: bool
     trials: int
     cost: float
+    """Sum of squared residuals."""
 
 
-class Evaluated(NamedTuple):
-    """Residual and Jacobian at a point; where a trial ran away the Jacobian, of which nothing is
-    known there, is 0."""
-
-    residual: Float[np.ndarray, " r"]
-    jacobian: Float[np.ndarray, "r q"]
-
-    @property
-    def cost(self) -> float:
-        """Sum of squared residuals."""
-        return float(self.residual @ self.residual)
-
-
-class _Start(NamedTuple):
-    """Where a descent begins; what is known there, None: not asked or not kept; whether the motion
-    runs away there."""
-
-    z: np.ndarray
-    known: Evaluated | None
-    runs_away: bool
+@traced
+def descent(
+    problem: Problem, z: Float[Array, " q"], free: Bool[Array, " q"], most: Int[Array, ""]
+) -> Solution:
+    """One descent of at most `most` points from `z` in those parameters that are `free`; the
+    Jacobian is 0 by the others."""
+    found = minimise(_held, z, (problem, z, free), max_steps=most)
+    there: Any = jnp.where(free, found.value, z)
+    left: tuple[Any, ...] = (found.residual, found.jacobian, found.converged, found.evaluations)
+    cost: Any = found.cost
+    return Solution(there, *left, cost)
 
 
-def misfits(problem: Problem, starts: np.ndarray) -> np.ndarray:
-    """Sum of squared residuals at every start.
-
-    By the function that the descent needs anyway: compiling another costs more than its Jacobians.
-    """
-    return np.array([_evaluated(problem, z).cost for z in starts])
-
-
-def _evaluated(problem: Problem, z: np.ndarray) -> Evaluated:
-    residual, jacobian = residual_and_jacobian(problem, jax.device_put(z))
-    known = np.asarray(jacobian)
-    if not np.isfinite(known).all():
-        known = np.nan_to_num(known, posinf=0.0, neginf=0.0)
-    return Evaluated(np.asarray(residual), known)
+def _held(z: Float[Array, " q"], args: tuple[Problem, Array, Array]) -> Float[Array, " r"]:
+    problem, begin, free = args
+    return problem.residual(jnp.where(free, z, begin))
 
 
 def descend(
-    problem: Problem,
-    z: np.ndarray,
-    tolerance: float,
-    free: np.ndarray | None = None,
-    *,
-    known: Evaluated | None = None,
-) -> Descent:
-    """One descent from `z` in the parameters with the indices `free`; None: in all.
+    problem: Problem, z: np.ndarray, free: np.ndarray | None = None, *, most: int = _TRIALS[1]
+) -> Solution:
+    """`descent` with NumPy arrays; `free` holds indices, None: all."""
+    which = np.ones(len(z), bool)
+    if free is not None:
+        which = np.isin(np.arange(len(z)), free)
+    found = descent(problem, *jax.device_put((np.asarray(z), which, np.asarray(most))))
+    return on_host(found)
 
-    `known` is what is known at `z`, where that was asked before.
-    """
-    index = np.arange(len(z)) if free is None else free
-    z = np.array(z)
 
-    def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        z[index] = y
-        residual, jacobian = _evaluated(problem, z)
-        return residual, jacobian[:, index]
+def on_host(found: Solution) -> Solution:
+    """The same with NumPy's arrays and numbers, but for `z`."""
+    residual, jacobian = np.asarray(found.residual), np.asarray(found.jacobian)
+    ended, count = bool(found.converged), int(found.trials)
+    return Solution(found.z, residual, jacobian, ended, count, float(found.cost))
 
-    pair = None if known is None else (known.residual, known.jacobian[:, index])
-    most = _TRIALS[1]
-    return levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_XTOL, most=most, known=pair)
+
+def known_at(problem: Problem, z: np.ndarray | Array) -> Solution:
+    """Residual, Jacobian and cost at `z`, by the function that descends anyway."""
+    return descend(problem, np.asarray(z), most=1)
+
+
+def misfits(problem: Problem, starts: np.ndarray) -> np.ndarray:
+    """Sum of squared residuals at every start."""
+    return np.array([known_at(problem, z).cost for z in starts])
 
 
 def solve(
@@ -106,60 +91,50 @@ def solve(
     starts: np.ndarray,
     *,
     refine: int = 3,
-    tolerance: float = 1e-8,
     progress: Callable[[str], None] = silent,
 ) -> Solution:
     """Minimise the sum of squared residuals from up to `refine` of the `starts`, likeliest first.
 
-    No other is tried where a descent comes down to the noise. A descent ends when the sum falls,
-    and is foreseen to fall, by less than `tolerance` of itself. `progress` is told which descent it
+    No other is tried where a descent comes down to the noise. `progress` is told which descent it
     is, and how long one takes.
     """
     samples = float(np.sum(np.asarray(problem.weight) > 0))
     most, few = min(refine, len(starts)), f"{_TRIALS[0]} to {_TRIALS[1]} trials"
     found: list[Solution] = []
-    begun, length = time.perf_counter(), ""
-    for start in _in_turn(problem, starts, most):
-        trial = f"{few}, the first, compiled where it must be, took {_since(begun)}"
-        which = f"descent {len(found) + 1} of at most {most} over {int(samples)} rows"
-        progress(f"{which}, {length or trial}")
-        begun = time.perf_counter()
-        ended = _descend_safely(problem, start, tolerance)
-        length = f"the one before took {_since(begun)}"
-        cost = float(ended.residual @ ended.residual)
-        found.append(Solution(jax.device_put(ended.y), *ended[1:], cost))
-        if cost < NOISE_REACHED * samples:
+    told = f"descent {{}} of at most {most} over {int(samples)} rows, {{}}"
+    progress(told.format(1, f"{few}, the first compiled where it must be"))
+    for begun, ended in _in_turn(problem, starts, most):
+        found.append(ended)
+        if ended.cost < NOISE_REACHED * samples or len(found) == most:
             break
+        took = f"the one before took {time.perf_counter() - begun:.2g} s"
+        progress(told.format(len(found) + 1, took))
     return min(found, key=lambda s: s.cost)
 
 
-def _since(begun: float) -> str:
-    return f"{time.perf_counter() - begun:.2g} s"
-
-
-def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[_Start]:
-    """The first start and, where more are asked for, those of least misfit; a first from which the
-    slider runs away has its turn among them."""
-    first = _evaluated(problem, starts[0])
-    away = FAILED_MISFIT**2
+def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[float, Solution]]:
+    """When it began, and the descent from the first start and, where more are asked for, from those
+    of least misfit; a first from which the slider runs away has its turn among them."""
+    begun, away = time.perf_counter(), FAILED_MISFIT**2
+    first = descend(problem, starts[0])
     able = first.cost < away
     if able:
-        yield _Start(starts[0], first, runs_away=False)
-    cost = np.concatenate([[first.cost], misfits(problem, starts[1:])])
+        yield begun, first
+    cost = np.concatenate([[np.inf if able else away], misfits(problem, starts[1:])])
     order = np.argsort(cost)
-    if cost[order[0]] >= away and problem.damping is None:
+    if cost[order[0]] >= away and problem.damping is None and not able:
         # every start runs away: the record lies near that edge. Approach it with a dashpot.
         order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
     for i in [i for i in order if i > 0 or not able][: most - able]:
-        yield _Start(starts[i], None, runs_away=bool(cost[i] >= away))
+        begun = time.perf_counter()
+        yield begun, _descend_safely(problem, starts[i], runs_away=bool(cost[i] >= away))
 
 
-def _descend_safely(problem: Problem, start: _Start, tolerance: float) -> Descent:
+def _descend_safely(problem: Problem, z: np.ndarray, *, runs_away: bool) -> Solution:
     """Descend; from a start that runs away, first with ever weaker dashpots that forbid it."""
-    z, known, runs_away = start
     for strength in _DASHPOTS:
         if not runs_away:
             break
-        z = descend(problem.damped(strength), z, tolerance).y
-        runs_away = bool(misfits(problem, z[None])[0] >= FAILED_MISFIT**2)
-    return descend(problem, z, tolerance, known=known)
+        z = np.asarray(descend(problem.damped(strength), z).z)
+        runs_away = known_at(problem, z).cost >= FAILED_MISFIT**2
+    return descend(problem, z)

@@ -119,8 +119,6 @@ def profile_interval(
     solution: Solution,
     index: int,
     std: float,
-    *,
-    tolerance: float = 1e-8,
 ) -> tuple[float, float]:
     """Profile-likelihood 95 % interval of one unbounded parameter; infinite where it stays open."""
     inverse = normal_inverse(solution.jacobian)
@@ -131,9 +129,9 @@ def profile_interval(
         distances, roots, z = [0.0], [0.0], np.array(solution.z)
         for point in _PROFILE_POINTS:
             z[index] = solution.z[index] + side * point * std
-            ended = descend(problem, z, tolerance, free)
-            z[free] = ended.y
-            rise = max(float(ended.residual @ ended.residual) - solution.cost, 0.0)
+            ended = descend(problem, z, free)
+            z = np.array(ended.z)
+            rise = max(ended.cost - solution.cost, 0.0)
             distances.append(point)
             roots.append(np.sqrt(rise / unit))
             if roots[-1] > QUANTILE:

@@ -11,7 +11,8 @@ from contextlib import AbstractContextManager, nullcontext
 import numpy as np
 
 from ..fitting.fit import require_float64
-from ..fitting.problem import Problem, free_of, residual_and_jacobian
+from ..fitting.problem import Problem, free_of
+from ..fitting.solve import descent
 from ..records import Record, VelocitySteps
 from ..threads import beside
 from ..traced import keeping
@@ -52,7 +53,7 @@ def compile_ahead(
         ):
             engine.evaluate(z, engine.free(()))
 
-    return residual_and_jacobian.when_traced(lambda: beside(work))
+    return descent.when_traced(lambda: beside(work))
 
 
 def _typical(record: Record, steps: VelocitySteps, stiffness: float) -> dict[str, float]:

@@ -38,8 +38,9 @@ from ..fitting.noise_search import (
     profile_noise,
 )
 from ..fitting.noise_search import Found as FoundNoise
-from ..fitting.problem import FAILED_MISFIT, Problem, residual_and_jacobian
+from ..fitting.problem import FAILED_MISFIT, Problem
 from ..fitting.quantisation import least_noise, recorded_steps
+from ..fitting.solve import known_at
 from ..fitting.whitened import whitened
 from ..laws.registry import fixed_states, rate_state_laws, refuse_unknown_law
 from ..records import Record, VelocitySteps
@@ -273,8 +274,7 @@ class _Ruler:
 
     def noise_rows(self, rival: _Rival, z: np.ndarray) -> NoiseRows:
         """What a law leaves at `z`, as the input of a noise estimate."""
-        residual, _ = residual_and_jacobian(rival.problem, jax.device_put(z))
-        left = np.asarray(residual)[: len(self.weight)]
+        left = np.asarray(known_at(rival.problem, z).residual)[: len(self.weight)]
         return noise_rows(self.clock, self.weight, left, np.zeros((len(left), 1)), self.longest)
 
     def likeliest(
@@ -318,8 +318,7 @@ class _Ruler:
         problem = dataclasses.replace(rival.problem, weight=jax.device_put(train))
         p = len(problem.model.names())
         found = np.concatenate([self._descend(problem, z, noise).y[:p], z[p:]])
-        residual, _ = residual_and_jacobian(rival.problem, jax.device_put(found))
-        error = np.asarray(residual)[: len(held)] * held
+        error = np.asarray(known_at(rival.problem, found).residual)[: len(held)] * held
         white = whitened(self.clock, held, error[:, None], noise.noise)
         return self.scale * float(np.sqrt(np.sum(error**2) / held.sum())), float(np.sum(white**2))
 
@@ -328,13 +327,11 @@ class _Ruler:
         n, weight = len(self.weight), np.asarray(problem.weight)
 
         def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            residual, jacobian = residual_and_jacobian(problem, jax.device_put(y))
-            columns = np.column_stack([np.asarray(residual), np.asarray(jacobian)])
-            failed = np.any(np.abs(columns[:n, 0]) >= FAILED_MISFIT)
-            if not failed and np.all(np.isfinite(columns)):
+            known = known_at(problem, y)
+            columns = np.column_stack([known.residual, known.jacobian])
+            if not np.any(np.abs(columns[:n, 0]) >= FAILED_MISFIT):
                 white = whitened(self.clock, weight, columns[:n], noise.noise)
                 columns = np.concatenate([white, columns[n:]])
-            columns = np.nan_to_num(columns, posinf=0.0, neginf=0.0)
             return columns[:, 0], columns[:, 1:]
 
         return levenberg_marquardt(

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import jax
 import numpy as np
 
 from ..fitting import Estimate
@@ -13,8 +12,6 @@ from .engine import Candidate, Engine
 from .result import CandidateScore
 from .rivals import disagreement
 from .search import Search
-
-_ROWS = 32
 
 
 def estimates(
@@ -66,9 +63,7 @@ def _natural(engine: Engine, z: np.ndarray, named: np.ndarray, std: np.ndarray):
             row = np.array(z)
             row[i] += side * QUANTILE * (s if np.isfinite(s) else 0.0)
             rows.append(row)
-    more = -len(rows) % _ROWS
-    values, slopes = natural(engine.problem, jax.device_put(np.stack(rows + rows[:1] * more)))
-    values, slopes = np.asarray(values), np.asarray(slopes)
+    values, slopes = natural(engine.problem, np.stack(rows))
     m = len(named)
     lower = values[range(1, m + 1), named]
     upper = values[range(m + 1, 2 * m + 1), named]

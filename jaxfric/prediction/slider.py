@@ -17,12 +17,12 @@ from ..effects import effect_of
 from ..errors import InputError
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, prepare, require_float64, steps_of
-from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import sandwich
 from ..fitting.noise_search import estimate_noise, noise_rows
 from ..fitting.padding import bucket
-from ..fitting.problem import FAILED_MISFIT, Model, Problem, free_of, residual_and_jacobian
+from ..fitting.problem import FAILED_MISFIT, Model, Problem, free_of
 from ..fitting.result import unit_of
+from ..fitting.solve import descend, known_at
 from ..fitting.uncertainty import spread_of
 from ..loop.sampling import seen_between
 from ..records import Record, VelocitySteps
@@ -199,18 +199,9 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
         )
     shifts = range(len(names), len(z))
     index = np.asarray([*(names.index(name) for name in free), *shifts], int)
-    z = np.array(z)
-
-    def both(y: np.ndarray):
-        z[index] = y
-        residual, jacobian = residual_and_jacobian(problem, jnp.asarray(z))
-        return np.asarray(residual), np.asarray(jacobian)[:, index]
-
     if len(index):
-        z[index] = levenberg_marquardt(
-            both, z[index], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS
-        ).y
-    residual, jacobian = (np.asarray(x) for x in residual_and_jacobian(problem, jnp.asarray(z)))
+        z = np.asarray(descend(problem, z, index, most=_TRIALS).z)
+    _, residual, jacobian, *_ = known_at(problem, z)  # by the parameters that are held, too
     rows = residual[: len(setting.record)]
     error = np.where(np.abs(rows) >= FAILED_MISFIT, np.nan, rows) * float(problem.noise_scale)
     values = dict(zip(names, np.asarray(problem.from_free(jnp.asarray(z))).tolist(), strict=True))
