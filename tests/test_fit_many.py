@@ -16,11 +16,9 @@ SEEDS = (0, 1, 2)
 
 def record_of(seed):
     """Record, steps, truth and stiffness."""
-    ts, friction, (times, velocities), truth, K = made(seed)
-    late = np.maximum(ts - times[1], 0.0)
-    load = velocities[0] * ts + (velocities[1] - velocities[0]) * late
-    record = jaxfric.from_arrays(ts, friction, load_point_displacement=load)
-    return record, jaxfric.VelocitySteps(times, velocities), truth, K
+    one = made(seed)
+    record = jaxfric.from_arrays(one.time, one.friction, load_point_displacement=one.load_point)
+    return record, jaxfric.VelocitySteps(one.times, one.velocities), one.truth, one.stiffness
 
 
 RECORDS, STEPS, TRUTHS, STIFFNESS = (
@@ -97,4 +95,21 @@ def test_bad_arguments_are_refused():
         jaxfric.fit_many(RECORDS[:2], stiffness=[STIFFNESS[0], -1.0], steps=STEPS[:2])
     with pytest.raises(jaxfric.InputError, match="stiffness: 1 are given for 2 records"):
         jaxfric.fit_many(RECORDS[:2], stiffness=[1.0])
+    with pytest.raises(jaxfric.InputError, match="noise 'pink' is not known"):
+        jaxfric.fit_many(RECORDS[:2], stiffness=[1.0], noise="pink")
     assert jaxfric.fit_many([], stiffness=1.0) == []
+
+
+def test_a_stated_mass():
+    """Against records that LSODA made with it; without it the same record is misfitted."""
+    one = made(3, "mass")
+    record = jaxfric.from_arrays(one.time, one.friction, load_point_displacement=one.load_point)
+    steps = jaxfric.VelocitySteps(one.times, one.velocities)
+    (found,) = jaxfric.fit_many(
+        [record], stiffness=one.stiffness, mass=one.mass, steps=steps, noise="white"
+    )
+    assert found.converged and found.parameters["m"].value == one.mass
+    for name, value in one.truth.items():
+        assert abs(found.parameters[name].value - value) < 5 * found.parameters[name].std
+    with pytest.raises(jaxfric.InputError, match="record 0: mass: mass"):
+        jaxfric.fit_many([record], stiffness=one.stiffness, mass=-1.0, steps=steps)

@@ -134,6 +134,15 @@ def test_noise_of_screw_drives():
             assert not stale(text, "a run is worth # to # independent samples by it", *ends)
 
 
+def test_which_rows_decide_the_gains():
+    found, text = content("which_rows/which_rows.json"), page("which_rows")
+    gains, errors, half = (list(found[key].values()) for key in ("gains", "errors", "half"))
+    assert not stale(text, "| gain | # 1/m | # s/m |", *gains)
+    assert not stale(text, "white noise of the rows | # 1/m | # s/m |", *errors)
+    assert not stale(text, "half of its variance | # | # |", *(rows for rows, *_ in half))
+    assert not stale(text, "the largest difference is # of", found["against_refits"])
+
+
 def test_shares_of_the_blind_study():
     results, text = content("blind/results.json"), page("blind")
     numbers = {n["what"]: n for n in results["numbers"]}

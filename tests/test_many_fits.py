@@ -96,3 +96,19 @@ def test_none_that_can_be_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     assert_refused(run("fit", "one.csv", "sub/one.csv", "--prior", "p.toml"), "--prior is of one")
     twice = run("fit", *FILES, *STIFFNESS, *STIFFNESS)
     assert_refused(twice, "--stiffness has 2 values (5e-3/um, 5e-3/um) for 3 files")
+
+
+@pytest.mark.long
+def test_many_files_are_fitted_together(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To a thousandth of the errors as one by one; a file that is none loses no other."""
+    monkeypatch.chdir(folder)
+    files = [*FILES[:1] * 15, "bad.csv"]
+    found = run("fit", *files, *STIFFNESS, *STEPS, "--out", "sixteen")
+    assert found.code == 1 and "bad.csv has no column" in found.err
+    alone = json.loads((folder / "single" / "fit.json").read_text())["parameters"]
+    fits = json.loads((folder / "sixteen" / "fits.json").read_text())["fits"]
+    assert [one["fit"] is None for one in fits] == [False] * 15 + [True]
+    for name in ("f0", "A", "B", "L"):
+        one = fits[7]["fit"]["parameters"][name]
+        assert abs(one["value"] - alone[name]["value"]) < 1e-3 * alone[name]["std"]
+        assert one["std"] == pytest.approx(alone[name]["std"], rel=1e-3)

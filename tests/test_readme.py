@@ -33,11 +33,11 @@ def folder(tmp_path_factory):
     return folder
 
 
-def executed(name: str) -> dict:
-    """What the blocks of a page leave behind, run one after the other."""
+def executed(name: str, most: int | None = None) -> dict:
+    """What the blocks of a page, or the first `most`, leave behind, run one after the other."""
     (page,) = (page for page in PAGES if page.stem == name)
     names: dict = {}
-    for block in blocks_of(page, "python"):
+    for block in blocks_of(page, "python")[:most]:
         exec(compile(block, page.name, "exec"), names)
     return names
 
@@ -49,7 +49,7 @@ def test_every_page_with_python_is_asked_for():
 @pytest.mark.parametrize("page", ["README", "python"])
 def test_a_fit_and_a_slope(page, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
-    names = executed(page)
+    names = executed(page, 1 if page == "README" else None)
     first, second, *_ = capsys.readouterr().out.splitlines()
     L, std = map(float, first.split())
     assert abs(L - 20e-6) < 4 * std < 2e-6
@@ -60,6 +60,17 @@ def test_a_fit_and_a_slope(page, folder, monkeypatch, capsys):
         assert names["gains"].kv > 0 and names["gains"].scenarios.laws.A.shape == (65,)
         assert np.isfinite(names["slope"]) and names["slope"] > 0
         assert names["Curvature"].id == "curvature"
+
+
+@pytest.mark.long  # minutes of compiling
+def test_the_rows_that_decide_the_gains(folder, monkeypatch):
+    """A row is moved, and fit and gains are found again."""
+    monkeypatch.chdir(folder)
+    names = executed("README")
+    rows, friction, gains = names["rows"], names["problem"].friction, names["gains"]
+    row, step = int(np.argmax(np.abs(rows[0]))), 1e-3
+    ends = [gains(friction.at[row].add(side * step)) for side in (1, -1)]
+    np.testing.assert_allclose((ends[0] - ends[1]) / (2 * step), rows[:, row], rtol=1e-3)
 
 
 def test_gains_on_the_curve(folder, monkeypatch, capsys):

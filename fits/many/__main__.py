@@ -94,6 +94,7 @@ def main() -> None:
             stiffness=[one.stiffness for one in all_made],
             mass=None if asked.kind != "mass" else [one.mass or 0.0 for one in all_made],
             steps=[jaxfric.VelocitySteps(one.times, one.velocities) for one in all_made],
+            noise="white",
         )
         seconds.append(time.perf_counter() - begun)
     each = 1e3 * seconds[1] / len(fits)

@@ -125,10 +125,28 @@ def fit(
             progress=say,
         )
 
+    def together(
+        numbers: list[int], records: "list[Record]", say: "Callable[[str], None]"
+    ) -> "list[Fit | str]":
+        from ..fitting.many import fit_what_can_be
+
+        return fit_what_can_be(
+            records,
+            [stiffnesses[k] for k in numbers],
+            [laws[k] for k in numbers],
+            states=int(states),
+            fit_stiffness=fit_stiffness,
+            slip_trend=slip_trend,
+            steps=steps,
+            reference_velocity=reference_velocity,
+            progress=say,
+        )
+
     if more:
         refuse_for_several({"--prior": prior is not None})
         prepare_jax()
-        return fit_files(every, out, lambda k, say: fitting(k, reading(every[k]), say), json=json)
+        alone = start is not None or weighting != "ordinary" or profile or rows is not None
+        return fit_files(every, out, reading, fitting, None if alone else together, json=json)
     doing(f"reading {file.name}")
     measured = reading(file)
     prepare_jax()

@@ -10,11 +10,17 @@ from .folder import Folder, choose_folder, json_text
 
 if TYPE_CHECKING:
     from ..fitting import Fit
+    from ..records import Record
     from ..report.fits_table import TabledFit
 
 SCHEMA = "jaxfric.fits/1"
-Fitting = Callable[[int, Callable[[str], None]], "Fit"]
-"""Reads the file of this number, from 0, and fits it; is told what is being done."""
+_MANY = 16
+"""Files from which on what is compiled for many at once pays."""
+Said = Callable[[str], None]
+Fitting = Callable[[int, "Record", Said], "Fit"]
+"""Fits the record of the file of this number, from 0; is told what is being done."""
+Together = Callable[[list[int], list["Record"], Said], "list[Fit | str]"]
+"""The same for many files at once; in place of a fit, why there is none."""
 _Value = TypeVar("_Value")
 
 
@@ -39,8 +45,18 @@ def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Se
     )
 
 
-def fit_files(files: Sequence[Path], out: Path | None, fitted: Fitting, *, json: bool) -> int:
+def fit_files(
+    files: Sequence[Path],
+    out: Path | None,
+    reading: "Callable[[Path], Record]",
+    fitting: Fitting,
+    together: Together | None,
+    *,
+    json: bool,
+) -> int:
     """Fit every file, write and print the table; the exit code, 1 where one failed.
+
+    From `_MANY` files on they are fitted `together`, where that is given.
 
     Raises `InputError` where a file is not there, before any is fitted; and where none of them
     could be fitted: then nothing is written.
@@ -54,15 +70,29 @@ def fit_files(files: Sequence[Path], out: Path | None, fitted: Fitting, *, json:
     source = f"{files[0].stem}-and-{len(files) - 1}-more"
     folder = choose_folder(out, source, *files)
     with told(quiet=True) as progress:
-        found: list[TabledFit] = []
-        for number, file in enumerate(files, 1):
-            of = f"file {number} of {len(files)}, {file.name}"
+        ends: dict[int, Fit | str] = {}
+        read: dict[int, Record] = {}
+        many = together is not None and len(files) >= _MANY
+        for number, file in enumerate(files):
+            of = f"file {number + 1} of {len(files)}, {file.name}"
             progress(f"{of}: reading")
             try:
-                fit = fitted(number - 1, lambda text, of=of: progress(f"{of}: {text}"))
-                found.append(TabledFit(str(file), fit))
+                record = reading(file)
+                if many:
+                    read[number] = record
+                else:
+                    ends[number] = fitting(
+                        number, record, lambda text, of=of: progress(f"{of}: {text}")
+                    )
             except InputError as error:
-                found.append(TabledFit(str(file), None, str(error)))
+                ends[number] = str(error)
+        if together is not None and read:
+            fits = together(list(read), list(read.values()), progress)
+            ends |= dict(zip(read, fits, strict=True))
+        found = [
+            TabledFit(str(file), None, end) if isinstance(end, str) else TabledFit(str(file), end)
+            for file, end in ((file, ends[number]) for number, file in enumerate(files))
+        ]
         if all(one.fit is None for one in found):
             raise InputError(f"none of {len(files)} files can be fitted: {found[0].failed}")
         names = _names(files)

@@ -123,9 +123,9 @@ def fit(
     task = _task(record, steps, model, K, reference_velocity, m)
     progress(f"compiling, then fitting {len(record)} rows")
     problem, solution = _solve_in_stages(task, start, progress)
-    solved = _with_noise(task, problem, solution, whitened=weighting == "whitened")
-    found = assemble(record, steps, task.sign, solved, profile=progress if profile else None)
-    return dataclasses.replace(found, warnings=(*warnings, *task.doubts, *found.warnings))
+    profiles = progress if profile else None
+    found = finished(task, problem, solution, whitened=weighting == "whitened", profile=profiles)
+    return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
 
 
 class FitTask(NamedTuple):
@@ -178,6 +178,24 @@ def _task(
         refuse_contradicted(seen, stiffness, unit)
         said = loading_doubts(seen, stiffness, unit)
     return FitTask(record, forward, sign, model, stiffness, V0, mass, said, steps)
+
+
+def finished(
+    task: FitTask,
+    problem: Problem,
+    solution: Solution,
+    *,
+    whitened: bool = False,
+    profile: Callable[[str], None] | None = None,
+) -> Fit:
+    """The `Fit` of a solution, with the noise that it leaves."""
+    return assembled(task, _with_noise(task, problem, solution, whitened=whitened), profile)
+
+
+def assembled(task: FitTask, solved: Solved, profile: Callable[[str], None] | None = None) -> Fit:
+    """The `Fit` of a solution and its noise; `profile` as in `assemble`."""
+    found = assemble(task.record, task.given, task.sign, solved, profile=profile)
+    return dataclasses.replace(found, warnings=(*task.doubts, *found.warnings))
 
 
 def _with_noise(task: FitTask, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
@@ -365,17 +383,6 @@ def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | 
         return None
     slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
     return np.flatnonzero(stiffness * slack > _FELT * noise)
-
-
-def uncertain_steps(task: FitTask, problem: Problem) -> tuple[str, ...]:
-    """A warning where step times are taken as exact though the fit feels their errors."""
-    felt = _felt(task.steps, float(problem.stiffness), float(problem.noise_scale))
-    if felt is None or not len(felt):
-        return ()
-    return (
-        f"the times of {len(felt)} velocity steps were found in the load-point motion and taken as"
-        " exact, though their errors exceed the noise: jaxfric.fit refines them",
-    )
 
 
 def _solve_in_stages(

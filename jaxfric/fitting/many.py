@@ -9,7 +9,6 @@ that have not ended go on in batches of their own. A second and a third descent,
 values, are made only for records that the first did not fit to their noise.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -28,8 +27,15 @@ from ..silent import silent
 from ..simulation import simulate
 from ..threads import at_once, side_by_side
 from ..traced import traced
-from .assemble import assemble
-from .fit import FitTask, prepare, require_float64, task_of, uncertain_steps, wanted_model
+from .fit import (
+    FitTask,
+    assembled,
+    finished,
+    prepare,
+    require_float64,
+    task_of,
+    wanted_model,
+)
 from .glitches import NO_GLITCHES
 from .noise import noise_of
 from .padding import bucket
@@ -55,6 +61,7 @@ _AT_ONCE = 32
 _POINTS = (10, 80)
 """Most points of a descent before it is cut, and of one that goes on."""
 _DESCENTS = 3
+NOISES = ("estimated", "white")
 _FEWEST_ROWS = 8
 _SCATTER = 4.0
 """Two standard errors, times the root of the rows, of the noise's variance from differences: of 16
@@ -72,14 +79,13 @@ def fit_many(
     slip_trend: bool = False,
     steps: VelocitySteps | str | Sequence[VelocitySteps | str] | None = None,
     reference_velocity: float | str | None = None,
+    noise: str = "estimated",
     progress: Callable[[str], None] = silent,
 ) -> list[Fit]:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to each of many records of velocity steps.
 
-    The model is that of `jaxfric.fit`, which fits one record with more care. This one leaves out:
-    correlated noise (it is taken as white), rows that are outliers, times of steps as parameters
-    (they are taken as exact), `weighting`, `profile` and starting values of your own. Errors are
-    therefore too small where noise is correlated; fit such a record with `jaxfric.fit`.
+    Model and result are those of `jaxfric.fit`, to a thousandth of the errors. `weighting`,
+    `profile`, `rows` and starting values of your own are left to that.
 
     Parameters
     ----------
@@ -89,6 +95,9 @@ def fit_many(
     mass : as for `jaxfric.fit`, and one for all or for each as the stiffness.
     law, states, fit_stiffness, slip_trend, reference_velocity : as for `jaxfric.fit`.
     steps : velocity steps for all records, or a sequence with those of each; found where None.
+    noise : "estimated", as by `jaxfric.fit`: with its memory, and without rows that stand out; or
+        "white", which takes less than a third of the time. Under "white" errors are too small where
+        neighbouring rows err alike.
     progress : told what is being done.
 
     Returns
@@ -104,6 +113,8 @@ def fit_many(
     """
     require_float64()
     model = wanted_model(law, states, fit_stiffness, slip_trend)
+    if noise not in NOISES:
+        raise InputError(f"noise '{noise}' is not known; choose {' or '.join(NOISES)}")
     asked = list(records)
     stated = {"stiffness": stiffness, "mass": mass, "steps": steps}
     each = [_for_each(given, asked, name) for name, given in stated.items()]
@@ -111,19 +122,75 @@ def fit_many(
         _task(i, *own, model, reference_velocity)
         for i, own in enumerate(zip(asked, *each, strict=True))
     ]
+    return fit_tasks(tasks, noise=noise, progress=progress)
+
+
+def fit_tasks(
+    tasks: Sequence[FitTask],
+    *,
+    noise: str = "estimated",
+    progress: Callable[[str], None] = silent,
+) -> list[Fit]:
+    """`fit_many` of what `task_of` made of each record, all with one model."""
     if not tasks:
         return []
+    # records that turn back need another form of the law, and so a model of their own
+    models = {task.model: [] for task in tasks}
+    for i, task in enumerate(tasks):
+        models[task.model].append(i)
+    found: dict[int, Fit] = {}
+    for model, members in models.items():
+        own = [tasks[i] for i in members]
+        ends = _ended(own, model, progress)
+        progress("noise and errors")
+        finish = _white if noise == "white" else finished
+        fits = [finish(task, *end) for task, end in zip(own, ends, strict=True)]
+        found |= dict(zip(members, fits, strict=True))
+    return [found[i] for i in range(len(tasks))]
+
+
+def fit_what_can_be(
+    records: Sequence[Record],
+    stiffness: Sequence[float | str | None],
+    laws: Sequence[str],
+    *,
+    states: int,
+    fit_stiffness: bool,
+    slip_trend: bool,
+    steps: VelocitySteps | str | None,
+    reference_velocity: float | str | None,
+    progress: Callable[[str], None],
+) -> list[Fit | str]:
+    """`fit_many` with a law for each record; in place of a fit, why a record cannot be fitted."""
+    require_float64()
+    ends: list[Fit | str] = [""] * len(records)
+    tasks: dict[int, FitTask] = {}
+    for i, (record, K, law) in enumerate(zip(records, stiffness, laws, strict=True)):
+        model = wanted_model(law, states, fit_stiffness, slip_trend)
+        try:
+            _refuse_bad(record)
+            tasks[i] = task_of(record, K, None, steps, model, reference_velocity)
+        except InputError as wrong:
+            ends[i] = str(wrong)
+    for i, fit in zip(tasks, fit_tasks(list(tasks.values()), progress=progress), strict=True):
+        ends[i] = fit
+    return ends
+
+
+def _ended(tasks: list[FitTask], model: Model, progress: Callable[[str], None]) -> "list[_Ended]":
+    """Where the descents of records with one model end."""
     # a law that is no `RateState` has no states one by one: its search begins as the slip law's
     one = model._replace(states=1, law=model.law if evolution_of(model.law) else "slip")
     progress(f"starting values of {len(tasks)} records")
     begun = _with_starts(tasks, one)
+    if model.states == 1 and model.law != one.law:
+        begun = [own._replace(problem=own.problem.with_model(model)) for own in begun]
     progress(f"fitting {len(tasks)} records")
     ended = _solved_in_batches(begun)
     if model.states > 1:
         progress(f"fitting {len(tasks)} records with {model.states} states")
         ended = _solved_in_batches(_with_more_states(tasks, ended, model))
-    progress("errors")
-    return [_fit(task, end) for task, end in zip(tasks, ended, strict=True)]
+    return ended
 
 
 def _for_each(given: object, records: list, name: str) -> list:
@@ -283,10 +350,9 @@ def _with_starts(tasks: list[FitTask], model: Model) -> list[_Begun]:
         one = task.model._replace(states=1, law=model.law)
         starts = own.best(linear, misfit, one, _DESCENTS)
         K = float(starts[0, one.names().index("K")]) if task.stiffness is None else task.stiffness
-        exact = VelocitySteps(task.steps.times, task.steps.velocities)
         problem = prepare(
             task.record,
-            exact,
+            task.steps,
             one,
             stiffness=K,
             V0=task.V0,
@@ -390,15 +456,11 @@ def _better(one: Solution | None, other: Solution) -> Solution:
 # --- results ---------------------------------------------------------------------------------
 
 
-def _fit(task: FitTask, end: _Ended) -> Fit:
+def _white(task: FitTask, problem: Problem, solution: Solution) -> Fit:
     """The `Fit` of one record, under white noise."""
-    problem, solution = end
     rows = float(np.sum(np.asarray(problem.weight) > 0))
     free = max(rows - len(problem.model.names()), 1.0)
     written = recorded_steps(task.record.friction)
     sigma = max(np.sqrt(solution.cost / free), least_noise(written) / float(problem.noise_scale))
     noise = noise_of(float(sigma), memory=np.ones(problem.clock.shape[1]))
-    solved = Solved(problem, solution, noise, NO_GLITCHES, written)
-    found = assemble(task.record, task.given, task.sign, solved, profile=None)
-    doubts = (*task.doubts, *uncertain_steps(task, problem))
-    return dataclasses.replace(found, warnings=(*doubts, *found.warnings))
+    return assembled(task, Solved(problem, solution, noise, NO_GLITCHES, written))

@@ -1,0 +1,1 @@
+"""d(gains)/d(record): which rows of a record decide the gains."""
