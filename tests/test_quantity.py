@@ -38,6 +38,7 @@ def test_free_and_back(bounds):
     slope = jax.vmap(jax.grad(lambda z: q.from_free(z, scale=0.1)))(free)
     rise = (q.from_free(free + 1e-6, scale=0.1) - q.from_free(free - 1e-6, scale=0.1)) / 2e-6
     np.testing.assert_allclose(slope, rise, rtol=1e-6)
+    np.testing.assert_allclose(q.slope(np.asarray(free), scale=0.1), slope, rtol=1e-12)
     assert len(set(np.sign(slope))) == 1
 
 
