@@ -101,8 +101,9 @@ class PiecewiseVelocity(AbstractMotion):
         return jnp.sum(self.velocities * held)
 
     def velocity(self, t: Float[Array, ""]) -> Float[Array, ""]:
-        index = jnp.sum(t >= self.times) - 1
-        return self.velocities[jnp.maximum(index, 0)]
+        index = jnp.maximum(jnp.sum(t >= self.times) - 1, 0)
+        # a batch sums faster than it looks up
+        return jnp.sum(jnp.where(jnp.arange(self.times.shape[0]) == index, self.velocities, 0.0))
 
     def breakpoints(self) -> Float[Array, " n"]:
         return self.times[1:]

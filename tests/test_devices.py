@@ -79,7 +79,8 @@ def test_the_processor_takes_as_many_as_its_cache_holds():
 
 
 @pytest.mark.parametrize(
-    ("members", "batch", "found"), [(65536, 512, 65536), (10**6, 512, 65536), (1024, 24, 24)]
+    ("members", "batch", "found"),
+    [(65536, 512, 65536), (10**6, 512, 65536), (10**6, 64, 65536), (1024, 24, 24)],
 )
 def test_a_gpu_takes_a_block_at_once(members, batch, found, gpu, monkeypatch):
     """But few that share a loop, as those with mass, are for the processor."""

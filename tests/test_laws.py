@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import reference
+import scipy.special
 from helpers import (
     LAWS,
     UM,
@@ -144,6 +145,26 @@ def test_regularised_slopes_at_rest(f0, damping):
     assert float(found) == pytest.approx(slope, rel=1e-12)
     found = jax.grad(lambda f: law.velocity(f, state, AT, damping=damping))(0.0)
     assert float(found) == pytest.approx(1 / (slope + (damping or 0.0)), rel=1e-12)
+
+
+def test_a_dashpot_carries_its_part_of_the_force_as_by_scipy():
+    """A ln(V/V0) + k_v V = push: k_v V/A = w is Wright's omega function of push/A + ln(k_v V0/A),
+    with w' = w/(1 + w) and w'' = w/(1 + w)^3."""
+    law, A, V0 = make_law(), 0.01, UM
+    c, u = (x.ravel() for x in np.meshgrid(np.logspace(-9, 2, 23), np.linspace(-25, 5, 61)))
+    push = A * (u + c * np.exp(u))
+    w = scipy.special.wrightomega(push / A + np.log(c))
+
+    def velocity(push, damping):
+        return law.velocity(law.f0 + push, jnp.zeros(1), AT, damping=damping)
+
+    slope = jax.grad(velocity)
+    asked = jax.vmap(lambda *x: (velocity(*x), slope(*x), jax.grad(slope)(*x)))
+    damping = c * A / V0
+    found = jax.jit(asked)(jnp.asarray(push), jnp.asarray(damping))
+    expected = w * A / damping, w / (1 + w) / damping, w / (1 + w) ** 3 / (A * damping)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10)
 
 
 def test_trial_velocities_stay_finite():

@@ -22,11 +22,9 @@ from jaxfric.effects.effect import blended
 from jaxfric.fitting.start import Members, held
 from jaxfric.laws import REGISTRY, law_from_fit, law_from_parameters, name_of
 from jaxfric.laws.loop_source import law_from_loop
-from jaxfric.laws.source import stack
 from jaxfric.members import run_study
 from jaxfric.plot.stability import law_name
 from jaxfric.rig.friction import AbstractEvolution, Conditions
-from jaxfric.simulation import ensemble
 from jaxfric.stability.analysis import study
 
 EVOLUTION = '''
@@ -305,15 +303,3 @@ def test_a_state_held_at_a_velocity_goes_as_its_equation(evolution):
         evolution, *(jnp.asarray(x) for x in (np.log(r), theta)), of, jnp.asarray(V0), time
     )
     np.testing.assert_allclose(found, truth, rtol=1e-7)
-
-
-def test_many_sliders_at_once_move_by_its_rate(plant):
-    if plant.two:
-        pytest.skip("only a `RateState` is simulated many at once")
-    law, V, A = rig_of(plant, K).friction, 7 * UM, plant.p["A"]
-    one = np.ones(1)
-    of = ensemble.lanes(stack([law]), K * one, 0.0 * one, V0 * one)
-    du, dpsi = ensemble.derivative(of)((jnp.log(V / V0) * one, 0.004 / A * one))
-    (expected,) = plant.rates(V, [0.004])
-    np.testing.assert_allclose(A * dpsi, expected, rtol=1e-12)
-    np.testing.assert_allclose(A * du, K * (V0 - V) - expected, rtol=1e-12)

@@ -19,7 +19,6 @@ from jaxfric import (
 )
 from jaxfric.quantity import all_inside, refuse_outside
 from jaxfric.rig.friction import HessSoom
-from jaxfric.simulation.ensemble import lanes
 from jaxfric.simulation.trajectory import RESULTS
 
 MOTION = PiecewiseVelocity([0.0, 10.0], [1e-6, 1e-5])
@@ -69,8 +68,6 @@ def run_delay(ts=TS, velocity=0.5):
         (lambda: run_delay(TS[::-1]), "ts must ascend"),
         (lambda: run_delay(velocity=0.0), "velocity is 0 m/s"),
         (lambda: run_delay(velocity=-1.0), "velocity is -1 m/s"),
-        (lambda: lanes(law(), np.array([-1.0]), np.array([0.0]), np.array([1e-6])), "K"),
-        (lambda: lanes(law(), np.array([1.0]), np.array([0.0]), np.array([0.0])), "velocity"),
     ],
 )
 def test_what_is_known_is_refused_by_name(ask, says):

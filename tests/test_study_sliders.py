@@ -21,7 +21,7 @@ from jaxfric.members import ends as streaming
 from jaxfric.members import motions, run_study
 from jaxfric.members.make import make
 from jaxfric.members.one_by_one import GAINS_CODES, FitOfRecord, LeastGains, Recorder
-from jaxfric.simulation import ensemble
+from jaxfric.members.sliders import Sliders
 from jaxfric.stability.closed_form import critical_rate_state
 from jaxfric.stability.margins import UNITS, is_stable, margins, poles
 
@@ -39,17 +39,20 @@ def written(path: Path, text: str) -> Path:
     return path
 
 
-def batch(law: str, number: int, seed: int = 0):
-    """Lanes over wide ranges, after a tenfold step up, and their parameters."""
+def members(number: int, seed: int = 0) -> dict[str, np.ndarray]:
+    """Parameters of massless sliders over wide ranges."""
     rng = np.random.default_rng(seed)
     low = np.asarray([3.0, 4.0, 3e-6, 3e5, 1e2, 1e-6])
     high = np.asarray([6.0, 10.0, 4e-5, 5e6, 1e5, 1e-4])
     p = np.exp(rng.uniform(np.log(low), np.log(high), (number, 6)))
-    A, B, L, k_p, k_v, V0 = (jnp.asarray(x) for x in p.T)
-    evolution = jf.AgeingEvolution() if law == "ageing" else jf.SlipEvolution()
-    V_ref = jnp.full(number, 1e-6)
-    laws = jf.RateState(50 * A, A, B[:, None], L[:, None], V_ref, evolution, slip_trend=0 * A)
-    return ensemble.lanes(laws, k_p, k_v, V0), p
+    return dict(zip(("A", "B", "L", "k_p", "k_v", "V0"), p.T, strict=True))
+
+
+def followed(law: str, p: dict[str, np.ndarray], ratio: float, **given):
+    """Motions in time of a study, after a step of the command by `ratio`."""
+    fixed = {"ratio": ratio, "V_ref": 1e-6}
+    function = motions.Motions(Sliders(law, 1, fixed), ("force", "velocity", "trace"), **given)
+    return jax.device_get(jax.jit(function)({name: jnp.asarray(x) for name, x in p.items()}))
 
 
 def scipy_response(law, A, B, L, k_p, k_v, V0, ratio, times):
@@ -85,68 +88,29 @@ def scipy_response(law, A, B, L, k_p, k_v, V0, ratio, times):
 @pytest.mark.parametrize("law", ["slip", "ageing"])
 @pytest.mark.parametrize("ratio", [10.0, 0.2])
 def test_response_is_that_of_scipy(law, ratio):
-    of, p = batch(law, 4, seed=3)
-    p[:, 3] *= 2
-    of = of._replace(stiffness=2 * of.stiffness)
-    times = np.linspace(0.02, 1, 40)[:, None] * 15 * p[:, 2] / p[:, 5]
-    start = ensemble.stepped(of, jnp.full(4, ratio))
-    found = jax.jit(ensemble.response)(of, start, jnp.asarray(times))
-    assert np.all(found.reached)
-    for i in range(4):
-        force, V = scipy_response(law, *p[i], ratio, times[:, i])
-        force = force + 50 * p[i, 0]
+    p = members(4, seed=3)
+    p["k_p"] = 2 * p["k_p"]
+    found = followed(law, p, ratio, samples=40)
+    assert np.all(found["trace"] == 0)
+    for i, (A, B, L, k_p, k_v, V0) in enumerate(zip(*p.values(), strict=True)):
+        times = 20 * L / V0 * np.arange(1, 41) / 40
+        force, V = scipy_response(law, A, B, L, k_p, k_v, V0, ratio, times)
+        force = force + 50 * A
         scale = np.ptp(force)
-        np.testing.assert_allclose(found.force[:, i], force, atol=1e-5 * scale, rtol=0)
-        np.testing.assert_allclose(found.velocity[:, i], V, rtol=1e-4)
-
-
-@pytest.mark.long
-def test_response_is_that_of_simulate_and_runs_away_where_it_does():
-    of, p = batch("slip", 64)
-    times = jnp.asarray(np.linspace(0.05, 1, 20)[:, None] * 20 * p[:, 2] / p[:, 5])
-    found = jax.jit(ensemble.response)(of, ensemble.stepped(of, jnp.full(64, 10.0)), times)
-
-    def one(law, k_p, k_v, V0, ts):
-        rig = jf.Rig(jf.QuasiStatic(k_p, k_v), law)
-        ts = jnp.concatenate([jnp.zeros(1), ts])
-        motion = jf.PiecewiseVelocity(jnp.zeros(1), V0[None])
-        start = jf.step_start(rig, V0, 10.0)
-        done = jf.simulate(rig, motion, ts, start=start, rtol=1e-8)
-        return done.force[1:], done.result == jf.RESULTS.successful
-
-    force, reached = jax.jit(jax.vmap(one))(*of, times.T)
-    np.testing.assert_array_equal(found.reached, reached)
-    kept = np.asarray(reached)
-    error = np.abs(found.force.T - force)[kept] / np.ptp(force[kept], axis=1, keepdims=True)
-    assert kept.sum() > 50 and error.max() < 1e-5
-    assert np.all(np.isfinite(found.force))
+        np.testing.assert_allclose(found["force"][i], force, atol=1e-5 * scale, rtol=0)
+        np.testing.assert_allclose(found["velocity"][i], V, rtol=1e-4)
 
 
 def test_a_runaway_and_too_few_steps_are_told():
-    of, p = batch("slip", 8)
-    of = of._replace(stiffness=of.stiffness * 1e-2, damping=0 * of.damping)
-    times = jnp.asarray([[1.0]]) * 40 * p[:, 2] / p[:, 5]
-    start = ensemble.stepped(of, jnp.full(8, 10.0))
-    found = jax.jit(ensemble.response)(of, start, times)
-    assert np.any(found.escaped) and not np.any(found.reached & found.escaped)
-    assert np.all(found.velocity[:, found.escaped] > 1e3 * of.velocity[found.escaped])
-    few = jax.jit(ensemble.response, static_argnames="max_steps")(of, start, times, max_steps=8)
-    assert not np.any(few.reached) and np.all(np.isfinite(few.velocity))
-
-
-def test_a_long_motion_is_followed_to_its_end():
-    """Steps are kept in windows: a motion that needs many is that of one large window."""
-    of, p = batch("slip", 8, seed=3)
-    of = of._replace(stiffness=0.3 * of.stiffness)
-    times = jnp.asarray(np.linspace(0.05, 1, 30))[:, None] * 15 * p[:, 2] / p[:, 5]
-    start = ensemble.stepped(of, jnp.full(8, 10.0))
-    response = jax.jit(ensemble.response, static_argnames=("max_steps", "window"))
-    whole = response(of, start, times, max_steps=2048, window=2048)
-    parts = response(of, start, times, max_steps=2048, window=64)
-    assert np.max(whole.steps) > 150 and np.all(whole.reached)
-    np.testing.assert_array_equal(parts.reached, whole.reached)
-    np.testing.assert_array_equal(parts.escaped, whole.escaped)
-    np.testing.assert_allclose(parts.force, whole.force, rtol=1e-5)
+    p = members(8)
+    p |= {"k_p": 1e-2 * p["k_p"], "k_v": 0 * p["k_v"]}
+    duration = 40 * np.max(p["L"] / p["V0"])
+    found = followed("slip", p, 10.0, samples=1, duration=duration)
+    escaped = found["trace"] == 1
+    assert np.any(escaped)
+    assert np.all(found["velocity"][escaped, 0] > 1e3 * p["V0"][escaped])
+    few = followed("slip", p, 10.0, samples=1, duration=duration, max_steps=8)
+    assert np.all(few["trace"] == 2) and np.all(np.isnan(few["velocity"]))
 
 
 def test_margins_of_a_study_are_those_of_the_package(tmp_path):
@@ -268,17 +232,22 @@ def test_ends_of_a_study_are_those_of_the_package(ends):
         assert np.all(np.isinf(np.asarray(ends_of.period_spread)[~cycle]))
 
 
-def test_a_small_step_of_an_unstable_slider_is_not_steady(ends):
+def test_a_small_step_of_an_unstable_slider_is_not_steady():
     """What grows is too small to be seen: the study does not know its end."""
-    of, p = batch("slip", 16)
-    of = of._replace(stiffness=0.9 * (p[:, 1] - p[:, 0] - p[:, 4] * p[:, 5]) / p[:, 2])
-    unstable = np.asarray(of.stiffness) > 0
-    one = jnp.ones(16)
-    period = 2 * np.pi * p[:, 2] / p[:, 5]
-    span = streaming.Span(0 * one, jnp.asarray(period), -one / period)
-    found = jax.jit(streaming.ends)(of, ensemble.stepped(of, one * (1 + 1e-9)), span)
-    assert unstable.sum() > 5
-    assert not np.any(np.asarray(found.code)[unstable] == streaming.STEADY)
+    p = members(16)
+    p["k_p"] = 0.9 * (p["B"] - p["A"] - p["k_v"] * p["V0"]) / p["L"]
+    p = {name: jnp.asarray(x[p["k_p"] > 0]) for name, x in p.items()}
+    assert len(p["A"]) > 5
+
+    @jax.vmap
+    def code(p):
+        law = jf.RateState(50 * p["A"], p["A"], p["B"][None], p["L"][None], 1e-6)
+        rig = jf.Rig(jf.QuasiStatic(p["k_p"], p["k_v"]), law)
+        start = jf.step_start(rig, p["V0"], 1 + 1e-9)
+        period = 2 * jnp.pi * p["L"] / p["V0"]
+        return streaming.end_of(rig, p["V0"], start, horizon=period, decay=-1 / period).code
+
+    assert not np.any(np.asarray(jax.jit(code)(p)) == streaming.STEADY)
 
 
 def test_ends_agree_with_the_linear_theory(ends):

@@ -1,8 +1,8 @@
-"""How massless sliders end after a step of the command, told while they move.
+"""How a massless slider ends after a step of the command, told while it moves.
 
 The same rules as `gains.ends.classify`, but from running maxima: nothing is kept of a motion, so
-a million of them take no memory. Cycles are counted where the velocity rises through the
-command, which is where the slip deviates most. Two motions are not followed further: that of a
+a million of them, under `vmap`, take no memory. Cycles are counted where the velocity rises through
+the command, which is where the slip deviates most. Two motions are not followed further: that of a
 linearly stable slider very close to steady sliding, and that of a linearly unstable one whose
 cycles repeat.
 """
@@ -11,11 +11,16 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float, Int8
+from jaxtyping import Array, Bool, Float, Int8
 
 from ..gains.ends import SMALL, mean_and_spread, settles
 from ..gains.settle import PERIODS, STANDARD, Policy
-from ..simulation.ensemble import LanePoint, Lanes, Step, integrate
+from ..motion import PiecewiseVelocity
+from ..rig import Rig
+from ..simulation import Start
+from ..simulation.checks import is_possible
+from ..simulation.ode import SliderEquation
+from ..simulation.stepping import SAFETY, How, Underway, observed
 
 CODES = {
     "steady": "The slider slides steadily, or comes ever closer to it.",
@@ -37,35 +42,34 @@ _REPEATS, _PART_OF_GROWTH, _IN_A_ROW = 1e-2, 0.2, 6
 
 
 class Ends(NamedTuple):
-    """Ends of all lanes. A number that a lane has not is inf (`least_velocity`: -inf)."""
+    """How a slider ends. A number that it has not is inf (`least_velocity`: -inf)."""
 
     code: Array
-    velocity_amplitude: Float[Array, " n"]
+    velocity_amplitude: Float[Array, ""]
     """Half the range of the velocity [m/s]."""
-    slip_amplitude: Float[Array, " n"]
+    slip_amplitude: Float[Array, ""]
     """Half the range of slip minus V0 t [m]."""
-    least_velocity: Float[Array, " n"]
-    period: Float[Array, " n"]
+    least_velocity: Float[Array, ""]
+    period: Float[Array, ""]
     """Mean period of the cycles of the last half, or of those that repeat [s]."""
-    period_spread: Float[Array, " n"]
+    period_spread: Float[Array, ""]
     """Half the range of the periods of these cycles [s]; large where they are irregular."""
 
 
 _Range = tuple[Array, Array]
-"""Least and largest value of a quantity so far, for every lane."""
+"""Least and largest value of a quantity so far."""
 
 
 class _SeenEnds(NamedTuple):
     """Observations of the motions so far."""
 
-    largest: Float[Array, "4 n"]  # of ln(1 + |V - V0|/V0), in each quarter
-    speeds: _Range  # of the last half, and so are the following
+    largest: Float[Array, " 4"]  # of ln(1 + |V - V0|/V0), in each quarter
+    speeds: _Range  # ln(V/V0) in the last half, and so are the following
     springs: _Range
     rises: Array
     first: Array
     last: Array
-    escaped: Bool[Array, " n"]
-    arrived: Bool[Array, " n"]
+    arrived: Bool[Array, ""]
     periods: _Range  # shortest and longest, of whole cycles in the last half
     cycle: "_Cycle"
 
@@ -82,102 +86,90 @@ class _Cycle(NamedTuple):
     period: Array
     periods: _Range  # shortest and longest of the cycles that agree
     agree: Array
-    repeats: Bool[Array, " n"]
+    repeats: Bool[Array, ""]
 
 
-class Span(NamedTuple):
-    """Times for which motions are followed."""
+def end_of(
+    rig: Rig,
+    velocity: Float[Array, ""],
+    start: Start,
+    *,
+    horizon: Float[Array, ""],
+    decay: Float[Array, ""],
+    policy: Policy = STANDARD,
+) -> Ends:
+    """Follow a massless slider that is commanded to move at `velocity` [m/s] and say how it ends.
 
-    lead: Float[Array, " n"]
-    """Time of the step itself [s], which comes before the horizon."""
-    horizon: Float[Array, " n"]
-    """Time to settle [s]."""
-    decay: Float[Array, " n"]
-    """Rate of the slowest linear mode [1/s], positive where steady sliding is stable."""
-
-
-def ends(of: Lanes, start: LanePoint, span: Span, *, policy: Policy = STANDARD) -> Ends:
-    """Follow all lanes for `lead` + `horizon` and say how they end."""
-    watch = _Watch(of, span, jnp.log(of.velocity / of.law.V0), policy.runaway)
-    done = integrate(
-        of,
-        start,
-        watch.stops(),
-        observe=watch.observe,
-        seen=watch.nothing(),
-        rtol=policy.rtol,
-        max_steps=policy.max_steps,
+    horizon : time to settle [s]; the time that the load point needs to make up for the
+        elongation of `start` comes before it.
+    decay : rate of the slowest linear mode [1/s], positive where steady sliding is stable.
+    """
+    motion = PiecewiseVelocity(jnp.zeros_like(velocity)[None], velocity[None])
+    lead = jnp.zeros_like(velocity)
+    if start.elongation is not None:
+        lead = jnp.abs(start.elongation / velocity)
+    quarters = lead + 0.25 * jnp.arange(5.0, dtype=lead.dtype) * horizon
+    equation = SliderEquation(rig, motion, start)
+    initial = equation.initial()
+    possible = is_possible(rig, quarters, start, initial, motion=motion)
+    watch = _Watch(quarters, decay, rig.friction.force_scale() / rig.machine.stiffness)
+    point, seen = observed(
+        equation,
+        initial,
+        jnp.where(possible, quarters, jnp.nan),
+        jnp.asarray(SAFETY * policy.rtol),
+        How(False, policy.max_steps, float(np.log(policy.runaway))),
+        watch.observe,
+        watch.nothing(),
     )
     # a massless slider may run away in a finite time: no step is then small enough
-    stopped = ~done.reached & (done.steps < policy.max_steps)
-    lost = stopped & (done.point.y[0] - watch.command > np.log(_FAST))
-    seen = done.seen._replace(escaped=done.seen.escaped | lost)
-    code = _code(seen, done.reached, span)
-    return _numbers(of, seen, code)
+    escaped = point.ran_away & (point.log_speed > np.log(_FAST))
+    reached = possible & (point.time >= quarters[-1])
+    return _numbers(velocity, seen, _code(seen, escaped, reached, watch))
 
 
 class _Watch(NamedTuple):
-    """An observer of every step of the lanes, which keeps what tells of their ends."""
+    """An observer of every step of a slider, which keeps what tells of its end."""
 
-    of: Lanes
-    span: Span
-    command: Float[Array, " n"]  # ln of the commanded velocity over V0 of the law
-    runaway: float
+    quarters: Float[Array, " 5"]
+    """Ends of the four windows of the horizon [s]."""
+    decay: Float[Array, ""]
+    yielding: Float[Array, ""]
+    """Elongation of the spring by the unit of the scaled friction [m]."""
 
-    def quarters(self) -> Float[Array, "5 n"]:
-        """Ends of the four windows of the horizon [s]."""
-        lead, horizon, _ = self.span
-        return lead + 0.25 * jnp.arange(5.0, dtype=lead.dtype)[:, None] * horizon
-
-    def stops(self) -> Float[Array, "5 n"]:
-        """Times at which a step has to end, none of them 0 [s]."""
-        later = (self.span.lead[None, :] > 0) | (jnp.arange(5)[:, None] > 0)
-        return jnp.where(later, self.quarters(), 0.25 * self.span.horizon)
-
-    def spring(self, point: LanePoint) -> Float[Array, " n"]:
-        """Elongation of the spring, but for a constant [m]."""
-        law, (u, *psi) = self.of.law, point.y
-        pull = law.A * (u + sum(psi))
-        pull = pull + self.of.damping * law.V0 * jnp.exp(jnp.minimum(u, 600.0))
-        return pull / self.of.stiffness
+    @property
+    def horizon(self) -> Float[Array, ""]:
+        """Time to settle [s]."""
+        return self.quarters[-1] - self.quarters[0]
 
     def nothing(self) -> _SeenEnds:
         """Observations before the first step."""
-        none = jnp.zeros_like(self.span.lead)
+        none = jnp.zeros_like(self.decay)
         range_ = (none + jnp.inf, none - jnp.inf)
-        no = jnp.zeros(none.shape, bool)
+        no = none > 0
         cycle = _Cycle(
             range_, range_, none - jnp.inf, range_, range_, range_, none, range_, none, no
         )
+        count = jnp.zeros((), jnp.int32)
         return _SeenEnds(
-            jnp.zeros((4, *none.shape), none.dtype),
-            range_,
-            range_,
-            jnp.zeros(none.shape, jnp.int32),
-            none,
-            none,
-            no,
-            no,
-            range_,
-            cycle,
+            jnp.zeros_like(self.quarters[1:]), range_, range_, count, none, none, no, range_, cycle
         )
 
-    def observe(self, seen: _SeenEnds, step: Step) -> tuple[_SeenEnds, Bool[Array, " n"]]:
-        """Observations after a step, and a mask of the lanes that need not be followed further."""
-        command, quarters, decay = self.command, self.quarters(), self.span.decay
-        time, u = step.after.time, step.after.y[0]
-        size = jnp.log1p(jnp.abs(jnp.expm1(jnp.clip(u - command, -700.0, 600.0))))
-        tiny = 1e-12 * self.span.horizon
-        late = step.accepted & (time >= quarters[2] - tiny)
+    def observe(
+        self, seen: _SeenEnds, before: Underway, after: Underway
+    ) -> tuple[_SeenEnds, Bool[Array, ""]]:
+        """Observations after a step, and whether the slider need not be followed further."""
+        quarters, u = self.quarters, after.log_speed
+        size = jnp.log1p(jnp.abs(jnp.expm1(jnp.clip(u, -700.0, 600.0))))
+        tiny = 1e-12 * self.horizon
+        late = after.time >= quarters[2] - tiny
         # a window counts the step that ends on its beginning
-        inside = step.accepted & (time >= quarters[:4] - tiny) & (time <= quarters[1:] + tiny)
-        rises, at = _rise(step, command)
-        rises = rises & late & (step.before.time >= quarters[2] - tiny)
-        escaped = step.accepted & (u - command > np.log(self.runaway))
-        arrived = step.accepted & (decay > 0) & (time >= quarters[0])
-        arrived = arrived & _settled(size, step, command)
-        spring = self.spring(step.after)
-        cycle = _cycle(seen.cycle, step, command, spring, decay)
+        inside = (after.time >= quarters[:4] - tiny) & (after.time <= quarters[1:] + tiny)
+        crosses, at = _rise(before, after)
+        rises = crosses & late & (before.time >= quarters[2] - tiny)
+        arrived = (self.decay > 0) & (after.time >= quarters[0]) & _settled(size, before, after)
+        spring = self.yielding * after.y["q"]
+        cycle = _cycle(seen.cycle, (crosses, at), u, spring, self.decay)
         new = _SeenEnds(
             jnp.where(inside, jnp.maximum(seen.largest, size), seen.largest),
             _widened(seen.speeds, u, late),
@@ -185,26 +177,23 @@ class _Watch(NamedTuple):
             seen.rises + rises,
             jnp.where(rises & (seen.rises == 0), at, seen.first),
             jnp.where(rises, at, seen.last),
-            seen.escaped | escaped,
-            seen.arrived | arrived,
+            arrived,
             _widened(seen.periods, at - seen.last, rises & (seen.rises > 0)),
             cycle,
         )
-        return new, escaped | arrived | (step.accepted & cycle.repeats)
+        return new, arrived | cycle.repeats
 
 
-def _rise(step: Step, command: Array) -> tuple[Bool[Array, " n"], Float[Array, " n"]]:
+def _rise(before: Underway, after: Underway) -> tuple[Bool[Array, ""], Float[Array, ""]]:
     """Whether the velocity rises through the command in a step, and when [s]."""
-    u, before = step.after.y[0], step.before.y[0] - command
-    rises = step.accepted & (before < 0) & (u >= command)
-    rise = jnp.where(rises, u - step.before.y[0], 1.0)
-    return rises, step.before.time - before * (step.after.time - step.before.time) / rise
+    rises = (before.log_speed < 0) & (after.log_speed >= 0)
+    rise = jnp.where(rises, after.log_speed - before.log_speed, 1.0)
+    return rises, before.time - before.log_speed * (after.time - before.time) / rise
 
 
-def _cycle(of: _Cycle, step: Step, command: Array, spring: Array, decay: Array) -> _Cycle:
+def _cycle(of: _Cycle, rise: tuple[Array, Array], u: Array, spring: Array, decay: Array) -> _Cycle:
     """The cycle after a step; a new one begins where the velocity rises through the command."""
-    u = step.after.y[0]
-    rises, time = _rise(step, command)
+    rises, time = rise
     whole = rises & jnp.isfinite(of.begun)
     period = jnp.where(whole, time - of.begun, of.period)
     shortest, longest = _widened(of.periods, period, whole)
@@ -219,8 +208,8 @@ def _cycle(of: _Cycle, step: Step, command: Array, spring: Array, decay: Array) 
         return jnp.where(when, new[0], old[0]), jnp.where(when, new[1], old[1])
 
     return _Cycle(
-        choose((u, u), _widened(of.speeds, u, step.accepted)),
-        choose((spring, spring), _widened(of.springs, spring, step.accepted)),
+        choose((u, u), _widened(of.speeds, u)),
+        choose((spring, spring), _widened(of.springs, spring)),
         jnp.where(rises, time, of.begun),
         choose(of.speeds, of.first, fresh),
         choose(of.speeds, of.last),
@@ -232,35 +221,35 @@ def _cycle(of: _Cycle, step: Step, command: Array, spring: Array, decay: Array) 
     )
 
 
-def _settled(size: Array, step: Step, command: Array) -> Bool[Array, " n"]:
-    """Whether a lane is very close to steady sliding, at both ends of a step and in its rates."""
+def _settled(size: Array, before: Underway, after: Underway) -> Bool[Array, ""]:
+    """Whether a slider is very close to steady sliding, at both ends of a step and in its rates."""
     close = _CLOSE * SMALL
-    rate = sum(jnp.abs(slope) for slope in step.slopes[1])
-    h = step.after.time - step.before.time
-    return (size < close) & (jnp.abs(step.before.y[0] - command) < close) & (rate * h < close)
+    rate = sum(jnp.sum(jnp.abs(slope)) for slope in after.slope.values())
+    h = after.time - before.time
+    return (size < close) & (jnp.abs(before.log_speed) < close) & (rate * h < close)
 
 
-def _widened(of: _Range, x: Array, inside: Array) -> _Range:
+def _widened(of: _Range, x: Array, inside: Array | bool = True) -> _Range:
     """The range extended by `x`, where that is `inside`."""
     low, high = of
     wider = jnp.minimum(low, x), jnp.maximum(high, x)
     return jnp.where(inside, wider[0], low), jnp.where(inside, wider[1], high)
 
 
-def _code(seen: _SeenEnds, reached: Array, span: Span) -> Int8[Array, " n"]:
-    """Index into `CODES` of the end of every lane, (n,)."""
+def _code(seen: _SeenEnds, escaped: Array, reached: Array, watch: _Watch) -> Int8[Array, ""]:
+    """Index into `CODES` of the end of a slider."""
     a2, a3, a4 = seen.largest[1:]
-    rate = jnp.where(span.decay > 0, span.decay, jnp.inf)
-    steady = seen.arrived | settles((a2, a3, a4), seen.rises, span.horizon / 4, rate)[0]
+    rate = jnp.where(watch.decay > 0, watch.decay, jnp.inf)
+    steady = settles((a2, a3, a4), seen.rises, watch.horizon / 4, rate)[0]
     # no unstable slider slides steadily: its oscillation is still too small to be seen
-    steady = steady & ~(span.decay < 0)
+    steady = seen.arrived | (steady & ~(watch.decay < 0))
     code = jnp.where(steady, STEADY, jnp.where(seen.rises >= 2, LIMIT_CYCLE, FAILED))
-    code = jnp.where(reached, code, FAILED)
+    code = jnp.where(reached | seen.arrived, code, FAILED)
     code = jnp.where(seen.cycle.repeats, LIMIT_CYCLE, code)
-    return jnp.where(seen.escaped, ESCAPE, code).astype(jnp.int8)
+    return jnp.where(escaped, ESCAPE, code).astype(jnp.int8)
 
 
-def _numbers(of: Lanes, seen: _SeenEnds, code: Array) -> Ends:
+def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
     """Amplitudes, least velocity and period, of the last cycle or of the last half."""
     cycle = seen.cycle
 
@@ -270,7 +259,7 @@ def _numbers(of: Lanes, seen: _SeenEnds, code: Array) -> Ends:
 
     speeds = chosen(cycle.last, seen.speeds)
     springs = chosen(cycle.springs_last, seen.springs)
-    low, high = (of.law.V0 * jnp.exp(jnp.clip(u, -700.0, 600.0)) for u in speeds)
+    low, high = (velocity * jnp.exp(jnp.clip(u, -700.0, 600.0)) for u in speeds)
     known = (code == LIMIT_CYCLE) | ((code == STEADY) & jnp.isfinite(speeds[0]))
     at_end = (code == STEADY) & ~known  # not followed to its last half: it is steady
     periods = chosen(cycle.periods, seen.periods)
@@ -278,14 +267,14 @@ def _numbers(of: Lanes, seen: _SeenEnds, code: Array) -> Ends:
     mean, spread = mean_and_spread(count, seen.first, seen.last, *periods)
     period = jnp.where(cycle.repeats, cycle.period, mean)
 
-    def number(x: Array, otherwise: float, steady: ArrayLike) -> Array:
+    def number(x: Array, otherwise: float, steady: Array | float) -> Array:
         return jnp.where(known, x, jnp.where(at_end, steady, otherwise))
 
     return Ends(
         code,
         number(0.5 * (high - low), jnp.inf, 0.0),
         number(0.5 * (springs[1] - springs[0]), jnp.inf, 0.0),
-        number(low, -jnp.inf, of.velocity),
+        number(low, -jnp.inf, velocity),
         jnp.where(code == LIMIT_CYCLE, period, jnp.inf),
         jnp.where(code == LIMIT_CYCLE, spread, jnp.inf),
     )

@@ -1,7 +1,7 @@
 """Motions of many sliders after a step of the command: how they end, and friction in time.
 
-Simulations of massless sliders under the slip and ageing laws go through `simulation.ensemble`, all
-at once; others through `gains.settle`, mapped, which takes some twenty times as long a member.
+Massless sliders under the slip and ageing laws tell their ends while they move (`members.ends`);
+others through `gains.settle`, which keeps their steps and takes some twenty times as long.
 """
 
 import functools
@@ -16,8 +16,10 @@ from jaxtyping import Array
 from ..errors import InputError
 from ..gains.ends import ENDS, RUNAWAY
 from ..gains.settle import Policy, end_and_share, slowest_mode, stretched
+from ..motion import PiecewiseVelocity
+from ..rig import QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, LogarithmicEffect, RateState
-from ..simulation import ensemble, step_start
+from ..simulation import RESULTS, simulate, step_start
 from ..simulation.start import regularised
 from ..stability.margins import poles
 from ..study import Axis, Output
@@ -47,8 +49,8 @@ _IN_TIME = {"force", "velocity"}
 _KEYS = ("ratio", "samples", "duration", "rtol", "max_steps", "inertia")
 # Members of a block: as many as compute in about a second, and their traces fit into memory.
 _CHUNK_WITH_TRACES, _CHUNK_SLOW = 16384, 1024
-# Members that share the loop of a stiff solver: the slowest holds them.
-_BATCH_SLOW = 24
+# Members that share a loop, and that of a stiff solver: the slowest holds them.
+_BATCH, _BATCH_SLOW = 64, 24
 # Steps of the general solver at first, and members that are followed again at once.
 _FEW_STEPS, _AGAIN = 1024, 12
 # Steady friction in units of A above which the regularised and the logarithmic direct effect are
@@ -93,9 +95,9 @@ class Motions:
         p = self.sliders.parameters(varied)
         found: dict[str, Array] = {}
         if _ENDINGS & set(self.wanted):
-            found |= self._general(p) if self.slow else self._endings(p)
+            found |= self._general(p) if self.slow else jax.vmap(self._streamed)(p)
         if set(self.wanted) - _ENDINGS:
-            found |= self._traces(p)
+            found |= jax.vmap(self._trace)(p)
         return found
 
     @property
@@ -130,22 +132,27 @@ class Motions:
         s = poles(self.sliders.linear(p, mass=self.inertia))
         return slowest_mode(s), -jnp.max(s.real)
 
-    def _lanes(self, p: Parameters) -> tuple[ensemble.Lanes, ensemble.LanePoint]:
+    def _massless(self, p: Parameters) -> tuple[Rig, RateState]:
+        """The rig of one member and its law, with the logarithmic direct effect."""
         kind = self.sliders.law
         assert isinstance(kind, str)
         law = rate_state(kind, p, self.sliders.states, LogarithmicEffect())
         assert isinstance(law, RateState)
-        of = ensemble.lanes(law, p["k_p"], p["k_v"], p["V0"])
-        return of, ensemble.stepped(of, p["ratio"])
+        return Rig(QuasiStatic(p["k_p"], p["k_v"]), law), law
 
-    def _endings(self, p: Parameters) -> dict[str, Array]:
-        of, start = self._lanes(p)
-        slowest, decay = jax.vmap(self._pace)(p)
-        horizon = streaming.horizon_of(slowest, of.law.A, of.stiffness, of.velocity)
-        steady = of.law.A - jnp.sum(of.law.B, axis=1)
-        lead = jnp.abs(steady * jnp.log(p["ratio"]) / (of.stiffness * of.velocity))
-        span = streaming.Span(lead, stretched(horizon, decay), decay)
-        found = streaming.ends(of, start, span, policy=self._policy)
+    def _streamed(self, p: Parameters) -> dict[str, Array]:
+        """Outputs of one member, told while it moves."""
+        rig, law = self._massless(p)
+        slowest, decay = self._pace(p)
+        horizon = streaming.horizon_of(slowest, law.A, p["k_p"], p["V0"])
+        found = streaming.end_of(
+            rig,
+            p["V0"],
+            step_start(rig, p["V0"], p["ratio"]),
+            horizon=stretched(horizon, decay),
+            decay=decay,
+            policy=self._policy,
+        )
         return _coded(found._asdict(), found.code)
 
     @property
@@ -204,27 +211,30 @@ class Motions:
         code = code.astype(jnp.int8)
         return _coded({name: getattr(end, name) for name in _NUMBERS}, code), share
 
-    def _traces(self, p: Parameters) -> dict[str, Array]:
-        of, start = self._lanes(p)
-        duration = 20.0 * jnp.max(of.law.L, axis=1) / of.velocity
+    def _trace(self, p: Parameters) -> dict[str, Array]:
+        """Friction and velocity of one member in time."""
+        rig, law = self._massless(p)
+        duration = 20.0 * jnp.max(law.L) / p["V0"]
         if self.duration is not None:
             duration = jnp.full_like(duration, self.duration)
-        phase = jnp.arange(1, self.samples + 1, dtype=duration.dtype) / self.samples
-        found = ensemble.response(
-            of,
-            start,
-            phase[:, None] * duration,
+        found = simulate(
+            rig,
+            PiecewiseVelocity(jnp.zeros_like(duration)[None], p["V0"][None]),
+            duration * jnp.arange(self.samples + 1, dtype=duration.dtype) / self.samples,
+            start=step_start(rig, p["V0"], p["ratio"]),
             rtol=self.rtol,
             max_steps=self.max_steps,
             runaway=_LEFT,
+            stiff=False,
         )
-        code = jnp.where(found.escaped, 1, jnp.where(found.reached, 0, 2)).astype(jnp.int8)
-        lost = (code == 2)[:, None]  # nothing is known after the last step
+        whole, left = found.result == RESULTS.successful, found.result == RESULTS.ran_away
+        code = jnp.where(left, 1, jnp.where(whole, 0, 2)).astype(jnp.int8)
+        lost = code == 2  # nothing is known after the last step
         return {
             "trace": code,
             "duration": duration,
-            "force": jnp.where(lost, jnp.nan, found.force.T),
-            "velocity": jnp.where(lost, jnp.nan, found.velocity.T),
+            "force": jnp.where(lost, jnp.nan, found.force[1:]),
+            "velocity": jnp.where(lost, jnp.nan, found.velocity[1:]),
         }
 
 
@@ -260,7 +270,9 @@ def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
         return replace(part, chunk=_CHUNK_SLOW, batch=_BATCH_SLOW)
     if traced:
         part = replace(part, chunk=_CHUNK_WITH_TRACES)
-    return replace(part, warnings=_logarithmic(spec)) if traced or ended else part
+    if traced or ended:
+        part = replace(part, batch=_BATCH, warnings=_logarithmic(spec))
+    return part
 
 
 def _step(spec: Spec, function: Motions) -> str:

@@ -21,7 +21,7 @@ Parameters = Mapping[str, Array]
 
 
 def streamed(law: str | AbstractLaw) -> bool:
-    """Whether massless sliders under a law are simulated all at once, by `simulation.ensemble`."""
+    """Whether the end of a massless slider under a law is told while it moves (`members.ends`)."""
     return isinstance(law, str) and evolution_of(law) is not None
 
 

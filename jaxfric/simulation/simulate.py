@@ -29,13 +29,10 @@ from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import Slider, SliderEquation, Unknowns
 from .rodas import Rodas5P
 from .start import Start, law_with_states
-from .stepping import How, Sampled, constant, follow
+from .stepping import SAFETY, How, Sampled, constant, follow
 from .steps import StableStepController, padded_norm
 from .trajectory import RESULTS, Trajectory, only_if
 
-# The controller bounds the error of one step. Over a record errors add up and the interpolant
-# adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py).
-_SAFETY = 0.03
 _STIFF = 3000.0
 """Relaxations of the spring on the way, from which the stiff method takes less time."""
 
@@ -110,7 +107,7 @@ def simulate(
     possible = is_possible(rig, ts, begin, initial, motion=motion)
     ts_used = jnp.where(possible, ts, 0.0)
     initial = jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial)
-    tolerance, away = _SAFETY * rtol, math.log(runaway)
+    tolerance, away = SAFETY * rtol, math.log(runaway)
     if not at_steps and solver is None and controller is None and adjoint is None:
         how = How(stiff, max_steps, away)
         sampled = follow(equation, initial, ts_used, jnp.asarray(tolerance), how)

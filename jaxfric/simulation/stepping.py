@@ -13,7 +13,7 @@ needs: reverse mode needs the number of turns in advance.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import equinox.internal as eqxi
@@ -32,8 +32,13 @@ ROWS = 32
 """Steps of a segment, where few samples are asked for."""
 _SAMPLES_EACH, _MOST_PARTS = 256, 16
 """Samples for which a segment gets `ROWS` steps more, and the most times that it does."""
+_FEWEST_PARTS = 4
+"""Where no derivatives are asked for: few segments evaluate the interpolant less often."""
 _FAN = 16
 """Segments, or groups of them, that a scan passes over at once."""
+SAFETY = 0.03
+"""Error of a step over the error wanted of a motion. Over a record errors add up and the
+interpolant adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py)."""
 _SHRINK, _GROW, _CAUTION = 0.2, 10.0, 0.9
 _STABLE = 2.5
 """Rate of the fastest change times the longest step. Tsit5 is stable to 3.3 for real rates."""
@@ -61,12 +66,17 @@ class Underway(NamedTuple):
     """dy/dt, for the explicit pair, whose last stage is the next step's first."""
     size: Float[Array, ""]
     """Length of the next step [s]; 0: to be guessed."""
-    longest: Float[Array, ""]
-    """Length of the longest step for which the explicit pair is stable [s]."""
+    log_speed: Float[Array, ""]
+    """ln of the speed over the largest commanded one."""
     going: Bool[Array, ""]
     ran_away: Bool[Array, ""]
     steps: Int[Array, ""]
     """Steps taken, rejected ones included."""
+
+
+Seen = TypeVar("Seen")
+"""What an observer gathers of a motion."""
+Observer = Callable[[Seen, Underway, Underway], tuple[Seen, Bool[Array, ""]]]
 
 
 class Sampled(NamedTuple):
@@ -94,6 +104,39 @@ def follow(
     return _followed(equation, initial, ts, _Policy(tolerance, how))
 
 
+def observed(
+    equation: SliderEquation,
+    initial: Unknowns,
+    stops: Float[Array, " s"],
+    tolerance: Float[Array, ""],
+    how: How,
+    observe: Observer[Seen],
+    seen: Seen,
+) -> tuple[Underway, Seen]:
+    """Step from `initial` at time 0 through `stops`, on each of which a step ends; keep no step.
+
+    `observe(seen, before, after)` is shown every step that was taken and gives the new `seen`, and
+    whether to stop there. The last of the `stops` ends the motion. No derivatives.
+    """
+    equation, policy = constant(equation), _Policy(tolerance, how)
+    last = stops[-1]
+    stops = jnp.minimum(jnp.append(equation.motion.breakpoints(), stops), last)
+
+    def turn(carry: tuple[Underway, Seen]) -> tuple[Underway, Seen]:
+        point, seen = carry
+        point = _refreshed(equation, point)
+        new, _ = _step(equation, point, stops, policy)
+        more, enough = observe(seen, point, new)
+        taken = new.time > point.time
+        return new._replace(going=new.going & ~(taken & enough)), _choose(taken, more, seen)
+
+    def goes_on(carry: tuple[Underway, Seen]) -> Bool[Array, ""]:
+        return eqxi.unvmap_any(carry[0].going)
+
+    begin = _at(jnp.zeros_like(last), initial, going=last > 0)
+    return jax.lax.while_loop(goes_on, turn, (begin, seen))
+
+
 _Carry = tuple[Underway, PyTree[Float[Array, "n ..."]]]
 """Where a motion has come to, and the unknowns at the samples that it has passed."""
 
@@ -107,7 +150,8 @@ class _Policy(eqx.Module):
 def _followed(
     equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
 ) -> Sampled:
-    carry, segment = _begun(equation, initial, ts, policy)
+    rows = ROWS * max(_parts(ts), _FEWEST_PARTS)
+    carry, segment = _begun(equation, initial, ts, policy, rows=rows)
 
     def goes_on(carry: _Carry) -> Bool[Array, ""]:
         return eqxi.unvmap_any(carry[0].going)
@@ -123,7 +167,7 @@ def _(primals: tuple, tangents: tuple) -> tuple[Sampled, Sampled]:
 def _by_scan(
     equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
 ) -> Sampled:
-    carry, segment = _begun(equation, initial, ts, policy)
+    carry, segment = _begun(equation, initial, ts, policy, rows=ROWS, parts=_parts(ts))
     segments = -(-policy.how.max_steps // (ROWS * _parts(ts)))
     loop, length = jax.checkpoint(segment), segments
     while length > 1:
@@ -147,30 +191,37 @@ def _parts(ts: Float[Array, " n"]) -> int:
     return int(np.clip(ts.shape[0] // _SAMPLES_EACH, 1, _MOST_PARTS))
 
 
+def _at(time: Array, y: Unknowns, *, going: Bool[Array, ""]) -> Underway:
+    """The beginning of a motion."""
+    zero, slope = jnp.zeros_like(time), jax.tree.map(jnp.zeros_like, y)
+    return Underway(time, y, slope, zero, zero, going, ~going & False, jnp.zeros((), jnp.int32))
+
+
 def _begun(
-    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
+    equation: SliderEquation,
+    initial: Unknowns,
+    ts: Float[Array, " n"],
+    policy: _Policy,
+    *,
+    rows: int,
+    parts: int = 1,
 ) -> tuple[_Carry, Callable[[_Carry], _Carry]]:
-    """Where the loop over segments begins, and a segment of it."""
-    zero, fixed = jnp.zeros((), ts.dtype), constant(equation)
+    """Where the loop over segments begins, and a segment of it, of `parts` with `rows` steps."""
+    fixed = constant(equation)
     first, last = jax.lax.stop_gradient((ts[0], ts[-1]))
     stops = jnp.minimum(jnp.append(fixed.motion.breakpoints(), jnp.inf), last)
-    slope = jax.tree.map(jnp.zeros_like, initial)
-    going = last > first
-    point = Underway(
-        first, initial, slope, zero, zero, going, ~going & False, jnp.zeros((), jnp.int32)
-    )
+    point = _at(first, initial, going=last > first)
     ys = jax.tree.map(lambda y: jnp.broadcast_to(y, (ts.shape[0], *y.shape)), initial)
-    parts = _parts(ts)
 
     def step(point: Underway, _: None) -> tuple[Underway, Knots]:
         def taken(point: Underway) -> tuple[Underway, Knots]:
-            return _step(fixed, point, stops, last, policy)
+            return _step(fixed, _refreshed(fixed, point), stops, policy)
 
         return jax.lax.cond(eqxi.unvmap_any(point.going), taken, _still, point)
 
     def part(point: Underway, _: None) -> tuple[Underway, Knots]:
         begin = point.y
-        point, knots = jax.lax.scan(step, constant(point), None, length=ROWS)
+        point, knots = jax.lax.scan(step, constant(point), None, length=rows)
         knots = differentiable(equation, begin, knots)
         y = jax.tree.map(lambda y: y[-1], knots.y1)
         return point._replace(y=y), knots
@@ -178,10 +229,10 @@ def _begun(
     def idle(point: Underway, _: None) -> tuple[Underway, Knots]:
         row = _still(constant(point))[1]
         y0, y1 = (
-            jax.tree.map(lambda a: jnp.broadcast_to(a, (ROWS, *a.shape)), y) for y in 2 * [point.y]
+            jax.tree.map(lambda a: jnp.broadcast_to(a, (rows, *a.shape)), y) for y in 2 * [point.y]
         )
-        rows = jax.tree.map(lambda a: jnp.broadcast_to(a, (ROWS, *a.shape)), row)
-        return point, Knots(rows.t0, rows.t1, y0, y1, rows.k)
+        still = jax.tree.map(lambda a: jnp.broadcast_to(a, (rows, *a.shape)), row)
+        return point, still._replace(y0=y0, y1=y1)
 
     def segment(carry: _Carry) -> _Carry:
         point, ys = carry
@@ -208,26 +259,28 @@ def _ended(ts: Float[Array, " n"], point: Underway, ys: PyTree[Float[Array, "n .
     return Sampled(ys, point.time, reached, point.ran_away, point.steps)
 
 
-def _step(
-    equation: SliderEquation,
-    point: Underway,
-    stops: Float[Array, " s"],
-    last: Array,
-    policy: _Policy,
-) -> tuple[Underway, Knots]:
-    """One step, taken or rejected; of a motion that has ended nothing changes."""
-    how, tolerance = policy.how, jax.lax.stop_gradient(policy.tolerance)
-    t, y = point.time, point.y
-    fresh, slope = point.size == 0, point.slope
+def _refreshed(equation: SliderEquation, point: Underway) -> Underway:
+    """The point; at the beginning and after a jump, with slope and speed of the new command."""
+    fresh = point.going & (point.size == 0)
 
     def begin() -> tuple[Unknowns, Array]:
-        return equation.derivative(t, y), _longest(equation, equation.log_speed(t, y))
+        return equation.derivative(point.time, point.y), equation.log_speed(point.time, point.y)
 
-    begins = eqxi.unvmap_any(fresh & point.going)
-    slope, longest = jax.lax.cond(begins, begin, lambda: (slope, point.longest))
+    known = (point.slope, point.log_speed)
+    slope, log_speed = jax.lax.cond(eqxi.unvmap_any(fresh), begin, lambda: known)
+    return point._replace(slope=slope, log_speed=log_speed)
+
+
+def _step(
+    equation: SliderEquation, point: Underway, stops: Float[Array, " s"], policy: _Policy
+) -> tuple[Underway, Knots]:
+    """One step, taken or rejected, to the next of the `stops` at most, the last of which ends the
+    motion; of a motion that has ended nothing changes."""
+    how, tolerance = policy.how, jax.lax.stop_gradient(policy.tolerance)
+    t, y, slope, last = point.time, point.y, point.slope, stops[-1]
     size = _first_size(equation, slope, y, tolerance)
-    size = jnp.where(fresh, size, point.size)
-    size = size if how.stiff else jnp.minimum(size, longest)
+    size = jnp.where(point.size == 0, size, point.size)
+    size = size if how.stiff else jnp.minimum(size, _longest(equation, point.log_speed))
     stop = jnp.min(jnp.where(stops > t, stops, jnp.inf), initial=last)
     shortest = _ROUNDINGS * jnp.spacing(jnp.abs(t))
     room = stop - t
@@ -256,7 +309,7 @@ def _step(
         _choose(taken, y1, y),
         _choose(taken, later, slope),
         jnp.where(good & lands, 0.0, length * factor),
-        jnp.where(taken, _longest(equation, log_speed), longest),
+        jnp.where(taken, log_speed, point.log_speed),
         point.going
         & ~away
         & ~vanished
@@ -276,11 +329,16 @@ def _still(point: Underway) -> tuple[Underway, Knots]:
 
 
 def _longest(equation: SliderEquation, log_speed: Array) -> Float[Array, ""]:
-    """A little less than the relaxation of the spring, over F/K of slip, allows an explicit step.
+    """A little less than the relaxation of the spring, over F/K of slip and in k_v/K, allows an
+    explicit step.
 
     A longer one makes of rounding, in steady sliding, an error as large as the tolerance.
     """
-    return _STABLE * _relaxation(equation) * jnp.exp(-jnp.clip(log_speed, -60.0, 60.0))
+    time = _relaxation(equation) * jnp.exp(-jnp.clip(log_speed, -60.0, 60.0))
+    machine = equation.rig.machine
+    if machine.damping is not None:
+        time = time + machine.damping / machine.stiffness
+    return _STABLE * time
 
 
 def _relaxation(equation: SliderEquation) -> Float[Array, ""]:

@@ -90,6 +90,8 @@ def _whole(task: Task) -> int:
 def _batch(task: Task) -> int:
     with _on(task):
         number = at_once(task.batch)
+        if number > task.batch:  # a GPU, whose loop over few takes as long as over many
+            number = max(number, at_once(Task.batch))
     return max(min(number, -(-task.blocks.largest // devices(task))), 1)
 
 

@@ -2,12 +2,12 @@
 
     python tests/benchmarks/device.py [--only motion lorenz studies]
 
-A tenfold step of the command, 102 outputs, by `simulate` under `vmap` and as a study has it; where
-CuPy is installed beside them the loops by hand of `limit.c`, a thread for each trajectory
-(`device.cu`). Lorenz' equations as GPUODEBenchmarks (doi:10.1016/j.cma.2023.116591) has them: 2^23
-from (1, 0, 0) for a time of 1, rho from 0 to 21, 32 bit, tolerance 1e-8; on a V100 it gives 8.3 ns
-each for DiffEqGPU, 5.8 ns for MPGOS and 311 ns for diffrax. Studies by blocks of several sizes.
-Everything compiled and warm, medians of five; errors against SciPy at a tolerance of 1e-12.
+A tenfold step of the command, 102 outputs, by `simulate` under `vmap`; where CuPy is installed
+beside it the loops by hand of `limit.c`, a thread for each trajectory (`device.cu`). Lorenz'
+equations as GPUODEBenchmarks (doi:10.1016/j.cma.2023.116591) has them: 2^23 from (1, 0, 0) for a
+time of 1, rho from 0 to 21, 32 bit, tolerance 1e-8; on a V100 it gives 8.3 ns each for DiffEqGPU,
+5.8 ns for MPGOS and 311 ns for diffrax. Studies by blocks of several sizes. Everything compiled and
+warm, medians of five; errors against SciPy at a tolerance of 1e-12.
 """
 
 import argparse
@@ -41,7 +41,7 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from jaxfric.cache import whole_loops
-from jaxfric.simulation import ensemble, rodas
+from jaxfric.simulation import rodas
 
 RTOL = 1e-6
 ROWS = slice(12, None, 13)
@@ -117,21 +117,6 @@ def simulated(rig: Callable, K: float, numbers: tuple[int, ...], truth: np.ndarr
         say("simulate", number, spent, after_the_step(many(stiffness)[0], truth))
 
 
-def as_lanes(K: float, numbers: tuple[int, ...], truth: np.ndarray) -> None:
-    @jax.jit
-    def many(stiffness: jax.Array) -> jax.Array:
-        one = jnp.ones_like(stiffness)
-        law = jf.RateState(F0 * one, A * one, B * one[:, None], L * one[:, None], V0 * one)
-        of = ensemble.lanes(law, stiffness, 0 * one, FASTER * V0 * one)
-        start = ensemble.stepped(of, FASTER * one)
-        return ensemble.response(of, start, jnp.asarray(AFTER)[:, None] * one, rtol=RTOL).force
-
-    for number in numbers:
-        stiffness = jnp.asarray(stiffnesses(K, number))
-        spent = timed(lambda k=stiffness: jax.block_until_ready(many(k)))
-        say("as a study has it", number, spent, after_the_step(many(stiffness)[:, 0], truth))
-
-
 def motion() -> None:
     gpu = jax.default_backend() != "cpu"
     numbers = (1, 256, 4096, 65536) if gpu else (1, 256)
@@ -141,7 +126,6 @@ def motion() -> None:
     truth = reference(scipy_without_mass, K)
     plain = jf.RateState(F0, A, [B], [L], V0)
     simulated(lambda K: jf.Rig(jf.QuasiStatic(K), plain), K, numbers, truth)
-    as_lanes(K, (256, 4096, 65536, 2**20) if gpu else (256, 4096), truth)
     if kernels is not None:
         cupy, modules = kernels
         law = cupy.asarray([K, A, B, L, V0, FASTER * V0])
