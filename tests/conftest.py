@@ -14,7 +14,7 @@ from pathlib import Path
 
 import jax
 import pytest
-from snapshots import compared
+from snapshots import compared, together
 
 from jaxfric.cache import whole_loops
 
@@ -40,11 +40,22 @@ def pytest_addoption(parser):
     parser.addoption("--update-snapshots", action="store_true", help="keep the texts of today")
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Texts are kept anew by the tests that have some; the other files need not be read for it."""
+    anew = config.getoption("--update-snapshots") and collection_path.suffix == ".py"
+    return True if anew and "snapshot(" not in collection_path.read_text("utf-8") else None
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("--update-snapshots"):
+        items[:] = [item for item in items if "snapshot" in item.fixturenames]
+
+
 @pytest.fixture
 def snapshot(request):
-    """`snapshot(name, text)` fails where the text is not that of tests/snapshots/NAME.txt."""
+    """`snapshot(name, cases)` fails where the texts by case are not tests/snapshots/NAME.txt."""
     anew = request.config.getoption("--update-snapshots")
-    return lambda name, text: compared(name, text, anew=anew)
+    return lambda name, cases: compared(name, together(cases), anew=anew)
 
 
 def pytest_configure(config):

@@ -1,9 +1,16 @@
 """Texts that are compared with those kept in `tests/snapshots/`."""
 
 import difflib
+from collections.abc import Mapping
 from pathlib import Path
 
 FOLDER = Path(__file__).parent / "snapshots"
+
+
+def together(cases: Mapping[str, str]) -> str:
+    """Texts below one another, each under its name; no line ends in a space."""
+    texts = [f"## {name}\n{text}" for name, text in cases.items()]
+    return "".join(f"{line.rstrip()}\n" for text in texts for line in text.splitlines())
 
 
 def compared(name: str, text: str, folder: Path = FOLDER, *, anew: bool) -> None:
