@@ -18,9 +18,6 @@ from .scenarios import Scenarios, tiles
 from .slack import slacks
 
 _BISECTIONS = 28
-_ZOOMS = 5
-_ZOOM_POINTS = 17
-_LOCAL_POINTS = 16
 
 
 class Region(NamedTuple):
@@ -109,7 +106,7 @@ class FrontierPoint(NamedTuple):
 
 
 def minima(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[FrontierPoint]:
-    """Local minima of the norm along the whole frontier, each refined by zooming in."""
+    """Local minima of the norm along the whole frontier, among its points on a grid of v."""
     u, v = axes(region)
     found = lowest(requirement, scenarios, region, u, v)
     norm = region.norm(np.stack([found, v], axis=1) * region.unit)
@@ -118,8 +115,7 @@ def minima(requirement: Requirement, scenarios: Scenarios, region: Region) -> li
         left = norm[i - 1] if i else np.inf
         right = norm[i + 1] if i + 1 < v.size else np.inf
         if np.isfinite(norm[i]) and norm[i] <= left and norm[i] < right:
-            near = slice(max(i - 1, 0), i + 2)
-            starts.append(zoom(requirement, scenarios, region, found[near], v[near]))
+            starts.append(FrontierPoint(float(found[i]), float(v[i]), float(norm[i])))
     return starts
 
 
@@ -189,30 +185,3 @@ def largest_alone(
             finer = np.linspace(tried[first - 1], tried[first], tried.size)
             most[along] = float(finer[np.argmin(met(along, finer)) - 1])
     return most[0], most[1]
-
-
-def zoom(
-    requirement: Requirement,
-    scenarios: Scenarios,
-    region: Region,
-    u: np.ndarray,
-    v: np.ndarray,
-) -> FrontierPoint:
-    """The least norm of the frontier between the first and the last of some of its points."""
-    best = FrontierPoint(np.inf, float(v[0]), np.inf)
-    limits = region.lower[0] / region.unit[0], region.upper[0] / region.unit[0]
-    for _ in range(_ZOOMS):
-        inside = u[np.isfinite(u)]
-        if not inside.size:
-            break
-        row = np.geomspace(0.1 * max(np.min(inside), limits[0]), 10 * np.max(inside), _LOCAL_POINTS)
-        row = np.clip(row, *limits)
-        v = np.linspace(v[0], v[-1], _ZOOM_POINTS)
-        u = lowest(requirement, scenarios, region, row, v)
-        norm = region.norm(np.stack([u, v], axis=1) * region.unit)
-        i = int(np.argmin(norm))
-        if norm[i] < best.norm:
-            best = FrontierPoint(float(u[i]), float(v[i]), float(norm[i]))
-        near = slice(max(i - 1, 0), i + 2)
-        u, v = u[near], v[near]
-    return best
