@@ -214,11 +214,16 @@ def test_an_optimum_is_the_least_norm(scale):
     assert found.at_limit
 
 
-def test_where_no_constraint_has_a_slope_the_start_stays():
-    needed = Needed(lambda u, v: jnp.sign(u - 1.0) + 0 * v)
-    found = optimum(needed, Scenario(), FREE, FrontierPoint(1.0, 0.5, 1.2))
-    np.testing.assert_array_equal(found.gains, (1.0, 0.5))
-    assert found.residual == 1.0 and found.norm == 1.2
+def test_an_optimum_without_a_slope(monkeypatch):
+    """The margin jumps where it is met: the least norm is still found, if only to a grid."""
+
+    steps = Needed(lambda u, v: jnp.sign(u - one_dip(v)))
+    start = FrontierPoint(float(1.2 * one_dip(1.1)), 1.1, 2.0)
+    assert optimum(steps, Scenario(), FREE, start) is None
+    monkeypatch.setattr(solve_module, "optimum", lambda *_: None)
+    found = solve(one_dip, Scenario(), FREE)
+    assert found.optima[0].norm == pytest.approx(minima(one_dip)[0][0], rel=1e-6)
+    assert found.optima[0].residual == 1.0 and found.smaller_found == 0
 
 
 # ---- the certificate -------------------------------------------------------------------------

@@ -53,7 +53,10 @@ def of(name: str, L: jax.Array) -> Mapping[str, jax.Array | float]:
 
 
 def compared(name: str, masses: np.ndarray | None, seed: int) -> tuple[float, float]:
-    """Largest relative differences of the norm, and of the gains (over the norm), of some laws."""
+    """Largest relative differences of the norm, and of the gains (over the norm), of some laws.
+
+    Of those of which `minimum_gains` says that it found the optimum.
+    """
     laws = drawn(EACH, seed)
 
     @jax.jit
@@ -78,10 +81,9 @@ def compared(name: str, masses: np.ndarray | None, seed: int) -> tuple[float, fl
             got = jf.minimum_gains(law, *scenarios(given, masses), asked)
             known = jf.find_gains(law, velocity=given, mass=masses, margin=asked)
         ended, code = int(got.result._value), int(got.derivative._value)
-        if known is None or not np.isfinite(got.norm):
+        if known is None or ended not in (GAINS.optimal._value, GAINS.none_needed._value):
             other = "none" if known is None else f"{known.norm:.8g}"
-            print(f"  {name}: norm {float(got.norm):.8g} ({ended}), find_gains: {other}")
-            worst[0] = max(worst[0], 0.0 if known is None and np.isnan(got.norm) else np.inf)
+            print(f"  {name}: norm {float(got.norm):.8g} (result {ended}), find_gains: {other}")
             continue
         s_p, s_v = known.region.scale
         apart = np.hypot((got.k_p - known.kp) / s_p, (got.k_v - known.kv) / s_v) / known.norm

@@ -18,6 +18,8 @@ from .scenarios import Scenarios, tiles
 from .slack import slacks
 
 _BISECTIONS = 28
+# Of `zoom`: ever finer grids, points of each along v and u, and how far about its start.
+_ZOOMS, _ZOOM_POINTS, _LOCAL_POINTS, _ABOUT = 5, 17, 16, 1.4
 
 
 class Region(NamedTuple):
@@ -185,3 +187,32 @@ def largest_alone(
             finer = np.linspace(tried[first - 1], tried[first], tried.size)
             most[along] = float(finer[np.argmin(met(along, finer)) - 1])
     return most[0], most[1]
+
+
+def zoom(
+    requirement: Requirement, scenarios: Scenarios, region: Region, start: FrontierPoint
+) -> FrontierPoint:
+    """The least norm of the frontier about one of its points, by ever finer grids of v.
+
+    For optima where the margin has no slope, which the steps of `solve.optimum` do not find: the
+    phase margin of a massless slider jumps from -0.4 to inf where two crossings of |L| = 1 meet
+    and vanish. There `start` alone is up to 1.4e-4 too long (3 of 5 laws of `fits.many_gains`).
+    """
+    best, limits = start, (region.lower / region.unit, region.upper / region.unit)
+    u = np.asarray([start.u])
+    v = np.clip([start.v / _ABOUT, start.v * _ABOUT], limits[0][1], limits[1][1])
+    for _ in range(_ZOOMS):
+        inside = u[np.isfinite(u)]
+        if not inside.size:
+            break
+        row = np.geomspace(0.1 * np.min(inside), 10 * np.max(inside), _LOCAL_POINTS)
+        v = np.linspace(v[0], v[-1], _ZOOM_POINTS)
+        row = np.clip(row, limits[0][0], limits[1][0])
+        u = lowest(requirement, scenarios, region, row, v)
+        norm = region.norm(np.stack([u, v], axis=1) * region.unit)
+        i = int(np.argmin(norm))
+        if norm[i] < best.norm:
+            best = FrontierPoint(float(u[i]), float(v[i]), float(norm[i]))
+        near = slice(max(i - 1, 0), i + 2)
+        u, v = u[near], v[near]
+    return best

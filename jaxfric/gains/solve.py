@@ -22,7 +22,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
-from .frontier import FrontierPoint, Region, alone, minima, region_units
+from .frontier import FrontierPoint, Region, alone, minima, region_units, zoom
 from .kkt import WEAK, kkt_of
 from .margins import margin_values
 from .requirement import Requirement
@@ -104,7 +104,7 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Opt
     if not starts:
         return _infeasible(requirement, carried, region)
     for rounds in range(1, _ROUNDS + 1):
-        optima = _distinct([optimum(requirement, scenarios, region, start) for start in starts])
+        optima = _optima(requirement, scenarios, carried, region, starts)
         single = alone(requirement, carried, region)
         every = [*(o.gains for o in optima), *(np.asarray(s[:2]) * region.unit for s in single)]
         worse = _violated(requirement, scenarios, region, every)
@@ -145,12 +145,11 @@ _kkt = eqx.filter_jit(kkt_of)
 
 def optimum(
     requirement: Requirement, scenarios: Scenarios, region: Region, start: FrontierPoint
-) -> Optimum:
-    """The optimum near `start`; where the steps do not settle, `start` itself, residual 1."""
+) -> Optimum | None:
+    """The optimum near `start` under all scenarios; None where the steps do not settle."""
     scale = jnp.asarray(region.scale)
     pairs = [jnp.asarray(x) for x in (region.unit, scale, region.lower, region.upper)]
-    gains = np.asarray(start[:2]) * region.unit
-    y, size = jnp.asarray(gains) / scale, jnp.asarray(TRUST)
+    y, size = jnp.asarray(np.asarray(start[:2]) * region.unit) / scale, jnp.asarray(TRUST)
     for _ in range(ROUNDS):
         slack = slacks(requirement, scenarios, region.unit, np.asarray(y * scale))[0]
         worst = padded(np.argsort(slack)[:CARRIED], size=CARRIED)
@@ -167,18 +166,33 @@ def optimum(
             at_limit = bool(np.any(found.slots >= found.near.c.size))
             residual = float(kkt.residual)
             return Optimum(gains, float(region.norm(gains)), residual, tuple(active), at_limit)
-    slack = slacks(requirement, scenarios, region.unit, gains)[0]
-    return Optimum(gains, start.norm, 1.0, (int(np.argmin(slack)),), False)
+    return None
 
 
-def _distinct(optima: list[Optimum]) -> list[Optimum]:
-    """The optima that differ, smallest norm first; gains that did not settle only below these."""
+def _optima(
+    requirement: Requirement,
+    scenarios: Scenarios,
+    carried: Scenarios,
+    region: Region,
+    starts: list[FrontierPoint],
+) -> list[Optimum]:
+    """The optima that differ, smallest norm first.
+
+    A start from which the steps do not settle gives one only if its norm is below all others, by
+    `zoom`; its residual is 1, that of no constraint at all.
+    """
+    found = [optimum(requirement, scenarios, region, start) for start in starts]
     kept: list[Optimum] = []
-    settled = min((o.norm for o in optima if o.residual < 1), default=np.inf)
-    for one in sorted(optima, key=lambda o: o.norm):
-        known = any(np.allclose(one.gains, other.gains, rtol=1e-5) for other in kept)
-        if not known and (one.residual < 1 or one.norm < settled):
+    for one in sorted((o for o in found if o is not None), key=lambda o: o.norm):
+        if not any(np.allclose(one.gains, other.gains, rtol=1e-5) for other in kept):
             kept.append(one)
+    lost = [start for start, one in zip(starts, found, strict=True) if one is None]
+    least = min(lost, key=lambda start: start.norm, default=None)
+    if least is not None and not (kept and kept[0].norm <= least.norm):
+        near = zoom(requirement, carried, region, least)
+        gains = np.asarray(near[:2]) * region.unit
+        worst = int(np.argmin(slacks(requirement, scenarios, region.unit, gains)[0]))
+        kept.insert(0, Optimum(gains, near.norm, 1.0, (worst,), False))
     return kept
 
 
