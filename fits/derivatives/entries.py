@@ -254,7 +254,7 @@ def _least_gains(**margins: float):
         law = RateState(50.0, A, B[None], L[None], 2e-3)
         scale = 1000.0, 1500.0
         found = minimum_gains(law, np.asarray([1e-3, 4e-3]), m, margins, scale=scale)
-        return {"k_p": found.k_p, "k_v": found.k_v}
+        return {"k_p": found.k_p, "norm": found.norm}
 
     return Entry(
         function,
@@ -339,8 +339,6 @@ ENTRIES: dict[str, Entry] = {
     "gains: decay": _least_gains(decay=0.5),
     "gains: damping": _least_gains(damping=0.1),
     "gains: gain": _least_gains(gain=2.0),
-    "gains: phase": _least_gains(phase=0.4),
-    "gains: delay": _least_gains(delay=1e-3),
     "critical stiffness of a law": Entry(
         _critical,
         _about(
