@@ -20,6 +20,8 @@ _CURVATURE = 0.1
 _ANGLE = 1e-9
 # Share of its rounding by which a candidate may miss a linearised constraint.
 _ROUNDING = 1e-12
+# Share of |y| below which a step to a candidate that pulls would stall there.
+_STALLED = 1e-6
 
 
 class Local(NamedTuple):
@@ -41,8 +43,8 @@ class NewtonStep(NamedTuple):
 def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) -> NewtonStep:
     """The step from `y` to the least norm under the linearised constraints.
 
-    Only candidates at which the constraints push inwards count, as one that does not is no minimum.
-    Of those farther than `radius`, where the linearised constraints mean little, only the nearest
+    Where a constraint pulls it is no minimum: such candidates count as ways, not as ends. Of those
+    farther than `radius`, where the linearised constraints mean little, only the nearest
     one counts, and only where none is within. Where the constraints contradict each other
     it is the candidate that misses them least.
     """
@@ -67,8 +69,9 @@ def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) ->
     length = jnp.sqrt(jnp.sum(y**2))
     feasible = missed <= _ROUNDING * length
     far = jnp.linalg.norm(d, axis=1)
-    inwards = feasible & (push >= -_ROUNDING * length)
-    counting = jnp.where(jnp.any(inwards), inwards, feasible)
+    moving = (push >= -_ROUNDING * length) | (far > _STALLED * length)
+    counting = feasible & moving
+    counting = jnp.where(jnp.any(counting), counting, feasible)
     within = counting & (far <= radius)
     nearest = jnp.argmin(jnp.where(counting, far, jnp.inf))
     best = jnp.argmin(jnp.where(within, value, jnp.inf))
