@@ -126,6 +126,17 @@ def test_limits_of_the_gains():
     assert kp == pytest.approx(1500.0) and critical(kv, **p) == pytest.approx(1500.0, rel=1e-8)
 
 
+def test_an_optimum_at_a_double_pole():
+    """Without mass X s^2 + (X r - B/L + k_p) s + k_p r = 0 with X = A/V + k_v, r = V/L. Where k_p
+    counts most, the least gains put both poles at -d: k_p r = d^2 X and X = (B/L) r/(r - d)^2."""
+    p, d = GOLDEN, 0.5
+    law, r = rate_state(p["A"], p["B"], p["L"], p["V"]), p["V"] / p["L"]
+    found = find_gains(law, velocity=p["V"], mass=None, margin={"decay": d}, scale=(300.0, 1500.0))
+    X = p["B"] / p["L"] * r / (r - d) ** 2
+    np.testing.assert_allclose((found.kp, found.kv), (d**2 * X / r, X - p["A"] / p["V"]), rtol=1e-9)
+    assert found.certificate.kkt < 1e-9 and found.certificate.smaller_found == 0
+
+
 def test_infeasible_says_which_scenario_and_by_how_much():
     found = single(GOLDEN, {"stiffness": 1.0}, upper=(100.0, 10.0))
     assert isinstance(found, Infeasible)

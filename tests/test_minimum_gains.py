@@ -151,6 +151,37 @@ def test_jit_forward_mode_and_a_loop_agree():
     np.testing.assert_allclose(forward, J[0], rtol=1e-9, atol=1e-9 * np.abs(J[0]).max())
 
 
+@pytest.mark.long
+def test_derivatives_at_a_double_pole():
+    """The least gains of a decay rate without mass put both poles at -d (test_gains.py)."""
+    d, V0 = 0.5, 2e-3
+
+    def closed(theta):
+        A, B, L = jnp.exp(theta[:3])
+        r = V0 / L
+        X = B / L * r / (r - d) ** 2
+        return jnp.stack([d**2 * X / r, X - A / V0])
+
+    def found(theta):
+        law, scale = law_of(theta), (300.0, 1500.0)
+        least = jf.minimum_gains(law, np.asarray([V0]), None, {"decay": d}, scale=scale)
+        gains = jnp.stack([least.k_p, least.k_v])
+        return gains, (gains, least.result, least.derivative)
+
+    def slope(theta):
+        J, (gains, *codes) = jax.jacrev(found, has_aux=True)(theta)
+        return J, (J, gains, *codes)
+
+    # the second member has no optimum: its rate is beyond that of the memory
+    theta = np.stack([THETA[:3], np.log([A, B, 1e-2])])
+    H, (J, gains, result, derivative) = jax.jit(jax.vmap(jax.jacfwd(slope, has_aux=True)))(theta)
+    assert result._value.tolist()[0] == GAINS.optimal._value
+    assert derivative._value.tolist()[0] == DERIVATIVE.exists._value
+    for got, function in [(gains, closed), (J, jax.jacfwd(closed)), (H, jax.hessian(closed))]:
+        np.testing.assert_allclose(got[0], function(theta[0]), rtol=1e-7, atol=1e-6)
+        assert np.isnan(got[1]).all()
+
+
 def modulus(gains, v):
     """min |1 + L(i w)| from polynomial roots in y = w^2; minus it where a pole is unstable."""
     # m s^2 + s (A/V - (B/L)/(s + V/L)), times s + V/L

@@ -25,6 +25,7 @@ from jaxfric import (
     SlipEvolution,
     critical_stiffness,
     linearise,
+    minimum_gains,
 )
 from jaxfric.effects import CATALOGUE
 from jaxfric.rig.friction.law import Conditions
@@ -245,6 +246,23 @@ def _critical(q: Point):
     return {f"{n} states": critical_stiffness(one) for n, one in enumerate(law, start=1)}
 
 
+def _least_gains(**margins: float):
+    """Least gains of a slip law with mass at two velocities."""
+
+    def function(q: Point):
+        A, B, L, m = jnp.exp(q)
+        law = RateState(50.0, A, B[None], L[None], 2e-3)
+        scale = 1000.0, 1500.0
+        found = minimum_gains(law, np.asarray([1e-3, 4e-3]), m, margins, scale=scale)
+        return {"k_p": found.k_p, "norm": found.norm}
+
+    return Entry(
+        function,
+        _about(2, A=(0.8, 1.2), B=(2.5, 3.5), L=(8e-4, 1.2e-3), m=(2.0, 4.0)),
+        long=True,
+    )
+
+
 _EFFECTS = {
     "second_state": "B2",
     "velocity_dependent_L": "n",
@@ -317,6 +335,10 @@ ENTRIES: dict[str, Entry] = {
         _inverted,
         _about(A=(0.4, 1.0), theta=(0.5, 1.0), V0=(1e-6, 1e-5), force=(4.5, 8.0), c=(1e3, 1e6)),
     ),
+    "gains: modulus": _least_gains(modulus=0.5),
+    "gains: decay": _least_gains(decay=0.5),
+    "gains: damping": _least_gains(damping=0.1),
+    "gains: gain": _least_gains(gain=2.0),
     "critical stiffness of a law": Entry(
         _critical,
         _about(

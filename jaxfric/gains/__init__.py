@@ -5,7 +5,7 @@ from ..laws import law_from_fit as law_from_fit
 from ..laws import law_from_parameters as law_from_parameters
 from .gains import check_gains as check_gains
 from .gains import find_gains as find_gains
-from .minimum import DERIVATIVE as DERIVATIVE
+from .kkt import DERIVATIVE as DERIVATIVE
 from .minimum import GAINS as GAINS
 from .minimum import MinimumGains as MinimumGains
 from .minimum import minimum_gains as minimum_gains

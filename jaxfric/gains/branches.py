@@ -1,102 +1,105 @@
-"""The smooth branches of a margin: the margin is the least of them.
+"""The smooth branches of a margin: the margin is met where all of them are.
 
 A margin is a minimum over poles or over frequencies, and its gradient jumps where two of them
 change places. An optimum often lies just there. Each branch alone is smooth, so the optimum is then
 the point at which two smooth constraints meet.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from itertools import pairwise
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from ..stability import polynomial as poly
 from ..stability.kernel import AbstractRationalKernel
 from ..stability.linear import LinearSlider
-from ..stability.margins import is_stable, margin, poles
+from ..stability.margins import Analysis, margin, squared_distances
 
 # An imaginary part below this share of a pole is rounding: the pole is real.
 _REAL = 1e-9
+# Highest degree whose Hurwitz determinants are formed.
+_DEGREE = 5
 
 
-def branches(name: str, slider: LinearSlider) -> Float[Array, " n"]:
-    """The branches of the margin of a given name, inf where one does not exist.
+def branches(
+    name: str, slider: LinearSlider, required: ArrayLike, rate: ArrayLike
+) -> Float[Array, " n"]:
+    """What is 0 where a branch of the margin just meets `required`, negative where it misses it.
 
-    One entry, the margin itself, where the margin is of another kind than those of `_BRANCHES` or
-    where the kernel is not rational.
+    inf where a branch does not exist. One entry, the margin itself, where it is of another kind
+    than decay, damping and modulus, or where the kernel is not rational. `rate` [1/s] is the size
+    beside which decay rates count.
     """
-    if name in _BRANCHES and isinstance(slider.friction.kernel, AbstractRationalKernel):
-        return _BRANCHES[name](slider)
-    return margin(name, slider)[None]
+    if isinstance(slider.friction.kernel, AbstractRationalKernel):
+        if name == "decay":
+            characteristic = slider.polynomials()[0]
+            if characteristic.size <= _DEGREE + 1:
+                return _hurwitz(characteristic, jnp.asarray(required), jnp.asarray(rate))
+            s = Analysis(slider).poles
+            return _once(s, -s.real) - required
+        if name == "damping":
+            return _damping(slider) - required
+        if name == "modulus":
+            return _modulus(slider) - required
+    return margin(name, slider)[None] - required
 
 
-def _decay(slider: LinearSlider) -> Float[Array, " n"]:
-    """-Re s of every pole [1/s], once for a complex pair."""
-    s = poles(slider)
-    return jnp.where(s.imag < -_REAL * jnp.abs(s), jnp.inf, -s.real)
+def _hurwitz(c: Array, required: Array, rate: Array) -> Float[Array, " n"]:
+    """Liénard and Chipart's conditions for p(s - required), each relative to the sizes in it.
+
+    With b_k its coefficients: b_n, b_0, b_2, ... > 0 and Hurwitz determinants of order n-1, n-3...
+    Poles have infinite slopes where two of them meet, as they do at many an optimum; b_0 and the
+    largest determinant are 0 there and have slopes.
+    """
+    b, size = _moved(c, -required), _moved(jnp.abs(c), required + rate)
+    n = len(b) - 1
+    powers = (required + rate) ** jnp.arange(-n, 1)
+    found = [c[-1] / (jnp.abs(c) @ powers), *(b[k] / size[k] for k in range(0, n, 2))]
+    for order in range(n - 1, 0, -2):
+        # row i, column j: the coefficient of s^(n - (2 j - i + 1)), counted from 0
+        at = [[n - (2 * j - i + 1) for j in range(order)] for i in range(order)]
+        found.append(_expanded(at, b, -1.0) / _expanded(at, size, 1.0))
+    return jnp.stack(found)
+
+
+def _moved(c: Array, by: Array) -> list[Array]:
+    """Coefficients of p(s + by), by Horner's rule."""
+    moved = [c[-1]]
+    for coefficient in c[-2::-1]:
+        inner = [a + by * b for a, b in pairwise(moved)]
+        moved = [coefficient + by * moved[0], *inner, moved[-1]]
+    return moved
+
+
+def _expanded(at: Sequence[Sequence[int]], values: list[Array], sign: float) -> Array:
+    """Determinant of the matrix of `values` at indices, 0 at others; with sign 1 the permanent."""
+    if not at:
+        return jnp.ones_like(values[0])
+    total = jnp.zeros_like(values[0])
+    for j, k in enumerate(at[0]):
+        if 0 <= k < len(values):
+            rest = [[*row[:j], *row[j + 1 :]] for row in at[1:]]
+            total += sign**j * values[k] * _expanded(rest, values, sign)
+    return total
+
+
+def _once(s: Array, values: Array) -> Array:
+    """Values of poles, once for a complex pair."""
+    return jnp.where(s.imag < -_REAL * jnp.abs(s), jnp.inf, values)
 
 
 def _damping(slider: LinearSlider) -> Float[Array, " n"]:
-    """-Re s/|s| of every pole, once for a complex pair."""
-    s = poles(slider)
+    """-Re s/|s| of every pole."""
+    s = Analysis(slider).poles
     square = s.real**2 + s.imag**2
     ratio = -s.real / jnp.sqrt(jnp.where(square == 0, 1.0, square))
-    return jnp.where(s.imag < -_REAL * jnp.abs(s), jnp.inf, jnp.where(square == 0, 0.0, ratio))
+    return _once(s, jnp.where(square == 0, 0.0, ratio))
 
 
 def _modulus(slider: LinearSlider) -> Float[Array, " n"]:
-    """|1 + L(i w)| at every w where it may be least, and at w = 0 and infinity.
-
-    |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W; candidates are the
-    roots of Q' M - Q M' in y = w^2. A root that is not real gives an upper bound of the margin, so
-    it may stay. Of an unstable slider all branches are minus the least distance.
-    """
-    whole, controller, load = slider.polynomials()
-    real, _ = poly.cross(controller, load)
-    Q = poly.total(poly.cross(controller, controller)[0], 2 * real)
-    M, _ = poly.cross(load, load)
-    massless = slider.mass is None
-    Q = Q[: M.shape[0] if massless else M.shape[0] - 1]
-    slope = poly.total(poly.product(poly.derivative(Q), M), -poly.product(Q, poly.derivative(M)))
-    if massless:
-        slope = slope[:-1]  # the leading terms cancel
-    y = jnp.abs(poly.roots(slope))
-    usable = (y > 0) & (y < poly.LARGEST)
-    y = jnp.where(usable, y, 1.0)
-    inner = jnp.where(usable, _root(_square(whole, y) / _nonzero(_square(load, y))), jnp.inf)
-    friction = slider.friction
-    ends = [_end(slider.stiffness, friction.trend)]
-    if massless:
-        ends.append(_end(slider.damping, friction.slope))
-    else:
-        ends.append(jnp.ones_like(ends[0]))
-    distance = jnp.concatenate([inner, jnp.stack(ends)])
-    return jnp.where(is_stable(slider), distance, -jnp.min(distance))
-
-
-def _end(above: Array, below: Array) -> Float[Array, ""]:
-    """|1 + above/below|; inf where below is 0."""
-    some = below != 0
-    return jnp.where(some, jnp.abs(1 + above / jnp.where(some, below, 1.0)), jnp.inf)
-
-
-def _square(c: Array, y: Array) -> Array:
-    """|c(i w)|^2 at y = w^2."""
-    even, odd = poly.on_axis(c)
-    return poly.value(even, y) ** 2 + y * poly.value(odd, y) ** 2
-
-
-def _root(x: Array) -> Array:
-    """Square root whose derivative at 0 is finite."""
-    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
-
-
-def _nonzero(x: Array) -> Array:
-    return jnp.where(x == 0, 1e-300, x)
-
-
-_BRANCHES: dict[str, Callable[[LinearSlider], Array]] = {
-    "decay": _decay,
-    "damping": _damping,
-    "modulus": _modulus,
-}
+    """|1 + L(i w)| at every w where it may be least; of an unstable slider minus the least."""
+    analysis = Analysis(slider)
+    square = squared_distances(analysis)
+    some = (square > 0) & jnp.isfinite(square)
+    distance = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), square)
+    return jnp.where(analysis.stable, distance, -jnp.min(distance))

@@ -17,13 +17,12 @@ from ..stability.linear import controller_delay
 from ..stability.margin_table import MARGINS
 from ..units import parse_values
 from .frontier import FrontierPoint, Region, alone_of, largest_alone
-from .kkt import Optimum
 from .margins import several_margins
 from .requirement import DEFAULT, Requirement
 from .result import Certificate, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
 from .slack import slacks
-from .solve import Infeasible, NoGains, Optima, Pair, drop_samples, make_region, solve
+from .solve import Infeasible, NoGains, Optima, Optimum, Pair, drop_samples, make_region, solve
 from .verify import CheckReport, choose, verify
 
 _CONFIDENCE_ROUNDS = 6
@@ -263,7 +262,7 @@ def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
 def _basin(requirement: Requirement, solution: Optima, optimum: Optimum) -> LocalOptimum:
     u, v = optimum.gains / solution.region.unit
     slack = slacks(requirement, solution.scenarios, solution.region.unit, optimum.gains)
-    active = tuple(solution.carried.describe(index) for index in optimum.active)
+    active = tuple(solution.scenarios.describe(index) for index in optimum.active)
     kp, kv = (float(x) for x in optimum.gains)
     return LocalOptimum(
         "damped" if v > u else "stiff",

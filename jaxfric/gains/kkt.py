@@ -1,168 +1,151 @@
-"""Exact optimum near a start: SciPy's SLSQP in two unknowns, and the equations that certify it.
+"""The KKT equations of the gains of least norm, and the derivatives that follow from them.
 
-    W^2 x = sum_i l_i grad c_i(x),   c_i(x) = 0 and l_i >= 0 for the active i,   c_i(x) >= 0
-
-x = (u, v) are gains in natural units, W the weights of the norm; gradients are exact. The solver is
-begun again where it stopped until these equations hold: each time it learns the curvature anew. In
-half the time it reaches what sequential quadratic programming of our own did not.
+y = sum_i l_i dc_i/dy,   c_i(y) = 0 and l_i >= 0 for the at most two i that decide
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
-from scipy.optimize import minimize, nnls
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float, Int
 
-from ..stability.linear import LinearFriction
-from .frontier import FrontierPoint, Region
-from .requirement import Requirement
-from .scenarios import Scenarios, padded
+from .implicit import implicit
+from .search import LIMITS, GainProblem, Steps, above_zero
 
-_RESTARTS = 6
-_SETTLED = 1e-12
-# How close to its limit a constraint is one that may be active.
+# "Any positive stiffness" in natural units.
+POSITIVE = 1e-9
+# Share of |y| below which a constraint may be active.
 _CLOSE = 1e-7
-# How far a solution may miss a constraint, relative to its requirement.
-FEASIBLE = 1e-10
+# Share of |y| below which a multiplier times its gradient counts as zero.
+WEAK = 1e-6
+# Least sine of the angle between two active constraints, and least curvature along one.
+_SHARP = 1e-6
 
 
-class Optimum(NamedTuple):
-    """A solution of the KKT equations, gains in SI."""
+class DERIVATIVE(eqx.Enumeration):
+    """Whether the gains have derivatives; where they have none these are nan."""
 
-    gains: np.ndarray
-    norm: float
-    residual: float
-    """Residual of stationarity: |W^2 x - sum l grad c| relative to |W^2 x|."""
-    active: tuple[int, ...]
-    """Indices of the active scenarios among those given."""
-    at_limit: bool
-    """Whether a limit of the gains is active."""
+    exists = ""
+    no_optimum = "There is no optimum: see `result`."
+    weak = "A constraint is met but pulls with no force: the derivative differs from side to side."
+    crowded = "More constraints are met than decide: two of them change places here."
+    singular = "The KKT equations are singular: a double root, or parallel constraints."
 
 
-class _Model(NamedTuple):
-    """Constraints c >= 0 with gradients g, and the gradient of the norm p, at a point."""
+class KKT(NamedTuple):
+    """The two constraints that decide, in units in which their gradients have length 1."""
 
-    c: np.ndarray
-    g: np.ndarray
-    p: np.ndarray
+    inner: Bool[Array, " 2"]
+    """Whether the constraint is a branch of a margin, not a limit and not missing."""
+    used: Bool[Array, " 2"]
+    multiplier: Float[Array, " 2"]
+    n: Float[Array, "2 2"]
+    H: Float[Array, "2 2 2"]
+    size: Float[Array, " 2"]
+    """Lengths of the gradients before."""
+    residual: Float[Array, ""]
+    """|y - sum l_i n_i|/|y| with the multipliers that push inwards."""
+
+    @property
+    def sine(self) -> Float[Array, ""]:
+        """Sine of the angle between the two."""
+        return self.n[0, 0] * self.n[1, 1] - self.n[0, 1] * self.n[1, 0]
 
 
-def polish(
-    requirement: Requirement, scenarios: Scenarios, region: Region, start: FrontierPoint
-) -> Optimum:
-    """The optimum near `start`; the better of it and `start` where the solver does not converge."""
-    number = len(scenarios)
-    scenarios = scenarios.take(padded(np.arange(number)))
-    weight = np.square(region.unit / region.scale)
-    begin = np.asarray([start.u, start.v])
-    least = np.linalg.norm(weight * begin)
-    known: dict[bytes, _Model] = {}
+def kkt_of(end: Steps) -> KKT:
+    """The constraints that decide at an end, and their multipliers."""
+    used = end.slots >= 0
+    g = jnp.concatenate([end.near.g, LIMITS])[end.slots]
+    H = jnp.concatenate([end.near.H, jnp.zeros((4, 2, 2))])[end.slots]
+    size = above_zero(jnp.linalg.norm(g, axis=1))
+    n, H = g / size[:, None], H / size[:, None, None]
+    found = KKT(used & (end.slots < end.near.c.size), used, size, n, H, size, size[0])
+    y, both = end.y, used[0] & used[1]
+    safe = jnp.where(both & (found.sine != 0), found.sine, 1.0)
+    pair = jnp.stack([y[0] * n[1, 1] - y[1] * n[1, 0], n[0, 0] * y[1] - n[0, 1] * y[0]]) / safe
+    multiplier = jnp.where(both, pair, jnp.where(used, n @ y, 0.0))
+    balance = y - jnp.maximum(multiplier, 0.0) @ n
+    residual = jnp.linalg.norm(balance) / above_zero(jnp.linalg.norm(y))
+    return found._replace(multiplier=multiplier, residual=residual)
 
-    def model(x: np.ndarray) -> _Model:
-        if x.tobytes() not in known:
-            c, g = _constraints(requirement, scenarios, region, x)
-            known[x.tobytes()] = _Model(c, g, weight * x / least)
-        return known[x.tobytes()]
 
-    each = (model(begin).c.size - 4) // len(scenarios)  # branches of one scenario
-    best, found = begin, _multipliers(model(begin))
-    x = begin
-    for _ in range(_RESTARTS):
-        x = _descend(model, x, region, number * each)
-        multipliers, here = _multipliers(model(x)), model(x)
-        better = found.residual > multipliers.residual or np.min(model(best).c) <= -FEASIBLE
-        if np.min(here.c) > -FEASIBLE and better:
-            best, found = x, multipliers
-        if found.residual < _SETTLED:
-            break
-    count = len(scenarios) * each
-    rows = {i // each for i in found.values if i < count}
-    gains = best * region.unit
-    return Optimum(
-        gains,
-        float(region.norm(gains)),
-        found.residual,
-        tuple(sorted({row if row < number else 0 for row in rows})),
-        any(i >= count for i in found.values),
+def derivative(problem: GainProblem, end: Steps, kkt: KKT) -> DERIVATIVE:
+    """Whether the optimum moves smoothly with what it depends on."""
+    length = jnp.linalg.norm(end.y)
+    weak = jnp.any(kkt.used & (kkt.multiplier <= WEAK * length))
+    # other constraints that are met as well, by their distance
+    near = end.near
+    size = jnp.linalg.norm(near.g, axis=1)
+    met = (jnp.abs(near.c) <= _CLOSE * length * size) & (size > 0)
+    at_limit = (
+        jnp.abs(problem.limits(end.y)) <= 1e-3 * POSITIVE * problem.unit[0] / problem.scale[0]
     )
+    met = jnp.concatenate([met, at_limit])
+    crowded = jnp.any(met & jnp.all(jnp.arange(met.size)[:, None] != end.slots, axis=1))
+    t = jnp.stack([-kkt.n[0, 1], kkt.n[0, 0]])
+    curvature = 1 - kkt.multiplier[0] * (t @ kkt.H[0] @ t)
+    both = kkt.used[0] & kkt.used[1]
+    flat = jnp.where(both, jnp.abs(kkt.sine) <= _SHARP, curvature <= _SHARP)
+    found = DERIVATIVE.where(weak, DERIVATIVE.weak, DERIVATIVE.exists)
+    found = DERIVATIVE.where(crowded, DERIVATIVE.crowded, found)
+    return DERIVATIVE.where(flat | (kkt.residual > WEAK), DERIVATIVE.singular, found)
 
 
-def _descend(
-    model: Callable[[np.ndarray], _Model], start: np.ndarray, region: Region, count: int
-) -> np.ndarray:
-    """The gains at which SLSQP ends. It minimises 0.5 |W x|^2 under the first `count` constraints
-    and the limits of the gains, in units of the start."""
-    size = np.maximum(np.abs(start), 1e-3 * np.max(np.abs(start)))
+def carried(problem: GainProblem, end: Steps, kkt: KKT, exists: Array) -> Float[Array, " 2"]:
+    """The optimum y with its derivatives of first and second order: y solves, with l,
 
-    def slack(y: np.ndarray) -> np.ndarray:
-        return model(y * size).c[:count]
+    y - sum l_i dc_i/dy = 0,  c_i = 0;  where a constraint is missing its equation is l_i = 0.
+    """
+    row = jnp.where(kkt.inner, end.slots, 0)
+    row = jnp.where(kkt.inner, row, row[::-1])  # instead of none, the scenario of the other
+    branch, limit = end.near.branch[row], jnp.maximum(end.slots - end.near.c.size, 0)
+    two = jax.tree.map(jnp.asarray, problem.at(end.near.scenario[row]))
+    moving, rest = eqx.partition(two, eqx.is_inexact_array)
+    theta, unravel = ravel_pytree(moving)
 
-    def slope(y: np.ndarray) -> np.ndarray:
-        return model(y * size).g[:count] * size
+    def equations(z: Array, theta: Array, known: _KnownPoint) -> Float[Array, " 4"]:
+        problem, kkt = eqx.combine(unravel(theta), known.rest), known.kkt
 
-    found = minimize(
-        lambda y: 0.5 * float(model(y * size).p @ (y * size)),
-        start / size,
-        jac=lambda y: model(y * size).p * size,
-        bounds=np.stack([region.lower, region.upper], axis=1) / (region.unit * size)[:, None],
-        constraints={"type": "ineq", "fun": slack, "jac": slope},
-        method="SLSQP",
-        options={"ftol": 1e-16, "maxiter": 50},
-    )
-    return found.x * size
+        def constraints(y: Array) -> tuple[Array, Array]:
+            c = problem.constraints(y)[jnp.arange(2), known.branch]
+            c = jnp.where(kkt.inner, c, problem.limits(y)[known.limit]) / kkt.size
+            return c, c
 
+        g, c = jax.jacfwd(constraints, has_aux=True)(z[:2])
+        return jnp.concatenate([z[:2] - z[2:] @ g, jnp.where(kkt.used, c, z[2:])])
 
-def _constraints(
-    requirement: Requirement, scenarios: Scenarios, region: Region, x: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """All constraints and their gradients: slacks, scenario by scenario, then the four limits."""
-    mass = None if scenarios.mass is None else jnp.asarray(scenarios.mass)
-    unit = jnp.asarray(region.unit)
-    delay = None if scenarios.delay is None else jnp.asarray(scenarios.delay)
-    slack, slope = _slacks(requirement, scenarios.friction, mass, delay, unit, jnp.asarray(x))
-    low, high = region.lower / region.unit, np.minimum(region.upper / region.unit, 1e30)
-    limits = np.concatenate([x - low, high - x])
-    c = np.concatenate([np.asarray(slack), limits])
-    return c, np.concatenate([np.asarray(slope), np.eye(2), -np.eye(2)])
+    known = jax.lax.stop_gradient(_KnownPoint(rest, kkt, branch, limit, exists))
+    z = jnp.concatenate([end.y, jnp.where(kkt.used, kkt.multiplier, 0.0)])
+    return implicit(equations, jax.lax.stop_gradient(z), theta, known, exists)[:2]
 
 
-@eqx.filter_jit
-def _slacks(
-    requirement: Requirement,
-    friction: LinearFriction,
-    mass: Float[Array, " n"] | None,
-    delay: Float[Array, " n"] | None,
-    unit: Float[Array, " 2"],
-    x: Float[Array, " 2"],
-) -> tuple[Float[Array, " k"], Float[Array, "k 2"]]:
-    def all_of(x: Array) -> Array:
-        def one(friction: LinearFriction, mass: Array | None, delay: Array | None) -> Array:
-            return requirement.slack(x * unit, friction, mass, unit, delay)
+class _KnownPoint(NamedTuple):
+    """What the equations take that has no derivative."""
 
-        axes = (0, *(None if x is None else 0 for x in (mass, delay)))
-        return jax.vmap(one, in_axes=axes)(friction, mass, delay).reshape(-1)
-
-    return all_of(x), jax.jacfwd(all_of)(x)
+    rest: GainProblem
+    kkt: KKT
+    branch: Int[Array, " 2"]
+    limit: Int[Array, " 2"]
+    exists: Bool[Array, ""]
 
 
-class _Multipliers(NamedTuple):
-    """Multipliers above 0 by constraint, and the residual gradient of the norm."""
+@jax.custom_jvp
+def undefined(x: Array, where: Array) -> Array:
+    """x, whose derivative is nan `where`."""
+    return x
 
-    values: dict[int, float]
-    residual: float
 
+@undefined.defjvp
+def undefined_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]):
+    """A linear map that gives nan, but 0 for 0: a sum that leaves this member out stays a number.
 
-def _multipliers(here: _Model) -> _Multipliers:
-    """The non-negative multipliers of the constraints that are met that balance best."""
-    near = np.flatnonzero(here.c < _CLOSE)
-    if not near.size:
-        near = np.argmin(here.c, keepdims=True)
-    size = np.maximum(np.linalg.norm(here.g[near], axis=1), 1e-300)
-    along = (here.g[near] / size[:, None]).T
-    m, rest = nnls(along, here.p)
-    values = {int(i): float(x) for i, x in zip(near, m / size, strict=True) if x > 0}
-    return _Multipliers(values, float(rest / np.linalg.norm(here.p)))
+    It is the solution of I t' = t, so that JAX takes the same function in reverse mode.
+    """
+    (x, where), (t, _) = primals, tangents
+
+    def solve(_: object, t: Array) -> Array:
+        return jnp.where(where & (t != 0), jnp.nan, t)
+
+    return undefined(x, where), jax.lax.custom_linear_solve(lambda t: t, t, solve, symmetric=True)

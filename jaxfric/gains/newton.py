@@ -20,6 +20,8 @@ _CURVATURE = 0.1
 _ANGLE = 1e-9
 # Share of its rounding by which a candidate may miss a linearised constraint.
 _ROUNDING = 1e-12
+# Share of |y| below which a step to a candidate that pulls would stall there.
+_STALLED = 1e-6
 
 
 class Local(NamedTuple):
@@ -41,8 +43,9 @@ class NewtonStep(NamedTuple):
 def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) -> NewtonStep:
     """The step from `y` to the least norm under the linearised constraints.
 
-    Of the candidates farther than `radius`, where the linearised constraints mean little, only the
-    nearest one counts, and only where none is within. Where the constraints contradict each other
+    Where a constraint pulls it is no minimum: such candidates count as ways, not as ends. Of those
+    farther than `radius`, where the linearised constraints mean little, only the nearest
+    one counts, and only where none is within. Where the constraints contradict each other
     it is the candidate that misses them least.
     """
     size = jnp.linalg.norm(here.g, axis=1)
@@ -51,9 +54,10 @@ def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) ->
     c = jnp.where(some, here.c * weight, jnp.inf)
     n, H = here.g * weight[:, None], here.H * weight[:, None, None]
     first, second = np.triu_indices(here.c.shape[0], 1)
-    steps = [-y[None], *_single(y, c, n, H), *_pairs(y, c, n, H, first, second)]
-    d = jnp.concatenate([steps[0], steps[1], steps[3]])
-    value = jnp.concatenate([-0.5 * jnp.sum(y**2)[None], steps[2], steps[4]])
+    one, two = _single(y, c, n, H), _pairs(y, c, n, H, first, second)
+    d = jnp.concatenate([-y[None], one[0], two[0]])
+    value = jnp.concatenate([-0.5 * jnp.sum(y**2)[None], one[1], two[1]])
+    push = jnp.concatenate([jnp.zeros(1), one[2], two[2]])
     rows = np.arange(here.c.shape[0])
     active = np.concatenate(
         [[[-1, -1]], np.stack([rows, 0 * rows - 1], 1), np.stack([first, second], 1)]
@@ -65,8 +69,11 @@ def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) ->
     length = jnp.sqrt(jnp.sum(y**2))
     feasible = missed <= _ROUNDING * length
     far = jnp.linalg.norm(d, axis=1)
-    within = feasible & (far <= radius)
-    nearest = jnp.argmin(jnp.where(feasible, far, jnp.inf))
+    moving = (push >= -_ROUNDING * length) | (far > _STALLED * length)
+    counting = feasible & moving
+    counting = jnp.where(jnp.any(counting), counting, feasible)
+    within = counting & (far <= radius)
+    nearest = jnp.argmin(jnp.where(counting, far, jnp.inf))
     best = jnp.argmin(jnp.where(within, value, jnp.inf))
     best = jnp.where(jnp.any(within), best, nearest)
     # how far away a compromise is counts too: else parallel constraints send it to infinity
@@ -77,32 +84,34 @@ def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) ->
     )
 
 
-def _single(y: Array, c: Array, n: Array, H: Array) -> tuple[Array, Array]:
-    """Newton's step along each constraint alone, and the model of the norm after it."""
+def _single(y: Array, c: Array, n: Array, H: Array) -> tuple[Array, Array, Array]:
+    """Newton's step along each constraint alone, the model of the norm after it, the multiplier."""
     t = jnp.stack([-n[:, 1], n[:, 0]], axis=1)
     down = -jnp.where(jnp.isfinite(c), c, 0.0)[:, None] * n
-    multiplier = jnp.maximum(jnp.sum((y + down) * n, axis=1), 0.0)
-    L = jnp.eye(2) - multiplier[:, None, None] * H
+    multiplier = jnp.sum((y + down) * n, axis=1)
+    L = jnp.eye(2) - jnp.maximum(multiplier, 0.0)[:, None, None] * H
     curvature = jnp.maximum(jnp.einsum("ki,kij,kj->k", t, L, t), _CURVATURE)
     slope = jnp.sum(t * (y + jnp.einsum("kij,kj->ki", L, down)), axis=1)
     d = down - (slope / curvature)[:, None] * t
-    return d, _model(y, d, L)
+    return d, _model(y, d, L), multiplier
 
 
 def _pairs(
     y: Array, c: Array, n: Array, H: Array, i: np.ndarray, j: np.ndarray
-) -> tuple[Array, Array]:
-    """The step to the crossing of each pair of constraints, and the model of the norm there."""
+) -> tuple[Array, Array, Array]:
+    """The step to the crossing of each pair of constraints, the model of the norm there, and the
+    smaller multiplier."""
     sine = n[i, 0] * n[j, 1] - n[i, 1] * n[j, 0]
     some = (jnp.abs(sine) > _ANGLE) & jnp.isfinite(c[i]) & jnp.isfinite(c[j])
     safe = jnp.where(some, sine, 1.0)
     a, b = jnp.where(some, c[i], 0.0), jnp.where(some, c[j], 0.0)
     d = jnp.stack([b * n[i, 1] - a * n[j, 1], a * n[j, 0] - b * n[i, 0]], axis=1) / safe[:, None]
     p = y + d
-    first = jnp.maximum((p[:, 0] * n[j, 1] - p[:, 1] * n[j, 0]) / safe, 0.0)
-    second = jnp.maximum((n[i, 0] * p[:, 1] - n[i, 1] * p[:, 0]) / safe, 0.0)
-    L = jnp.eye(2) - first[:, None, None] * H[i] - second[:, None, None] * H[j]
-    return jnp.where(some[:, None], d, jnp.inf), _model(y, d, L)
+    first = (p[:, 0] * n[j, 1] - p[:, 1] * n[j, 0]) / safe
+    second = (n[i, 0] * p[:, 1] - n[i, 1] * p[:, 0]) / safe
+    pushed = [jnp.maximum(x, 0.0)[:, None, None] * H[k] for x, k in ((first, i), (second, j))]
+    L = jnp.eye(2) - pushed[0] - pushed[1]
+    return jnp.where(some[:, None], d, jnp.inf), _model(y, d, L), jnp.minimum(first, second)
 
 
 def _model(y: Array, d: Array, L: Array) -> Array:

@@ -15,6 +15,7 @@ from ..pairs import read_pairs
 from ..stability.kernel import DelayKernel
 from ..stability.linear import LinearFriction, LinearSlider
 from ..stability.margin_table import MARGINS, known_margin
+from ..stability.margins import several
 from ..stability.theorem import apply_theorem
 from .branches import branches
 
@@ -80,27 +81,52 @@ class Requirement(eqx.Module):
         mass: Float[Array, ""] | None,
         unit: Float[Array, " 2"],
         delay: Float[Array, ""] | None = None,
-    ) -> Float[Array, " n"]:
-        """How far each branch of each margin exceeds its requirement, relative to it.
+    ) -> Float[Array, ""]:
+        """How far the margins exceed their requirements, relative to these; the least of all.
 
-        Zero at the requirement, negative where it is missed, at most 9. The least entry is that of
-        the margins; each entry is smooth in the gains (`branches`). `delay` [s] is that by which
-        the controller answers late. The margin of stiffness has entries k_p + f_x less the
+        Zero at the requirement, negative where it is missed, at most 9. `delay` [s] is that by
+        which the controller answers late. For stiffness see `constraints`.
+        """
+        slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
+        values = several([name for name in self.names if name != "stiffness"], slider)
+        slacks = [
+            jnp.min(_stiffness_slack(slider, required, unit))
+            if name == "stiffness"
+            else _limited(values[name] - required, required)
+            for name, required in zip(self.names, self.values, strict=True)
+        ]
+        return jnp.min(jnp.stack(slacks))
+
+    def constraints(
+        self,
+        gains: Float[Array, " 2"],
+        friction: LinearFriction,
+        mass: Float[Array, ""] | None,
+        unit: Float[Array, " 2"],
+        delay: Float[Array, ""] | None = None,
+    ) -> Float[Array, " n"]:
+        """Smooth functions that are at least 0 where the margins are met (`branches`).
+
+        Most are branches of `slack`. The margin of stiffness has entries k_p + f_x less the
         stiffness required, over `unit[0]`, one for each critical frequency, and one more: the
         theorem's hypothesis f_v + k_v > 0, over `unit[1]`, the only limit of friction without
         memory. For a delay law, of which the theorem does not hold, it is f_v + k_v > |k_f|.
         """
         slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
-        slacks = []
+        found = []
         for name, required in zip(self.names, self.values, strict=True):
             if name == "stiffness":
-                slacks.append(_stiffness_slack(slider, required, unit))
-                continue
-            scale = jnp.where(required > 0, required, 1.0)
-            most = required + (_ENOUGH - 1) * scale
-            value = jnp.clip(branches(name, slider), -1e9 * scale, most)
-            slacks.append((value - required) / scale)
-        return jnp.concatenate(slacks)
+                found.append(_stiffness_slack(slider, required, unit))
+            else:
+                beyond = branches(name, slider, required, unit[0] / unit[1])
+                found.append(_limited(beyond, required))
+        return jnp.concatenate(found)
+
+
+def _limited(beyond: Array, required: float) -> Array:
+    """Relative to the requirement, and between the numbers that stand for infinite ones."""
+    scale = jnp.where(required > 0, required, 1.0)
+    return jnp.clip(beyond, -1e9 * scale, (_ENOUGH - 1) * scale) / scale
 
 
 def _stiffness_slack(

@@ -56,7 +56,7 @@ def _tile(
     def one(
         friction: LinearFriction, mass: Array | None, delay: Array | None, gains: Array
     ) -> Array:
-        return jnp.min(requirement.slack(gains, friction, mass, jnp.asarray(unit), delay))
+        return requirement.slack(gains, friction, mass, unit, delay)
 
     axes = (0, *(None if x is None else 0 for x in (mass, delay)), 0)
     return jax.vmap(one, in_axes=axes)(friction, mass, delay, gains)

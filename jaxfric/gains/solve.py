@@ -7,7 +7,7 @@ with enough k_v by damping at almost any stiffness, and each way has its own loc
 thousands of scenarios only a few decide, so the search carries those few (an exchange method):
 
 1. the frontier of feasible gains for the carried scenarios gives every local minimum (`frontier`);
-2. each is made exact by the KKT equations (`kkt`);
+2. each is made exact by the steps of `minimum_gains`, under the worst of all scenarios (`search`);
 3. all scenarios are checked there; the worst violated ones join, and so do velocities between
    those of the set where the requirement is just met; then again from 1.
 
@@ -16,15 +16,19 @@ A solution for some scenarios that violates none of the others is the solution f
 
 from typing import NamedTuple
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
 from .frontier import FrontierPoint, Region, alone, minima, region_units, zoom
-from .kkt import Optimum, polish
+from .kkt import WEAK, kkt_of
 from .margins import margin_values
 from .requirement import Requirement
-from .scenarios import Scenarios, number_of_samples
+from .scenarios import Scenarios, number_of_samples, padded
+from .search import CARRIED, ROUNDS, TRUST, GainProblem, steps
+from .settle import traced
 from .slack import slacks
 
 Pair = tuple[float | None, float | None]
@@ -47,6 +51,19 @@ class Infeasible(NamedTuple):
 
     text: str
     """Sentences on where the requirement fails, by how much, and what to do."""
+
+
+class Optimum(NamedTuple):
+    """A solution of the KKT equations, gains in SI."""
+
+    gains: np.ndarray
+    norm: float
+    residual: float
+    """Residual of stationarity: |y - sum l grad c| relative to |y|, y = (k_p/s_p, k_v/s_v)."""
+    active: tuple[int, ...]
+    """Indices of the active scenarios."""
+    at_limit: bool
+    """Whether a limit of the gains is active."""
 
 
 class Optima(NamedTuple):
@@ -87,7 +104,7 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Opt
     if not starts:
         return _infeasible(requirement, carried, region)
     for rounds in range(1, _ROUNDS + 1):
-        optima = _distinct([polish(requirement, carried, region, start) for start in starts])
+        optima = _optima(requirement, scenarios, carried, region, starts)
         single = alone(requirement, carried, region)
         every = [*(o.gains for o in optima), *(np.asarray(s[:2]) * region.unit for s in single)]
         worse = _violated(requirement, scenarios, region, every)
@@ -109,7 +126,8 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Opt
             low = region.lower / region.unit
             meets = any(s.v == low[1] for s in single), any(s.u == low[0] for s in single)
             return Optima(optima, others, meets, carried, scenarios, region, rounds, points, found)
-        starts = [*starts, _near(requirement, carried, region, smaller[0])]
+        least = smaller[np.argmin(region.norm(smaller))]
+        starts = [*starts, FrontierPoint(*(least / region.unit), float(region.norm(least)))]
     raise AssertionError("unreachable")
 
 
@@ -122,11 +140,59 @@ def _first(requirement: Requirement, scenarios: Scenarios, region: Region) -> np
     return np.unique(worst)
 
 
-def _distinct(optima: list[Optimum]) -> list[Optimum]:
+_kkt = eqx.filter_jit(kkt_of)
+
+
+def optimum(
+    requirement: Requirement, scenarios: Scenarios, region: Region, start: FrontierPoint
+) -> Optimum | None:
+    """The optimum near `start` under all scenarios; None where the steps do not settle."""
+    scale = jnp.asarray(region.scale)
+    pairs = [jnp.asarray(x) for x in (region.unit, scale, region.lower, region.upper)]
+    y, size = jnp.asarray(np.asarray(start[:2]) * region.unit) / scale, jnp.asarray(TRUST)
+    for _ in range(ROUNDS):
+        slack = slacks(requirement, scenarios, region.unit, np.asarray(y * scale))[0]
+        worst = padded(np.argsort(slack)[:CARRIED], size=CARRIED)
+        few = scenarios.take(worst)
+        late = traced(few.mass), traced(few.delay)
+        problem = GainProblem(few.friction, *late, requirement, *pairs)
+        found = steps(problem, jnp.asarray(worst), y, size)
+        y, size = found.y, found.size
+        kkt = _kkt(found)
+        if found.settled and kkt.residual <= WEAK:
+            gains = np.asarray(y * scale)
+            rows = np.asarray(found.slots)[np.asarray(kkt.inner)]
+            active = sorted({int(i) for i in np.asarray(found.near.scenario)[rows]})
+            at_limit = bool(np.any(found.slots >= found.near.c.size))
+            residual = float(kkt.residual)
+            return Optimum(gains, float(region.norm(gains)), residual, tuple(active), at_limit)
+    return None
+
+
+def _optima(
+    requirement: Requirement,
+    scenarios: Scenarios,
+    carried: Scenarios,
+    region: Region,
+    starts: list[FrontierPoint],
+) -> list[Optimum]:
+    """The optima that differ, smallest norm first.
+
+    A start from which the steps do not settle gives one only if its norm is below all others, by
+    `zoom`; its residual is 1, that of no constraint at all.
+    """
+    found = [optimum(requirement, scenarios, region, start) for start in starts]
     kept: list[Optimum] = []
-    for optimum in sorted(optima, key=lambda o: o.norm):
-        if not any(np.allclose(optimum.gains, other.gains, rtol=1e-5) for other in kept):
-            kept.append(optimum)
+    for one in sorted((o for o in found if o is not None), key=lambda o: o.norm):
+        if not any(np.allclose(one.gains, other.gains, rtol=1e-5) for other in kept):
+            kept.append(one)
+    lost = [start for start, one in zip(starts, found, strict=True) if one is None]
+    least = min(lost, key=lambda start: start.norm, default=None)
+    if least is not None and not (kept and kept[0].norm <= least.norm):
+        near = zoom(requirement, carried, region, least)
+        gains = np.asarray(near[:2]) * region.unit
+        worst = int(np.argmin(slacks(requirement, scenarios, region.unit, gains)[0]))
+        kept.insert(0, Optimum(gains, near.norm, 1.0, (worst,), False))
     return kept
 
 
@@ -205,12 +271,11 @@ def _dense(
     within = np.all((grid >= region.lower) & (grid <= region.upper), axis=1)
     grid = grid[within & (region.norm(grid) < best.norm * (1 - 1e-3))]
     tried = len(grid)
-    order = [*best.active, *range(len(carried))]
-    for index in dict.fromkeys(order):
+    hardest = scenarios.take(list(best.active)).join(carried) if best.active else carried
+    for index in range(len(hardest)):
         if not len(grid):
             break
-        good = _feasible(requirement, carried.take([index]), region, grid)
-        grid = grid[good]
+        grid = grid[_feasible(requirement, hardest.take([index]), region, grid)]
     if len(grid):
         grid = grid[:64][_feasible(requirement, scenarios, region, grid[:64])]
     return tried, (grid if len(grid) else None)
@@ -221,13 +286,6 @@ def _feasible(
 ) -> np.ndarray:
     """Mask (p,) of the rows of gains in `grid` that every scenario accepts."""
     return np.min(slacks(requirement, scenarios, region.unit, grid), axis=1) >= 0
-
-
-def _near(
-    requirement: Requirement, carried: Scenarios, region: Region, gains: np.ndarray
-) -> FrontierPoint:
-    u, v = gains / region.unit
-    return zoom(requirement, carried, region, np.asarray([u]), np.asarray([0.8 * v, 1.2 * v]))
 
 
 def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> Infeasible:

@@ -211,10 +211,17 @@ def damping(of: Analysis) -> Float[Array, ""]:
 
 
 def modulus(of: Analysis) -> Float[Array, ""]:
-    """min over w of |1 + L(i w)| = 1/Ms, the distance of L from -1.
+    """min over w of |1 + L(i w)| = 1/Ms, the distance of L from -1."""
+    square = _least(squared_distances(of))
+    return _signed(of, jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), square))
+
+
+def squared_distances(of: Analysis) -> Float[Array, " n"]:
+    """|1 + L(i w)|^2 at every w where it may be least, those of w = 0 and infinity last.
 
     |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W: least where
     Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
+    inf where there is none.
     """
     if not isinstance(of.slider.friction.kernel, AbstractRationalKernel):
         square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))
@@ -234,9 +241,7 @@ def modulus(of: Analysis) -> Float[Array, ""]:
         square = _square(whole, y) / _nonzero(_square(load, y))
         square = jnp.where(y > 0, square, jnp.inf)
     L, some = _ends(of.slider)
-    square = jnp.concatenate([square, jnp.where(some, (1 + L) ** 2, jnp.inf)])
-    square = _least(square)
-    return _signed(of, jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), square))
+    return jnp.append(square, jnp.where(some, (1 + L) ** 2, jnp.inf))
 
 
 def gain(of: Analysis) -> Float[Array, ""]:

@@ -1,0 +1,270 @@
+"""The search for gains of least norm: starts along rays, then sequential quadratic programming.
+
+Gains are y = (k_p/s_p, k_v/s_v) here. See `minimum` for what is sought, and why in two stages.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from ..stability.linear import LinearFriction
+from .natural import sizes
+from .newton import Local, NewtonStep, sqp_step
+from .requirement import Requirement
+
+# The search: rays (half of them with more stiffness than damping), radii in natural units, and
+# halvings of the interval at whose end a ray becomes feasible.
+_RATIOS = np.geomspace(1e-4, 1e4, 14)
+_RADII = np.concatenate([[0.0], np.geomspace(3e-3, 3e3, 13)])
+_HALVINGS = 4
+# Rounds of choosing the worst scenarios of all, how many, steps in each, constraints of a step.
+ROUNDS, CARRIED, _STEPS, _LOWEST_ONES = 7, 8, 4, 6
+# A step may change the norm by this share at first, and by less and less.
+TRUST, _SHRINK = 0.5, 0.9
+# Share of |y| below which a step has settled.
+_SETTLED = 1e-8
+_FAR = 1e30
+
+
+class GainProblem(eqx.Module):
+    """Scenarios (leading axis n), requirement, and pairs (k_p, k_v) of units, scales and limits."""
+
+    friction: LinearFriction
+    mass: Float[Array, " n"] | None
+    delay: Float[Array, " n"] | None
+    requirement: Requirement
+    unit: Float[Array, " 2"]
+    scale: Float[Array, " 2"]
+    lower: Float[Array, " 2"]
+    upper: Float[Array, " 2"]
+
+    @property
+    def number(self) -> int:
+        """Number of scenarios."""
+        return self.friction.slope.shape[0]
+
+    @property
+    def masses(self) -> Float[Array, " n"]:
+        """The masses; 0 without mass."""
+        return jnp.zeros(self.number) if self.mass is None else self.mass
+
+    def at(self, index: Int[Array, " k"]) -> "GainProblem":
+        """The problem of some of the scenarios."""
+        rows = jax.tree.map(lambda x: x[index], (self.friction, self.mass, self.delay))
+        return eqx.tree_at(
+            lambda p: (p.friction, p.mass, p.delay), self, rows, is_leaf=lambda x: x is None
+        )
+
+    def slacks(self, y: Float[Array, " 2"]) -> Float[Array, " n"]:
+        """Least slack of every scenario at y."""
+        return self._each(self.requirement.slack, y)
+
+    def constraints(self, y: Float[Array, " 2"]) -> Float[Array, "n b"]:
+        """All smooth constraints of every scenario at y."""
+        return self._each(self.requirement.constraints, y)
+
+    def _each(self, function: Callable[..., Array], y: Array) -> Array:
+        gains = y * self.scale
+
+        def one(friction: LinearFriction, mass: Array | None, delay: Array | None) -> Array:
+            return function(gains, friction, mass, self.unit, delay)
+
+        axes = (0, *(None if x is None else 0 for x in (self.mass, self.delay)))
+        return jax.vmap(one, in_axes=axes)(self.friction, self.mass, self.delay)
+
+    def limits(self, y: Float[Array, " 2"]) -> Float[Array, " 4"]:
+        """Distances of y to its lower and upper limits."""
+        high = jnp.minimum(self.upper / self.scale, _FAR)
+        return jnp.concatenate([y - self.lower / self.scale, high - y])
+
+
+class Near(NamedTuple):
+    """The branches of the worst scenarios at a point, in any order."""
+
+    scenario: Int[Array, " k"]
+    branch: Int[Array, " k"]
+    c: Float[Array, " k"]
+    g: Float[Array, "k 2"]
+    H: Float[Array, "k 2 2"]
+
+
+class Steps(NamedTuple):
+    """Where some steps lead, and what decides there."""
+
+    y: Float[Array, " 2"]
+    size: Float[Array, ""]
+    """Share of the norm by which the next step may change it."""
+    near: Near
+    slots: Int[Array, " 2"]
+    """The constraints that decide: rows of `near`, and after these the four limits; -1: none."""
+    settled: Bool[Array, ""]
+    """Whether neither the last step nor all together changed anything."""
+
+
+def search(problem: GainProblem) -> tuple[Steps, Float[Array, "2 n"]]:
+    """Local optima from the start with more stiffness and that with more damping, axis 0, and the
+    slacks of all scenarios there."""
+    return jax.vmap(lambda y: _descend(problem, y))(_starts(problem))
+
+
+def _starts(problem: GainProblem) -> Float[Array, "2 2"]:
+    """The least norm of feasible gains along rays, for the scenarios that ask for most.
+
+    Where no gains on the rays of one half are feasible, those that miss the requirement least.
+    """
+    few = problem.at(_hardest(problem))
+    unit = problem.unit / problem.scale
+    low, high = problem.lower / problem.scale, problem.upper / problem.scale
+    ray = np.concatenate([[[1.0, 0.0]], np.stack([1 / _RATIOS, _RATIOS], 1) ** 0.5, [[0.0, 1.0]]])
+    ray = ray / np.linalg.norm(ray, axis=1)[:, None]
+    radii = jnp.asarray(_RADII)
+
+    def point(radius: Array) -> Float[Array, "rays 2"]:
+        return jnp.clip(radius[:, None] * ray * unit, low, high)
+
+    def look(state: tuple) -> tuple:
+        k, halved, near, far, held, best, compromise = state
+        middle = jnp.where(near > 0, jnp.sqrt(near * far), 0.5 * far)
+        radius = jnp.where(held, middle, radii[jnp.minimum(k, radii.size - 1)])
+        slack = jax.vmap(lambda y: jnp.min(few.slacks(y)))(point(radius))
+        good = slack >= 0
+        better = ~held & (slack > best)
+        return (
+            k + 1,
+            halved + held,
+            jnp.where(good, near, radius),
+            jnp.where(good, radius, far),
+            held | good,
+            jnp.where(better, slack, best),
+            jnp.where(better, radius, compromise),
+        )
+
+    def unfinished(state: tuple) -> Array:
+        k, halved, _, _, held, *_ = state
+        return jnp.any(jnp.where(held, halved < _HALVINGS, k < radii.size))
+
+    zero = jnp.zeros(len(ray))
+    begin = (0, zero, zero, zero, zero > 0, zero - jnp.inf, zero)
+    _, _, _, far, held, best, compromise = jax.lax.while_loop(unfinished, look, begin)
+    y = point(jnp.where(held, far, compromise))
+    # rays without feasible gains come after all others, by how much they miss
+    cost = jnp.where(held, jnp.linalg.norm(y, axis=1), _FAR * (2 - jnp.tanh(best)))
+    half = len(ray) // 2
+    return y[jnp.stack([jnp.argmin(cost[:half]), half + jnp.argmin(cost[half:])])]
+
+
+def _hardest(problem: GainProblem) -> Int[Array, " k"]:
+    """The scenarios that need most stiffness and most damping, the softest and the stiffest."""
+    of = sizes(problem.friction, problem.masses)
+    critical = jnp.where(jnp.isnan(of.critical), -jnp.inf, of.critical)
+    inertia = of.mass * of.rate**2 + of.slope * of.rate
+    found = [critical, of.fall - of.slope, inertia, -inertia]
+    return jnp.stack([jnp.argmax(x) for x in found])
+
+
+class _State(NamedTuple):
+    """A local search under way: the last steps, where they began, and the slacks there."""
+
+    end: Steps
+    begun: Float[Array, " 2"]
+    slack: Float[Array, " n"]
+    count: Int[Array, ""]
+
+
+def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Float[Array, " n"]]:
+    """Rounds of steps under the worst scenarios of all, until a whole round changes nothing."""
+    number = min(CARRIED, problem.number)
+
+    def round_of(y: Array, size: Array, count: Array) -> _State:
+        slack = problem.slacks(y)
+        worst = jax.lax.top_k(-jnp.where(jnp.isnan(slack), -jnp.inf, slack), number)[1]
+        return _State(steps(problem.at(worst), worst, y, size), y, slack, count + 1)
+
+    def unfinished(state: _State) -> Array:
+        return ~state.end.settled & (state.count < ROUNDS)
+
+    size, count = jnp.asarray(TRUST), jnp.asarray(0)
+    begin = _zeros(jax.eval_shape(round_of, start, size, count))
+    begin = begin._replace(end=begin.end._replace(y=start, size=size))
+    last = jax.lax.while_loop(unfinished, lambda s: round_of(s.end.y, s.end.size, s.count), begin)
+    y = jnp.where(last.end.settled, last.end.y, last.begun)  # that of the slack
+    return last.end._replace(y=y), last.slack
+
+
+@eqx.filter_jit
+def steps(few: GainProblem, index: Int[Array, " k"], y: Float[Array, " 2"], size: Array) -> Steps:
+    """Some steps under a few scenarios, `index` of all; what stands there twice counts once."""
+    low, high = few.lower / few.scale, few.upper / few.scale
+
+    def step(y: Array, size: Array) -> Steps:
+        near = _branches(few, index, y)
+        found, slots = _step(few, y, near, size)
+        length = jnp.linalg.norm(found.d)
+        d = found.d * jnp.minimum(1.0, size * jnp.linalg.norm(y) / above_zero(length))
+        settled = found.feasible & (length <= _SETTLED * jnp.linalg.norm(y))
+        return Steps(jnp.clip(y + d, low, high), size * _SHRINK, near, slots, settled)
+
+    begin = _zeros(jax.eval_shape(step, y, size))._replace(y=y, size=size)
+    last = jax.lax.fori_loop(0, _STEPS, lambda _, state: step(state.y, state.size), begin)
+    still = jnp.linalg.norm(last.y - y) <= _SETTLED * jnp.linalg.norm(last.y)
+    return last._replace(settled=last.settled & still)
+
+
+def _zeros(shapes: PyTree) -> PyTree:
+    return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+
+
+@eqx.filter_jit
+def _branches(few: GainProblem, worst: Int[Array, " k"], y: Array) -> Near:
+    """All branches of a few scenarios, with first and second derivatives."""
+
+    def values(y: Array) -> tuple[Array, Array]:
+        c = few.constraints(y).reshape(-1)
+        return c, c
+
+    def slopes(y: Array) -> tuple[Array, tuple[Array, Array]]:
+        g, c = jax.jacfwd(values, has_aux=True)(y)
+        return g, (c, g)
+
+    H, (c, g) = jax.jacfwd(slopes, has_aux=True)(y)
+    each = c.size // worst.size
+    first = jnp.argmax(worst[:, None] == worst, axis=1) == jnp.arange(worst.size)
+    # what has no derivative (a double root, a margin that is not finite) is no constraint here
+    fine = jnp.isfinite(c) & jnp.all(jnp.isfinite(g), axis=1) & jnp.repeat(first, each)
+    return Near(
+        jnp.repeat(worst, each),
+        jnp.tile(jnp.arange(each), worst.size),
+        c,
+        jnp.where(fine[:, None], g, 0.0),
+        jnp.where(jnp.isfinite(H) & fine[:, None, None], H, 0.0),
+    )
+
+
+def _step(
+    few: GainProblem, y: Array, near: Near, size: Array
+) -> tuple[NewtonStep, Int[Array, " 2"]]:
+    """A step under the constraints that are nearest, and the rows of those that decide it."""
+    distance = near.c / above_zero(jnp.linalg.norm(near.g, axis=1))
+    number = min(_LOWEST_ONES, near.c.size)
+    rows = jax.lax.top_k(-jnp.where(jnp.any(near.g != 0, axis=1), distance, jnp.inf), number)[1]
+    here = Local(
+        jnp.concatenate([near.c[rows], few.limits(y)]),
+        jnp.concatenate([near.g[rows], LIMITS]),
+        jnp.concatenate([near.H[rows], jnp.zeros((4, 2, 2))]),
+    )
+    found = sqp_step(y, here, size * jnp.linalg.norm(y))
+    index = jnp.concatenate([rows, near.c.size + jnp.arange(4)])
+    return found, jnp.where(found.active >= 0, index[found.active], -1)
+
+
+LIMITS = np.concatenate([np.eye(2), -np.eye(2)])
+"""Gradients of `GainProblem.limits`."""
+
+
+def above_zero(x: Array) -> Array:
+    return jnp.maximum(x, 1e-300)
