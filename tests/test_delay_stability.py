@@ -399,6 +399,16 @@ def test_second_derivatives_of_roots():
     np.testing.assert_allclose(second, slopes, rtol=1e-5, atol=1e-6 * np.abs(slopes).max())
 
 
+def test_a_double_root_has_no_derivative():
+    """k_p and k_v at which the two rightmost roots meet at s = -1: F = F' = 0 there."""
+    m, k_f, alpha, s = 1.0, 0.5, 0.3, -1.0
+    memory = k_f * np.exp(-alpha * s)
+    k_v = memory * (1 - alpha * s) - 2 * m * s
+    k_p = (memory - m * s - k_v) * s
+    slopes = np.asarray(forward(jnp.array([[m, k_p, k_v, k_f, alpha]] * 20))[0])
+    assert np.all(np.isnan(slopes[:2])) and np.all(np.isfinite(slopes[[2, 5]]))
+
+
 @pytest.mark.parametrize("case", [(1.0, 0.2, 0.5, 0.3), (2.0, -0.1, -0.9, 0.2)])
 def test_derivatives_of_interval_edges(case):
     @jax.jit

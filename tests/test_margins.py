@@ -337,6 +337,43 @@ def test_derivatives_of_a_table_are_those_of_its_exponential():
         np.testing.assert_allclose(two, one, rtol=1e-7)
 
 
+def test_a_double_pole_has_no_derivative_and_spoils_no_other():
+    """Poles of m s^2 + (k_v + f_v) s + k_p: double in the first of four sliders, close in the next."""
+    sets = typical("memoryless", 4, 5)
+    sets[:, 3:5] = 0.1, 0.0
+    k_p, _, m = sets[:, :3].T
+    sets[:, 1] = np.array([2.0, 2 * (1 - 1e-5), 1.0, 0.2]) * np.sqrt(k_p * m) - 0.1
+    slopes = compiled("memoryless", jax.jacfwd)(sets)[:, :-1, :4]
+    poles_only = np.isin(NAMES, ("decay", "damping"))
+    assert np.all(np.isnan(slopes[0, poles_only]))
+    assert np.all(np.isfinite(slopes[0, ~poles_only])) and np.all(np.isfinite(slopes[1:]))
+    # underdamped: decay = (k_v + f_v)/(2 m)
+    decay = slopes[1:, NAMES.index("decay")]
+    known = np.stack([0 * m, 0.5 / m, -0.5 * (sets[:, 1] + 0.1) / m**2, 0.5 / m], axis=1)[1:]
+    np.testing.assert_allclose(decay, known, rtol=1e-9, atol=1e-9 * np.abs(known).max())
+
+    def total(factor):
+        of = jax.vmap(lambda p: margin("decay", slider(p, "memoryless")))(sets * factor)
+        return jnp.sum(jnp.where(np.arange(4) > 0, of, 0.0))
+
+    slope = jax.jit(jax.grad(total))(jnp.ones(9))
+    total_slope = np.sum(known * sets[1:, :4], axis=0)
+    np.testing.assert_allclose(slope[:4], total_slope, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_double_roots(n):
+    """Two equal roots to rounding are double; two a part in 1,000 apart, and all others, not."""
+    rng = np.random.default_rng(n)
+    known = -np.exp(rng.normal(0, 1, (400, n)))
+    apart = 1 + 1e-3 * (np.arange(400) >= 200)
+    known[:, 1] = known[:, 0] * apart
+    c = jnp.asarray([np.poly(row)[::-1] for row in known])
+    s = jax.jit(jax.vmap(poly.roots))(c)
+    found = np.sum(jax.vmap(poly.double)(c, s), axis=1)
+    assert np.all(found[:200] == 2) and np.all(found[200:] == 0)
+
+
 def test_the_check_of_derivatives_catches_a_planted_error():
     with pytest.raises(AssertionError):
         assert_close_to_largest(np.array([1.0, 2.0002]), np.array([1.0, 2.0]), 1e-5)

@@ -32,7 +32,7 @@ from jaxfric.rig.friction.law import Conditions
 from jaxfric.rig.friction.memoryless import critical_velocity, worst_slope
 from jaxfric.stability import delay, polynomial
 from jaxfric.stability.delay_roots import rightmost_roots
-from jaxfric.stability.kernel import SampledKernel
+from jaxfric.stability.kernel import ExponentialKernel, SampledKernel
 from jaxfric.stability.linear import LinearFriction
 from jaxfric.stability.margins import margins
 from jaxfric.stability.theorem import apply_theorem
@@ -50,8 +50,8 @@ class Entry:
     """Parameters by name, in the order of the function's argument."""
     step: float = 1e-3
     """Step of differences, in the logarithms."""
-    long: bool = False
-    """Whether its test is one of the slow ones."""
+    quick: bool = False
+    """Whether it compiles in seconds; the tests of the others are left out unless asked for."""
 
     def logarithms(self) -> Float[np.ndarray, "points n"]:
         """The points as rows."""
@@ -126,6 +126,15 @@ _TWO = {
     "V": (1e-6, 1e-5),
     "m": (1.0, 3.0),
 }
+
+
+def _memoryless(q: Point):
+    """Friction that falls with velocity and rises with slip: all roots are of second degree."""
+    f_v, f_x, k, c, m = jnp.exp(q)
+    none = jnp.zeros((0,))
+    friction = LinearFriction(-f_v, ExponentialKernel(none, none), f_x)
+    found = margins(LinearSlider(m, k, c, friction))
+    return {name: value for name, value in found.items() if name != "stiffness"}
 
 
 def _table(*, jump: bool):
@@ -272,15 +281,18 @@ _EFFECTS = {
     "thermal": "a_T",
 }
 ENTRIES: dict[str, Entry] = {
+    "margins: no memory": Entry(
+        _memoryless,
+        _about(f_v=(0.3, 0.5), f_x=(0.2, 2.0), k=(1.0, 20.0), c=(0.6, 0.9), m=(0.1, 2.0)),
+        quick=True,
+    ),
     "margins: one state": Entry(_one_state(), _about(**_ONE)),
     "margins: one state, no mass": Entry(_one_state(massless=True), _about(**_ONE)),
-    "margins: one state, late controller": Entry(
-        _one_state(late=True), _about(1, **_ONE), long=True
-    ),
+    "margins: one state, late controller": Entry(_one_state(late=True), _about(1, **_ONE)),
     "margins: two states": Entry(_two_states(), _about(**_TWO)),
     "margins: two states, no mass": Entry(_two_states(massless=True), _about(**_TWO)),
     "margins: table": Entry(_table(jump=False), _about(2, **_TABLE)),
-    "margins: table with a jump": Entry(_table(jump=True), _about(2, **_TABLE), long=True),
+    "margins: table with a jump": Entry(_table(jump=True), _about(2, **_TABLE)),
     "margins: delay law": Entry(
         _delay_law,
         _about(
@@ -315,8 +327,9 @@ ENTRIES: dict[str, Entry] = {
     "delay roots": Entry(
         _rightmost,
         _about(m=(0.5, 2.0), k_p=(20.0, 600.0), **{n: _DELAY[n] for n in ("k_v", "k_f", "alpha")}),
+        quick=True,
     ),
-    "delay crossings": Entry(_delay_crossings, _about(**_DELAY)),
+    "delay crossings": Entry(_delay_crossings, _about(**_DELAY), quick=True),
     "roots": Entry(_roots, _about(**{f"c{i}": (0.3, 3.0) for i in range(6)})),
     "linearise": Entry(
         _linearised,
@@ -346,6 +359,7 @@ ENTRIES: dict[str, Entry] = {
             **{f"B{i}": (2.0, 4.0) for i in range(3)},
             **{f"L{i}": (2e-6 * 4**i, 4e-6 * 4**i) for i in range(3)},
         ),
+        quick=True,
     ),
 }
 """Every entry by its name."""

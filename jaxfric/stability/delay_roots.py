@@ -28,6 +28,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, ArrayLike, Complex, Float, Int
 
 from ..errors import InputError
+from .undefined import is_double, undefined
 
 NEWTON_STEPS = 4
 
@@ -205,8 +206,18 @@ def _implicit_jvp(primals: tuple[_Slider, Array], tangents: tuple[_Slider, Array
     s = jnp.where(found, root, 0.0)
     _, change = jax.jvp(lambda slider: _residual(slider, s)[0], (slider,), (tangents[0],))
     slope = _residual(slider, s)[1]
-    safe = found & (slope != 0)
-    return root, jnp.where(safe, -change / jnp.where(safe, slope, 1.0), 0.0)
+    return root, jnp.where(found, -change / jnp.where(slope == 0, 1.0, slope), 0.0)
+
+
+def _double(slider: _Slider, root: Array):
+    """Which of the roots are double to rounding."""
+    found = jnp.isfinite(root.real)
+    s = jnp.where(found, root, 0.0)
+    memory = slider.k_f * jnp.exp(-slider.alpha * s)
+    curvature = 2 * slider.mass + slider.alpha * memory * (2 - slider.alpha * s)
+    size = jnp.abs(s)
+    terms = (slider.mass * size + jnp.abs(slider.k_v) + jnp.abs(memory)) * size
+    return found & is_double(_residual(slider, s)[1], curvature, terms + jnp.abs(slider.k_p))
 
 
 def rightmost_roots(
@@ -224,11 +235,12 @@ def rightmost_roots(
     ones for any alpha w, at full precision (half the digits where two roots nearly coincide).
     Where alpha (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6 the roots are so dense that
     rounding may replace one by a neighbour or by a point between two. Derivatives of any order with
-    respect to all five arguments, by the implicit function theorem; they are unbounded where two
-    roots meet. A root that does not exist (alpha = 0 has two) is -inf. Scalars in.
+    respect to all five arguments, by the implicit function theorem; they are nan where two
+    roots meet to rounding. A root that does not exist (alpha = 0 has two) is -inf. Scalars in.
     Raises `InputError` if `number` is less than 1.
     """
     if number < 1:
         raise InputError(f"rightmost roots: number is {number}; ask for at least 1")
     slider = _slider(mass, k_p, k_v, k_f, alpha)
-    return _implicit(slider, _search(jax.lax.stop_gradient(slider), number))
+    root = _search(jax.lax.stop_gradient(slider), number)
+    return undefined(_implicit(slider, root), _double(slider, root))

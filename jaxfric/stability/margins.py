@@ -116,7 +116,7 @@ def poles(slider: LinearSlider) -> Complex[Array, " n"]:
     """
     kernel = _kernel(slider)
     if isinstance(kernel, AbstractRationalKernel):
-        return poly.roots(slider.polynomials()[0])
+        return poly.simple_roots(slider.polynomials()[0])
     if isinstance(kernel, DelayKernel):
         return rightmost_roots(*_delay_slider(slider, kernel))
     raise InputError(
@@ -195,7 +195,7 @@ def stiffness(of: Analysis) -> Float[Array, ""]:
 
 def decay(of: Analysis) -> Float[Array, ""]:
     """-max Re s over the poles s of the closed loop [1/s]."""
-    return -jnp.max(of.poles.real)
+    return _least(-of.poles.real)
 
 
 def damping(of: Analysis) -> Float[Array, ""]:
@@ -207,7 +207,7 @@ def damping(of: Analysis) -> Float[Array, ""]:
     square = s.real**2 + s.imag**2
     some = square > 0
     size = jnp.sqrt(jnp.where(some, square, 1.0))
-    return jnp.min(jnp.where(some, -s.real / size, 0.0))
+    return _least(jnp.where(some, -s.real / size, 0.0))
 
 
 def modulus(of: Analysis) -> Float[Array, ""]:

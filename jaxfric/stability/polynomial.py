@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from .undefined import is_double, undefined
+
 _MAX_ITERATIONS = 60
 # The iteration is of third order: from a change of this share of the cube root of the rounding
 # unit (1e-7 in double, 1e-4 in single precision) one more step is exact to rounding.
@@ -33,7 +35,7 @@ def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     Ehrlich from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694): no
     matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(140/n) on both
     sides of the middle one. Derivatives of any order by ds = -sum dc[k] s^k / p'(s); 0 at
-    infinity. Of roots that nearly meet they are no numbers to rely on (0 if p'(s) is 0).
+    infinity. Of roots that nearly meet they are no numbers to rely on: see `simple_roots`.
     """
     n = c.shape[0] - 1
     if n == 0:
@@ -50,14 +52,31 @@ def _roots_jvp(primals: tuple[Array], tangents: tuple[Array]):
     (c,), (dc,) = primals, tangents
     s = roots(c)
     slope = value(derivative(c), s)
-    usable = jnp.isfinite(slope) & (slope != 0)
+    usable = jnp.isfinite(slope) & (jnp.abs(s) < 0.1 * _INFINITE)
     safe = jnp.where(usable, s, 0.0)
-    return s, jnp.where(usable, -value(dc, safe) / jnp.where(usable, slope, 1.0), 0.0)
+    slope = jnp.where(usable & (slope != 0), slope, 1.0)
+    return s, jnp.where(usable, -value(dc, safe) / slope, 0.0)
+
+
+def simple_roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
+    """`roots`, whose derivatives are nan where they are `double`."""
+    s = roots(c)
+    return undefined(s, double(c, s))
+
+
+def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"]:
+    """Which of the roots s of a polynomial are double to rounding, so have no derivative.
+
+    A change of coefficients by 2e-14 of themselves then makes two roots one.
+    """
+    slope, curvature = derivative(c), derivative(derivative(c))
+    terms = value(jnp.abs(c), jnp.abs(s))
+    return (jnp.abs(s) < 0.1 * _INFINITE) & is_double(value(slope, s), value(curvature, s), terms)
 
 
 def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
     """Real parts of all roots, and which of them are real and positive (the others read 1)."""
-    s = roots(c)
+    s = simple_roots(c)
     real = (jnp.abs(s.imag) <= _REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
     real = real & (s.real < LARGEST)
     return jnp.where(real, s.real, 1.0), real
