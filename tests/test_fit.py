@@ -64,7 +64,7 @@ def test_descents_are_counted_within_their_stage(monkeypatch):
     record: Any = SimpleNamespace(relative_time=zeros, friction=zeros)
     for states in (1, 2):
         steps: Any = None
-        task = FitTask(record, steps, 1.0, Model(states=states), 1.0, 1.0)
+        task = FitTask(record, steps, 1.0, Model(states=states), 1.0, 1.0, None, (), steps)
         module._solve_in_stages(task, None, told.append)
     assert told == [
         "descent 1 of at most 3",

@@ -338,7 +338,7 @@ def test_derivatives_of_a_table_are_those_of_its_exponential():
 
 
 def test_a_double_pole_has_no_derivative_and_spoils_no_other():
-    """Poles of m s^2 + (k_v + f_v) s + k_p: double in the first of four, near in the next."""
+    """Poles of m s^2 + (k_v + f_v) s + k_p: double in slider 0, close in slider 1."""
     sets = typical("memoryless", 4, 5)
     sets[:, 3:5] = 0.1, 0.0
     k_p, _, m = sets[:, :3].T

@@ -268,7 +268,6 @@ def _least_gains(**margins: float):
     return Entry(
         function,
         _about(2, A=(0.8, 1.2), B=(2.5, 3.5), L=(8e-4, 1.2e-3), m=(2.0, 4.0)),
-        long=True,
     )
 
 

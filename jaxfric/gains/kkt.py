@@ -129,23 +129,3 @@ class _KnownPoint(NamedTuple):
     branch: Int[Array, " 2"]
     limit: Int[Array, " 2"]
     exists: Bool[Array, ""]
-
-
-@jax.custom_jvp
-def undefined(x: Array, where: Array) -> Array:
-    """x, whose derivative is nan `where`."""
-    return x
-
-
-@undefined.defjvp
-def undefined_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]):
-    """A linear map that gives nan, but 0 for 0: a sum that leaves this member out stays a number.
-
-    It is the solution of I t' = t, so that JAX takes the same function in reverse mode.
-    """
-    (x, where), (t, _) = primals, tangents
-
-    def solve(_: object, t: Array) -> Array:
-        return jnp.where(where & (t != 0), jnp.nan, t)
-
-    return undefined(x, where), jax.lax.custom_linear_solve(lambda t: t, t, solve, symmetric=True)

@@ -267,4 +267,5 @@ LIMITS = np.concatenate([np.eye(2), -np.eye(2)])
 
 
 def above_zero(x: Array) -> Array:
+    """x, or the least number to divide by where x is 0."""
     return jnp.maximum(x, 1e-300)

@@ -28,7 +28,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, ArrayLike, Complex, Float, Int
 
 from ..errors import InputError
-from .undefined import is_double, undefined
+from .undefined import is_double, root_without_derivative
 
 NEWTON_STEPS = 4
 
@@ -206,7 +206,8 @@ def _implicit_jvp(primals: tuple[_Slider, Array], tangents: tuple[_Slider, Array
     s = jnp.where(found, root, 0.0)
     _, change = jax.jvp(lambda slider: _residual(slider, s)[0], (slider,), (tangents[0],))
     slope = _residual(slider, s)[1]
-    return root, jnp.where(found, -change / jnp.where(slope == 0, 1.0, slope), 0.0)
+    safe = found & (slope != 0)
+    return root, jnp.where(safe, -change / jnp.where(safe, slope, 1.0), 0.0)
 
 
 def _double(slider: _Slider, root: Array):
@@ -243,4 +244,6 @@ def rightmost_roots(
         raise InputError(f"rightmost roots: number is {number}; ask for at least 1")
     slider = _slider(mass, k_p, k_v, k_f, alpha)
     root = _search(jax.lax.stop_gradient(slider), number)
-    return undefined(_implicit(slider, root), _double(slider, root))
+    meets = _double(slider, root)
+    root = _implicit(slider, root)
+    return root_without_derivative(root, meets, lambda s: _residual(slider, s)[0])

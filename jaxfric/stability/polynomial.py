@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from .undefined import is_double, undefined
+from .undefined import is_double, root_without_derivative
 
 _MAX_ITERATIONS = 60
 # The iteration is of third order: from a change of this share of the cube root of the rounding
@@ -35,7 +35,8 @@ def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     Ehrlich from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694): no
     matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(140/n) on both
     sides of the middle one. Derivatives of any order by ds = -sum dc[k] s^k / p'(s); 0 at
-    infinity. Of roots that nearly meet they are no numbers to rely on: see `simple_roots`.
+    infinity. Of roots that nearly meet they are no numbers to rely on (0 if p'(s) is 0): see
+    `simple_roots`.
     """
     n = c.shape[0] - 1
     if n == 0:
@@ -52,16 +53,16 @@ def _roots_jvp(primals: tuple[Array], tangents: tuple[Array]):
     (c,), (dc,) = primals, tangents
     s = roots(c)
     slope = value(derivative(c), s)
-    usable = jnp.isfinite(slope) & (jnp.abs(s) < 0.1 * _INFINITE)
+    usable = jnp.isfinite(slope) & (slope != 0)
     safe = jnp.where(usable, s, 0.0)
-    slope = jnp.where(usable & (slope != 0), slope, 1.0)
-    return s, jnp.where(usable, -value(dc, safe) / slope, 0.0)
+    return s, jnp.where(usable, -value(dc, safe) / jnp.where(usable, slope, 1.0), 0.0)
 
 
 def simple_roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     """`roots`, whose derivatives are nan where they are `double`."""
     s = roots(c)
-    return undefined(s, double(c, s))
+    meets = double(c, s)
+    return root_without_derivative(s, meets, lambda s: value(c, s))
 
 
 def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"]:

@@ -1,5 +1,7 @@
 """Where a derivative does not exist: nan, in its own member of a batch only."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact
@@ -27,6 +29,21 @@ def _undefined_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]):
         return jnp.where(where & (t != 0), jnp.nan, t)
 
     return undefined(x, where), jax.lax.custom_linear_solve(lambda t: t, t, solve, symmetric=True)
+
+
+def root_without_derivative(
+    root: Inexact[Array, " n"],
+    where: Bool[Array, " n"],
+    equation: Callable[[Inexact[Array, " n"]], Inexact[Array, " n"]],
+) -> Inexact[Array, " n"]:
+    """The roots of an equation, whose derivatives are nan `where`.
+
+    The derivative before may be 0 there, which `undefined` keeps. That of the equation at the
+    root is 0 only by what does not move the root, and is added.
+    """
+    fixed = jax.lax.stop_gradient(jnp.where(where, root, 0.0))
+    moved = jnp.where(where, equation(fixed), 0.0)
+    return undefined(root + (moved - jax.lax.stop_gradient(moved)), where)
 
 
 def is_double(
