@@ -36,7 +36,8 @@ from ..stability.linear import (
     refuse_without_steady_state,
 )
 from ..stability.margin_table import MARGINS
-from .kkt import DERIVATIVE, POSITIVE, WEAK, carried, derivative, kkt_of, undefined
+from ..stability.undefined import undefined
+from .kkt import DERIVATIVE, POSITIVE, WEAK, carried, derivative, kkt_of
 from .natural import natural_units, sizes
 from .requirement import Requirement
 from .scenarios import linearised
