@@ -11,7 +11,7 @@ values, are made only for records that the first did not fit to their noise.
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -96,8 +96,7 @@ def fit_many(
     law, states, fit_stiffness, slip_trend, reference_velocity : as for `jaxfric.fit`.
     steps : velocity steps for all records, or a sequence with those of each; found where None.
     noise : "estimated", as by `jaxfric.fit`: with its memory, and without rows that stand out; or
-        "white", which takes less than a third of the time. Under "white" errors are too small where
-        neighbouring rows err alike.
+        "white", which is quicker, and whose errors are too small where neighbouring rows err alike.
     progress : told what is being done.
 
     Returns
@@ -118,10 +117,12 @@ def fit_many(
     asked = list(records)
     stated = {"stiffness": stiffness, "mass": mass, "steps": steps}
     each = [_for_each(given, asked, name) for name, given in stated.items()]
-    tasks = [
-        _task(i, *own, model, reference_velocity)
-        for i, own in enumerate(zip(asked, *each, strict=True))
-    ]
+    tasks = []
+    for i, own in enumerate(zip(asked, *each, strict=True)):
+        try:
+            tasks.append(_task(*own, model, reference_velocity))
+        except InputError as wrong:
+            raise InputError(f"record {i}: {wrong}") from None
     return fit_tasks(tasks, noise=noise, progress=progress)
 
 
@@ -131,11 +132,9 @@ def fit_tasks(
     noise: str = "estimated",
     progress: Callable[[str], None] = silent,
 ) -> list[Fit]:
-    """`fit_many` of what `task_of` made of each record, all with one model."""
-    if not tasks:
-        return []
+    """`fit_many` of what `task_of` made of each record; those with one model go together."""
     # records that turn back need another form of the law, and so a model of their own
-    models = {task.model: [] for task in tasks}
+    models: dict[Model, list[int]] = {task.model: [] for task in tasks}
     for i, task in enumerate(tasks):
         models[task.model].append(i)
     found: dict[int, Fit] = {}
@@ -168,8 +167,7 @@ def fit_what_can_be(
     for i, (record, K, law) in enumerate(zip(records, stiffness, laws, strict=True)):
         model = wanted_model(law, states, fit_stiffness, slip_trend)
         try:
-            _refuse_bad(record)
-            tasks[i] = task_of(record, K, None, steps, model, reference_velocity)
+            tasks[i] = _task(record, K, None, steps, model, reference_velocity)
         except InputError as wrong:
             ends[i] = str(wrong)
     for i, fit in zip(tasks, fit_tasks(list(tasks.values()), progress=progress), strict=True):
@@ -206,22 +204,11 @@ def _for_each(given: object, records: list, name: str) -> list:
     return several
 
 
-def _task(
-    index: int,
-    record: Record | str | Path,
-    stiffness: float | str | None,
-    mass: float | str | None,
-    steps: VelocitySteps | str | None,
-    model: Model,
-    reference_velocity: float | str | None,
-) -> FitTask:
-    """What is to be fitted to one record. Raises `InputError` with its index."""
-    try:
-        if isinstance(record, Record):
-            _refuse_bad(record)
-        return task_of(record, stiffness, mass, steps, model, reference_velocity)
-    except InputError as wrong:
-        raise InputError(f"record {index}: {wrong}") from None
+def _task(record: Record | str | Path, *stated: Any) -> FitTask:
+    """`task_of`, for rows that were looked at first."""
+    if isinstance(record, Record):
+        _refuse_bad(record)
+    return task_of(record, *stated)
 
 
 def _refuse_bad(record: Record) -> None:
