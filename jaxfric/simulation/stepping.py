@@ -20,6 +20,7 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .explicit import explicit_step
@@ -43,6 +44,9 @@ _SHRINK, _GROW, _CAUTION = 0.2, 10.0, 0.9
 _STABLE = 2.5
 """Rate of the fastest change times the longest step. Tsit5 is stable to 3.3 for real rates."""
 _SMALL = 0.01
+_DECIDED = "decided"
+"""What reverse mode keeps of a step: where it ends, and whether it was taken. Rounding decides of
+both, and that of a segment done again is another: it would end elsewhere than the next begins."""
 _ROUNDINGS = 4.0
 """Length of the shortest step, in roundings of time."""
 
@@ -169,7 +173,8 @@ def _by_scan(
 ) -> Sampled:
     carry, segment = _begun(equation, initial, ts, policy, rows=ROWS, parts=_parts(ts))
     segments = -(-policy.how.max_steps // (ROWS * _parts(ts)))
-    loop, length = jax.checkpoint(segment), segments
+    decided = jax.checkpoint_policies.save_only_these_names(_DECIDED)
+    loop, length = jax.checkpoint(segment, policy=decided), segments
     while length > 1:
         turns = min(length, _FAN)
         loop = _repeated(loop, turns)
@@ -286,9 +291,10 @@ def _step(
     room = stop - t
     lands = size >= room * (1 - 1e-12)
     end = jnp.where(lands, stop, t + jnp.maximum(size, shortest))
+    end = checkpoint_name(end, _DECIDED)
     # a jump of the command belongs to the next step
     before = jnp.where(lands, stop - _ROUNDINGS * jnp.spacing(jnp.abs(stop)), end)
-    before = jnp.where(before > t, before, end)
+    before = checkpoint_name(jnp.where(before > t, before, end), _DECIDED)
     if how.stiff:
         y1, error, k = stiff_step(equation, t, before, y)
         later = slope
@@ -301,7 +307,7 @@ def _step(
     factor = jnp.where(fine, jnp.clip(factor, _SHRINK, jnp.where(good, _GROW, 1.0)), _SHRINK)
     length = before - t
     vanished = point.going & ~good & (length <= 2 * shortest) & (not how.stiff)
-    taken = point.going & good
+    taken = checkpoint_name(point.going & good, _DECIDED)
     log_speed = equation.log_speed(before, y1)
     away = taken & (log_speed > how.log_runaway)
     new = Underway(
