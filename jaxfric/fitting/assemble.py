@@ -65,8 +65,7 @@ def assemble(
     counted = misfit[np.asarray(problem.weight)[: len(record)] > 0]
     spread = covariance(problem, solution, noise)
     ended = solution.converged and not failed
-    plausible = _plausible(record, steps, sign, problem, solution)
-    estimates, matrix = _estimates(record, problem, solution, spread, ended, plausible, profile)
+    estimates, matrix = _estimates(record, steps, sign, problem, solution, spread, ended, profile)
     names, unit = problem.model.names(), record.friction_unit
     for name, value in (("K", problem.stiffness), ("V0", problem.V0), ("m", problem.mass)):
         if name not in estimates and value is not None:
@@ -131,44 +130,47 @@ def _refined(
 
 def _estimates(
     record: Record,
+    steps: VelocitySteps,
+    sign: float,
     problem: Problem,
     solution: Solution,
     spread: np.ndarray,
     ended: bool,
-    plausible: list[bool],
     profiles: Callable[[str], None] | None,
 ) -> tuple[dict[str, Estimate], np.ndarray]:
     """Estimates by name, and the covariance of the free parameters in SI.
 
-    `ended`: the search converged; `plausible`, which parameters the record can show; `profiles` is
-    told of every profile; None: there are none.
+    `ended`: the search converged; `profiles` is told of every profile; None: there are none.
     """
-    z = np.asarray(solution.z)
+    z, names, unit = np.asarray(solution.z), problem.model.names(), record.friction_unit
     variance = np.diag(spread)
     std = np.sqrt(np.where(variance > 0, variance, np.nan))
-    span = float(np.ptp(record.friction))
-    fixed = determined(problem.on_host(), std, span)
-    known = [ended and a and b for a, b in zip(fixed, plausible, strict=True)]
-    p, estimates = len(problem.model.names()), {}
     ends = np.stack([z - QUANTILE * std, z + QUANTILE * std])
-    for i, name in enumerate(problem.model.names()):
-        if profiles is not None and known[i]:
-            profiles(f"profile of {name} ({i + 1} of {p})")
-            ends[:, i] = profile_interval(problem, solution, i, float(std[i]))
     values, slopes = natural(problem, np.vstack([z[None], ends]))
-    value, slope = values[0], slopes[0]
-    for i, name in enumerate(problem.model.names()):
-        estimates[name] = Estimate(
-            value=float(value[i]),
-            std=float(abs(slope[i]) * std[i]),
+    fixed = determined(problem.on_host(), std, float(np.ptp(record.friction)))
+    plausible = _plausible(record, steps, sign, problem, values[0])
+    known = [ended and a and b for a, b in zip(fixed, plausible, strict=True)]
+    if profiles is not None:
+        for i, name in enumerate(names):
+            if known[i]:
+                profiles(f"profile of {name} ({i + 1} of {len(names)})")
+                ends[:, i] = profile_interval(problem, solution, i, float(std[i]))
+        values[1:] = natural(problem, ends)[0]
+    estimates = {
+        name: Estimate(
+            value=float(values[0, i]),
+            std=float(abs(slopes[0, i]) * std[i]),
             lower=float(values[1, i]),
             upper=float(values[2, i]),
-            unit=unit_of(name, record.friction_unit),
+            unit=unit_of(name, unit),
             determined=known[i],
             profiled=profiles is not None and known[i],
         )
+        for i, name in enumerate(names)
+    }
+    p = len(names)
     with np.errstate(over="ignore", invalid="ignore"):  # a failed fit has no covariance
-        return estimates, spread[:p, :p] * np.outer(slope, slope)
+        return estimates, spread[:p, :p] * np.outer(slopes[0], slopes[0])
 
 
 def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:
@@ -178,11 +180,10 @@ def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:
 
 
 def _plausible(
-    record: Record, steps: VelocitySteps, sign: float, problem: Problem, solution: Solution
+    record: Record, steps: VelocitySteps, sign: float, problem: Problem, values: np.ndarray
 ) -> list[bool]:
     """Whether each free parameter has a value that a record of this size can show."""
     noise, friction = float(problem.noise_scale), sign * record.friction
-    values = natural(problem, np.asarray(solution.z)[None])[0][0]
     forward = VelocitySteps(steps.times, np.abs(steps.velocities))
     within = []
     for name, value in zip(problem.model.names(), values, strict=True):
@@ -201,7 +202,8 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
         rows = np.flatnonzero(segment == k)
         if len(rows) < _ROWS:
             continue
-        found = np.polyfit(time[rows] - time[rows[0]], motion[rows], 1)[0]
+        own = time[rows] - np.mean(time[rows])
+        found = own @ motion[rows] / (own @ own)
         if stated and not 1 / _OTHER < found / stated < _OTHER:
             said, seen = (read_as(format_si(v, "m/s", "um/s")) for v in (stated, found))
             return [

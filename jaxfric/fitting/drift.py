@@ -47,8 +47,8 @@ def drift_before(fit: Fit) -> Drift | None:
         return None
     x = fit.steps.displacement(time)
     left = np.asarray(fit.record.friction) - fit.predicted
-    blocks = np.array_split(before, _BLOCKS)
-    u, y = (np.array([np.mean(values[rows]) for rows in blocks]) for values in (x, left))
+    ends = np.linspace(0, len(before), _BLOCKS + 1).astype(int)
+    u, y = (np.add.reduceat(values[before], ends[:-1]) / np.diff(ends) for values in (x, left))
     u = u - u.mean()
     slope = float(u @ y / (u @ u))
     scatter = float(np.sum((y - y.mean() - slope * u) ** 2)) / (_BLOCKS - 2)

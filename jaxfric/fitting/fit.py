@@ -359,8 +359,10 @@ def prepare(
     mass: float | None = None,
     sign: float = 1.0,
     force_scale: float | None = None,
+    on_host: bool = False,
 ) -> Problem:
-    """The least-squares problem of a record that moves forwards at first.
+    """The least-squares problem of a record that moves forwards at first; `on_host` as in
+    `make_problem`.
 
     A step time is a parameter where its error, through the spring, is felt above the noise.
     """
@@ -374,7 +376,9 @@ def prepare(
         float(np.ptp(friction)) if force_scale is None else force_scale,
         mass,
     )
-    return make_problem(record.relative_time, friction, steps, sizes, model, shifted=shifted)
+    return make_problem(
+        record.relative_time, friction, steps, sizes, model, shifted=shifted, on_host=on_host
+    )
 
 
 def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | None:

@@ -58,8 +58,10 @@ from .start import (
 
 _AT_ONCE = 32
 """Records of a batch: more wait longer for the slowest, fewer leave vector units idle."""
-_POINTS = (10, 80)
-"""Most points of a descent before it is cut, and of one that goes on."""
+_FEW = 4
+"""Records of a small batch. Each size is compiled anew, so there are two."""
+_POINTS = (6, 12, 80)
+"""Most points of a descent before it is cut, and after that before it is cut again."""
 _DESCENTS = 3
 NOISES = ("estimated", "white")
 _FEWEST_ROWS = 8
@@ -137,12 +139,12 @@ def fit_tasks(
     models: dict[Model, list[int]] = {task.model: [] for task in tasks}
     for i, task in enumerate(tasks):
         models[task.model].append(i)
+    finish = _white if noise == "white" else finished
     found: dict[int, Fit] = {}
     for model, members in models.items():
         own = [tasks[i] for i in members]
         ends = _ended(own, model, progress)
         progress("noise and errors")
-        finish = _white if noise == "white" else finished
         fits = [finish(task, *end) for task, end in zip(own, ends, strict=True)]
         found |= dict(zip(members, fits, strict=True))
     return [found[i] for i in range(len(tasks))]
@@ -178,16 +180,12 @@ def fit_what_can_be(
 def _ended(tasks: list[FitTask], model: Model, progress: Callable[[str], None]) -> "list[_Ended]":
     """Where the descents of records with one model end."""
     # a law that is no `RateState` has no states one by one: its search begins as the slip law's
-    one = model._replace(states=1, law=model.law if evolution_of(model.law) else "slip")
-    progress(f"starting values of {len(tasks)} records")
-    begun = _with_starts(tasks, one)
-    if model.states == 1 and model.law != one.law:
-        begun = [own._replace(problem=own.problem.with_model(model)) for own in begun]
+    law = model.law if model.states == 1 or evolution_of(model.law) else "slip"
     progress(f"fitting {len(tasks)} records")
-    ended = _solved_in_batches(begun)
+    ended = _best(_with_starts(tasks, model._replace(states=1, law=law)))
     if model.states > 1:
         progress(f"fitting {len(tasks)} records with {model.states} states")
-        ended = _solved_in_batches(_with_more_states(tasks, ended, model))
+        ended = _best(_with_more_states(tasks, ended, model))
     return ended
 
 
@@ -246,20 +244,19 @@ class _Ended(NamedTuple):
 def _in_batches(work: Callable, *inputs: list) -> list:
     """work(batch) of `inputs` stacked along a new first axis, and taken apart again.
 
-    Inputs of different shapes go in different batches. The last one is filled up with copies, so
-    that few sizes are compiled.
+    Inputs of different shapes go in different batches, which are filled up with copies.
     """
     groups: dict[tuple, list[int]] = {}
     for i, each in enumerate(zip(*inputs, strict=True)):
         leaves, tree = jax.tree.flatten(each)
-        shapes = tuple((np.shape(x), str(np.asarray(x).dtype)) for x in leaves)
+        shapes = tuple((np.shape(x), np.asarray(x).dtype) for x in leaves)
         groups.setdefault((tree, shapes), []).append(i)
     parts = []
     for (tree, _), members in groups.items():
         most = at_once(_AT_ONCE)
-        size = min(bucket(len(members), 4), most)
-        for begin in range(0, len(members), size):
-            parts.append((tree, size, members[begin : begin + size]))
+        for begin in range(0, len(members), most):
+            some = members[begin : begin + most]
+            parts.append((tree, _FEW if len(some) <= _FEW else most, some))
 
     def run(tree: object, size: int, members: list[int]) -> list:
         filled = members + [members[-1]] * (size - len(members))
@@ -346,6 +343,7 @@ def _with_starts(tasks: list[FitTask], model: Model) -> list[_Begun]:
             mass=task.mass,
             sign=task.sign,
             force_scale=float(starts[0, 1]),
+            on_host=True,
         )
         begun.append((problem, starts))
     return _unbounded(begun)
@@ -394,37 +392,38 @@ def _with_more_states(tasks: list[FitTask], ended: list[_Ended], model: Model) -
 # --- descents --------------------------------------------------------------------------------
 
 
-def _solved_in_batches(begun: list[_Begun]) -> list[_Ended]:
+def _best(begun: list[_Begun]) -> list[_Ended]:
     """The best of up to three descents of each problem; one where it comes down to the noise."""
     best: list[Solution | None] = [None] * len(begun)
     for k in range(_DESCENTS):
         open_ = [
             i for i, own in enumerate(begun) if k < len(own.starts) and not _fits(best[i], own)
         ]
-        found = _descended([begun[i].problem for i in open_], [begun[i].starts[k] for i in open_])
+        some = [begun[i] for i in open_]
+        found = _descended([own.problem for own in some], [own.starts[k] for own in some])
         for i, point in zip(open_, found, strict=True):
             best[i] = _better(best[i], point)
     return [
-        _Ended(own.problem, on_host(point))
-        for own, point in zip(begun, best, strict=True)
-        if point is not None
+        _Ended(own.problem, on_host(end))
+        for own, end in zip(begun, best, strict=True)
+        if end is not None
     ]
 
 
 def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[Solution]:
     """One descent of each problem; those that are cut go on together."""
-    found = _in_batches(_descents, problems, zs, [_POINTS[0]] * len(zs)) if zs else []
-    cut = [i for i, own in enumerate(found) if not own.converged and own.cost < FAILED_MISFIT**2]
-    if cut:
-        again = _in_batches(
-            _descents,
-            [problems[i] for i in cut],
-            [found[i].z for i in cut],
-            [_POINTS[1]] * len(cut),
-        )
-        for i, point in zip(cut, again, strict=True):
-            found[i] = point._replace(trials=point.trials + found[i].trials)
-    return found
+    found: dict[int, Solution] = {}
+    open_ = list(range(len(problems)))
+    for most in _POINTS:
+        if not open_:
+            break
+        begin = [found[i].z if i in found else zs[i] for i in open_]
+        ends = _in_batches(_descents, [problems[i] for i in open_], begin, [most] * len(open_))
+        for i, end in zip(open_, ends, strict=True):
+            before = found[i].trials if i in found else 0
+            found[i] = end._replace(trials=end.trials + before)
+        open_ = [i for i in open_ if not found[i].converged and found[i].cost < FAILED_MISFIT**2]
+    return [found[i] for i in range(len(problems))]
 
 
 def _fits(point: Solution | None, own: _Begun) -> bool:

@@ -361,11 +361,20 @@ def limit_of_negative(keep: np.ndarray) -> np.ndarray:
     return 0.98 * (1 - keep) / (1 + keep)
 
 
-@traced
 def sandwich(
     clock: Float[Numbers, "n *k"], jacobian: Float[Numbers, "n p"], noise: Noise
+) -> Float[Numbers, "p p"]:
+    """J^T Sigma J for the noise covariance Sigma, in one pass; by NumPy where it is white."""
+    if isinstance(noise.share, np.ndarray) and not noise.share.any():
+        scaled = np.reshape(noise.sigma * noise.scale, (-1, 1)) * np.asarray(jacobian)
+        return scaled.T @ scaled
+    return _sandwich(clock, jacobian, noise)
+
+
+@traced
+def _sandwich(
+    clock: Float[Numbers, "n *k"], jacobian: Float[Numbers, "n p"], noise: Noise
 ) -> Float[Array, "p p"]:
-    """J^T Sigma J for the noise covariance Sigma, in one pass."""
     scaled = jacobian * jnp.broadcast_to(noise.scale, jacobian.shape[:1])[:, None]
     white = (1 - noise.share[0] - noise.share[1]) * scaled.T @ scaled
     return jnp.asarray(noise.sigma**2 * (white + _correlated(scaled, _terms(clock, noise))))

@@ -30,8 +30,10 @@ def bounds_of(
     """
     kind = name if name == "f0" else name.rstrip("0123456789")
     low, high = float(friction.min()), float(friction.max())
-    path = np.abs(np.diff(steps.displacement(time)))
-    if kind == "L":
+    if kind in ("L", "K"):
+        path = np.abs(np.diff(steps.displacement(time)))
+        if kind == "K":
+            return noise / float(path.sum()), np.inf
         return _LEAST_L * float(path[path > 0].min(initial=np.inf)), float(path.sum())
     if kind in ("A", "B"):
         speed = np.abs(steps.velocities[steps.velocities != 0])
@@ -40,6 +42,4 @@ def bounds_of(
         return (0.0 if kind == "A" else -most), most
     if kind == "f0":
         return low - _MOST_OFFSET * (high - low), high + _MOST_OFFSET * (high - low)
-    if kind == "K":
-        return noise / float(path.sum()), np.inf
     return None

@@ -359,11 +359,13 @@ def make_problem(
     model: RigModel,
     *,
     shifted: np.ndarray | None = None,
+    on_host: bool = False,
 ) -> Problem:
     """Pad a record (time from 0 [s], friction) to its bucket and attach the scales.
 
     `shifted` holds the indices of the steps whose times are parameters; `steps` must then
-    have `time_errors`.
+    have `time_errors`. With `on_host` the arrays are NumPy's, for problems that go to the device
+    many at a time.
     """
     n, clock = len(time), clock_of(time, steps)
     path = clock[:, 1]
@@ -372,7 +374,7 @@ def make_problem(
         shifted = np.pad(shifted, (0, bucket(len(shifted), 4) - len(shifted)))
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
     pad = (0, bucket(n, 256) - n)
-    arrays = {
+    arrays: dict[str, Any] = {
         "time": np.pad(time, pad, mode="edge"),
         "friction": np.pad(friction, pad, mode="edge"),
         "weight": np.pad(np.ones(n), pad),
@@ -392,10 +394,9 @@ def make_problem(
         np.pad(steps.times, never, constant_values=np.inf),
         np.pad(steps.velocities, never, mode="edge"),
     )
-    arrays, moved = jax.device_put((arrays, moved))  # together: each call takes as long as an array
-    return Problem(
+    problem = Problem(
         **arrays,
-        motion=PiecewiseVelocity(*moved),
+        motion=jax.tree.map(np.asarray, PiecewiseVelocity(*moved)),
         damping=None,
         noise=None,
         channels=(),
@@ -405,6 +406,7 @@ def make_problem(
         stiff=sizes.mass is not None
         or bool(sizes.stiffness * (path[-1] - path[0]) > _STIFF * sizes.force),
     )
+    return problem if on_host else jax.device_put(problem)  # together: a call costs as an array
 
 
 def most_steps(velocities: int) -> int:
