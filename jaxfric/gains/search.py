@@ -62,17 +62,17 @@ class GainProblem(eqx.Module):
 
     def slacks(self, y: Float[Array, " 2"]) -> Float[Array, " n"]:
         """Least slack of every scenario at y."""
-        return self._each(self.requirement.slack, y)
+        return self._each(_slack, y)
 
     def constraints(self, y: Float[Array, " 2"]) -> Float[Array, "n b"]:
         """All smooth constraints of every scenario at y."""
-        return self._each(self.requirement.constraints, y)
+        return self._each(_constraints, y)
 
     def _each(self, function: Callable[..., Array], y: Array) -> Array:
         gains = y * self.scale
 
         def one(friction: LinearFriction, mass: Array | None, delay: Array | None) -> Array:
-            return function(gains, friction, mass, self.unit, delay)
+            return function(self.requirement, gains, friction, mass, self.unit, delay)
 
         axes = (0, *(None if x is None else 0 for x in (self.mass, self.delay)))
         return jax.vmap(one, in_axes=axes)(self.friction, self.mass, self.delay)
@@ -81,6 +81,10 @@ class GainProblem(eqx.Module):
         """Distances of y to its lower and upper limits."""
         high = jnp.minimum(self.upper / self.scale, _FAR)
         return jnp.concatenate([y - self.lower / self.scale, high - y])
+
+
+# of one scenario, so that each is traced once for all that asks for it
+_slack, _constraints = eqx.filter_jit(Requirement.slack), eqx.filter_jit(Requirement.constraints)
 
 
 class Near(NamedTuple):
@@ -174,24 +178,40 @@ class _State(NamedTuple):
     begun: Float[Array, " 2"]
     slack: Float[Array, " n"]
     count: Int[Array, ""]
+    decided: Int[Array, " m"]
+    """Scenarios that decided before, the last first; -1: none yet."""
 
 
 def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Float[Array, " n"]]:
-    """Rounds of steps under the worst scenarios of all, until a whole round changes nothing."""
-    number = min(CARRIED, problem.number)
+    """Rounds of steps under the worst scenarios of all, until a whole round changes nothing.
 
-    def round_of(y: Array, size: Array, count: Array) -> _State:
+    Half of the places are for those that decided in the rounds before: else the gains go to and fro
+    between scenarios each of which is worst where the other decides.
+    """
+    number = min(CARRIED, problem.number)
+    kept = number // 2 if number < problem.number else 0
+
+    def round_of(y: Array, size: Array, count: Array, decided: Array) -> _State:
         slack = problem.slacks(y)
         worst = jax.lax.top_k(-jnp.where(jnp.isnan(slack), -jnp.inf, slack), number)[1]
-        return _State(steps(problem.at(worst), worst, y, size), y, slack, count + 1)
+        old = jnp.where(decided >= 0, decided, worst[number - kept :])
+        some = jnp.concatenate([worst[: number - kept], old])
+        end = steps(problem.at(some), some, y, size)
+        inner = (end.slots >= 0) & (end.slots < end.near.c.size)
+        new = jnp.where(inner, end.near.scenario[jnp.where(inner, end.slots, 0)], -1)
+        return _State(end, y, slack, count + 1, jnp.concatenate([new, decided])[:kept])
 
     def unfinished(state: _State) -> Array:
         return ~state.end.settled & (state.count < ROUNDS)
 
+    def go_on(state: _State) -> _State:
+        return round_of(state.end.y, state.end.size, state.count, state.decided)
+
+    none = jnp.full(kept, -1, jnp.int32)
     size, count = jnp.asarray(TRUST), jnp.asarray(0)
-    begin = _zeros(jax.eval_shape(round_of, start, size, count))
-    begin = begin._replace(end=begin.end._replace(y=start, size=size))
-    last = jax.lax.while_loop(unfinished, lambda s: round_of(s.end.y, s.end.size, s.count), begin)
+    begin = _zeros(jax.eval_shape(round_of, start, size, count, none))
+    begin = begin._replace(end=begin.end._replace(y=start, size=size), decided=none)
+    last = jax.lax.while_loop(unfinished, go_on, begin)
     y = jnp.where(last.end.settled, last.end.y, last.begun)  # that of the slack
     return last.end._replace(y=y), last.slack
 

@@ -150,19 +150,23 @@ def optimum(
     scale = jnp.asarray(region.scale)
     pairs = [jnp.asarray(x) for x in (region.unit, scale, region.lower, region.upper)]
     y, size = jnp.asarray(np.asarray(start[:2]) * region.unit) / scale, jnp.asarray(TRUST)
+    decided: list[int] = []
     for _ in range(ROUNDS):
         slack = slacks(requirement, scenarios, region.unit, np.asarray(y * scale))[0]
-        worst = padded(np.argsort(slack)[:CARRIED], size=CARRIED)
+        worst, half = np.argsort(slack), CARRIED // 2
+        some = dict.fromkeys([*worst[:half], *decided[:half], *worst[half:]])
+        worst = padded(np.array(list(some)[:CARRIED]), size=CARRIED)
         few = scenarios.take(worst)
         late = traced(few.mass), traced(few.delay)
         problem = GainProblem(few.friction, *late, requirement, *pairs)
         found = steps(problem, jnp.asarray(worst), y, size)
         y, size = found.y, found.size
         kkt = _kkt(found)
+        rows = np.asarray(found.slots)[np.asarray(kkt.inner)]
+        active = sorted({int(i) for i in np.asarray(found.near.scenario)[rows]})
+        decided = [*active, *decided]
         if found.settled and kkt.residual <= WEAK:
             gains = np.asarray(y * scale)
-            rows = np.asarray(found.slots)[np.asarray(kkt.inner)]
-            active = sorted({int(i) for i in np.asarray(found.near.scenario)[rows]})
             at_limit = bool(np.any(found.slots >= found.near.c.size))
             residual = float(kkt.residual)
             return Optimum(gains, float(region.norm(gains)), residual, tuple(active), at_limit)
