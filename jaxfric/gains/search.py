@@ -62,17 +62,17 @@ class GainProblem(eqx.Module):
 
     def slacks(self, y: Float[Array, " 2"]) -> Float[Array, " n"]:
         """Least slack of every scenario at y."""
-        return self._each(_slack, y)
+        return self._each(self.requirement.slack, y)
 
     def constraints(self, y: Float[Array, " 2"]) -> Float[Array, "n b"]:
         """All smooth constraints of every scenario at y."""
-        return self._each(_constraints, y)
+        return self._each(self.requirement.constraints, y)
 
     def _each(self, function: Callable[..., Array], y: Array) -> Array:
         gains = y * self.scale
 
         def one(friction: LinearFriction, mass: Array | None, delay: Array | None) -> Array:
-            return function(self.requirement, gains, friction, mass, self.unit, delay)
+            return function(gains, friction, mass, self.unit, delay)
 
         axes = (0, *(None if x is None else 0 for x in (self.mass, self.delay)))
         return jax.vmap(one, in_axes=axes)(self.friction, self.mass, self.delay)
@@ -81,10 +81,6 @@ class GainProblem(eqx.Module):
         """Distances of y to its lower and upper limits."""
         high = jnp.minimum(self.upper / self.scale, _FAR)
         return jnp.concatenate([y - self.lower / self.scale, high - y])
-
-
-# of one scenario, so that each is traced once for all that asks for it
-_slack, _constraints = eqx.filter_jit(Requirement.slack), eqx.filter_jit(Requirement.constraints)
 
 
 class Near(NamedTuple):
