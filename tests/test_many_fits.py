@@ -94,6 +94,8 @@ def test_none_that_can_be_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     assert_refused(outcome, "no.csv: there is no such file; none was fitted")
     assert not Path("o").exists()
     assert_refused(run("fit", "one.csv", "sub/one.csv", "--prior", "p.toml"), "--prior is of one")
+    negative = run("fit", "one.csv", *STIFFNESS, *STEPS, "--mass", "-1 s^2/m")
+    assert_refused(negative, "mass: mass (m) is -1; it must be 0 or more")
     twice = run("fit", *FILES, *STIFFNESS, *STIFFNESS)
     assert_refused(twice, "--stiffness has 2 values (5e-3/um, 5e-3/um) for 3 files")
 
@@ -112,3 +114,18 @@ def test_many_files_are_fitted_together(folder: Path, monkeypatch: pytest.Monkey
         one = fits[7]["fit"]["parameters"][name]
         assert abs(one["value"] - alone[name]["value"]) < 1e-3 * alone[name]["std"]
         assert one["std"] == pytest.approx(alone[name]["std"], rel=1e-3)
+
+
+@pytest.mark.long
+def test_a_mass(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stands in fit.json, and one that does not count changes nothing."""
+    monkeypatch.chdir(folder)
+    found = run("fit", "one.csv", *STIFFNESS, *STEPS, "--mass", "1e-9 s^2/m", "--out", "heavy")
+    assert found.code == 0
+    heavy, plain = (
+        json.loads((folder / name / "fit.json").read_text())["parameters"]
+        for name in ("heavy", "single")
+    )
+    assert heavy["m"]["value"] == 1e-9
+    for name in ("A", "B", "L"):
+        assert heavy[name]["value"] == pytest.approx(plain[name]["value"], rel=1e-4)

@@ -33,6 +33,15 @@ def fit(
             " all, or once for each in their order.",
         ),
     ] = None,
+    mass: Annotated[
+        list[str] | None,
+        Parameter(
+            negative=(),
+            allow_leading_hyphen=True,
+            help="Mass with unit, where inertia counts: 2 kg, or 3e-6 s^2/m (over the normal force)"
+            " for a coefficient. Of several files as --stiffness.",
+        ),
+    ] = None,
     law: Annotated[
         tuple[str, ...],
         Parameter(
@@ -100,6 +109,7 @@ def fit(
     """
     wanted, every = asked(prior, draws, chains, seed), (file, *more)
     stiffnesses = for_each(every, stiffness or [None], "--stiffness")
+    masses = for_each(every, mass or [None], "--mass")
     laws = for_each(every, law, "--law")
 
     def reading(path: Path) -> "Record":
@@ -112,6 +122,7 @@ def fit(
         return run(
             measured,
             stiffness=stiffnesses[number],
+            mass=masses[number],
             law=laws[number],
             states=int(states),
             fit_stiffness=fit_stiffness,
@@ -133,6 +144,7 @@ def fit(
         return fit_what_can_be(
             records,
             [stiffnesses[k] for k in numbers],
+            [masses[k] for k in numbers],
             [laws[k] for k in numbers],
             states=int(states),
             fit_stiffness=fit_stiffness,

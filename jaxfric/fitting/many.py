@@ -153,6 +153,7 @@ def fit_tasks(
 def fit_what_can_be(
     records: Sequence[Record],
     stiffness: Sequence[float | str | None],
+    mass: Sequence[float | str | None],
     laws: Sequence[str],
     *,
     states: int,
@@ -162,14 +163,14 @@ def fit_what_can_be(
     reference_velocity: float | str | None,
     progress: Callable[[str], None],
 ) -> list[Fit | str]:
-    """`fit_many` with a law for each record; in place of a fit, why a record cannot be fitted."""
+    """`fit_many` with stiffness, mass and law of each record; in place of a fit, why a record cannot be fitted."""
     require_float64()
     ends: list[Fit | str] = [""] * len(records)
     tasks: dict[int, FitTask] = {}
-    for i, (record, K, law) in enumerate(zip(records, stiffness, laws, strict=True)):
+    for i, (record, K, m, law) in enumerate(zip(records, stiffness, mass, laws, strict=True)):
         model = wanted_model(law, states, fit_stiffness, slip_trend)
         try:
-            tasks[i] = _task(record, K, None, steps, model, reference_velocity)
+            tasks[i] = _task(record, K, m, steps, model, reference_velocity)
         except InputError as wrong:
             ends[i] = str(wrong)
     for i, fit in zip(tasks, fit_tasks(list(tasks.values()), progress=progress), strict=True):
