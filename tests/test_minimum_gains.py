@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 
 import jaxfric as jf
 from jaxfric.gains import DERIVATIVE, GAINS
@@ -256,3 +256,22 @@ def test_far_scenarios_that_decide_together(law, scale):
 
     best = least_by_scipy(slack, [[0.3, 0.3], [0.5, 0.2], [0.2, 0.5]])
     assert found.norm == pytest.approx(best, rel=1e-6)
+
+
+@pytest.mark.long
+def test_stiffness_alone_beside_a_steep_corner():
+    """The least gains have no damping; not far above two constraints cross that pull away."""
+    law, m, required = (0.8445, 2.957, 1.021e-3), 2.04, 0.5
+    made = law_of(np.log(law))
+    found = jf.minimum_gains(made, V, m, {"decay": required}, scale=(1000.0, 1500.0))
+    assert found.result == GAINS.optimal and found.k_v == 0
+
+    def beyond(k_p):
+        A, B, L = law
+        rates = []
+        for v in V:
+            load = np.polymul([m, A / v, k_p], [1.0, v / L])
+            rates.append(-np.roots(np.polysub(load, [B / L, 0.0])).real.max())
+        return min(rates) - required
+
+    assert found.k_p == pytest.approx(brentq(beyond, 2000.0, 4000.0, xtol=1e-9), rel=1e-9)

@@ -43,34 +43,48 @@ class NewtonStep(NamedTuple):
 def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) -> NewtonStep:
     """The step from `y` to the least norm under the linearised constraints.
 
-    Where a constraint pulls it is no minimum: such candidates count as ways, not as ends. Of those
-    farther than `radius`, where the linearised constraints mean little, only the nearest
-    one counts, and only where none is within. Where the constraints contradict each other
-    it is the candidate that misses them least.
+    Curvature L = I - sum l_k d^2c_k/dy^2 of the Lagrangian is that of the multipliers which the
+    step without curvature has. Where a constraint pulls it is no minimum: such candidates count as
+    ways, not as ends. Of those farther than `radius`, where the linearised constraints mean little,
+    only the nearest one counts, and only where none is within. Where the constraints contradict
+    each other it is the candidate that misses them least.
     """
     size = jnp.linalg.norm(here.g, axis=1)
     some = size > 0
     weight = jnp.where(some, 1 / jnp.where(some, size, 1.0), 0.0)
     c = jnp.where(some, here.c * weight, jnp.inf)
-    n, H = here.g * weight[:, None], here.H * weight[:, None, None]
-    first, second = np.triu_indices(here.c.shape[0], 1)
-    one, two = _single(y, c, n, H), _pairs(y, c, n, H, first, second)
-    d = jnp.concatenate([-y[None], one[0], two[0]])
-    value = jnp.concatenate([-0.5 * jnp.sum(y**2)[None], one[1], two[1]])
-    push = jnp.concatenate([jnp.zeros(1), one[2], two[2]])
-    rows = np.arange(here.c.shape[0])
+    scaled = Local(c, here.g * weight[:, None], here.H * weight[:, None, None])
+    straight, multiplier = _least(y, scaled, some, jnp.eye(2), radius)
+    pushed = jnp.where(straight.active >= 0, jnp.maximum(multiplier, 0.0), 0.0)
+    L = jnp.eye(2) - jnp.einsum("k,kij->ij", pushed, scaled.H[straight.active])
+    return _least(y, scaled, some, L, radius)[0]
+
+
+def _least(
+    y: Array, here: Local, some: Bool[Array, " k"], L: Float[Array, "2 2"], radius: ArrayLike
+) -> tuple[NewtonStep, Float[Array, " 2"]]:
+    """The best step for a curvature, and the multipliers of the pair that is met after it; of
+    constraints whose gradients have length 1 where they are `some`."""
+    c, n = here.c, here.g
+    first, second = np.triu_indices(c.shape[0], 1)
+    (one, single), (two, pair) = _single(y, c, n, L), _pairs(y, c, n, first, second)
+    d = jnp.concatenate([-y[None], one, two])
+    multiplier = jnp.concatenate([jnp.zeros((1, 2)), jnp.stack([single, 0 * single], 1), pair])
+    rows = np.arange(c.shape[0])
     active = np.concatenate(
         [[[-1, -1]], np.stack([rows, 0 * rows - 1], 1), np.stack([first, second], 1)]
     )
     missed = jnp.max(jnp.where(some, -(c + d @ n.T), -jnp.inf), axis=1)
     usable = jnp.concatenate([jnp.ones(1, bool), some, some[first] & some[second]])
+    far = jnp.linalg.norm(d, axis=1)
+    # the change of |y|^2/2 on the curved constraints
+    value = d @ y + 0.5 * jnp.maximum(jnp.einsum("ki,ij,kj->k", d, L, d), _CURVATURE * far**2)
     usable &= jnp.all(jnp.isfinite(d), axis=1) & jnp.isfinite(value)
     missed = jnp.where(usable, missed, jnp.inf)
     length = jnp.sqrt(jnp.sum(y**2))
     feasible = missed <= _ROUNDING * length
-    far = jnp.linalg.norm(d, axis=1)
-    moving = (push >= -_ROUNDING * length) | (far > _STALLED * length)
-    counting = feasible & moving
+    pushing = jnp.min(multiplier, axis=1) >= -_ROUNDING * length
+    counting = feasible & (pushing | (far > _STALLED * length))
     counting = jnp.where(jnp.any(counting), counting, feasible)
     within = counting & (far <= radius)
     nearest = jnp.argmin(jnp.where(counting, far, jnp.inf))
@@ -79,28 +93,23 @@ def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) ->
     # how far away a compromise is counts too: else parallel constraints send it to infinity
     least = jnp.argmin(missed + 1e-3 * far)
     chosen = jnp.where(jnp.any(feasible), best, least)
-    return NewtonStep(
-        jnp.where(usable[chosen], d[chosen], 0.0), jnp.asarray(active)[chosen], jnp.any(feasible)
-    )
+    step = jnp.where(usable[chosen], d[chosen], 0.0)
+    return NewtonStep(step, jnp.asarray(active)[chosen], jnp.any(feasible)), multiplier[chosen]
 
 
-def _single(y: Array, c: Array, n: Array, H: Array) -> tuple[Array, Array, Array]:
-    """Newton's step along each constraint alone, the model of the norm after it, the multiplier."""
+def _single(y: Array, c: Array, n: Array, L: Array) -> tuple[Array, Array]:
+    """Newton's step along each constraint alone, and its multiplier."""
     t = jnp.stack([-n[:, 1], n[:, 0]], axis=1)
     down = -jnp.where(jnp.isfinite(c), c, 0.0)[:, None] * n
-    multiplier = jnp.sum((y + down) * n, axis=1)
-    L = jnp.eye(2) - jnp.maximum(multiplier, 0.0)[:, None, None] * H
-    curvature = jnp.maximum(jnp.einsum("ki,kij,kj->k", t, L, t), _CURVATURE)
-    slope = jnp.sum(t * (y + jnp.einsum("kij,kj->ki", L, down)), axis=1)
-    d = down - (slope / curvature)[:, None] * t
-    return d, _model(y, d, L), multiplier
+    curvature = jnp.maximum(jnp.einsum("ki,ij,kj->k", t, L, t), _CURVATURE)
+    slope = jnp.sum(t * (y + down @ L), axis=1)
+    return down - (slope / curvature)[:, None] * t, jnp.sum((y + down) * n, axis=1)
 
 
 def _pairs(
-    y: Array, c: Array, n: Array, H: Array, i: np.ndarray, j: np.ndarray
-) -> tuple[Array, Array, Array]:
-    """The step to the crossing of each pair of constraints, the model of the norm there, and the
-    smaller multiplier."""
+    y: Array, c: Array, n: Array, i: np.ndarray, j: np.ndarray
+) -> tuple[Array, Float[Array, "k 2"]]:
+    """The step to the crossing of each pair of constraints, and its multipliers."""
     sine = n[i, 0] * n[j, 1] - n[i, 1] * n[j, 0]
     some = (jnp.abs(sine) > _ANGLE) & jnp.isfinite(c[i]) & jnp.isfinite(c[j])
     safe = jnp.where(some, sine, 1.0)
@@ -109,11 +118,4 @@ def _pairs(
     p = y + d
     first = (p[:, 0] * n[j, 1] - p[:, 1] * n[j, 0]) / safe
     second = (n[i, 0] * p[:, 1] - n[i, 1] * p[:, 0]) / safe
-    pushed = [jnp.maximum(x, 0.0)[:, None, None] * H[k] for x, k in ((first, i), (second, j))]
-    L = jnp.eye(2) - pushed[0] - pushed[1]
-    return jnp.where(some[:, None], d, jnp.inf), _model(y, d, L), jnp.minimum(first, second)
-
-
-def _model(y: Array, d: Array, L: Array) -> Array:
-    """y.d + d.L d/2: the change of |y|^2/2 on the curved constraints."""
-    return d @ y + 0.5 * jnp.einsum("ki,kij,kj->k", d, L, d)
+    return jnp.where(some[:, None], d, jnp.inf), jnp.stack([first, second], axis=1)
