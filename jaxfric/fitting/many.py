@@ -163,7 +163,8 @@ def fit_what_can_be(
     reference_velocity: float | str | None,
     progress: Callable[[str], None],
 ) -> list[Fit | str]:
-    """`fit_many` with stiffness, mass and law of each record; in place of a fit, why a record cannot be fitted."""
+    """`fit_many` with stiffness, mass and law of each record; in place of a fit, why a record has
+    none."""
     require_float64()
     ends: list[Fit | str] = [""] * len(records)
     tasks: dict[int, FitTask] = {}

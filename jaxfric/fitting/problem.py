@@ -292,10 +292,11 @@ def natural(
     """Natural (SI) values of several rows of unbounded variables, and the derivative of each
     value by its own variable, by NumPy."""
     free: Any = np.asarray(zs, float).T
-    columns: list[Any] = [
-        (about.from_free(z, scale=size), about.slope(z, scale=size))
-        for z, (about, size) in zip(free, _free(problem), strict=False)
-    ]
+    with np.errstate(over="ignore"):  # ends of what is not determined may be infinite
+        columns: list[Any] = [
+            (about.from_free(z, scale=size), about.slope(z, scale=size))
+            for z, (about, size) in zip(free, _free(problem), strict=False)
+        ]
     values, slopes = zip(*columns, strict=True)
     return np.stack(values, axis=1), np.stack(slopes, axis=1)
 
