@@ -95,7 +95,7 @@ def test_none_that_can_be_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     assert not Path("o").exists()
     assert_refused(run("fit", "one.csv", "sub/one.csv", "--prior", "p.toml"), "--prior is of one")
     negative = run("fit", "one.csv", *STIFFNESS, *STEPS, "--mass", "-1 s^2/m")
-    assert_refused(negative, "mass: mass (m) is -1; it must be 0 or more")
+    assert_refused(negative, "mass: mass (m) is -1; it must be above 0")
     twice = run("fit", *FILES, *STIFFNESS, *STIFFNESS)
     assert_refused(twice, "--stiffness has 2 values (5e-3/um, 5e-3/um) for 3 files")
 

@@ -59,7 +59,7 @@ from .start import (
 _AT_ONCE = 32
 """Records of a batch: more wait longer for the slowest, fewer leave vector units idle."""
 _FEW = 4
-"""Records of a small batch. Each size is compiled anew, so there are two."""
+"""Records of the smallest batch; others have eight times as many, since each is compiled anew."""
 _POINTS = (6, 12, 80)
 """Most points of a descent before it is cut, and after that before it is cut again."""
 _DESCENTS = 3
@@ -254,11 +254,13 @@ def _in_batches(work: Callable, *inputs: list) -> list:
         shapes = tuple((np.shape(x), np.asarray(x).dtype) for x in leaves)
         groups.setdefault((tree, shapes), []).append(i)
     parts = []
+    most = at_once(_AT_ONCE)
     for (tree, _), members in groups.items():
-        most = at_once(_AT_ONCE)
         for begin in range(0, len(members), most):
-            some = members[begin : begin + most]
-            parts.append((tree, _FEW if len(some) <= _FEW else most, some))
+            some, size = members[begin : begin + most], _FEW
+            while size < len(some):
+                size *= 8
+            parts.append((tree, min(size, most), some))
 
     def run(tree: object, size: int, members: list[int]) -> list:
         filled = members + [members[-1]] * (size - len(members))

@@ -58,8 +58,8 @@ class GAINS(eqx.Enumeration):
         "or leave the worst scenario out."
     )
     not_converged = (
-        "These gains hold, but are not optimal to 1e-6 of their norm: a double pole, or a slow"
-        " search. Use jaxfric.find_gains, which searches more finely."
+        "These gains hold, but are not optimal to 1e-6 of their norm: a double pole, a margin that"
+        " jumps, or a slow search. Use jaxfric.find_gains, which searches more finely."
     )
     impossible = (
         "A velocity is not above 0, a mass is negative, limits leave nothing between them, or the "
@@ -121,10 +121,11 @@ def minimum_gains(
     A batch lasts as long as its slowest member: for many laws `jax.lax.map` with a `batch_size` of
     some hundreds is quicker than one `jax.vmap`.
 
-    Both optima are local. Where the optimum is a double pole of damping, the
-    margin has no slope: `result` is then not_converged and all derivatives are nan, as they are
-    wherever `derivative` is not `exists`. Derivatives of the third order are nan. Where two
-    scenarios set one natural unit together, the derivative by their arrays is that of their mean.
+    Both optima are local. Where the optimum is a double pole of damping, or where
+    a phase margin jumps as two crossings of |L| = 1 vanish, the margin has no slope: `result` is
+    then not_converged and all derivatives are nan, as they are wherever `derivative` is not
+    `exists`. Derivatives of the third order are nan. Where two scenarios set one natural unit
+    together, the derivative by their arrays is that of their mean.
 
     Parameters
     ----------
