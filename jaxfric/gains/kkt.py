@@ -12,6 +12,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from .implicit import implicit
+from .newton import multipliers
 from .search import LIMITS, GainProblem, Steps, above_zero
 
 # "Any positive stiffness" in natural units.
@@ -61,10 +62,10 @@ def kkt_of(end: Steps) -> KKT:
     H = jnp.concatenate([end.near.H, jnp.zeros((4, 2, 2))])[end.slots]
     size = above_zero(jnp.linalg.norm(g, axis=1))
     n, H = g / size[:, None], H / size[:, None, None]
-    found = KKT(used & (end.slots < end.near.c.size), used, size, n, H, size, size[0])
+    found = KKT(end.inner, used, size, n, H, size, size[0])
     y, both = end.y, used[0] & used[1]
     safe = jnp.where(both & (found.sine != 0), found.sine, 1.0)
-    pair = jnp.stack([y[0] * n[1, 1] - y[1] * n[1, 0], n[0, 0] * y[1] - n[0, 1] * y[0]]) / safe
+    pair = multipliers(y, n[0], n[1], safe)
     multiplier = jnp.where(both, pair, jnp.where(used, n @ y, 0.0))
     balance = y - jnp.maximum(multiplier, 0.0) @ n
     residual = jnp.linalg.norm(balance) / above_zero(jnp.linalg.norm(y))

@@ -115,7 +115,13 @@ def _pairs(
     safe = jnp.where(some, sine, 1.0)
     a, b = jnp.where(some, c[i], 0.0), jnp.where(some, c[j], 0.0)
     d = jnp.stack([b * n[i, 1] - a * n[j, 1], a * n[j, 0] - b * n[i, 0]], axis=1) / safe[:, None]
-    p = y + d
-    first = (p[:, 0] * n[j, 1] - p[:, 1] * n[j, 0]) / safe
-    second = (n[i, 0] * p[:, 1] - n[i, 1] * p[:, 0]) / safe
-    return jnp.where(some[:, None], d, jnp.inf), jnp.stack([first, second], axis=1)
+    return jnp.where(some[:, None], d, jnp.inf), multipliers(y + d, n[i], n[j], safe)
+
+
+def multipliers(
+    p: Float[Array, "*k 2"], one: Float[Array, "*k 2"], other: Float[Array, "*k 2"], sine: Array
+) -> Float[Array, "*k 2"]:
+    """l_1 and l_2 of p = l_1 one + l_2 other, for gradients of length 1 with a known sine."""
+    first = p[..., 0] * other[..., 1] - p[..., 1] * other[..., 0]
+    second = one[..., 0] * p[..., 1] - one[..., 1] * p[..., 0]
+    return jnp.stack([first, second], axis=-1) / sine[..., None]

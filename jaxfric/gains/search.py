@@ -105,6 +105,21 @@ class Steps(NamedTuple):
     settled: Bool[Array, ""]
     """Whether neither the last step nor all together changed anything."""
 
+    @property
+    def inner(self) -> Bool[Array, " 2"]:
+        """Whether what decides is a branch of a margin, not a limit and not missing."""
+        return (self.slots >= 0) & (self.slots < self.near.c.size)
+
+    @property
+    def at_limit(self) -> Bool[Array, " 2"]:
+        """Whether what decides is a limit of the gains."""
+        return self.slots >= self.near.c.size
+
+    @property
+    def decided(self) -> Int[Array, " 2"]:
+        """The scenarios that decide; -1 for a limit, or for none."""
+        return jnp.where(self.inner, self.near.scenario[jnp.where(self.inner, self.slots, 0)], -1)
+
 
 def search(problem: GainProblem) -> tuple[Steps, Float[Array, "2 n"]]:
     """Local optima from the start with more stiffness and that with more damping, axis 0, and the
@@ -193,9 +208,7 @@ def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Fl
         old = jnp.where(decided >= 0, decided, worst[number - kept :])
         some = jnp.concatenate([worst[: number - kept], old])
         end = steps(problem.at(some), some, y, size)
-        inner = (end.slots >= 0) & (end.slots < end.near.c.size)
-        new = jnp.where(inner, end.near.scenario[jnp.where(inner, end.slots, 0)], -1)
-        return _State(end, y, slack, count + 1, jnp.concatenate([new, decided])[:kept])
+        return _State(end, y, slack, count + 1, jnp.concatenate([end.decided, decided])[:kept])
 
     def unfinished(state: _State) -> Array:
         return ~state.end.settled & (state.count < ROUNDS)

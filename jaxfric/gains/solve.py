@@ -19,6 +19,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
@@ -27,7 +28,7 @@ from .kkt import WEAK, kkt_of
 from .margins import margin_values
 from .requirement import Requirement
 from .scenarios import Scenarios, number_of_samples, padded
-from .search import CARRIED, ROUNDS, TRUST, GainProblem, steps
+from .search import CARRIED, ROUNDS, TRUST, GainProblem, Steps, steps
 from .settle import traced
 from .slack import slacks
 
@@ -140,7 +141,10 @@ def _first(requirement: Requirement, scenarios: Scenarios, region: Region) -> np
     return np.unique(worst)
 
 
-_kkt = eqx.filter_jit(kkt_of)
+@eqx.filter_jit
+def _judged(end: Steps) -> tuple[Array, Array, Array]:
+    """Residual of the KKT equations, the scenarios that decide, and whether a limit does."""
+    return kkt_of(end).residual, end.decided, jnp.any(end.at_limit)
 
 
 def optimum(
@@ -161,15 +165,13 @@ def optimum(
         problem = GainProblem(few.friction, *late, requirement, *pairs)
         found = steps(problem, jnp.asarray(worst), y, size)
         y, size = found.y, found.size
-        kkt = _kkt(found)
-        rows = np.asarray(found.slots)[np.asarray(kkt.inner)]
-        active = sorted({int(i) for i in np.asarray(found.near.scenario)[rows]})
+        residual, ones, limited = (np.asarray(x) for x in _judged(found))
+        active = sorted({int(i) for i in ones if i >= 0})
         decided = [*active, *decided]
-        if found.settled and kkt.residual <= WEAK:
+        if found.settled and residual <= WEAK:
             gains = np.asarray(y * scale)
-            at_limit = bool(np.any(found.slots >= found.near.c.size))
-            residual = float(kkt.residual)
-            return Optimum(gains, float(region.norm(gains)), residual, tuple(active), at_limit)
+            norm = float(region.norm(gains))
+            return Optimum(gains, norm, float(residual), tuple(active), bool(limited))
     return None
 
 
