@@ -65,10 +65,11 @@ class Quantity:
         if math.isinf(self.lower) and math.isinf(self.upper):
             return value / scale
         if math.isinf(self.upper):
-            return _of(value).log(value - self.lower)
+            return array_module(value).log(value - self.lower)
         if math.isinf(self.lower):
-            return _of(value).log(self.upper - value)
-        return _of(value).log(value - self.lower) - _of(value).log(self.upper - value)
+            return array_module(value).log(self.upper - value)
+        log = array_module(value).log
+        return log(value - self.lower) - log(self.upper - value)
 
     def from_free(
         self, free: Float[Array, " *s"], *, scale: ArrayLike = 1.0
@@ -77,20 +78,20 @@ class Quantity:
         if math.isinf(self.lower) and math.isinf(self.upper):
             return free * scale
         if math.isinf(self.upper):
-            return self.lower + _of(free).exp(free)
+            return self.lower + array_module(free).exp(free)
         if math.isinf(self.lower):
-            return self.upper - _of(free).exp(free)
-        return self.lower + (self.upper - self.lower) / (1 + _of(free).exp(-free))
+            return self.upper - array_module(free).exp(free)
+        return self.lower + (self.upper - self.lower) / (1 + array_module(free).exp(-free))
 
     def slope(self, free: Float[Array, " *s"], *, scale: ArrayLike = 1.0) -> Float[Array, " *s"]:
         """Derivative of `from_free` by `free`."""
         if math.isinf(self.lower) and math.isinf(self.upper):
             return 0 * free + scale
         if math.isinf(self.upper):
-            return _of(free).exp(free)
+            return array_module(free).exp(free)
         if math.isinf(self.lower):
-            return -_of(free).exp(free)
-        share = 1 / (1 + _of(free).exp(-free))
+            return -array_module(free).exp(free)
+        share = 1 / (1 + array_module(free).exp(-free))
         return (self.upper - self.lower) * share * (1 - share)
 
     def check(self, value: float, where: str) -> float:
@@ -171,7 +172,7 @@ def as_floats(value: ArrayLike | None) -> Array | None:
     return jnp.asarray(value, value.dtype if inexact else jnp.result_type(float))
 
 
-def _of(value: Array | float) -> ModuleType:
+def array_module(value: object) -> ModuleType:
     """NumPy for what is not JAX's: every function of JAX is compiled for every shape."""
     return jnp if isinstance(value, jax.Array) else np
 

@@ -80,7 +80,7 @@ def problem_of(record, effects=(), width=2e-4):
 
 def start(problem, M=80.0, Fv=100.0, Fc=10.0, offset=0.0):
     values = jnp.asarray([M, Fv, Fc, offset, *problem.model.nulls()])
-    return np.array(problem.to_free(values))
+    return np.array(problem.coordinates.to_free(values))
 
 
 # ---- preparation -----------------------------------------------------------------------------

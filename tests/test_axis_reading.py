@@ -285,7 +285,7 @@ def test_a_force_moved_in_time_is_moved_by_that_time_where_the_motion_is_thinned
     weight = np.ones(len(made.time))
     model = EncompassingModel(BaseLaw(), (AxisSensorDelay,))
     problem = make_problem(made, weight, model, width=1e-3, noise_scale=1.0)
-    z = problem.to_free(jnp.asarray([2.0, 30.0, 0.0, 0.0, late]))
+    z = problem.coordinates.to_free(jnp.asarray([2.0, 30.0, 0.0, 0.0, late]))
     at = made.time[: made.rows][made.inside[: made.rows]] + late
     truth = 0.1 * (30 * w * np.cos(w * at) - 2 * w**2 * np.sin(w * at))
     found = np.asarray(problem.predict(z))[: made.rows][made.inside[: made.rows]]

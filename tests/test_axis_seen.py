@@ -101,7 +101,7 @@ def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
     weight[: found.prepared.rows] = found.rows.used
     model = EncompassingModel(BaseLaw(), ())
     problem = make_problem(found.prepared, weight, model, width=5e-3, noise_scale=1.0)
-    z = problem.to_free(jnp.asarray([0.05, viscous, coulomb, 0.02]))
+    z = problem.coordinates.to_free(jnp.asarray([0.05, viscous, coulomb, 0.02]))
     assert problem.possible(z) is possible
     if possible and coulomb:
         still = np.zeros_like(weight)

@@ -20,7 +20,7 @@ from jaxfric.fitting import NoiseEstimate, NoisePart
 from jaxfric.fitting.assemble import _plausible, edge_warnings
 from jaxfric.fitting.fit import FitTask, _noise, prepare
 from jaxfric.fitting.plausible import bounds_of
-from jaxfric.fitting.problem import Model, most_steps, to_free
+from jaxfric.fitting.problem import Model, most_steps
 from jaxfric.fitting.result import Estimate, Fit
 from jaxfric.fitting.solve import known_at
 from jaxfric.fitting.start import one_state_starts
@@ -411,7 +411,7 @@ def test_jacobian_against_finite_differences():
     problem = prepare(record, steps, Model(slip_trend=True, fit_stiffness=True), stiffness=1e3)
     t = made.truth
     values = np.array([[t.f0, t.A, t.B, t.L, made.stiffness, 1.0]])
-    z = to_free(problem, values)[0]
+    z = problem.coordinates.to_free(values)[0]
     problem = dataclasses.replace(problem, rtol=1e-9)  # differences see the solver's error
     jacobian = known_at(problem, z).jacobian
     for i, along in enumerate(np.eye(len(z))):
@@ -440,7 +440,7 @@ def test_a_record_of_many_steps_is_followed_to_its_end():
     )
     f0, A, B, L = 0.6, 0.010, 0.014, 1e-5
     problem = prepare(record, steps, Model(), stiffness=3.0 * (B - A) / L, force_scale=A)
-    z = to_free(problem, jnp.array([[f0, A, B, L]]))[0]
+    z = problem.coordinates.to_free(jnp.array([[f0, A, B, L]]))[0]
     predicted, _, ended = problem.predict(z)
     assert ended
     seen = np.asarray(predicted)[np.searchsorted(t, ends - 1e-3 * ends[0])]

@@ -105,7 +105,7 @@ def test_residuals(number, stiffness):
     time = np.linspace(0.0, 30.0, 40)
     problem = make_problem(time, 0.6 + 0 * time, steps, sizes, Model())
     assert problem.stiff == (stiffness > 1e6)
-    start = problem.to_free(jnp.array([0.6, 0.01, 0.012, 1e-5]))
+    start = problem.coordinates.to_free(jnp.array([0.6, 0.01, 0.012, 1e-5]))
     rows = start + 0.1 * np.random.default_rng(0).standard_normal((number, 4))
     assert_same_in_chunks(jax.vmap(problem.residual), rows)
 

@@ -109,10 +109,14 @@ def case_of(ratio: float) -> Case:
     return Case(plant, engine, start(engine))
 
 
+def size_of(engine: Engine, name: str) -> float:
+    return float(engine.problem.coordinates.scales[engine.names.index(name)])
+
+
 def start(engine: Engine, values=(F0, A, B, L)) -> np.ndarray:
     natural = dict(zip(engine.names, [*values, *engine.model.nulls()], strict=True))
     natural |= {f"{id}.{k}": v for id, shape in SHAPES.items() for k, v in shape.items()}
-    return np.asarray(engine.problem.to_free(jnp.asarray([natural[n] for n in engine.names])))
+    return engine.problem.coordinates.to_free(np.asarray([natural[n] for n in engine.names]))
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +171,7 @@ def error(found, truth) -> float:
 
 def per_unit(case: Case, id: str) -> float:
     """Friction in units of the noise by the unbounded amplitude, over that by the natural one."""
-    return float(case.engine.problem.scale(f"{id}.{AMPLITUDES[id]}")) / SIGMA
+    return size_of(case.engine, f"{id}.{AMPLITUDES[id]}") / SIGMA
 
 
 @pytest.mark.parametrize("name", ["soft", pytest.param("stiff", marks=pytest.mark.long)])
@@ -183,7 +187,7 @@ def test_response_gives_the_exact_sensitivities(name, request):
     """
     case: Case = request.getfixturevalue(name)
     z = case.z.copy()
-    ripple = case.engine.problem.scale("position_periodic.b")
+    ripple = size_of(case.engine, "position_periodic.b")
     z[case.index("position_periodic", "b")] = 1e-5 / float(ripple)
     case = case._replace(z=z)
     rows, found = case.engine.evaluate(case.z), seen(case, response_of(case))
@@ -202,7 +206,7 @@ def test_response_of_a_law_with_heat(soft):
     In the first rows: there the midpoint rule has not yet erred by more.
     """
     z, wave = soft.z.copy(), soft.index("position_periodic", "b")
-    z[soft.index("thermal", "a_T")] = 0.002 / soft.engine.problem.scale("thermal.a_T")
+    z[soft.index("thermal", "a_T")] = 0.002 / size_of(soft.engine, "thermal.a_T")
     case, early = soft._replace(z=z), slice(5)
     unit = per_unit(case, "position_periodic")
     truth = case.engine.evaluate(z).jacobian[early, wave] / unit
@@ -358,7 +362,7 @@ def test_a_sensor_and_rows_far_apart(id, name, short):
         EncompassingModel(Model(), (effect_of(id),)),
     )
     problem = dataclasses.replace(problem, rtol=1e-7)
-    z = problem.to_free(jnp.asarray([F0, A, B, L, value]))
+    z = problem.coordinates.to_free(jnp.asarray([F0, A, B, L, value]))
 
     def wrong(problem):
         error = np.asarray(problem.predict(z)[0])[: len(time)] - truth

@@ -13,7 +13,7 @@ import pytest
 
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, AbstractEffect, effect_of, made, register
 from jaxfric.errors import InputError
-from jaxfric.fitting.axis_problem import AxisProblem
+from jaxfric.fitting.abstract_problem import Sizes, typical_size
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.laws.axis_loop import law_from_axis_loop
 from jaxfric.laws.loop_source import law_from_loop
@@ -223,12 +223,9 @@ def test_a_unit_that_is_not_known_is_refused_where_it_would_scale_silently(own):
         def physical(self):
             return True
 
-    class Sized:
-        model = EncompassingModel(BaseLaw(), (Odd, own.Drag, effect_of("servo_lag", AxisRig)))
-        sizes = type("Sizes", (), {"force": jnp.asarray(8.0), "velocity": jnp.asarray(2.0)})
-        sizes.length, sizes.duration, sizes.lag = (jnp.asarray(x) for x in (5.0, 10.0, 0.1))
-
-    assert float(AxisProblem.scale(Sized(), "drag.c")) == 8.0 / 2.0**2
-    assert float(AxisProblem.scale(Sized(), "servo_lag.tau")) == 0.1
+    model = EncompassingModel(BaseLaw(), (Odd, own.Drag, effect_of("servo_lag", AxisRig)))
+    sizes = Sizes(*(jnp.asarray(x) for x in (8.0, 2.0, 5.0, 10.0, 0.1)))
+    assert float(typical_size(model.quantity("drag.c"), sizes)) == 8.0 / 2.0**2
+    assert float(typical_size(model.quantity("servo_lag.tau"), sizes)) == 0.1
     with pytest.raises(ValueError, match="unit 'kg/m': factors are F, m, s"):
-        AxisProblem.scale(Sized(), "odd.c")
+        typical_size(model.quantity("odd.c"), sizes)

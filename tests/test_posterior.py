@@ -14,6 +14,7 @@ from scipy import integrate, stats
 from scipy.linalg import cho_factor, cho_solve
 
 from jaxfric.errors import InputError
+from jaxfric.fitting.abstract_problem import Coordinates
 from jaxfric.fitting.noise import Noise, whiten, whitening
 from jaxfric.fitting.problem import Model
 from jaxfric.posterior import sampler
@@ -120,19 +121,13 @@ class Line(eqx.Module):
     def time(self):
         return self.data
 
-    def scale(self, name):
-        return jnp.asarray(0.3)
-
-    def to_free(self, values):
-        pairs = zip(self.model.own, values, strict=True)
-        return jnp.stack([ABOUT[n].to_free(v, scale=0.3) for n, v in pairs])
-
-    def from_free(self, z):
-        pairs = zip(self.model.own, z, strict=True)
-        return jnp.stack([ABOUT[n].from_free(v, scale=0.3) for n, v in pairs])
+    @property
+    def coordinates(self):
+        own = tuple(ABOUT[n] for n in self.model.own)
+        return Coordinates(own, (0.3,) * len(own), 0)
 
     def residual(self, z):
-        return (self.X @ self.from_free(z) - self.data) / self.sigma
+        return (self.X @ self.coordinates.from_free(z) - self.data) / self.sigma
 
 
 def line(names, X, truth, sigma, seed=0):

@@ -189,7 +189,7 @@ def test_a_stretch_is_predicted_as_if_it_were_alone(pressed):
     joined = two_stretches(first=5e6, second=5e6 * pressed)
     problem = problem_of(joined, levels=1)
     values = np.array([TRUE[n] for n in ("f0", "A", "B", "L")] + [0.02])
-    predicted, _, ok = problem.predict(problem.to_free(jnp.asarray(values)))
+    predicted, _, ok = problem.predict(problem.coordinates.to_free(jnp.asarray(values)))
     assert bool(ok)
     t, predicted = joined.record.time, np.asarray(predicted)[: len(joined.record)]
     later = joined.stretch == 1

@@ -78,7 +78,6 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     import jaxfric
     from jaxfric.fitting import minimise
-    from jaxfric.fitting.problem import free_of
 
     number = asked.records or RECORDS[asked.kind]
     all_made = [made(seed, asked.kind) for seed in range(number)]
@@ -107,7 +106,7 @@ def main() -> None:
     for fit, one in list(zip(fits, all_made, strict=True))[: asked.compared]:
         solved = fit.solved
         assert solved is not None
-        start = jnp.asarray(free_of(solved.problem, list(one.truth.values())))
+        start = jnp.asarray(solved.problem.coordinates.to_free(np.asarray([*one.truth.values()])))
         best = float(descend(solved.problem, start).cost)
         at_maximum.append(fit.converged and solved.solution.cost <= best * (1 + 1e-6))
     share = np.mean(at_maximum)

@@ -9,15 +9,16 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..quantity import Quantity
+from ..quantity import Quantity, array_module
+
+N = TypeVar("N", Array, np.ndarray)
 
 FAILED_MISFIT = 1e4
 """Misfit, in units of the noise scale, of a trial whose simulation failed: finite, and worse than
@@ -49,6 +50,46 @@ class Sizes(NamedTuple):
     duration: Array
     lag: Array
     """Size of a time constant that shows in the record [s]."""
+
+
+class Coordinates(NamedTuple):
+    """Natural parameter values [SI], and unbounded variables: p of them and `shifts` of step times.
+
+    Arrays of NumPy give such arrays. Leading axes are those of a batch.
+    """
+
+    quantities: tuple[Quantity, ...]
+    scales: tuple[Any, ...]
+    """Typical size of each parameter, from its unit."""
+    shifts: int
+
+    def to_free(self, values: N) -> N:
+        """Unbounded variables (*s, p + shifts) of natural values (*s, p); the shifts are 0."""
+        of: Any = array_module(values)
+        pairs = zip(self.quantities, self.scales, of.moveaxis(values, -1, 0), strict=True)
+        z = of.stack([about.to_free(x, scale=size) for about, size, x in pairs], axis=-1)
+        return of.concatenate([z, of.zeros((*values.shape[:-1], self.shifts))], axis=-1)
+
+    def natural(self, z: Float[Array, " p"] | Sequence[Any]) -> list[Any]:
+        """Natural values of p unbounded variables, one by one."""
+        pairs = zip(self.quantities, self.scales, z, strict=True)
+        return [about.from_free(v, scale=size) for about, size, v in pairs]
+
+    def from_free(self, z: N) -> N:
+        """Natural values (*s, p) of unbounded variables (*s, p + shifts)."""
+        of: Any = array_module(z)
+        with np.errstate(over="ignore"):  # an end of what is not determined may be infinite
+            return of.stack(self.natural(self._columns(z)), axis=-1)
+
+    def slopes(self, z: N) -> N:
+        """Derivative (*s, p) of every natural value by its own variable, z (*s, p + shifts)."""
+        pairs = zip(self.quantities, self.scales, self._columns(z), strict=True)
+        of: Any = array_module(z)
+        with np.errstate(over="ignore"):
+            return of.stack([about.slope(v, scale=size) for about, size, v in pairs], axis=-1)
+
+    def _columns(self, z: Array | np.ndarray) -> list[Any]:
+        return list(array_module(z).moveaxis(z, -1, 0))[: len(self.quantities)]
 
 
 class AbstractProblem(eqx.Module):
@@ -98,30 +139,22 @@ class AbstractProblem(eqx.Module):
 
     def on_host(self) -> Self:
         """A copy with NumPy arrays: for a few numbers of it, of which nothing is compiled then."""
-        return jax.tree.map(np.asarray, self)
+        known = isinstance(self.time, np.ndarray)
+        return self if known else jax.tree.map(np.asarray, self)
 
     def with_model(self, model: ParametricModel) -> Self:
         """A copy of this problem: the same record with another model."""
         return dataclasses.replace(self, model=model)
 
-    def to_free(self, values: Float[Array, " p"]) -> Float[Array, " q"]:
-        """Unbounded variables of natural (SI) parameter values; shifts of step times are 0."""
-        pairs = zip(self.model.names(), values, strict=True)
-        z = [self.model.quantity(n).to_free(v, scale=self.scale(n)) for n, v in pairs]
-        return jnp.concatenate([jnp.stack(z), jnp.zeros_like(self.hold)])
-
-    def from_free(self, z: Float[Array, " q"]) -> Float[Array, " p"]:
-        """Natural (SI) parameter values of unbounded variables (without shifts)."""
-        return jnp.stack(self.natural(z[: len(self.model.names())]))
-
-    def natural(self, z: Float[Array, " p"] | Sequence[Array]) -> list[Array]:
-        """`from_free`, one by one."""
-        pairs = zip(self.model.names(), z, strict=True)
-        return [self.model.quantity(n).from_free(v, scale=self.scale(n)) for n, v in pairs]
-
-    def scale(self, name: str) -> Array:
-        """A typical size of an unbounded parameter, from its unit."""
-        return typical_size(self.model.quantity(name), self.sizes)
+    @property
+    def coordinates(self) -> "Coordinates":
+        """What leads from natural parameter values to unbounded variables, and back."""
+        leaves = jax.tree.leaves(self)
+        known = not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+        sizes = self.on_host().sizes if known else self.sizes  # so nothing is compiled
+        abouts = tuple(self.model.quantity(name) for name in self.model.names())
+        scales = tuple(typical_size(about, sizes) for about in abouts)
+        return Coordinates(abouts, scales, len(self.hold))
 
 
 def typical_size(about: Quantity, sizes: Sizes) -> Array:

@@ -19,7 +19,6 @@ from .problem import (
     FAILED_MISFIT,
     Model,
     Problem,
-    natural,
     step_times_at,
 )
 from .result import Estimate, Fit, unit_of
@@ -146,7 +145,8 @@ def _estimates(
     variance = np.diag(spread)
     std = np.sqrt(np.where(variance > 0, variance, np.nan))
     ends = np.stack([z - QUANTILE * std, z + QUANTILE * std])
-    values, slopes = natural(problem, np.vstack([z[None], ends]))
+    of = problem.coordinates
+    values, slopes = of.from_free(np.vstack([z[None], ends])), of.slopes(z)
     fixed = determined(problem.on_host(), std, float(np.ptp(record.friction)))
     plausible = _plausible(record, steps, sign, problem, values[0])
     known = [ended and a and b for a, b in zip(fixed, plausible, strict=True)]
@@ -155,11 +155,11 @@ def _estimates(
             if known[i]:
                 profiles(f"profile of {name} ({i + 1} of {len(names)})")
                 ends[:, i] = profile_interval(problem, solution, i, float(std[i]))
-        values[1:] = natural(problem, ends)[0]
+        values[1:] = of.from_free(ends)
     estimates = {
         name: Estimate(
             value=float(values[0, i]),
-            std=float(abs(slopes[0, i]) * std[i]),
+            std=float(abs(slopes[i]) * std[i]),
             lower=float(values[1, i]),
             upper=float(values[2, i]),
             unit=unit_of(name, unit),
@@ -170,7 +170,7 @@ def _estimates(
     }
     p = len(names)
     with np.errstate(over="ignore", invalid="ignore"):  # a failed fit has no covariance
-        return estimates, spread[:p, :p] * np.outer(slopes[0], slopes[0])
+        return estimates, spread[:p, :p] * np.outer(slopes, slopes)
 
 
 def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:

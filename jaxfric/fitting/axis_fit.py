@@ -156,8 +156,8 @@ def _fit(
     method: str, problem: AxisProblem, found: _Minimum, free: np.ndarray, recorded: np.ndarray
 ) -> AxisFit:
     names, z, residual = problem.model.names(), found.z, found.residual
-    natural = np.asarray(problem.from_free(jnp.asarray(z)))
-    slopes = np.diagonal(np.asarray(jax.jacfwd(problem.from_free)(jnp.asarray(z))))
+    of = problem.coordinates
+    natural, slopes = of.from_free(z), of.slopes(z)
     rms = float(np.sqrt(np.mean(residual**2)))
     std = rms * np.sqrt(np.diag(normal_inverse(found.jacobian)))
     peak = float(np.max(np.abs(np.asarray(problem.friction)[np.asarray(problem.weight) > 0])))

@@ -53,7 +53,7 @@ class AxisProblem(AbstractProblem):
 
     def rig(self, z: Float[Array, " p"] | Sequence[Array]) -> AxisRig:
         """The axis with the parameters `z`, an array or one by one."""
-        values = self.natural(list(z))
+        values = self.coordinates.natural(list(z))
         n = len(self.model.base.names())
         rig = AxisRig(*values[:n], width=self.width, reach=self.reach)
         return self.model.embed(rig, values[n:])

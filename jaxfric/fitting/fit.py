@@ -18,7 +18,6 @@ import numpy as np
 from ..errors import InputError
 from ..laws.registry import evolution_of, fixed_states, refuse_unknown_law
 from ..records import Record, VelocitySteps, record_steps
-from ..records.differences import noise_from_differences
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
 from ..records.teeth import slips_told
@@ -40,7 +39,6 @@ from .problem import (
     RigModel,
     make_problem,
     quantity_of,
-    to_free,
 )
 from .quantisation import least_noise, recorded_steps
 from .result import Fit, unit_of
@@ -239,7 +237,7 @@ def require_float64() -> None:
 def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, tuple[str, ...]]:
     """A record of means over neighbouring rows, and a warning of what they cost."""
     few = thinned(record, rows, steps)
-    lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
+    lost = blur(few, few.scatter) if few is not record else 0.0
     if lost < _BLUR:
         return few, ()
     return few, (blur_warning(-(-len(record) // rows), lost),)
@@ -330,7 +328,7 @@ def _mass(mass: float | str | None, record: Record) -> float | None:
 
 def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
     """Refuse a stiffness whose spring the whole path of the load point does not load."""
-    noise = noise_from_differences(record.friction)
+    noise = record.scatter
     path = float(np.sum(np.abs(np.diff(steps.displacement(record.relative_time)))))
     if K * path < noise:
         unit = unit_of("K", record.friction_unit)
@@ -367,7 +365,7 @@ def prepare(
     A step time is a parameter where its error, through the spring, is felt above the noise.
     """
     friction = sign * record.friction
-    noise_scale = max(noise_from_differences(friction), least_noise(recorded_steps(friction)))
+    noise_scale = max(record.scatter, least_noise(recorded_steps(friction)))
     shifted = _felt(steps, stiffness, noise_scale)
     sizes = ProblemSizes(
         abs(steps.velocities[0]) if V0 is None else V0,
@@ -433,7 +431,7 @@ def _solve_in_stages(
     found_K = float(problem.rig(first.z).machine.stiffness)
     starts = more_state_starts(seen, V0=V0, stiffness=found_K, model=model)
     if len(starts) == 0:
-        starts = split_state(np.asarray(problem.from_free(first.z)), model.states)
+        starts = split_state(problem.coordinates.from_free(np.asarray(first.z)), model.states)
     problem = problem.with_model(model)
     stage = f"stage 2 of 2, {model.states} states"
     return problem, _solve(problem, starts, start, _within(stage, progress))
@@ -462,7 +460,7 @@ def _solve(
         for name, value in given.items():
             first[names.index(name)] = quantity_of(name).check(float(value), "start")
         starts = first[None]
-    return solve(problem, to_free(problem, starts), progress=progress)
+    return solve(problem, problem.coordinates.to_free(starts), progress=progress)
 
 
 def _noise(

@@ -38,8 +38,8 @@ from .fit import (
 )
 from .glitches import NO_GLITCHES
 from .noise import noise_of
-from .padding import bucket
-from .problem import FAILED_MISFIT, Model, Problem, to_free
+from .padding import bucket, filled
+from .problem import FAILED_MISFIT, Model, Problem
 from .quantisation import least_noise, recorded_steps
 from .result import Fit
 from .solve import NOISE_REACHED, Solution, descent, on_host
@@ -355,7 +355,7 @@ def _with_starts(tasks: list[FitTask], model: Model) -> list[_Begun]:
 
 def _unbounded(begun: list[tuple[Problem, np.ndarray]]) -> list[_Begun]:
     """The same with starts as unbounded variables."""
-    return [_Begun(p, to_free(p, starts)) for p, starts in begun]
+    return [_Begun(p, p.coordinates.to_free(starts)) for p, starts in begun]
 
 
 def _with_more_states(tasks: list[FitTask], ended: list[_Ended], model: Model) -> list[_Begun]:
@@ -366,10 +366,7 @@ def _with_more_states(tasks: list[FitTask], ended: list[_Ended], model: Model) -
     ]
     lengths = [int(np.sum(own.rows > 0)) for own in data]
     size = bucket(max(lengths), 64)
-    times = [
-        np.pad(own.time[own.rows > 0], (0, size - length), mode="edge")
-        for own, length in zip(data, lengths, strict=True)
-    ]
+    times = [filled(own.time[own.rows > 0], size) for own in data]
     problems, zs = [end.problem for end in ended], [np.asarray(end.solution.z) for end in ended]
     moved = _in_batches(_motions, problems, zs, times)
     begun = []
@@ -380,7 +377,7 @@ def _with_more_states(tasks: list[FitTask], ended: list[_Ended], model: Model) -
             own.time[full], own.friction[full], velocity[:n], slip[:n], np.sqrt(own.rows[full])
         )
         wanted = task.model._replace(states=model.states, law=model.law)
-        values = np.asarray(end.problem.from_free(jnp.asarray(end.solution.z)))
+        values = end.problem.coordinates.from_free(np.asarray(end.solution.z))
         K = (
             float(values[end.problem.model.names().index("K")])
             if model.fit_stiffness

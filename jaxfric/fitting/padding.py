@@ -16,6 +16,13 @@ def bucket(n: int, smallest: int) -> int:
     return size
 
 
+def filled(x: np.ndarray, size: int, fill: float | None = None) -> np.ndarray:
+    """`x` (n, ...) with rows up to `size`: the last one again, or `fill`."""
+    out = np.empty((size, *x.shape[1:]), x.dtype)
+    out[: len(x)], out[len(x) :] = x, x[-1] if fill is None else fill
+    return out
+
+
 WIDE = 48
 """Columns of a pass that is asked rarely: a multiple of so many, so that fewer are compiled."""
 

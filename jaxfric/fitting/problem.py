@@ -10,7 +10,6 @@ of their standard error, each held by one more residual.
 """
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import equinox as eqx
@@ -34,10 +33,9 @@ from .abstract_problem import (
     AbstractProblem,
     ParametricModel,
     Sizes,
-    typical_size,
 )
 from .noise import Noise, whiten
-from .padding import bucket
+from .padding import bucket, filled
 
 _TIME_SHARE = 1e-3
 _STIFF = 1000.0
@@ -171,7 +169,7 @@ class Problem(AbstractProblem):
 
     def rig(self, z: Float[Array, " q"]) -> Rig:
         """The rig with the parameters `z`."""
-        rig = self.model.rig(self.from_free(z), self.V0, self.stiffness)
+        rig = self.model.rig(self.coordinates.from_free(z), self.V0, self.stiffness)
         if self.mass is not None:
             heavy = Inertial(self.mass, rig.machine.stiffness, rig.machine.damping)
             rig = dataclasses.replace(rig, machine=heavy)
@@ -241,7 +239,7 @@ class Problem(AbstractProblem):
     def _levels(self, z: Float[Array, " q"]) -> Float[Array, " s"]:
         """The level of every stretch; that of the first is 0."""
         names = self.model.names()
-        pairs = zip(names, self.natural(z[: len(names)]), strict=True)
+        pairs = zip(names, self.coordinates.natural(z[: len(names)]), strict=True)
         own = [value for name, value in pairs if name.startswith("level")]
         return jnp.stack([jnp.zeros_like(self.force_scale), *own])
 
@@ -272,40 +270,7 @@ class Problem(AbstractProblem):
         return jnp.concatenate([*rows, self.hold * z[len(self.model.names()) :]])
 
 
-def to_free(problem: AbstractProblem, values: Float[np.ndarray, "s p"]) -> Float[np.ndarray, "s q"]:
-    """Unbounded variables of several rows of natural values, by NumPy."""
-    given: Any = np.asarray(values, float).T
-    columns: list[Any] = [
-        about.to_free(x, scale=size) for x, (about, size) in zip(given, _free(problem), strict=True)
-    ]
-    return np.column_stack([*columns, np.zeros((len(values), len(problem.hold)))])
-
-
-def free_of(problem: AbstractProblem, values: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Unbounded variables (q,) of one row of natural values (p,)."""
-    return to_free(problem, np.asarray(values, float)[None])[0]
-
-
-def natural(
-    problem: AbstractProblem, zs: Float[np.ndarray, "s q"]
-) -> tuple[Float[np.ndarray, "s p"], Float[np.ndarray, "s p"]]:
-    """Natural (SI) values of several rows of unbounded variables, and the derivative of each
-    value by its own variable, by NumPy."""
-    free: Any = np.asarray(zs, float).T
-    with np.errstate(over="ignore"):  # ends of what is not determined may be infinite
-        columns: list[Any] = [
-            (about.from_free(z, scale=size), about.slope(z, scale=size))
-            for z, (about, size) in zip(free, _free(problem), strict=False)
-        ]
-    values, slopes = zip(*columns, strict=True)
-    return np.stack(values, axis=1), np.stack(slopes, axis=1)
-
-
-def _free(problem: AbstractProblem) -> list[tuple[Quantity, Any]]:
-    """Every free parameter, and its typical size as a number of NumPy."""
-    model, sizes = problem.model, jax.tree.map(np.asarray, problem.on_host().sizes)
-    abouts = [model.quantity(name) for name in model.names()]
-    return [(about, typical_size(about, sizes)) for about in abouts]
+_MOTION = jax.tree.structure(PiecewiseVelocity(np.zeros(1), np.ones(1)))
 
 
 def _ones(like: Array) -> Array:
@@ -372,14 +337,14 @@ def make_problem(
     path = clock[:, 1]
     shifted = np.zeros(0, int) if shifted is None else np.asarray(shifted, int)
     if len(shifted):  # to a few lengths; the first velocity has no step and no error
-        shifted = np.pad(shifted, (0, bucket(len(shifted), 4) - len(shifted)))
+        shifted = filled(shifted, bucket(len(shifted), 4), 0)
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
-    pad = (0, bucket(n, 256) - n)
+    size, velocities = bucket(n, 256), bucket(len(steps), 4)
     arrays: dict[str, Any] = {
-        "time": np.pad(time, pad, mode="edge"),
-        "friction": np.pad(friction, pad, mode="edge"),
-        "weight": np.pad(np.ones(n), pad),
-        "clock": np.pad(clock, (pad, (0, 0)), mode="edge"),
+        "time": filled(time, size),
+        "friction": filled(friction, size),
+        "weight": filled(np.ones(n), size, 0.0),
+        "clock": filled(clock, size),
         "shifted": shifted,
         "shift_scale": errors[shifted].astype(float),
         "hold": np.ones(len(shifted)),
@@ -390,14 +355,10 @@ def make_problem(
         "slip_scale": np.array(path[-1] - path[0], float),
         "mass": None if sizes.mass is None else np.array(sizes.mass, float),
     }
-    never = (0, bucket(len(steps), 4) - len(steps))
-    moved = (
-        np.pad(steps.times, never, constant_values=np.inf),
-        np.pad(steps.velocities, never, mode="edge"),
-    )
+    never = filled(steps.times, velocities, np.inf), filled(steps.velocities, velocities)
     problem = Problem(
         **arrays,
-        motion=jax.tree.map(np.asarray, PiecewiseVelocity(*moved)),
+        motion=jax.tree.unflatten(_MOTION, never),  # its `__init__` would send them to the device
         damping=None,
         noise=None,
         channels=(),

@@ -32,7 +32,7 @@ from ..laws.registry import evolution_of
 from ..records import VelocitySteps
 from ..rig.friction import AbstractEvolution, AgeingEvolution, SlipEvolution
 from ..traced import traced
-from .padding import bucket
+from .padding import bucket, filled
 from .problem import Model
 
 _SAME = 0.05  # change of ln V below which two velocities found are one commanded velocity
@@ -108,15 +108,15 @@ def seek(
     grid = _grid(data, steps, stiffness, fineness)
     # the fewest intervals that hold as many means, so that others need not compile again
     grid_columns: Any = grid.T
-    pad = bucket(len(data.time), 256 if fineness == FINE else 64) - len(data.time)
-    dt: Any = np.pad(np.diff(data.end, prepend=0.0), (0, pad))
-    load = steps.displacement(data.end)
-    velocity = np.diff(load, prepend=0.0) / np.diff(data.end, prepend=0.0)
+    size = bucket(len(data.time), 256 if fineness == FINE else 64)
+    length, load = np.diff(data.end, prepend=0.0), steps.displacement(data.end)
+    velocity = np.diff(load, prepend=0.0) / length
+    dt: Any = filled(length, size, 0.0)
     rest: list[Any] = [
-        np.pad(load, (0, pad), mode="edge"),
-        np.pad(velocity, (0, pad), mode="edge"),
-        np.pad(data.friction, (0, pad)),
-        np.pad(data.rows, (0, pad)),
+        filled(load, size),
+        filled(velocity, size),
+        filled(data.friction, size, 0.0),
+        filled(data.rows, size, 0.0),
     ]
     begun: list[Any] = [np.asarray(V0, float), np.asarray(steps.velocities[0])]
     return Sought(Members(*grid_columns), Intervals(dt, *rest), *begun)
@@ -179,7 +179,8 @@ def _grid(
             jump = max(jump, np.max(np.abs(friction[here] - levels[-2])) / change)
             resolved = min(resolved, abs(velocities[k]) * (data.end[full][here[0]] - times[k]))
         held = False
-    slope = np.polyfit(logs, levels, 1)[0] if np.ptp(logs) > _SAME else 0.0
+    apart = np.asarray(logs) - np.mean(logs)
+    slope = apart @ levels / (apart @ apart) if np.ptp(logs) > _SAME else 0.0
     jump = max(jump, 1e-4 * np.ptp(friction), 1e-12)
     travel = float(np.sum(np.abs(velocities) * np.diff(np.append(times, data.end[-1]))))
     Ls = np.geomspace(max(0.3 * min(resolved, travel), 1e-5 * travel), travel, fineness.L)

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, nullcontext
 import numpy as np
 
 from ..fitting.fit import require_float64
-from ..fitting.problem import Problem, free_of
+from ..fitting.problem import Problem
 from ..fitting.solve import descent
 from ..records import Record, VelocitySteps
 from ..threads import beside
@@ -46,7 +46,7 @@ def compile_ahead(
         natural = [*(values.get(name, 0.0) for name in model.base.names()), *model.nulls()]
         if compiled(engine, np.zeros(len(natural) + len(problem.hold))):
             return
-        z = free_of(problem, natural)
+        z = problem.coordinates.to_free(np.asarray(natural))
         scales = scales_of(record, steps, values["L"])
         with when_evaluated(
             lambda: beside(lambda: engine.shapes(engine, z, engine.addable(()), scales))

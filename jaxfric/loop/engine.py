@@ -33,6 +33,7 @@ from ..fitting.noise_search import (
     profile_noise,
 )
 from ..fitting.noise_search import Found as FoundNoise
+from ..fitting.padding import filled
 from ..fitting.quantisation import least_noise, recorded_steps
 from ..fitting.whitened import innovations_of, whitened
 from ..threads import cores, go_on, one_by_one, side_by_side
@@ -354,7 +355,7 @@ class Engine(Generic[P]):
         columns = np.concatenate([rows.residual[:, None], rows.jacobian, self.smooth], axis=1)
         counts, before = np.zeros(len(columns)), self.glitches
         counts[: self.rows] = self.blocks.train | self.blocks.select | self.blocks.report
-        step = np.pad(self.blocks.step, (0, len(columns) - self.rows), mode="edge")
+        step = filled(self.blocks.step, len(columns))
         self.glitches = find_glitches(
             self.problem.clock,
             counts,
@@ -559,7 +560,7 @@ class Engine(Generic[P]):
 
     def values(self, z: np.ndarray) -> dict[str, float]:
         """Natural values (SI) of all parameters by name."""
-        natural = np.asarray(_natural(self.problem, jax.device_put(z)))
+        natural = self.problem.coordinates.from_free(np.asarray(z))
         return dict(zip(self.names, natural.tolist(), strict=True))
 
     def moderate(self, z: np.ndarray, start: np.ndarray) -> bool:
@@ -631,11 +632,6 @@ def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], directions: Float
 
 when_evaluated = _evaluate.when_traced
 """As `Traced.when_traced`, of the function by which an engine evaluates."""
-
-
-@traced
-def _natural(problem: AbstractProblem, z: Float[Array, " q"]):
-    return problem.from_free(z)
 
 
 def white_noise(clocks: int) -> Noise:

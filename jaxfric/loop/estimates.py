@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..fitting import Estimate
-from ..fitting.problem import natural
 from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
 from .engine import Candidate, Engine
@@ -63,7 +62,9 @@ def _natural(engine: Engine, z: np.ndarray, named: np.ndarray, std: np.ndarray):
             row = np.array(z)
             row[i] += side * QUANTILE * (s if np.isfinite(s) else 0.0)
             rows.append(row)
-    values, slopes = natural(engine.problem, np.stack(rows))
+    z = np.stack(rows)
+    of = engine.problem.coordinates
+    values, slopes = of.from_free(z), of.slopes(z)
     m = len(named)
     lower = values[range(1, m + 1), named]
     upper = values[range(m + 1, 2 * m + 1), named]

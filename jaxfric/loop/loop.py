@@ -12,10 +12,9 @@ from ..errors import InputError
 from ..fitting import fit
 from ..fitting.fit import few_rows, stated_stiffness, steps_of
 from ..fitting.padding import bucket
-from ..fitting.problem import Problem, free_of
+from ..fitting.problem import Problem
 from ..laws.registry import refuse_unknown_law
 from ..records import Record, VelocitySteps
-from ..records.differences import noise_from_differences
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from ..runs.events import Event
@@ -140,7 +139,7 @@ class SliderBench(AbstractSliderBench):
         """The base fit; step times from those that the load point shows."""
         values, steps = self.base_fit.values(), self.found_steps
         natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        z = free_of(engine.problem, natural)
+        z = engine.problem.coordinates.to_free(np.asarray(natural))
         if steps.time_errors is None:
             return z
         for index in engine.shifts:
@@ -174,7 +173,7 @@ def _stress(record: Record) -> NormalStress | None:
         return None
     moved = moved_stress(record.relative_time, record.normal_stress)
     moved *= float(np.mean(np.abs(record.friction)))
-    if not moved > _STRESS_FELT * noise_from_differences(record.friction):
+    if not moved > _STRESS_FELT * record.scatter:
         return None
     stress = recorded_stress(record.relative_time, record.normal_stress)
     return stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled

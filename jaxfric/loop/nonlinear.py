@@ -88,8 +88,7 @@ def _shaped_columns(
     batch = _terms(effect, rig, {name: np.array([one[name] for one in pairs]) for name in pairs[0]})
     forces = np.asarray(term_forces(response, batch))
     found = columns_of(engine, id, shapes, place)
-    here = problem.on_host()
-    scale = np.asarray([float(here.scale(names[i])) for i in amplitudes])
+    scale = np.asarray(problem.coordinates.scales)[list(amplitudes)]
     friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
     return found, friction / float(problem.noise_scale), extra_rows(engine, slip)
 

@@ -14,8 +14,8 @@ import numpy as np
 from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows
-from ..fitting.padding import bucket
-from ..fitting.problem import Problem, free_of
+from ..fitting.padding import bucket, filled
+from ..fitting.problem import Problem
 from ..fitting.result import tidy_unit
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
@@ -210,7 +210,7 @@ class RunBench(AbstractSliderBench):
         values = dict(self.base_fit.values())
         values.update({f"level{k + 2}": v for k, v in enumerate(self.levels[1:])})
         natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        return free_of(engine.problem, natural)
+        return engine.problem.coordinates.to_free(np.asarray(natural))
 
     def again(self, asked: Offered) -> "RunBench | None":
         """The same run with other steps and holds held out; None where there are too few."""
@@ -336,11 +336,11 @@ def _levels(joined: Joined, train: np.ndarray) -> np.ndarray:
 
 def _in_stretches(problem: Problem, joined: Joined) -> Problem:
     """The problem with the stretch of every row, and the normal stress of each."""
-    pad = (0, len(problem.time) - len(joined.phase))
-    stretch = np.pad(joined.stretch, pad, mode="edge") if len(joined.stretches) > 1 else None
+    size = len(problem.time)
+    stretch = filled(joined.stretch, size) if len(joined.stretches) > 1 else None
     stress = joined.stress()
     clock = np.array(problem.clock)
-    clock[:, 2] += np.pad(_left_out(joined), pad, mode="edge")
+    clock[:, 2] += filled(_left_out(joined), size)
     return dataclasses.replace(
         problem,
         clock=jax.device_put(clock),

@@ -17,6 +17,7 @@ from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import prepare
 from ..fitting.misfit import is_of_misfit
 from ..fitting.noise_estimate import noise_words
+from ..fitting.padding import filled
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem
 from ..laws.registry import refuse_untaken, takes
 from ..records import Record, VelocitySteps
@@ -234,12 +235,11 @@ def _channels(
     for kind, column in (("slip", record.slip), ("load_point", record.load_point_encoder)):
         if column is not None:
             values = column - commanded
-            pad = (0, size - len(values))
             found.append(
                 Channel(
-                    jax.device_put(np.pad(values - values[0], pad, mode="edge")),
+                    jax.device_put(filled(values - values[0], size)),
                     jax.device_put(np.asarray(noise_from_differences(values))),
-                    jax.device_put(np.pad(blocks.train.astype(float), pad)),
+                    jax.device_put(filled(blocks.train.astype(float), size, 0.0)),
                     kind,
                 )
             )

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from ..effects import STEADY_CURVES
 from ..effects.effect import evolution_of
-from ..fitting.padding import bucket
+from ..fitting.padding import bucket, filled
 from ..fitting.problem import Problem, rig_at
 from ..rig.friction.extended import Contact, ExtendedLaw
 from ..traced import traced
@@ -57,7 +57,7 @@ def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndar
 
 def _level(law: ExtendedLaw, V: np.ndarray) -> np.ndarray:
     """Friction of steady sliding, without what has states of its own or follows slip or time."""
-    padded = np.pad(V, (0, bucket(len(V), _FEWEST) - len(V)), mode="edge")
+    padded = filled(V, bucket(len(V), _FEWEST))
     return np.asarray(_levels(law, padded))[: len(V)]
 
 

@@ -7,6 +7,7 @@ smooth; whether they are needed is decided by likelihood (`Engine.learn_noise`).
 
 import numpy as np
 
+from ..fitting.padding import filled
 from ..fitting.whitened import taken_out
 
 _LEAST_VARIANCE = 1e-4
@@ -58,4 +59,4 @@ def own_clock(pace: np.ndarray, step: np.ndarray, rows: np.ndarray, size: int) -
     """A clock that moves by 1/pace with every row that the clock `rows` (n,) counts; `size` rows
     come out, the last one repeated."""
     moved = np.cumsum(np.diff(rows, prepend=rows[0]) / pace[step])
-    return np.pad(moved, (0, size - len(moved)), mode="edge")
+    return filled(moved, size)

@@ -98,8 +98,8 @@ def target_of(
     solved, where = fit.solved, "priors"
     if isinstance(priors, str | Path):
         priors, where = read_priors(priors), str(priors)
-    unit, scale = fit.record.friction_unit, solved.problem.scale
-    own = priors_of(fit.model, priors, unit, where, scale=scale)
+    sizes = dict(zip(fit.model.names(), solved.problem.coordinates.scales, strict=True))
+    own = priors_of(fit.model, priors, fit.record.friction_unit, where, scale=sizes.__getitem__)
     held = solved.noise if noise is None else noise
     target = target_of_problem(solved.problem, held, own)
     return target, target.start(np.asarray(solved.solution.z))

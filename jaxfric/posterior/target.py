@@ -49,7 +49,7 @@ class Target(eqx.Module):
     def free(self, y: Float[Array, " q"]) -> Float[Array, " q"]:
         """The fit's unbounded variables of the variables."""
         p = len(self.priors)
-        own, padding = self.problem.to_free(self.natural(y)), p + self.shifts
+        own, padding = self.problem.coordinates.to_free(self.natural(y)), p + self.shifts
         return jnp.concatenate([own[:p], y[p:], own[padding:]])
 
     def log_prior(self, y: Float[Array, " q"]) -> Float[Array, ""]:
@@ -58,7 +58,7 @@ class Target(eqx.Module):
 
     def start(self, z: np.ndarray) -> np.ndarray:
         """The variables of the fit's unbounded ones, moved to where every prior has a density."""
-        values = np.asarray(self.problem.from_free(jnp.asarray(z)))
+        values = self.problem.coordinates.from_free(np.asarray(z))
         own = [p.variable(float(v)) for p, v in zip(self.priors, values, strict=True)]
         return np.concatenate([own, np.asarray(z)[len(own) : len(own) + self.shifts]])
 

@@ -193,7 +193,7 @@ def _free(problem: AxisProblem, values: dict[str, float]) -> Float[Array, " p"]:
     """The unbounded variables of a model's values; effects that it has not are at their null."""
     names = problem.model.names()
     nulls = dict(zip(names[len(BaseLaw().names()) :], problem.model.nulls(), strict=True))
-    return problem.to_free(jnp.asarray([{**nulls, **values}[name] for name in names]))
+    return problem.coordinates.to_free(jnp.asarray([{**nulls, **values}[name] for name in names]))
 
 
 @eqx.filter_jit

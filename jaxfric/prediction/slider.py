@@ -20,7 +20,7 @@ from ..fitting.fit import forward_steps, prepare, require_float64, steps_of
 from ..fitting.noise import sandwich
 from ..fitting.noise_search import estimate_noise, noise_rows
 from ..fitting.padding import bucket
-from ..fitting.problem import FAILED_MISFIT, Model, Problem, free_of
+from ..fitting.problem import FAILED_MISFIT, Model, Problem
 from ..fitting.result import unit_of
 from ..fitting.solve import descend, known_at
 from ..fitting.uncertainty import spread_of
@@ -181,7 +181,7 @@ def _start(setting: _SliderSetting, name: str) -> np.ndarray:
     if isinstance(model, EncompassingModel):
         nulls = zip(model.names()[len(model.base.names()) :], model.nulls(), strict=True)
         values = {**dict(nulls), **values}
-    return free_of(setting.problem, [values[n] for n in model.names()])
+    return setting.problem.coordinates.to_free(np.asarray([values[n] for n in model.names()]))
 
 
 def _fitted(setting: _SliderSetting, name: str) -> tuple[str, ...]:
@@ -204,7 +204,7 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
     _, residual, jacobian, *_ = known_at(problem, z)  # by the parameters that are held, too
     rows = residual[: len(setting.record)]
     error = np.where(np.abs(rows) >= FAILED_MISFIT, np.nan, rows) * float(problem.noise_scale)
-    values = dict(zip(names, np.asarray(problem.from_free(jnp.asarray(z))).tolist(), strict=True))
+    values = dict(zip(names, problem.coordinates.from_free(np.asarray(z)).tolist(), strict=True))
     return _Found(z, values, error, jacobian)
 
 
@@ -230,7 +230,7 @@ def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, .
         ends = []
         for z in (here - spread[k], here + spread[k]):
             moved = jnp.asarray(refit.z).at[index[k]].set(z)
-            ends.append(float(problem.from_free(moved)[index[k]]))
+            ends.append(float(problem.coordinates.from_free(moved)[index[k]]))
         own = table["parameters"][parameter].get("std") or 0.0
         error = float(np.hypot(own, 0.5 * abs(ends[1] - ends[0])))
         out.append(Shift(parameter, model[parameter], refit.values[parameter], error))

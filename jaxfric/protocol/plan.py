@@ -28,7 +28,6 @@ from ..fitting.problem import (
     Problem,
     ProblemSizes,
     build_rig,
-    free_of,
     make_problem,
 )
 from ..fitting.result import critical_stiffness_of, tidy_unit
@@ -419,7 +418,7 @@ def _look(setup: _Setup, variant: _Variant) -> Design | None:
     natural = [setup.values[name] for name in setup.model.names()]
     names = engine.names[len(natural) :]
     natural += [setup.values.get(n, v) for n, v in zip(names, engine.model.nulls(), strict=True)]
-    z = free_of(problem, natural)
+    z = problem.coordinates.to_free(np.asarray(natural))
     rows = engine.rows
     current = Candidate((), z, np.zeros(rows), engine.white, 0.0, {}, True, False)
     seen = sensitivities(engine, current, _scales(setup, variant))
@@ -445,7 +444,8 @@ def _smallest(
     engine: Engine[Problem], seen: Screening, columns: np.ndarray, setup: _Setup
 ) -> dict[str, Smallest]:
     """For every effect the smallest amplitude that is named, over its shapes."""
-    basis, here = orthonormal(columns[:, list(seen.base)]), engine.problem.on_host()
+    basis = orthonormal(columns[:, list(seen.base)])
+    scales = np.asarray(engine.problem.coordinates.scales)
     found: dict[str, list[tuple[float, dict[str, float]]]] = {}
     for column in seen.columns:
         own = columns[:, list(column.places)]
@@ -453,7 +453,7 @@ def _smallest(
         count = len(engine.model.columns((column.id,)))
         needed = ACCEPT + count * math.log(engine.weight.sum())
         lost = np.linalg.norm(rest, axis=0) <= _UNSEEN * np.linalg.norm(own, axis=0)
-        scale = np.asarray([float(here.scale(engine.names[i])) for i in column.amplitudes])
+        scale = scales[list(column.amplitudes)]
         # of several amplitudes: their root of squares, in the direction that is seen worst
         worst = float(np.linalg.svd(rest / scale, compute_uv=False)[-1])
         enough = math.sqrt(needed) + _SURE

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..effects.friction import NormalStressState
 from ..fitting.abstract_problem import FAILED_MISFIT
-from ..fitting.padding import bucket
+from ..fitting.padding import bucket, filled
 from ..fitting.problem import Model, build_rig
 from ..motion import PiecewiseVelocity
 from ..rig.normal_stress import NormalStress
@@ -136,16 +136,16 @@ def make_stress_step(
     rows: StressRows, *, velocity: float, noise: float, sizes: np.ndarray, law: str
 ) -> StressStep:
     """The problem of some rows, padded to few lengths."""
-    n, corners = len(rows.time), len(rows.corners)
-    pad, few, put = (0, bucket(n, 256) - n), (0, CORNERS - corners), jax.device_put
+    n, put = len(rows.time), jax.device_put
+    size = bucket(n, 256)
     clock = np.stack([rows.time, velocity * rows.time, np.arange(n, dtype=float)], axis=1)
     return StressStep(
-        put(np.pad(rows.time, pad, mode="edge")),
-        put(np.pad(rows.friction, pad, mode="edge")),
-        put(np.pad(rows.weight, pad)),
-        put(np.pad(clock, (pad, (0, 0)), mode="edge")),
-        put(np.pad(rows.corners, few, mode="edge")),
-        put(np.pad(rows.ratios, few, mode="edge")),
+        put(filled(rows.time, size)),
+        put(filled(rows.friction, size)),
+        put(filled(rows.weight, size, 0.0)),
+        put(filled(clock, size)),
+        put(filled(rows.corners, CORNERS)),
+        put(filled(rows.ratios, CORNERS)),
         put(np.array(velocity)),
         put(np.array(noise)),
         put(sizes),

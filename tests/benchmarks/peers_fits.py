@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 
 import jaxfric as jf
 from jaxfric.fitting.fit import prepare
-from jaxfric.fitting.problem import Model, natural, to_free
+from jaxfric.fitting.problem import Model
 from jaxfric.fitting.solve import solve as descend
 
 TRUTH = np.array([0.6, 0.010, 0.014, 20e-6])
@@ -92,12 +92,16 @@ def _ours(table: Table, measured: np.ndarray, load_point: np.ndarray, wrong: Cal
     given = lambda: values(steps=STEPS)  # noqa: E731
     table.ours("whole fit, step given", timed(given), wrong(given()))
     problem = prepare(record, STEPS, Model(law="ageing"), stiffness=K, force_scale=0.01)
-    start = to_free(problem, START[None])
+    start = problem.coordinates.to_free(START[None])
 
     def alone() -> np.ndarray:
         return descend(problem, start, tolerance=1e-12).z
 
-    table.ours("least squares alone", timed(alone), wrong(natural(problem, alone()[None])[0][0]))
+    table.ours(
+        "least squares alone",
+        timed(alone),
+        wrong(problem.coordinates.from_free(np.asarray(alone()))),
+    )
 
 
 def _lmfit(table: Table, measured: np.ndarray, wrong: Callable) -> None:

@@ -20,7 +20,7 @@ from reference import Law, Motion, solve
 
 import jaxfric
 from jaxfric.fitting.fit import prepare
-from jaxfric.fitting.problem import Model, to_free
+from jaxfric.fitting.problem import Model
 from jaxfric.fitting.solve import solve as descend_from
 from jaxfric.runs import find_events
 from jaxfric.runs.fits import HowFitted, fit_run, window_of
@@ -73,7 +73,7 @@ def main() -> None:
         prepare(*window_of(record, event), Model(), stiffness=STIFFNESS, force_scale=0.01)
         for event in chosen
     ]
-    starts = [to_free(p, np.array([[0.601, 0.013, 0.017, 30e-6]])) for p in problems]
+    starts = [p.coordinates.to_free(np.array([[0.601, 0.013, 0.017, 30e-6]])) for p in problems]
     alone = seconds(lambda: [descend_from(*one) for one in zip(problems, starts, strict=True)])
     print("least squares alone, one after the other:", alone)
 

@@ -23,7 +23,7 @@ from reference import Law, Motion, solve
 
 import jaxfric
 from jaxfric.fitting.fit import prepare
-from jaxfric.fitting.problem import Model, to_free
+from jaxfric.fitting.problem import Model
 from jaxfric.fitting.solve import solve as descend_from
 
 STIFFNESS = 1e3
@@ -63,7 +63,7 @@ def milliseconds(function, repeats: int = 15) -> str:
 def in_process() -> None:
     record = synthetic(2000)
     problem = prepare(record, STEPS, Model(), stiffness=STIFFNESS, force_scale=0.01)
-    start = to_free(problem, np.array([[0.601, 0.013, 0.017, 30e-6]]))
+    start = problem.coordinates.to_free(np.array([[0.601, 0.013, 0.017, 30e-6]]))
     print("least squares from a given start:", milliseconds(lambda: descend_from(problem, start)))
     fit = lambda **more: jaxfric.fit(record, stiffness=STIFFNESS, **more)  # noqa: E731
     print("whole fit, steps given:          ", milliseconds(lambda: fit(steps=STEPS)))

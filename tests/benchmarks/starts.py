@@ -21,7 +21,7 @@ from generator import random_record
 
 import jaxfric
 from jaxfric.fitting.fit import prepare, steps_of
-from jaxfric.fitting.problem import FAILED_MISFIT, to_free
+from jaxfric.fitting.problem import FAILED_MISFIT
 from jaxfric.fitting.solve import misfits, solve
 
 FIRST_SEED = 5_000
@@ -45,7 +45,7 @@ def one(seed: int, given: bool) -> tuple[bool, float, float, str]:
     scatter[0] = 0.0
     starts = np.tile([truth.f0, truth.A, truth.B, truth.L], (STARTS, 1))
     starts[:, 1:] *= np.exp(scatter)
-    free = to_free(problem, starts)
+    free = problem.coordinates.to_free(starts)
     scale = float(problem.noise_scale) ** 2
     able = free[misfits(problem, free) < FAILED_MISFIT**2]  # the others run away at once
     best = min(solve(problem, z[None], refine=1).cost for z in able) * scale

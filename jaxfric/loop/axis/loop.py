@@ -161,7 +161,7 @@ class AxisBench(AbstractBench):
         found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
         largest = max(float(np.max(np.abs(matrix[:, 0]))), 1e-300)
         found[0] = max(found[0], _LEAST_MASS * float(problem.sizes.force) / largest)
-        return np.asarray(problem.to_free(jnp.asarray([*found, *problem.model.nulls()])))
+        return problem.coordinates.to_free(np.asarray([*found, *problem.model.nulls()]))
 
     def starts(self, engine: Engine[AxisProblem], z: np.ndarray) -> list[np.ndarray]:
         """`z` alone: the base is linear and has one minimum."""
