@@ -464,7 +464,7 @@ def test_quantile_is_that_of_the_normal_distribution():
         (dict(stiffness="0/um"), "positive"),
         (dict(stiffness="5 um"), "stiffness"),
         (dict(stiffness="1e-30/um"), "is its unit right"),
-        (dict(stiffness=1e3, law="aging"), "slip, ageing"),
+        (dict(stiffness=1e3, law="age"), "slip, ageing"),
         (dict(stiffness=1e3, states=4), "1 to 3"),
         (dict(stiffness=1e3, weighting="robust"), "ordinary or whitened"),
         (dict(stiffness=1e3, steps="0 s: 1 um/s"), "no velocity step"),

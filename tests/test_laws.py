@@ -20,6 +20,8 @@ from helpers import (
 )
 
 import jaxfric as jf
+from jaxfric.fitting.fit import wanted_model
+from jaxfric.laws.source import law_from_parameters
 from jaxfric.rig.friction import Conditions
 
 AT = Conditions(jnp.asarray(20 * UM), jnp.asarray(3.0))
@@ -321,3 +323,10 @@ def test_trajectory_errors_sees_each_quantity(quantity):
     errors = trajectory_errors(wrong, truth)
     assert errors.pop(quantity) == pytest.approx(5e-7, rel=1e-6)
     assert max(errors.values()) < 1e-15
+
+
+def test_a_law_is_known_in_either_spelling():
+    text = "A=1 N, B=2 N, L=1 mm, V0=1 um/s"
+    one, other = (law_from_parameters(name, text).law for name in ("aging", "ageing"))
+    assert eqx.tree_equal(one, other)
+    assert wanted_model("aging", 1, False, False).law == "ageing"

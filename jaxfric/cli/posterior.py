@@ -27,10 +27,10 @@ class PosteriorCall(NamedTuple):
 
     def check(self, model: "Model", friction_unit: str) -> None:
         """Refuse priors that are none of this model, before it is fitted."""
-        from ..laws.registry import refuse_unknown_law
+        from ..laws.registry import known_law
         from ..posterior.priors import priors_of, read_priors
 
-        refuse_unknown_law(model.law)
+        known_law(model.law)
         priors_of(model, read_priors(self.file), friction_unit, str(self.file))
 
     def of(self, fit: "Fit", progress: Callable[[str], None]) -> "Posterior | None":

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ..quantity import Quantity, array_module
@@ -150,7 +151,7 @@ class AbstractProblem(eqx.Module):
     def coordinates(self) -> "Coordinates":
         """What leads from natural parameter values to unbounded variables, and back."""
         leaves = jax.tree.leaves(self)
-        known = not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+        known = not any(isinstance(leaf, Tracer) for leaf in leaves)
         sizes = self.on_host().sizes if known else self.sizes  # so nothing is compiled
         abouts = tuple(self.model.quantity(name) for name in self.model.names())
         scales = tuple(typical_size(about, sizes) for about in abouts)

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
-from ..laws.registry import evolution_of, fixed_states, refuse_unknown_law
+from ..laws.registry import evolution_of, fixed_states, known_law
 from ..records import Record, VelocitySteps, record_steps
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
@@ -249,7 +249,7 @@ def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -
 
 
 def _model(law: str, states: int, fit_stiffness: bool, slip_trend: bool, weighting: str) -> Model:
-    refuse_unknown_law(law)
+    law = known_law(law)
     always = fixed_states(law)
     if not 1 <= states <= _MAX_STATES:
         raise InputError(f"states is {states}; choose 1 to {_MAX_STATES}")

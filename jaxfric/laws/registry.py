@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
-from ..effects.effect import AbstractEffect, AbstractEvolutionEffect
+from ..effects.effect import AbstractEffect, AbstractEvolutionEffect, id_of
 from ..errors import InputError
 from ..quantity import Quantity, numbered_names, quantities
 from ..rig.friction import (
@@ -71,11 +71,14 @@ def is_rate_state(name: object) -> bool:
     )
 
 
-def refuse_unknown_law(name: object) -> None:
-    """Raise `InputError` unless fits, loops and studies take the law `name`."""
-    if not is_rate_state(name):
+def known_law(name: object) -> str:
+    """The name of a law that fits, loops and studies take, in either spelling (aging, ageing);
+    raises `InputError` for others."""
+    here = id_of(name) if isinstance(name, str) else name
+    if not isinstance(here, str) or not is_rate_state(here):
         known = ", ".join(rate_state_laws())
         raise InputError(f"law '{name}' is not known; choose one of {known}")
+    return here
 
 
 def evolution_of(name: str) -> AbstractEvolution | None:

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..effects.effect import id_of
 from ..errors import InputError
 from ..pairs import read_pairs
 from ..quantity import Quantity, numbered_names, quantities
@@ -181,6 +182,7 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     ------
     InputError : no such law or parameter; one is missing, given twice or out of bounds.
     """
+    kind = id_of(kind)
     if kind not in REGISTRY:
         raise InputError(f"law '{kind}' does not exist; there are: {', '.join(names_of_laws())}")
     pairs = read_pairs(text, "parameters", "'A=1 N, L=1 mm'")

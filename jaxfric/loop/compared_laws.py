@@ -42,7 +42,7 @@ from ..fitting.problem import FAILED_MISFIT, Problem
 from ..fitting.quantisation import least_noise, recorded_steps
 from ..fitting.solve import known_at
 from ..fitting.whitened import whitened
-from ..laws.registry import fixed_states, rate_state_laws, refuse_unknown_law
+from ..laws.registry import fixed_states, known_law, rate_state_laws
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..silent import silent
@@ -119,9 +119,7 @@ def compare_laws(
 
 def _names(laws: Sequence[str] | None) -> list[tuple[str, int]]:
     """Laws with their numbers of states, one state first."""
-    asked = tuple(dict.fromkeys(rate_state_laws() if laws is None else laws))
-    for law in asked:
-        refuse_unknown_law(law)
+    asked = tuple(dict.fromkeys(map(known_law, rate_state_laws() if laws is None else laws)))
     pairs = [
         (law, always or states)
         for states in _STATES

@@ -13,7 +13,7 @@ from ..fitting import fit
 from ..fitting.fit import few_rows, stated_stiffness, steps_of
 from ..fitting.padding import bucket
 from ..fitting.problem import Problem
-from ..laws.registry import refuse_unknown_law
+from ..laws.registry import known_law
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
@@ -79,7 +79,7 @@ def close_loop(
     """
     begun = time.monotonic()
     record = as_record(record)
-    refuse_unknown_law(law)
+    law = known_law(law)
     asked = offered(CATALOGUE, own, ids_of(with_), ids_of(without), most, effect_of)
     if events is None:
         bench, asked = _step_bench(record, stiffness, law, steps, rows, asked, progress)

@@ -34,7 +34,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError, did_you_mean
-from ..laws.registry import count_states, is_rate_state, name_of, rate_state_laws
+from ..laws.registry import count_states, known_law, name_of
 from ..quantity import numbered_names
 from ..rig.friction import AbstractRateState
 from ..study import Grid, Output
@@ -250,9 +250,11 @@ def _rig(
             except InputError:
                 raise InputError(f"{where}: no key '{key}'{did_you_mean(key, _RIG)}") from None
         fixed[key] = read_value(rig[key], key, f"{where} {key}")
-    if law is not None and not (isinstance(law, str) and is_rate_state(law)):
-        there = ", ".join(rate_state_laws())
-        raise InputError(f"{where}: no law {law!r} in studies; there are: {there}")
+    if law is not None:
+        try:
+            law = known_law(law)
+        except InputError as wrong:
+            raise InputError(f"{where}: {wrong}") from None
     if ("from" in rig) and law is not None:
         raise InputError(f"{where}: law and from exclude each other; give one")
     force = None

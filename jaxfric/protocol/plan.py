@@ -31,7 +31,7 @@ from ..fitting.problem import (
     make_problem,
 )
 from ..fitting.result import critical_stiffness_of, tidy_unit
-from ..laws.registry import count_states, refuse_unknown_law, refuse_untaken, takes
+from ..laws.registry import count_states, known_law, refuse_untaken, takes
 from ..loop.driver import offered
 from ..loop.engine import Candidate, Choice, Engine
 from ..loop.nonlinear import friction_sensitivities
@@ -173,8 +173,8 @@ def plan(
     """
     begun = time.monotonic()
     velocities, values = tuple(map(float, asked.velocities)), dict(asked.parameters)
+    asked = dataclasses.replace(asked, law=known_law(asked.law))
     _check(asked)
-    refuse_unknown_law(asked.law)
     values.setdefault("V0", velocities[0])
     asked = dataclasses.replace(asked, velocities=velocities, parameters=values)
     with_, without = tuple(ids_of(with_)), tuple(ids_of(without))

@@ -11,7 +11,7 @@ from ..described import Described, Drawable, Tabular
 from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.assemble import contradicted
-from ..laws.registry import refuse_unknown_law
+from ..laws.registry import known_law
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
 from ..records.run_motion import run_motion
@@ -116,7 +116,7 @@ class HowFitted:
     rows: int = 4000
 
     def __post_init__(self) -> None:
-        refuse_unknown_law(self.law)
+        object.__setattr__(self, "law", known_law(self.law))
         refuse_few_means(self.rows)
 
     def fit(self, part: Record, steps: VelocitySteps, normal_stress: float | None) -> Fit:
