@@ -481,6 +481,15 @@ def test_bad_arguments(options, word):
         jaxfric.fit(record, **options)
 
 
+def test_friction_that_would_drive_the_motion_is_refused():
+    record = jaxfric.read(DATA / "velocity_step.csv")
+    turned = dataclasses.replace(record, friction=-record.friction)
+    with pytest.raises(InputError, match="is the sign of friction reversed"):
+        jaxfric.fit(turned, stiffness="1e-3/um")
+    with pytest.raises(InputError, match=r"record 1: .*sign of friction reversed"):
+        jaxfric.fit_many([record, turned], stiffness="1e-3/um")
+
+
 @pytest.mark.parametrize("start", [0.7, 0.5])
 def test_no_word_of_the_figure_lies_on_the_record(start):
     """A record that starts high, or low, and fills its panel."""

@@ -71,6 +71,7 @@ BESIDE = "(modulus=0.5 is the default, kept as {} alone allows no error of the m
         (["delay=1e-3", "modulus=0.3"], "delay >= 0.001, modulus >= 0.3"),
         (["delay=1e-3", "gain=2"], "delay >= 0.001, gain >= 2"),
         (["phase=0.5"], "phase >= 0.5"),
+        (["phase=30 deg"], "phase >= 0.523599"),
         (["damping=0.2"], "damping >= 0.2"),
         (["stiffness=1.2"], "stiffness >= 1.2"),
         (["modulus=0.5"], "modulus >= 0.5"),

@@ -461,9 +461,18 @@ def test_columns_without_a_header_or_times_are_read_by_number_and_rate(tmp_path,
     np.testing.assert_allclose(axis.position, 0.5 * np.arange(40))
 
 
+def test_a_speed_that_does_not_change_is_stated(tmp_path):
+    path = headless(tmp_path)
+    columns = {"load_point_velocity": "50 um/s", "friction": "#2", "time": "10 ms"}
+    record = read(path, columns=columns)
+    np.testing.assert_allclose(record.moved(), 0.5e-6 * np.arange(40), rtol=1e-12, atol=1e-18)
+    assert any("moves at 50 um/s, as stated" in note for note in record.provenance.notes)
+
+
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
+        ({"time": "10 ms", "load_point_velocity": "50"}, ["load_point_velocity: '50' has no unit"]),
         ({}, ["no header", "by number", "'time=#1 [s]'", "'time=1 kHz'"]),
         ({"time": "#1 [s]"}, ["no header", "load_point_displacement=#1 [um]"]),
         ({"time": "0 Hz"}, ["'0 Hz' is not positive"]),

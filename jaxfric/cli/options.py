@@ -18,7 +18,8 @@ Columns = Annotated[
         "shear_stress (over normal_stress it is friction; both may be forces); of an axis time, "
         "position, motor_force, control_signal, motor_current, reference_position, velocity, "
         "disturbance (added to the controller's output). ROLE=none: no column has it; "
-        "#3 is the third column. time=1kHz: no column has it, rows come at that rate. May be"
+        "#3 is the third column. time=1kHz: no column has it, rows come at that rate; "
+        "'load_point_velocity=10 um/s': the load point moves at that speed all the time. May be"
         " repeated.",
         negative=(),
     ),

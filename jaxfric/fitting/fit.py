@@ -292,13 +292,21 @@ def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, 
     """Steps that begin forwards, and the sign of friction that goes with them.
 
     A record that begins backwards is mirrored; its friction too if that is negative there
-    (a force that follows the motion, not a coefficient that is always positive).
+    (a force that follows the motion, not a coefficient that is always positive). Raises
+    `InputError` for friction that is negative while the load point moves forwards.
     """
+    until = steps.times[1] if len(steps) > 1 else np.inf
+    begin = float(np.mean(record.friction[record.relative_time < until]))
     if steps.velocities[0] > 0:
+        if begin < 0:
+            raise InputError(
+                f"{record.provenance.path}: friction is {begin:.3g} while the load point moves"
+                " forwards, so it would drive the motion; is the sign of friction reversed?"
+                " Write --column 'friction=NAME [-1 UNIT]', [-1] for a coefficient"
+            )
         return steps, 1.0
     mirrored = VelocitySteps(steps.times, -steps.velocities, steps.time_errors)
-    begin = record.friction[record.relative_time < steps.times[1]]
-    return mirrored, -1.0 if np.mean(begin) < 0 else 1.0
+    return mirrored, -1.0 if begin < 0 else 1.0
 
 
 def _stiffness(stiffness: float | str | None, record: Record, fit_stiffness: bool) -> float | None:

@@ -17,6 +17,7 @@ from ..stability.linear import LinearFriction, LinearSlider
 from ..stability.margin_table import MARGINS, known_margin
 from ..stability.margins import several
 from ..stability.theorem import apply_theorem
+from ..units import parse_quantity
 from .branches import branches
 
 # A margin beyond this many times its requirement, or inf, counts as this many.
@@ -50,18 +51,21 @@ class Requirement(eqx.Module):
 
     @staticmethod
     def parse(texts: list[str]) -> "Requirement":
-        """A requirement from texts such as "modulus=0.5"."""
+        """A requirement from texts such as "modulus=0.5", "phase=30 deg"; SI without a unit."""
         for text in texts:
             known_margin(text.partition("=")[0].strip())
         margins = {}
         example, form = DEFAULT, "NAME=NUMBER"
         for name, value in read_pairs(texts, "margin", example, form=form).items():
+            unit = known_margin(name).unit
             try:
                 margins[name] = float(value)
             except ValueError:
-                raise InputError(
-                    f"margin '{name}={value}' is not {form}, as in {example}"
-                ) from None
+                if unit == "1":
+                    raise InputError(
+                        f"margin '{name}={value}' is not {form}, as in {example}"
+                    ) from None
+                margins[name] = parse_quantity(value, unit, f"margin {name}")
         return Requirement(margins)
 
     @staticmethod
@@ -152,6 +156,7 @@ def _check(name: str, value: float) -> None:
     if not (math.isfinite(value) and low <= value <= high):
         limit = f"at least {low:g}" if math.isinf(high) else f"between {low:g} and {high:.4g}"
         unit = "no unit" if about.unit == "1" else f"unit {about.unit}"
-        raise InputError(f"margin {name}={value:g}: it must be {limit} ({unit})")
+        degrees = f"; in degrees: '{name}={value:g} deg'" if about.unit == "rad" else ""
+        raise InputError(f"margin {name}={value:g}: it must be {limit} ({unit}){degrees}")
     if value == 0 and not about.zero:
         raise InputError(f"margin {name}=0 asks for nothing; give a positive number")

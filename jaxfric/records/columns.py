@@ -13,7 +13,7 @@ from .axis_units import spelling
 from .record import EMPTY_ROWS, Provenance
 from .roles import AXIS, NO_COLUMN, SLIDER, Role, Schema
 from .rows import MIN_ROWS, FileRows
-from .table import HOW, Table, filled_rows, with_rate
+from .table import HOW, Table, filled_rows, with_stated
 
 _ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
 _MACHINE = re.compile(
@@ -56,12 +56,13 @@ def understand(
     """Find the columns of all roles of `schema`, and turn them into SI.
 
     **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`, to `none`
-    where no column has that role, and `time` to how often rows were taken.
+    where no column has that role, `time` to how often rows were taken, and `load_point_velocity` to
+    a speed that does not change.
 
     Raises `InputError` as `assign` does, and for columns of different length.
     """
     known = {role: name for role, name in table.roles.items() if role in schema.roles}
-    table, columns = with_rate(table, {**known, **(columns or {})})
+    table, columns = with_stated(table, {**known, **(columns or {})})
     table = _with_suffixes(table, schema)
     uses, notes = assign(table, columns, schema, settle)
     rows = _rows(table, uses)
@@ -267,6 +268,8 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
     text = f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}"
     if schema is SLIDER and turns:
         text += "; of an axis or a joint: --rig axis ('jaxfric record'), or 'jaxfric axis'"
+    if "load_point_displacement" in missing:
+        text += "; where it moves at one speed all the time: --column 'load_point_velocity=10 um/s'"
     if "position" in missing:
         text += "; a velocity will do: --column 'velocity=NAME [rpm]'"
     if "motor_force" in missing:

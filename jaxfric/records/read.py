@@ -37,7 +37,8 @@ def read(
     - `columns`: names of columns for roles that the header does not give away, such as
       `{"friction": "mu_corrected"}`; `NAME [unit]` sets the unit, which may carry a factor:
       `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`. `#3` is the third column, also of a
-      file without a header; `{"time": "1 kHz"}` or "1 ms" says how often rows were taken.
+      file without a header; `{"time": "1 kHz"}` or "1 ms" says how often rows were taken,
+      and `{"load_point_velocity": "10 um/s"}` that the load point moves at one speed all the time.
     - `drop_bad`: leave out rows that are not whole instead of refusing the file.
     - `reduce`: the laboratory's script that makes columns in units of what the press recorded: a
       command file of xlook, or TOML (`jaxfric.records.reduction.toml_script`). What each of its

@@ -76,31 +76,41 @@ def filled_rows(blank: np.ndarray | None, used: Iterable[int], count: int) -> sl
     return slice(first if first <= most else 0, stop if count - stop <= most else count)
 
 
-def with_rate(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
-    """A table with times t_i = i/rate, and `columns`, where they state a rate for `time`.
+SPEED = "load_point_velocity"
 
-    The rate is a frequency, "1 kHz", or the time from a row to the next, "1 ms"; a column of such
-    a name goes before.
 
-    Raises `InputError` for a rate that is neither, or not positive.
+def with_stated(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
+    """A table with a column more for each role of which `columns` state a number, and `columns`.
+
+    Of `time` how often rows were taken, "1 kHz" or "1 ms": t_i = i/rate. Of `load_point_velocity` a
+    speed, "10 um/s", at which the load point moves all the time. A column of such a name goes
+    before.
+
+    Raises `InputError` for a number that is none of these, and a rate that is not positive.
     """
     said = dict(columns)
-    text = said.get("time", "").strip()
-    if not re.match(r"[-+]?\.?\d", text) or text in table.names:
-        return table, said
-    interval = _interval(text, table.path)
-    blank = table.blank
-    if blank is not None:
-        blank = np.pad(blank, ((0, 0), (0, 1)))
-    said["time"] = f"#{len(table.names) + 1}"
-    return replace(
-        table,
-        names=(*table.names, "time"),
-        units=(*table.units, "s"),
-        columns=(*table.columns, interval * np.arange(float(len(table)))),
-        blank=blank,
-        notes=(*table.notes, f"no column of times: one row every {interval:.6g} s, as stated"),
-    ), said
+    for role in ("time", SPEED):
+        text = said.get(role, "").strip()
+        if not re.match(r"[-+]?\.?\d", text) or text in table.names:
+            continue
+        if role == "time":
+            interval = _interval(text, table.path)
+            values, unit = interval * np.arange(float(len(table))), "s"
+            note = f"no column of times: one row every {interval:.6g} s, as stated"
+        else:
+            speed, unit = parse_quantity(text, "m/s", f"{table.path}, {role}"), "m/s"
+            values = np.full(len(table), speed)
+            note = f"no column of the load point: it moves at {text}, as stated"
+        said[role] = f"#{len(table.names) + 1}"
+        table = replace(
+            table,
+            names=(*table.names, role),
+            units=(*table.units, unit),
+            columns=(*table.columns, values),
+            blank=None if table.blank is None else np.pad(table.blank, ((0, 0), (0, 1))),
+            notes=(*table.notes, note),
+        )
+    return table, said
 
 
 def _interval(text: str, path: str) -> float:
