@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from typing import TypeVar
 
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+from jaxtyping import Array, Bool, PyTree
 
 from ..threads import at_once
 
@@ -20,14 +21,37 @@ def in_blocks(one: Callable[..., T], *rows: PyTree) -> T:
 
     Over a whole record, every operation with many derivatives would fetch its numbers from memory.
     """
+    return _mapped(lambda *block: jax.vmap(one)(*block), rows)
+
+
+def renewed(one: Callable[..., T], which: Bool[Array, " n"], old: T, *rows: PyTree) -> T:
+    """`old` with `one(*row)` in its place for the rows of `which`; a block without such rows, in no
+    member of a batch, is passed over."""
+
+    def new(which: Array, old: T, *rows: PyTree) -> T:
+        return jax.tree.map(lambda a, b: _where(which, a, b), jax.vmap(one)(*rows), old)
+
+    def block(which: Array, old: T, *rows: PyTree) -> T:
+        some = eqxi.unvmap_any(jnp.any(which))
+        return jax.lax.cond(some, new, lambda which, old, *rows: old, which, old, *rows)
+
+    few = which.shape[0] <= at_once(_ROWS)  # then all of them cost less than asking
+    return new(which, old, *rows) if few else _mapped(block, (which, old, *rows))
+
+
+def _mapped(block: Callable[..., T], rows: tuple) -> T:
     n, each = jax.tree.leaves(rows)[0].shape[0], at_once(_ROWS)
     if n <= each:
-        return jax.vmap(one)(*rows)
+        return block(*rows)
     blocks = -(-n // each)
 
     def folded(x: jax.Array) -> jax.Array:
         more = [(0, blocks * each - n), *[(0, 0)] * (x.ndim - 1)]
         return jnp.pad(x, more, mode="edge").reshape(blocks, each, *x.shape[1:])
 
-    found = jax.lax.map(lambda block: jax.vmap(one)(*block), jax.tree.map(folded, rows))
+    found = jax.lax.map(lambda rows: block(*rows), jax.tree.map(folded, rows))
     return jax.tree.map(lambda x: x.reshape(blocks * each, *x.shape[2:])[:n], found)
+
+
+def _where(which: Bool[Array, " n"], one: Array, other: Array) -> Array:
+    return jnp.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other)

@@ -23,6 +23,7 @@ import numpy as np
 from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from .blocks import renewed
 from .explicit import explicit_step
 from .ode import SliderEquation, Unknowns
 from .rodas import quartic, stiff_step
@@ -252,9 +253,7 @@ def _begun(
 
             point, knots = jax.lax.scan(some, point, None, length=parts)
             knots = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), knots)
-        found = _between(knots, jnp.minimum(ts, point.time))
-        inside = ts > begin
-        return point, jax.tree.map(lambda new, old: _where(inside, new, old), found, ys)
+        return point, _between(knots, jnp.minimum(ts, point.time), ts > begin, ys)
 
     return (point, ys), segment
 
@@ -375,8 +374,9 @@ def _norm(
     return padded_norm(jax.tree.map(scaled, error, y0, y1))
 
 
-def _between(knots: Knots, ts: Float[Array, " n"]) -> PyTree[Float[Array, "n ..."]]:
-    """The interpolant at ascending times up to the last knot."""
+def _between(knots: Knots, ts: Float[Array, " n"], inside: Bool[Array, " n"], ys: PyTree) -> PyTree:
+    """`ys` with the interpolant at those of the ascending times, up to the last knot, that are
+    `inside`."""
     ends = jax.lax.stop_gradient(knots.t1)
     rows = jnp.searchsorted(ends, jax.lax.stop_gradient(ts))
     rows = jnp.minimum(rows, ends.shape[0] - 1)
@@ -388,15 +388,11 @@ def _between(knots: Knots, ts: Float[Array, " n"]) -> PyTree[Float[Array, "n ...
         share = (t - t0) / jnp.where(t1 > t0, t1 - t0, 1.0)
         return jax.tree.map(lambda y0, y1, k: quartic(share, y0, y1, k), y0, y1, k)
 
-    return jax.vmap(at)(ts, rows)
+    return renewed(at, inside, ys, ts, rows)
 
 
 def _choose(which: Bool[Array, ""], one: PyTree, other: PyTree) -> PyTree:
     return jax.tree.map(lambda a, b: jnp.where(which, a, b), one, other)
-
-
-def _where(which: Bool[Array, " n"], one: Array, other: Array) -> Array:
-    return jnp.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other)
 
 
 def constant(tree: PyTree) -> PyTree:
