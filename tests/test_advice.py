@@ -155,6 +155,7 @@ FILLED = {
     ("--column", "friction={shear} [kN]"): ["friction=Scherkraft [kN]"],
     ("--column", "friction={name} [0.2]"): ["friction=tau [0.2]"],
     ("--column", "friction={over} [0.2]"): ["friction=tau [0.2]"],
+    ("--column", "friction=NAME [-1 {record.friction_unit}]"): ["friction=mu [-1 1]"],
     ("--column", "normal_stress=NAME [-1 {unit}]"): ["normal_stress=NAME [-1 MPa]"],
     ("--column", "{role}=none"): ["normal_stress=none"],
     ("--column", "{role}={name} [0.4 MPa]"): ["normal_stress=Normalkraft [0.4 MPa]"],

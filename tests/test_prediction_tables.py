@@ -237,7 +237,7 @@ def test_the_error_of_a_slider_shift_counts_correlated_noise_and_its_own_fit(mon
     problem = SimpleNamespace(
         model=SimpleNamespace(names=lambda: ("f0", "A")),
         time=np.arange(rows), clock=None, weight=None, noise_scale=2.0,
-        from_free=lambda z: np.asarray([z[0], np.exp(z[1])]),
+        coordinates=SimpleNamespace(from_free=lambda z: np.asarray([z[0], np.exp(z[1])])),
     )  # fmt: skip
     z = np.asarray([0.5, 0.0, 0.3])
     refit = SimpleNamespace(

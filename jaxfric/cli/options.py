@@ -17,7 +17,7 @@ Columns = Annotated[
         "load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress, "
         "shear_stress (over normal_stress it is friction; both may be forces); of an axis time, "
         "position, motor_force, control_signal, motor_current, reference_position, velocity, "
-        "disturbance (added to the controller's output). ROLE=none: no column has it; "
+        "disturbance (added to the output of the controller). ROLE=none: no column has it; "
         "#3 is the third column. time=1kHz: no column has it, rows come at that rate; "
         "'load_point_velocity=10 um/s': the load point moves at that speed all the time. May be"
         " repeated.",

@@ -302,7 +302,7 @@ def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, 
             raise InputError(
                 f"{record.provenance.path}: friction is {begin:.3g} while the load point moves"
                 " forwards, so it would drive the motion; is the sign of friction reversed?"
-                " Write --column 'friction=NAME [-1 UNIT]', [-1] for a coefficient"
+                f" Turn it: --column 'friction=NAME [-1 {record.friction_unit}]'"
             )
         return steps, 1.0
     mirrored = VelocitySteps(steps.times, -steps.velocities, steps.time_errors)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..records.differences import noise_from_differences
 from .result import Fit
 
 EXCESS = 2.0
@@ -23,7 +24,12 @@ _LEAVES = "the fit leaves "
 
 def excess(fit: Fit) -> float:
     """Root mean square of the residual over the scatter of neighbouring rows of the record."""
-    return fit.rms / fit.record.scatter
+    return fit.rms / scatter(fit)
+
+
+def scatter(fit: Fit) -> float:
+    """Standard deviation of the noise by the scatter of neighbouring rows [friction]."""
+    return noise_from_differences(fit.record.friction)
 
 
 def misfit_warning(fit: Fit) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..fitting import Fit
-from ..fitting.misfit import excess, is_of_misfit
+from ..fitting.misfit import excess, is_of_misfit, scatter
 from ..fitting.table import rows
 from .label import friction_label, printable
 from .noise import clocks, draw_autocorrelation, mark_glitches
@@ -100,7 +100,7 @@ def _legend(axis: Axes, stepped: bool) -> None:
 
 def _residual(axis: Axes, fit: Fit, along: np.ndarray) -> None:
     if fit.converged:
-        near, all_of_it = fit.record.scatter, fit.noise.sigma
+        near, all_of_it = scatter(fit), fit.noise.sigma
         if all_of_it > _ALIKE * near:
             text = "±1.96 σ of all that is\nleft, structure too"
             axis.axhspan(-1.96 * all_of_it, 1.96 * all_of_it, color=_WIDE, lw=0, label=text)
