@@ -28,7 +28,7 @@ jax.config.update("jax_enable_x64", True)
 
 V0, F0, AT, END = 1e-6, 0.6, 10.0, 40.0
 LAW = np.array([0.010, 0.014, 20e-6, 1e3])
-TS = np.linspace(0.0, END, int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+TS = np.linspace(0.0, END, next((int(x) for x in sys.argv[1:] if x.isdigit()), 100))
 
 
 def ours(p: jax.Array) -> jax.Array:
