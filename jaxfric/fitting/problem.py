@@ -10,6 +10,7 @@ of their standard error, each held by one more residual.
 """
 
 import dataclasses
+import functools
 from typing import Any, NamedTuple, Protocol
 
 import equinox as eqx
@@ -270,7 +271,10 @@ class Problem(AbstractProblem):
         return jnp.concatenate([*rows, self.hold * z[len(self.model.names()) :]])
 
 
-_MOTION = jax.tree.structure(PiecewiseVelocity(np.zeros(1), np.ones(1)))
+@functools.cache
+def _motion() -> Any:
+    """What `PiecewiseVelocity` is to JAX; to build one would send its arrays to the device."""
+    return jax.tree.structure(PiecewiseVelocity(np.zeros(1), np.ones(1)))
 
 
 def _ones(like: Array) -> Array:
@@ -358,7 +362,7 @@ def make_problem(
     never = filled(steps.times, velocities, np.inf), filled(steps.velocities, velocities)
     problem = Problem(
         **arrays,
-        motion=jax.tree.unflatten(_MOTION, never),  # its `__init__` would send them to the device
+        motion=jax.tree.unflatten(_motion(), never),
         damping=None,
         noise=None,
         channels=(),
