@@ -30,7 +30,7 @@ class PosteriorCall(NamedTuple):
         from ..laws.registry import known_law
         from ..posterior.priors import priors_of, read_priors
 
-        known_law(model.law)
+        model = model._replace(law=known_law(model.law))
         priors_of(model, read_priors(self.file), friction_unit, str(self.file))
 
     def of(self, fit: "Fit", progress: Callable[[str], None]) -> "Posterior | None":

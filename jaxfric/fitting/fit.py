@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import InputError
 from ..laws.registry import evolution_of, fixed_states, known_law
 from ..records import Record, VelocitySteps, record_steps
+from ..records.differences import noise_from_differences
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
 from ..records.teeth import slips_told
@@ -237,7 +238,7 @@ def require_float64() -> None:
 def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, tuple[str, ...]]:
     """A record of means over neighbouring rows, and a warning of what they cost."""
     few = thinned(record, rows, steps)
-    lost = blur(few, few.scatter) if few is not record else 0.0
+    lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
     if lost < _BLUR:
         return few, ()
     return few, (blur_warning(-(-len(record) // rows), lost),)
@@ -336,7 +337,7 @@ def _mass(mass: float | str | None, record: Record) -> float | None:
 
 def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
     """Refuse a stiffness whose spring the whole path of the load point does not load."""
-    noise = record.scatter
+    noise = noise_from_differences(record.friction)
     path = float(np.sum(np.abs(np.diff(steps.displacement(record.relative_time)))))
     if K * path < noise:
         unit = unit_of("K", record.friction_unit)
@@ -373,7 +374,7 @@ def prepare(
     A step time is a parameter where its error, through the spring, is felt above the noise.
     """
     friction = sign * record.friction
-    noise_scale = max(record.scatter, least_noise(recorded_steps(friction)))
+    noise_scale = max(noise_from_differences(friction), least_noise(recorded_steps(friction)))
     shifted = _felt(steps, stiffness, noise_scale)
     sizes = ProblemSizes(
         abs(steps.velocities[0]) if V0 is None else V0,

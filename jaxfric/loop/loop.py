@@ -15,6 +15,7 @@ from ..fitting.padding import bucket
 from ..fitting.problem import Problem
 from ..laws.registry import known_law
 from ..records import Record, VelocitySteps
+from ..records.differences import noise_from_differences
 from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from ..runs.events import Event
@@ -173,7 +174,7 @@ def _stress(record: Record) -> NormalStress | None:
         return None
     moved = moved_stress(record.relative_time, record.normal_stress)
     moved *= float(np.mean(np.abs(record.friction)))
-    if not moved > _STRESS_FELT * record.scatter:
+    if not moved > _STRESS_FELT * noise_from_differences(record.friction):
         return None
     stress = recorded_stress(record.relative_time, record.normal_stress)
     return stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled

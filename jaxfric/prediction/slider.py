@@ -224,13 +224,13 @@ def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, .
     held = range(len(free), len(index))
     middle[held, held] += 1.0
     spread = np.sqrt(np.maximum(np.diag(spread_of(columns, middle)), 0.0))
-    out = []
+    out, of = [], problem.coordinates
     for k, parameter in enumerate(free):
         here = refit.z[index[k]]
         ends = []
         for z in (here - spread[k], here + spread[k]):
             moved = jnp.asarray(refit.z).at[index[k]].set(z)
-            ends.append(float(problem.coordinates.from_free(moved)[index[k]]))
+            ends.append(float(of.from_free(moved)[index[k]]))
         own = table["parameters"][parameter].get("std") or 0.0
         error = float(np.hypot(own, 0.5 * abs(ends[1] - ends[0])))
         out.append(Shift(parameter, model[parameter], refit.values[parameter], error))

@@ -1,6 +1,5 @@
 """A measured record of a slider: time, motion of the load point, friction. All in SI."""
 
-import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -11,7 +10,6 @@ from ..described import Described, Drawable, Gridded, Tabular
 from ..errors import InputError
 from ..units import between
 from . import standing_out
-from .differences import noise_from_differences
 from .roles import SLIDER
 from .rows import MIN_ROWS, FileRows, clock_doubt, refuse_few, whole_rows
 from .sizes import refuse_sizes
@@ -103,11 +101,6 @@ class Record(Described, Drawable, Gridded, Tabular):
     def relative_time(self) -> np.ndarray:
         """Time since the first row [s]."""
         return self.time - self.time[0]
-
-    @functools.cached_property
-    def scatter(self) -> float:
-        """Standard deviation of friction's noise, by the scatter of neighbouring rows."""
-        return noise_from_differences(self.friction)
 
     @property
     def columns(self) -> dict[str, np.ndarray]:

@@ -76,9 +76,6 @@ def filled_rows(blank: np.ndarray | None, used: Iterable[int], count: int) -> sl
     return slice(first if first <= most else 0, stop if count - stop <= most else count)
 
 
-SPEED = "load_point_velocity"
-
-
 def with_stated(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
     """A table with a column more for each role of which `columns` state a number, and `columns`.
 
@@ -89,7 +86,7 @@ def with_stated(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[s
     Raises `InputError` for a number that is none of these, and a rate that is not positive.
     """
     said = dict(columns)
-    for role in ("time", SPEED):
+    for role in ("time", "load_point_velocity"):
         text = said.get(role, "").strip()
         if not re.match(r"[-+]?\.?\d", text) or text in table.names:
             continue
@@ -100,7 +97,7 @@ def with_stated(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[s
         else:
             speed, unit = parse_quantity(text, "m/s", f"{table.path}, {role}"), "m/s"
             values = np.full(len(table), speed)
-            note = f"no column of the load point: it moves at {text}, as stated"
+            note = f"the load point moves at {text}, as stated"
         said[role] = f"#{len(table.names) + 1}"
         table = replace(
             table,

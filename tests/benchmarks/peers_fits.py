@@ -95,7 +95,7 @@ def _ours(table: Table, measured: np.ndarray, load_point: np.ndarray, wrong: Cal
     start = problem.coordinates.to_free(START[None])
 
     def alone() -> np.ndarray:
-        return descend(problem, start, tolerance=1e-12).z
+        return descend(problem, start).z
 
     table.ours(
         "least squares alone",
