@@ -215,6 +215,19 @@ for first in ('stability.theorem', 'fitting.fit', 'plot.fit'):
     assert (out.splitlines(), err) == ([*names, "True False", "None", *3 * ["True True"]], "")
 
 
+def test_import_begins_no_backend():
+    """So that the owner may still choose the devices; JAX refuses that once one is in use."""
+    modules = [m.name for m in pkgutil.walk_packages(jaxfric.__path__, "jaxfric.")]
+    code = f"""
+import importlib, jax
+for module in {[m for m in modules if not m.endswith("__main__")]}:
+    importlib.import_module(module)
+jax.config.update('jax_num_cpu_devices', 2)
+print(len(jax.devices()))
+"""
+    assert python(code) == ("2\n", "")
+
+
 @pytest.mark.parametrize("package", [jaxfric, jaxfric.stability, jaxfric.plot])
 def test_lazy_names_resolve(package):
     """To what has their name, and nothing is both a module of the package and a name in it."""
