@@ -341,7 +341,7 @@ def test_emps_fits(emps):
 def test_emps_loop(emps):
     loop = close_axis_loop(emps)
     assert {"direction_asymmetry", "position_periodic"} == set(loop.effects[:2])
-    assert loop.heldout(loop.after) < 0.6 * loop.heldout(loop.before)
+    assert loop.test_error(loop.after) < 0.6 * loop.test_error(loop.before)
 
 
 # ---- blind records ---------------------------------------------------------------------------
@@ -373,7 +373,7 @@ def test_a_blind_record_with_few_effects_offered():
     offered = {"direction_asymmetry", "cubic", "time_drift"}
     loop = blind(8, "direction_asymmetry", without=sorted(set(AXIS_CATALOGUE) - offered))
     assert loop.verdict == "effects" and loop.effects == ("direction_asymmetry",)
-    assert loop.heldout(loop.after) < 1.1 * loop.sigma
+    assert loop.test_error(loop.after) < 1.1
 
 
 # ---- steady speeds ---------------------------------------------------------------------------

@@ -509,7 +509,7 @@ def record(seed, strokes=20, A=A, B=B, L=L, v_c=VC, noise=0.5, encoder=5e-8):
 
 def check_named(loop):
     assert loop.verdict in ("effects", "ambiguous") and loop.effects == ("rate_and_state",)
-    assert loop.heldout(loop.after) < 1.1 * loop.sigma < 0.2 * loop.heldout(loop.before)
+    assert loop.test_error(loop.after) < 1.1 < 0.2 * loop.test_error(loop.before)
     found, names = loop.after.parameters, list(loop.after.free)
     pick = [names.index(f"rate_and_state.{n}") for n in "AB"]
     (a, ab), (_, b) = loop.after.covariance[np.ix_(pick, pick)]

@@ -647,12 +647,12 @@ def test_gains_are_offered_where_they_are_taken() -> None:
 
 
 def test_the_page_has_one_pair_of_errors() -> None:
-    """That of the rows held out: sentence, card and figure say it; blocks are folded away."""
+    """That of the report block: sentence, card and figure say it; blocks are folded away."""
     loop = make_loop("effects")
     html = html_of(loop)
     told = re.sub(r"<details>.*?</details>", "", html, flags=re.DOTALL)
     assert re.findall(r"[\d.]+ σ → [\d.]+ σ", told) == [
-        " → ".join(f"{loop.heldout(s) / loop.sigma:.2f} σ" for s in (loop.before, loop.after))
+        " → ".join(f"{loop.test_error(s):.2f} σ" for s in (loop.before, loop.after))
     ]
     assert "rms before" in html and "rms before" not in told
 
@@ -825,10 +825,10 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(
         both = [content[fit]["in_sigma"][name] for fit in ("before", "after")]
         assert both == pytest.approx(values)
         assert errors(loop).rows[NAMES.index(name)][-1] == f"{factor * values[1]:.3f}"
-    held = [loop.heldout(s) / (1.25 * loop.sigma) for s in (loop.before, loop.after)]
+    held = [s.rms["report"] / (1.25 * loop.sigma) for s in (loop.before, loop.after)]
     told = re.findall(r"[\d.]+", Told(held[0], held[1], 1.1, 1.0).change())
     assert told == [f"{x:.2f}" for x in held]
-    assert told == [f"{float(x):.2f}" for x in errors(noisy).rows[-1][-2:]]
+    assert [f"{x:.3f}" for x in held] == list(errors(noisy).rows[-1][-2:])
     assert "0.375 × 10⁻³" in errors(noisy).note and "0.375" not in errors(loop).note
     steps = [float(row[-1]) for row in by_velocity(noisy).rows]
     old = [float(row[-1]) for row in by_velocity(loop).rows]
@@ -1236,8 +1236,7 @@ def test_the_answer_on_an_axis_comes_first(snapshot) -> None:
         first, second, third = lines = answer(loop)
         assert " ".join(printed(loop).split()).startswith(" ".join(lines))
         assert second == loop.details.short()
-        sigma = loop.sigma_of(loop.blocks.select | loop.blocks.report)
-        both = [f"{loop.heldout(s) / sigma:.3g}" for s in (loop.before, loop.after)]
+        both = [f"{loop.test_error(s):.3g}" for s in (loop.before, loop.after)]
         assert re.findall(r"[\d.]*\d", third)[:-1] == both[: 1 + bool(loop.effects)]
         html = page_of(loop).text
         assert all(line in html for line in lines) and answer(plain) == []
@@ -1262,7 +1261,7 @@ def test_a_reason_against_all_speeds_is_a_doubt(speeds: tuple[float, ...], doubt
 def test_what_helps_is_named_where_it_is_not_all(snapshot):
     found = make_loop("effects")
     loop = dataclasses.replace(found, verdict="outside_catalogue")
-    assert loop.heldout(loop.after) < loop.heldout(loop.before)
+    assert loop.test_error(loop.after) < loop.test_error(loop.before)
     open_ = [
         dataclasses.replace(c, refused="c not fixed", delta_bic=1e4, effects=("c",))
         for c in loop.candidates[:1]

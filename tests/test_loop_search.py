@@ -91,7 +91,7 @@ def offering(*ids: str) -> dict:
 
 
 def held_out(loop) -> float:
-    return loop.heldout(loop.after) / SIGMA
+    return loop.after.rms["report"] / SIGMA
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,7 @@ def test_a_second_state_is_found(second):
     assert found.exact and found.confirmed and found.heldout_true <= _HELD_OUT
     assert loop.verdict in ("effects", "ambiguous") and loop.effects == ("second_state",)
     assert "second_state" in loop.sentence and loop.reasons == ()
-    assert loop.heldout(loop.before) / SIGMA > 1.2
+    assert loop.before.rms["report"] / SIGMA > 1.2
     assert held_out(loop) <= _HELD_OUT and abs(loop.sigma / SIGMA - 1) < 0.05
     assert [c.accepted for c in loop.candidates if c.effects == ("second_state",)] == [True]
     assert min(loop.before.tests.values()) < 1e-2 < min(loop.after.tests.values())
@@ -123,20 +123,19 @@ def test_a_second_state_is_found(second):
 
 
 def test_before_and_after_are_the_residuals(second):
-    """rms and held-out error, recomputed from the residuals; blocks do not overlap."""
+    """rms and test error, recomputed from the residuals; blocks do not overlap."""
     loop, _ = second
     for part in (loop.before, loop.after):
         for name, rms in part.rms.items():
             rows = loop.blocks.of(name)
             assert rms == pytest.approx(float(np.sqrt(np.mean(part.residual[rows] ** 2))))
-        rows = ~loop.blocks.train
-        whole = np.sqrt(np.mean(part.residual[rows] ** 2))
-        assert loop.heldout(part) == pytest.approx(float(whole))
+        whole = np.sqrt(np.mean(part.residual[loop.blocks.report] ** 2))
+        assert loop.test_error(part) == pytest.approx(float(whole / loop.sigma_held_out))
         assert part.covariance.shape == (len(part.free),) * 2
         stds = [part.parameters[name].std for name in part.free]
         np.testing.assert_allclose(np.sqrt(np.diag(part.covariance)), stds, rtol=1e-6)
     assert loop.sigma_held_out != loop.sigma  # and the sentence says its errors in that
-    both = [f"{loop.heldout(s) / loop.sigma_held_out:.2f}" for s in (loop.before, loop.after)]
+    both = [f"{loop.test_error(s):.2f}" for s in (loop.before, loop.after)]
     assert " -> ".join(both) in loop.sentence
     moved = loop.after.parameters["A"].value - loop.before.parameters["A"].value
     assert loop.shifts()["A"] == pytest.approx(moved / loop.after.parameters["A"].std)

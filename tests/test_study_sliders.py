@@ -442,7 +442,11 @@ def test_what_a_loop_of_a_study_is_asked(tmp_path, monkeypatch):
     def close_loop(record, **options):
         asked.append((record, options))
         return SimpleNamespace(
-            verdict="effects", effects=("gain",), before=2.0, after=1.0, sigma=0.5, heldout=float
+            verdict="effects",
+            effects=("gain",),
+            before=2.0,
+            after=1.0,
+            test_error=lambda x: x / 0.5,
         )
 
     monkeypatch.setattr("jaxfric.loop.close_loop", close_loop)

@@ -15,7 +15,8 @@ from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
 from jaxfric.loop.pace import Stopwatch
 from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import fault, search
-from jaxfric.loop.verdict import _verdict, conclude, held_out
+from jaxfric.loop.split import NAMES
+from jaxfric.loop.verdict import Floor, _verdict, conclude
 from jaxfric.threads import one_by_one
 
 SIGMA = 2e-3
@@ -163,22 +164,7 @@ def test_what_may_be_chance_is_not_even_fitted(monkeypatch, second, asked):
 # ---- the verdict -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("sizes", "error"),
-    [
-        ({}, 1.0),
-        ({"train": 9.0}, 1.0),
-        ({"select": 3.0}, np.sqrt(5.0)),
-        ({"report": 3.0}, np.sqrt(5.0)),
-        ({"select": 2.0, "report": 2.0}, 2.0),
-    ],
-)
-def test_the_held_out_error_is_that_of_the_select_and_report_blocks(sizes, error):
-    engine = SimpleNamespace(blocks=BLOCKS, problem=SimpleNamespace(noise_scale=SIGMA))
-    assert held_out(engine, candidate(**sizes)) == pytest.approx(SIGMA * error)
-
-
-FLOOR = SimpleNamespace(sigma=SIGMA, later=SIGMA, held_out=1.1, train=1.1)
+FLOOR = Floor(None, SIGMA, SIGMA, dict.fromkeys(NAMES, 1.1))
 LEFT = ["structure is left"]
 
 
@@ -238,7 +224,7 @@ def test_no_verdict_at_the_edge_of_stability(edge, failed, withheld):
     told = concluded(search, edge=edge)
     assert told.verdict == ("ambiguous" if withheld else "effects")
     assert told.sigma_held_out == FLOOR.later
-    assert withheld or told.most_held_out == FLOOR.held_out
+    assert withheld or told.most_held_out == FLOOR.most["report"]
     assert ("No verdict" in told.sentence) == withheld == bool(told.reasons)
     if withheld:  # an axis has no stiffness to check
         assert (f"{edge:.2f}" if edge is not None else "cannot be simulated") in told.sentence
@@ -249,10 +235,10 @@ def test_no_verdict_at_the_edge_of_stability(edge, failed, withheld):
     [
         ({}, None),
         ({"select": 1.09, "report": 1.09, "train": 1.09}, None),
-        ({"select": 1.11, "report": 1.11},
-         "held-out error is 1.110 sigma; noise alone gives up to 1.10"),
+        ({"report": 1.11}, "test error is 1.110 sigma; noise alone gives up to 1.10"),
+        ({"select": 1.11}, "validation error is 1.110 sigma; noise alone gives up to 1.10"),
         ({"train": 1.11}, "train error is 1.110 sigma; noise alone gives up to 1.10"),
-        ({"select": np.nan}, "held-out error is nan"),
+        ({"select": np.nan}, "validation error is nan"),
     ],
 )  # fmt: skip
 def test_an_effect_is_confirmed_by_what_it_leaves(sizes, reason):
@@ -263,12 +249,20 @@ def test_an_effect_is_confirmed_by_what_it_leaves(sizes, reason):
     assert [reason in text for text in told.reasons] == ([] if reason is None else [True])
 
 
+def test_the_error_that_is_told_is_that_of_the_report_block_alone():
+    """The select block chose the model: a choice among many is good there by chance."""
+    search = found("a")
+    search.base = candidate((), 0.0, select=5.0, report=3.0)
+    search.final = candidate(("a",), -100.0, select=0.7, report=1.05)
+    assert "test error 3.00 -> 1.05 sigma" in concluded(search).sentence
+
+
 @pytest.mark.parametrize(("later", "verdict"), [(1.5, "effects"), (1.0, "outside_catalogue")])
 def test_rows_that_are_held_out_have_noise_of_their_own(later, verdict):
     """An error of 1.6 sigma is none where the noise of those rows is 1.5 sigma."""
     search = found("a")
     search.final = candidate(("a",), -100.0, select=1.6, report=1.6)
-    floor = SimpleNamespace(**{**vars(FLOOR), "later": later * SIGMA})
+    floor = FLOOR._replace(later=later * SIGMA)
     told = concluded(search, floor=floor)
     assert told.verdict == verdict
     assert (f"{1.6 / later:.2f} sigma" in told.sentence) and bool(told.reasons) == (later == 1.0)

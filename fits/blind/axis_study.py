@@ -75,8 +75,8 @@ def treat(job: tuple[Request, Path]) -> str:
         row |= {
             "verdict": loop.verdict,
             "effects": list(loop.effects),
-            "heldout_before": loop.heldout(loop.before) / loop.sigma,
-            "heldout_after": loop.heldout(loop.after) / loop.sigma,
+            "heldout_before": loop.test_error(loop.before),
+            "heldout_after": loop.test_error(loop.after),
             "parameters": {n: [e.value, e.std] for n, e in loop.after.parameters.items()},
             "before": {n: e.value for n, e in loop.before.parameters.items()},
             "truth": blind.truth,

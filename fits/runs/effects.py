@@ -212,7 +212,7 @@ def study(task: tuple[str, int, Size]) -> dict:
         "groups": [list(group) for group in loop.alias_groups],
         "units": len(units),
         "covered": covered,
-        "heldout": loop.heldout(loop.after) / SIGMA,
+        "heldout": loop.test_error(loop.after),
         "seconds": time.monotonic() - begun,
     }
 

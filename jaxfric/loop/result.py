@@ -210,7 +210,8 @@ class Loop(Described, Drawable, Gridded, Tabular):
     sigma_held_out: float = float("nan")
     """Noise as `sigma`, but of the held-out rows; nan where it is not known apart."""
     most_held_out: float = float("nan")
-    """The held-out error, in their noise, up to which they count as noise; nan if not known."""
+    """The error of the report block, in its noise, up to which it counts as noise; nan if not
+    known."""
 
     @property
     def length_unit(self) -> str:
@@ -232,10 +233,10 @@ class Loop(Described, Drawable, Gridded, Tabular):
                 moved[name] = (after.value - before.value) / after.std
         return moved
 
-    def heldout(self, score: Score) -> float:
-        """rms of select and report blocks together."""
-        rows = self.blocks.select | self.blocks.report
-        return float(np.sqrt(np.mean(score.residual[rows] ** 2)))
+    def test_error(self, score: Score) -> float:
+        """rms of the report block, in its noise: the rows that neither a fit nor a choice of a
+        model saw."""
+        return score.rms["report"] / self.sigma_of(self.blocks.report)
 
     def row_sigma(self) -> np.ndarray:
         """The noise of every row: `sigma_held_out` of rows that are held out, else `sigma`."""

@@ -145,7 +145,7 @@ def _stands(second: Loop, first: Loop) -> bool:
         alone = len(first.reasons) == 1 and _least(first) < SIGNIFICANT
         if not alone or _together(first, second) < SIGNIFICANT:
             return False
-    better = second.heldout(second.after) < second.heldout(second.before)
+    better = second.test_error(second.after) < second.test_error(second.before)
     return better and (second.gain() or 0.0) > 2 * ACCEPT
 
 

@@ -37,9 +37,12 @@ class Floor(NamedTuple):
     """Standard deviation on the train block, in the unit of friction."""
     later: float
     """Standard deviation on the held-out rows: noise may differ from step to step."""
-    held_out: float
-    train: float
-    """Largest rms of the held-out and train rows, over sigma, that noise alone explains."""
+    most: Mapping[str, float]
+    """Largest rms of every block, over sigma, that noise alone explains."""
+
+    def level(self, block: str) -> float:
+        """Standard deviation on a block, in the unit of friction."""
+        return self.sigma if block == "train" else self.later
 
 
 class Told(NamedTuple):
@@ -47,18 +50,18 @@ class Told(NamedTuple):
 
     before: float
     after: float
-    """Held-out errors of the base and of the model, in sigma."""
+    """Errors of the base and of the model on the report block, in sigma."""
     most: float
-    """The held-out error that noise alone explains, in sigma."""
+    """The error of the report block that noise alone explains, in sigma."""
     p_value: float
     """The smallest p-value of the residual tests."""
 
     def change(self) -> str:
-        """The held-out error before and after, said as a fall only where it is one."""
+        """The test error before and after, said as a fall only where it is one."""
         before, after = f"{self.before:.2f}", f"{self.after:.2f}"
         if float(after) < float(before):
-            return f"held-out error {before} -> {after} sigma"
-        return f"held-out error {after} sigma with, {before} without"
+            return f"test error {before} -> {after} sigma"
+        return f"test error {after} sigma with, {before} without"
 
 
 class Conclusion(NamedTuple):
@@ -86,17 +89,25 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     found = engine.noise_afresh(rows.residual * engine.weight, train[:, used])
     noise = found.noise
     held = engine.blocks.select | engine.blocks.report
-    # sigma comes from the train block and has its error
-    later, chance = (engine.rms_error(some, noise) for some in (held, engine.blocks.train))
-    errors = _prediction_errors(engine, rows, held, noise)
-    errors = errors * min(1.0, _MOST_PREDICTED / max(float(errors.sum()), 1e-300))
     size = float(engine.problem.noise_scale)
+    # sigma comes from the train block and has its error
+    chance = engine.rms_error(engine.blocks.train, noise)
+
+    def most(block: np.ndarray) -> float:
+        both = float(np.hypot(engine.rms_error(block, noise), chance))
+        errors = _prediction_errors(engine, rows, block, noise)
+        errors = errors * min(1.0, _MOST_PREDICTED / max(float(errors.sum()), 1e-300))
+        return max(HELD_OUT, largest_rms(both, errors))
+
     return Floor(
         found,
         size * _level(engine, rows.residual, columns, engine.blocks.train, noise),
         size * _level(engine, rows.residual, columns, held, noise),
-        max(HELD_OUT, largest_rms(float(np.hypot(later, chance)), errors)),
-        max(_TRAIN, largest_rms(chance, np.zeros(0))),
+        {
+            "train": max(_TRAIN, largest_rms(chance, np.zeros(0))),
+            "select": most(engine.blocks.select),
+            "report": most(engine.blocks.report),
+        },
     )
 
 
@@ -193,20 +204,22 @@ def conclude(
             " of the law looks like a large effect; use a stiffer machine, or check --stiffness."
         )
         return _withheld(text, why, floor)
-    reasons = _reasons(engine, final, floor, tests)
+    reasons = _reasons(final, floor, tests)
     rivals = _rivals(search)
     families = () if curve is None or not curve.untold else (curve,)
     verdict = _verdict(search, reasons, [*rivals, *families], floor, engine)
     told = Told(
-        held_out(engine, search.base) / floor.later,
-        held_out(engine, search.final) / floor.later,
-        floor.held_out,
+        search.base.rms["report"] / floor.later,
+        search.final.rms["report"] / floor.later,
+        floor.most["report"],
         min(tests.values(), default=1.0),
     )
     families = families if verdict == "ambiguous" else ()
     sentence = sentence_of(verdict, search, told, rivals, located, families)
     told = sentence, tuple(reasons), groups, separations, families
-    return Conclusion(verdict, *told, sigma_held_out=floor.later, most_held_out=floor.held_out)
+    return Conclusion(
+        verdict, *told, sigma_held_out=floor.later, most_held_out=floor.most["report"]
+    )
 
 
 def _withheld(sentence: str, why: str, floor: Floor) -> Conclusion:
@@ -221,27 +234,16 @@ def effect_of_engine(engine: Engine, id: str):
     return own[0] if own else effect_of(id)
 
 
-def held_out(engine: Engine, candidate: Candidate) -> float:
-    """rms of the select and report rows in the unit of friction."""
-    rows = engine.blocks.select | engine.blocks.report
-    scale = float(engine.problem.noise_scale)
-    return scale * float(np.sqrt(np.mean(candidate.residual[rows] ** 2)))
-
-
-def _reasons(
-    engine: Engine, final: Candidate, floor: Floor, tests: Mapping[str, float]
-) -> list[str]:
+def _reasons(final: Candidate, floor: Floor, tests: Mapping[str, float]) -> list[str]:
     reasons = []
     left = [f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in tests.items() if p < SIGNIFICANT]
     if left:
         reasons.append("structure is left in the residual: " + "; ".join(left))
-    for name, value, most in (
-        ("held-out", held_out(engine, final) / floor.later, floor.held_out),
-        ("train", final.rms["train"] / floor.sigma, floor.train),
-    ):
+    for block, named in (("report", "test"), ("select", "validation"), ("train", "train")):
+        value, most = final.rms[block] / floor.level(block), floor.most[block]
         if not value <= most:
             reasons.append(
-                f"the {name} error is {value:.3f} sigma; noise alone gives up to {most:.2f}"
+                f"the {named} error is {value:.3f} sigma; noise alone gives up to {most:.2f}"
             )
     return reasons
 
@@ -297,7 +299,7 @@ def sentence_of(
 ) -> str:
     """The verdict in words."""
     named = listed(search.final.effects)
-    before = f"held-out error {told.before:.2f} sigma"
+    before = f"test error {told.before:.2f} sigma"
     if verdict == "no_missing_effect":
         what = "This record shows nothing that is missing"
         return f"{what}: the base model fits to the noise ({before})."
@@ -321,7 +323,7 @@ def sentence_of(
             which = " that this record fixes" if closer else ""
             what = (
                 "What is left is as small as the noise"
-                f" (held-out error {told.after:.2f} sigma), but has structure that no effect of the"
+                f" (test error {told.after:.2f} sigma), but has structure that no effect of the"
                 f" catalogue{which} explains."
             )
         parts = (what, words_of_unfixed(closer, named), _in_vain(search, named, told), located)
@@ -353,7 +355,7 @@ def _upper(text: str) -> str:
 
 
 def _helped(told: Told) -> bool:
-    """Whether the held-out error falls, as it is written."""
+    """Whether the test error falls, as it is written."""
     return float(f"{told.after:.2f}") < float(f"{told.before:.2f}")
 
 

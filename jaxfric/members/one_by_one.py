@@ -284,8 +284,8 @@ def make_loop(spec: Spec, table: Table, where: str) -> StudyPart:
         Output("verdict", long_name="verdict of the loop", codes=codes),
         Output("effects", "1", "number of effects that were added"),
         Output("first_effect", long_name="effect that was added first", codes=ids),
-        Output("held_out_before", "1", "held-out error of the base, in sigma of the noise"),
-        Output("held_out_after", "1", "held-out error with the effects, in sigma of the noise"),
+        Output("held_out_before", "1", "test error of the base, in sigma of the noise"),
+        Output("held_out_after", "1", "test error with the effects, in sigma of the noise"),
     )
     most = whole(table, "most", where) or 1
     if most > 3:
@@ -337,8 +337,8 @@ class LoopOfRecord:
             "verdict": self.verdicts.index(found.verdict),
             "effects": len(found.effects),
             "first_effect": self.ids.index(found.effects[0]) if found.effects else 0,
-            "held_out_before": found.heldout(found.before) / found.sigma,
-            "held_out_after": found.heldout(found.after) / found.sigma,
+            "held_out_before": found.test_error(found.before),
+            "held_out_after": found.test_error(found.after),
         }
 
 

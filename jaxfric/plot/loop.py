@@ -77,16 +77,14 @@ def residual_figure(loop: Loop) -> Figure:
     _record_and_model(record, loop, along)
     added = " + ".join(loop.effects)
     after = f"After: with {added}" if added else "After: no effect was added, the same"
-    reach, held = _reach(loop), loop.sigma_of(loop.blocks.select | loop.blocks.report)
+    reach = _reach(loop)
     for axis, score, title in (
         (axes[0], loop.before, f"Before: {_base(loop)}"),
         (axes[1], loop.after, after),
     ):
         _residual(axis, loop, -score.residual / loop.row_sigma(), along, reach)
         mark_glitches(axis, along, score.noise.glitches)
-        error = f"(held-out error {loop.heldout(score) / held:.2f} σ)".replace(
-            " ", "\N{NO-BREAK SPACE}"
-        )
+        error = f"(test error {loop.test_error(score):.2f} σ)".replace(" ", "\N{NO-BREAK SPACE}")
         tidy(axis, panel_title(f"{title}   {error}"))
     for axis in (top, record, *axes):
         _blocks(axis, loop, along)

@@ -177,16 +177,18 @@ def _means(loop: Loop) -> str:
 
 
 def _cards(loop: Loop) -> str:
-    """The one pair of errors, of all rows that were held out, the effects and the noise."""
-    sigma = loop.sigma_of(loop.blocks.select | loop.blocks.report)
-    error = f"{loop.heldout(loop.before) / sigma:.2f} σ"
+    """The one pair of errors, of the report block, the effects and the noise."""
+    error = f"{loop.test_error(loop.before):.2f} σ"
     if loop.effects:
-        error += f" → {loop.heldout(loop.after) / sigma:.2f} σ"
+        error += f" → {loop.test_error(loop.after):.2f} σ"
     most = loop.most_held_out
     chance = f", by chance up to {most:.2f}" if isfinite(most) else ""
     short, noise = loop.after.noise.kind, noise_text(loop.after.noise)
     cards = [
-        (error, f"error on rows that no fit saw; the noise alone is 1 σ{chance}"),
+        (
+            error,
+            f"test error, of the report block alone; noise alone gives 1 σ{chance}",
+        ),
         (" + ".join(loop.effects) or "none", "effects added"),
         (short, "noise of the record" + (f": {noise}" if noise != short else "")),
     ]

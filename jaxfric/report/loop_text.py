@@ -54,7 +54,7 @@ def headline(loop: Loop) -> str:
     if (
         loop.verdict == "outside_catalogue"
         and loop.effects
-        and loop.heldout(loop.after) < loop.heldout(loop.before)
+        and loop.test_error(loop.after) < loop.test_error(loop.before)
     ):
         text = f"Beyond {{effects}} {text[0].lower()}{text[1:]}"
     return text.format(effects=listed(loop.effects) or "an effect")
@@ -62,8 +62,7 @@ def headline(loop: Loop) -> str:
 
 def _far_off(loop: Loop) -> bool:
     """Whether the base misses rows that it was not fitted to by far more than noise."""
-    held = loop.blocks.select | loop.blocks.report
-    return loop.heldout(loop.before) > FAR * loop.most_held_out * loop.sigma_of(held)
+    return loop.test_error(loop.before) > FAR * loop.most_held_out
 
 
 def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[TextTable]:
@@ -99,15 +98,12 @@ def answer(loop: Loop) -> list[str]:
         found = f"{base}, and {listed([_named(loop, id) for id in loop.effects])}"
     else:
         found = f"{base} do not describe it: {headline(loop)[0].lower()}{headline(loop)[1:]}"
-    sigma = loop.sigma_of(loop.blocks.select | loop.blocks.report)
-    before, after = loop.heldout(loop.before) / sigma, loop.heldout(loop.after) / sigma
-    error = f"{before:.3g} times the noise"
-    if loop.effects:
-        error = f"{error} before, {after:.3g} times after"
+    models = (loop.before, loop.after) if loop.effects else (loop.before,)
+    error = " -> ".join(f"{loop.test_error(model):.3g}" for model in models)
     return [
         f"friction: {found}",
         means,
-        f"error in rows that no fit saw: {error} (1: only noise is left)",
+        f"test error: {error} sigma (of the report block alone; noise alone gives 1)",
     ]
 
 
@@ -149,17 +145,13 @@ def errors(loop: Loop) -> TextTable:
         count = str(int(loop.blocks.of(name).sum()))
         sigma = loop.sigma_of(loop.blocks.of(name))
         rows.append((f"{name}: {BLOCKS[name]}", count, *_errors(both, size, sigma)))
-    both = [loop.heldout(loop.before), loop.heldout(loop.after)]
-    held = loop.blocks.select | loop.blocks.report
-    sigma = loop.sigma_of(held)
-    rows.append(("held out: select and report", str(int(held.sum())), *_errors(both, size, sigma)))
     return TextTable(
         "Error before and after",
         ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
         rows,
         f"{_what_sigma_is(loop)}; {_lowest(loop)}{_target(loop)}. Noise is"
         f" {noise_text(loop.after.noise)}{_bound(loop)}",
-        (3,),
+        (2,),
     )
 
 
@@ -176,9 +168,9 @@ def _lowest(loop: Loop) -> str:
 
 
 def _target(loop: Loop) -> str:
-    """The error of held-out rows that counts as noise; empty where it is not known."""
+    """The test error that counts as noise; empty where it is not known."""
     most = loop.most_held_out
-    return f"; held-out rows count as noise up to {most:.2f} σ" if math.isfinite(most) else ""
+    return f"; the report block counts as noise up to {most:.2f} σ" if math.isfinite(most) else ""
 
 
 def _what_sigma_is(loop: Loop) -> str:

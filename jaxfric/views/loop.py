@@ -12,12 +12,11 @@ from .view import Arrays, Frame, Page, Variable, View
 
 
 def line(loop: Loop) -> str:
-    """The verdict, and the held-out error before and after."""
-    held = loop.sigma_of(loop.blocks.select | loop.blocks.report)
-    errors = [f"{loop.heldout(score) / held:.2f}" for score in (loop.before, loop.after)]
+    """The verdict, and the test error before and after."""
+    errors = [f"{loop.test_error(score):.2f}" for score in (loop.before, loop.after)]
     name = printable(loop.record.provenance.path)
     found = headline(loop)
-    told = f"error of held-out rows {' -> '.join(dict.fromkeys(errors))} of the noise"
+    told = f"test error {' -> '.join(dict.fromkeys(errors))} of the noise"
     return f"Loop({name}: {loop.verdict}. {found}; {told})"
 
 
