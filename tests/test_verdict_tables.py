@@ -302,7 +302,7 @@ def test_what_is_said_of_a_family():
     told = concluded(found("a", "b"), curve=curve(2.0, decided=decided))
     assert told.sentence == (
         "The model lacks b and a steady curve of velocity (a is one that fits, a quadratic in ln V"
-        " another): held-out error 1.00 sigma with, 1.00 without, BIC 100 lower. Steady sliding at"
+        " another): test error 1.00 sigma with, 1.00 without, BIC 100 lower. Steady sliding at"
         " 100 µm/s or 0.23 µm/s would tell."
     )
     content = told.families[0].to_json()
