@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from jaxfric.effects import RecordScales
-from jaxfric.effects.axis import Presliding
+from jaxfric.effects.axis import AxisPositionPeriodic, LogViscous, Presliding, RateAndState
+from jaxfric.effects.effect import beyond
 from jaxfric.loop.fixed import Part, loose, not_fixed
 from jaxfric.quantity import quantities
 
@@ -71,7 +72,9 @@ Z = np.asarray([0.6, -2.0, np.log(1e-4), 0.0, 4.0, 8.0])
 POSITIVE, BOUNDED = "wave.length", "wave.n"
 
 
-def engine(errors, *, correlation=0.0, shape=0.0, largest=0.6, failed=False, free_shape=""):
+def engine(
+    errors, *, correlation=0.0, shape=0.0, largest=0.6, failed=False, free_shape="", beyond=()
+):
     """Of a friction of `largest`, with errors of z by name, of the two lags correlated, and of the
     wave's height and shape; what one parameter does is known without it."""
     std = np.asarray([errors.get(name, 0.1) for name in NAMES])
@@ -91,7 +94,7 @@ def engine(errors, *, correlation=0.0, shape=0.0, largest=0.6, failed=False, fre
         return [i for i, name in enumerate(NAMES) if name.split(".")[0] in ids]
 
     return SimpleNamespace(
-        names=NAMES, rows=4, weight=np.ones(6),
+        names=NAMES, rows=4, weight=np.ones(6), beyond=lambda effects, z, scales: beyond,
         problem=SimpleNamespace(friction=np.asarray([0.01, -largest, 0, 0.01, 99, 99])),
         free=lambda effects: np.asarray([0, *columns(effects)]),
         evaluate=lambda z, index: SimpleNamespace(
@@ -136,6 +139,7 @@ BOTH = ("lag", "late")
         (BOTH, engine({}, correlation=-0.96), ("lag.tau", "late.tau")),
         (("lag",), engine({}, correlation=0.96), ()),
         (("wave", "lag"), engine({"wave.a": 3.0, "lag.tau": 5.0}), ("wave.a", "lag.tau")),
+        (("wave",), engine({}, beyond=("wave.n",)), ("wave.n",)),
         (("wave",), engine({}, failed=True), ("wave",)),
     ],
 )
@@ -162,7 +166,7 @@ def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
     own = tuple(BRISTLE)
     about = dict(zip(own, quantities(Presliding).values(), strict=True))
     made = SimpleNamespace(
-        names=own, rows=2, weight=np.ones(3),
+        names=own, rows=2, weight=np.ones(3), beyond=lambda effects, z, scales: (),
         problem=SimpleNamespace(friction=np.asarray([100.0, -100.0, 0.0])),
         free=lambda effects: np.arange(3),
         evaluate=lambda z, index: SimpleNamespace(
@@ -177,3 +181,21 @@ def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
     )  # fmt: skip
     candidate = SimpleNamespace(effects=("presliding",), z=np.ones(3), noise=None)
     assert not_fixed(made, candidate, AXIS) == names
+
+
+@pytest.mark.parametrize(
+    ("effect", "names"),
+    [  # the travel is 0.2 m, the slowest speed 1 mm/s
+        (AxisPositionPeriodic(1.0, 0.0, 0.13), ()),
+        (AxisPositionPeriodic(1.0, 0.0, 0.14), ("wavelength",)),
+        (Presliding(2.0, 0.0, 0.03), ()),
+        (Presliding(2.0, 0.0, 0.04), ("x_c",)),
+        (Presliding(2.0, -190.0, 0.01), ()),
+        (Presliding(2.0, -210.0, 0.01), ("sigma_1",)),
+        (LogViscous(1.0, 1.1e-6), ()),
+        (LogViscous(1.0, 0.9e-6), ("v_c",)),
+        (RateAndState(1.0, 2.0, 1e-3, 0.9e-6), ("v_c",)),
+    ],
+)
+def test_what_no_record_of_its_size_shows(effect, names):
+    assert beyond(effect, AXIS) == names

@@ -498,7 +498,7 @@ def searched(found, cosines, *tried):
 
     def candidate(effects, bic, **more):
         return SimpleNamespace(
-            effects=effects, bic=bic, **{"physical": True, "failed": False, **more}
+            effects=effects, bic=bic, **{"physical": True, "failed": False, "takes": "", **more}
         )
 
     final = candidate(found, 100.0)
@@ -522,7 +522,7 @@ def test_what_cannot_be_told_apart():
     )
     assert _groups(search) == (("a", "c", "b"),)  # c looks alike, b fits as well
     assert _rivals(search) == [("a", "b")]  # c was refitted, and is worse
-    for bad in ({"physical": False}, {"failed": True}):
+    for bad in ({"physical": False}, {"failed": True}, {"takes": "takes B"}):
         assert _rivals(searched(("a",), cosines, (("b",), 1.0, bad))) == []
 
 
@@ -555,6 +555,9 @@ class Fitted:
     def apart(self, effects):
         del effects
         return True
+
+    def law(self, id, z):
+        del id, z
 
     def rms_error(self, used, noise):
         del noise
@@ -593,6 +596,7 @@ def end_of_search(monkeypatch, bic, loose=lambda effects: ()):
         lambda engine, candidate, scales: tuple(loose(candidate.effects)),
     )
     monkeypatch.setattr(search_module, "aliases", lambda *_: (tuple(Fitted.ids), cosines))
+    monkeypatch.setattr(search_module, "what_it_takes", lambda *_: "")
     engine, told = Fitted(bic), []
     return search_module.search(engine, [np.zeros(4)], None, most=3, progress=told.append)
 
@@ -750,10 +754,12 @@ def test_a_fit_less_likely_than_without_its_effect_begins_again_nearer(fits, bes
         bic, more = left.pop(0)
         noise = SimpleNamespace(log_likelihood=100.0 - more / 2)
         failed = not np.isfinite(bic)
-        return SimpleNamespace(effects=effects, bic=bic, failed=failed, noise=noise)
+        return SimpleNamespace(effects=effects, bic=bic, failed=failed, noise=noise, physical=True)
 
     model = SimpleNamespace(columns=lambda ids: [1, 2], amplitudes=lambda id: [1])
-    engine: Any = SimpleNamespace(refit=refit, model=model, weight=np.ones(100))
+    engine: Any = SimpleNamespace(
+        refit=refit, model=model, weight=np.ones(100), law=lambda id, z: None
+    )
     without = SimpleNamespace(log_likelihood=100.0)
     current: Any = SimpleNamespace(bic=0.0, z=np.zeros(3), noise=without)
     one = Screened("a", 20.0, np.array([0.0, 8.0, 3.0]), 0.0)

@@ -66,7 +66,7 @@ TRIED = [
 
 
 def refused(effects, bic, why=NOT_FIXED, other=()):
-    default = {"physical": True, "failed": False}
+    default = {"physical": True, "failed": False, "takes": ""}
     return SimpleNamespace(
         effects=tuple(effects.split()), bic=bic, refused=f"x{why}", **(default | dict(other))
     )

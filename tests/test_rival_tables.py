@@ -5,15 +5,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxfric.loop.rivals import all_rivals, disagreement, rival_fits
+from jaxfric.loop.estimates import disagreement
+from jaxfric.loop.rivals import all_rivals, rival_fits
 
 INDEX = np.array([0, 1, 2])
 COLUMNS = {"viscous": 2, "damping": 3, "ageing": 4}
 
 
-def candidate(effects, bic, z, *, physical=True, failed=False):
+def candidate(effects, bic, z, *, physical=True, failed=False, takes=""):
     z = np.asarray(z, float)
-    return SimpleNamespace(effects=effects, bic=bic, z=z, physical=physical, failed=failed)
+    return SimpleNamespace(
+        effects=effects, bic=bic, z=z, physical=physical, failed=failed, takes=takes
+    )
 
 
 ENGINE = SimpleNamespace(
@@ -29,6 +32,7 @@ FINAL = candidate(("viscous",), 100.0, [1.0, 2.0, 3.0, 0.0, 0.0])
         (candidate(("damping",), 110.0, np.zeros(5)), False),  # evidence against it
         (candidate(("damping",), 99.0, np.zeros(5), physical=False), False),
         (candidate(("damping",), 99.0, np.zeros(5), failed=True), False),
+        (candidate(("damping",), 99.0, np.zeros(5), takes="takes B"), False),
         (candidate(("viscous", "damping"), 101.0, np.zeros(5)), False),  # beside, not in place
         (candidate((), 101.0, np.zeros(5)), False),
     ],

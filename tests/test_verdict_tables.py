@@ -31,7 +31,8 @@ def candidate(effects=(), bic=0.0, *, train=1.0, select=1.0, report=1.0, **more)
     sizes = {"train": train, "select": select, "report": report}
     residual = sum(size * getattr(BLOCKS, name) for name, size in sizes.items())
     noise = SimpleNamespace(log_likelihood=0.0)
-    common = {"z": np.ones(4), "noise": noise, "physical": True, "failed": False, "refused": ""}
+    common = {"z": np.ones(4), "noise": noise, "physical": True, "failed": False}
+    common |= {"refused": "", "takes": ""}
     rms = {name: SIGMA * size for name, size in sizes.items()}
     return Made(effects=tuple(effects), bic=bic, rms=rms, residual=residual, **{**common, **more})
 
@@ -107,13 +108,13 @@ def test_chance_on_the_select_block_is_two_standard_errors(select, words):
     assert fault(candidate(), candidate("a", -50.0, select=select), 0.1) == words
 
 
-def searched(monkeypatch, *screened, loose=(), **fitted):
+def searched(monkeypatch, *screened, loose=(), takes="", **fitted):
     """A search that offers a and b; `fitted`: what a refit of each gives."""
     ids = ("a", "b")
     engine = SimpleNamespace(
         always=(), blocks=BLOCKS, offered=[SimpleNamespace(id=id) for id in ids],
         addable=lambda effects: [e for e in ids if e not in effects],
-        stopwatch=Stopwatch([0.1]), weight=np.ones(100),
+        stopwatch=Stopwatch([0.1]), weight=np.ones(100), law=lambda *_: None,
         rms_error=lambda used, noise: 0.0, learn_noise=lambda base: base,
         each=one_by_one, at_once=1, seek_parts=lambda z: None,
         model=SimpleNamespace(
@@ -128,6 +129,7 @@ def searched(monkeypatch, *screened, loose=(), **fitted):
     asked = [Screened(id, gain, np.ones(4), p) for id, gain, p in screened]
     monkeypatch.setattr(search_module, "screen", lambda *_: asked)
     monkeypatch.setattr(search_module, "not_fixed", lambda *_: loose)
+    monkeypatch.setattr(search_module, "what_it_takes", lambda *_: takes)
     monkeypatch.setattr(search_module, "aliases", lambda *_: (ids, np.eye(2)))
     found = search(engine, [np.zeros(4)], None, most=1, progress=lambda _: None)
     return found.final.effects, {c.effects: c.refused for c in found.tried if c.refused}
@@ -143,6 +145,7 @@ GOOD = {"bic": -50.0}
         (0.0101, {"a": GOOD}, (), {("a",): "may be chance"}),
         (0.0, {"a": GOOD, "loose": ("a.x", "a.y")}, (), {("a",): "a.x, a.y not fixed"}),
         (0.0, {"a": {"bic": -9.0}}, (), {("a",): "too little evidence"}),
+        (0.0, {"a": GOOD, "takes": "takes B"}, (), {("a",): "takes B"}),
         (0.0, {"a": {**GOOD, "select": 1.03}}, (), {("a",): "predicts the select block worse"}),
     ],
 )
@@ -201,7 +204,7 @@ def test_the_verdict(search, reasons, rivals, verdict):
     assert _verdict(search, reasons, rivals, FLOOR, None) == verdict
 
 
-def concluded(search, *, edge=None, tests=None, floor=None, curve=None):
+def concluded(search, *, edge=None, tests=None, floor=None, curve=None, moved=""):
     engine = SimpleNamespace(
         blocks=BLOCKS,
         problem=SimpleNamespace(noise_scale=SIGMA),
@@ -209,7 +212,9 @@ def concluded(search, *, edge=None, tests=None, floor=None, curve=None):
             effects=[SimpleNamespace(id=id, separated_by="more slip") for id in ("a", "b")]
         ),
     )
-    return conclude(engine, search, floor or FLOOR, tests or {}, edge=edge, located="", curve=curve)
+    return conclude(
+        engine, search, floor or FLOOR, tests or {}, edge=edge, located="", curve=curve, moved=moved
+    )
 
 
 @pytest.mark.parametrize(
@@ -255,6 +260,40 @@ def test_the_error_that_is_told_is_that_of_the_report_block_alone():
     search.base = candidate((), 0.0, select=5.0, report=3.0)
     search.final = candidate(("a",), -100.0, select=0.7, report=1.05)
     assert "test error 3.00 -> 1.05 sigma" in concluded(search).sentence
+
+
+@pytest.mark.parametrize(
+    ("others", "verdict"),
+    [
+        ([], "effects"),
+        ([{"failed": True}], "ambiguous"),  # that b could not be fitted is no evidence for a
+        ([{"failed": True}, {"bic": -60.0}], "effects"),  # from another start it could
+        ([{"failed": True, "effects": ("a", "b")}], "effects"),
+    ],
+)
+def test_an_alias_that_could_not_be_fitted_is_not_ruled_out(others, verdict):
+    """b is an alias of a by its sensitivities."""
+    search = found("a")
+    search.cosines = np.array([[1.0, 0.97], [0.97, 1.0]])
+    search.tried = [*search.tried, *(candidate(**{"effects": ("b",), **one}) for one in others)]
+    told = concluded(search)
+    assert told.verdict == verdict
+    assert any("b could not be fitted" in r for r in told.reasons) == (verdict == "ambiguous")
+
+
+@pytest.mark.parametrize(
+    ("report", "moved", "verdict"),
+    [(1.03, "A-B moves", "ambiguous"), (1.01, "A-B moves", "effects"), (1.03, "", "effects")],
+)
+def test_what_moves_a_headline_and_predicts_no_better_is_not_confirmed(report, moved, verdict):
+    search = found("a")
+    search.base = candidate((), 0.0, report=1.02)
+    search.final = candidate(("a",), -100.0, report=report)
+    told = concluded(search, moved=moved)
+    assert told.verdict == verdict
+    assert ("A-B moves" in told.sentence and "not confirmed" in told.sentence) == (
+        verdict == "ambiguous"
+    )
 
 
 @pytest.mark.parametrize(("later", "verdict"), [(1.5, "effects"), (1.0, "outside_catalogue")])

@@ -3,6 +3,8 @@
 As in `jaxfric.effects`: an effect at its null changes nothing. They enter an `AxisRig`.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import ClassVar
 
 import equinox as eqx
@@ -14,11 +16,26 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig.axis import AbstractAxisTerm, AxisPoint, AxisRig
 from ..rig.axis_state import AbstractAxisState, AxisRateState, Bristle
-from .effect import AbstractEffect, AbstractLinearEffect, AbstractPlaceEffect, RecordScales
+from .effect import (
+    AbstractEffect,
+    AbstractLinearEffect,
+    AbstractPlaceEffect,
+    Limit,
+    RecordScales,
+)
 
 ANGLE = "angle"
 """Channel that a rotary axis has, its position in radians."""
 _ALWAYS = np.asarray(True)
+_WAVES = 1.5
+"""Waves of travel from which a record fixes a wavelength."""
+_FELT = 0.1
+"""Share of the friction on a bristle that is felt as damping."""
+_CUT_OFF = 1e-3
+"""Share of the slowest speed below which a cut-off velocity stands for Coulomb friction."""
+_CUT_OFF_LIMIT: Mapping[str, Limit] = MappingProxyType(
+    {"v_c": lambda at, scales: at.v_c < _CUT_OFF * scales.slowest}
+)
 _TINY = 1e-12
 
 
@@ -170,6 +187,7 @@ class LogViscous(AbstractAxisEffect):
     v_c: Float[Array, ""] = quantity(
         "v_c", "m/s", "speed of the bend", lower=0.0, default=1.0, shape_only=True
     )
+    limits: ClassVar[Mapping[str, Limit]] = _CUT_OFF_LIMIT
 
     def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _LogViscous(self.c, jnp.maximum(self.v_c, rig.width)))
@@ -194,8 +212,9 @@ class _Ripple(AbstractAxisTerm):
 class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
     """+ c cos(2 pi q/wavelength) + s sin(...): the pitch of a screw, the teeth of a belt, cogging.
 
-    The pitch is looked for from twice the travel, beyond which no record fixes it, down to what the
-    decimated rows resolve at the median speed.
+    The pitch is looked for from twice the travel down to what the decimated rows resolve at the
+    median speed. Of less than 1.5 waves it is not fixed: so little of a wave is also a piece of a
+    joint's weight, or of any curve.
     """
 
     id: ClassVar[str] = "position_periodic"
@@ -211,6 +230,9 @@ class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
     c: Float[Array, ""] = quantity("c", "F", "cosine amplitude", default=0.0)
     s: Float[Array, ""] = quantity("s", "F", "sine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1.0)
+    limits: ClassVar[Mapping[str, Limit]] = MappingProxyType(
+        {"wavelength": lambda at, scales: scales.total_slip < _WAVES * at.wavelength}
+    )
 
     def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, _Ripple(self.c, self.s, self.wavelength))
@@ -338,7 +360,9 @@ class Presliding(AbstractAxisEffect):
     distance. Dahl's bristle, and LuGre's with its damping.
 
     The damping acts where the bristle bends, at low speed within some x_c of a reversal: sigma_1
-    times the speed of a stroke is no force, and a record may show the bristle without it.
+    times the speed of a stroke is no force, and a record may show the bristle without it. A
+    distance over which friction is not back within half of the travel is none, nor is a damping
+    below 0 that is felt: it would feed the motion.
     """
 
     id: ClassVar[str] = "presliding"
@@ -356,6 +380,12 @@ class Presliding(AbstractAxisEffect):
         "sigma_1", "F s/m", "damping of the bristle", default=0.0, shape_only=True
     )
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0, default=1.0)
+    limits: ClassVar[Mapping[str, Limit]] = MappingProxyType(
+        {
+            "x_c": lambda at, scales: 6 * at.x_c > scales.total_slip,
+            "sigma_1": lambda at, scales: -at.sigma_1 * scales.slowest > _FELT * at.a,
+        }
+    )
 
     def embed(self, rig: AxisRig) -> AxisRig:
         return _remembering(rig, Bristle(self.a, self.sigma_1, self.x_c))
@@ -399,6 +429,7 @@ class RateAndState(AbstractAxisEffect):
     B: Float[Array, ""] = quantity("B", "F", "evolution effect", default=0.0)
     L: Float[Array, ""] = quantity("L", "m", "characteristic slip length", lower=0.0, default=1.0)
     v_c: Float[Array, ""] = quantity("v_c", "m/s", "cut-off velocity", lower=0.0, default=1.0)
+    limits: ClassVar[Mapping[str, Limit]] = _CUT_OFF_LIMIT
 
     def embed(self, rig: AxisRig) -> AxisRig:
         L, v_c = jnp.maximum(self.L, rig.reach), jnp.maximum(self.v_c, rig.width)

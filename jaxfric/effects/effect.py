@@ -9,8 +9,9 @@ time, a velocity), which means nothing while the amplitudes are 0 and is started
 """
 
 import abc
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -54,6 +55,10 @@ class RecordScales(NamedTuple):
     duration: float
 
 
+Limit = Callable[[Any, RecordScales], Any]
+"""Whether the parameters of an effect are beyond what a record of such sizes can show."""
+
+
 class AbstractEffect(eqx.Module, Generic[R]):
     """One effect of the catalogue.
 
@@ -67,6 +72,11 @@ class AbstractEffect(eqx.Module, Generic[R]):
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (Rig,)
     meaning: ClassVar[str] = ""
     """The effect in one or two plain sentences; reports leave it out where it is empty."""
+    law: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """Amplitudes with which the effect makes another well-known law of its base; a fit that is lost
+    from elsewhere begins at the fit of that law. Empty where there is none."""
+    limits: ClassVar[Mapping[str, Limit]] = MappingProxyType({})
+    """By field name, whether a value is beyond what a record can show (`beyond`)."""
 
     id: AbstractClassVar[str]
     room: AbstractClassVar[str]
@@ -124,6 +134,11 @@ class AbstractHeavyEffect(AbstractLinearEffect[R]):
 def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quantity]:
     """The quantities of an effect by field name."""
     return quantities(effect)
+
+
+def beyond(effect: AbstractEffect, scales: RecordScales) -> tuple[str, ...]:
+    """Field names of parameters that are beyond what a record of such sizes can show."""
+    return tuple(name for name, limit in effect.limits.items() if bool(limit(effect, scales)))
 
 
 def made(effect: type[E], values: Mapping[str, ArrayLike]) -> E:

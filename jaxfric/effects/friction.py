@@ -1,5 +1,7 @@
 """Effects in the friction law."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import ClassVar
 
 import jax
@@ -88,6 +90,7 @@ class Ageing(AbstractEvolutionEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("velocity_dependent_L", "stiffness")
     separated_by: ClassVar[str] = "equal up and down steps of two sizes, holds"
+    law: ClassVar[Mapping[str, float]] = MappingProxyType({"q": 1.0})
     channel: ClassVar[str | None] = None
     q: Float[Array, ""] = quantity("q", "1", "change of the ageing share", default=0.0)
 

@@ -19,13 +19,22 @@ from ..fitting.noise_estimate import noise_estimate, noise_words
 from ..fitting.result import Estimate
 from .curves import CurveRig, curve_family
 from .engine import Candidate, Engine
-from .estimates import candidate_scores, estimates
+from .estimates import estimates
 from .location import Bumps, locate
-from .result import Loop, LoopBase, LoopDetails, LoopRecord, Score, ScreenedEffect
+from .result import (
+    CandidateScore,
+    Loop,
+    LoopBase,
+    LoopDetails,
+    LoopRecord,
+    Score,
+    ScreenedEffect,
+)
 from .rivals import all_rivals
 from .screen import screen
 from .search import MOST, Search, refit_safely, search
 from .split import NAMES
+from .taken import unsupported
 from .verdict import conclude, noise_floor, questions
 from .where import where_it_sits
 from .words import LoopWords
@@ -195,7 +204,16 @@ def run(
     curve = curve_family(engine, found.final, bench.curves(engine, found.final))
     record, base_fit = bench.shown()
     where = where_it_sits(location, base_fit.steps.velocities)
-    told = conclude(engine, found, floor, tests, edge=bench.edge(), located=where, curve=curve)
+    told = conclude(
+        engine,
+        found,
+        floor,
+        tests,
+        edge=bench.edge(),
+        located=where,
+        curve=curve,
+        moved=_moved(before, after),
+    )
     alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # everything smooth taken out
     return Loop(
         record=record,
@@ -273,6 +291,19 @@ def _score(
     )
 
 
+def _moved(before: Score, after: Score) -> str:
+    """Which headline parameter moves by many of its errors, in words: A-B of a slider, mass and
+    Coulomb friction of an axis."""
+    pairs: list[tuple[str, Estimate, Estimate]] = []
+    first, last = before.A_minus_B, after.A_minus_B
+    if first is not None and last is not None:
+        pairs.append(("A-B", first, last))
+    for name in ("M", "F_c"):
+        if name in before.parameters and name in after.parameters:
+            pairs.append((name, before.parameters[name], after.parameters[name]))
+    return " and ".join(filter(None, (unsupported(*pair) for pair in pairs)))
+
+
 def _apart(engine: Engine, used: np.ndarray) -> np.ndarray:
     """How far neighbouring rows are apart on every clock, those in ten that are closest."""
     clock = np.asarray(engine.problem.clock)[: len(used)][used]
@@ -282,3 +313,26 @@ def _apart(engine: Engine, used: np.ndarray) -> np.ndarray:
 def _rms(residual: np.ndarray) -> float:
     known = residual[np.isfinite(residual)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def candidate_scores(engine: Engine, found: Search) -> tuple[CandidateScore, ...]:
+    """Scores of all candidates that were tried, best Delta BIC first."""
+    out = []
+    for c in found.tried:
+        values = engine.values(c.z)
+        free = {engine.names[i] for i in engine.free(c.effects) if i < len(engine.names)}
+        out.append(
+            CandidateScore(
+                effects=c.effects,
+                delta_bic=found.base.bic - c.bic,
+                train_rms=c.rms["train"],
+                heldout_rms=c.rms["select"],
+                parameters={name: value for name, value in values.items() if name in free},
+                physical=c.physical,
+                converged=not c.failed,
+                accepted=c.effects in found.accepted,
+                refused=c.refused,
+                takes=c.takes,
+            )
+        )
+    return tuple(sorted(out, key=lambda c: -c.delta_bic))

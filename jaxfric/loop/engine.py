@@ -6,7 +6,7 @@ a fit that lacks an effect swallows the effect. Which parts the noise has is fou
 the base leaves when everything smooth is taken out (`Engine.learn_noise`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import equinox as eqx
@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..effects import AbstractHeavyEffect, RecordScales, made
-from ..effects.effect import AbstractEffect
+from ..effects.effect import AbstractEffect, beyond
 from ..fitting.abstract_problem import FAILED_MISFIT, AbstractProblem
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
@@ -76,6 +76,8 @@ class Candidate(NamedTuple):
     failed: bool
     refused: str = ""
     """Why a search did not take it, in words; empty where it could have."""
+    takes: str = ""
+    """The parameters of the base that its effects take (`taken`), in words; empty where none."""
 
 
 class Rows(NamedTuple):
@@ -563,6 +565,18 @@ class Engine(Generic[P]):
         natural = self.problem.coordinates.from_free(np.asarray(z))
         return dict(zip(self.names, natural.tolist(), strict=True))
 
+    def law(self, id: str, z: np.ndarray) -> np.ndarray | None:
+        """`z` with the amplitudes of an effect by which the base is another law; None where the
+        effect makes no law of it."""
+        (effect,) = (e for e in self.model.effects if e.id == id)
+        if not effect.law:
+            return None
+        values = self.values(z) | {f"{id}.{name}": value for name, value in effect.law.items()}
+        own = self.model.columns((id,))
+        z, natural = np.array(z), np.asarray([values[name] for name in self.names])
+        z[own] = self.problem.coordinates.to_free(natural)[own]
+        return z
+
     def moderate(self, z: np.ndarray, start: np.ndarray) -> bool:
         """Whether no positive parameter of the base changes by more than a factor of ten.
 
@@ -574,15 +588,23 @@ class Engine(Generic[P]):
 
     def physical(self, effects: tuple[str, ...], z: np.ndarray) -> bool:
         """Whether the parameters of some effects are physically possible."""
+        return all(bool(effect.physical()) for effect in self._effects(effects, z))
+
+    def beyond(
+        self, effects: tuple[str, ...], z: np.ndarray, scales: RecordScales
+    ) -> tuple[str, ...]:
+        """Names of parameters of some effects that are beyond what a record of such sizes shows."""
+        own = self._effects(effects, z)
+        return tuple(f"{effect.id}.{name}" for effect in own for name in beyond(effect, scales))
+
+    def _effects(self, effects: tuple[str, ...], z: np.ndarray) -> Iterator[AbstractEffect]:
+        """The effects with their parameters, of NumPy so that nothing is compiled."""
         values = self.values(z)
         for effect in self.model.effects:
             if effect.id in effects:
                 names = [self.names[i] for i in self.model.columns((effect.id,))]
                 fields = {name.split(".")[1]: values[name] for name in names}
-                here = jax.tree.map(np.asarray, made(effect, fields))  # so nothing is compiled
-                if not bool(here.physical()):
-                    return False
-        return True
+                yield jax.tree.map(np.asarray, made(effect, fields))
 
 
 def _at_once(problem: AbstractProblem) -> int:

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ..fitting import Estimate
 from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
 from .engine import Candidate, Engine
-from .result import CandidateScore
-from .rivals import disagreement
-from .search import Search
+
+_LEVEL = "f0"
 
 
 def estimates(
@@ -71,23 +71,30 @@ def _natural(engine: Engine, z: np.ndarray, named: np.ndarray, std: np.ndarray):
     return values[0, named], slopes[0, named], np.minimum(lower, upper), np.maximum(lower, upper)
 
 
-def candidate_scores(engine: Engine, found: Search) -> tuple[CandidateScore, ...]:
-    """Scores of all candidates that were tried, best Delta BIC first."""
-    out = []
-    for c in found.tried:
-        values = engine.values(c.z)
-        free = {engine.names[i] for i in engine.free(c.effects) if i < len(engine.names)}
-        out.append(
-            CandidateScore(
-                effects=c.effects,
-                delta_bic=found.base.bic - c.bic,
-                train_rms=c.rms["train"],
-                heldout_rms=c.rms["select"],
-                parameters={name: value for name, value in values.items() if name in free},
-                physical=c.physical,
-                converged=not c.failed,
-                accepted=c.effects in found.accepted,
-                refused=c.refused,
-            )
-        )
-    return tuple(sorted(out, key=lambda c: -c.delta_bic))
+def disagreement(
+    engine: Engine, candidate: Candidate, rivals: Sequence[Candidate], index: Int[np.ndarray, " m"]
+) -> Float[np.ndarray, "m m"]:
+    """Covariance between rival fits, of parameters with indices `index` in z.
+
+    What none of them can be told from is not known better than they agree. It is the part of a
+    parameter's covariance that comes from not knowing which of them is true,
+
+        sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
+
+    to be added to the covariance of the fit. Parameters that only one fit has differ by nothing,
+    and so does the level f0 of friction: an effect that adds to friction steadily, as heat does,
+    leaves f0 another meaning, and no quantity that is asked for.
+
+    Source: Buckland, Burnham & Augustin 1997 (doi:10.2307/2533961) for errors that include the
+    choice of a model.
+    """
+    bic = np.array([candidate.bic, *(c.bic for c in rivals)])
+    weight = np.exp(-0.5 * (bic - bic.min()))
+    weight /= weight.sum()
+    total = np.zeros((len(index), len(index)))
+    level = engine.names.index(_LEVEL) if _LEVEL in engine.names else -1
+    for w, c in zip(weight[1:], rivals, strict=True):
+        both = np.isin(index, engine.free(c.effects)) & (index != level)
+        apart = np.where(both, c.z[index] - candidate.z[index], 0.0)
+        total += w * np.outer(apart, apart)
+    return total

@@ -3,7 +3,8 @@
 An amplitude is not fixed where it is no larger than its own error, or where it alone would change
 friction by more than the largest friction recorded. A shape is not fixed where its error is as
 large as its value, or where it lies beyond what the record covers: a length beyond twice its path,
-a time beyond twice its duration, a velocity far from all of its own. What is a matter of shape
+a time beyond twice its duration, a velocity far from all of its own, and whatever the effect itself
+says is beyond such a record. What is a matter of shape
 only, as an exponent between bounds, need not be fixed: errors are those of the other parameters
 where it is given. A curve whose shape is open has a family for a name (`family`). Two lags of one
 model whose errors are those of their sum or difference alone are not fixed either: they may act
@@ -82,6 +83,7 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     error = dict(zip(index.tolist(), np.sqrt(np.diag(spread)).tolist(), strict=True))
     force = float(np.max(np.abs(np.asarray(engine.problem.friction)[: engine.rows])))
     values, found, lags = engine.values(candidate.z), [], []
+    found += engine.beyond(candidate.effects, candidate.z, scales)
     for id in candidate.effects:
         parts, amplitudes = [], engine.model.amplitudes(id)
         for i in engine.model.columns((id,)):

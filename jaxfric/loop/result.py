@@ -77,6 +77,8 @@ class CandidateScore:
     accepted: bool
     refused: str = ""
     """Why it was not taken, in words; empty where another was better, or it was taken."""
+    takes: str = ""
+    """What it takes of the base (`taken`), in words."""
 
 
 @dataclass(frozen=True)
@@ -270,7 +272,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
         """Models that explain more than the one taken, but whose parameters the record leaves
         open, the likeliest first."""
         known = (c for c in self.ranked() if c.converged and c.physical)
-        models = ((c.effects, c.delta_bic, c.refused) for c in known)
+        models = ((c, c.delta_bic) for c in known)
         return unfixed(models, self.gain() or 0.0)
 
     def role(self, candidate: CandidateScore) -> str:

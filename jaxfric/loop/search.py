@@ -12,11 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..effects import RecordScales
+from ..effects import AbstractPlaceEffect, RecordScales
 from .engine import Candidate, Engine
+from .estimates import estimates
 from .fixed import not_fixed
 from .pace import Pace, now_and_then
 from .screen import Screened, aliases, screen
+from .taken import words_of_taken
 from .thresholds import ACCEPT, ALIAS, SIGNIFICANT, TIE
 from .unfixed import NOT_FIXED
 
@@ -93,6 +95,9 @@ def search(
         current = _exact(engine, current, tried)
         accepted.append(current.effects)
         ids, cosines = aliases(engine, current, scales)
+    for k, c in enumerate(tried):  # a rival that takes what the base had is none
+        if c.effects and not c.failed and c.physical and 0 < c.bic - current.bic < ACCEPT:
+            tried[k] = c._replace(takes=what_it_takes(engine, _without_one(tried, c), c))
     return Search(base, current, tuple(tried), tuple(accepted), tuple(rounds), ids, cosines, agree)
 
 
@@ -125,17 +130,21 @@ def _refits(
     tried: list[Candidate],
     pace: Pace,
 ) -> Candidate | None:
-    """The best acceptable joint refit of the most promising effects, or None.
+    """The best acceptable joint refit of the most promising effects, and of those that make another
+    law of the base, whose first order says little of them; or None.
 
     Of those whose BIC is within `TIE`, which is no evidence, the first of the catalogue. Where
     what was added before is no longer fixed beside a new effect, it may have stood in for that:
     then the new one is asked without it.
     """
     accepted: list[Candidate] = []
+    missing = any(s.p_value <= SIGNIFICANT for s in found)
+    laws = [s.id for s in found if missing and engine.law(s.id, current.z) is not None]
     asked = [
         s
-        for k, s in enumerate(found[:_REFITS])
-        if (s.delta_bic >= 0 and s.p_value <= SIGNIFICANT)
+        for k, s in enumerate(found)
+        if (k < _REFITS and s.delta_bic >= 0 and s.p_value <= SIGNIFICANT)
+        or s.id in laws
         or len(tried) + k <= 2  # two of the base are fitted in any case, for comparison
     ]
 
@@ -148,16 +157,17 @@ def _refits(
     for one, candidate in zip(asked, engine.each(fitted, range(len(asked)), asked), strict=True):
         chance = engine.rms_error(engine.blocks.select, candidate.noise)
         why = fault(current, candidate, chance)
-        if not why and one.p_value > SIGNIFICANT:
+        if not why and one.p_value > SIGNIFICANT and one.id not in laws:
             why = "may be chance"
         loose = () if why else not_fixed(engine, candidate, scales)
-        tried.append(candidate._replace(refused=why or _said(loose)))
+        takes = "" if why or loose else what_it_takes(engine, current, candidate)
+        tried.append(candidate._replace(refused=why or _said(loose) or takes, takes=takes))
         if loose:
             candidate = _without(engine, candidate, loose, one.id, tried)
             if candidate is None or fault(current, candidate, chance):
                 continue
             loose = not_fixed(engine, candidate, scales)
-        if not why and not loose:
+        if not why and not loose and not takes:
             accepted.append(candidate)
     if not accepted:
         return None
@@ -207,23 +217,34 @@ def _exact(engine: Engine, candidate: Candidate, tried: list[Candidate]) -> Cand
 def refit_safely(
     engine: Engine, effects: tuple[str, ...], one: Screened, current: Candidate
 ) -> Candidate:
-    """Refit from the first-order start or, while that runs away, from a part of the effect.
+    """Refit from the first-order start or, while that runs away, from a part of the effect; at last
+    from the fit of the law that the effect alone would be (`AbstractEffect.law`).
 
-    Where two sensitivities are nearly one (a second state whose length is that of the first), their
-    amplitudes to first order are opposite and a hundred times what they can be. A fit whose train
-    rows are less likely than without the effect, which it has at its null, is lost too. One that
-    fits them well and does not predict the select rows is not: nearer it ends in the same place.
+    `current` is a fit without the effect. Where two sensitivities are nearly one (a second state
+    whose length is that of the first), their amplitudes to first order are opposite and a hundred
+    times what they can be. A fit whose train rows are less likely than without the effect, which it
+    has at its null, is lost too. One that fits them well and does not predict the select rows is
+    not: nearer it ends in the same place.
     """
+    own = engine.model.columns((one.id,))
+
+    def found(candidate: Candidate) -> bool:
+        less = float(current.noise.log_likelihood) - float(candidate.noise.log_likelihood)
+        return not candidate.failed and 2 * less < _LOST
+
     best = engine.refit(effects, one.z)
     for part in _PARTS:
-        less = float(current.noise.log_likelihood) - float(best.noise.log_likelihood)
-        if not best.failed and 2 * less < _LOST:
+        if found(best):
             break
         start = np.array(current.z)
-        shapes = engine.model.columns((one.id,))
-        start[shapes] = one.z[shapes]
+        start[own] = one.z[own]
         start[engine.model.amplitudes(one.id)] *= part
         best = min(best, engine.refit(effects, start), key=lambda c: (c.failed, c.bic))
+    law = engine.law(one.id, current.z)
+    if law is not None and not (found(best) and best.physical):
+        start = engine.refit(current.effects, law).z
+        again = engine.refit(effects, start)
+        best = min(best, again, key=lambda c: (c.failed, not c.physical, c.bic))
     return best
 
 
@@ -248,6 +269,24 @@ def fault(current: Candidate, candidate: Candidate, chance: float) -> str:
         "predicts the select block worse": not candidate.rms["select"] <= limit,
     }
     return next((words for words, is_so in faults.items() if is_so), "")
+
+
+def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> str:
+    """The parameters of the base that an effect of a candidate takes, in words; `without` is the
+    fit without that effect."""
+    new = [e for e in engine.model.effects if e.id in {*candidate.effects} - {*without.effects}]
+    of_place = any(issubclass(effect, AbstractPlaceEffect) for effect in new)
+    before, after = (estimates(engine, c, "F")[0] for c in (without, candidate))
+    return words_of_taken(before, after, of_place=of_place)
+
+
+def _without_one(tried: Sequence[Candidate], candidate: Candidate) -> Candidate:
+    """The best fit that was tried with one effect less; the base where there is none."""
+    own = set(candidate.effects)
+    less = [
+        c for c in tried if not c.failed and set(c.effects) < own and len(c.effects) == len(own) - 1
+    ]
+    return min(less, key=lambda c: c.bic, default=tried[0])
 
 
 def _without_needless(engine: Engine, current: Candidate, tried: list[Candidate]) -> Candidate:
@@ -283,37 +322,44 @@ def _swapped(
     """The best of this fit and of those with an effect replaced by one easily taken for it.
 
     Where a better effect leaves others of the fit no longer fixed, those may have stood in for it:
-    it is then tried without them.
+    it is then tried without them. One whose fits have all failed is tried from what is left.
     """
     best, (ids, cosines), asked = current, alike, []
     for id in current.effects:
         others = [b for b in ids if b != id and cosines[ids.index(id), ids.index(b)] > ALIAS]
         for other in others:
             effects = tuple(other if e == id else e for e in current.effects)
-            known = any(set(c.effects) == set(effects) for c in tried)
+            known = any(set(c.effects) == set(effects) and not c.failed for c in tried)
             if not known and len(set(effects)) == len(effects) and engine.apart(effects):
                 asked.append((id, other, effects))
 
     def fitted(id: str, other: str, effects: tuple[str, ...]) -> Candidate:
         start = np.array(current.z)
         start[engine.model.amplitudes(id)] = 0.0
-        seen = [s for found in rounds for s in found if s.id == other]
+        rest = {e for e in current.effects if e != id}
+        known = [c for c in tried if set(c.effects) == rest and not c.failed]
+        seen = next(s for found in rounds for s in found if s.id == other)
         columns = engine.model.columns((other,))
-        start[columns] = seen[0].z[columns]
+        start[columns] = seen.z[columns]
         progress("refitting with " + ", ".join(effects))
-        return engine.refit(effects, start)
+        without = min(known, key=lambda c: c.bic, default=None)
+        if without is None:
+            return engine.refit(effects, start)
+        return refit_safely(engine, effects, seen._replace(z=start), without)
 
     candidates = engine.each(lambda one: fitted(*one), asked)
     for (_, other, _), candidate in zip(asked, candidates, strict=True):
         possible = candidate.physical and not candidate.failed
         better = possible and best.bic - candidate.bic > TIE
         loose = not_fixed(engine, candidate, scales) if better else ()
-        tried.append(candidate._replace(refused=_said(loose)))
+        close = possible and best.bic - candidate.bic > -ACCEPT
+        takes = what_it_takes(engine, _without_one(tried, candidate), candidate) if close else ""
+        tried.append(candidate._replace(refused=_said(loose) or takes, takes=takes))
         if loose:
             candidate = _without(engine, candidate, loose, other, tried)
             if candidate is None or not best.bic - candidate.bic > TIE:
                 continue
             better = not not_fixed(engine, candidate, scales)
-        if better:
+        if better and not takes:
             best = candidate
     return best

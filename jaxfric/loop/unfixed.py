@@ -4,7 +4,7 @@ Where there are some, what is missing may well be in the catalogue: the record d
 """
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from .family import listed
 from .thresholds import ACCEPT
@@ -19,20 +19,35 @@ class Unfixed(NamedTuple):
 
     effects: tuple[str, ...]
     lower: float
+    takes: str = ""
+    """The parameters of the base that it takes, in words; of such a model the record may fix all
+    others."""
 
 
-def unfixed(models: Iterable[tuple[Sequence[str], float, str]], taken: float) -> list[Unfixed]:
-    """The most likely models that were refused as not fixed, if BIC decides for them.
+class _Refused(Protocol):
+    """A model that was tried."""
 
-    `models` are effects, the fall of BIC that they bring, and why they were refused; `taken` is the
-    fall of BIC of the model that was taken. At most three that are about as good, the best first;
+    @property
+    def effects(self) -> Sequence[str]: ...
+    @property
+    def refused(self) -> str: ...
+    @property
+    def takes(self) -> str: ...
+
+
+def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfixed]:
+    """The most likely models that were refused as not fixed, or for what they take of the base, if
+    BIC decides for them.
+
+    `models` are those tried and the fall of BIC that they bring; `taken` is that of the model that
+    was taken. At most three that are about as good, the best first;
     none that is another one with more effects, which are not fixed beside it.
     """
     found: dict[frozenset[str], Unfixed] = {}
-    for effects, gain, why in models:
-        if why.endswith(NOT_FIXED) and gain - taken > ACCEPT:
-            one = Unfixed(tuple(effects), gain - taken)
-            found[frozenset(effects)] = max(one, found.get(frozenset(effects), one), key=_lower)
+    for model, gain in models:
+        if (model.refused.endswith(NOT_FIXED) or model.takes) and gain - taken > ACCEPT:
+            one, key = Unfixed(tuple(model.effects), gain - taken, model.takes), {*model.effects}
+            found[frozenset(key)] = max(one, found.get(frozenset(key), one), key=_lower)
     least = [one for key, one in found.items() if not any(other < key for other in found)]
     order = sorted(least, key=_lower, reverse=True)
     return [one for one in order if order[0].lower - one.lower < ACCEPT][:_MOST]
@@ -40,15 +55,21 @@ def unfixed(models: Iterable[tuple[Sequence[str], float, str]], taken: float) ->
 
 def words_of_unfixed(found: Sequence[Unfixed], named: str) -> str:
     """What such models would bring beside the model taken, `named` by its effects or not at all."""
-    if not found:
-        return ""
-    names = listed([" + ".join(one.effects) for one in found], "or")
-    lower = listed(list(dict.fromkeys(f"{one.lower:.0f}" for one in found)), "or")
     than = f" than that of {named}" if named else ""
-    return (
-        f"{names} would explain most (BIC {lower} lower{than}), but the rows that are fitted do not"
-        " fix the parameters of such a model."
-    )
+    told = [
+        f"{' + '.join(one.effects)} would explain most (BIC {one.lower:.0f} lower{than}), but"
+        f" {one.takes}: it is not confirmed."
+        for one in found
+        if one.takes
+    ]
+    if open_ := [one for one in found if not one.takes]:
+        names = listed([" + ".join(one.effects) for one in open_], "or")
+        lower = listed(list(dict.fromkeys(f"{one.lower:.0f}" for one in open_)), "or")
+        told.append(
+            f"{names} would explain most (BIC {lower} lower{than}), but the rows that are fitted do"
+            " not fix the parameters of such a model."
+        )
+    return " ".join(told)
 
 
 def _lower(one: Unfixed) -> float:

@@ -184,9 +184,11 @@ def conclude(
     edge: float | None,
     located: str,
     curve: CurveFamily | None = None,
+    moved: str = "",
 ) -> Conclusion:
     """The conclusion. `edge` is K/K_cr of the base fit, `located` a sentence of the location map,
-    `curve` the shapes that fit in place of the steady curve that the search found."""
+    `curve` the shapes that fit in place of the steady curve that the search found, `moved` which
+    headline parameters move by many of their errors, in words."""
     final, base = search.final, search.base
     groups = _groups(search)
     separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}
@@ -205,17 +207,31 @@ def conclude(
         )
         return _withheld(text, why, floor)
     reasons = _reasons(final, floor, tests)
-    rivals = _rivals(search)
+    rivals = sorted({*_rivals(search), *_unfitted(search)})
     families = () if curve is None or not curve.untold else (curve,)
-    verdict = _verdict(search, reasons, [*rivals, *families], floor, engine)
     told = Told(
         search.base.rms["report"] / floor.later,
         search.final.rms["report"] / floor.later,
         floor.most["report"],
         min(tests.values(), default=1.0),
     )
+    doubt = moved if search.final.effects and not _helped(told) else ""
+    doubts = [*rivals, *families, *([doubt] if doubt else [])]
+    verdict = _verdict(search, reasons, doubts, floor, engine)
+    if verdict == "ambiguous":
+        reasons += [
+            f"{other} could not be fitted in place of {id}: it is not ruled out"
+            for id, other in _unfitted(search)
+        ]
     families = families if verdict == "ambiguous" else ()
     sentence = sentence_of(verdict, search, told, rivals, located, families)
+    if verdict == "ambiguous" and doubt:
+        named = listed(search.final.effects)
+        sentence = (
+            f"{named} {_verb(search, 'fits', 'fit')} the train block, but {doubt}, and the test"
+            f" block is predicted no better ({told.change()}): {named}"
+            f" {_verb(search, 'is', 'are')} not confirmed, and this record leaves both open."
+        )
     told = sentence, tuple(reasons), groups, separations, families
     return Conclusion(
         verdict, *told, sigma_held_out=floor.later, most_held_out=floor.most["report"]
@@ -289,6 +305,25 @@ def _rivals(search: Search) -> list[tuple[str, str]]:
     return sorted({(id, other) for id in search.final.effects for other in rival_fits(search, id)})
 
 
+def _unfitted(search: Search) -> list[tuple[str, str]]:
+    """Pairs (found, alias): the alias was tried in place of the effect, and no fit of it converged.
+
+    That is no evidence against it.
+    """
+    failed: dict[frozenset[str], bool] = {}
+    for c in search.tried:
+        failed[frozenset(c.effects)] = c.failed and failed.get(frozenset(c.effects), True)
+    final, ids = frozenset(search.final.effects), list(search.ids)
+    return [
+        (id, other)
+        for id in search.final.effects
+        for other in ids
+        if other not in final
+        and search.cosines[ids.index(id), ids.index(other)] > ALIAS
+        and failed.get(final - {id} | {other}, False)
+    ]
+
+
 def sentence_of(
     verdict: str,
     search: Search,
@@ -346,12 +381,17 @@ def _closer(search: Search) -> list[Unfixed]:
     """Models that would explain more than the one that was taken, but are not fixed."""
     start = search.base.bic
     possible = [c for c in search.tried if c.physical and not c.failed]
-    models = ((c.effects, start - c.bic, c.refused) for c in possible)
+    models = ((c, start - c.bic) for c in possible)
     return unfixed(models, start - search.final.bic)
 
 
 def _upper(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+def _verb(search: Search, one: str, many: str) -> str:
+    """The verb that agrees with the number of effects found."""
+    return one if len(search.final.effects) == 1 else many
 
 
 def _helped(told: Told) -> bool:
