@@ -27,6 +27,7 @@ from ..laws.saved import (
     values_of,
 )
 from ..loop import Loop
+from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed, words_of_driven
 from ..loop.steady.loop import SteadyLoop, steady_gains
 from ..loop.steady.model import curve_covariance
 from ..quantity import Quantity, quantities
@@ -195,6 +196,7 @@ def _of_axis(content: Content, source: str) -> Identified:
         problem = table_damage({**after, "covariance": about["covariance"]}, ())
         refuse_damage(path, LOOP, problem and f"axis: {problem}")
     _refuse_unconverged(content, effects, source)
+    _refuse_one_speed(about, source, content["friction_unit"])
     gains = about.get("gains") or {}
     width = float(about.get("width") or 0.0)
     speeds = np.abs([float(v) for _, v in content["steps"] if float(v)])
@@ -287,6 +289,24 @@ def _refuse_unconverged(content: Content, effects: tuple[str, ...], source: str)
         raise NothingToCompensate(
             f"{source}: the fit of its model did not converge, so no friction may be compensated by"
             " it; run 'jaxfric axis' again, with a cleaner record or fewer effects (--without)"
+        )
+
+
+def _refuse_one_speed(about: Content, source: str, force: str) -> None:
+    """A record with one speed a direction does not tell friction at any other speed."""
+    known = about.get("driven") or []
+    try:
+        directions = [Driven(**one) for one in known]
+        single = at_one_speed(directions)
+        unit = "rad/s" if about.get("coordinate") == "rotary" else "m/s"
+        said = words_of_driven(directions, force, unit) if single else ""
+    except (TypeError, ValueError):
+        refuse_damage(Path(source), LOOP, "axis.driven is no list of directions")
+        return
+    if single:
+        raise NothingToCompensate(
+            f"{source}: {ONE_SPEED}, so that friction is known there alone ({said}); record several"
+            " speeds in both directions"
         )
 
 

@@ -158,6 +158,10 @@ class LoopDetails(typing.Protocol):
         """What the result means for the motion, in a sentence; '' where that is not asked."""
         ...
 
+    def found(self) -> str:
+        """What is known in place of the parameters; '' where these are."""
+        ...
+
     def doubted(self) -> bool:
         """Whether the fitted model is known to describe no friction."""
         ...

@@ -248,6 +248,10 @@ class RunDetails:
     joined: Joined
     after: Score
 
+    def found(self) -> str:
+        """'': the parameters say it."""
+        return ""
+
     def short(self) -> str:
         """Nothing: a run's motion is that of the press."""
         return ""

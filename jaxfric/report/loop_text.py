@@ -89,7 +89,9 @@ def answer(loop: Loop) -> list[str]:
     if not means:
         return []
     base, doubted = loop.words.base, loop.details is not None and loop.details.doubted()
-    if doubted and loop.verdict in ("no_missing_effect", "effects"):
+    if loop.details is not None and (known := loop.details.found()):
+        found = known
+    elif doubted and loop.verdict in ("no_missing_effect", "effects"):
         fitted = listed([base, *loop.effects])
         found = f"these rows do not tell it, though what {fitted} leave looks like noise"
     elif loop.verdict == "no_missing_effect":

@@ -21,6 +21,7 @@ from ...stability.margins import margin
 from ..engine import Engine
 from ..estimates import estimates
 from ..search import Search
+from .driven import driven
 from .reading import Reading
 from .result import AxisDetails, AxisRows
 from .seen import Seen, seen
@@ -66,7 +67,9 @@ def details_of(
     # the slope and its error are those of one model: the loop's, in the rows that count
     rig = problem.rig(jnp.asarray(found.final.z))
     unit = "rad" if record.coordinate == "rotary" else "m"
-    known = seen(engine, found, rows, prepared, unit)
+    force = np.asarray(prepared.force)[: len(rows.time)]
+    directions = driven(rows.used, rows.velocity, rows.segment, force)
+    known = seen(engine, found, rows, prepared, unit, directions)
     place = float(np.median(rows.position))
     gains = _gains(rig, place, known, record.drive)
     return AxisDetails(
@@ -81,6 +84,7 @@ def details_of(
         turning_acceleration(rows, np.asarray(prepared.means(prepared.motion.acceleration))),
         estimates(engine, found.final, record.force_unit)[2],
         _borne(rig, place, gains.worst_velocity, record.drive),
+        directions,
     )
 
 

@@ -34,6 +34,7 @@ from ..search import MOST, Search
 from ..words import AXIS, LoopWords
 from .curves import axis_curves
 from .details import details_of
+from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
 from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
 from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord
@@ -141,11 +142,21 @@ class AxisBench(AbstractBench):
             self.problem,
             self.reading.blocks,
             np.zeros(0, int),
-            Choice(with_ or (), one_of=() if with_ is None else (IN_TIME,)),
+            Choice(with_ or (), self._unseen(with_), () if with_ is None else (IN_TIME,)),
             shapes=axis_sensitivities,
             path=self.path(),
             bounds=NoiseBounds(longest, either_sign=True, by_step=False),
         )
+
+    def _one_speed(self) -> bool:
+        """Whether each direction was driven at one speed."""
+        rows = self.reading.rows
+        force = np.asarray(self.reading.prepared.force)[: len(rows.time)]
+        return at_one_speed(driven(rows.used, rows.velocity, rows.segment, force))
+
+    def _unseen(self, with_: tuple[str, ...] | None) -> tuple[str, ...]:
+        """Effects that the record cannot show, but for those asked for."""
+        return tuple(id for id in OF_SPEED if id not in (with_ or ())) if self._one_speed() else ()
 
     def start(self, engine: Engine[AxisProblem]) -> np.ndarray:
         """Parameters of the base by least squares."""
@@ -198,7 +209,11 @@ class AxisBench(AbstractBench):
         """The parameters, in the units of the axis."""
         force, length = self.record.force_unit, length_of(self.record)
         units = {name: own_unit(one.unit, force, length) for name, one in parameters.items()}
-        return {n: dataclasses.replace(e, unit=units[n]) for n, e in parameters.items()}
+        open_ = UNKNOWN if self._one_speed() else ()
+        return {
+            n: dataclasses.replace(e, unit=units[n], determined=e.determined and n not in open_)
+            for n, e in parameters.items()
+        }
 
     def friction_unit(self) -> str:
         """Unit of the motor force."""

@@ -13,7 +13,9 @@ from ...gains.axis_result import AxisGains, Shown, StiffOptimum
 from ...records import Provenance, Sampling, VelocitySteps
 from ...records.axis_record import AxisRecord
 from ...rig.axis import LAW
+from ..family import listed
 from ..result import TextTable
+from .driven import ONE_SPEED, UNKNOWN, Driven, at_one_speed, words_of_driven
 
 _APART = 4.0
 _PAGE = "of the documentation's page 'theory'"
@@ -121,6 +123,8 @@ class AxisDetails:
     bears: float | None = None
     """Delay of the controller [s] from which the drive's own k_p and k_v do not hold the axis at
     its worst velocity; negative: not even at once; None where they or M are not known."""
+    driven: tuple[Driven, ...] = ()
+    """The speeds of each direction, and friction there."""
 
     def tables(self) -> list[TextTable]:
         """Parameters and errors of the fits, side by side."""
@@ -159,6 +163,15 @@ class AxisDetails:
     def short(self) -> str:
         """Whether the axis stick-slips, and what holds it."""
         return f"stick-slip: {self.gains.short(*self._units())}"
+
+    def found(self) -> str:
+        """What is known of friction where one speed a direction leaves its parameters open; ''
+        elsewhere."""
+        if not at_one_speed(self.driven):
+            return ""
+        unit = "m" if self.record.coordinate == "linear" else "rad"
+        said = words_of_driven(self.driven, self.record.force_unit, f"{unit}/s")
+        return f"{said}; {listed(UNKNOWN)} are not known, as {ONE_SPEED}"
 
     def doubted(self) -> bool:
         """Whether a reason against its slope concerns all speeds."""
@@ -250,6 +263,7 @@ class AxisDetails:
                 "acceleration": self.acceleration,
                 "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
                 "bears": self.bears,
+                "driven": [one._asdict() for one in self.driven],
                 "covariance": self.covariance,
                 "gains": {
                     "worst_velocity": self.gains.worst_velocity,

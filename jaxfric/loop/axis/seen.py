@@ -21,6 +21,7 @@ from ..engine import Candidate, Engine
 from ..family import listed
 from ..search import Search
 from ..thresholds import HELD_OUT
+from .driven import ONE_SPEED, Driven, at_one_speed
 from .result import AxisRows
 
 _BINS, _FEWEST_ROWS = 12, 8
@@ -47,13 +48,17 @@ def seen(
     rows: AxisRows,
     prepared: Prepared,
     unit: str,
+    directions: Sequence[Driven],
 ) -> Seen:
     """What supports the slope of the last fit of a `search`; `unit` is that of the position, for
-    texts."""
+    texts. Of speeds at which only one of the `directions` was driven nothing is told."""
     found = search.final
     speed = np.abs(rows.velocity[rows.used])
-    fastest = float(speed.max())
+    ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions] or [speed]
+    fastest = min(float(own.max()) for own in ways)
     unseen = []
+    if at_one_speed(directions):
+        unseen.append(Unseen(ONE_SPEED, np.inf))
     stops, at = _stops(rows)
     if stops:
         unseen.append(Unseen(f"it stopped {stops} times on its way", at))
@@ -67,7 +72,11 @@ def seen(
                 at,
             )
         )
-    slowest, why = slowest_told(speed, rows.width, unit, [one.speed for one in unseen])
+    edges = [one.speed for one in unseen if np.isfinite(one.speed)]
+    slowest, why = max(slowest_told(own, rows.width, unit, edges) for own in ways)
+    if slowest >= fastest:
+        unseen.append(Unseen("the two directions were driven at no speed in common", np.inf))
+        slowest, fastest = (float(np.quantile(speed, _QUANTILE)), float(speed.max()))
     unseen = [Unseen(why, np.nextafter(slowest, 0.0)), *unseen]
     unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows)]
     error = slope_error(engine, found, float(np.median(rows.position)))

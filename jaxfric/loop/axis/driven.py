@@ -1,0 +1,91 @@
+"""The speeds at which each direction of an axis was driven: what is said of friction holds there.
+
+With one speed a direction, v+ and v-, a record has two numbers, the forces F_0 + F_c + F_v v+ and
+F_0 - F_c - F_v v-: neither of the three parameters is known, nor how friction changes with speed.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...effects.axis import AXIS_STEADY_CURVES, DirectionAsymmetry, RateAndState
+
+_ENDS = (0.05, 0.95)
+_RANGE = 2.0
+_NEAR = 0.2
+_FEWEST = 20
+FORWARDS, BACKWARDS = "forwards", "backwards"
+ONE_SPEED = "each direction was driven at one speed"
+
+
+class Driven(NamedTuple):
+    """One direction of a record: the speeds between which nine rows in ten move that count."""
+
+    direction: str
+    """"forwards" or "backwards"."""
+    slowest: float
+    fastest: float
+    speed: float
+    """The median speed [m/s or rad/s]."""
+    force: float
+    """Mean force of the rows that move within a fifth of that speed, positive against the motion
+    [F]: friction there, and what else holds the axis back."""
+    error: float
+    """Its standard error, from how strokes differ; nan where there is one."""
+
+    @property
+    def sign(self) -> float:
+        """1 forwards, -1 backwards."""
+        return 1.0 if self.direction == FORWARDS else -1.0
+
+    @property
+    def one_speed(self) -> bool:
+        """Whether the fastest are less than twice as fast as the slowest."""
+        return self.fastest < _RANGE * self.slowest
+
+
+def driven(
+    used: np.ndarray, velocity: np.ndarray, segment: np.ndarray, force: np.ndarray
+) -> tuple[Driven, ...]:
+    """The directions with 20 rows that count.
+
+    Of every row (n): whether it is `used`, its velocity, the index of its motion segment, and the
+    motor force.
+    """
+    found, speed = [], np.abs(velocity)
+    for direction, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0)):
+        here = used & (sign * velocity > 0)
+        if np.sum(here) < _FEWEST:
+            continue
+        slowest, fastest = np.quantile(speed[here], _ENDS)
+        middle = float(np.median(speed[here]))
+        near = here & (np.abs(speed - middle) <= _NEAR * middle)
+        strokes = [
+            sign * float(np.mean(force[near & (segment == k)])) for k in np.unique(segment[near])
+        ]
+        error = float(np.std(strokes, ddof=1) / len(strokes) ** 0.5) if len(strokes) > 1 else np.nan
+        mean = float(np.mean(strokes))
+        found.append(Driven(direction, float(slowest), float(fastest), middle, mean, error))
+    return tuple(found)
+
+
+def at_one_speed(directions: Sequence[Driven]) -> bool:
+    """Whether every direction was driven at one speed."""
+    return bool(directions) and all(one.one_speed for one in directions)
+
+
+def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str:
+    """The friction of each direction at its own speed; `force` and `speed` are units."""
+    each = (
+        f"{one.force:.4g}{'' if np.isnan(one.error) else f' ± {one.error:.2g}'} {force}"
+        f" {one.direction} at {one.speed:.3g} {speed} ({one.slowest:.3g} to {one.fastest:.3g})"
+        for one in directions
+    )
+    return " and ".join(each)
+
+
+OF_SPEED = (DirectionAsymmetry.id, *AXIS_STEADY_CURVES, RateAndState.id)
+"""Effects by which friction changes with speed, or with direction and speed."""
+UNKNOWN = ("F_v", "F_c", "F_0")
+"""Parameters of the base that a record with one speed a direction does not fix."""

@@ -1,0 +1,98 @@
+"""What is said of an axis holds at the speeds at which each direction was driven, and no further.
+
+Motor forces of an axis whose friction is known at every row, from motions made here of trapezoids.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+import jaxfric as jf
+from jaxfric.effects import AXIS_CATALOGUE
+from jaxfric.loop.axis.driven import at_one_speed, driven
+from jaxfric.records import axis_from_arrays
+from jaxfric.stability.claims import curve_claim
+
+M, FC, FV, F0, NOISE = 4.0, 9.0, 60.0, 3.0, 0.05
+RATE = 200.0
+
+
+def motion(forwards, backwards, strokes=4, length=0.06):
+    """Velocity at every row: strokes there and back at each pair of speeds."""
+    pieces = []
+    for there, back in zip(forwards, backwards, strict=True):
+        for _ in range(strokes):
+            for speed in (there, -back):
+                pieces += [np.zeros(20), np.full(int(RATE * length / abs(speed)), speed)]
+    return gaussian_filter1d(np.concatenate([*pieces, np.zeros(20)]), 4.0)
+
+
+def record_of(velocity, seed=0):
+    """A record with Coulomb and viscous friction and an offset."""
+    random = np.random.default_rng(seed)
+    time = np.arange(len(velocity)) / RATE
+    position = np.cumsum(velocity) / RATE
+    force = M * np.gradient(velocity, 1 / RATE) + FC * np.tanh(velocity / 1e-4) + FV * velocity + F0
+    force += NOISE * random.standard_normal(len(time))
+    position += 2e-7 * random.standard_normal(len(time))
+    return axis_from_arrays(time, force, position=position)
+
+
+def looped(velocity):
+    return jf.close_axis_loop(record_of(velocity), without=tuple(AXIS_CATALOGUE))
+
+
+@pytest.fixture(scope="module")
+def seal():
+    """Forwards at 6 mm/s, backwards at 12 mm/s."""
+    return looped(motion((6e-3,), (12e-3,), strokes=6))
+
+
+def test_one_speed_a_direction_has_one_friction_a_direction(seal):
+    forwards, backwards = seal.details.driven
+    assert at_one_speed(seal.details.driven)
+    assert forwards.force == pytest.approx(FC + FV * 6e-3 + F0, abs=0.05)
+    assert backwards.force == pytest.approx(FC + FV * 12e-3 - F0, abs=0.05)
+    assert (forwards.speed, backwards.speed) == pytest.approx((6e-3, 12e-3), rel=0.02)
+    for score in (seal.before, seal.after):
+        assert not any(score.parameters[name].determined for name in ("F_c", "F_v", "F_0"))
+    assert seal.details.gains.claim.kind == "open"
+    told = seal.details.found()
+    assert "12.36" in told and "6.72" in told
+
+
+def test_nothing_is_compensated_at_a_speed_that_was_not_driven(seal, tmp_path):
+    path = tmp_path / "loop.json"
+    path.write_text(json.dumps(seal.to_json()))
+    with pytest.raises(jf.InputError, match=r"one speed.*forwards at 0\.006.*backwards at 0\.012"):
+        jf.feedforward(path)
+
+
+def test_with_several_speeds_the_parameters_are_those_of_the_axis():
+    loop = looped(motion((5e-3, 2e-2, 5e-2, 1e-2), (5e-3, 1e-2, 2e-2, 2e-2), strokes=2))
+    found = loop.after.parameters
+    for name, value in (("F_c", FC), ("F_v", FV), ("F_0", F0)):
+        assert found[name].determined
+        assert abs(found[name].value - value) < 4 * found[name].std
+    # forwards to 50 mm/s, backwards to 20: nothing is claimed beyond what both were driven at
+    curve = loop.details.gains.curve
+    assert curve.fastest == pytest.approx(2e-2, rel=0.05) and not at_one_speed(loop.details.driven)
+    assert loop.details.found() == ""
+    assert curve_claim(curve).kind == "free"
+
+
+def test_speeds_of_a_direction_are_those_of_nine_rows_in_ten():
+    velocity = np.concatenate([np.full(960, 0.02), np.full(40, 0.4), np.full(500, -0.1)])
+    segment = np.repeat([0, 1, 2], [960, 40, 500])
+    force = np.where(velocity > 0, 5.0, -3.0)
+    both = driven(np.ones(1500, bool), velocity, segment, force)
+    assert [(one.direction, one.slowest, one.fastest) for one in both] == [
+        ("forwards", 0.02, 0.02), ("backwards", 0.1, 0.1)
+    ]  # fmt: skip
+    assert [one.force for one in both] == [5.0, 3.0] and np.isnan(both[0].error)
+    # the slow rows support the one speed: without them there is another
+    faster = driven(segment != 0, velocity, segment, force)
+    assert [one.slowest for one in faster] == [0.4, 0.1]
+    assert driven(segment == 2, velocity, segment, force)[0].direction == "backwards"
