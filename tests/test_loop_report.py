@@ -359,7 +359,10 @@ def commands(loop: Loop, words: str = "") -> list[str]:
 def in_axis_words(loop: Loop, doubted: bool = False) -> Loop:
     """The loop with an answer, as an axis has one."""
     details: Any = SimpleNamespace(
-        short=lambda: "stick-slip: nothing can be said", tables=list, doubted=lambda: doubted
+        short=lambda: "stick-slip: nothing can be said",
+        tables=list,
+        doubted=lambda: doubted,
+        found=str,
     )
     words = loop.words._replace(base=AXIS.base)
     return dataclasses.replace(loop, details=details, words=words)
