@@ -147,7 +147,7 @@ def test_a_margin_is_one_entry(add: Add, tmp_path: Path) -> None:
     assert outcome.code == 0, outcome.err
     found = json.loads(outcome.out)["margins"]["halvings"]
     assert found["unit"] == "1/s" and found["value"] == pytest.approx(slowest_halving(3e3), 1e-6)
-    gains = jf.find_gains(law, velocity=[2e-3], mass=[2.0], margin={"halvings": 1.5})
+    gains = jf.find_gains(law, velocity=[2e-3], mass=[2.0], margin={"modulus": 0, "halvings": 1.5})
     assert slowest_halving(gains.kp, gains.kv) == pytest.approx(1.5, rel=1e-5)
     assert gains.margins["halvings"].value == pytest.approx(1.5, rel=1e-5)
     refused = run("gains", *where, "--margin", "halvings=41")

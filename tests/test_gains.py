@@ -88,7 +88,9 @@ def test_reference_finds_a_planted_second_minimum():
 def test_both_ways_of_holding_are_reported():
     """One minimum here; stiffness alone and damping alone are told as what they are."""
     p = GOLDEN
-    gains = find_gains(golden_source(), velocity=p["V"], mass=p["m"], margin={"stiffness": 1.0})
+    gains = find_gains(
+        golden_source(), velocity=p["V"], mass=p["m"], margin={"modulus": 0, "stiffness": 1.0}
+    )
     best, *others = gains.optima
     assert best.minimum and (gains.kp, gains.kv, gains.norm) == (best.kp, best.kv, best.norm)
     assert [b.minimum for b in others] == [False, False]
@@ -131,7 +133,9 @@ def test_an_optimum_at_a_double_pole():
     counts most, the least gains put both poles at -d: k_p r = d^2 X and X = (B/L) r/(r - d)^2."""
     p, d = GOLDEN, 0.5
     law, r = rate_state(p["A"], p["B"], p["L"], p["V"]), p["V"] / p["L"]
-    found = find_gains(law, velocity=p["V"], mass=None, margin={"decay": d}, scale=(300.0, 1500.0))
+    found = find_gains(
+        law, velocity=p["V"], mass=None, margin={"modulus": 0, "decay": d}, scale=(300.0, 1500.0)
+    )
     X = p["B"] / p["L"] * r / (r - d) ** 2
     np.testing.assert_allclose((found.kp, found.kv), (d**2 * X / r, X - p["A"] / p["V"]), rtol=1e-9)
     assert found.certificate.kkt < 1e-9 and found.certificate.smaller_found == 0
@@ -281,7 +285,11 @@ def test_worst_velocity_between_the_given_ones_is_found():
     given = np.array([1e-3, 5e-3, 0.2])
     law = rate_state(p["A"], p["B"], p["L"], 2e-3)
     found = find_gains(
-        law, velocity=given, mass=p["m"], margin={"stiffness": 1.0}, upper=(None, 20.0)
+        law,
+        velocity=given,
+        mass=p["m"],
+        margin={"modulus": 0, "stiffness": 1.0},
+        upper=(None, 20.0),
     )
     V = np.geomspace(given[0], given[-1], 4001)
     k_cr = critical(found.kv, V=V, **p)
@@ -294,7 +302,7 @@ def test_worst_velocity_between_the_given_ones_is_found():
 
 def test_confidence_leaves_out_the_hardest_samples():
     source = sampled_source(20)
-    margins = {"stiffness": 1.0}
+    margins = {"modulus": 0, "stiffness": 1.0}
     every = find_gains(source, velocity=2e-3, mass=2.0, margin=margins)
     most = find_gains(source, velocity=2e-3, mass=2.0, margin=margins, confidence=0.9)
     A, B, L = sampled_laws(20).T
@@ -312,7 +320,9 @@ def test_confidence_leaves_out_the_hardest_samples():
 def test_gaussian_stribeck_needs_damping_at_its_hardest_velocity():
     law = GaussianStribeck(*(jnp.asarray(c) for c in (1.0, 0.4, 2.0, 0.05)))
     V = np.geomspace(1e-3, 1e-1, 25)
-    found = find_gains(law, velocity=V, mass=1.0, margin={"stiffness": 1.0}, lower=(10.0, None))
+    found = find_gains(
+        law, velocity=V, mass=1.0, margin={"modulus": 0, "stiffness": 1.0}, lower=(10.0, None)
+    )
     needed = np.sqrt(2) * 2.0 / 0.05 * np.exp(-0.5) - 0.4  # (17)
     assert found.kv == pytest.approx(needed, rel=1e-6) and found.kp == pytest.approx(10.0)
     assert found.margins["stiffness"].value == np.inf  # damping suffices
@@ -325,7 +335,7 @@ def test_gaussian_stribeck_needs_damping_at_its_hardest_velocity():
 @pytest.mark.long
 def test_decay_under_the_delay_law():
     source = law_from_parameters("delay", "c0=0.1 N*s/m, c1=2 N, c2=100 s^2/m^2, alpha=0.05 s")
-    found = find_gains(source, velocity=0.05, mass=1.0, margin={"decay": 0.5})
+    found = find_gains(source, velocity=0.05, mass=1.0, margin={"modulus": 0, "decay": 0.5})
     k_f = 2 * 2.0 * 100 * 0.05 / (1 + 100 * 0.05**2) ** 2 - 0.1
     # no root right of -0.5: as many turns of the characteristic function along that line as for
     # a stable one
@@ -385,7 +395,7 @@ def test_what_a_fit_warned_of_goes_on_to_law_and_gains(tmp_path):
     source = law_from_fit(written(tmp_path, content), normal_force=500.0, samples=0)
     said = ("the fit warned: stick-slip regime: A, B, L are suspect", "the fit warned: A is odd")
     assert source.warnings == said
-    gains = find_gains(source, velocity=1e-6, mass=2.0, margin={"stiffness": 1.2})
+    gains = find_gains(source, velocity=1e-6, mass=2.0, margin={"modulus": 0, "stiffness": 1.2})
     assert gains.warnings[:2] == said == tuple(gains.to_json()["warnings"][:2])
     assert len(set(gains.warnings)) == len(gains.warnings)
     content["parameters"]["B"]["value"] = -0.006
@@ -520,7 +530,9 @@ def test_slack_of_the_stiffness_margin_is_that_of_25():
 @pytest.mark.long
 def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
     source = golden_source()
-    chain = schedule(source, velocity=(1e-3, 3e-3), mass=0.5, margin={"stiffness": 2.0}, ratio=3.0)
+    chain = schedule(
+        source, velocity=(1e-3, 3e-3), mass=0.5, margin={"modulus": 0, "stiffness": 2.0}, ratio=3.0
+    )
     V = [point.velocity for point in chain.points]
     assert chain.covered and chain.gap is None
     assert V[0] == pytest.approx(1e-3) and V[-1] == pytest.approx(3e-3)

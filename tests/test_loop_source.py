@@ -196,7 +196,7 @@ def test_gains_of_an_extended_law(tmp_path):
         found,
         velocity=V,
         mass=mass,
-        margin={"stiffness": 1.2},
+        margin={"modulus": 0, "stiffness": 1.2},
         lower=(None, kv),
         upper=(None, kv * (1 + 1e-9)),
     )
@@ -354,7 +354,16 @@ def test_the_whole_commands(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = written(tmp_path, loop_content("thermal", "viscous"))
     machine = ("--from", path, "--normal-force", "500 N", "--mass", "2", "--velocity", "5 um/s")
-    options = ("--margin", "stiffness=1.2", "--samples", "2", "--max-kv", "1e4 N*s/m")
+    options = (
+        "--margin",
+        "stiffness=1.2",
+        "--margin",
+        "modulus=0",
+        "--samples",
+        "2",
+        "--max-kv",
+        "1e4 N*s/m",
+    )
     code, out, err = run("gains", *machine, *options, "--out", "gains")
     assert code == 0 and "slip law with thermal, viscous, from the loop (effects)" in out, err
     assert "simulated from 5 starts: 5 end steady" in out

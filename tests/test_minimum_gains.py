@@ -23,7 +23,7 @@ def law_of(theta):
 
 
 def least(theta, scale, upper, required, margin="stiffness"):
-    asked = {margin: required}
+    asked = {"modulus": 0.0, margin: required}
     return jf.minimum_gains(law_of(theta), V, theta[3], asked, scale=scale, upper=upper)
 
 
@@ -171,7 +171,9 @@ def test_derivatives_at_a_double_pole():
 
     def found(theta):
         law, scale = law_of(theta), (300.0, 1500.0)
-        least = jf.minimum_gains(law, np.asarray([V0]), None, {"decay": d}, scale=scale)
+        least = jf.minimum_gains(
+            law, np.asarray([V0]), None, {"modulus": 0.0, "decay": d}, scale=scale
+        )
         gains = jnp.stack([least.k_p, least.k_v])
         return gains, (gains, least.result, least.derivative)
 
@@ -263,7 +265,9 @@ def test_stiffness_alone_beside_a_steep_corner():
     """The least gains have no damping; not far above two constraints cross that pull away."""
     law, m, required = (0.8445, 2.957, 1.021e-3), 2.04, 0.5
     made = law_of(np.log(law))
-    found = jf.minimum_gains(made, V, m, {"decay": required}, scale=(1000.0, 1500.0))
+    found = jf.minimum_gains(
+        made, V, m, {"modulus": 0.0, "decay": required}, scale=(1000.0, 1500.0)
+    )
     assert found.result == GAINS.optimal and found.k_v == 0
 
     def beyond(k_p):

@@ -131,7 +131,16 @@ def test_gains_take_its_draws_as_samples(folder, tmp_path, monkeypatch):
     assert source.velocity == pytest.approx(2e-6) and source.seen == pytest.approx((2e-6, 1e-5))
     other = law_from_fit(file, normal_force=500.0, samples=50, seed=5)
     assert not np.array_equal(other.samples.A, source.samples.A)
-    out = ("--out", tmp_path / "gains", "--samples", "5", "--margin", "stiffness=2")
+    out = (
+        "--out",
+        tmp_path / "gains",
+        "--samples",
+        "5",
+        "--margin",
+        "stiffness=2",
+        "--margin",
+        "modulus=0",
+    )
     code, text, err = run("gains", "--from", file, *FORCE, *out)
     assert code == 0, err
     assert "posterior (NUTS)" in text and "6 samples of the law" in text
@@ -179,10 +188,14 @@ def test_gains_take_a_fit_and_a_posterior_at_hand(fitted, tmp_path):
 def test_what_claims_nothing_at_hand_gives_no_gains(fitted):
     loose = dataclasses.replace(fitted, converged=False, result="still moving")
     with pytest.raises(InputError, match=r"Fit of .*run\.csv: this fit did not converge \(still"):
-        jaxfric.find_gains(loose, normal_force=500, velocity=5e-6, mass=2.0, margin="stiffness=2")
+        jaxfric.find_gains(
+            loose, normal_force=500, velocity=5e-6, mass=2.0, margin="stiffness=2, modulus=0"
+        )
     found = dataclasses.replace(find_posterior(fitted, WIDE), converged=False, warnings=("why",))
     with pytest.raises(InputError, match=r"Posterior of run\.csv: .*claims nothing: .*why"):
-        jaxfric.find_gains(found, normal_force=500, velocity=5e-6, mass=2.0, margin="stiffness=2")
+        jaxfric.find_gains(
+            found, normal_force=500, velocity=5e-6, mass=2.0, margin="stiffness=2, modulus=0"
+        )
 
 
 def test_a_slip_trend_among_the_draws_is_no_part_of_the_law(folder, tmp_path):

@@ -77,12 +77,19 @@ def test_gains_on_the_curve(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     executed("gains")
     kp, kv, modulus = (float(word) for word in capsys.readouterr().out.split())
-    # on the curve k_p = 1.5 k_cr(k_v) of (25), in the worse of the two scenarios
+    # above the curve k_p = 1.5 k_cr(k_v) of (25), in the worse of the two scenarios
     worst = max(
         (3 - X) / 1e-3 * (2 * V**2 / (X * 1e-3) + 1) for V in (2e-3, 5e-3) for X in [1 + kv * V]
     )
-    np.testing.assert_allclose(kp, 1.5 * worst, rtol=1e-6)
-    assert 0 < modulus < 1
+    assert kp > 1.5 * worst
+    # and where the loop (k_p + k_v s)/(m s^2 + s Z(s)) stays 0.5 from -1, which decides here
+    s = 1j * np.geomspace(1e-3, 1e5, 400_001)
+    nearest = []
+    for V in (2e-3, 5e-3):
+        Z = 1 / V - 3 / V * (V / 1e-3) / (s + V / 1e-3)
+        nearest.append(np.min(np.abs(1 + (kp + kv * s) / (2 * s**2 + s * Z))))
+    np.testing.assert_allclose(min(nearest), 0.5, rtol=1e-6)
+    np.testing.assert_allclose(modulus, nearest[0], rtol=1e-6)
 
 
 def test_a_study_of_a_function(tmp_path, monkeypatch):

@@ -35,8 +35,8 @@ def gains(
         Parameter(
             negative=(),
             help="A margin that every scenario must have, NAME=NUMBER. Names:"
-            f" {named_with_units()}. May be repeated. modulus=0.5 is the default, and stays beside"
-            " delay and decay, which a loop on the edge of instability may have.",
+            f" {named_with_units()}. May be repeated. modulus=0.5 is required beside them, unless"
+            " modulus is named; modulus=0 switches it off.",
         ),
     ] = None,
     samples: Annotated[
@@ -95,7 +95,7 @@ def gains(
     if velocity is None:
         raise InputError("--velocity is missing; give the velocities of the machine: '1..100 um/s'")
     prepare_jax()
-    required = Requirement.with_default(margin or ())
+    required = Requirement.parse(margin or ())
     if samples < 0:
         raise InputError(f"--samples is {samples}; it must be 0 or more")
     source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
@@ -141,7 +141,8 @@ def gains(
             folder.draw("end_map", lambda to: _draw_map(result, to, progress))
     print(content if json else "\n".join([*describe(result), folder.written]))
     warn(line for line in result.warnings if line not in source.warnings)
-    return folder.close()
+    code = folder.close()
+    return code or int(bool(result.unsafe))
 
 
 def _draw_map(result: "Gains", folder: Path, progress: Callable[[str], None]) -> list[str]:

@@ -19,7 +19,7 @@ from ..units import parse_values
 from .frontier import FrontierPoint, Region, alone_of, largest_alone
 from .margins import several_margins
 from .requirement import DEFAULT, Requirement
-from .result import Certificate, Gains, LocalOptimum, WorstCase
+from .result import SHORTEST_DELAY, Certificate, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
 from .slack import slacks
 from .solve import Infeasible, NoGains, Optima, Optimum, Pair, drop_samples, make_region, solve
@@ -27,8 +27,6 @@ from .verify import CheckReport, choose, verify
 
 _CONFIDENCE_ROUNDS = 6
 _MOST_RAISED = 30.0
-SHORTEST_DELAY = 50e-6
-"""Delay of the fastest controllers of machines [s]: 1.5 samples of a drive that runs at 30 kHz."""
 
 # Number of masses from a range that is given as text.
 _MASSES = 5
@@ -66,7 +64,7 @@ def find_gains(
     mass : [kg], one or several, or text, "1..3 kg"; None without mass, or with that of the axis
         that the law is of.
     margin : what is required, by name (`MARGINS` has them, with units), or text, "modulus=0.5";
-        what is named stands alone here.
+        modulus=0.5 is required beside what is named, unless modulus is: modulus=0 asks for none.
     confidence : share of the samples of the law in which the requirement must hold; the
         samples that ask for the largest gains are left out, at most so many.
     scale : (s_p [N/m], s_v [N s/m]); None: the stiffness that stabilises without damping and the
@@ -134,7 +132,7 @@ def seek_gains(
         mass = np.asarray(parse_values(mass, "kg", "mass", count=_MASSES))
     if isinstance(margin, str):
         margin = Requirement.parse(margin.split(","))
-    requirement = margin if isinstance(margin, Requirement) else Requirement(margin)
+    requirement = margin if isinstance(margin, Requirement) else Requirement.with_default(margin)
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
     _check_pairs(*measure)
@@ -303,8 +301,6 @@ def _warnings(
             f"k_p is at its lower limit: {which} stiffness meets the requirement; give a"
             " lower limit (--min-kp) if the position must be held"
         )
-    if best.kkt > 1e-6 and not best.at_limit:
-        texts.append(f"the optimality conditions are met only to {best.kkt:.1g}")
     return texts
 
 

@@ -132,7 +132,8 @@ def minimum_gains(
     law : one law; with `sample`, a law whose arrays have a leading axis.
     velocity : [m/s], shape (n,): one for each scenario; a scalar is the same in all.
     mass : [kg], shape (n,) or a scalar; None without mass.
-    requirement : margins by name and their least values, e.g. {"modulus": 0.5}.
+    requirement : margins by name and their least values, e.g. {"stiffness": 1.5}; modulus=0.5 is
+        required beside them, unless modulus is named: modulus=0 asks for none.
     sample : shape (n,), the index into the law of each scenario.
     scale : (s_p [N/m], s_v [N s/m]); None: the natural units of `find_gains`, which depend on the
         law, the velocities and the masses.
@@ -187,7 +188,7 @@ def _requirement(
     law: Law,
 ) -> Requirement:
     """The requirement; refuses margins and delays that have no meaning together."""
-    requirement = given if isinstance(given, Requirement) else Requirement(given)
+    requirement = given if isinstance(given, Requirement) else Requirement.with_default(given)
     if delay is None:
         return requirement
     if mass is None:

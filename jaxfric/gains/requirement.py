@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..pairs import read_pairs
 from ..stability.kernel import DelayKernel
 from ..stability.linear import LinearFriction, LinearSlider
-from ..stability.margin_table import MARGINS, known_margin
+from ..stability.margin_table import known_margin
 from ..stability.margins import several
 from ..stability.theorem import apply_theorem
 from ..units import parse_quantity
@@ -25,7 +25,9 @@ _ENOUGH = 10.0
 # What stands for "greater than zero", in natural units.
 _POSITIVE = 1e-9
 DEFAULT = "modulus=0.5"
-"""What the command requires where no margin against a model that differs is named."""
+"""What is required beside whatever is named, unless modulus is named too; modulus=0: nothing."""
+FRAGILE = 0.2
+"""A modulus below which a loop bears hardly any error of the model."""
 
 
 class Requirement(eqx.Module):
@@ -50,13 +52,13 @@ class Requirement(eqx.Module):
         self.values = cast("tuple[float, ...]", tuple(values))
 
     @staticmethod
-    def parse(texts: list[str]) -> "Requirement":
-        """A requirement from texts such as "modulus=0.5", "phase=30 deg"; SI without a unit."""
+    def parse(texts: Sequence[str]) -> "Requirement":
+        """`with_default` of texts such as "stiffness=2", "phase=30 deg"; SI without a unit."""
         for text in texts:
             known_margin(text.partition("=")[0].strip())
         margins = {}
         example, form = DEFAULT, "NAME=NUMBER"
-        for name, value in read_pairs(texts, "margin", example, form=form).items():
+        for name, value in read_pairs(list(texts), "margin", example, form=form).items():
             unit = known_margin(name).unit
             try:
                 margins[name] = float(value)
@@ -66,17 +68,20 @@ class Requirement(eqx.Module):
                         f"margin '{name}={value}' is not {form}, as in {example}"
                     ) from None
                 margins[name] = parse_quantity(value, unit, f"margin {name}")
-        return Requirement(margins)
+        return Requirement.with_default(margins)
 
     @staticmethod
-    def with_default(texts: Sequence[str]) -> "Requirement":
-        """That of the texts and, where these name no margin against a model that differs (a delay
-        or a decay alone may be met on the edge of instability), of `DEFAULT`."""
-        asked = Requirement.parse(list(texts)) if texts else None
-        if asked is not None and any(MARGINS[name].robust for name in asked.names):
-            return asked
-        both = Requirement.parse([DEFAULT, *texts])
-        return Requirement(dict(zip(both.names, both.values, strict=True)), kept=True)
+    def with_default(margins: Mapping[str, float | Array]) -> "Requirement":
+        """The margins and modulus=0.5, unless modulus is among them; modulus=0 asks for none.
+
+        Other margins may be met beside a modulus that bears no error of the model: a delay of 1 ms
+        by a loop whose gain margin is 1.0003.
+        """
+        name, _, least = DEFAULT.partition("=")
+        if name not in margins:
+            return Requirement({name: float(least), **margins}, kept=True)
+        off = not isinstance(margins[name], Tracer) and float(margins[name]) == 0
+        return Requirement({n: x for n, x in margins.items() if not (off and n == name)})
 
     def slack(
         self,

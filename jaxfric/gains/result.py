@@ -7,11 +7,15 @@ import numpy as np
 
 from ..described import Described, Drawable, Tabular
 from .frontier import Alone, Region
-from .requirement import Requirement
+from .requirement import FRAGILE, Requirement
 from .scenarios import Scenarios
 from .verify import CheckReport
 
 SCHEMA = "jaxfric.gains/1"
+SHOWN = 1e-6
+"""Largest residual of the KKT equations at which gains are shown to be a local minimum."""
+SHORTEST_DELAY = 5e-5
+"""Delay that any controller has [s]: that of one that samples at 30 kHz."""
 NOTHING = 1e-7
 """Norm, or decay [1/s], of a k_p that stands for any k_p > 0."""
 
@@ -108,6 +112,34 @@ class Gains(Described, Drawable, Tabular):
         """Whether friction itself meets the requirement, so that the least gains are none."""
         return self.any_stiffness and self.kv == 0
 
+    @property
+    def unsafe(self) -> tuple[str, ...]:
+        """Why nobody should use these gains, in words; empty where nothing is known against them.
+
+        A simulated start escapes; or no delay of the controller was stated, and they bear less than
+        any controller has.
+        """
+        why = []
+        if self.simulation is not None and self.simulation.escaped:
+            why.append(
+                f"{self.simulation.escaped} of {self.simulation.checked} simulated starts escape"
+            )
+        borne = self.margins["delay"].value if "delay" in self.margins else np.inf
+        if self.delay is None and self.scenarios.mass is not None and borne < SHORTEST_DELAY:
+            why.append(
+                f"they bear a delay of {1e6 * borne:.2g} us in the controller, less than any has"
+                f" ({1e6 * SHORTEST_DELAY:.0f} us)"
+            )
+        return tuple(why)
+
+    @property
+    def fragile(self) -> bool:
+        """Whether modulus was switched off and is below 0.2: a small error of the model, or of the
+        gains, makes the loop unstable."""
+        known = self.margins.get("modulus")
+        off = "modulus" not in self.requirement.names
+        return off and known is not None and known.value < FRAGILE
+
     def to_json(self) -> dict:
         """The content of `gains.json`, schema "jaxfric.gains/1"; SI, null for infinite."""
         simulation = None if self.simulation is None else self.simulation.to_json()
@@ -115,6 +147,9 @@ class Gains(Described, Drawable, Tabular):
             "schema": SCHEMA,
             "law": self.law,
             "controller_delay": self.delay,
+            "recommended": not self.unsafe,
+            "not_recommended": list(self.unsafe),
+            "fragile": self.fragile,
             "kp": self.kp,
             "kv": self.kv,
             "units": {"kp": "N/m", "kv": "N s/m"},

@@ -79,7 +79,7 @@ def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{where}: margin {key} is {value!r}; it is a number")
     try:
-        Requirement(margin)
+        Requirement.with_default(margin)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     units = {"k_p": "N/m", "k_v": "N*s/m"}

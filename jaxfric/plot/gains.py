@@ -67,12 +67,19 @@ def gains_figure(result: Gains) -> Figure:
     draw_curve(bottom, result.scenarios.law(0), result.scenarios.velocity, title="Friction law")
     legend_beside(bottom)
     figure.suptitle(
-        f"Recommended gains: {_stiffness(result)}, {_damping(result)}   ({_required(result)})",
+        f"{_title(result)}: {_stiffness(result)}, {_damping(result)}   ({_required(result)})",
         x=0.01,
         ha="left",
         fontsize=11,
     )
     return figure
+
+
+def _title(result: Gains) -> str:
+    """What the gains are, in capitals where nobody should use them."""
+    if result.unsafe:
+        return "NOT RECOMMENDED"
+    return "Fragile gains" if result.fragile else "Recommended gains"
 
 
 def _stiffness(result: Gains) -> str:

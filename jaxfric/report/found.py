@@ -257,6 +257,8 @@ def _gains(content: Mapping) -> _Told:
         )
     required = ", ".join(f"{name} {value:g}" for name, value in content["required"].items())
     sentence = f"Required in every scenario: {required}. Law: {content['law']}"
+    if content.get("not_recommended"):
+        sentence = f"NOT RECOMMENDED: {'; '.join(content['not_recommended'])}. {sentence}"
     return _Told("the smallest gains", sentence, _table(rows), ("gains.png", "end_map.png"))
 
 

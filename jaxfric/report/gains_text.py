@@ -2,8 +2,8 @@
 
 import math
 
-from ..gains.requirement import DEFAULT, Requirement
-from ..gains.result import NOTHING, Certificate, Gains, LocalOptimum, norm_text
+from ..gains.requirement import FRAGILE, Requirement
+from ..gains.result import NOTHING, SHOWN, Certificate, Gains, LocalOptimum, norm_text
 from ..gains.scenarios import number_of_samples
 from ..stability.margin_table import MARGINS
 from ..units import between, read_as, speed_text
@@ -17,6 +17,7 @@ _ANY = {"gain": 1e6, "delay": 1e4}
 def describe(gains: Gains) -> list[str]:
     """Lines on what was asked, what was found, and why it is believed."""
     lines = [
+        *_doubts(gains),
         gains.law,
         f"required: {required(gains.requirement)}",
         f"scenarios: {_scenarios(gains)}",
@@ -36,10 +37,23 @@ def describe(gains: Gains) -> list[str]:
     return [*lines, "", certified(gains.certificate), *_simulation(gains)]
 
 
+def _doubts(gains: Gains) -> list[str]:
+    """What speaks against these gains, before all else."""
+    lines = [f"NOT RECOMMENDED: {'; '.join(gains.unsafe)}"] if gains.unsafe else []
+    if gains.fragile:
+        lines.append(
+            f"fragile: modulus is {gains.margins['modulus'].value:.2g} (below {FRAGILE:g} a small"
+            " error of the model makes the loop unstable)"
+        )
+    return lines
+
+
 def certified(known: Certificate) -> str:
     """How well the conditions of an optimum are met, and that no smaller gains would do."""
     how = "exactly" if known.kkt == 0 else f"to {known.kkt:.1e}"
     text = f"optimality conditions met {how}; "
+    if known.kkt > SHOWN:
+        text = "they meet all that is required; that they are the smallest is not shown; "
     if not known.grid_points:
         return text + "no smaller gains were tried: the limits leave none"
     found = str(known.smaller_found) if known.smaller_found else "none"
@@ -49,14 +63,11 @@ def certified(known: Certificate) -> str:
 
 def required(what: Requirement) -> str:
     """The margins that are required, and why there is one that was not named."""
-    pairs = zip(what.names, what.values, strict=True)
-    text = ", ".join(f"{name} >= {value:g}" for name, value in pairs)
-    if not what.kept:
-        return text
-    others = " or ".join(name for name in what.names if not MARGINS[name].robust)
-    if not others:
-        return f"{text} (the default)"
-    return f"{text} ({DEFAULT} is the default, kept as {others} alone allows no error of the model)"
+    told = [f"{name} >= {value:g}" for name, value in zip(what.names, what.values, strict=True)]
+    if what.kept:  # the default comes first
+        others = "" if len(told) == 1 else "; modulus=0 switches it off"
+        told[0] += f" (the default{others})"
+    return ", ".join(told)
 
 
 def _speed(velocity: float) -> str:

@@ -106,7 +106,7 @@ def takes_gains(loop: Loop) -> bool:
 
 
 def _gains_line(loop: Loop, file: str) -> str:
-    """The command for gains over the speeds that the record showed."""
+    """The command for gains over the speeds that the record showed, of a controller at 1 kHz."""
     words = [f"jaxfric gains --from {file}"]
     if loop.words is not AXIS:
         words += ['--normal-force "500 N"'] if loop.record.friction_unit == "1" else []
@@ -115,7 +115,7 @@ def _gains_line(loop: Loop, file: str) -> str:
     speeds = np.abs(loop.base_fit.steps.velocities) / factor(unit, "m/s", "velocity")
     speeds = speeds[speeds > 0]
     ends = list(dict.fromkeys(f"{speed:.4g}" for speed in (speeds.min(), speeds.max())))
-    return " ".join([*words, f'--velocity "{"..".join(ends)} {unit}"'])
+    return " ".join([*words, f'--velocity "{"..".join(ends)} {unit}"', '--sample-time "1 ms"'])
 
 
 def _wanted(loop: Loop) -> dict[str, str]:

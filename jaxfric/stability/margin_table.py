@@ -30,9 +30,6 @@ class Margin:
     """Whether it needs the poles, which a slider whose kernel is only a table lacks."""
     unless_late: str = ""
     """Reason why it has no meaning where the controller answers late; empty where it has one."""
-    robust: bool = True
-    """Whether it keeps a distance from every model that is a little different: where none such is
-    asked for, `jaxfric gains` keeps its default beside what is."""
     unlimited: str = "no crossing"
     """Reason why it is inf, where it is."""
 
@@ -60,7 +57,6 @@ MARGINS: dict[str, Margin] = {
         _HERE + "decay",
         zero=True,
         needs_poles=True,
-        robust=False,
     ),
     "damping": Margin(
         "1",
@@ -80,9 +76,7 @@ MARGINS: dict[str, Margin] = {
         unlimited="none: no gain factor reaches instability",
     ),
     "phase": Margin("rad", 0.0, "phase margin", _HERE + "phase", math.pi, unlimited=_CROSSES_NOT),
-    "delay": Margin(
-        "s", 0.0, "delay margin", _HERE + "delay", unlimited=_CROSSES_NOT, robust=False
-    ),
+    "delay": Margin("s", 0.0, "delay margin", _HERE + "delay", unlimited=_CROSSES_NOT),
 }
 
 
