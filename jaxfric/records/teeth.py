@@ -17,6 +17,11 @@ last factor."""
 _BEFORE, _ODD = 1.5, 2.5
 """Periods that the rise before the first tooth may last, and the time from a drop to the next tip
 where an odd tooth lies between."""
+_FLANK, _LARGER = 0.5, 1.5
+"""From tip to tip friction rises by less than this share of a drop; by so much more a tooth is
+looked for where it is noise on a flank."""
+_NEAR = 0.2
+"""Share of a rise or drop that is near to its ends."""
 _SMALL = 0.3
 """What turns by less than this share of the usual drop is no tooth of its own."""
 _SPIKE, _WIDE, _WINDOW, _AROUND = 18.0, 3, 9, 200
@@ -67,12 +72,26 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     """Stretches of stick-slip in rows at one velocity: four teeth or more in a row.
 
     A tooth is a rise and a drop of like height, three times as fast (after the first one more than
-    twice). Noise that wanders is as fast down as up.
+    twice). Noise that wanders is as fast down as up. What a drop takes away the next rise makes
+    good: where friction goes on rising from tip to tip by half of a drop or more, it is noise on
+    the flank of a larger tooth, which is then looked for.
     """
     if len(time) < 4 * _TEETH:
         return []
     level = abs(float(np.median(friction)))
     least = max(_HEIGHT * noise_from_differences(friction), _LEAST * level)
+    largest, found = 0.5 * float(np.ptp(friction)), []
+    while True:
+        here, of_flanks = _stretches(time, friction, least)
+        found = here or found
+        if not of_flanks or least > largest:
+            return found
+        least *= _LARGER
+
+
+def _stretches(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[list[Teeth], bool]:
+    """Stretches of teeth between turns of at least `least`; whether there are others, which lie on
+    the flanks of larger teeth."""
     found = _measured(time, friction, least)
     usual = found.drop[found.ratio <= _STEEP]
     if len(usual) >= _TEETH and _SMALL * np.median(usual) > least:
@@ -81,7 +100,7 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     number = len(ends)
     steep, go_on = ratio <= _STEEP, ratio <= _LESS_STEEP
     wait = np.diff(time[tips], prepend=np.nan)
-    out, first = [], 0
+    out, first, of_flanks = [], 0, False
     for k in range(number + 1):
         if k < number and (steep[k] if k == first else go_on[k]):
             if k == first:
@@ -90,13 +109,18 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
             if _alike(drop[k], np.median(drops)) and _alike(wait[k], np.median(waits)):
                 continue
         if k - first >= _TEETH:
+            usual_drop = float(np.median(drop[first:k]))
+            climbed = abs(friction[tips[k - 1]] - friction[tips[first]]) / (k - 1 - first)
+            if climbed > _FLANK * usual_drop:
+                of_flanks, first = True, k if k < number and steep[k] else k + 1
+                continue
             period = float(np.median(wait[first + 1 : k]))
             # what rises before the first tooth may be something else
             tip, stop = float(time[tips[first]]), float(time[ends[k - 1]])
             start = max(float(time[feet[first]]), tip - _BEFORE * period)
-            out.append(Teeth(start, tip, stop, float(np.median(drop[first:k])), period))
+            out.append(Teeth(start, tip, stop, usual_drop, period))
         first = k if k < number and steep[k] else k + 1
-    return _joined(out)
+    return _joined(out), of_flanks
 
 
 def _joined(stretches: list[Teeth]) -> list[Teeth]:
@@ -130,9 +154,21 @@ def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> _Turns:
     rows = turns_from_foot(friction, least)
     ends = rows[2::2]
     feet, tips = rows[0::2][: len(ends)], rows[1::2][: len(ends)]
-    ratio = (time[ends] - time[tips]) / (time[tips] - time[feet])
+    rise = [_between(time, friction, a, b) for a, b in zip(feet, tips, strict=True)]
+    fall = [_between(time, friction, a, b) for a, b in zip(tips, ends, strict=True)]
+    ratio = np.array(fall) / np.array(rise)
     ratio = np.where((ends - tips == 1) & (tips - feet > 1), 0.0, ratio)
     return _Turns(feet, tips, ends, friction[tips] - friction[ends], ratio)
+
+
+def _between(time: np.ndarray, friction: np.ndarray, begin: int, end: int) -> float:
+    """Time between the two rows, less what friction is near to either: extremes of noise are rows
+    away from a drop, and from a rise."""
+    f = friction[begin : end + 1]
+    part = (f - f[0]) / (f[-1] - f[0])
+    last = int(np.flatnonzero(part <= _NEAR)[-1])
+    first = last + 1 + int(np.argmax(part[last + 1 :] >= 1 - _NEAR))
+    return float(time[begin + first] - time[begin + last])
 
 
 def _alike(value: float | np.floating, usual: float | np.floating) -> bool:
